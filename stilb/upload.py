@@ -20,6 +20,7 @@ from stilb.transport import Call, Transport, address
 _CHUNK_BYTES = 1 << 20
 _WHOLE_BYTES = 1 << 20
 """A smaller file goes in one request; only if that is cut it is sent as what can go on."""
+_LARGEST_PIECE_BYTES, _SMALLEST_PIECE_BYTES = 16 << 20, 16 << 10
 _TUS = {"Tus-Resumable": "1.0.0"}
 _OF_ONE_FILE = frozenset({400, 413, 422})
 
@@ -154,7 +155,11 @@ def _send_whole(transport: Transport, call: Call, size_bytes: int) -> dict[str, 
 def _send_resumably(
     transport: Transport, upload: Upload, path: Path, sha256: str, size_bytes: int, count: "_FileCount"
 ) -> dict[str, Any]:
-    """Send a file from where the last connection was cut, as long as each brings it forward."""
+    """Send a file from where the last connection was cut, as long as each brings it forward.
+
+    A proxy that holds a body back until it is whole loses what a cut leaves of it: pieces get smaller until
+    one arrives.
+    """
     said = {"campaign_id": upload.campaign_id, "sha256": sha256} | _query(upload, path)
     pairs = {name: str(value).encode() for name, value in said.items() if value is not None}
     metadata = ",".join(f"{name} {base64.b64encode(value).decode()}" for name, value in pairs.items())
@@ -163,35 +168,41 @@ def _send_resumably(
     begin = {**_TUS, "Upload-Length": str(size_bytes), "Upload-Metadata": metadata, "Idempotency-Key": named}
     told = transport.send(Call(method="POST", path=address("uploads"), headers=begin)).headers
     place = urlsplit(told["Location"]).path
-    tried = 0
+    tried, most = 0, _LARGEST_PIECE_BYTES
     while "Content-Location" not in told:
         offset = int(told["Upload-Offset"])
+        length = min(most, size_bytes - offset)
         piece = {
             **_TUS,
             "Content-Type": "application/offset+octet-stream",
-            "Content-Length": str(size_bytes - offset),
+            "Content-Length": str(length),
             "Upload-Offset": str(offset),
         }
         try:
-            stream = partial(_stream, path, count, offset)
+            stream = partial(_stream, path, count, offset, length)
             told = transport.once(Call(method="PATCH", path=place, stream=stream, headers=piece)).headers
+            tried, most = 0, min(2 * most, _LARGEST_PIECE_BYTES)
         except Problem as problem:
             if not problem.retryable:
                 raise
             told = transport.send(Call(method="HEAD", path=place, headers=_TUS)).headers
-            tried = 0 if int(told["Upload-Offset"]) > offset else tried + 1
+            if int(told["Upload-Offset"]) > offset:
+                tried = 0
+            else:
+                tried, most = tried + 1, max(length // 4, _SMALLEST_PIECE_BYTES)
             if tried > transport.retries:
                 raise
             transport.pause(tried, problem)
     return transport.json(Call(method="GET", path=told["Content-Location"]))
 
 
-def _stream(path: Path, count: "_FileCount", offset: int) -> Iterator[bytes]:
+def _stream(path: Path, count: "_FileCount", offset: int, length: int) -> Iterator[bytes]:
     count.restart(offset)
     with path.open("rb") as file:
         file.seek(offset)
-        while chunk := file.read(_CHUNK_BYTES):
+        while chunk := file.read(min(length, _CHUNK_BYTES)):
             yield chunk
+            length -= len(chunk)
             count.advance(len(chunk))
 
 
@@ -200,7 +211,7 @@ def _call(upload: Upload, path: Path, sha256: str, size_bytes: int, count: "_Fil
         method="POST",
         path=address("campaigns", upload.campaign_id, "frames"),
         query=_query(upload, path),
-        stream=partial(_stream, path, count, 0),
+        stream=partial(_stream, path, count, 0, size_bytes),
         repeated_if_cut=False,
         headers={
             "Content-Type": "application/octet-stream",

@@ -94,6 +94,26 @@ def test_an_upload_that_comes_no_further_ends(service, client, dng):
         client.push("c-1", dng, role="light")
 
 
+def test_pieces_get_smaller_behind_a_proxy_that_holds_them_back(service, client, dng):
+    size = dng.stat().st_size
+    service.will_answer(cut_after=1000)
+    service.will_answer(status=201, **place(0))
+    for _ in range(2):
+        service.will_answer(cut_after=1000)
+        service.will_answer(**place(0))
+    service.will_answer(status=204, **place(size // 16))
+    service.will_answer(status=204, **place(size, **DONE))
+    service.will_answer(FRAME)
+    client.push("c-1", dng, role="light")
+    pieces = [asked for asked in service.asked if asked.method == "PATCH"]
+    assert [int(asked.headers["content-length"]) for asked in pieces] == [
+        size,
+        size // 4,
+        size // 16,
+        size // 8,
+    ]
+
+
 def test_a_refusal_in_mid_upload_is_heard(service, client, dng):
     service.will_refuse(413, "frame_too_large")
     with pytest.raises(stilb.Problem, match="frame_too_large") as found:
@@ -155,7 +175,9 @@ def test_a_large_file_is_never_in_memory(service, client, tmp_path):
     with path.open("wb") as file:
         file.truncate(48 * MEGABYTE)
     service.will_answer(status=201, **place(0))
-    service.will_answer(status=204, forget_body=True, **place(path.stat().st_size, **DONE))
+    for piece in (1, 2, 3):
+        done = DONE if piece == 3 else {}
+        service.will_answer(status=204, forget_body=True, **place(16 * MEGABYTE * piece, **done))
     service.will_answer(FRAME)
     tracemalloc.start()
     try:
