@@ -78,7 +78,7 @@ pictures: $(VENV)/dev chromium  ## take the pictures of the README again, from t
 examples: $(VENV)/dev  ## record the examples of the OpenAPI document from the demos
 	@python -m demo.examples
 
-release: $(VENV)/dev  ## check version, change log, tree and wheel for a release, and build into dist/
+release: $(VENV)/dev  ## check version, change log, tree and both wheels for a release, and build into dist/
 	@python .ci/release.py
 
 lock: $(VENV)/uv  ## resolve the dependencies again, with hashes

@@ -1,31 +1,32 @@
 """Check that this commit can be released, and build what there is to distribute: `make release`.
 
-Exit code 0 only if version, change log, tree and every distribution that exists are right.
+Exit code 0 only if version, change log, tree, migrations and both distributions are right.
 """
 
 import email
 import hashlib
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
 import tomllib
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import server_wheel
+
 ROOT = Path(__file__).resolve().parents[1]
-SERVER = "stilb-server"
-"""The name that a distribution of the server is to have."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """One condition of a release; ``right`` is None where there is nothing to check."""
+    """One condition of a release."""
 
     name: str
-    right: bool | None
+    right: bool
     detail: str
 
 
@@ -89,49 +90,61 @@ def check_migrations(root: Path, *, at_release: bool = True) -> Check:
     return Check(name="migrations", right=not new, detail=detail)
 
 
-def check_wheel(root: Path) -> Check:
-    """Build the client's wheel into `dist/`, and check its name, its version and what it contains."""
-    version = read_version(root)
-    with tempfile.TemporaryDirectory() as folder:
-        command = ["uv", "build", "--quiet", "--offline", "--wheel", "--out-dir", folder, str(root)]
-        built = subprocess.run(command, check=False, capture_output=True, text=True)  # noqa: S603
-        wheels = sorted(Path(folder).glob("*.whl"))
-        if built.returncode or len(wheels) != 1:
-            return Check(name="wheel", right=False, detail=f"uv build failed: {built.stderr.strip()[-500:]}")
-        check = inspect_wheel(wheels[0], version)
-        if check.right:
-            (root / "dist").mkdir(exist_ok=True)
-            (root / "dist" / wheels[0].name).write_bytes(wheels[0].read_bytes())
-        return check
+def check_client(root: Path) -> Check:
+    """Build the client's wheel into `dist/`, and check what it contains."""
 
+    def build(folder: Path) -> Path:
+        uv = str(Path(sys.executable).with_name("uv"))
+        command = [uv, "build", "-q", "--offline", "--wheel", "-o", str(folder), str(root)]
+        subprocess.run(command, check=True, capture_output=True, text=True)  # noqa: S603
+        return next(folder.glob("*.whl"))
 
-def inspect_wheel(wheel: Path, version: str) -> Check:
-    """Check that a wheel is the client of this version and holds nothing of the server."""
-    with zipfile.ZipFile(wheel) as archive:
-        names = archive.namelist()
-        (path,) = (name for name in names if name.endswith(".dist-info/METADATA"))
-        stated = email.message_from_bytes(archive.read(path))
-    tops = {name.partition("/")[0] for name in names}
-    strangers = sorted(tops - {"stilb", f"stilb-{version}.dist-info"})
-    if (stated["Name"], stated["Version"]) != ("stilb", version):
-        return Check(
-            name="wheel", right=False, detail=f"{wheel.name} is {stated['Name']} {stated['Version']}"
-        )
-    if strangers:
-        return Check(name="wheel", right=False, detail=f"{wheel.name} also holds {', '.join(strangers)}")
-    return Check(name="wheel", right=True, detail=f"dist/{wheel.name}, {len(names)} files")
+    return _check_wheel(root, "stilb", ("stilb",), build)
 
 
 def check_server(root: Path) -> Check:
-    """Check the server's distribution, as soon as a `pyproject.toml` declares one."""
-    for path in sorted(root.glob("*/pyproject.toml")):
-        project = tomllib.loads(path.read_text(encoding="utf-8")).get("project", {})
-        if project.get("name") == SERVER:
-            same = project.get("version") == read_version(root)
-            detail = f"{path.parent.name}/ declares {SERVER} {project.get('version')}; it is not built here"
-            return Check(name="server", right=same, detail=detail)
-    detail = f"there is no {SERVER} distribution: the server is the image of the Dockerfile, or a checkout"
-    return Check(name="server", right=None, detail=detail)
+    """Build the server's wheel into `dist/`, and check what it contains."""
+    return _check_wheel(
+        root, "stilb-server", server_wheel.ROOMS, lambda folder: server_wheel.build(root, folder)
+    )
+
+
+def _check_wheel(root: Path, name: str, rooms: Sequence[str], build: Callable[[Path], Path]) -> Check:
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            wheel = build(Path(folder))
+        except subprocess.CalledProcessError as failure:
+            return Check(
+                name=name, right=False, detail=f"uv build failed: {str(failure.stderr).strip()[-500:]}"
+            )
+        committed = _run_git(root, "ls-files", *rooms).splitlines()
+        check = inspect_wheel(wheel, name=name, version=read_version(root), rooms=rooms, committed=committed)
+        if check.right:
+            (root / "dist").mkdir(exist_ok=True)
+            shutil.copy(wheel, root / "dist")
+        return check
+
+
+def inspect_wheel(
+    wheel: Path, *, name: str, version: str, rooms: Sequence[str], committed: Sequence[str]
+) -> Check:
+    """Check that a wheel has this name and version, every committed file of its rooms, and no other room."""
+    with zipfile.ZipFile(wheel) as archive:
+        names = archive.namelist()
+        (path,) = (each for each in names if each.endswith(".dist-info/METADATA"))
+        stated = email.message_from_bytes(archive.read(path))
+    strangers = sorted({each.partition("/")[0] for each in names} - {*rooms, path.partition("/")[0]})
+    missing = sorted(set(committed) - set(names))
+    if (stated["Name"], stated["Version"]) != (name, version):
+        fault = f"is {stated['Name']} {stated['Version']}"
+    elif strangers:
+        fault = f"also holds {', '.join(strangers)}"
+    elif missing:
+        fault = f"lacks {len(missing)} files, first: {missing[0]}"
+    else:
+        detail = f"dist/{wheel.name}, {len(names)} files, {wheel.stat().st_size / 1e6:.1f} MB"
+        return Check(name=name, right=True, detail=detail)
+    return Check(name=name, right=False, detail=f"{wheel.name} {fault}")
 
 
 CHECKS: tuple[Callable[[Path], Check], ...] = (
@@ -139,7 +152,7 @@ CHECKS: tuple[Callable[[Path], Check], ...] = (
     check_change_log,
     check_tree,
     check_migrations,
-    check_wheel,
+    check_client,
     check_server,
 )
 
@@ -152,10 +165,9 @@ def _run_git(root: Path, *arguments: str) -> str:
 def report(checks: Iterator[Check]) -> int:
     """Write a line per check, and return the exit code."""
     failed = 0
-    words = {True: "ok", False: "FAILED", None: "absent"}
     for check in checks:
-        failed += check.right is False
-        sys.stdout.write(f"{check.name:<12}{words[check.right]:<8}{check.detail}\n")
+        failed += not check.right
+        sys.stdout.write(f"{check.name:<14}{'ok' if check.right else 'FAILED':<8}{check.detail}\n")
     return int(failed > 0)
 
 

@@ -219,7 +219,7 @@ def _read(session: Session, after: int | None, limit: int) -> list[Mapping[str, 
 
 
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(prog="stilb audit", description=__doc__)
+    parser = argparse.ArgumentParser(prog="stilb-server audit", description=__doc__)
     parser.add_argument("head", nargs="?", type=_read_head, help="a head noted before, seq:hash")
     noted = parser.parse_args(arguments).head
     database = Database(read_settings().effective_database_url, answer_within_s=None)

@@ -119,7 +119,7 @@ def _list_files(database: Database) -> Iterator[tuple[str, int]]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(prog="stilb verify-backup", description=__doc__)
+    parser = argparse.ArgumentParser(prog="stilb-server verify-backup", description=__doc__)
     parser.add_argument("folder", type=Path, help="with stilb.sqlite and blobs/, see docs/operations.md")
     parser.add_argument("--database", default="", help="of a restored PostgreSQL, in place of stilb.sqlite")
     parser.add_argument("--blobs", default="", help="a folder or s3:// address, in place of blobs/")

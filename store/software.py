@@ -2,6 +2,7 @@
 
 import tomllib
 from functools import cache
+from importlib import metadata
 from pathlib import Path
 
 FIT_CODE_VERSION = "0.1.5"
@@ -19,6 +20,8 @@ EXTRACTOR = "extract-3"
 
 @cache
 def read_version() -> str:
-    """Return the version of the product, as `pyproject.toml` states it."""
+    """Return the version of the product: in `pyproject.toml` of a checkout, else of the installed package."""
     path = Path(__file__).parents[1] / "pyproject.toml"
-    return str(tomllib.loads(path.read_text(encoding="utf-8"))["project"]["version"])
+    if path.is_file():
+        return str(tomllib.loads(path.read_text(encoding="utf-8"))["project"]["version"])
+    return metadata.version("stilb-server")

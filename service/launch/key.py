@@ -2,10 +2,13 @@
 
 import os
 import secrets
+import sys
 from pathlib import Path
 from typing import Final
 
-from service.launch.refusal import Refusal
+from service.launch.folder import close_to_others
+from service.launch.refusal import Refusal, report
+from store.settings import read_settings
 
 SHORTEST: Final = 32
 _FEWEST_DIFFERENT: Final = 6
@@ -59,3 +62,19 @@ def _write_whole(path: Path, text: str) -> None:
         file.flush()
         os.fsync(file.fileno())
     draft.replace(path)
+
+
+def main() -> int:
+    """Print the first key, for whoever starts the processes one by one."""
+    settings = read_settings()
+    try:
+        close_to_others(settings.data.absolute(), report)
+        print(bootstrap_key(settings.data, settings.key.get_secret_value()))  # noqa: T201
+    except Refusal as refusal:
+        report(str(refusal))
+        return refusal.code
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,21 +1,17 @@
 """What `make release` accepts and refuses."""
 
 import hashlib
-import importlib.util
 import subprocess
 import zipfile
 
 import pytest
 
-from tests.support.compose import ROOT
+from tests.support.compose import ROOT, load_script
 
 
 @pytest.fixture(scope="module")
 def release():
-    spec = importlib.util.spec_from_file_location("release", ROOT / ".ci" / "release.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return load_script("release")
 
 
 @pytest.fixture
@@ -79,26 +75,27 @@ def test_uncommitted_file_is_refused_by_name(release, tree):
 
 
 @pytest.mark.parametrize(
-    ("version", "more", "right"), [("1.2.3", "", True), ("1.2.4", "", False), ("1.2.3", "store/a.py", False)]
+    ("version", "files", "fault"),
+    [
+        ("1.2.3", ["stilb/__init__.py"], ""),
+        ("1.2.4", ["stilb/__init__.py"], "is stilb 1.2.4"),
+        ("1.2.3", ["stilb/__init__.py", "store/a.py"], "also holds store"),
+        ("1.2.3", [], "lacks 1 files, first: stilb/__init__.py"),
+    ],
 )
-def test_wheel_of_another_version_or_with_the_server_is_refused(release, tmp_path, version, more, right):
+def test_wheel_of_another_version_room_or_with_a_gap_is_refused(release, tmp_path, version, files, fault):
     wheel = tmp_path / "stilb-1.2.3-py3-none-any.whl"
     with zipfile.ZipFile(wheel, "w") as archive:
-        for name in ("stilb/__init__.py", *filter(None, [more])):
+        for name in files:
             archive.writestr(name, "")
         archive.writestr(f"stilb-{version}.dist-info/METADATA", f"Name: stilb\nVersion: {version}\n")
-    assert release.inspect_wheel(wheel, "1.2.3").right is right
-
-
-def test_server_is_reported_as_absent_until_it_is_declared(release, tree):
-    assert release.check_server(tree).right is None
-    (tree / "server").mkdir()
-    (tree / "server" / "pyproject.toml").write_text('[project]\nname = "stilb-server"\nversion = "1.2.2"\n')
-    assert release.check_server(tree).right is False
+    committed = ["stilb/__init__.py"]
+    found = release.inspect_wheel(wheel, name="stilb", version="1.2.3", rooms=["stilb"], committed=committed)
+    assert (found.right, found.detail.endswith(fault)) == (not fault, True)
 
 
 def test_one_failed_check_fails_the_release(release, capsys):
-    checks = [release.Check(name="a", right=each, detail="d") for each in (True, None)]
+    checks = [release.Check(name="a", right=each, detail="d") for each in (True, True)]
     assert release.report(iter(checks)) == 0
     assert release.report(iter([*checks, release.Check(name="tree", right=False, detail="d")])) == 1
     assert "FAILED" in capsys.readouterr().out

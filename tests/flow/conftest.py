@@ -1,15 +1,41 @@
 """One service of each kind for all tests that leave it as they found it, and the figures of a quiet run."""
 
+import subprocess
+import sys
+import sysconfig
+import venv
+from pathlib import Path
+
 import pytest
 
+from tests.support.compose import ROOT, load_script
 from tests.support.deployments import Composed, Embedded, short_folder
 from tests.support.fieldwork import figures_of, write_campaign
 
 
 @pytest.fixture(scope="session")
-def embedded():
-    """`make up`, on SQLite, a folder and the bundled Valkey."""
-    with short_folder() as folder, Embedded(folder / "data") as deployment:
+def server_wheel(tmp_path_factory):
+    return load_script("server_wheel").build(ROOT, tmp_path_factory.mktemp("wheel"))
+
+
+@pytest.fixture(scope="session")
+def installed(server_wheel, tmp_path_factory):
+    """An environment with the server's wheel; what it needs is found in this one, and no network is asked."""
+    folder = tmp_path_factory.mktemp("installed")
+    venv.create(folder, symlinks=True)
+    (packages,) = folder.glob("lib/python*/site-packages")
+    (packages / "needs.pth").write_text(sysconfig.get_path("purelib"))
+    uv, python = Path(sys.executable).with_name("uv"), folder / "bin" / "python"
+    install = [uv, "pip", "install", "-q", "--offline", "--no-deps", "--python", python, server_wheel]
+    subprocess.run(install, check=True)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def embedded(installed):
+    """`stilb-server up` from its wheel, on SQLite, a folder and the bundled Valkey."""
+    command = [str(installed / "bin" / "stilb-server"), "up"]
+    with short_folder() as folder, Embedded(folder / "data", command) as deployment:
         yield deployment
 
 

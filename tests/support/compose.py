@@ -1,5 +1,6 @@
 """What docker-compose.yml starts, for tests that start the very same without containers."""
 
+import importlib
 import re
 import sys
 from collections.abc import Mapping
@@ -42,3 +43,10 @@ def filled(text: str, variables: Mapping[str, str]) -> str:
         return given or (match["text"] or "" if match["kind"] == "-" else "")
 
     return _VARIABLE.sub(value, text)
+
+
+def load_script(name: str):
+    """A script of .ci/, which is no package."""
+    if (folder := str(ROOT / ".ci")) not in sys.path:
+        sys.path.append(folder)
+    return importlib.import_module(name)

@@ -139,13 +139,13 @@ class Deployment(ABC):
 
 
 class Embedded(Deployment):
-    """`python -m service.up` on a data folder."""
+    """`python -m service.up` on a data folder, or the same as installed."""
 
-    def __init__(self, data: Path, **settings: str):
+    def __init__(self, data: Path, command=(sys.executable, "-m", "service.up"), **settings: str):
         self.data = data
         self.logs = data / "logs"
         self.blobs = data / "blobs"
-        self._command = [sys.executable, "-m", "service.up"]
+        self._command = list(command)
         self._environment = os.environ | QUICK | {"STILB_DATA": str(data), "STILB_PORT": "0"} | settings
 
     def __enter__(self):

@@ -5,17 +5,16 @@ from pathlib import Path
 from fastapi import APIRouter, Request, Response
 from markupsafe import Markup
 
-from radiometry.findings import interface
 from service.auth import find_session
 from service.context import UsesContext
-from service.problems import Problem
 from service.web.markdown import render_markdown
 from service.web.reference import render_reference
 from service.web.rendering import render
 
 router = APIRouter(include_in_schema=False)
 
-_ERRORS = Path(__file__).parents[3] / "docs" / "errors.md"
+_INSTALLED = Path(__file__).parents[1] / "errors.md"
+_ERRORS = _INSTALLED if _INSTALLED.is_file() else Path(__file__).parents[3] / "docs" / "errors.md"
 
 
 @router.get("/docs")
@@ -26,8 +25,6 @@ def get_reference(request: Request, context: UsesContext) -> Response:
 @router.get("/docs/errors")
 def get_errors_page(request: Request, context: UsesContext) -> Response:
     """The page to which the `type` of every problem points."""
-    if not _ERRORS.is_file():
-        raise Problem(interface.NOT_FOUND, "This installation came without its page of errors.")
     return _page(request, context, "Errors", render_markdown(_ERRORS.read_text(encoding="utf-8")))
 
 

@@ -1,0 +1,61 @@
+"""Build the wheel of `stilb-server` from the rooms of a checkout: `python .ci/server_wheel.py [folder]`.
+
+Version and requirements are those of `pyproject.toml`; one of the server's own would repeat them.
+"""
+
+import json
+import shutil
+import subprocess
+import sys
+import tempfile
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+ROOMS = ("radiometry", "store", "worker", "service", "migrations")
+ERRORS = "service/web/errors.md"
+"""Where the service finds its page of errors if there is no docs/ beside it."""
+
+
+def build(root: Path, folder: Path) -> Path:
+    """Build the wheel into a folder, and return its path."""
+    with tempfile.TemporaryDirectory() as name:
+        stage = Path(name)
+        for room in ROOMS:
+            shutil.copytree(root / room, stage / room, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copyfile(root / "docs" / "errors.md", stage / ERRORS)
+        shutil.copyfile(root / "LICENSE", stage / "LICENSE")
+        shutil.copyfile(root / "README.md", stage / "README.md")
+        (stage / "pyproject.toml").write_text(describe(root), encoding="utf-8")
+        built = stage / "dist"
+        uv = str(Path(sys.executable).with_name("uv"))
+        subprocess.run([uv, "build", "-q", "--offline", "--wheel", "-o", built, stage], check=True)  # noqa: S603
+        (wheel,) = built.glob("*.whl")
+        folder.mkdir(parents=True, exist_ok=True)
+        return Path(shutil.copy(wheel, folder))
+
+
+def describe(root: Path) -> str:
+    """Return the server's `pyproject.toml`."""
+    stated = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))
+    project, requires = stated["project"], stated["build-system"]["requires"]
+    tables = {
+        "build-system": {"requires": requires, "build-backend": stated["build-system"]["build-backend"]},
+        "project": {
+            "name": "stilb-server",
+            **{key: project[key] for key in ("version", "description", "readme", "requires-python")},
+            **{key: project[key] for key in ("license", "license-files")},
+            "dependencies": project["optional-dependencies"]["server"],
+        },
+        "project.scripts": {"stilb-server": "service.command:main"},
+        "tool.uv.build-backend": {"module-name": list(ROOMS), "module-root": "", "namespace": True},
+    }
+    # a JSON string, number, boolean or list of strings is one of TOML too
+    return "\n".join(
+        f"[{table}]\n" + "".join(f"{key} = {json.dumps(value)}\n" for key, value in rows.items())
+        for table, rows in tables.items()
+    )
+
+
+if __name__ == "__main__":
+    sys.stdout.write(f"{build(ROOT, Path(*sys.argv[1:2] or ['dist']))}\n")
