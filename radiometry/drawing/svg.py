@@ -145,14 +145,20 @@ class Panel:
             f'<text class="mid" x="{middle:.1f}" y="{bottom + 34:.1f}">{escape(self.x_label)}</text>',
             f'<text class="mid" transform="{turned}">{escape(self.y_label)}</text>',
         ]
-        for tick in self.x.ticks():
-            at = self.x(tick)
+        taken = -math.inf
+        for tick in sorted(self.x.ticks()):
+            at, text = self.x(tick), self.x.label(tick)
             parts.append(f'<path class="tick" d="M{at:.1f} {bottom:.1f}V{top:.1f}"/>')
-            parts.append(f'<text class="mid" x="{at:.1f}" y="{bottom + 16:.1f}">{self.x.label(tick)}</text>')
+            # a text that would lie over the one before is left out
+            if at - 3.5 * len(text) > taken:
+                parts.append(f'<text class="mid" x="{at:.1f}" y="{bottom + 16:.1f}">{escape(text)}</text>')
+                taken = at + 3.5 * len(text)
         for tick in self.y.ticks():
             at = self.y(tick)
             parts.append(f'<path class="tick" d="M{left:.1f} {at:.1f}H{right:.1f}"/>')
-            parts.append(f'<text class="end" x="{left - 5:.1f}" y="{at + 4:.1f}">{self.y.label(tick)}</text>')
+            parts.append(
+                f'<text class="end" x="{left - 5:.1f}" y="{at + 4:.1f}">{escape(self.y.label(tick))}</text>'
+            )
         return parts
 
     def line(self, points: Iterable[tuple[float, float]], css: str) -> str:

@@ -10,6 +10,7 @@ from radiometry.luminance.budget import explain_budget
 from radiometry.luminance.certificate import CERTIFICATE
 from radiometry.luminance.gaps import find_gaps
 from radiometry.luminance.plot import draw
+from radiometry.luminance.plots import PLOTS
 from radiometry.specification.coefficients import Budget, CoefficientEffect, CoefficientKind
 from radiometry.specification.grid import Grid
 from radiometry.specification.method import MethodSpec
@@ -58,6 +59,7 @@ SPEC: Final = MethodSpec(
     fit=method.fit,
     list_coefficients=method.list_coefficients,
     draw=draw,
+    plots=PLOTS,
     certificate=CERTIFICATE,
     application=APPLICATION,
     applied="iso_fits",

@@ -6,6 +6,7 @@ from functools import cached_property
 from types import GenericAlias
 from typing import Any, Literal, get_args, get_type_hints
 
+from radiometry.drawing.figure import Plot
 from radiometry.findings import Finding, Raised
 from radiometry.frame.roi import Polygon
 from radiometry.specification.application import Application, Correction, FoundRegion
@@ -149,6 +150,8 @@ class MethodSpec:
         ``(fitted) -> tuple of CoefficientValue``.
     draw : callable
         ``(stored result) -> str``, a plot as SVG. What does not exist may be None or missing.
+    plots : tuple of Plot
+        Plots of a version that pages show, the most looked-for first.
     draws_flight : bool
         True if `draw` marks when measured frames were taken: times in ISO 8601 under "flight".
     certificate : CertificateText
@@ -210,6 +213,7 @@ class MethodSpec:
     several_regions: bool = False
     tolerance_unit: ToleranceUnit = "%"
     manual_exposure: bool = True
+    plots: tuple[Plot, ...] = ()
     draws_flight: bool = False
     list_budgets: Callable[[Any], tuple[Budget, ...]] = field(default=_none)
     check_frame: Callable[..., Sequence[Raised]] = field(default=_none)

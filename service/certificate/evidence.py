@@ -2,7 +2,8 @@
 
 from collections import defaultdict
 
-from service.certificate.figures import in_print, in_step, optional, percent, plain, stamp
+from radiometry.drawing.text import write_unit
+from service.certificate.figures import in_step, optional, percent, plain, stamp
 from service.certificate.regions import region_blocks
 from service.certificate.sheet import Node, flow, section, table
 
@@ -64,7 +65,7 @@ def _readings(certificate: Node) -> Node:
         [
             reading["scene"],
             reading["quantity"],
-            f"{plain(reading['value'], 6)} {in_print(reading['unit'])}",
+            f"{plain(reading['value'], 6)} {write_unit(reading['unit'])}",
             _entered(reading),
             reading.get("meter", "not recorded"),
             optional(reading, "taken_at", stamp),
@@ -78,7 +79,7 @@ def _readings(certificate: Node) -> Node:
 def _entered(reading: Node) -> str:
     if "entered_value" not in reading:
         return "-"
-    return f"{plain(reading['entered_value'], 6)} {in_print(reading['entered_unit'])}"
+    return f"{plain(reading['entered_value'], 6)} {write_unit(reading['entered_unit'])}"
 
 
 def _frames(frames: list[Node]) -> Node:

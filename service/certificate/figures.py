@@ -47,11 +47,6 @@ def degrees(row: dict[str, Any]) -> str:
     return plain(dof, 3) if dof <= 1000.0 else "> 1000"
 
 
-def in_print(unit: str) -> str:
-    """A unit as it is set, from the way in which it is typed."""
-    return unit.replace("*", "·").replace("m2", "m²")
-
-
 def stamp(moment: str) -> str:
     """An instant to the second."""
     return datetime.fromisoformat(moment).strftime("%Y-%m-%d %H:%M:%S UTC")

@@ -4,10 +4,11 @@ import math
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 
+from radiometry.drawing.text import write_unit
 from radiometry.methods import get_method
 from radiometry.specification.certificate import Column
 from radiometry.specification.method import MethodSpec
-from service.certificate.figures import in_print, in_step, optional, percent, plain
+from service.certificate.figures import in_step, optional, percent, plain
 from service.certificate.regions import region_blocks
 from service.certificate.sheet import Node, facts, figure, flow, section, table
 
@@ -73,7 +74,7 @@ def _tabulate(spec: MethodSpec, rows: list[Node]) -> Node:
                 "-" if exact else expanded,
                 "-" if exact else f"{row['coverage_factor']:.2f}",
                 plain(row["effective_dof"], 3) if row.get("effective_dof", math.inf) <= 1000.0 else "",
-                in_print(row["unit"]),
+                write_unit(row["unit"]),
             ]
         )
     head = ["coefficient", "valid for", "value", "u", "U", "k", "dof", "unit"]

@@ -1,7 +1,8 @@
 """Result sections of a luminance certificate: fit, budget and range per ISO value, models and points."""
 
+from radiometry.drawing.text import write_unit
 from radiometry.methods import get_method
-from service.certificate.figures import degrees, expanded, extent, in_print, in_step, percent, plain
+from service.certificate.figures import degrees, expanded, extent, in_step, percent, plain
 from service.certificate.sheet import Node, facts, figure, section, table
 
 
@@ -31,7 +32,7 @@ def _iso(certificate: Node, fit: Node, budget: list[Node]) -> Node:
     parameters = zip(c["parameter_names"], c["parameters"], strict=True)
     covariance = "; ".join(", ".join(f"{value:.4e}" for value in row) for row in c["covariance"])
     rows = [
-        ["K", f"{k} {in_print(c['luminance_k_unit'])}, standard uncertainty {u}"],
+        ["K", f"{k} {write_unit(c['luminance_k_unit'])}, standard uncertainty {u}"],
         ["Dark signal", f"{dark} DN, standard uncertainty {u_dark} DN{growth}"],
         ["Parameters", ", ".join(f"{name} = {plain(value, 8)}" for name, value in parameters)],
         ["Covariance", f"{covariance} (of the parameters, without the meter's calibration)"],
@@ -44,7 +45,7 @@ def _iso(certificate: Node, fit: Node, budget: list[Node]) -> Node:
         f"ISO {plain(c['iso'])}: fit against X and ln X, and its residuals. Hollow: excluded or rejected. "
         f"Dashed: tolerance of {percent(result['tolerance_rel'])}."
     )
-    blocks = [facts(rows), _budget(budget, in_print(c["luminance_k_unit"])), *_apertures(certificate, c)]
+    blocks = [facts(rows), _budget(budget, write_unit(c["luminance_k_unit"])), *_apertures(certificate, c)]
     blocks.append(figure(plot, caption, width=1.0))
     return section(f"ISO {plain(c['iso'])}", blocks)
 
@@ -78,7 +79,7 @@ def _apertures(certificate: Node, c: Node) -> list[Node]:
         "from K of the ISO",
     ]
     caption = (
-        f"K at each calibrated f-number [{in_print(c['luminance_k_unit'])}], which a measurement at this "
+        f"K at each calibrated f-number [{write_unit(c['luminance_k_unit'])}], which a measurement at this "
         "f-number uses. At another f-number it uses K of the ISO value, with an f-number uncertain by "
         f"{percent(c['f_number_u_rel'])}."
     )

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from datetime import datetime
 from typing import Any
 
+from radiometry.drawing.text import write_unit
 from radiometry.methods.findings import FINDINGS
 from service.certificate.document import build_certificate
-from service.certificate.figures import in_print, in_step, plain, stamp
+from service.certificate.figures import in_step, plain, stamp
 from service.certificate.general import LEGEND, tabulate_points
 from service.certificate.pages import STAMPS, list_flag, list_software, list_work
 from service.certificate.sheet import Node, facts, section, table
@@ -122,7 +123,7 @@ def _tabulate(rows: list[Node]) -> Node:
         expanded = in_step(row["value"], row["expanded_uncertainty"])[1]
         dof = plain(row["effective_dof"], 3) if row["effective_dof"] <= 1000.0 else ""
         k = f"{row['coverage_factor']:.2f}"
-        printed.append([row["camera"], row["name"], value, u, expanded, k, dof, in_print(row["unit"])])
+        printed.append([row["camera"], row["name"], value, u, expanded, k, dof, write_unit(row["unit"])])
     head = ["camera", "quantity", "value", "u", "U", "k", "dof", "unit"]
     return table(head, printed, align="llrrrrrl", widths=[2.2, 1.4, 1.4, 1, 1, 0.6, 0.6, 0.6])
 
@@ -155,7 +156,7 @@ def _stability(rows: list[Node]) -> Node:
         if name not in row:
             return "-"
         value, u = in_step(row[name]["value"], row[name]["standard_uncertainty"])
-        return f"{value} ± {u} {in_print(row[name]['unit'])}"
+        return f"{value} ± {u} {write_unit(row[name]['unit'])}"
 
     printed = [
         [

@@ -1,31 +1,33 @@
-"""Charts of the pages as SVG, each point with what static/plots.js shows of it in a card."""
+"""Figures as SVG for the pages, each point with what static/plots.js shows of it in a card."""
 
+import json
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from html import escape
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Final
 
-import numpy as np
 from fastapi import Query, Response
 
+from radiometry.drawing.figure import Axis, Figure, Mark, Series
 from radiometry.drawing.svg import Panel, Scale, document, span
-from radiometry.fitting import models
+from radiometry.drawing.text import write_unit
 from radiometry.fleet.determinations import Determination, Key
-from service.certificate.figures import in_print, in_step
+from service.certificate.figures import in_step
 
-Axes = Literal["linear", "log"]
-Row = dict[str, Any]
 Share = Annotated[float, Query(ge=-1, le=2)]
 
-_X: Final = "X = t S L / f²  [cd·s/m²]"
-_ALONG: Final = 80
-_LEFT_PX, _RIGHT_PX, _TOP_PX, _BOTTOM_PX, _LINE_PX = 66, 14, 14, 48, 22
+_LEFT_PX, _RIGHT_PX, _TOP_PX, _BOTTOM_PX, _LINE_PX, _NAME_PX = 66, 20, 14, 48, 22, 24
 _MONTHS: Final = (1, 2, 3, 6, 12, 24, 60, 120, 240)
-_DAY_S: Final = 86_400.0
+_DAY_S, _HALF_HOUR_S = 86_400.0, 1800.0
+# steps of time below a month, with the form of a tick
+_TIMES: Final = tuple(
+    (60.0 * minutes, "%H:%M") for minutes in (1, 2, 5, 10, 15, 30, 60, 120, 180, 360, 720)
+) + tuple((_DAY_S * days, "%m-%d") for days in (1, 2, 4, 7, 14))
 _ROOM: Final = 1.15
+_HEIGHT_PX: Final = {False: 250, True: 400}
 # around a point: circle, square, triangle, diamond, triangle upside down, cross
 _SYMBOLS: Final = (
     *("M-4.5 0a4.5 4.5 0 1 0 9 0a4.5 4.5 0 1 0-9 0Z", "M-4-4H4V4H-4Z", "M0-5L5 4H-5Z"),
@@ -33,9 +35,12 @@ _SYMBOLS: Final = (
 )
 _COLOURS: Final = ("#0b5f6b", "#c1611a", "#6a4c93", "#4f7a28", "#a83f6f", "#3b6fb6")
 # of a picture that is saved; in a page stilb.css has the colours
-_STYLE: Final = ".line{fill:none}.band{fill:#0b5f6b;opacity:.07}.out{fill:#fff}" + "".join(
-    f".s{n}{{stroke:{colour};stroke-width:1.5}}.point.s{n}:not(.out){{fill:{colour}}}"
-    for n, colour in enumerate(_COLOURS)
+_STYLE: Final = (
+    ".line{fill:none}.band{fill:#0b5f6b;opacity:.07}.swath{stroke:none!important;opacity:.15}.out{fill:#fff}"
+    + "".join(
+        f".s{n}{{stroke:{colour};stroke-width:1.5}}.point.s{n}:not(.out),.swath.s{n},.cell.s{n}{{fill:{colour}}}"
+        for n, colour in enumerate(_COLOURS)
+    )
 )
 
 
@@ -48,84 +53,135 @@ class View:
     x1: Share = 1.0
     y0: Share = 0.0
     y1: Share = 1.0
-
-    def panel(self, x: Scale, y: Scale, labels: tuple[str, str]) -> Panel:
-        x, y = x.part(self.x0, self.x1), y.part(self.y0, self.y1)
-        return Panel(x=x, y=y, title="", x_label=labels[0], y_label=labels[1])
-
-    def scale_x(
-        self, low: float, high: float, *, logarithmic: bool = False, kind: type[Scale] = Scale
-    ) -> Scale:
-        end = self.width - _RIGHT_PX
-        return kind(low=low, high=high, start_px=_LEFT_PX, end_px=end, logarithmic=logarithmic)
+    part: Annotated[int, Query(ge=0, le=99, description="Which figure of a plot that has several.")] = 0
 
 
 class Dates(Scale):
-    """Time in seconds since 1970, with a tick at the beginnings of months."""
+    """Time in seconds since 1970, in UTC; a tick at the beginnings of months, or of shorter spans."""
 
     def ticks(self) -> list[float]:
+        step = self._step()
+        if step:
+            return [step * n for n in range(math.ceil(self.low / step), math.floor(self.high / step) + 1)]
         first, last = (datetime.fromtimestamp(at, UTC) for at in (self.low, self.high))
         months = range(12 * first.year + first.month - 1, 12 * last.year + last.month)
-        step = next((step for step in _MONTHS if len(months) <= 7 * step), _MONTHS[-1])
-        starts = (datetime(n // 12, n % 12 + 1, 1, tzinfo=UTC).timestamp() for n in months if n % step == 0)
+        every = next((step for step in _MONTHS if len(months) <= 7 * step), _MONTHS[-1])
+        starts = (datetime(n // 12, n % 12 + 1, 1, tzinfo=UTC).timestamp() for n in months if n % every == 0)
         found = [start for start in starts if self.low <= start <= self.high]
         return found or [self.low]
 
     def label(self, tick: float) -> str:
-        return datetime.fromtimestamp(tick, UTC).strftime("%Y-%m")
+        step = self._step()
+        form = next((form for size, form in _TIMES if size == step), "%Y-%m")
+        return datetime.fromtimestamp(tick, UTC).strftime(form)
+
+    def _step(self) -> float | None:
+        """Return the step below a month, None for months."""
+        return next((step for step, _ in _TIMES if self.high - self.low <= 6.0 * step), None)
 
 
-def draw_signal(result: Row, *, axes: Axes = "linear", view: View = View()) -> str:
-    """Signal above dark against X with the fitted models, a colour and a symbol for each ISO value."""
-    logarithmic = axes == "log"
-    series = [
-        (coefficient, [p for p in points if not logarithmic or p["adjusted_signal_dn"] > 0.0])
-        for coefficient, points in _by_iso(result)
-    ]
-    shown = [p for _, points in series for p in points]
-    include = () if logarithmic else (0.0,)
-    low, high = span([p["rhs"] for p in shown], logarithmic=logarithmic, include=include)
-    signals = span([p["adjusted_signal_dn"] for p in shown], logarithmic=logarithmic, include=include)
-    told = ", logarithmic" if logarithmic else ""
-    panel = view.panel(
-        view.scale_x(low, high, logarithmic=logarithmic),
-        _scale_y(*signals, 400, logarithmic=logarithmic),
-        (f"{_X}{told}", f"signal above dark [DN]{told}"),
-    )
-    parts: list[str] = []
-    for place, (coefficient, points) in enumerate(series):
-        parts.append(panel.line(_curve(coefficient, points, panel.x), f"line {_colour(place)}"))
-        parts += (_point(panel, p, p["adjusted_signal_dn"], place) for p in points)
-    return _finish(panel, parts, _name(series), "Signal against X", view)
+@dataclass(frozen=True, kw_only=True)
+class Named(Scale):
+    """Ticks where an axis states them, with its texts."""
+
+    named: tuple[tuple[float, str], ...] = ()
+
+    def ticks(self) -> list[float]:
+        return [at for at, _ in self.named if self.low <= at <= self.high]
+
+    def label(self, tick: float) -> str:
+        return dict(self.named)[tick]
 
 
-def draw_residuals(result: Row, *, view: View = View()) -> str:
-    """(L_fit - L_meter) / L_meter in % against X, with the band that the tolerance leaves."""
-    limit = 100.0 * result["tolerance_rel"]
-    series = [(c, [p for p in points if p["residual_rel"] is not None]) for c, points in _by_iso(result)]
-    # a point that was left out may lie anywhere: those that were used fill the plot
-    used = [abs(100.0 * p["residual_rel"]) for _, points in series for p in points if p["used"]]
-    widest = 1.2 * max([limit, *used])
-    low, high = span([p["rhs"] for _, points in series for p in points], logarithmic=True)
-    panel = view.panel(
-        view.scale_x(low, high, logarithmic=True),
-        _scale_y(-widest, widest, 300),
-        (f"{_X}, logarithmic", "residual [% of L]"),
-    )
-    x, y = panel.x, panel.y
-    top, bottom = (y(min(max(level, y.low), y.high)) for level in (limit, -limit))
-    size = f'width="{x.end_px - x.start_px:.1f}" height="{bottom - top:.1f}"'
-    parts = [f'<rect class="band" x="{x.start_px:.1f}" y="{top:.1f}" {size}/>']
-    parts += (panel.line([(x.low, level), (x.high, level)], "limit") for level in (limit, 0.0, -limit))
-    for place, (_, points) in enumerate(series):
-        parts += (_point(panel, p, 100.0 * p["residual_rel"], place) for p in points)
-    return _finish(panel, parts, _name(series), "Residuals", view)
-
-
-def draw_drift(
-    found: Sequence[Determination], versions: Mapping[str, int], *, quantity: str, view: View = View()
+def draw_figure(
+    figure: Figure, label: str, *, view: View = View(), parts: Sequence[str] = (), is_wide: bool = False
 ) -> str:
-    """Each ISO, f-number, band and channel in a colour and a symbol; bars are one standard uncertainty.
+    """Draw a figure as SVG.
+
+    ``label`` : text for screen readers; ``parts`` : labels of all figures of the plot
+    """
+    xs, ys = figure.find_limits()
+    names = figure.y.ticks or ()
+    height = _TOP_PX + _BOTTOM_PX + _NAME_PX * len(names) if names else _HEIGHT_PX[is_wide]
+    left = max(_LEFT_PX - 44, 14 + 7 * max(map(len, dict(names).values()))) if names else _LEFT_PX
+    panel = Panel(
+        x=_scale(figure.x, xs, left, view.width - _RIGHT_PX).part(view.x0, view.x1),
+        y=_scale(figure.y, ys, height - _BOTTOM_PX, _TOP_PX).part(view.y0, view.y1),
+        title="",
+        x_label=figure.x.label,
+        y_label=figure.y.label,
+    )
+    return _finish(
+        panel, [*_draw_ground(panel, figure), *_draw_series(panel, figure)], figure, label, view, parts
+    )
+
+
+def _scale(axis: Axis, values: Sequence[float], start_px: float, end_px: float) -> Scale:
+    low, high = span(values, logarithmic=axis.logarithmic)
+    if axis.is_time:
+        # frames of one minute need a scale, too
+        middle, half = (
+            (min(values) + max(values)) / 2.0,
+            max(0.53 * (max(values) - min(values)), _HALF_HOUR_S),
+        )
+        low, high = middle - half, middle + half
+    elif axis.ticks and not axis.logarithmic:
+        low, high = min(values), max(values)
+    scale = (Dates if axis.is_time else Scale)(
+        low=low, high=high, start_px=start_px, end_px=end_px, logarithmic=axis.logarithmic
+    )
+    return scale if axis.ticks is None else Named(**vars(scale), named=axis.ticks)
+
+
+def _draw_ground(panel: Panel, figure: Figure) -> Iterator[str]:
+    """Map, band and dashed lines: what lies behind the series."""
+    x, y = panel.x, panel.y
+    for cell in figure.cells:
+        (left, right), (bottom, top) = _cut(x, cell.x), _cut(y, cell.y)
+        size = f'width="{max(0.0, right - left) + 0.3:.1f}" height="{max(0.0, bottom - top) + 0.3:.1f}"'
+        shade = f'fill-opacity="{abs(cell.share):.3f}" data-told="{escape(cell.told)}"'
+        yield f'<rect class="cell {_colour(cell.share < 0)}" x="{left:.1f}" y="{top:.1f}" {size} {shade}/>'
+    if figure.band:
+        bottom, top = _cut(y, figure.band)
+        size = f'width="{x.end_px - x.start_px:.1f}" height="{bottom - top:.1f}"'
+        yield f'<rect class="band" x="{x.start_px:.1f}" y="{top:.1f}" {size}/>'
+    for level in figure.levels:
+        yield panel.line([(x.low, level), (x.high, level)], "limit")
+    for upright in figure.uprights:
+        yield panel.line([(upright, y.low), (upright, y.high)], "limit")
+
+
+def _cut(scale: Scale, ends: tuple[float, float]) -> tuple[float, float]:
+    low, high = (scale(min(max(end, scale.low), scale.high)) for end in ends)
+    return low, high
+
+
+def _draw_series(panel: Panel, figure: Figure) -> Iterator[str]:
+    across = bool(figure.y.ticks)
+    ends = panel.x if across else panel.y
+    for n, each in enumerate(figure.series):
+        place = n if each.place is None else each.place
+        inside = [point for point in each.swath if panel.x.low <= point[0] <= panel.x.high]
+        if inside:
+            there = [f"{panel.x(x):.1f},{_cut(panel.y, (low, high))[0]:.1f}" for x, low, high in inside]
+            back = [
+                f"{panel.x(x):.1f},{_cut(panel.y, (low, high))[1]:.1f}" for x, low, high in reversed(inside)
+            ]
+            yield f'<polygon class="swath {_colour(place)}" points="{" ".join([*there, *back])}"/>'
+        for points in (each.model, each.line):
+            if points:
+                yield panel.line(points, f"line {_colour(place)}")
+        for mark in each.marks:
+            if mark.low is not None and mark.high is not None:
+                low, high = max(mark.low, ends.low), min(mark.high, ends.high)
+                if low <= high:
+                    bar = [(low, mark.y), (high, mark.y)] if across else [(mark.x, low), (mark.x, high)]
+                    yield panel.line(bar, f"line {_colour(place)}")
+            yield _draw_mark(panel, mark, place)
+
+
+def build_drift(found: Sequence[Determination], versions: Mapping[str, int], *, quantity: str) -> Figure:
+    """Return a series for each ISO, f-number, band and channel; bars are one standard uncertainty.
 
     ``found`` : of one coefficient, named ``quantity``; ``versions`` : the number of each version
     """
@@ -139,115 +195,77 @@ def draw_drift(
         (max(times) + min(times)) / 2.0,
         _ROOM * max((max(times) - min(times)) / 2.0, 45.0 * _DAY_S),
     )
-    ends = span([row.value + sign * row.standard_uncertainty for row in found for sign in (-1, 1)])
-    panel = view.panel(
-        view.scale_x(middle - half, middle + half, kind=Dates),
-        _scale_y(*ends, 320),
-        ("determined", f"{quantity} [{in_print(found[0].key.unit)}]"),
-    )
     # error bars of one day would hide one another: together a small share of what is shown
-    step = min(0.012, 0.15 / len(rows)) * (panel.x.high - panel.x.low)
-    parts: list[str] = []
-    for place, series in enumerate(rows.values()):
+    step = min(0.012, 0.15 / len(rows)) * 2.0 * half
+    series = []
+    for place, (name, mine) in enumerate(rows.items()):
         shift = (place - (len(rows) - 1) / 2) * step
-        ats = [row.source.at.timestamp() + shift for row in series]
-        line = list(zip(ats, (row.value for row in series), strict=True))
-        parts.append(panel.line(line, f"line faint {_colour(place)}"))
-        for at, row in zip(ats, series, strict=True):
-            low, high = (row.value + sign * row.standard_uncertainty for sign in (-1, 1))
-            low, high = max(low, panel.y.low), min(high, panel.y.high)
-            if low <= high:
-                parts.append(panel.line([(at, low), (at, high)], f"line {_colour(place)}"))
-            value, uncertainty = in_step(row.value, row.standard_uncertainty)
-            where = _where(row.key)
-            told = (
-                f"version {versions[row.source.version]}" + (f", {where}" if where else ""),
-                f"{value} ± {uncertainty} {in_print(row.key.unit)}",
-                row.source.at.strftime("%Y-%m-%d"),
-            )
-            parts.append(_draw_symbol(panel, at, row.value, place, told=told))
-    return _finish(panel, parts, list(rows) if len(rows) > 1 else [], quantity, view)
+        marks = tuple(_determine(row, versions, shift) for row in mine)
+        line = tuple((mark.x, mark.y) for mark in marks)
+        series.append(Series(name=name if len(rows) > 1 else "", marks=marks, line=line))
+    return Figure(
+        x=Axis(label="determined", is_time=True, include=(middle - half, middle + half)),
+        y=Axis(label=f"{quantity} [{write_unit(found[0].key.unit)}]"),
+        series=tuple(series),
+    )
+
+
+def _determine(row: Determination, versions: Mapping[str, int], shift_s: float) -> Mark:
+    value, uncertainty = in_step(row.value, row.standard_uncertainty)
+    where = _where(row.key)
+    return Mark(
+        x=row.source.at.timestamp() + shift_s,
+        y=row.value,
+        low=row.value - row.standard_uncertainty,
+        high=row.value + row.standard_uncertainty,
+        name=f"version {versions[row.source.version]}" + (f", {where}" if where else ""),
+        told=(f"{value} ± {uncertainty} {write_unit(row.key.unit)}", row.source.at.strftime("%Y-%m-%d")),
+    )
 
 
 def send_svg(drawn: str) -> Response:
     return Response(drawn, media_type="image/svg+xml", headers={"Cache-Control": "private, no-cache"})
 
 
-def _scale_y(low: float, high: float, height_px: float, *, logarithmic: bool = False) -> Scale:
-    return Scale(low=low, high=high, start_px=height_px - _BOTTOM_PX, end_px=_TOP_PX, logarithmic=logarithmic)
-
-
-def _by_iso(result: Row) -> Iterator[tuple[Row, list[Row]]]:
-    for fit in result["iso_fits"]:
-        coefficient = fit["coefficient"]
-        yield coefficient, [p for p in result["points"] if p["iso"] == coefficient["iso"] and p["rhs"]]
-
-
-def _name(series: Iterable[tuple[Row, list[Row]]]) -> list[str]:
-    return [f"ISO {coefficient['iso']:g}" for coefficient, _ in series]
-
-
-def _curve(coefficient: Row, points: Sequence[Row], x: Scale) -> list[tuple[float, float]]:
-    """The model where there are points, as far as it is shown."""
-    if not points:
-        return []
-    rhs = [p["rhs"] for p in points]
-    # a power or a logarithm has no value at 0
-    low, high = min(rhs) / (1.0 if x.logarithmic else 50.0), max(rhs)
-    low, high = max(low, x.low), min(high, x.high)
-    if low >= high:
-        return []
-    along = np.geomspace(low, high, _ALONG) if x.logarithmic else np.linspace(low, high, _ALONG)
-    signal = models.predict(coefficient["model"], np.asarray(coefficient["parameters"]), along)
-    kept = signal > 0.0 if x.logarithmic else np.isfinite(signal)
-    return list(zip(along[kept].tolist(), signal[kept].tolist(), strict=True))
-
-
-def _point(panel: Panel, point: Row, value: float, place: int) -> str:
-    time_s = point["exposure_time_s"]
-    time = f"1/{1.0 / time_s:.4g}" if time_s < 0.3 else f"{time_s:g}"
-    told = (
-        f"{point['scene']}, {time} s, f/{point['f_number']:g}, ISO {point['iso']:g}",
-        f"signal {point['adjusted_signal_dn']:.5g} DN, L {point['luminance_cd_m2']:.4g} cd/m²",
-        f"residual {100.0 * point['residual_rel']:+.2f} % of L"
-        if point["used"]
-        else f"left out: {point['left_out']}",
-    )
-    frame = {"frame": point["frame"], "frame-id": point["frame_id"]}
-    return _draw_symbol(panel, point["rhs"], value, place, told=told, hollow=not point["used"], **frame)
-
-
-def _draw_symbol(
-    panel: Panel, x: float, y: float, place: int, *, told: Sequence[str], hollow: bool = False, **data: str
-) -> str:
+def _draw_mark(panel: Panel, mark: Mark, place: int) -> str:
     """A point with what its card says, or nothing outside the panel."""
-    if not (panel.x.low <= x <= panel.x.high and panel.y.low <= y <= panel.y.high):
+    if not (panel.x.low <= mark.x <= panel.x.high and panel.y.low <= mark.y <= panel.y.high):
         return ""
+    told = [*mark.told, f"left out: {mark.left_out}"] if mark.left_out else [*mark.told]
+    data = {"frame": mark.name, "frame-id": mark.frame_id} if mark.frame_id else {}
     # a line feed as it is would be read as a space
-    said = {name: escape(text) for name, text in data.items()} | {"told": "&#10;".join(map(escape, told))}
+    lines = told if mark.frame_id else [mark.name, *told]
+    said = {name: escape(text) for name, text in data.items()} | {"told": "&#10;".join(map(escape, lines))}
     more = "".join(f' data-{name}="{text}"' for name, text in said.items())
     return (
-        f'<path class="point {"out " if hollow else ""}{_colour(place)}"{more} '
-        f'transform="translate({panel.x(x):.1f} {panel.y(y):.1f})" d="{_symbol(place)}"/>'
+        f'<path class="point {"out " if mark.left_out else ""}{_colour(place)}"{more} '
+        f'transform="translate({panel.x(mark.x):.1f} {panel.y(mark.y):.1f})" d="{_symbol(place)}"/>'
     )
 
 
-def _finish(panel: Panel, parts: Iterable[str], names: Sequence[str], label: str, view: View) -> str:
+def _finish(
+    panel: Panel, parts: Sequence[str], figure: Figure, label: str, view: View, choices: Sequence[str]
+) -> str:
     """With the axes behind and the legend below, in as many columns as there is room for."""
+    names = [(n if each.place is None else each.place, each.name) for n, each in enumerate(figure.series)]
+    names = [(place, name) for place, name in names if name] if len(names) > 1 else []
     inner = panel.x.end_px - panel.x.start_px
-    columns = max(1, int(inner // (32 + 7 * max(map(len, names), default=1))))
+    columns = max(1, int(inner // (32 + 7 * max((len(name) for _, name in names), default=1))))
     top = panel.y.start_px + _BOTTOM_PX
     legend: list[str] = []
-    for place, name in enumerate(names):
-        x = panel.x.start_px + place % columns * inner / columns + 8
-        y = top + _LINE_PX * (place // columns) + 8
+    for n, (place, name) in enumerate(names):
+        x = panel.x.start_px + n % columns * inner / columns + 8
+        y = top + _LINE_PX * (n // columns) + 8
         at = f'transform="translate({x:.1f} {y:.1f})"'
         symbol = f'<path class="point {_colour(place)}" {at} d="{_symbol(place)}"/>'
         text = f'<text x="{x + 12:.1f}" y="{y + 4:.1f}">{escape(name)}</text>'
         legend.append(f'<g class="legend" data-series="{place}">{symbol}{text}</g>')
     height = math.ceil(top + _LINE_PX * -(-len(names) // columns))
-    drawn = [*panel.frame(), *parts, *legend]
-    return document(drawn, width_px=view.width, height_px=height, label=label, style=_STYLE)
+    drawn = document(
+        [*panel.frame(), *parts, *legend], width_px=view.width, height_px=height, label=label, style=_STYLE
+    )
+    told = f'data-parts="{escape(json.dumps(list(choices)))}" data-note="{escape(figure.note)}"'
+    return drawn.replace("<svg ", f"<svg {told} ", 1)
 
 
 def _colour(place: int) -> str:

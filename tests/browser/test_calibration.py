@@ -5,7 +5,7 @@ import re
 import pytest
 from playwright.sync_api import expect
 
-from radiometry.methods import METHODS
+from radiometry.methods import METHODS, get_method
 from service.schemas.fits import NewCalibration, read_request
 from store.codec import decode, drop_absent
 from tests.support.browser import check_access, look, settle, sign_in
@@ -39,7 +39,7 @@ LENS = {"id": "cal_lens", "version": 3, "state": "published", "content_sha256": 
 def shown(night_page, night):
     night_page.goto(f"/calibrations/{night.version.id}")
     settle(night_page)
-    for plot in ("signal-plot", "residuals-plot"):
+    for plot in ("signal-plot", "residuals-signal-plot"):
         expect(night_page.locator(f"#{plot} .chart")).to_be_visible()
     return night_page
 
@@ -54,7 +54,7 @@ def draft(night, **params):
     return night.team.client.calibrate(night.campaign_id, **params)
 
 
-def test_what_was_found_stands_there_with_its_uncertainty(shown):
+def test_what_was_found_stands_there_with_its_uncertainty(shown, night):
     expect(shown.get_by_role("heading", level=1)).to_have_text("Luminance version 1")
     expect(shown.locator("#version-status")).to_contain_text("published")
     rows = shown.locator("#verdict table").first.get_by_role("row")
@@ -71,11 +71,13 @@ def test_what_was_found_stands_there_with_its_uncertainty(shown):
     expect(shown.locator("#budget figure")).to_have_count(len(ISOS))
     expect(shown.locator("#made")).to_contain_text(re.compile("[0-9a-f]{64}"))
     expect(shown.locator("#history")).to_contain_text("spring, reviewed by A. Meier")
+    plots = get_method(night.version.method).plots
+    expect(shown.locator(".plot-card .chart")).to_have_count(len(plots))
     check_access(shown)
     look(shown, "calibration")
 
 
-@pytest.mark.parametrize("plot", ["signal-plot", "residuals-plot"])
+@pytest.mark.parametrize("plot", ["signal-plot", "residuals-signal-plot"])
 def test_a_point_tells_of_its_frame_where_it_is_touched(shown, plot):
     found = find_point(shown, plot)
     assert found["points"] == USED
@@ -83,6 +85,8 @@ def test_a_point_tells_of_its_frame_where_it_is_touched(shown, plot):
         shown.mouse.move(found["x"], found["y"])
         tip = shown.locator(".tip", has_text=found["frame"])
         expect(tip).to_contain_text("ISO")
+        # the same frame is lit in every plot that shows it
+        expect(shown.locator(f".point.lit[data-frame-id={found['frame_id']}]")).to_have_count(5)
     assert preview.value.status == 200
     expect(tip).to_contain_text("residual")
 
@@ -90,7 +94,7 @@ def test_a_point_tells_of_its_frame_where_it_is_touched(shown, plot):
 def test_the_axes_are_linear_or_logarithmic(shown):
     axes = shown.locator("#signal-plot text.mid", has_text="[")
     expect(axes).to_have_text(["X = t S L / f²  [cd·s/m²]", "signal above dark [DN]"])
-    with shown.expect_response("**/signal?axes=log&**"):
+    with shown.expect_response("**/signal?*part=1*"):
         shown.get_by_role("button", name="Logarithmic").click()
     expect(axes).to_have_text(
         ["X = t S L / f²  [cd·s/m²], logarithmic", "signal above dark [DN], logarithmic"]
@@ -99,11 +103,11 @@ def test_the_axes_are_linear_or_logarithmic(shown):
 
 
 def test_a_part_of_a_plot_is_magnified_and_a_series_is_hidden(shown):
-    plot = shown.locator("#residuals-plot")
+    plot = shown.locator("#residuals-signal-plot")
     plot.scroll_into_view_if_needed()
     points = plot.locator(".point[data-frame-id]")
     expect(points).to_have_count(USED)
-    found = find_point(shown, "residuals-plot")
+    found = find_point(shown, "residuals-signal-plot")
     box = plot.locator(".box").bounding_box()
 
     def drag():
@@ -119,7 +123,7 @@ def test_a_part_of_a_plot_is_magnified_and_a_series_is_hidden(shown):
     shown_part = points.evaluate_all("points => points.map((each) => each.dataset.frame)")
     assert found["frame"] in shown_part
     shown.keyboard.down("Shift")
-    with shown.expect_response("**/residuals?**"):
+    with shown.expect_response("**/residuals-signal?**"):
         drag()
     shown.keyboard.up("Shift")
     settle(shown)
@@ -133,7 +137,7 @@ def test_a_part_of_a_plot_is_magnified_and_a_series_is_hidden(shown):
 
 
 def test_a_point_is_left_out_with_a_reason_and_the_version_before_stays(shown, night):
-    found = find_point(shown, "residuals-plot")
+    found = find_point(shown, "residuals-signal-plot")
     shown.mouse.click(found["x"], found["y"])
     chosen = shown.get_by_role("region", name="Chosen points")
     expect(chosen).to_contain_text(found["frame"])

@@ -12,7 +12,7 @@ from radiometry.frame.packing import pack
 from radiometry.methods import get_method
 from radiometry.tools.motion import MotionCase
 from service.tool_plots import draw_motion
-from service.web.charts import View, draw_residuals, draw_signal
+from service.web.charts import View, draw_figure
 from store.codec import drop_absent, encode
 
 GRAPH = "{http://www.w3.org/2000/svg}"
@@ -236,11 +236,17 @@ def pictures():
         **{method: ET.fromstring(get_method(method).draw(result())) for method, result in RESULTS.items()},
         "vignetting of one": ET.fromstring(draw_one_f_number()),
         "motion": ET.fromstring(draw_motion([("a", case)])),
-        "signal": ET.fromstring(draw_signal(luminance())),
-        "signal in logarithms": ET.fromstring(draw_signal(luminance(), axes="log")),
-        "residuals": ET.fromstring(draw_residuals(luminance())),
-        "residuals of a part": ET.fromstring(draw_residuals(luminance(), view=View(x0=0.1, x1=0.6))),
+        "signal": plotted("signal"),
+        "signal in logarithms": plotted("signal", part=1),
+        "residuals": plotted("residuals-signal"),
+        "residuals of a part": plotted("residuals-signal", x0=0.1, x1=0.6),
     }
+
+
+def plotted(name, *, part=0, **view):
+    (plot,) = (each for each in get_method("luminance").plots if each.name == name)
+    figure = list(plot.build(luminance(), list))[part]
+    return ET.fromstring(draw_figure(figure, plot.title, view=View(**view)))
 
 
 def draw_one_f_number():

@@ -1,17 +1,18 @@
 """One version of a calibration: what was found, from what, and what was decided of it."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Query, Response
+from fastapi import APIRouter, Depends, Response
 
 from radiometry.findings import interface
 from radiometry.methods import get_method
-from service.auth import Caller, Reader
-from service.context import Context, UsesContext
+from service.auth import Reader
+from service.context import UsesContext
 from service.lookup import Id, owned
 from service.problems import Problem
-from service.web.charts import Axes, View, draw_residuals, draw_signal, send_svg
+from service.web.charts import View, draw_figure, send_svg
 from service.web.rendering import SignedInPage
+from store.queries.evidence import gather
 from store.tables import Calibration, Camera, Campaign
 
 router = APIRouter(include_in_schema=False)
@@ -34,28 +35,26 @@ def show_calibration(calibration_id: Id, page: SignedInPage, context: UsesContex
     )
 
 
-@router.get("/plots/calibrations/{calibration_id}/signal")
-def plot_signal(
-    calibration_id: Id,
-    caller: Reader,
-    context: UsesContext,
-    view: Annotated[View, Depends()],
-    axes: Annotated[Axes, Query()] = "linear",
+@router.get("/plots/calibrations/{calibration_id}/{name}")
+def show_plot(
+    calibration_id: Id, name: str, caller: Reader, context: UsesContext, view: Annotated[View, Depends()]
 ) -> Response:
-    return send_svg(draw_signal(_curve(context, calibration_id, caller).result, axes=axes, view=view))
-
-
-@router.get("/plots/calibrations/{calibration_id}/residuals")
-def plot_residuals(
-    calibration_id: Id, caller: Reader, context: UsesContext, view: Annotated[View, Depends()]
-) -> Response:
-    return send_svg(draw_residuals(_curve(context, calibration_id, caller).result, view=view))
-
-
-def _curve(context: Context, calibration_id: str, caller: Caller) -> Calibration:
+    """Answer a figure of a plot that the method declares; 204 where this version has nothing to draw."""
     with context.database.reading() as session:
-        found = owned(session, Calibration, calibration_id, caller)
-    if get_method(found.method).certificate.layout != "curve":
-        detail = f"This version is of {found.method}: its plot is /v1/calibrations/{found.id}/plot.svg."
-        raise Problem(interface.NOT_FOUND, detail)
-    return found
+        calibration = owned(session, Calibration, calibration_id, caller)
+        campaign = session.get_one(Campaign, calibration.campaign_id)
+        plot = next((each for each in get_method(calibration.method).plots if each.name == name), None)
+        if plot is None:
+            raise Problem(interface.NOT_FOUND, f"{calibration.method} has no plot {name}.")
+        used = {each["sha256"] for each in calibration.inputs["frames"]}
+
+        def read_rows() -> list[Any]:
+            found = gather(session, campaign)
+            return [row for row in found.frames if found.hashes[row.frame] in used]
+
+        figures = list(plot.build(calibration.result, read_rows))
+    if not figures:
+        return Response(status_code=204)
+    parts = [each.part for each in figures if each.part]
+    drawn = figures[min(view.part, len(figures) - 1)]
+    return send_svg(draw_figure(drawn, plot.title, view=view, parts=parts, is_wide=plot.is_wide))

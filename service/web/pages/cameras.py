@@ -12,7 +12,7 @@ from service.context import UsesContext
 from service.lookup import Id, owned
 from service.problems import Problem
 from service.schemas.base import Method, Text
-from service.web.charts import View, draw_drift, send_svg
+from service.web.charts import View, build_drift, draw_figure, send_svg
 from service.web.rendering import SignedInPage
 from store.queries.fleet import list_determinations
 from store.tables import Calibration, Camera
@@ -58,4 +58,5 @@ def plot_drift(
     if not named:
         raise Problem(interface.NOT_FOUND, f"No published version of this camera has {name}.")
     quantity = get_method(method).label_coefficient(name)
-    return send_svg(draw_drift(named, versions, quantity=quantity, view=view))
+    figure = build_drift(named, versions, quantity=quantity)
+    return send_svg(draw_figure(figure, quantity, view=view, is_wide=True))

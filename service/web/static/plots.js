@@ -16,20 +16,30 @@ export async function plot(element, path, drawn = () => {}, view = WHOLE) {
   try {
     const width = Math.min(2000, Math.max(240, Math.round(element.clientWidth) - 16));
     const answer = await send("GET", `${path}${path.includes("?") ? "&" : "?"}${new URLSearchParams({ width, ...view })}`);
+    // nothing to draw: a card of its own goes, too
+    if (answer.status === 204) return void (element.closest(".plot-card") ?? element).remove();
     // its own styles are for those who save it; the page's policy forbids them
     const text = (await answer.text()).replace(/<style>.*?<\/style>/s, "");
     const chart = document.importNode(new DOMParser().parseFromString(text, "image/svg+xml").documentElement, true);
     chart.setAttribute("class", "chart");
-    fill(element, chart);
+    const { parts, note } = chart.dataset;
+    fill(element, choose(JSON.parse(parts), view.part, (part) => plot(element, path, drawn, { ...WHOLE, part })), chart, note ? h("p", { class: "caption" }, note) : null);
     explain(element, chart);
     offerSeries(chart);
-    offerZoom(chart, view, (part) => plot(element, path, drawn, part));
+    offerZoom(chart, view, (shown) => plot(element, path, drawn, { ...view, ...shown }));
     drawn(chart);
   } catch (error) {
     fill(element, failed(error, () => plot(element, path, drawn, view)));
   } finally {
     element.removeAttribute("aria-busy");
   }
+}
+
+/** A button for each figure of a plot that has several. */
+function choose(parts, chosen = 0, show) {
+  if (parts.length < 2) return null;
+  const button = (part, place) => h("button", { type: "button", "aria-pressed": String(place === chosen), onclick: () => show(place) }, part);
+  return h("div", { class: "segments", role: "group", "aria-label": "Part" }, parts.map(button));
 }
 
 /** A card of the points that are touched. */

@@ -31,8 +31,8 @@ async function start() {
     show("models", drawModels(found));
     show("budget", drawBudget(found));
     choice.offer(found);
-    if (byId("signal-plot")) drawPlots(found, choice);
-    else drawOwnPlot();
+    drawPlots(found, choice);
+    if (byId("drawn")) drawOwnPlot();
   } catch (error) {
     // each region tells it
     if (!error.code) throw error;

@@ -1,0 +1,236 @@
+"""Plots of a luminance version: the curve, residuals, K per aperture, and the dark signal."""
+
+from collections.abc import Callable, Iterator, Sequence
+from datetime import UTC, datetime
+from typing import Any, Final
+
+import numpy as np
+
+from radiometry.drawing.figure import Axis, Figure, Mark, Plot, Series
+from radiometry.drawing.text import sort_naturally, write_exposure, write_unit
+from radiometry.fitting.models import predict
+
+Node = dict[str, Any]
+Rows = Callable[[], Sequence[Any]]
+
+_X: Final = "X = t S L / f²  [cd·s/m²]"
+_ALONG: Final = 80
+
+
+def _build_signal(result: Node, _: Rows) -> Iterator[Figure]:
+    for part, logarithmic in (("Linear", False), ("Logarithmic", True)):
+        added = ", logarithmic" if logarithmic else ""
+        yield Figure(
+            part=part,
+            x=Axis(label=_X + added, logarithmic=logarithmic, include=() if logarithmic else (0.0,)),
+            y=Axis(
+                label=f"signal above dark [DN]{added}",
+                logarithmic=logarithmic,
+                include=() if logarithmic else (0.0,),
+            ),
+            series=tuple(
+                Series(
+                    name=_name(c),
+                    marks=tuple(_mark(p, p["rhs"], p["adjusted_signal_dn"]) for p in points),
+                    model=_sample(c, points, logarithmic=logarithmic),
+                )
+                for c, points in _by_iso(result)
+            ),
+        )
+
+
+def _sample(c: Node, points: Sequence[Node], *, logarithmic: bool) -> tuple[tuple[float, float], ...]:
+    """Return the model where there are points."""
+    if not points:
+        return ()
+    rhs = [p["rhs"] for p in points]
+    # a power or a logarithm has no value at 0
+    low, high = min(rhs) / (1.0 if logarithmic else 50.0), max(rhs)
+    along = np.geomspace(low, high, _ALONG) if logarithmic else np.linspace(low, high, _ALONG)
+    signal = predict(c["model"], np.asarray(c["parameters"]), along)
+    kept = signal > 0.0 if logarithmic else np.isfinite(signal)
+    return tuple(zip(along[kept].tolist(), signal[kept].tolist(), strict=True))
+
+
+def _draw_residuals(result: Node, x: Axis, place: Callable[[Node], float | None]) -> tuple[Figure, ...]:
+    """Return residuals against what ``place`` returns of a point; points without it are not drawn."""
+    limit = 100.0 * result["tolerance_rel"]
+    series = tuple(
+        Series(
+            name=_name(c),
+            marks=tuple(
+                _mark(p, at, 100.0 * p["residual_rel"])
+                for p in points
+                if p.get("residual_rel") is not None and (at := place(p)) is not None
+            ),
+        )
+        for c, points in _by_iso(result)
+    )
+    if not any(each.marks for each in series):
+        return ()
+    # one scale for all plots of residuals, symmetric
+    used = [abs(100.0 * p["residual_rel"]) for p in result["points"] if p["used"] and p["rhs"]]
+    widest = 1.1 * max([limit, *used])
+    y = Axis(label="residual [% of L]", include=(-widest, widest))
+    return (Figure(x=x, y=y, series=series, band=(-limit, limit), levels=(-limit, 0.0, limit)),)
+
+
+def _build_scene_residuals(result: Node, _: Rows) -> tuple[Figure, ...]:
+    levels = {p["scene"]: p["luminance_cd_m2"] or 0.0 for p in result["points"]}
+    places = {
+        scene: float(n) for n, scene in enumerate(sorted(sort_naturally(levels), key=levels.__getitem__))
+    }
+    ticks = tuple((at, scene) for scene, at in places.items())
+    x = Axis(label="scene, from dark to bright", ticks=ticks, include=(-0.5, len(ticks) - 0.5))
+    return _draw_residuals(result, x, lambda p: places[p["scene"]])
+
+
+def _build_f_number_residuals(result: Node, _: Rows) -> tuple[Figure, ...]:
+    x = Axis(label="f-number", logarithmic=True, ticks=_tick(result, "f_number", "f/{:g}"))
+    return _draw_residuals(result, x, lambda p: float(p["f_number"]))
+
+
+def _build_time_residuals(result: Node, rows: Rows) -> tuple[Figure, ...]:
+    times = {row.frame: at for row in rows() if (at := _read_time(row)) is not None}
+    return _draw_residuals(result, Axis(label="time taken", is_time=True), lambda p: times.get(p["frame"]))
+
+
+def _build_apertures(result: Node, _: Rows) -> tuple[Figure, ...]:
+    """One line per K: at each f-number, then of the ISO value."""
+    series: list[Series] = []
+    names: list[str] = []
+    for place, (c, _points) in enumerate(_by_iso(result)):
+        marks = []
+        of = [*((f"f/{a['f_number']:g}", a) for a in c.get("apertures") or ()), ("all", c)]
+        for name, each in of:
+            k, u = each["luminance_k"], each["expanded_uncertainty"]
+            told = f"{name if name != 'all' else 'all f-numbers'}: {k:.5g} ± {u:.2g} (95 %)"
+            marks.append(Mark(x=k, y=-float(len(names)), low=k - u, high=k + u, name=_name(c), told=(told,)))
+            names.append(f"ISO {c['iso']:g} {name}")
+        series.append(Series(name=_name(c), marks=tuple(marks), place=place))
+    if len(names) == len(series):
+        return ()
+    unit = result["iso_fits"][0]["coefficient"]["luminance_k_unit"]
+    ticks = tuple((-float(n), name) for n, name in enumerate(names))
+    y = Axis(label="", ticks=ticks, include=(0.5, 0.5 - len(names)))
+    return (Figure(x=Axis(label=f"K [{write_unit(unit)}]"), y=y, series=tuple(series)),)
+
+
+def _draw_dark(result: Node, rows: Rows, x: Axis, place: Callable[[Any], float | None]) -> tuple[Figure, ...]:
+    """Return the dark frames' signal, a series per ISO value."""
+    coefficients = [c for c, _ in _by_iso(result)]
+    darks = [row for row in rows() if row.role == "dark" and row.exposure and row.statistics]
+    series = []
+    for n, c in enumerate(coefficients):
+        marks = []
+        for row in darks:
+            at = place(row)
+            if row.exposure.iso != c["iso"] or at is None:
+                continue
+            signal = row.measure(c["channel"])
+            u = 2.0 * signal.standard_uncertainty_dn
+            told = (
+                f"{write_exposure(row.exposure.exposure_time_s)}, ISO {row.exposure.iso:g}",
+                f"{signal.value_dn:.2f} ± {u:.2f} DN (95 %)",
+            )
+            mean = signal.value_dn
+            marks.append(Mark(x=at, y=mean, low=mean - u, high=mean + u, name=row.frame, told=told))
+        series.append(Series(name=_name(c), marks=tuple(marks), place=n))
+    shown = tuple(each for each in series if each.marks)
+    return (Figure(x=x, y=Axis(label="dark signal [DN]"), series=shown),) if shown else ()
+
+
+def _build_dark_by_iso(result: Node, rows: Rows) -> tuple[Figure, ...]:
+    x = Axis(label="ISO value", logarithmic=True, ticks=_tick(result, "iso", "{:g}"))
+    return _draw_dark(result, rows, x, lambda row: float(row.exposure.iso))
+
+
+def _build_dark_by_exposure(result: Node, rows: Rows) -> tuple[Figure, ...]:
+    times = {row.exposure.exposure_time_s for row in rows() if row.role == "dark" and row.exposure}
+    ticks = tuple((float(time_s), write_exposure(time_s)) for time_s in sorted(times))
+    x = Axis(label="exposure time", logarithmic=True, ticks=ticks)
+    return _draw_dark(result, rows, x, lambda row: float(row.exposure.exposure_time_s))
+
+
+def _build_dark_by_time(result: Node, rows: Rows) -> tuple[Figure, ...]:
+    return _draw_dark(result, rows, Axis(label="time taken", is_time=True), _read_time)
+
+
+def _read_time(row: Any) -> float | None:  # noqa: ANN401  a row of the fit
+    """Return when a frame was taken, in seconds since 1970; a time without an offset is read as UTC."""
+    if row.taken_at is None:
+        return None
+    at = datetime.fromisoformat(row.taken_at)
+    return (at if at.tzinfo else at.replace(tzinfo=UTC)).timestamp()
+
+
+def _by_iso(result: Node) -> Iterator[tuple[Node, list[Node]]]:
+    for fit in result["iso_fits"]:
+        c = fit["coefficient"]
+        yield c, [p for p in result["points"] if p["iso"] == c["iso"] and p["rhs"]]
+
+
+def _name(c: Node) -> str:
+    return f"ISO {c['iso']:g}"
+
+
+def _tick(result: Node, name: str, form: str) -> tuple[tuple[float, str], ...]:
+    return tuple((value, form.format(value)) for value in sorted({p[name] for p in result["points"]}))
+
+
+def _mark(p: Node, x: float, y: float) -> Mark:
+    exposure = f"{write_exposure(p['exposure_time_s'])}, f/{p['f_number']:g}, ISO {p['iso']:g}"
+    told = [f"{p['scene']}, {exposure}", f"signal {p['adjusted_signal_dn']:.5g} DN"]
+    if p["luminance_cd_m2"] is not None:
+        told[1] += f", L {p['luminance_cd_m2']:.4g} cd/m²"
+    if p["used"]:
+        told.append(f"residual {100.0 * p['residual_rel']:+.2f} % of L")
+    return Mark(
+        x=x,
+        y=y,
+        name=p["frame"],
+        told=tuple(told),
+        frame_id=p.get("frame_id", ""),
+        left_out="" if p["used"] else p["left_out"],
+    )
+
+
+PLOTS: Final = (
+    Plot(
+        name="signal",
+        title="Signal and exposure \N{MULTIPLICATION SIGN} luminance",
+        build=_build_signal,
+        is_wide=True,
+    ),
+    Plot(
+        name="apertures",
+        title="K per aperture",
+        note="95 % intervals; “all” is the K of the ISO value",
+        build=_build_apertures,
+    ),
+    Plot(
+        name="residuals-f-number",
+        title="Residuals and f-number",
+        note="(L fit \N{MINUS SIGN} L meter) / L meter; shaded: tolerance",
+        build=_build_f_number_residuals,
+    ),
+    Plot(name="residuals-scene", title="Residuals and scene", build=_build_scene_residuals),
+    Plot(name="residuals-time", title="Residuals and time", build=_build_time_residuals),
+    Plot(
+        name="residuals-signal",
+        title="Residuals and signal",
+        build=lambda result, _: _draw_residuals(
+            result,
+            Axis(label="signal above dark [DN], logarithmic", logarithmic=True),
+            lambda p: p["adjusted_signal_dn"],
+        ),
+    ),
+    Plot(
+        name="dark-iso",
+        title="Dark signal and ISO",
+        note="Dark frames of the campaign in its present region",
+        build=_build_dark_by_iso,
+    ),
+    Plot(name="dark-exposure", title="Dark signal and exposure time", build=_build_dark_by_exposure),
+    Plot(name="dark-time", title="Dark signal and time", build=_build_dark_by_time),
+)
