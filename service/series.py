@@ -9,15 +9,14 @@ import json
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import chain, islice
+from itertools import chain
 from typing import Annotated, Any, Final, Literal, get_args
 
-import numpy as np
 from fastapi import Request, Response
 from fastapi.responses import StreamingResponse
-from numpy.typing import NDArray
 from pydantic import Field
 
+from service.arrow import Kind, write_arrow
 from service.auth import Caller
 from service.context import Context
 from service.hosts import absolute
@@ -28,11 +27,10 @@ from service.routes import UNCHANGED
 from service.schemas.base import Answer, Form, Instant, Method, Text
 from service.tabular import FORMULA_STARTS
 from store.database import Database
-from store.ready.series import PAGE, Asked, Key, Page, Series
+from store.ready.series import Asked, Key, Page, Series, is_empty, is_text
 from store.software import read_version
 from store.tables import Camera
 
-Kind = Literal["text", "number", "count", "instant"]
 Shape = Literal["json", "csv", "arrow"]
 
 ROW_LIMIT: Final = 200_000
@@ -130,7 +128,7 @@ def answer_series(
         case "csv":
             content = gather(write_csv(pages, columns))
         case "arrow":
-            content = gather(_write_arrow(pages, columns))
+            content = write_arrow(pages, {column.name: column.kind for column in columns})
     if packed:
         headers["Content-Encoding"] = "gzip"
         content = _pack(content)
@@ -200,7 +198,7 @@ def _write_json(pages: Iterator[Page], columns: Sequence[Column], following: str
         cells: list[Sequence[str]] = []
         for column, read in zip(columns, page, strict=True):
             found, texts = read, column.kind in {"text", "instant"}
-            if not any(found):
+            if is_empty(found):
                 members.append(f'"{column.name}":{column.empty}')
             elif texts and found[0] == found[-1] and len(different := set(found)) == 1:
                 members.append(f'"{column.name}":{quote(*different).replace("%", "%%")}')
@@ -211,8 +209,10 @@ def _write_json(pages: Iterator[Page], columns: Sequence[Column], following: str
                 members.append(f'"{column.name}":%s')
                 if texts:
                     found = [quote(text) if text else column.empty for text in found]
-                elif "" in found:
-                    found = [text or column.empty for text in found]
+                elif is_text(found):
+                    found = [text or column.empty for text in found] if "" in found else found
+                elif None in found:
+                    found = [column.empty if cell is None else cell for cell in found]
                 cells.append(found)
         line = "{" + ",".join(members) + "}"
         rows = zip(*cells, strict=True) if cells else [()] * len(page[0])
@@ -228,7 +228,9 @@ def write_csv(pages: Iterator[Page], columns: Sequence[Column]) -> Iterator[byte
     writer.writerow([column.name for column in columns])
     for page in pages:
         for place, column in enumerate(columns):
-            if column.kind == "text" and not _STARTS.isdisjoint({text[:1] for text in page[place]}):
+            if not is_text(page[place]):
+                page[place] = ["" if cell is None else repr(cell) for cell in page[place]]
+            elif column.kind == "text" and not _STARTS.isdisjoint({text[:1] for text in page[place]}):
                 page[place] = [
                     f"'{text}" if text.startswith(FORMULA_STARTS) else text for text in page[place]
                 ]
@@ -248,67 +250,3 @@ def _is_plain(texts: Sequence[str], special: str) -> bool:
     """Return whether texts are ASCII without control characters and these ones."""
     joined = "".join(texts)
     return joined.isascii() and joined.isprintable() and not any(each in joined for each in special)
-
-
-def _write_arrow(pages: Iterator[Page], columns: Sequence[Column]) -> Iterator[bytes]:
-    """Write the stream format of Arrow: the schema, and a record batch for each page."""
-    import nanoarrow as na
-    from nanoarrow.ipc import StreamWriter
-
-    types = {
-        "text": na.string,
-        "number": na.float64,
-        "count": na.int64,
-        "instant": lambda: na.timestamp("us", "UTC"),
-    }
-    fields = [types[column.kind]() for column in columns]
-    schema = na.struct({column.name: field for column, field in zip(columns, fields, strict=True)})
-    nothing: Page = [()] * len(columns)
-    out = io.BytesIO()
-    with StreamWriter.from_writable(out) as writer:
-        # without a batch, no schema is written
-        batches = _merge(pages)
-        first = next(batches, nothing)
-        for page in chain([first], batches):
-            children = [
-                na.c_array_from_buffers(field, len(texts), _write_buffers(column.kind, texts))
-                for column, field, texts in zip(columns, fields, page, strict=True)
-            ]
-            writer.write_array(na.c_array_from_buffers(schema, len(page[0]), [None], children=children))
-            yield out.getvalue()
-            out.seek(0)
-            out.truncate()
-    yield out.getvalue()
-
-
-def _merge(pages: Iterator[Page]) -> Iterator[Page]:
-    """Join short pages: a record batch costs as much as some hundred rows of it."""
-    while some := list(islice(pages, 1)):
-        rows = len(some[0][0])
-        while rows < PAGE and (more := next(pages, None)) is not None:
-            some.append(more)
-            rows += len(more[0])
-        yield [list(chain.from_iterable(column)) for column in zip(*some, strict=True)]
-
-
-def _write_buffers(kind: Kind, texts: Sequence[str]) -> list[Any]:
-    """Write the cells of a column as Arrow's buffers: where there is one, and what it is."""
-    count = len(texts)
-    if not any(texts):
-        nothing, offsets = np.zeros((count + 7) // 8, np.uint8), np.zeros(count + 1, np.int32)
-        return [nothing, offsets, b""] if kind == "text" else [nothing, np.zeros(count, np.int64)]
-    present = np.array([bool(text) for text in texts], bool) if "" in texts else None
-    valid = None if present is None else np.packbits(present, bitorder="little")
-    if kind == "text":
-        joined = "".join(texts)
-        encoded = texts if joined.isascii() else [text.encode() for text in texts]
-        offsets = np.zeros(count + 1, np.int32)
-        np.cumsum(np.fromiter(map(len, encoded), np.int32, count), out=offsets[1:])
-        return [valid, offsets, joined.encode()]
-    values: NDArray[Any]
-    if kind == "instant":
-        values = np.array([text.removesuffix("Z") or "NaT" for text in texts], "M8[us]").view(np.int64)
-    else:
-        number, dtype = (float, np.float64) if kind == "number" else (int, np.int64)
-        values = np.fromiter((number(text or 0) for text in texts), dtype, count)
-    return [valid, values]

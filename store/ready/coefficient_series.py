@@ -140,7 +140,7 @@ def _arrange(parts: list[tuple[Any, list[Any]]]) -> Page:
     heads = [
         (
             *(version.camera_id, version.make, version.model_name, version.serial, version.method),
-            *(str(version.version), version.calibration_id),
+            *(version.version, version.calibration_id),
             *(write_instant(version.valid_from), write_instant(version.valid_to) if version.valid_to else ""),
             *(version.campaign_id, write_instant(version.computed_at)),
         )
@@ -151,13 +151,8 @@ def _arrange(parts: list[tuple[Any, list[Any]]]) -> Page:
     _, _, name, value, u, unit, iso, f_number, band, channel, model, flags = zip(
         *chain.from_iterable(rows for _, rows in parts), strict=True
     )
-    own = [
-        *(name, [*map(repr, value)], [*map(repr, u)], unit),
-        *(["" if each is None else repr(each) for each in column] for column in (iso, f_number)),
-        *([each or "" for each in column] for column in (band, channel)),
-        *(model, [*map(_join, flags)]),
-    ]
-    return [*same[:7], *own, *same[7:]]
+    words = [[each or "" for each in column] for column in (band, channel)]
+    return [*same[:7], name, value, u, unit, iso, f_number, *words, model, [*map(_join, flags)], *same[7:]]
 
 
 def _group(versions: Sequence[Any]) -> Iterator[list[Any]]:

@@ -10,8 +10,8 @@ from sqlalchemy.orm import Session
 
 from store.tables import Calibration, ReadyRow, Revocation
 
-Page = list[Sequence[str]]
-"""Some rows, column by column: cells as text; an absent one is empty."""
+Page = list[Sequence[Any]]
+"""Some rows, column by column: cells as text, an absent one empty; or as numbers, an absent one None."""
 Key = list[Any]
 """Place of a row in the order of its series, as JSON has it."""
 
@@ -56,6 +56,16 @@ class Series(Protocol):
 
     def read(self, *, after: Key | None, until: Key | None) -> Iterator[Page]:
         """Read the rows after one place up to another one."""
+
+
+def is_text(cells: Sequence[Any]) -> bool:
+    """Return True if a column has its cells as text."""
+    return type(cells[0]) is str
+
+
+def is_empty(cells: Sequence[Any]) -> bool:
+    """Return True if every cell of a column is absent."""
+    return not any(cells) if is_text(cells) else cells.count(None) == len(cells)
 
 
 def match_equal(row: Any, asked: Asked, *names: str) -> Iterator[ColumnElement[bool]]:  # noqa: ANN401
