@@ -4,6 +4,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
+# an image may forbid it: each process would then compile every module again, and `make up` take twice as long
+export PYTHONDONTWRITEBYTECODE =
 
 .PHONY: help demo up test quick faults chromium audit export verify verify-backup lint format fuzz bench docs architecture tables pictures examples release lock clean
 
@@ -17,8 +19,6 @@ up: $(VENV)/run  ## the whole service in the foreground, on ./stilb-data
 	@exec python -m service.up
 
 test quick: export OPENBLAS_NUM_THREADS = 1
-# an image may forbid it: each of the hundreds of processes would then compile every module again
-test quick: export PYTHONDONTWRITEBYTECODE =
 test: $(VENV)/dev chromium  ## every test, on SQLite and on PostgreSQL (FILE="tests/radiometry -k gls" runs some)
 	@$(if $(FILE),pytest -q $(FILE),pytest -q -n $$(($$(nproc) + 1)) --maxprocesses 8 --dist worksteal)
 

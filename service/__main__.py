@@ -38,6 +38,7 @@ from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers
 from store.settings import Settings, read_settings
 from store.usage import recount_all
 
+gc.freeze()
 gc.enable()
 
 log = logging.getLogger("stilb.service")
@@ -62,7 +63,6 @@ def build_context(settings: Settings) -> Context:
 
 
 def main() -> int:
-    gc.freeze()
     configure_logging()
     settings = read_settings()
     secret = settings.key.get_secret_value()

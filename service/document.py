@@ -100,7 +100,6 @@ def _add_body_problems(operation: Node) -> None:
     if "requestBody" in operation:
         for status in (400, 413):
             operation["responses"].setdefault(str(status), problems(status)[status])
-            operation["responses"][str(status)].pop("model", None)
 
 
 def _show_problems(operation: Node) -> None:

@@ -30,6 +30,7 @@ NO_DECODER_EXIT = 71
 if TYPE_CHECKING:
     from celery import Celery
 
+gc.freeze()
 gc.enable()
 
 log = logging.getLogger("stilb.worker")
@@ -93,7 +94,6 @@ def build_listener(settings: Settings, threads: JobThreads) -> "Celery":
 
 
 def main() -> int:
-    gc.freeze()
     # maps and regions take the same large blocks again and again
     share_one_arena()
     keep_memory()

@@ -25,6 +25,7 @@ from store.settings import Settings, read_settings
 from store.tables import Job
 from worker.scrub import Scrub
 
+gc.freeze()
 gc.enable()
 
 log = logging.getLogger(__name__)
@@ -52,7 +53,6 @@ def sweep_floor(blobs: Blobs, partials: Partials) -> None:
 
 
 def main() -> int:
-    gc.freeze()
     configure_logging()
     settings = read_settings()
     database = Database(settings.effective_database_url, answer_within_s=settings.database_timeout_s)

@@ -3,6 +3,7 @@
 import re
 from functools import cache
 from importlib.resources import files
+from statistics import median
 
 import numpy as np
 from numpy.typing import NDArray
@@ -215,7 +216,8 @@ def _parse(text: str, columns: int) -> Matrix:
 def _resample(wavelengths_nm: Vector, values: Vector) -> Vector:
     """Bring a curve to the grid; a finer one is averaged with a triangle, so that no line is lost."""
     fine = np.interp(_FINE_NM, wavelengths_nm, values, left=0.0, right=0.0)
-    if np.median(np.diff(wavelengths_nm)) < _STEP_NM:
+    # numpy's median loads masked arrays, a tenth of the service's start
+    if median(np.diff(wavelengths_nm).tolist()) < _STEP_NM:
         fine = np.convolve(fine, _TRIANGLE, mode="same")
     return fine[::_STEP_NM]
 

@@ -4,7 +4,6 @@ from typing import Any
 
 from fastapi import Depends, FastAPI
 
-from service.schemas.base import ProblemAnswer
 from service.strictness import check_request
 
 _MEANINGS = {
@@ -29,7 +28,6 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
     """Document the problems of a route; those that any route with a key can give are always among them."""
     return {
         status: {
-            "model": ProblemAnswer,
             "description": _MEANINGS[status],
             "content": {"application/problem+json": {}},
         }
