@@ -16,7 +16,15 @@ from store.queries.keys import find_ended_key, find_key, find_session_key
 from store.tables import ApiKey, Organisation
 
 Scope = Literal["read", "upload", "calibrate", "publish", "admin"]
-SCOPES: tuple[Scope, ...] = ("read", "upload", "calibrate", "publish", "admin")
+SCOPE_WORDS: dict[Scope, str] = {
+    "read": "view",
+    "upload": "send",
+    "calibrate": "calibrate",
+    "publish": "publish",
+    "admin": "manage keys",
+}
+"""What a key may do, as the pages name it."""
+SCOPES = tuple(SCOPE_WORDS)
 
 _SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 _bearer = HTTPBearer(auto_error=False, scheme_name="key", description="A key of your organisation.")

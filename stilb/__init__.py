@@ -19,6 +19,7 @@ from stilb.records import (
     Frame,
     Grid,
     Job,
+    Key,
     KnownFrame,
     Measurement,
     Meter,
@@ -30,6 +31,7 @@ from stilb.records import (
     Reading,
     Reason,
     Rig,
+    Session,
 )
 from stilb.upload import Progress, Upload
 
@@ -46,6 +48,7 @@ __all__ = [
     "Health",
     "Job",
     "JobFailed",
+    "Key",
     "KnownFrame",
     "Measurement",
     "Meter",
@@ -59,6 +62,7 @@ __all__ = [
     "Reading",
     "Reason",
     "Rig",
+    "Session",
     "Unclear",
     "Upload",
 ]

@@ -6,14 +6,17 @@ service learnt yesterday is within reach today. Times are aware datetimes.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
-from datetime import datetime
+from datetime import UTC, datetime
 from typing import Any, NotRequired, Self, TypedDict
 
 Polygon = Sequence[tuple[float, float]]
 Moment = datetime | str
 
 _QUANTITY = {"value", "standard_uncertainty", "unit"}
-_TIMES = frozenset({"computed_at", "created_at", "started_at", "taken_at", "valid_from", "valid_to"})
+_TIMES = frozenset(
+    {"computed_at", "created_at", "expires_at", "last_used_at", "revoked_at", "started_at", "taken_at"}
+    | {"valid_from", "valid_to"}
+)
 
 
 class LensDetails(TypedDict, total=False):
@@ -204,6 +207,48 @@ class Finding(Record):
     where: tuple[str, ...]
     sentence: str
     remedy: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Key(Record):
+    """A key of the organisation; ``secret`` only in the answer that made it."""
+
+    id: str
+    name: str
+    scopes: tuple[str, ...]
+    created_at: datetime
+    expires_at: datetime | None = None
+    last_used_at: datetime | None = None  # to ten minutes
+    revoked_at: datetime | None = None
+    secret: str | None = field(default=None, repr=False)
+
+    @property
+    def ended(self) -> bool:
+        """Whether it opens nothing any more."""
+        return self.revoked_at is not None or (
+            self.expires_at is not None and self.expires_at <= datetime.now(UTC)
+        )
+
+    @property
+    def state(self) -> str:
+        if self.revoked_at is not None:
+            return f"revoked {self.revoked_at:%Y-%m-%d}"
+        if self.expires_at is None:
+            return "in force"
+        return f"{'expired' if self.ended else 'expires'} {self.expires_at:%Y-%m-%d}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Session(Record):
+    """A browser that is signed in with a key."""
+
+    id: str
+    key_id: str
+    key_name: str
+    browser: str | None = None  # as it names itself
+    created_at: datetime
+    expires_at: datetime
+    last_used_at: datetime | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

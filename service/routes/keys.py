@@ -16,7 +16,7 @@ from service.problems import Problem, invalid
 from service.routes import problems
 from service.schemas.keys import KeyAnswer, NewKey, NewOrganisation, OrganisationAnswer, OwnKeyAnswer
 from store.columns import utc_now
-from store.queries.keys import create_key, end_sessions, new_secret
+from store.queries.keys import create_key, end_sessions, has_other_admin, new_secret
 from store.tables import ApiKey, Organisation
 
 router = APIRouter(prefix="/v1", tags=["keys"])
@@ -67,12 +67,19 @@ def get_own_key(caller: Annotated[Caller, Depends(get_caller)], context: UsesCon
         return OwnKeyAnswer.restate(key, organisation=organisation).respond()
 
 
-@router.delete("/keys/{key_id}", response_model=KeyAnswer, responses=problems(404))
+@router.delete("/keys/{key_id}", response_model=KeyAnswer, responses=problems(404, 409))
 def revoke_key(key_id: Id, caller: Admin, writing: Writes) -> Response:
-    """Revoke a key at once, and end the sessions opened with it. It stays in the record."""
+    """Revoke a key at once, and end the sessions opened with it. It stays in the record.
+
+    The last key in force with the scope `admin` cannot be revoked: make another one first.
+    """
 
     def change(session: Session) -> Reply:
         key = owned(session, ApiKey, key_id, caller)
+        if key.revoked_at is None and not has_other_admin(session, key):
+            raise Problem(
+                interface.CONFLICT, "This is the last key that can manage keys. Make another first."
+            )
         end_sessions(session, key)
         key.revoked_at = key.revoked_at or utc_now()
         session.flush()

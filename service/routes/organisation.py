@@ -28,12 +28,12 @@ def get_organisation(caller: Reader, context: UsesContext) -> Any:  # noqa: ANN4
 
 @router.patch("", response_model=OwnOrganisationAnswer, responses=problems())
 def change_organisation(body: OrganisationChange, caller: Admin, writing: Writes) -> Response:
-    """Set the address that certificates name, and whether an incomplete certificate may be published."""
+    """Set the address on certificates ("" for none), and whether incomplete ones may be published."""
 
     def change(session: Session) -> Reply:
         organisation = session.get_one(Organisation, caller.organisation_id)
         for name, value in body.model_dump(exclude_unset=True).items():
-            setattr(organisation, name, value)
+            setattr(organisation, name, None if value == "" else value)
         session.flush()
         return Reply(status=200, body=OwnOrganisationAnswer.restate(organisation))
 

@@ -3,7 +3,7 @@
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Query, Response
-from sqlalchemy import select
+from sqlalchemy import Select, select
 from sqlalchemy.orm import Session
 
 from service.auth import Caller, get_caller
@@ -14,7 +14,7 @@ from service.paging import Page, UsesPaging
 from service.problems import not_found
 from service.routes import problems
 from service.schemas.base import Text
-from service.schemas.keys import SessionAnswer
+from service.schemas.keys import EndedSessions, SessionAnswer
 from store.columns import utc_now
 from store.queries.keys import is_open
 from store.tables import ApiKey, WebSession
@@ -22,27 +22,30 @@ from store.tables import ApiKey, WebSession
 router = APIRouter(prefix="/v1/sessions", tags=["keys"])
 
 AnyCaller = Annotated[Caller, Depends(get_caller)]
+OfKey = Annotated[Text | None, Query(description="Only those opened with this key.")]
 
 
 @router.get("", response_model=Page[SessionAnswer], responses=problems())
 def list_sessions(
-    paging: UsesPaging,
-    caller: AnyCaller,
-    context: UsesContext,
-    key_id: Annotated[Text | None, Query(description="Only those opened with this key.")] = None,
+    paging: UsesPaging, caller: AnyCaller, context: UsesContext, key_id: OfKey = None
 ) -> Response:
     """The browsers that are signed in with your key; for an admin, with any key of the organisation."""
-    rows = (
-        select(WebSession)
-        .join(ApiKey, ApiKey.id == WebSession.key_id)
-        .where(WebSession.organisation_id == caller.organisation_id, *is_open(), ApiKey.revoked_at.is_(None))
-    )
-    if not _is_admin(caller):
-        rows = rows.where(WebSession.key_id == caller.key_id)
-    if key_id is not None:
-        rows = rows.where(WebSession.key_id == key_id)
+    rows = _select(caller, key_id)
     with context.database.reading() as session:
         return paging.send(session, rows, lambda found: [_answer(session, row, caller) for row in found])
+
+
+@router.delete("", response_model=EndedSessions, responses=problems())
+def end_other_sessions(caller: AnyCaller, writing: Writes, key_id: OfKey = None) -> Response:
+    """End every session that the list shows, except the one that asks."""
+
+    def change(session: Session) -> Reply:
+        others = [row for row in session.scalars(_select(caller, key_id)) if row.id != caller.session_id]
+        for row in others:
+            row.ended_at = utc_now()
+        return Reply(status=200, body=EndedSessions(ended=len(others)))
+
+    return writing.run(caller, change)
 
 
 @router.delete("/{session_id}", response_model=SessionAnswer, responses=problems(404))
@@ -58,6 +61,17 @@ def end_session(session_id: Id, caller: AnyCaller, writing: Writes) -> Response:
         return Reply(status=200, body=_answer(session, row, caller))
 
     return writing.run(caller, change)
+
+
+def _select(caller: Caller, key_id: str | None) -> Select[WebSession]:
+    rows = (
+        select(WebSession)
+        .join(ApiKey, ApiKey.id == WebSession.key_id)
+        .where(WebSession.organisation_id == caller.organisation_id, *is_open(), ApiKey.revoked_at.is_(None))
+    )
+    if not _is_admin(caller):
+        rows = rows.where(WebSession.key_id == caller.key_id)
+    return rows if key_id is None else rows.where(WebSession.key_id == key_id)
 
 
 def _is_admin(caller: Caller) -> bool:

@@ -59,3 +59,7 @@ class SessionAnswer(
 
     key_name: str
     current: bool = Field(description="Whether it is the one that asks.")
+
+
+class EndedSessions(Answer):
+    ended: int = Field(ge=0, description="How many sessions were ended.")

@@ -2,14 +2,14 @@
 
 from pydantic import Field
 
-from service.schemas.base import Answer, Form, LongText
+from service.schemas.base import Answer, ClearableLong, Form
 from store.settings import Settings
 from store.tables import Organisation
 from store.usage import Quotas, Used
 
 
 class OrganisationChange(Form):
-    address: LongText | None = None
+    address: ClearableLong | None = None
     refuses_incomplete_certificates: bool | None = Field(
         default=None,
         description="Publishing answers 409 `certificate_incomplete` while a certificate has gaps.",

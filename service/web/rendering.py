@@ -10,7 +10,7 @@ from fastapi import Depends, Request
 from fastapi.responses import HTMLResponse
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from service.auth import Caller, find_session
+from service.auth import SCOPE_WORDS, Caller, find_session
 from service.context import UsesContext
 from service.web.assets import Assets
 from service.web.headers import CONTENT_POLICY
@@ -36,6 +36,7 @@ def build_environment(assets: Assets) -> Environment:
         lstrip_blocks=True,
     )
     environment.globals["asset"] = assets.url
+    environment.globals["scope_words"] = SCOPE_WORDS
     environment.globals["imported"] = cache(assets.imported)
     return environment
 

@@ -13,6 +13,7 @@ from stilb.commands import (
     coefficients,
     doctor,
     jobs,
+    keys,
     measurements,
     motion,
     push,
@@ -54,6 +55,7 @@ def _start(
 app.command("login")(session.login)
 app.command("logout")(session.logout)
 app.command("whoami")(session.whoami)
+app.add_typer(keys.app, name="key")
 app.add_typer(campaign.app, name="campaign")
 app.command("push")(push.push)
 app.command("roi")(calibration.roi)

@@ -53,6 +53,13 @@ def find_ended_key(session: Session, secret: str) -> ApiKey | None:
     return session.scalar(select(ApiKey).where(ApiKey.sha256 == _hash(secret), not_(and_(*_in_force()))))
 
 
+def has_other_admin(session: Session, key: ApiKey) -> bool:
+    """Return True if the organisation can manage its keys without this one."""
+    mine = ApiKey.organisation_id == key.organisation_id
+    scopes = session.scalars(select(ApiKey.scopes).where(mine, ApiKey.id != key.id, *_in_force()))
+    return "admin" not in key.scopes or any("admin" in each for each in scopes)
+
+
 def find_session_key(session: Session, session_id: str) -> tuple[WebSession, ApiKey, Organisation] | None:
     """A browser's session that has not ended, with the key that it was opened with."""
     row = session.execute(

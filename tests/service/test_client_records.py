@@ -18,6 +18,7 @@ ANSWERS = {
     records.Comparison: "ContrastAnswer",
     records.Frame: "FrameAnswer",
     records.Job: "JobAnswer",
+    records.Key: "KeyAnswer",
     records.KnownFrame: "KnownFrame",
     records.Measurement: "MeasurementAnswer",
     records.Meter: "MeterAnswer",
@@ -25,6 +26,7 @@ ANSWERS = {
     records.Panel: "PanelAnswer",
     records.Reason: "ReasonAnswer",
     records.Rig: "RigAnswer",
+    records.Session: "SessionAnswer",
 }
 FORMS = {
     records.CameraDetails: "NewCamera",

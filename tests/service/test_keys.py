@@ -82,6 +82,15 @@ def test_a_revoked_key_is_refused_at_once_and_stays_in_the_record(house):
     assert kept["revoked_at"]
 
 
+def test_the_last_key_that_manages_keys_stays(stranger):
+    (only,) = (key for key in stranger.get("/v1/keys").json()["items"] if "admin" in key["scopes"])
+    refused = stranger.delete(f"/v1/keys/{only['id']}")
+    assert (refused.status_code, refused.json()["code"]) == (409, "conflict")
+    soon = (utc_now() + timedelta(days=1)).isoformat()
+    stranger.post("/v1/keys", json=KEY | {"scopes": ["admin"], "expires_at": soon})
+    assert stranger.delete(f"/v1/keys/{only['id']}").json()["revoked_at"]
+
+
 def test_a_secret_is_shown_once_and_kept_nowhere(house):
     headers = {"Idempotency-Key": "once"}
     first = house.http.post("/v1/keys", json=KEY, headers=headers).json()

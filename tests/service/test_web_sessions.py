@@ -239,8 +239,25 @@ def test_only_an_admin_sees_and_ends_those_of_others(house, visitor):
     with house.with_key(made[1]["secret"]) as other:
         assert other.get("/v1/sessions").json()["items"] == []
         assert other.delete(f"/v1/sessions/{seen['id']}").json()["code"] == "not_found"
+        assert other.delete("/v1/sessions").json() == {"ended": 0}
     assert visitor.get("/v1/cameras").status_code == 200
     assert house.http.delete(f"/v1/sessions/{seen['id']}").status_code == 200
+    assert visitor.get("/v1/cameras").status_code == 401
+
+
+def test_all_other_sessions_end_at_once(house, visitor):
+    made = house.post("/v1/keys", {"name": "tablet", "scopes": ["read"]})
+    with house.with_key("none") as elsewhere:
+        del elsewhere.headers["Authorization"]
+        for browser in (elsewhere, visitor):
+            sign_in(browser, made["secret"])
+        ended = visitor.delete("/v1/sessions", headers={"X-CSRF-Token": token_of(house, visitor)})
+        assert ended.json() == {"ended": 1}
+        assert (elsewhere.get("/v1/cameras").status_code, visitor.get("/v1/cameras").status_code) == (
+            401,
+            200,
+        )
+    assert house.http.delete("/v1/sessions", params={"key_id": made["id"]}).json() == {"ended": 1}
     assert visitor.get("/v1/cameras").status_code == 401
 
 

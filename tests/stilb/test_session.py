@@ -5,6 +5,7 @@ import stat
 
 import pytest
 
+import stilb
 from stilb.commands.exits import Exit
 
 
@@ -67,6 +68,21 @@ def test_whoami_and_logout(signed_in, team, config):
     assert (ended.code, ended.out) == (Exit.USAGE, "")
     assert "Sign in first: stilb login URL" in ended.err
     assert signed_in("logout", "--json").json == {"signed_out": False}
+
+
+def test_keys_are_made_listed_and_revoked(signed_in, team):
+    made = signed_in("key", "create", "tablet", "--scope", "read", "--expires", "2090-01-01")
+    assert made.out.startswith("stilb_")
+    assert "not shown again" in made.err
+    assert "expires 2090-01-01" in signed_in("key", "list").out
+    assert signed_in("key", "revoke", "nobody").code == Exit.NOT_FOUND
+    with stilb.Client(team.url, made.out.strip(), retries=0) as tablet:
+        assert tablet.own_key().name == "tablet"
+        assert [*tablet.sessions()] == []
+        assert tablet.end_sessions() == 0
+    assert "is revoked" in signed_in("key", "revoke", "tablet").out
+    listed = signed_in("key", "list", "--all", "--json").json["items"]
+    assert [each["name"] for each in listed if "revoked_at" in each] == ["tablet"]
 
 
 def test_the_kept_key_goes_to_no_other_service(signed_in, service):

@@ -11,6 +11,7 @@ from service.web.pages import (
     home,
     jobs,
     measurements,
+    organisation,
     rigs,
     sign_in,
 )
@@ -29,5 +30,6 @@ def include_pages(app: FastAPI) -> None:
         calibrations,
         measurements,
         jobs,
+        organisation,
     ):
         app.include_router(module.router)

@@ -4,11 +4,11 @@ import { h } from "./dom.js";
 import { act } from "./states.js";
 
 /**
- * ask({title, body?, fields: [{name, label, type?, hint?, value?, required?, options?}], submit: "Publish", danger?,
- *      action: async (values) => ...}) shows a form; the action runs on submit, and its problem is shown in the dialog.
+ * ask({title, body?, fields: [{name, label, type?, hint?, value?, required?, options?}], after?, submit: "Publish",
+ *      danger?, action: async (values) => ...}) shows a form; the action runs on submit, and its problem is shown in the dialog.
  * Answers what the action gave, or undefined when it was closed.
  */
-export function ask({ title, body, fields = [], submit, danger = false, action }) {
+export function ask({ title, body, fields = [], after, submit, danger = false, action }) {
   return new Promise((done) => {
     let result;
     const button = h("button", { type: "submit", class: danger ? "danger" : "primary" }, submit);
@@ -18,6 +18,7 @@ export function ask({ title, body, fields = [], submit, danger = false, action }
       h("h2", {}, title),
       body,
       fields.map(field),
+      after,
       h("div", { class: "actions" }, h("button", { type: "button", onclick: () => dialog.close() }, "Cancel"), button),
     );
     const dialog = h("dialog", { "aria-label": title, onclose: () => (dialog.remove(), done(result)) }, form);

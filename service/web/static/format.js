@@ -74,6 +74,9 @@ export function time(instant) {
 /** The service's own sentences write times for machines: 2026-05-01T08:00:00Z becomes 2026-05-01 08:00 UTC. */
 export const sayTimes = (text) => text.replace(/(\d{4}-\d\d-\d\d)T(\d\d:\d\d)(?::\d\d(?:\.\d+)?)?(?:Z|\+00:00)/g, "$1 $2 UTC");
 
+/** The one order of names: DJI_9 before DJI_10. */
+export const natural = new Intl.Collator(undefined, { numeric: true }).compare;
+
 /** How long ago: "3 days ago". */
 export function ago(instant, now = Date.now()) {
   const seconds = (now - new Date(instant).getTime()) / 1000;

@@ -1,0 +1,108 @@
+// The keys of the organisation: what each may do, until when, and when it was last used.
+
+import { all, get, post, send } from "../api.js";
+import { ask } from "../ask.js";
+import { small } from "../causes.js";
+import { byId, fill, h, may, table, toast } from "../dom.js";
+import { ago, day, natural, tag, time } from "../format.js";
+import { mark } from "../marks.js";
+import { empty, load } from "../states.js";
+import { showSessions } from "./sessions.js";
+
+const DAY_MS = 86400000;
+const IDLE_DAYS = 180;
+const SOON_DAYS = 30;
+const SCOPES = Object.fromEntries(JSON.parse(byId("main").dataset.scopes));
+
+let shown = "active";
+
+const own = get("/v1/keys/own");
+const show = () => load(byId("keys"), async () => [may("admin") ? await all("/v1/keys") : [await own], (await own).id], draw);
+
+function draw([keys, ownId]) {
+  const [active, ended] = [keys.filter((key) => !isEnded(key)), keys.filter(isEnded)];
+  const bar = byId("shown");
+  bar.hidden = !ended.length;
+  fill(bar, ...[["active", "Active", active], ["ended", "Ended", ended]].map(([name, label, some]) => h("button", { type: "button", "aria-pressed": String(shown === name), onclick: () => ((shown = name), show()) }, label, " ", h("small", {}, String(some.length)))));
+  const listed = (shown === "ended" ? ended : active).sort((a, b) => natural(a.name, b.name));
+  if (!listed.length) return empty("No keys");
+  const columns = [
+    { head: "Key", header: true, cell: (key) => [mark(judge(key)), " ", key.name, h("span", { class: "sub" }, key.id === ownId ? "your key" : `made ${day(key.created_at)}`)] },
+    { head: "Permissions", cell: (key) => h("span", { class: "chips" }, Object.entries(SCOPES).filter(([scope]) => key.scopes.includes(scope)).map(([, word]) => h("span", { class: "chip" }, word))) },
+    { head: "Expires", cell: expiry },
+    { head: "Last used", cell: (key) => (key.last_used_at ? h("time", { datetime: key.last_used_at, title: `${key.last_used_at}, to ten minutes` }, ago(key.last_used_at)) : h("span", { class: "muted" }, "never used")) },
+  ];
+  if (shown === "ended") columns.push({ head: "Revoked", cell: (key) => time(key.revoked_at) });
+  else if (may("admin")) columns.push({ head: "", class: "number", cell: (key) => (key.id === ownId ? "" : small("Revoke…", () => revoke(key), { class: "small-button danger", "aria-label": `Revoke ${key.name}` })) });
+  const notes = [
+    listed.some(isIdle) ? h("p", { class: "small muted" }, mark("warn"), ` Not used for ${IDLE_DAYS} days: revoke it if it is no longer needed.`) : null,
+    may("admin") ? null : h("p", { class: "small muted" }, "To get another key or permission, ask an administrator of your organisation."),
+  ];
+  return [table(columns, listed, { caption: shown === "ended" ? "Ended keys" : "Keys", stack: true }), notes];
+}
+
+const daysSince = (instant) => (Date.now() - new Date(instant)) / DAY_MS;
+const isEnded = (key) => Boolean(key.revoked_at) || (key.expires_at && daysSince(key.expires_at) >= 0);
+const isIdle = (key) => !isEnded(key) && daysSince(key.last_used_at ?? key.created_at) > IDLE_DAYS;
+const judge = (key) => (isEnded(key) ? "out" : isIdle(key) ? "warn" : key.last_used_at ? "good" : "wait");
+
+function expiry(key) {
+  if (!key.expires_at) return h("span", { class: "muted" }, "never");
+  const left = -daysSince(key.expires_at);
+  const said = h("time", { datetime: key.expires_at, title: key.expires_at, class: "nowrap" }, day(key.expires_at));
+  return !isEnded(key) && left < SOON_DAYS ? [said, " ", tag(ago(key.expires_at), "warn")] : said;
+}
+
+async function make() {
+  const inAYear = new Date(Date.now() + 365 * DAY_MS).toISOString().slice(0, 10);
+  const box = ([scope, word]) => h("label", { class: "check" }, h("input", { type: "checkbox", name: `scope-${scope}`, checked: scope === "read" }), word);
+  const key = await ask({
+    title: "New key",
+    fields: [
+      { name: "name", label: "Name", hint: "Of the person, device or program that uses it. The history names it.", maxlength: 200 },
+      { name: "expires_on", label: "Last day (UTC)", type: "date", value: inAYear, required: false, hint: "Empty: valid until it is revoked." },
+    ],
+    after: h("fieldset", {}, h("legend", {}, "Permissions"), Object.entries(SCOPES).map(box)),
+    submit: "Make key",
+    action: ({ name, expires_on, ...ticked }) => {
+      const scopes = Object.keys(SCOPES).filter((scope) => ticked[`scope-${scope}`]);
+      return post("/v1/keys", { name, scopes, ...(expires_on ? { expires_at: `${expires_on}T23:59:59Z` } : {}) });
+    },
+  });
+  if (!key) return;
+  tellSecret(key);
+  shown = "active";
+  await show();
+}
+
+/** The only time that the secret is there. */
+function tellSecret(key) {
+  const secret = h("code", { tabindex: "0" }, key.secret);
+  const copy = small("Copy", async () => {
+    getSelection().selectAllChildren(secret);
+    // without https there is no clipboard: what is selected can be copied by hand
+    await navigator.clipboard?.writeText(key.secret);
+    toast(navigator.clipboard ? "Copied." : "Selected: copy it with the keyboard.");
+  });
+  const box = h("div", { class: "note good" }, h("p", {}, h("strong", {}, `Key “${key.name}” is made.`), " Copy it now; it is not shown again."), h("p", { class: "secret" }, secret, copy, small("I have saved it", () => fill(byId("made")), { quiet: true })));
+  fill(byId("made"), box);
+  copy.focus();
+}
+
+async function revoke(key) {
+  const ended = await ask({
+    title: `Revoke “${key.name}”?`,
+    body: h("p", {}, "It opens nothing from now on, and browsers signed in with it are signed out. This cannot be undone."),
+    submit: "Revoke key",
+    danger: true,
+    action: async () => (await send("DELETE", `/v1/keys/${key.id}`)).json(),
+  });
+  if (!ended) return;
+  toast(`“${key.name}” is revoked.`);
+  await Promise.all([show(), showSessions()]);
+}
+
+byId("new-key").hidden = !may("admin");
+byId("new-key").addEventListener("click", make);
+show();
+showSessions();

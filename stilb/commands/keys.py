@@ -1,0 +1,54 @@
+"""Keys of the organisation."""
+
+from typing import Annotated
+
+import typer
+
+from stilb.commands.moments import read_moment
+from stilb.commands.output import Output, command
+from stilb.commands.tables import table
+
+app = typer.Typer(no_args_is_help=True, help="Manage the keys of your organisation.")
+
+
+@app.command("list")
+@command
+def list_keys(
+    output: Output, *, every: Annotated[bool, typer.Option("--all", help="Also those that ended.")] = False
+) -> None:
+    """Show keys with scopes, end and last use."""
+    with output.client() as client:
+        found = [key for key in client.api_keys() if every or not key.ended]
+    rows = [
+        (key.name, ", ".join(key.scopes), key.state, f"{key.last_used_at or 'never'}", key.id)
+        for key in found
+    ]
+    output.answer(
+        {"items": [key.raw for key in found]}, table(("name", "scopes", "state", "last used", "key"), rows)
+    )
+
+
+@app.command("create")
+@command
+def create_key(
+    output: Output,
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Person or device that uses it.")],
+    scope: Annotated[list[str], typer.Option(help="read, upload, calibrate, publish, admin; repeatable.")],
+    expires: Annotated[str | None, typer.Option(help="Day, or time with its zone.")] = None,
+) -> None:
+    """Make a key and print its secret, once."""
+    with output.client() as client:
+        made = client.create_key(name, scope, expires_at=read_moment(expires))
+    output.note(f"Key {made.name!r} ({made.id}) was made. The secret is not shown again:")
+    output.answer(made.raw, str(made.secret))
+
+
+@app.command("revoke")
+@command
+def revoke_key(
+    output: Output, named: Annotated[str, typer.Argument(metavar="KEY", help="Its id or name.")]
+) -> None:
+    """Revoke a key and end its sessions."""
+    with output.client() as client:
+        ended = client.revoke_key(named)
+    output.answer(ended.raw, f"Key {ended.name!r} ({ended.id}) is revoked")
