@@ -192,6 +192,12 @@ def _survey(stage: Stage, http: httpx.Client, version: stilb.Calibration) -> Non
     corners = [(60.0, 60.0), (560.0, 60.0), (560.0, 380.0), (60.0, 380.0)]
     client.set_roi(survey, polygon=corners)
     frames = client.push(survey, sorted(folder.glob("*.DNG"))[1:4], role="field")
+    files = [
+        {"name": path.name, "size_bytes": path.stat().st_size, "sha256": frame.sha256}
+        for path, frame in zip(sorted(folder.glob("*.DNG"))[1:4], frames, strict=True)
+    ]
+    others = [{"name": "MISC/log.txt", "size_bytes": 2048}]
+    _post(http, f"campaigns/{survey}/manifest", {"files": files, "others": others})
     for frame in frames:
         client.wait(str(frame.job_id))
     grid: stilb.Grid = {"corners": corners, "rows": 2, "columns": 3}

@@ -26,6 +26,7 @@ from service.launch.key import refuse_weak_key
 from service.launch.refusal import Refusal, report
 from service.sessions import sessions_of
 from service.shutdown import Server, Traffic
+from service.signing import read_seed
 from service.vitals import Vitals
 from store.blobs import blobs_from_url
 from store.broker import Hints
@@ -70,6 +71,7 @@ def main() -> int:
         close_to_others(settings.data.absolute(), report)
         if secret:
             refuse_weak_key(secret, "STILB_KEY")
+        read_seed(settings)
     except Refusal as refusal:
         report(str(refusal))
         return refusal.code
@@ -86,6 +88,7 @@ def main() -> int:
             ensure_operator(session, secret, list(SCOPES))
     with context.database.writing("service") as session:
         recount_all(session)
+    context.signer.enrol()
     app = build_app(context)
     # What is loaded by now stays: collecting garbage need not walk through it in the middle of answers.
     gc.collect()

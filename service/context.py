@@ -14,6 +14,7 @@ from service.job_watch import JobWatch
 from service.rates import Rates
 from service.sessions import Sessions
 from service.shutdown import Traffic
+from service.signing import Signer, read_seed
 from service.together import Together
 from service.uses import STEP, Uses
 from store.blobs import Blobs
@@ -69,6 +70,10 @@ class Context:
     @cached_property
     def uses(self) -> Uses:
         return Uses(self.database)
+
+    @cached_property
+    def signer(self) -> Signer:
+        return Signer(read_seed(self.settings), self.database)
 
     @cached_property
     def lookups(self) -> Lookups:

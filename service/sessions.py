@@ -58,10 +58,11 @@ class Sessions:
 def sessions_of(settings: Settings) -> Sessions:
     """The secret is the given one, else the one kept in the data folder, made at the first start."""
     given = settings.session_secret.get_secret_value()
-    return Sessions(given.encode() if given else _kept_secret(settings.data / "session-secret"))
+    return Sessions(given.encode() if given else keep_secret(settings.data / "session-secret"))
 
 
-def _kept_secret(path: Path) -> bytes:
+def keep_secret(path: Path) -> bytes:
+    """Read 32 random bytes that only this user may read; made at the first call."""
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
         draft = path.with_name(f"{path.name}.{os.getpid()}")

@@ -6,11 +6,14 @@ from stilb.resources.coefficients import Coefficients
 from stilb.resources.frames import Frames
 from stilb.resources.measurements import Measurements
 from stilb.resources.organisation import Organisation
+from stilb.resources.receipts import Receipts
 from stilb.resources.rigs import Rigs
 from stilb.resources.system import System
 
 
-class Client(Rigs, Coefficients, Calibrations, Campaigns, Frames, Measurements, Organisation, System):
+class Client(
+    Rigs, Coefficients, Calibrations, Campaigns, Frames, Measurements, Organisation, Receipts, System
+):
     """A connection to one calibration service, for one key. Use it as a context manager.
 
     ``timeout`` is how long one silence of the service may last [s]. What is safe to send twice is sent again

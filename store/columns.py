@@ -27,6 +27,7 @@ Prefix = Literal[
     "prt",
     "ses",
     "rig",
+    "man",
 ]
 
 

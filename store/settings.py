@@ -38,6 +38,7 @@ class Settings(BaseSettings):
     workers: int = Field(default=1, ge=1, le=64)
     key: SecretStr = SecretStr("")
     session_secret: SecretStr = SecretStr("")
+    signing_key: SecretStr = SecretStr("")
     cors_origins: str = ""
     allowed_hosts: str = ""
     database_url: str = ""

@@ -228,6 +228,13 @@ CAMPAIGN_INCOMPLETE = _refusal(
     "too few scenes.",
     "Wait for the frames' jobs, or add what is missing.",
 )
+MANIFEST_INCOMPLETE = _refusal(
+    409,
+    "manifest_incomplete",
+    "Files of the manifest are not stored, or no manifest was sent. `missing` names up to 100 of them, each "
+    "with its reason. Keep the card.",
+    "Send these files, then ask for the receipt again.",
+)
 PANEL_DIFFERS = Finding(
     "panel_differs",
     "error",

@@ -70,6 +70,7 @@ def include_routes(app: FastAPI) -> None:
         keys,
         known,
         looks,
+        manifests,
         map_values,
         measurement_lists,
         measurements,
@@ -89,6 +90,7 @@ def include_routes(app: FastAPI) -> None:
 
     app.include_router(coefficients.ready_router, dependencies=[Depends(check_request)])
     app.include_router(system.router)
+    app.include_router(manifests.keys_router, dependencies=[Depends(check_request)])
     for module in (
         keys,
         sessions,
@@ -103,6 +105,7 @@ def include_routes(app: FastAPI) -> None:
         grid,
         uploads,
         looks,
+        manifests,
         calibrations,
         methods,
         exports,

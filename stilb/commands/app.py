@@ -17,6 +17,7 @@ from stilb.commands import (
     measurements,
     motion,
     push,
+    receipt,
     rig,
     session,
 )
@@ -58,6 +59,7 @@ app.command("whoami")(session.whoami)
 app.add_typer(keys.app, name="key")
 app.add_typer(campaign.app, name="campaign")
 app.command("push")(push.push)
+app.add_typer(receipt.app, name="receipt")
 app.command("roi")(calibration.roi)
 app.command("calibrate")(calibration.calibrate)
 app.command("publish")(calibration.publish)

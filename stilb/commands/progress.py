@@ -81,4 +81,6 @@ def lines(report: Report) -> Iterator[str]:
             yield from (f"    {reason}" for reason in file.reasons)
     if report.left_out:
         yield f"left out, no rule fits: {', '.join(report.left_out)}"
+    if report.receipt:
+        yield f"receipt: {report.receipt}"
     yield report.sentence()

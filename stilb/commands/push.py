@@ -1,6 +1,7 @@
 """Upload of frames from a folder or a card to a campaign."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from time import sleep
@@ -11,6 +12,7 @@ import typer
 from stilb.commands.exits import Exit
 from stilb.commands.output import Output, command, config_folder
 from stilb.commands.progress import lines, showing, tell_retry
+from stilb.commands.receipt import write_receipt
 from stilb.field.campaign import find_planned
 from stilb.field.files import ROLES, USUAL_RULES, FieldFile, Rule, sort_files
 from stilb.field.journal import Journal
@@ -30,7 +32,7 @@ Every = Annotated[float, typer.Option(min=0.1, help="With --watch: seconds betwe
 
 
 @command
-def push(
+def push(  # noqa: PLR0913  each is an option
     output: Output,
     folder: Folder,
     campaign: Annotated[
@@ -42,22 +44,27 @@ def push(
     watch: Annotated[bool, typer.Option("--watch", help="Follow the folder until Ctrl-C.")] = False,
     every: Every = 2.0,
     wait: Wait = True,
+    receipt: Annotated[Path | None, typer.Option(help="Where to write the receipt.")] = None,
 ) -> None:
     """Send the frames of a folder that are not yet uploaded.
 
     It ends with how they are. The same command again goes on where it was. What each file is follows from
     --role, from campaign.toml, or from its folder: dark/, field/, ... by name, any other folder is a light
-    level.
+    level. When every file has arrived it writes a signed receipt: stilb receipt verify.
     """
     list_files = _lister(folder, role, scene)
     campaign_id = _campaign_id(output, folder, campaign)
     if watch:
-        follow(output, folder, campaign_id, lambda: list_files()[0], every_s=every, wait=wait)
+        follow(
+            output, folder, campaign_id, lambda: list_files()[0], every_s=every, wait=wait, receipt=receipt
+        )
         return
     files, left_out = list_files()
     if not files:
         raise Unclear(f"No file in {folder} matches a rule. {_how(left_out)}")
-    finish(output, transfer(output, folder, campaign_id, files, left_out=left_out, wait=wait))
+    finish(
+        output, transfer(output, folder, campaign_id, files, left_out=left_out, wait=wait, receipt=receipt)
+    )
 
 
 def transfer(
@@ -68,8 +75,10 @@ def transfer(
     *,
     left_out: Sequence[str] = (),
     wait: bool = True,
+    receipt: Path | None = None,
+    attest: bool = True,
 ) -> Report:
-    """Bring files to a campaign, patiently, before a person's eyes."""
+    """Bring files to a campaign, patiently, before a person's eyes; then write the receipt."""
     journal = Journal.of(folder, config_folder() / "journals")
     on_retry = partial(tell_retry, output.err)
     with (
@@ -77,7 +86,9 @@ def transfer(
         showing(output.err) as listener,
     ):
         report = push_files(client, campaign_id, files, journal, listener=listener, wait=wait)
-    return Report(campaign_id=campaign_id, files=report.files, sent=report.sent, left_out=tuple(left_out))
+        whole = attest and 0 < len(report.files) == report.received
+        path = write_receipt(output, client, folder, report, receipt) if whole else None
+    return replace(report, left_out=tuple(left_out), receipt=str(path) if path else None)
 
 
 def finish(output: Output, report: Report) -> None:
@@ -95,6 +106,7 @@ def follow(
     *,
     every_s: float,
     wait: bool,
+    receipt: Path | None,
 ) -> None:
     """Send files as they arrive, until it is stopped; then print the sum."""
     watch, sent = Watch(list_files), dict[Path, FieldFile]()
@@ -111,8 +123,8 @@ def follow(
                     output.note("\n".join(lines(report)))
             sleep(every_s)
     except KeyboardInterrupt:
-        report = transfer(output, folder, campaign_id, list(sent.values()), wait=wait)
-        finish(output, Report(campaign_id=campaign_id, files=report.files, sent=total + report.sent))
+        report = transfer(output, folder, campaign_id, list(sent.values()), wait=wait, receipt=receipt)
+        finish(output, replace(report, sent=total + report.sent))
 
 
 def _try_transfer(
@@ -120,7 +132,7 @@ def _try_transfer(
 ) -> Report | None:
     """A network that is lost in between comes back; whoever watches does not want to start again."""
     try:
-        return transfer(output, folder, campaign_id, files)
+        return transfer(output, folder, campaign_id, files, attest=False)
     except Problem as problem:
         if not problem.retryable:
             raise

@@ -48,6 +48,8 @@ class Report:
     files: tuple[Told, ...]
     sent: int
     left_out: tuple[str, ...] = ()
+    receipt: str | None = None
+    """Where it was written."""
 
     @property
     def received(self) -> int:
@@ -226,4 +228,5 @@ def as_json(report: Report) -> dict[str, Any]:
             for file in report.files
         ],
         "left_out": [*report.left_out],
+        **({"receipt": report.receipt} if report.receipt else {}),
     }

@@ -11,6 +11,7 @@ from store.tables.kept import CampaignReview, FrameVerdict, Rendering
 from store.tables.measurement import Measurement
 from store.tables.part import PartRow
 from store.tables.ready import MeasuredRow, ReadyAnswer, ReadyRow
+from store.tables.receipt import Manifest, SigningKey
 from store.tables.review import ChecklistSignature, ChecklistTick, Recall
 
 __all__ = [
@@ -34,6 +35,7 @@ __all__ = [
     "FrameVerdict",
     "IdempotentAnswer",
     "Job",
+    "Manifest",
     "MeasuredRow",
     "Measurement",
     "Meter",
@@ -49,6 +51,7 @@ __all__ = [
     "Revocation",
     "Rig",
     "Roi",
+    "SigningKey",
     "Slot",
     "Usage",
     "WebSession",

@@ -1,7 +1,9 @@
 """Files on their way: known ones are not sent, a lost connection and a reload lose nothing."""
 
 import hashlib
+import json
 import re
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import expect
@@ -53,6 +55,10 @@ def test_what_the_service_has_is_not_sent_again(page, team, campaign, files):
     expect(page.get_by_text("1 of 1 received")).to_be_visible()
     assert len(sent) == 1
     assert names_of(team, campaign) == ["level-1-0.DNG", "level-1-1.DNG"]
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Receipt").click()
+    receipt = json.loads(Path(download.value.path()).read_text())["receipt"]
+    assert sorted(file["name"] for file in receipt["files"]) == ["level-1-0.DNG", "level-1-1.DNG"]
 
 
 @pytest.mark.usefixtures("campaign")

@@ -151,7 +151,7 @@ def test_what_can_go_wrong_is_documented(operations):
 def test_every_route_but_those_for_machines_needs_a_key(operations):
     without = {name for name, operation in operations if "security" not in operation}
     by_capability = {f"{method} /v1/uploads/{{upload_id}}" for method in ("HEAD", "PATCH", "DELETE")}
-    machines = {"GET /livez", "GET /readyz", "GET /metrics", "OPTIONS /v1/uploads"}
+    machines = {"GET /livez", "GET /readyz", "GET /metrics", "OPTIONS /v1/uploads", "GET /v1/signing-keys"}
     assert without == machines | by_capability
 
 

@@ -28,7 +28,9 @@ export function uploadSection(state) {
   const patterns = patternsPart(state, () => judgeAgain(queue, judgeName));
   const judgeName = (name) => judge(name, patterns.rules()) ?? { role: state.method.roles[0].name };
   const trouble = h("div");
+  const given = new Map();
   const take = async (files) => {
+    for (const { file, name } of files) given.set(name, file.size);
     const rows = await readCard(files, { centres: false });
     const { twins, videos } = splitSkipped(rows);
     const open = await Promise.all(rows.filter((row) => !twins.includes(row) && !videos.includes(row)).map(unpacked));
@@ -58,7 +60,7 @@ export function uploadSection(state) {
     waiting = false;
     panel.hidden = queue.items.length === 0;
     if (panel.hidden) return;
-    fillKept(head, summary(state, queue));
+    fillKept(head, summary(state, queue, given));
     patterns.element.hidden = !queue.items.some((item) => !item.armed && !item.edited && EDITABLE.includes(item.state));
     list.show([...queue.items]);
   };
@@ -147,7 +149,7 @@ function otherCamera(campaign, camera, others, count, change) {
   );
 }
 
-function summary(state, queue) {
+function summary(state, queue, given) {
   const of = (...states) => queue.items.filter((item) => states.includes(item.state));
   const [there, sent, lost, failed, retrying] = [of("there"), of("sent"), of("lost"), of("failed"), of("retrying")];
   const moving = queue.items.filter((item) => item.armed && OPEN.includes(item.state));
@@ -179,9 +181,19 @@ function summary(state, queue) {
       queue.refusal ? null : open.length || failed.length ? button(open.length ? `Send ${counted(open.length, "file")}` : "Try again", "send", (event) => act(event.target, () => queue.send()), { class: "primary" }) : null,
       unmeasured ? h("a", { class: "button primary", href: "#region" }, "Draw region") : null,
       retrying.length ? button("Try now", "now", () => queue.retryNow()) : null,
+      sent.length + there.length === queue.items.length ? button("Receipt", "receipt", (event) => act(event.target, () => saveReceipt(state, queue.items, given)), { title: "A signed statement that these files are stored: the card may be formatted" }) : null,
       moving.length ? button("Stop", "stop", () => queue.stop()) : button("Remove all", "clear", () => queue.drop([...queue.items]), { class: "quiet" }),
     ),
   ];
+}
+
+/** Save the receipt of all files in the list; what else was chosen is named there as not sent. */
+async function saveReceipt(state, items, given) {
+  const files = items.map(({ name, size, sha256 }) => ({ name, size_bytes: size, sha256 }));
+  const others = [...given].filter(([name]) => !items.some((item) => item.name === name)).map(([name, size]) => ({ name, size_bytes: size }));
+  const { complete, missing, receipt } = await post(`${state.path}/manifest`, { files, others });
+  if (complete) h("a", { href: receipt, download: "" }).click();
+  else toast(`${counted(missing.length, "file")} of ${files.length} ${missing.length === 1 ? "is" : "are"} not stored whole. Keep the card and send it again.`);
 }
 
 /** The refusal that stopped the rest, said once for all. */

@@ -1,0 +1,144 @@
+"""Receipts of cards: written after a push, verified offline."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from stilb.client import Client
+from stilb.commands.exits import Exit
+from stilb.commands.output import Output, command, config_folder, print_json
+from stilb.field.push import Report
+from stilb.problem import Problem, Unclear
+from stilb.receipt import (
+    KnownKeys,
+    ReceiptInvalid,
+    compare_card,
+    list_files,
+    plain_name,
+    read_keys,
+    verify_receipt,
+)
+from stilb.resources.receipts import CardFile, SentFile
+
+app = typer.Typer(
+    no_args_is_help=True, rich_markup_mode=None, help="Verify receipts; list the service's keys."
+)
+
+File = Annotated[Path, typer.Argument(exists=True, dir_okay=False, help="The receipt.")]
+Key = Annotated[
+    Path | None,
+    typer.Option(exists=True, dir_okay=False, help="Public key of the service; default: those seen before."),
+]
+Card = Annotated[
+    Path | None,
+    typer.Option(exists=True, file_okay=False, help="Compare the files of this folder with the receipt."),
+]
+
+
+@app.command("verify")
+def verify(
+    file: File,
+    key: Key = None,
+    card: Card = None,
+    *,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="The result as one JSON document on stdout.")
+    ] = False,
+) -> None:
+    """Verify a receipt without a network.
+
+    It ends with 1 if the receipt was changed or, with --card, if the folder holds what it does not cover.
+    """
+    try:
+        signed = json.loads(file.read_text(encoding="utf-8"))
+        key_id = str(signed["signature"]["key_id"])
+    except (ValueError, KeyError, TypeError):
+        raise Unclear(f"{file} is not a receipt.") from None
+    if key is not None:
+        keys, origin = read_keys(key.read_text(encoding="utf-8")), str(key)
+    else:
+        known = _known_keys().read().get(key_id)
+        if known is None:
+            raise Unclear(
+                f"The key {key_id} has not been seen by this user: give --key (stilb receipt keys)."
+            )
+        keys, origin = [known["public_key"]], known["url"]
+    try:
+        receipt = verify_receipt(signed, keys)
+    except ReceiptInvalid as invalid:
+        _finish({"valid": False, "reason": str(invalid)}, [str(invalid)], as_json=as_json, well=False)
+        return
+    differences = [] if card is None else compare_card(receipt, card)
+    lines = [*_describe(receipt), f"signed with {key_id}, a key of {origin}", *differences]
+    if differences:
+        lines.append("Do not delete this folder: the receipt does not cover the files above.")
+    result = {"valid": True, "key": origin, "differences": differences, "receipt": receipt}
+    _finish(result, lines, as_json=as_json, well=not differences)
+
+
+@app.command("keys")
+@command
+def keys(output: Output) -> None:
+    """Show the public keys of the service, and remember them."""
+    with output.client() as client:
+        items = client.signing_keys()
+    _known_keys().keep(items, output.login().url)
+    output.answer({"items": items}, *(f"{item['id']}\n{item['public_key']}" for item in items))
+
+
+def write_receipt(
+    output: Output, client: Client, folder: Path, report: Report, to: Path | None
+) -> Path | None:
+    """Write the receipt, by default among this user's own; None, with a note, if it is refused."""
+    try:
+        hashes = {plain_name(file.name): file.sha256 for file in report.files}
+        sent, others = list[SentFile](), list[CardFile]()
+        for file in list_files(folder):
+            name, size_bytes = plain_name(file.relative_to(folder).as_posix()), file.stat().st_size
+            if name in hashes:
+                sent.append({"name": name, "size_bytes": size_bytes, "sha256": hashes[name]})
+            else:
+                others.append({"name": name, "size_bytes": size_bytes})
+        manifest = client.send_manifest(report.campaign_id, sent, others=others)
+        signed = client.receipt(report.campaign_id, manifest["id"])
+        _known_keys().keep(client.signing_keys(), output.login().url)
+    except (Problem, OSError) as error:
+        output.note(f"no receipt, keep the card: {error}")
+        return None
+    name = f"{report.campaign_id}-{signed['receipt']['manifest_id']}.json"
+    path = to or config_folder() / "receipts" / name
+    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    draft = path.with_name(f".{path.name}.part")
+    draft.write_text(json.dumps(signed, ensure_ascii=False, indent=1) + "\n", encoding="utf-8")
+    draft.replace(path)
+    return path
+
+
+def _known_keys() -> KnownKeys:
+    return KnownKeys(config_folder() / "signing-keys.json")
+
+
+def _describe(receipt: dict[str, Any]) -> list[str]:
+    count, named = receipt["files_count"], receipt.get("project_number") or receipt["campaign_id"]
+    lines = [
+        f"{count} files, {receipt['size_bytes'] / 1e6:.1f} MB, stored in campaign {named}",
+        f"issued at {receipt['issued_at']} for {receipt['organisation']}",
+    ]
+    for file in receipt["files"]:
+        notes = [f"refused as a frame ({file['refusal_code']})"] if file["state"] == "refused" else []
+        notes += ["withdrawn from the campaign"] if "withdrawn_at" in file else []
+        if notes:
+            lines.append(f"{file['name']}: stored, {' and '.join(notes)}")
+    lines += [f"{file['name']}: not covered, not sent" for file in receipt["not_covered"]]
+    return lines
+
+
+def _finish(result: dict[str, Any], lines: list[str], *, as_json: bool, well: bool) -> None:
+    if as_json:
+        print_json(result)
+    else:
+        typer.echo("\n".join(lines))
+    if not well:
+        raise typer.Exit(Exit.FINDINGS)
