@@ -12,7 +12,7 @@ from service.context import Context, get_context
 from service.problems import Problem
 from service.schemas.base import rfc3339
 from service.sessions import CSRF_HEADER
-from store.queries.keys import find_ended_key, find_key, find_session_key
+from store.queries.keys import Who, find_ended_key, find_key, find_session_key
 from store.tables import ApiKey, Organisation
 
 Scope = Literal["read", "upload", "calibrate", "publish", "admin"]
@@ -41,6 +41,10 @@ class Caller:
     organisation_name: str
     session_id: str | None
     """Of the browser that asks; None for who sends the key itself."""
+
+    @property
+    def who(self) -> Who:
+        return Who(self.key_id, self.session_id)
 
     @classmethod
     def holding(cls, key: ApiKey, organisation: Organisation, session_id: str | None = None) -> "Caller":

@@ -66,6 +66,13 @@ TOO_MANY_REQUESTS = _refusal(
     "raised.",
     retryable=True,
 )
+TOO_MANY_STREAMS = _refusal(
+    429,
+    "too_many_streams",
+    "The key follows as many jobs and campaigns as one key may.",
+    "Close a stream, or follow the campaign instead of each of its jobs.",
+    retryable=True,
+)
 QUOTA_EXCEEDED = _refusal(
     507,
     "quota_exceeded",

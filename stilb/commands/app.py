@@ -70,6 +70,7 @@ app.command("motion")(motion.motion)
 app.command("rig")(rig.rig)
 app.command("export")(calibration.export)
 app.command("jobs")(jobs.jobs)
+app.command("events")(jobs.events)
 app.command("retry")(jobs.retry)
 app.command("doctor")(doctor.doctor)
 

@@ -1,5 +1,6 @@
 """Jobs of the service."""
 
+import json
 from typing import Annotated
 
 import typer
@@ -40,6 +41,28 @@ def jobs(
         {"items": [each.raw for each in found]},
         table(("kind", "of", "state", "done", "job", "error"), rows),
     )
+
+
+@command
+def events(
+    output: Output,
+    followed: Annotated[str, typer.Argument(metavar="JOB|CAMPAIGN", help="Id of a job, or a campaign.")],
+) -> None:
+    """Print a line for each change, until the job ends.
+
+    A campaign is followed until Ctrl-C. With --json each line is one JSON document.
+    """
+    with output.client() as client:
+        is_job = followed.startswith("job_")
+        found = (
+            client.job_events(followed)
+            if is_job
+            else client.campaign_events(client.find_campaign(followed).id)
+        )
+        for event in found:
+            typer.echo(
+                json.dumps(event) if output.as_json else " ".join(f"{value}" for value in event.values())
+            )
 
 
 @command

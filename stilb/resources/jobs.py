@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Iterator
+from typing import Any
 
 from stilb.connection import Connection
 from stilb.problem import JobFailed
@@ -34,6 +35,13 @@ class Jobs(Connection):
         chosen = {"state": state, "kind": kind, "code": code, "campaign_id": campaign_id}
         body = {name: value for name, value in chosen.items() if value is not None}
         return int(self._post(address("jobs", "retry"), body)["retried"])
+
+    def job_events(self, job_id: str) -> Iterator[dict[str, Any]]:
+        """Yield ``id``, ``state``, ``progress`` and ``attempt`` of a job as they change, until it ends."""
+        for _, data in self._transport.events(f"{address('jobs', job_id)}/events"):
+            yield data
+            if data["state"] not in {"queued", "running"}:
+                return
 
     def wait(self, job: Job | str, *, timeout_s: float | None = None) -> Job:
         """Wait until a job has succeeded; ``JobFailed`` when it will not, ``TimeoutError`` when it lasts."""

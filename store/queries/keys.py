@@ -2,6 +2,8 @@
 
 import hashlib
 import secrets
+from collections.abc import Collection
+from dataclasses import dataclass
 from datetime import datetime
 
 from sqlalchemy import ColumnElement, Select, and_, not_, select, update
@@ -46,6 +48,23 @@ def find_key_by_id(session: Session, key_id: str) -> tuple[ApiKey, Organisation]
     """The same, by the key's id."""
     row = session.execute(_keys().where(ApiKey.id == key_id, *_in_force())).first()
     return (row[0], row[1]) if row else None
+
+
+@dataclass(frozen=True)
+class Who:
+    """The right of a caller whose request lasts: a key, and the session of a browser."""
+
+    key_id: str
+    session_id: str | None
+
+
+def find_in_force(session: Session, callers: Collection[Who]) -> set[Who]:
+    """Return those whose key, and session if there is one, is still in force."""
+    keys = select(ApiKey.id).where(ApiKey.id.in_({each.key_id for each in callers}), *_in_force())
+    ids = {each.session_id for each in callers if each.session_id is not None}
+    sessions = select(WebSession.id).where(WebSession.id.in_(ids), *is_open())
+    valid = {*session.scalars(keys), *(session.scalars(sessions) if ids else ()), None}
+    return {each for each in callers if {each.key_id, each.session_id} <= valid}
 
 
 def find_ended_key(session: Session, secret: str) -> ApiKey | None:

@@ -1,6 +1,7 @@
 """Who waits for a job is told of its end soon, also when the database was away meanwhile."""
 
 import asyncio
+import json
 import threading
 import time
 from pathlib import Path
@@ -8,9 +9,11 @@ from pathlib import Path
 import pytest
 from sqlalchemy import update
 
-from service.job_watch import JobWatch
+from service.job_watch import MOST_STREAMS, JobWatch
+from service.problems import Problem
 from store.columns import utc_now
 from store.database import Database
+from store.queries.keys import Who
 from store.tables import Job
 from tests.support.house import House
 from tests.support.proxy import Proxy
@@ -64,3 +67,51 @@ def test_who_is_let_go_does_not_wait_and_nobody_does_after(database):
     began = time.monotonic()
     asyncio.run(wait_and_release())
     assert time.monotonic() - began < 10
+
+
+def read_events(response):
+    blocks = [
+        dict(line.split(": ", 1) for line in block.splitlines()) for block in response.text.split("\n\n")
+    ]
+    return [(each["event"], each.get("id"), json.loads(each["data"])) for each in blocks if "event" in each]
+
+
+def test_a_stream_tells_a_job_to_its_end_and_nobody_elses(house, stranger):
+    job_id = house.upload(house.campaign(), house.frame_bytes(), role="dark")["job_id"]
+    house.work()
+    place = f"/v1/jobs/{job_id}/events"
+    answer = house.http.get(place)
+    assert answer.headers["Content-Type"].startswith("text/event-stream")
+    ((name, mark, data),) = read_events(answer)
+    assert (name, data) == (
+        "job",
+        {"id": job_id, "state": "succeeded", "progress": 1.0, "attempt": 1},
+    )
+    # who has seen the end is told once more that it is one
+    assert read_events(house.http.get(place, headers={"Last-Event-ID": mark})) == [(name, mark, data)]
+    assert stranger.get(place).status_code == 404
+
+
+def test_a_stream_ends_with_the_right_to_it(house):
+    campaign = house.campaign()
+    key = house.post("/v1/keys", {"name": "board", "scopes": ["read"]})
+
+    async def follow():
+        watch = JobWatch(house.database)
+        who = Who(key["id"], None)
+        stream = watch.follow("campaign", campaign["id"], who)
+        first = await anext(stream)
+        others = [watch.follow("campaign", campaign["id"], who) for _ in range(MOST_STREAMS - 1)]
+        for each in others:
+            await anext(each)
+        with pytest.raises(Problem):
+            watch.admit(who)
+        house.http.patch(f"/v1/campaigns/{campaign['id']}", json={"place": "roof"}).raise_for_status()
+        second = await anext(stream)
+        house.http.delete(f"/v1/keys/{key['id']}").raise_for_status()
+        return first, second, [event async for event in stream]
+
+    first, second, rest = asyncio.run(follow())
+    assert (first.kind, first.data["id"]) == ("campaign", campaign["id"])
+    assert second.data["revision"] > first.data["revision"]
+    assert [event.data for event in rest] == [{"code": "unauthenticated"}]

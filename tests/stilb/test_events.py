@@ -1,0 +1,39 @@
+"""Changes are told as they happen, over a connection that may be cut."""
+
+import json
+
+import pytest
+
+import stilb
+from stilb.commands.exits import Exit
+from tests.support.frames import write_frame
+
+
+def test_a_campaign_is_followed_and_a_job_to_its_end(team, signed_in, tmp_path):
+    campaign = team.campaign()
+    events = team.client.campaign_events(campaign.id)
+    first = next(events)
+    frame = team.client.push(campaign.id, write_frame(tmp_path / "a.DNG"), role="dark")
+    assert next(events)["revision"] > first["revision"]
+    states = [event["state"] for event in team.client.job_events(frame.job_id)]
+    assert states[-1] == "succeeded"
+    ended = signed_in("events", frame.job_id, "--json")
+    assert (ended.code, ended.json["state"]) == (Exit.DONE, "succeeded")
+    events.close()
+
+
+def test_a_cut_stream_goes_on_after_the_last_event(service, client):
+    def event(mark, revision):
+        return (
+            f"id: {mark}\nevent: campaign\ndata: {json.dumps({'id': 'c', 'revision': revision})}\n\n".encode()
+        )
+
+    stream = {"Content-Type": "text/event-stream"}
+    service.will_answer(b"retry: 3000\n\n:\n\n" + event(4, 4), headers=stream, withheld=9)
+    service.will_refuse(503, "service_stopping", retryable=True)
+    service.will_answer(event(5, 5) + b'event: end\ndata: {"code": "unauthenticated"}\n\n', headers=stream)
+    events = client.campaign_events("c")
+    assert [next(events)["revision"], next(events)["revision"]] == [4, 5]
+    with pytest.raises(stilb.Problem, match="revoked"):
+        next(events)
+    assert [asked.headers.get("last-event-id") for asked in service.asked] == [None, "4", "4"]
