@@ -27,7 +27,9 @@ export function follow(look, { every = 3000 } = {}) {
   let timer;
   let stopped = false;
   let delay = every;
+  let begun = 0;
   async function turn() {
+    const own = (begun += 1);
     clearTimeout(timer);
     if (stopped) return;
     if (!document.hidden) {
@@ -41,7 +43,8 @@ export function follow(look, { every = 3000 } = {}) {
         tellLost(error.retryable);
       }
     }
-    if (!stopped) timer = setTimeout(turn, delay);
+    // one that was asked for meanwhile goes on instead
+    if (!stopped && own === begun) timer = setTimeout(turn, delay);
   }
   const seen = () => !document.hidden && turn();
   document.addEventListener("visibilitychange", seen);
@@ -61,6 +64,20 @@ function tellLost(lost) {
   const told = byId("lost");
   if (lost && !told) document.body.append(h("p", { id: "lost", class: "note warn", role: "status" }, h("strong", {}, "The service does not answer. "), "The content may be outdated. It is updated automatically."));
   if (!lost) told?.remove();
+}
+
+/** Answers may come in another order than they were asked for: only one that was asked for later than what is shown is taken. */
+export class Turns {
+  asked = 0;
+  taken = 0;
+  ask() {
+    return (this.asked += 1);
+  }
+  take(turn = this.asked) {
+    const newer = turn > this.taken;
+    if (newer) this.taken = turn;
+    return newer;
+  }
 }
 
 export const pause = (ms) => new Promise((done) => setTimeout(done, ms));

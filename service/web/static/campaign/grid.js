@@ -109,6 +109,7 @@ export function gridSection(state) {
   function update() {
     waiting = false;
     if (isPressed(body)) return soon();
+    const held = body.contains(document.activeElement) ? document.activeElement.dataset.id : undefined;
     const rect = scroller.getBoundingClientRect();
     const inner = scroller.scrollHeight > scroller.clientHeight + 1;
     const top = inner ? scroller.scrollTop : Math.max(0, -rect.top);
@@ -135,6 +136,8 @@ export function gridSection(state) {
       place = row.element;
     }
     drawn = next;
+    // the focus goes with its frame, so that a key never acts on another one
+    if (held && document.activeElement.dataset.id !== held) body.querySelector(`[data-id="${held}"]`)?.focus({ preventScroll: true });
     above.style.height = `${offsets[from]}px`;
     below.style.height = `${offsets.at(-1) - offsets[to]}px`;
     above.hidden = from === 0;

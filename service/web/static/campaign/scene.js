@@ -3,6 +3,7 @@
 import { post, send } from "../api.js";
 import { fill, h, may, svg, table, toast } from "../dom.js";
 import { counted, number, percent, time } from "../format.js";
+import { Turns } from "../live.js";
 import { mark } from "../marks.js";
 import { done } from "../undo.js";
 import { act } from "../states.js";
@@ -53,11 +54,13 @@ export function sceneHead(row, book, { menu }) {
 export class ReadingBook extends EventTarget {
   constructor(state) {
     super();
-    Object.assign(this, { state, readings: [], meters: [], unit: "cd/m2", meter_id: "", now: false });
+    Object.assign(this, { state, readings: [], meters: [], unit: "cd/m2", meter_id: "", now: false, turns: new Turns() });
   }
 
   async refresh(meters) {
-    this.readings = await this.state.readings();
+    const turn = this.turns.ask();
+    const readings = await this.state.readings();
+    if (this.turns.take(turn)) this.readings = readings;
     if (meters) {
       this.meters = meters;
       const ofKind = meters.filter((each) => each.kind === UNITS[this.unit]);

@@ -1,7 +1,7 @@
 // The state of the campaign, kept up to date while the page is visible; every part listens to the data that it shows.
 
 import { all, get, getChanged, patch, pathOf } from "../api.js";
-import { follow } from "../live.js";
+import { Turns, follow } from "../live.js";
 
 const FIRST = 200;
 const REST = 2000;
@@ -16,6 +16,7 @@ export class CampaignState extends EventTarget {
     super();
     Object.assign(this, { id, method, path: `/v1/campaigns/${id}`, campaign: null, roi: null });
     Object.assign(this, { frames: [], withdrawn: [], gaps: [], byId: new Map(), complete: false, tag: null });
+    this.turns = new Turns();
     /** The gravest reason of each frame, as {outcome, reasons}. */
     this.verdicts = new Map();
     // another page is shown in this document: what listens has gone
@@ -58,12 +59,14 @@ export class CampaignState extends EventTarget {
 
   /** One request while nothing happens: the tag changes with the campaign. */
   async look() {
+    const turn = this.turns.ask();
     const { tag, body } = await getChanged(`${this.path}/grid?limit=${REST}`, this.tag);
     if (!body) return;
     const pages = [body];
     for (let next = body.next; next; next = pages.at(-1).next) pages.push(await get(pathOf(next)));
     const campaign = await get(this.path);
     const roi = await this.readRoi(campaign);
+    if (!this.turns.take(turn)) return;
     const roiChanged = roi?.id !== this.roi?.id;
     Object.assign(this, { campaign, roi, tag, complete: true });
     this.take(pages);
@@ -91,6 +94,8 @@ export class CampaignState extends EventTarget {
   /** Change frames alike; what is shown changes at once, and the service's answer takes its place. */
   async change(ids, said) {
     for (let from = 0; from < ids.length; from += TOGETHER) await patch(`${this.path}/frames`, { frame_ids: ids.slice(from, from + TOGETHER), ...said });
+    // what was asked for before does not know of it
+    this.turns.take();
     const { reason, left_out: out, ...shown } = said;
     for (const id of ids) Object.assign(this.byId.get(id), shown, "scene" in said ? { scene: said.scene || null } : {}, out === undefined ? {} : { left_out: out ? (reason ?? "") : null });
     this.gather([...this.byId.values()]);
