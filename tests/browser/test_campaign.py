@@ -73,6 +73,27 @@ def test_patterns_say_what_the_camera_s_files_are(page, shots):
     look(page, "campaigns")
 
 
+def move_to_dusk_and_undo(page, frame_id):
+    """What the service answered before the undo arrives after it, and is not shown."""
+    late = []
+    page.route("**/grid?*", lambda route: late.append((route, route.fetch())), times=1)
+    page.keyboard.press("Enter")
+    expect(page.get_by_text("moved to dusk")).to_be_visible()
+    expect(page.get_by_role("rowheader").filter(has_text="dusk")).to_have_count(1)
+    page.keyboard.press("z")
+    expect(page.get_by_text("Undone.")).to_be_visible()
+    page.locator(f'[data-id="{frame_id}"]').focus()
+    page.evaluate("""() => {
+        const grid = document.querySelector(".grid");
+        const watch = new MutationObserver(() => (window.shown = grid.innerText));
+        watch.observe(grid, {childList: true, subtree: true});
+    }""")
+    ((asked, answer),) = late
+    with page.expect_request("**/grid?*"):
+        asked.fulfill(response=answer)
+    assert "dusk" not in (page.evaluate("window.shown") or "")
+
+
 def test_frames_are_walked_moved_left_out_and_restored_by_keys_alone(page, team, service, shots):
     campaign = team.campaign()
     lit = [shot for shot in shots if shot.role == "light"][:6]
@@ -91,20 +112,7 @@ def test_frames_are_walked_moved_left_out_and_restored_by_keys_alone(page, team,
     page.locator(f'[data-id="{first}"]').focus()
     page.keyboard.press("m")
     page.get_by_role("dialog").get_by_label("Scene").fill("dusk")
-    # what the service answered before the undo arrives after it
-    late = []
-    page.route("**/grid?*", lambda route: late.append((route, route.fetch())), times=1)
-    page.keyboard.press("Enter")
-    expect(page.get_by_text("moved to dusk")).to_be_visible()
-    expect(page.get_by_role("rowheader").filter(has_text="dusk")).to_have_count(1)
-    page.keyboard.press("z")
-    expect(page.get_by_text("Undone.")).to_be_visible()
-    page.locator(f'[data-id="{first}"]').focus()
-    page.evaluate("new MutationObserver(() => (window.shown = document.querySelector('.grid').innerText)).observe(document.querySelector('.grid'), {childList: true, subtree: true})")
-    ((asked, answer),) = late
-    with page.expect_request("**/grid?*"):
-        asked.fulfill(response=answer)
-    assert "dusk" not in (page.evaluate("window.shown") or "")
+    move_to_dusk_and_undo(page, first)
     expect(page.locator(f'[data-id="{first}"]')).to_be_focused()
     page.keyboard.press("Enter")
     dialog = page.get_by_role("dialog")
