@@ -71,7 +71,9 @@ def write_map(decoders: DecoderPool, subject: Subject, facts: MapFacts, target: 
         StripReader(decoders, subject.file, header) as reader,
         ThreadPoolExecutor(_THREADS, thread_name_prefix="bands") as threads,
     ):
-        write_tiff(target, _make_tiles(reader, subject, reduction, threads), facts)
+        tiles = _make_tiles(reader, subject, reduction, threads)
+        first = next(tiles)  # the threads are at work before the file is opened
+        write_tiff(target, itertools.chain([first], tiles), facts)
     return reduction
 
 
