@@ -8,7 +8,9 @@ from typing import Any
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
 
 
-def write_csv(rows: Iterable[Mapping[str, Any]], columns: list[str] | None = None) -> str:
+def write_csv(
+    rows: Iterable[Mapping[str, Any]], columns: list[str] | None = None, *, head: bool = True
+) -> str:
     """Rows under their names; numbers as they are, text that a spreadsheet would run made text.
 
     A cell holds one thing: of a list stands its number of entries, in a column `<name>_count`, of what has
@@ -18,7 +20,8 @@ def write_csv(rows: Iterable[Mapping[str, Any]], columns: list[str] | None = Non
     names = columns or (list(rows[0]) if rows else [])
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\r\n")
-    writer.writerow(names)
+    if head:
+        writer.writerow(names)
     for row in rows:
         writer.writerow([_cell(row.get(name)) for name in names])
     return out.getvalue()

@@ -11,6 +11,8 @@ from stilb.export import ExportProgress
 from stilb.health import Health
 from stilb.problem import JobFailed, Problem, Unclear
 from stilb.records import (
+    AuditChain,
+    AuditEntry,
     Calibration,
     Camera,
     Campaign,
@@ -36,6 +38,8 @@ from stilb.records import (
 from stilb.upload import Progress, Upload
 
 __all__ = [
+    "AuditChain",
+    "AuditEntry",
     "Calibration",
     "Camera",
     "Campaign",

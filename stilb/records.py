@@ -14,7 +14,7 @@ Moment = datetime | str
 
 _QUANTITY = {"value", "standard_uncertainty", "unit"}
 _TIMES = frozenset(
-    {"computed_at", "created_at", "expires_at", "last_used_at", "revoked_at", "started_at", "taken_at"}
+    {"at", "computed_at", "created_at", "expires_at", "last_used_at", "revoked_at", "started_at", "taken_at"}
     | {"valid_from", "valid_to"}
 )
 
@@ -249,6 +249,33 @@ class Session(Record):
     created_at: datetime
     expires_at: datetime
     last_used_at: datetime | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class AuditEntry(Record):
+    """One entry of the audit trail: who changed what, from what to what."""
+
+    seq: int
+    at: datetime
+    actor: str  # id of a key, or worker, sweeper, service
+    actor_name: str | None = None
+    action: str
+    subject_type: str
+    subject_id: str
+    subject_name: str | None = None
+    before: dict[str, Any]
+    after: dict[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class AuditChain(Record):
+    """State of the chain that the entries of an organisation form."""
+
+    state: str  # intact | broken
+    entries: int  # checked, and as they were
+    head: str | None = None  # seq:sha256 of the last one, to be noted elsewhere
+    broken_at: int | None = None
+    detail: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,11 +10,11 @@ import json
 import re
 import sys
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import func, select, text
+from sqlalchemy import ColumnElement, func, select, text
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
@@ -79,6 +79,37 @@ def check_audit(database: Database, noted: Head | None = None) -> tuple[Head, Fa
         except _Broken as broken:
             return trail.head, broken.fault
         return head or trail.head, None
+
+
+def check_chain(
+    session: Session, organisation_id: str, *, after: int, most: int
+) -> tuple[Head, Fault | None, bool]:
+    """Check the next entries of one organisation's chain, of a snapshot, after the entry `after` (0: all).
+
+    Of entries older than the organisation's own chain only their own hash is checked: what lies between them
+    belongs to others. Answers the last link that holds, the first fault, and whether the chain's end was met.
+    """
+    own = AuditEntry.organisation_id == organisation_id
+    row = session.scalars(select(AuditHead)).one()
+    closed = last = Head(seq=row.seq, sha256=row.sha256)
+    try:
+        if after:
+            sha256 = session.scalar(select(AuditEntry.sha256).where(own, AuditEntry.seq == after))
+            if sha256 is None:
+                return last, Fault(seq=after, what=f"entry {after} is missing: deleted or moved"), True
+            last = last if after <= closed.seq else Head(seq=after, sha256=sha256)
+        entries = _read(session, after, most + 1, own)
+        for count, entry in enumerate(entries[:most], 1):
+            followed = _follow(last, entry, linked=entry["seq"] > closed.seq)
+            last = replace(followed if entry["seq"] > closed.seq else closed, entries=count)
+            after = entry["seq"]
+        if len(entries) > most:
+            return replace(last, seq=after), None, False
+        chain = session.get(AuditChain, name_chain(organisation_id), populate_existing=True)
+        _compare_end(last, chain, "")
+    except _Broken as broken:
+        return last, broken.fault, True
+    return last, None, True
 
 
 def _find_settled(database: Database) -> int:
@@ -146,11 +177,11 @@ class _Trail:
         _compare_end(last, self._closed, "")
 
 
-def _follow(last: Head, entry: Mapping[str, Any]) -> Head:
+def _follow(last: Head, entry: Mapping[str, Any], *, linked: bool = True) -> Head:
     seq = entry["seq"]
     if digest(entry) != entry["sha256"]:
         raise _Broken(seq, f"entry {seq} does not have its hash: its content was edited, or it was moved")
-    if entry["previous_sha256"] != last.sha256:
+    if linked and entry["previous_sha256"] != last.sha256:
         raise _Broken(
             seq,
             f"entry {seq} does not continue entry {last.seq}: one of them was rewritten, inserted or moved, "
@@ -204,8 +235,10 @@ def _walk(session: Session) -> Iterator[Mapping[str, Any]]:
         after = page[-1]["seq"]
 
 
-def _read(session: Session, after: int | None, limit: int) -> list[Mapping[str, Any]]:
-    rows = select(*_COLUMNS).order_by(AuditEntry.seq).limit(limit)
+def _read(
+    session: Session, after: int | None, limit: int, *where: ColumnElement[bool]
+) -> list[Mapping[str, Any]]:
+    rows = select(*_COLUMNS).where(*where).order_by(AuditEntry.seq).limit(limit)
     if after is not None:
         rows = rows.where(AuditEntry.seq > after)
     try:
@@ -213,7 +246,7 @@ def _read(session: Session, after: int | None, limit: int) -> list[Mapping[str, 
     except (ValueError, TypeError) as error:
         # a value that is none of its type, which no entry of ours has: find its row
         if limit > 1:
-            return _read(session, after, limit // 2)
+            return _read(session, after, limit // 2, *where)
         seq = (after or 0) + 1
         raise _Broken(seq, f"entry {seq} cannot be read, it was edited: {error}") from error
 

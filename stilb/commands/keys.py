@@ -1,9 +1,11 @@
-"""Keys of the organisation."""
+"""Keys of the organisation, and its audit trail."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from stilb.commands.exits import Exit
 from stilb.commands.moments import read_moment
 from stilb.commands.output import Output, command
 from stilb.commands.tables import table
@@ -52,3 +54,25 @@ def revoke_key(
     with output.client() as client:
         ended = client.revoke_key(named)
     output.answer(ended.raw, f"Key {ended.name!r} ({ended.id}) is revoked")
+
+
+@command
+def audit(
+    output: Output,
+    save: Annotated[Path | None, typer.Option(help="Also save the entries, as .csv or .jsonl.")] = None,
+    start: Annotated[str | None, typer.Option("--from", help="Save those since this day or time.")] = None,
+    end: Annotated[str | None, typer.Option("--to", help="Save those before it.")] = None,
+) -> None:
+    """Check the chain of the audit trail."""
+    period = {"from": read_moment(start), "to": read_moment(end)}
+    with output.client() as client:
+        if save is not None:
+            client.save_audit(save, **{name: moment for name, moment in period.items() if moment})
+        found = client.check_audit()
+    whole = f"the chain is intact: {found.entries} entries, head {found.head}"
+    output.answer(
+        found.raw,
+        whole if found.state == "intact" else f"the chain is broken at {found.broken_at}: {found.detail}",
+    )
+    if found.state != "intact":
+        raise typer.Exit(Exit.FINDINGS)

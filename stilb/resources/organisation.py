@@ -1,16 +1,19 @@
-"""Keys and sessions of the own organisation, for its administrators."""
+"""Keys, sessions and audit trail of the own organisation, for its administrators."""
 
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
+
+import httpx
 
 from stilb.connection import Connection
 from stilb.problem import Unclear, missing
-from stilb.records import Key, Moment, Session, as_text
+from stilb.records import AuditChain, AuditEntry, Key, Moment, Session, as_text
 from stilb.transport import Call, address
 
 
 class Organisation(Connection):
-    """Keys and the browser sessions opened with them."""
+    """Keys, the browser sessions opened with them, and the audit trail."""
 
     def api_keys(self) -> Iterator[Key]:
         """Return all keys, also those that have ended, without their secrets."""
@@ -34,6 +37,28 @@ class Organisation(Connection):
     def end_sessions(self) -> int:
         """End all those sessions; returns how many."""
         return int(self._delete(address("sessions"))["ended"])
+
+    def audit(self, **chosen: str) -> Iterator[AuditEntry]:
+        """Return entries, newest first, chosen by ``actor``, ``action``, ``subject_id``, ``from``, ``to``."""
+        return map(AuditEntry.of, self._transport.items(address("audit"), chosen))
+
+    def save_audit(self, path: Path | str, **chosen: str) -> None:
+        """Save entries, oldest first, as .csv or, with all that their hashes cover, as .jsonl."""
+        name = "entries.jsonl" if str(path).endswith(".jsonl") else "entries.csv"
+        self._transport.download(
+            Call(method="GET", path=f"{address('audit')}/{name}", query=chosen), Path(path)
+        )
+
+    def check_audit(self) -> AuditChain:
+        """Have the service recompute the hashes of all entries."""
+        entries = 0
+        query: dict[str, str] = {}
+        while True:
+            answer = self._get(f"{address('audit')}/chain", query)
+            entries += answer["entries"]
+            if "next" not in answer:
+                return AuditChain.of({**answer, "entries": entries})
+            query = dict(httpx.URL(answer["next"]).params)
 
     def _id_of(self, named: str) -> str:
         found = [

@@ -6,6 +6,7 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.support.browser import check_access, look, settle, sign_in, visit
+from tests.support.furnishing import furnish
 
 
 def test_a_key_is_made_seen_once_used_and_revoked(page, browser, service):
@@ -65,3 +66,44 @@ def test_details_are_edited(browser, service, team, scheme):
         expect(page.locator("#storage")).to_contain_text("no limit")
         check_access(page)
         look(page, f"organisation-{scheme}")
+
+
+def test_the_audit_trail_is_chosen_exported_and_its_chain_told(browser, service, team):
+    furnish(service.database, team.key)
+    with visit(browser, service.url, color_scheme="dark") as context:
+        page = sign_in(context, team.key)
+        page.goto("/organisation/audit")
+        settle(page)
+        expect(page.locator("#chain")).to_contain_text("The chain is intact")
+        rows = page.locator("#entries").get_by_role("row")
+        expect(rows.filter(has_text="published").first).to_contain_text("yearly calibration")
+        expect(rows.nth(2)).to_contain_text("first")
+        check_access(page)
+        look(page, "dark-audit")
+        page.get_by_label("What").select_option("registered a camera")
+        expect(page.locator("#counted")).to_have_text("3 entries, all there are")
+        page.get_by_role("button", name="Only the entries of DJI FC6520 0K1XE8").click()
+        expect(page.locator("#counted")).to_have_text("1 entry, all there are")
+        page.locator("#entries summary").click()
+        expect(page.locator("#entries")).to_contain_text("pixel pitch um")
+        look(page, "dark-audit-one")
+        with page.expect_download() as saved:
+            page.get_by_role("link", name="Export CSV").click()
+        assert len(saved.value.path().read_text().splitlines()) == 2
+        page.get_by_role("button", name="Clear").click()
+        expect(page.locator("#older")).to_be_hidden()
+        expect(rows.filter(has_text="published").first).to_be_visible()
+        broken = {"state": "broken", "entries": 4182, "broken_at": 4183, "detail": "entry 4183 was edited"}
+        context.route("**/v1/audit/chain*", lambda route: route.fulfill(json=broken))
+        page.get_by_role("button", name="Check again").click()
+        expect(page.locator("#chain")).to_contain_text("The chain is broken at entry 4183")
+        check_access(page)
+    with visit(browser, service.url, width="phone") as context:
+        page = sign_in(context, team.key)
+        page.goto("/organisation/audit?action=revocation.create")
+        settle(page)
+        expect(page.get_by_text("No entries")).to_be_visible()
+        check_access(page)
+        page.get_by_label("What").select_option("published")
+        expect(page.locator("#counted")).to_have_text("8 entries, all there are")
+        look(page, "audit")

@@ -1,5 +1,13 @@
 """The audit trail over HTTP: of one organisation, for its admins, newest first."""
 
+import csv
+import json
+
+from sqlalchemy import text
+
+from service.web.audit_words import ACTS
+from store.tables.base import Audited, AuditedTogether, Base
+
 
 def test_who_did_what_newest_first_and_a_page_at_a_time(house):
     campaign = house.campaign()
@@ -40,3 +48,71 @@ def test_only_an_admin_reads_it(house):
 def test_a_cursor_that_is_none_is_refused(house):
     for cursor in ("x", -1, 2**63):
         assert house.get("/v1/audit", cursor=cursor, status=422)["code"] == "validation_failed"
+
+
+def test_entries_are_chosen_named_and_exported(house):
+    campaign = house.campaign()
+    other = house.post("/v1/keys", {"name": "=other", "scopes": ["calibrate"]})
+    with house.with_key(other["secret"]) as client:
+        client.patch(f"/v1/campaigns/{campaign['id']}", json={"recorder": "B. Schulz"})
+    (entry,) = house.get("/v1/audit", actor=other["id"])["items"]
+    assert (entry["actor_name"], entry["about_id"]) == ("=other", campaign["id"])
+    made = house.get("/v1/audit", action="campaign.create")["items"]
+    assert [each["subject_id"] for each in made] == [campaign["id"]]
+    assert house.get("/v1/audit", subject_type="campaign", to=made[0]["at"])["items"] == []
+    since = house.get("/v1/audit", **{"from": entry["at"]})["items"]
+    assert since == [entry]
+    rows = list(csv.DictReader(house.http.get("/v1/audit/entries.csv").text.splitlines()))
+    lines = [json.loads(line) for line in house.http.get("/v1/audit/entries.jsonl").text.splitlines()]
+    assert [int(row["seq"]) for row in rows] == [line["seq"] for line in lines]
+    assert lines[::-1] == house.get("/v1/audit")["items"]
+    assert rows[-1]["actor_name"] == "'=other"
+    assert json.loads(rows[-1]["after"]) == {"recorder": "B. Schulz"}
+    assert len(house.http.get("/v1/audit/entries.csv", params={"actor": other["id"]}).text.splitlines()) == 2
+    assert house.get("/v1/audit", order="x", status=422)["code"] == "validation_failed"
+
+
+def check(house):
+    """The whole chain, a request at a time: its state, how many entries hold, the first that does not."""
+    path, entries = "/v1/audit/chain", 0
+    while path:
+        answer = house.http.get(path).json()
+        entries, path = entries + answer["entries"], answer.get("next")
+    return answer["state"], entries, answer.get("broken_at")
+
+
+def tamper(house, statement, seq):
+    with house.database.engine.begin() as connection:
+        table = "" if house.database.is_sqlite else " ON audit_entry"
+        for trigger in ("changes", "goes"):
+            connection.execute(text(f"DROP TRIGGER IF EXISTS audit_entry_never_{trigger}{table}"))
+        connection.execute(text(statement), {"seq": seq})
+
+
+def test_the_chain_is_checked_in_pieces_and_names_what_was_edited_or_deleted(house, stranger, monkeypatch):
+    monkeypatch.setattr("service.routes.audit._MOST_CHECKED", 2)
+    for number in range(3):
+        house.campaign(project_number=str(number))
+        stranger.post("/v1/cameras", json={"make": "DJI", "model": "X", "serial": str(number)})
+    last, before, edited, *_ = entries = house.get("/v1/audit")["items"]
+    assert check(house) == ("intact", len(entries), None)
+    answer = house.get("/v1/audit/chain", after=before["seq"])
+    assert answer == {"state": "intact", "entries": 1, "head": f"{last['seq']}:{last['sha256']}"}
+    tamper(house, "UPDATE audit_entry SET actor = 'x' WHERE seq = :seq", edited["seq"])
+    assert check(house) == ("broken", len(entries) - 3, edited["seq"])
+    tamper(house, "DELETE FROM audit_entry WHERE seq = :seq", edited["seq"])
+    assert check(house) == ("broken", len(entries) - 3, before["seq"])
+    gone = house.get("/v1/audit/chain", after=edited["seq"])
+    assert (gone["state"], gone["broken_at"]) == ("broken", edited["seq"])
+    tamper(house, "DELETE FROM audit_entry WHERE seq > :seq", edited["seq"])
+    state, holding, broken_at = check(house)
+    assert (state, holding, broken_at > entries[3]["seq"]) == ("broken", len(entries) - 3, True)
+    # of the stranger's entries those after that one were deleted too
+    assert stranger.get("/v1/audit/chain").json()["state"] == "broken"
+
+
+def test_every_act_on_an_audited_table_has_its_words():
+    tables = {mapper.class_ for mapper in Base.registry.mappers}
+    audited = {each.__tablename__ for each in tables if issubclass(each, Audited | AuditedTogether)}
+    assert {f"{name}.create" for name in audited} <= ACTS.keys()
+    assert {act.partition(".")[0] for act in ACTS} <= audited | {"job"}

@@ -11,6 +11,8 @@ from service.document import resolve
 from stilb import records
 
 ANSWERS = {
+    records.AuditChain: "AuditChainAnswer",
+    records.AuditEntry: "AuditEntryAnswer",
     records.Calibration: "CalibrationAnswer",
     records.Camera: "CameraAnswer",
     records.Campaign: "CampaignAnswer",

@@ -85,6 +85,18 @@ def test_keys_are_made_listed_and_revoked(signed_in, team):
     assert [each["name"] for each in listed if "revoked_at" in each] == ["tablet"]
 
 
+def test_the_audit_trail_is_checked_and_saved(signed_in, team, tmp_path):
+    signed_in("key", "create", "tablet", "--scope", "read")
+    told = signed_in("audit", "--save", str(tmp_path / "trail.csv"), "--to", "2090-01-01")
+    assert (told.code, told.out.startswith("the chain is intact: ")) == (Exit.DONE, True)
+    assert (tmp_path / "trail.csv").read_text().startswith("seq,at,actor,")
+    with stilb.Client(team.url, team.key, retries=0) as client:
+        client.save_audit(tmp_path / "trail.jsonl")
+        newest = next(client.audit())
+        assert client.check_audit().head == f"{newest.seq}:{newest.raw['sha256']}"
+    assert json.loads((tmp_path / "trail.jsonl").read_text().splitlines()[-1]) == newest.raw
+
+
 def test_the_kept_key_goes_to_no_other_service(signed_in, service):
     ended = signed_in("whoami", "--url", service.url)
     assert ended.code == Exit.USAGE

@@ -1,0 +1,110 @@
+// Who did what, when and to what; chosen by these, and the state of the chain.
+
+import { all, get, pathOf } from "../api.js";
+import { small } from "../causes.js";
+import { byId, fill, h, may, table } from "../dom.js";
+import { counted, natural, words } from "../format.js";
+import { empty, failed, load } from "../states.js";
+import { checkChain } from "./chain.js";
+
+const PAGES = { cal: "/calibrations/", cam: "/cameras/", cmp: "/campaigns/", msr: "/measurements/", rig: "/rigs/" };
+const PROCESSES = ["service", "worker", "sweeper"];
+const UNSAID = new Set(["id", "organisation_id", "sha256_sha256", "created_at", "reason"]);
+const SHOWN = 100;
+
+const form = byId("filter");
+let entries = [];
+let next = null;
+
+const acts = new Map([...(form?.elements.action.options ?? [])].map((option) => [option.value, option.text]));
+
+/** What is asked for, as it stands in the address too: a filtered trail can be sent on. */
+function readFilter() {
+  const chosen = Object.fromEntries([...new FormData(form)].filter(([, value]) => value));
+  if (chosen.from) chosen.from += "T00:00:00Z";
+  // up to and with this day
+  if (chosen.to) chosen.to = new Date(Date.parse(`${chosen.to}T00:00:00Z`) + 86400000).toISOString();
+  return new URLSearchParams(chosen);
+}
+
+function show() {
+  const asked = readFilter();
+  for (const kind of ["csv", "jsonl"]) byId(kind).href = `/v1/audit/entries.${kind}?${asked}`;
+  const kept = new URLSearchParams([...new FormData(form)].filter(([, value]) => value));
+  history.replaceState(history.state, "", `${location.pathname}${kept.size ? `?${kept}` : ""}`);
+  const id = form.elements.subject_id.value;
+  byId("only").hidden = !id;
+  fill(byId("only"), "Only one object. ", small("Show all", () => choose("")));
+  return load(byId("entries"), () => get(`/v1/audit?limit=${SHOWN}&${asked}`), (page) => {
+    entries = [];
+    return add(page);
+  });
+}
+
+function choose(id) {
+  form.elements.subject_id.value = id;
+  show();
+}
+
+function add(page) {
+  entries.push(...page.items);
+  next = page.next && pathOf(page.next);
+  byId("older").hidden = !next;
+  byId("counted").textContent = `${counted(entries.length, "entry").replace("entrys", "entries")}${next ? ", newest first" : ", all there are"}`;
+  return entries.length ? draw() : empty("No entries", "No entry is of this person, act and time.");
+}
+
+function draw() {
+  const columns = [
+    { head: "Time, UTC", header: true, cell: (entry) => h("time", { datetime: entry.at, title: entry.at }, entry.at.slice(11, 19)) },
+    { head: "Who", cell: (entry) => entry.actor_name ?? words(entry.actor) },
+    { head: "What", cell: (entry) => acts.get(entry.action) ?? words(entry.action.replace(".", ": ")) },
+    { head: "Object", cell: subject },
+    { head: "Details", cell: details },
+  ];
+  const made = table(columns, entries, { caption: "Audit trail", stack: true });
+  made.querySelector("table").classList.add("audit");
+  let day = "";
+  made.querySelectorAll("tbody tr").forEach((row, place) => {
+    const today = entries[place].at.slice(0, 10);
+    if (today !== day) row.before(h("tr", { role: "row", class: "day" }, h("td", { role: "cell", colspan: columns.length }, today)));
+    day = today;
+  });
+  return made;
+}
+
+function subject(entry) {
+  const about = entry.about_id ?? entry.subject_id;
+  const page = PAGES[about.slice(0, 3)];
+  const name = entry.subject_name ?? words(entry.subject_type);
+  return [page ? h("a", { href: page + about }, name) : name, " ", small("only this", () => choose(entry.subject_id), { quiet: true, "aria-label": `Only the entries of ${name}` })];
+}
+
+/** The reason, and behind it each field that changed, from what to what. */
+function details(entry) {
+  const names = Object.keys({ ...entry.before, ...entry.after }).filter((name) => !UNSAID.has(name) && !("rows" in entry.after)).sort(natural);
+  const say = (value) => (value === undefined || value === null ? "–" : typeof value === "object" ? JSON.stringify(value) : String(value));
+  const changed = names.map((name) => [h("dt", {}, words(name)), h("dd", {}, name in entry.before ? `${say(entry.before[name])} → ` : "", say(entry.after[name]))]);
+  return [entry.after.reason ?? "", changed.length ? h("details", {}, h("summary", { class: "small" }, counted(names.length, "field")), h("dl", { class: "facts small" }, changed)) : null];
+}
+
+async function older() {
+  try {
+    fill(byId("entries"), add(await get(next)));
+  } catch (error) {
+    byId("entries").append(failed(error, older));
+  }
+}
+
+async function begin() {
+  const keys = (await all("/v1/keys")).sort((a, b) => natural(a.name, b.name));
+  form.elements.actor.append(...keys.map((key) => new Option(key.name, key.id)), ...PROCESSES.map((name) => new Option(`${name} (automatic)`, name)));
+  for (const [name, value] of new URLSearchParams(location.search)) if (form.elements[name]) form.elements[name].value = value;
+  form.addEventListener("change", show);
+  form.addEventListener("submit", (event) => event.preventDefault());
+  form.addEventListener("reset", () => setTimeout(() => choose("")));
+  byId("older").addEventListener("click", older);
+  await Promise.all([show(), checkChain(byId("chain"))]);
+}
+
+if (may("admin")) begin().catch((error) => fill(byId("entries"), failed(error, () => location.reload())));

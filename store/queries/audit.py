@@ -1,0 +1,131 @@
+"""Entries of an organisation's audit trail: chosen, named, and its chain checked piece by piece."""
+
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import Select, select
+from sqlalchemy.orm import Session
+
+from radiometry.methods import get_method
+from store.database import Database
+from store.tables import (
+    ApiKey,
+    AuditEntry,
+    Calibration,
+    Camera,
+    Campaign,
+    Extraction,
+    FrameRow,
+    Manifest,
+    Measurement,
+    Meter,
+    Organisation,
+    Panel,
+    Publication,
+    Reading,
+    Rig,
+    Roi,
+    WebSession,
+)
+
+_PAGE = 1000
+
+_NAMES: dict[str, tuple[Any, Callable[[Any], str | None], str | None]] = {
+    "cal": (Calibration, lambda row: f"{get_method(row.method).label}, version {row.version}", "id"),
+    "cam": (Camera, lambda row: f"{row.make} {row.model} {row.serial}", "id"),
+    "cmp": (Campaign, lambda row: row.project_number, "id"),
+    "ext": (Extraction, lambda _: None, "frame_id"),
+    "frm": (FrameRow, lambda row: row.filename, "campaign_id"),
+    "key": (ApiKey, lambda row: row.name, None),
+    "man": (Manifest, lambda _: None, "campaign_id"),
+    "met": (Meter, lambda row: f"{row.make} {row.model} {row.serial}", None),
+    "msr": (Measurement, lambda _: None, "id"),
+    "org": (Organisation, lambda row: row.name, None),
+    "pnl": (Panel, lambda row: row.serial, None),
+    "pub": (Publication, lambda _: None, "calibration_id"),
+    "rdg": (Reading, lambda row: row.scene, "campaign_id"),
+    "rig": (Rig, lambda row: row.name, "id"),
+    "roi": (Roi, lambda _: None, "campaign_id"),
+    "ses": (WebSession, lambda _: None, "key_id"),
+}
+"""By the beginning of an id: its table, its own name, and the column of what it is about."""
+
+
+def select_entries(
+    organisation_id: str,
+    *,
+    start: datetime | None = None,
+    end: datetime | None = None,
+    **equal: str | None,
+) -> Select[AuditEntry]:
+    """Return the query of an organisation's entries from `start` until before `end`, with these values."""
+    chosen = {name: value for name, value in equal.items() if value is not None}
+    rows = select(AuditEntry).filter_by(organisation_id=organisation_id, **chosen)
+    if start is not None:
+        rows = rows.where(AuditEntry.at >= start)
+    return rows if end is None else rows.where(AuditEntry.at < end)
+
+
+def read_entries(database: Database, rows: Select[AuditEntry]) -> Iterator[tuple[AuditEntry, dict[str, str]]]:
+    """Read entries oldest first with the names of each, a page at a time; none that is appended meanwhile."""
+    after, last = -1, None
+    while True:
+        with database.reading() as session:
+            last = last or session.scalar(rows.order_by(AuditEntry.seq.desc()).limit(1))
+            if last is None:
+                return
+            within = rows.where(AuditEntry.seq > after, AuditEntry.seq <= last.seq)
+            page = list(session.scalars(within.order_by(AuditEntry.seq).limit(_PAGE)))
+            named = name_entries(session, page)
+        yield from zip(page, named, strict=True)
+        if len(page) < _PAGE:
+            return
+        after = page[-1].seq
+
+
+def name_entries(session: Session, entries: Sequence[AuditEntry]) -> list[dict[str, str]]:
+    """Return for each entry, where known: `actor_name`, `subject_name`, and the id `about_id` of its subject.
+
+    What a row without a name is about gives it one: a session its key, a publication its version.
+    """
+    ids = {each for entry in entries for each in (entry.actor, entry.subject_id)}
+    found = _read_rows(session, ids)
+    found |= _read_rows(session, {about for row in found.values() if (about := _about(row))} - found.keys())
+    return [
+        {
+            name: value
+            for name, value in (
+                ("actor_name", _name(found, entry.actor)),
+                ("subject_name", _name(found, entry.subject_id)),
+                ("about_id", _about(found.get(entry.subject_id))),
+            )
+            if value
+        }
+        for entry in entries
+    ]
+
+
+def _read_rows(session: Session, ids: set[str]) -> dict[str, Any]:
+    kinds: dict[str, set[str]] = defaultdict(set)
+    for each in ids:
+        kinds[each[:3]].add(each)
+    return {
+        row.id: row
+        for kind in kinds.keys() & _NAMES.keys()
+        for row in session.scalars(select(_NAMES[kind][0]).where(_NAMES[kind][0].id.in_(kinds[kind])))
+    }
+
+
+def _about(row: Any) -> str | None:  # noqa: ANN401  of one of the tables above
+    column = _NAMES[row.id[:3]][2] if row is not None else None
+    return getattr(row, column) if column else None
+
+
+def _name(found: dict[str, Any], row_id: str) -> str | None:
+    row = found.get(row_id)
+    if row is None:
+        return None
+    about = _about(row)
+    return _NAMES[row_id[:3]][1](row) or (_name(found, about) if about and about != row_id else None)
