@@ -40,6 +40,7 @@ ACTS: Final = {
     "api_key.change": "revoked a key",
     "web_session.create": "signed in",
     "web_session.change": "session ended",
+    "signing_key.create": "registered a signing key",
     "organisation.create": "organisation registered",
     "organisation.change": "edited the organisation",
 }
