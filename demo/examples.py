@@ -35,6 +35,7 @@ _FILE = Path(__file__).parents[1] / "service" / "examples.json"
 _OTHER_BODY = "0K8TF1A0010099"
 _QUERIES: dict[str, Node] = {
     "get_campaign_motion": {"focal_length_mm": 3.98, "pixel_pitch_um": 3.75},
+    "get_camera_validity": {"method": "luminance"},
     "get_coefficients": {"method": "luminance"},
     "get_dng_vignette": {"f_number": 4},
     "get_drift": {"method": "luminance", "tolerance": 0.04},

@@ -7,6 +7,7 @@ from radiometry.geometry import codes, method
 from radiometry.geometry.camera import UNITS
 from radiometry.geometry.certificate import CERTIFICATE, RIG_CERTIFICATE
 from radiometry.geometry.effects import DISTORTION, move_corner
+from radiometry.geometry.key_figures import list_key_figures
 from radiometry.geometry.plot import draw
 from radiometry.geometry.rig.codes import FINDINGS as RIG_FINDINGS
 from radiometry.geometry.rig.exports import EXPORTS as RIG_EXPORTS
@@ -71,6 +72,7 @@ SPEC: Final = MethodSpec(
     find_gaps=drop_readings(find_gaps),
     fit=drop_readings(method.fit),
     list_coefficients=method.list_coefficients,
+    list_key_figures=list_key_figures,
     draw=draw,
     certificate=CERTIFICATE,
     exports=EXPORTS,

@@ -9,6 +9,7 @@ from radiometry.luminance.applying import APPLICATION
 from radiometry.luminance.budget import explain_budget
 from radiometry.luminance.certificate import CERTIFICATE
 from radiometry.luminance.gaps import find_gaps
+from radiometry.luminance.key_figures import list_key_figures
 from radiometry.luminance.plot import draw
 from radiometry.luminance.plots import PLOTS
 from radiometry.specification.coefficients import Budget, CoefficientEffect, CoefficientKind
@@ -58,6 +59,7 @@ SPEC: Final = MethodSpec(
     find_gaps=find_gaps,
     fit=method.fit,
     list_coefficients=method.list_coefficients,
+    list_key_figures=list_key_figures,
     draw=draw,
     plots=PLOTS,
     certificate=CERTIFICATE,

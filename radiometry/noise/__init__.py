@@ -4,6 +4,7 @@ from typing import Final
 
 from radiometry.noise import codes, method
 from radiometry.noise.certificate import CERTIFICATE
+from radiometry.noise.key_figures import list_key_figures
 from radiometry.noise.plot import draw
 from radiometry.noise.suggestions import find_gaps
 from radiometry.specification.coefficients import CoefficientKind
@@ -47,6 +48,7 @@ SPEC: Final = MethodSpec(
     find_gaps=drop_readings(find_gaps),
     fit=drop_readings(method.fit),
     list_coefficients=method.list_coefficients,
+    list_key_figures=list_key_figures,
     draw=draw,
     certificate=CERTIFICATE,
 )

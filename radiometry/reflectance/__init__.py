@@ -6,6 +6,7 @@ from radiometry.reflectance import codes, method
 from radiometry.reflectance.applying import APPLICATION
 from radiometry.reflectance.budget import list_budgets
 from radiometry.reflectance.certificate import CERTIFICATE
+from radiometry.reflectance.key_figures import list_key_figures
 from radiometry.reflectance.plot import draw
 from radiometry.specification.coefficients import CoefficientEffect, CoefficientKind
 from radiometry.specification.grid import Grid
@@ -49,6 +50,7 @@ SPEC: Final = MethodSpec(
     grid=Grid(rows="capture_id", columns=("band",)),
     fit=method.fit,
     list_coefficients=method.list_coefficients,
+    list_key_figures=list_key_figures,
     draw=draw,
     draws_flight=True,
     certificate=CERTIFICATE,

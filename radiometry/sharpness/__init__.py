@@ -4,6 +4,7 @@ from typing import Final
 
 from radiometry.sharpness import codes, method
 from radiometry.sharpness.certificate import CERTIFICATE
+from radiometry.sharpness.key_figures import list_key_figures
 from radiometry.sharpness.plot import draw
 from radiometry.specification.coefficients import CoefficientEffect, CoefficientKind
 from radiometry.specification.grid import Grid
@@ -71,6 +72,7 @@ SPEC: Final = MethodSpec(
     grid=Grid(rows="f_number"),
     fit=drop_readings(method.fit),
     list_coefficients=method.list_coefficients,
+    list_key_figures=list_key_figures,
     draw=draw,
     certificate=CERTIFICATE,
 )

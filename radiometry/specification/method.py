@@ -14,6 +14,7 @@ from radiometry.specification.certificate import CertificateText
 from radiometry.specification.coefficients import Budget, CoefficientKind
 from radiometry.specification.exports import Export
 from radiometry.specification.grid import Gap, Grid
+from radiometry.specification.key_figures import KeyFigure
 from radiometry.specification.parameters import Parameter, list_parameters
 from radiometry.specification.rig import RigSpec
 from radiometry.specification.roles import Role
@@ -148,6 +149,8 @@ class MethodSpec:
         ``(rows, readings, params) -> result``. Raises InputRejected.
     list_coefficients : callable
         ``(fitted) -> tuple of CoefficientValue``.
+    list_key_figures : callable
+        ``(stored result) -> tuple of KeyFigure``, what a person looks for first; empty for the coefficients.
     draw : callable
         ``(stored result) -> str``, a plot as SVG. What does not exist may be None or missing.
     plots : tuple of Plot
@@ -214,6 +217,7 @@ class MethodSpec:
     tolerance_unit: ToleranceUnit = "%"
     manual_exposure: bool = True
     plots: tuple[Plot, ...] = ()
+    list_key_figures: Callable[[dict[str, Any]], tuple[KeyFigure, ...]] = field(default=_none)
     draws_flight: bool = False
     list_budgets: Callable[[Any], tuple[Budget, ...]] = field(default=_none)
     check_frame: Callable[..., Sequence[Raised]] = field(default=_none)

@@ -10,6 +10,7 @@ from radiometry.specification.roles import DARK, FLAT
 from radiometry.vignetting import codes, method
 from radiometry.vignetting.budget import list_budgets
 from radiometry.vignetting.certificate import CERTIFICATE
+from radiometry.vignetting.key_figures import list_key_figures
 from radiometry.vignetting.plot import draw
 from radiometry.vignetting.suggestions import find_gaps
 from radiometry.vignetting.written import EXPORTS
@@ -46,6 +47,7 @@ SPEC: Final = MethodSpec(
     find_gaps=drop_readings(find_gaps),
     fit=drop_readings(method.fit),
     list_coefficients=method.list_coefficients,
+    list_key_figures=list_key_figures,
     list_budgets=list_budgets,
     draw=draw,
     certificate=CERTIFICATE,

@@ -8,12 +8,14 @@ from service.auth import Reader
 from service.context import UsesContext
 from service.lookup import Id, owned
 from service.routes import problems
-from service.schemas.base import Instant
+from service.schemas.base import Instant, Method
 from service.schemas.decisions import DecisionAnswer, DecisionsAnswer
 from service.schemas.history import ImpactAnswer
+from service.schemas.validity import LifetimeAnswer, ValidityAnswer
 from store.columns import utc_now
 from store.impact import assess, find_in_force
 from store.queries.decisions import key_names, list_decisions
+from store.queries.validity import list_lifetimes
 from store.tables import Calibration, Camera
 
 router = APIRouter(prefix="/v1", tags=["calibrations"])
@@ -56,3 +58,24 @@ def list_camera_decisions(camera_id: Id, caller: Reader, context: UsesContext) -
         found = list_decisions(session, camera_id)
         names = key_names(session, caller.organisation_id)
     return DecisionsAnswer(items=[DecisionAnswer.of(row, names) for row in found]).respond()
+
+
+@router.get("/cameras/{camera_id}/validity", response_model=ValidityAnswer, responses=problems(404))
+def get_camera_validity(
+    camera_id: Id,
+    caller: Reader,
+    context: UsesContext,
+    method: Annotated[Method, Query()],
+    known_at: Annotated[Instant | None, Query(description="As known at this time; now.")] = None,
+) -> Response:
+    """List the published versions of a method with the times for which they were in force.
+
+    `in_force` holds as known at `known_at`; `revoked_from` is what a version held until it was revoked. All
+    at once, newest first.
+    """
+    known = known_at or utc_now()
+    with context.database.reading() as session:
+        owned(session, Camera, camera_id, caller)
+        found = list_lifetimes(session, camera_id, method, known)
+        names = key_names(session, caller.organisation_id)
+    return ValidityAnswer(known_at=known, items=[LifetimeAnswer.of(row, names) for row in found]).respond()

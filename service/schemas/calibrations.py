@@ -5,6 +5,7 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from radiometry.methods import get_method
+from radiometry.specification.key_figures import KeyFigure
 from radiometry.specification.method import Scope
 from service.schemas.base import Answer, Form, Instant, LongText, Method
 from store.codec import drop_absent
@@ -63,6 +64,10 @@ class Gap(Answer):
     message: str
 
 
+class KeyFigureAnswer(Answer, restates=KeyFigure):
+    """One of the few figures of a version that a person looks for first."""
+
+
 class CalibrationAnswer(
     Answer,
     restates=(Calibration, VersionStatus),
@@ -72,6 +77,9 @@ class CalibrationAnswer(
     method: Method
     uncertainty_scope: Scope | None = Field(default=None, description=SCOPE_MEANING)
     coefficients: list[Coefficient]
+    key_figures: list[KeyFigureAnswer] | None = Field(
+        default=None, description="What a person looks for first, as the method chooses; not in lists."
+    )
     parameters: dict[str, Any]
     diagnostics: dict[str, Any] | None = None
     points: list[dict[str, Any]] | None = None
@@ -85,11 +93,12 @@ class CalibrationAnswer(
         cls, row: Calibration, status: VersionStatus, coefficients: list[CoefficientRow], *, whole: bool
     ) -> "CalibrationAnswer":
         """``whole``: with points, diagnostics and inputs, which a list leaves out."""
+        parameters, spec = drop_absent(row.parameters), get_method(row.method)
         detail: dict[str, Any] = {"inputs": None}
         if whole:
             result = drop_absent(row.result)
-            detail = {"points": result.pop("points", []), "diagnostics": result}
-        parameters, spec = drop_absent(row.parameters), get_method(row.method)
+            shown = [KeyFigureAnswer.model_validate(each) for each in spec.list_key_figures(result)]
+            detail = {"key_figures": shown, "points": result.pop("points", []), "diagnostics": result}
         scopes = [scope for each in coefficients if (scope := spec.find_scope(each.name, each.flags))]
         return cls.restate(
             row,

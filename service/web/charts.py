@@ -103,7 +103,9 @@ def draw_figure(
     xs, ys = figure.find_limits()
     names = figure.y.ticks or ()
     height = _TOP_PX + _BOTTOM_PX + _NAME_PX * len(names) if names else _HEIGHT_PX[is_wide]
-    left = max(_LEFT_PX - 44, 14 + 7 * max(map(len, dict(names).values()))) if names else _LEFT_PX
+    # figures of one time above each other have one margin
+    shares_margin = figure.x.is_time or not names
+    left = max(_LEFT_PX if shares_margin else 0, 14 + 7 * max((len(text) for _, text in names), default=0))
     panel = Panel(
         x=_scale(figure.x, xs, left, view.width - _RIGHT_PX).part(view.x0, view.x1),
         y=_scale(figure.y, ys, height - _BOTTOM_PX, _TOP_PX).part(view.y0, view.y1),
@@ -248,7 +250,7 @@ def _finish(
 ) -> str:
     """With the axes behind and the legend below, in as many columns as there is room for."""
     names = [(n if each.place is None else each.place, each.name) for n, each in enumerate(figure.series)]
-    names = [(place, name) for place, name in names if name] if len(names) > 1 else []
+    names = [(place, name) for place, name in names if name and len(names) > 1]
     inner = panel.x.end_px - panel.x.start_px
     columns = max(1, int(inner // (32 + 7 * max((len(name) for _, name in names), default=1))))
     top = panel.y.start_px + _BOTTOM_PX
@@ -264,7 +266,8 @@ def _finish(
     drawn = document(
         [*panel.frame(), *parts, *legend], width_px=view.width, height_px=height, label=label, style=_STYLE
     )
-    told = f'data-parts="{escape(json.dumps(list(choices)))}" data-note="{escape(figure.note)}"'
+    ends = f'data-low="{panel.x.low:.12g}" data-high="{panel.x.high:.12g}"'
+    told = f'{ends} data-parts="{escape(json.dumps(list(choices)))}" data-note="{escape(figure.note)}"'
     return drawn.replace("<svg ", f"<svg {told} ", 1)
 
 

@@ -40,6 +40,17 @@ class Calibrations(Campaigns, Jobs):
             Calibration.of, self._transport.items(address("cameras", camera_id, "calibrations"), query)
         )
 
+    def validity(
+        self, camera_id: str, *, method: str, known_at: Moment | None = None
+    ) -> list[dict[str, Any]]:
+        """Return a camera's published versions with the times for which they were in force, newest first.
+
+        As known at ``known_at`` (now).
+        """
+        query = {"method": method} | ({} if known_at is None else {"known_at": as_text(known_at)})
+        found = self._get(address("cameras", camera_id, "validity"), query)
+        return list(found["items"])
+
     def publish(
         self, calibration_id: str, *, valid_from: Moment, reason: str, valid_to: Moment | None = None
     ) -> Calibration:

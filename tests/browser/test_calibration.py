@@ -57,6 +57,12 @@ def draft(night, **params):
 def test_what_was_found_stands_there_with_its_uncertainty(shown, night):
     expect(shown.get_by_role("heading", level=1)).to_have_text("Luminance version 1")
     expect(shown.locator("#version-status")).to_contain_text("published")
+    figures = shown.locator(".key-figures")
+    expect(figures).to_contain_text(
+        re.compile(r"ISO 3200 K.*2\.0\d+ ± 0\.0\d+ DN·m²/\(cd·s\)u = 2\.2 %ISO 6400")
+    )
+    expect(figures.get_by_role("img", name="Passes")).to_have_count(len(ISOS))
+    shown.locator("#verdict summary").click()
     rows = shown.locator("#verdict table").first.get_by_role("row")
     expect(rows).to_have_count(1 + len(ISOS))
     each = shown.locator("#verdict table").nth(1).get_by_role("row")
@@ -267,7 +273,7 @@ def test_a_key_that_may_only_read_is_offered_nothing_else(context, night):
     page = sign_in(context, made.json()["secret"])
     page.goto(f"/calibrations/{night.version.id}")
     settle(page)
-    expect(page.locator("#verdict").get_by_role("row").first).to_be_visible()
+    expect(page.locator(".key-figures")).to_be_visible()
     expect(
         page.locator("main").get_by_role("button").filter(has_text=re.compile("Publish|Revoke|Fit"))
     ).to_have_count(0)

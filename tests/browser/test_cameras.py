@@ -48,6 +48,46 @@ def test_a_camera_shows_its_coefficients_its_drift_and_who_decided(page, cameras
     look(page, "camera")
 
 
+def test_what_was_in_force_is_told_as_known_then_and_the_address_holds_it(page, cameras, team):
+    page.goto(f"/cameras/{cameras[0]}")
+    page.get_by_role("link", name="Coefficients in time").click()
+    answer, at, known = (
+        page.locator("#answer"),
+        page.get_by_label("In force at").first,
+        page.get_by_label("Known at").first,
+    )
+    expect(answer).to_contain_text("version 3 is in force")
+    at.fill("2025-08-20 22:00")
+    at.press("Enter")
+    expect(answer).to_contain_text("version 2 is in force. Luminance K, ISO 100 = 32.25 ± 0.21")
+    page.locator("#values .cursor:not(.known)").press("ArrowRight")
+    expect(at).to_have_value("2025-08-21 22:00")
+    page.locator("h1").click()
+    page.keyboard.press("]")
+    expect(at).to_have_value("2026-05-03 20:00")
+    page.keyboard.press("[")
+    expect(at).to_have_value("2025-05-03 20:00")
+    expect(answer).to_contain_text("version 2 is in force")
+    before = page.locator("#request").inner_text().split("known_at=")[1]
+    version = team.client.history(cameras[0], state="superseded")
+    team.client.revoke(next(each.id for each in version if each.version == 2), reason="the lamp drifted")
+    page.reload()
+    expect(answer).to_contain_text("no version is in force. Version 2 was revoked on")
+    expect(answer).to_contain_text("the lamp drifted")
+    expect(answer).to_contain_text("Nearest: version 1 (until 2025-05-03) and version 3 (from 2026-05-03)")
+    expect(page.locator("#lives .point.s5").first).to_be_visible()
+    check_access(page)
+    look(page, "coefficients")
+    known.fill(before)
+    known.press("Enter")
+    expect(answer).to_contain_text("version 2 is in force")
+    kept = page.url
+    page.goto("/cameras")
+    page.goto(kept)
+    expect(known).to_have_value(before)
+    expect(answer).to_contain_text("version 2 is in force")
+
+
 def test_what_is_known_of_a_lens_is_drawn_beside_its_coefficients(page, cameras):
     def as_of_a_lens(route):
         answer = route.fetch()

@@ -40,7 +40,9 @@ def test_a_version_is_shown_and_published_and_stands_on_its_camera_s_page(servic
             page.goto(f"/calibrations/{version['id']}")
             settle(page)
             expect(page.get_by_role("heading", level=1)).to_have_text(f"{label} version 1")
-            expect(page.locator("#verdict")).to_be_visible()
+            for figure in version["key_figures"]:
+                expect(page.locator(".key-figures")).to_contain_text(figure["label"])
+            expect(page.locator("#verdict table")).to_be_hidden()
             expect(page.locator("#drawn img")).to_be_visible()
             certificate = (
                 page.locator("#version-status").get_by_role("link", name="PDF").get_attribute("href")

@@ -7,6 +7,7 @@ from tests.support.measuring import field_frame, measure
 from tests.support.meters import enter_meter, metered_campaign
 
 APRIL, MAY, TAKEN = "2026-04-01T00:00:00Z", "2026-05-10T00:00:00Z", "2026-05-01T20:00:00Z"
+PERIODS = ("in_force", "revoked_from")
 
 
 def publish(house, version, valid_from=APRIL, valid_to=None):
@@ -203,3 +204,18 @@ def test_a_cameras_decisions_tell_who_did_what_when_and_why(house, pair):
     # as it was published, whatever became of it
     assert (earlier["valid_from"], "valid_to" in earlier) == (APRIL, False)
     assert (oldest["calibration_id"], "reason" in oldest) == (first["id"], False)
+
+    # the same in both times: what each version held, now and before the last decision
+    def list_held(known_at=None):
+        query = {"method": "luminance"} | ({"known_at": known_at} if known_at else {})
+        found = house.get(f"/v1/cameras/{first['camera_id']}/validity", **query)["items"]
+        return {
+            row["version"]: [[(p["valid_from"], p.get("valid_to")) for p in row[name]] for name in PERIODS]
+            for row in found
+        }
+
+    held = [(APRIL, MAY), ("2027-05-10T00:00:00Z", None)]
+    assert list_held() == {2: [[(MAY, "2027-05-10T00:00:00Z")], []], 1: [[], held]}
+    assert list_held(yearly["at"]) == {2: [[(MAY, "2027-05-10T00:00:00Z")], []], 1: [held, []]}
+    assert list_held(earlier["at"]) == {1: [[(APRIL, None)], []]}
+    assert list_held(oldest["at"]) == {}

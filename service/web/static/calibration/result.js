@@ -3,6 +3,7 @@
 import { figure, h, table } from "../dom.js";
 import { day, number, percent, quantity, relative, tag, time, withUncertainty, words } from "../format.js";
 import { named } from "../coefficients.js";
+import { mark } from "../marks.js";
 import { methodOf } from "../methods.js";
 import { shorten } from "../shorten.js";
 
@@ -28,7 +29,27 @@ function stillHolds({ state, valid_from: from, valid_to: to }) {
 }
 
 export function drawVerdict(calibration) {
-  return calibration.diagnostics.iso_fits ? curves(calibration) : coefficients(calibration);
+  const [shown, behind] = calibration.diagnostics.iso_fits ? curves(calibration) : [null, coefficients(calibration)];
+  const figures = keyFigures(calibration);
+  return [shown, figures, figures ? h("details", { class: "fold" }, h("summary", {}, "All coefficients"), behind) : behind];
+}
+
+/** The few figures that the method chooses; what an uncertainty without its scale would promise is left out. */
+function keyFigures({ key_figures: rows = [], uncertainty_scope: scope }) {
+  if (!rows.length) return null;
+  return h(
+    "dl",
+    { class: "key-figures" },
+    rows.map((row) => {
+      const stated = row.expanded_uncertainty !== undefined && scope !== "relative_only";
+      return h(
+        "div",
+        {},
+        h("dt", {}, h("span", {}, words(row.group)), h("span", { class: "muted" }, ` ${row.label}`), row.passed === undefined ? null : mark(row.passed ? "good" : "bad", row.passed ? "Passes" : "Fails")),
+        h("dd", {}, quantity(row), h("small", {}, row.unit === "%" ? null : `u = ${relative(row.value, row.standard_uncertainty)}`, stated ? ` · U = ${number(row.expanded_uncertainty, 2)} (k = ${number(row.coverage_factor, 3)}, 95 %)` : null)),
+      );
+    }),
+  );
 }
 
 /** One curve for each ISO value, against a tolerance. */
@@ -49,7 +70,7 @@ function curves({ diagnostics, coefficients: rows, parameters, uncertainty_scope
   const note = failing.length
     ? h("p", { class: "note bad" }, h("strong", {}, `${failing.length} of ${fits.length} ISO values exceed the tolerance of ${tolerance}. `), "Check the residuals. Do not exclude a point without a reason.")
     : h("p", { class: "note good" }, h("strong", {}, ["", "Passed. ", "Both ISO values pass. "][fits.length] ?? `All ${fits.length} ISO values pass. `), `The largest residual is ${percent(Math.max(...fits.map((fit) => fit.largest_residual_rel)))} of L; the tolerance is ${tolerance}.`);
-  return [note, conditions(diagnostics, parameters), table(columns, fits, { caption: "K of each ISO value" }), apertures(fits, scope)];
+  return [[note, conditions(diagnostics, parameters)], [table(columns, fits, { caption: "K of each ISO value" }), apertures(fits, scope)]];
 }
 
 /** The light that K holds for, and the rule of the verdict, as far as the campaign states them. */
