@@ -121,7 +121,8 @@ def _check_wheel(root: Path, name: str, rooms: Sequence[str], build: Callable[[P
         check = inspect_wheel(wheel, name=name, version=read_version(root), rooms=rooms, committed=committed)
         if check.right:
             (root / "dist").mkdir(exist_ok=True)
-            shutil.copy(wheel, root / "dist")
+            for made in wheel.parent.glob("stilb*"):
+                shutil.copy(made, root / "dist")
         return check
 
 

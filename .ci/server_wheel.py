@@ -4,6 +4,7 @@ Version and requirements are those of `pyproject.toml`; one of the server's own 
 """
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -32,6 +33,9 @@ def build(root: Path, folder: Path) -> Path:
         subprocess.run([uv, "build", "-q", "--offline", "--wheel", "-o", built, stage], check=True)  # noqa: S603
         (wheel,) = built.glob("*.whl")
         folder.mkdir(parents=True, exist_ok=True)
+        version = wheel.name.split("-")[1]
+        bill = json.dumps(list_materials(root / "requirements.lock", version), indent=1)
+        (folder / f"stilb_server-{version}.cdx.json").write_text(bill, encoding="utf-8")
         return Path(shutil.copy(wheel, folder))
 
 
@@ -55,6 +59,30 @@ def describe(root: Path) -> str:
         f"[{table}]\n" + "".join(f"{key} = {json.dumps(value)}\n" for key, value in rows.items())
         for table, rows in tables.items()
     )
+
+
+def list_materials(lock: Path, version: str) -> dict[str, object]:
+    """Return the CycloneDX bill of materials of the packages that the lock pins, with their hashes."""
+    pinned = re.findall(
+        r"^([\w.-]+)(?:\[.*?\])?==([^\s;]+)(.*?)(?=^\S|\Z)", lock.read_text(), re.MULTILINE | re.DOTALL
+    )
+    components = [
+        {
+            "type": "library",
+            "name": name,
+            "version": pin,
+            "purl": f"pkg:pypi/{name}@{pin}",
+            "bom-ref": f"pkg:pypi/{name}@{pin}",
+            # of all files of this version, of which an installation takes one
+            "properties": [
+                {"name": "lock:sha256", "value": each} for each in re.findall(r"sha256:(\w+)", rest)
+            ],
+        }
+        for name, pin, rest in pinned
+    ]
+    product = {"type": "application", "name": "stilb-server", "version": version}
+    head = {"bomFormat": "CycloneDX", "specVersion": "1.6", "version": 1}
+    return head | {"metadata": {"component": product}, "components": components}
 
 
 if __name__ == "__main__":

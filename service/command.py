@@ -7,7 +7,7 @@ from typing import Final
 from store.software import read_version
 
 COMMANDS: Final = {
-    "up": ("service.up", "run everything on this machine, in the foreground"),
+    "up": ("service.up", "run everything in the foreground, or the named parts: service, worker, sweeper"),
     "service": ("service", "run the API and the pages"),
     "worker": ("worker", "run a worker, which reads frames, fits and measures"),
     "sweeper": ("worker.sweeper", "run the sweeper, which takes back lost jobs and verifies files"),

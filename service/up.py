@@ -1,4 +1,4 @@
-"""`make up`: the whole service in the foreground on its embedded parts; `python -m service.up`.
+"""`make up`: the whole service in the foreground on its embedded parts; `python -m service.up [part ...]`.
 
 One tree of processes that goes down together, also if this one is killed. The worker is started as a process
 and not imported.
@@ -8,6 +8,7 @@ import sys
 from dataclasses import replace
 
 from service.launch.lifeline import follow_make
+from service.launch.refusal import Exit, report
 from service.launch.run import Roster, launch
 from service.launch.supervisor import Part
 from store.revision import is_current
@@ -30,6 +31,13 @@ def main() -> int:
     settings = read_settings()
     follow_make()
     roster = give_grace(ROSTER, settings.stop_grace_s)
+    if names := set(sys.argv[1:]):
+        parts = [part for part in roster.parts if part.name in names]
+        if len(parts) < len(names) or not settings.database_url:
+            known = ", ".join(part.name for part in roster.parts)
+            report(f"some parts of {known} alone need STILB_DATABASE_URL, where the others are")
+            return Exit.CANNOT_START
+        roster = replace(roster, parts=parts, serves=any(part.knows_key for part in parts))
     if is_current(settings.effective_database_url):
         # a process that would load most of stilb, to find that nothing is to be done
         roster = replace(roster, before=[])

@@ -6,9 +6,10 @@ import sys
 from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self
+from urllib.parse import quote
 
-from pydantic import Field, SecretStr, ValidationError
+from pydantic import Field, SecretStr, ValidationError, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from store.pulse import HANG_S
@@ -42,6 +43,7 @@ class Settings(BaseSettings):
     cors_origins: str = ""
     allowed_hosts: str = ""
     database_url: str = ""
+    database_password: SecretStr = SecretStr("")
     database_timeout_s: float = Field(default=30.0, gt=0)
     broker_url: str = ""
     blobs_url: str = ""
@@ -68,7 +70,15 @@ class Settings(BaseSettings):
 
     @property
     def effective_database_url(self) -> str:
+        if password := self.database_password.get_secret_value():
+            return self.database_url.replace("@", f":{quote(password, safe='')}@", 1)
         return self.database_url or f"sqlite:///{self.data.absolute() / 'stilb.sqlite'}"
+
+    @model_validator(mode="after")
+    def _place_password(self) -> Self:
+        if self.database_password.get_secret_value() and not re.match(r"[^:]+://[^:@/]+@", self.database_url):
+            raise ValueError("STILB_DATABASE_PASSWORD needs a STILB_DATABASE_URL with a user and no password")
+        return self
 
     @property
     def effective_broker_url(self) -> str:
@@ -113,7 +123,12 @@ def _read_all() -> Settings:
         return Settings(**read)
     except ValidationError as error:
         raise SettingsWrong(
-            *(f"{_PREFIX}{'_'.join(map(str, each['loc'])).upper()}: {each['msg']}" for each in error.errors())
+            *(
+                f"{_PREFIX}{'_'.join(map(str, each['loc'])).upper()}: {each['msg']}".removeprefix(
+                    f"{_PREFIX}: "
+                )
+                for each in error.errors()
+            )
         ) from error
 
 

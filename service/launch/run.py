@@ -28,6 +28,8 @@ class Roster:
 
     before: Sequence[Sequence[str]]
     parts: Sequence[Part]
+    serves: bool = True
+    """One of the parts answers at the port."""
 
 
 def launch(settings: Settings, roster: Roster) -> Exit:
@@ -50,8 +52,8 @@ def launch(settings: Settings, roster: Roster) -> Exit:
 def _run(settings: Settings, roster: Roster, signals: Signals, stack: ExitStack) -> Exit:
     data = settings.data.absolute()
     lock = stack.enter_context(claimed(data, report))
-    key = bootstrap_key(data, settings.key.get_secret_value())
-    port = free_port(settings.host, settings.port)
+    key = bootstrap_key(data, settings.key.get_secret_value()) if roster.serves else ""
+    port = free_port(settings.host, settings.port) if roster.serves else settings.port
     environment = os.environ | {
         "STILB_DATA": str(data),
         "STILB_HOST": settings.host,
@@ -77,8 +79,9 @@ def _run(settings: Settings, roster: Roster, signals: Signals, stack: ExitStack)
         _wait("Valkey", lambda: valkey.answers(broker), supervisor, signals)
     for part in roster.parts:
         supervisor.start(part)
-    _wait("the service", lambda: _is_ready(settings.host, port), supervisor, signals)
-    if not signals.stops:
+    if roster.serves:
+        _wait("the service", lambda: _is_ready(settings.host, port), supervisor, signals)
+    if roster.serves and not signals.stops:
         host = _reachable(settings.host)
         address = f"[{host}]" if ":" in host else host
         print(f"ready http://{address}:{port} key {key}", flush=True)  # noqa: T201 (a contract with scripts)

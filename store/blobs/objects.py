@@ -6,6 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from datetime import timedelta
 from pathlib import Path
+from typing import TYPE_CHECKING, Final
 from urllib.parse import urlsplit
 
 import obstore
@@ -19,16 +20,22 @@ from store.blobs.spool import BlobWriter, sweep
 from store.blobs.surface import checked_name
 from store.digests import PIECE_BYTES
 
+if TYPE_CHECKING:
+    from obstore.store import S3Config
+
 CACHE_BYTES = 8 << 30
 _CONNECT_WITHIN_S = 5.0
 _CHECK_WITHIN_S = 2.0
 _ONE_REQUEST = timedelta(hours=1)
 _ASKED_AT_ONCE = 16
 _ENDPOINTS = ("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT")
+_SECRETS: Final = ("access_key_id", "secret_access_key", "session_token")
 
 
 class ObjectBlobs:
     """Blobs as objects `<prefix>/ab/cd/<sha256>`; keys, region and endpoint come from the AWS_* environment.
+
+    `AWS_ACCESS_KEY_ID_FILE`, `AWS_SECRET_ACCESS_KEY_FILE`, `AWS_SESSION_TOKEN_FILE` may name their files.
 
     A new blob is spooled to the local disk first: its name is its hash, known only after the last byte, and
     S3 can rename nothing. Sending it to a temporary key and copying would move every byte twice and leave
@@ -172,7 +179,7 @@ def _s3_store(url: str, endpoint: str | None, *, retry_for_s: float, silence_s: 
     return S3Store(
         parts.netloc,
         prefix=parts.path.strip("/") or None,
-        config={"endpoint": endpoint} if endpoint else {},
+        config=_read_secrets() | ({"endpoint": endpoint} if endpoint else {}),
         client_options={
             "allow_http": (endpoint or "").startswith("http://"),
             "connect_timeout": timedelta(seconds=min(_CONNECT_WITHIN_S, silence_s)),
@@ -185,3 +192,11 @@ def _s3_store(url: str, endpoint: str | None, *, retry_for_s: float, silence_s: 
             **({} if retry_for_s else {"max_retries": 0}),
         },
     )
+
+
+def _read_secrets() -> "S3Config":
+    secrets: S3Config = {}
+    for name in _SECRETS:
+        if path := os.environ.get(f"AWS_{name.upper()}_FILE"):
+            secrets[name] = Path(path).read_text(encoding="utf-8").strip()
+    return secrets

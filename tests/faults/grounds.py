@@ -20,7 +20,7 @@ from store.database import Database
 from store.settings import Settings
 from tests.faults.machine import Clock
 from tests.support.compose import compose
-from tests.support.deployments import GIVEN, Composed, Deployment, Embedded, spawn
+from tests.support.deployments import SECRETS, Composed, Deployment, Embedded, spawn
 from tests.support.ports import pick_port
 from tests.support.postgres import PostgresServer
 from tests.support.processes import alive, family
@@ -293,8 +293,8 @@ class ComposedGround(Ground, Composed):
             "stilb",
             endpoint=self._s3_url,
             region="us-east-1",
-            access_key_id=GIVEN["AWS_ACCESS_KEY_ID"],
-            secret_access_key=GIVEN["AWS_SECRET_ACCESS_KEY"],
+            access_key_id=SECRETS["AWS_ACCESS_KEY_ID_FILE"],
+            secret_access_key=SECRETS["AWS_SECRET_ACCESS_KEY_FILE"],
             client_options={"allow_http": True},
         )
 

@@ -1,5 +1,6 @@
 """`stilb-server` from its wheel. The other flow tests calibrate with it; these are about what it holds."""
 
+import json
 import os
 import re
 import subprocess
@@ -34,6 +35,10 @@ def test_release_accepts_the_wheel(server_wheel):
         server_wheel, name="stilb-server", version=version, rooms=ROOMS, committed=committed
     )
     assert found.right, found
+    bill = json.loads((server_wheel.parent / f"stilb_server-{version}.cdx.json").read_text())
+    pins = re.findall("^([a-z0-9.-]+).*==", (ROOT / "requirements.lock").read_text(), re.MULTILINE)
+    assert [each["name"] for each in bill["components"]] == pins
+    assert all(each["properties"] for each in bill["components"])
     assert sum(each.startswith("migrations/versions/0") for each in committed) == len(list_revisions())
 
 

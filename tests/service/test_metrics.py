@@ -1,5 +1,6 @@
 """What the service tells those who watch it."""
 
+import json
 import re
 import shutil
 from datetime import timedelta
@@ -85,19 +86,40 @@ def test_metrics_tell_why_jobs_were_given_up_and_what_others_wait_for(house):
     assert 'stilb_workers_without{dependency="database"} 0.0' in lines
 
 
-def test_every_alert_rests_on_what_the_metrics_tell(house):
-    """Names of metrics, and the codes and dependencies that the rules choose."""
-    text = (ROOT / "docs" / "prometheus-rules.yml").read_text(encoding="utf-8")
-    (group,) = yaml.safe_load(text)["groups"]
-    told = {
-        line.split()[2] for line in house.http.get("/metrics").text.splitlines() if line.startswith("# TYPE")
-    }
-    for rule in group["rules"]:
-        assert set(re.findall(r"stilb_\w+", rule["expr"])) <= told
-        assert rule["annotations"]["summary"]
+def test_alerts_and_dashboard_rest_on_what_the_metrics_tell(house):
+    """Names of metrics and labels, and the codes, states and kinds that the expressions choose."""
+    house.campaign()
+    Presence(house.database, "worker", job_seconds=house.worker.durations.found).beat()
+    told: dict[str, dict[str, set[str]]] = {}
+    for family in text_string_to_metric_families(house.http.get("/metrics").text):
+        found = {
+            label: {s.labels.get(label) for s in family.samples} for s in family.samples for label in s.labels
+        }
+        told |= dict.fromkeys({family.name, *(sample.name for sample in family.samples)}, found)
+    (group,) = yaml.safe_load((ROOT / "docs/prometheus-rules.yml").read_text(encoding="utf-8"))["groups"]
+    assert all(rule["annotations"]["summary"] for rule in group["rules"])
+    panels = json.loads((ROOT / "docs/grafana-operations.json").read_text(encoding="utf-8"))["panels"]
+    targets = [target for panel in panels for target in panel["targets"]]
+    for expr in (each["expr"] for each in (*group["rules"], *targets)):
+        check_expression(expr, told)
+    legends = {word for each in targets for word in re.findall(r"{{(\w+)}}", each["legendFormat"])}
+    assert legends <= {"code"}.union(*told.values())
+    assert len({(panel["gridPos"]["x"], panel["gridPos"]["y"]) for panel in panels}) == len(panels)
+
+
+def check_expression(expr, told):
     errors = (ROOT / "docs" / "errors.md").read_text(encoding="utf-8")
-    (codes,) = re.findall(r'code=~"([^"]+)"', text)
-    assert all(f"## {code}\n" in errors for code in codes.split("|"))
+    chosen = re.findall(r"(stilb_\w+)(?:{([^}]*)})?", expr)
+    assert chosen, expr
+    assert {name for name, _ in chosen} <= told.keys(), expr
+    for name, matchers in chosen:
+        for label, values in re.findall(r'(\w+)(?:=~|!~|=)"([^"]*)"', matchers):
+            assert label in {"code", *told[name]}, expr
+            if label in {"state", "kind"}:
+                assert set(values.split("|")) <= told[name][label], expr
+            assert label != "code" or all(f"## {code}\n" in errors for code in values.split("|"))
+    for labels in re.findall(r"by \(([^)]*)\)", expr):
+        assert set(labels.split(", ")) <= {"le", "code"}.union(*(told[name] for name, _ in chosen)), expr
 
 
 def test_the_level_of_the_decoders_sandbox_is_told(house):

@@ -1,4 +1,5 @@
 import pytest
+from sqlalchemy import make_url
 
 from store.settings import Settings, read_settings
 
@@ -53,3 +54,10 @@ def test_a_secret_that_is_given_twice_or_cannot_be_read_is_refused(refused, tmp_
 def test_an_empty_file_name_stands_for_none(monkeypatch):
     monkeypatch.setenv("STILB_KEY_FILE", "")
     assert read_settings() == Settings()
+
+
+def test_the_database_password_is_put_into_the_address_whatever_it_holds(monkeypatch, refused):
+    monkeypatch.setenv("STILB_DATABASE_PASSWORD", "a@b/c:d")
+    assert "needs a STILB_DATABASE_URL with a user" in refused(STILB_DATABASE_URL="")
+    monkeypatch.setenv("STILB_DATABASE_URL", "postgresql+psycopg://stilb@db:5432/stilb")
+    assert make_url(read_settings().effective_database_url).password == "a@b/c:d"

@@ -10,27 +10,44 @@ from typing import Any
 
 import yaml
 
+from service.command import COMMANDS
+
 ROOT = Path(__file__).parent.parent.parent
 OURS = ("migrate", "service", "worker", "sweeper")
 _VARIABLE = re.compile(r"\$\{(?P<name>\w+)(?::(?P<kind>[-?])(?P<text>[^}]*))?\}")
 
 
+S3 = "docs/deploy/compose.s3.yml"
+TLS = "docs/deploy/compose.tls.yml"
+
+
+class _Loader(yaml.SafeLoader):
+    """Compose's own tag for what an override takes away."""
+
+
+_Loader.add_constructor("!reset", lambda _loader, _node: [])
+
+
 @cache
-def compose() -> dict[str, Any]:
+def compose(path: str = "docker-compose.yml") -> dict[str, Any]:
     """The whole file, its anchors resolved."""
-    return yaml.safe_load((ROOT / "docker-compose.yml").read_text(encoding="utf-8"))
+    return yaml.load((ROOT / path).read_text(encoding="utf-8"), _Loader)
 
 
 def command_of(name: str) -> list[str]:
     """A service's command, run by this very Python."""
-    command = compose()["services"][name]["command"]
-    return [sys.executable if part == "python" else part for part in command]
+    command, *others = compose()["services"][name]["command"]
+    assert command == "stilb-server"
+    return [sys.executable, "-m", COMMANDS[others[0]][0], *others[1:]]
 
 
-def environment_of(name: str, variables: Mapping[str, str]) -> dict[str, str]:
+def environment_of(name: str, variables: Mapping[str, str], *overrides: str) -> dict[str, str]:
     """A service's environment, with the operator's variables filled in as Compose does."""
-    environment = compose()["services"][name].get("environment", {})
-    return {key: filled(value, variables) for key, value in environment.items()}
+    environment: dict[str, str | None] = {}
+    for path in ("docker-compose.yml", *overrides):
+        environment |= compose(path)["services"].get(name, {}).get("environment", {})
+    given = {key: variables.get(key) if value is None else value for key, value in environment.items()}
+    return {key: filled(value, variables) for key, value in given.items() if value is not None}
 
 
 def filled(text: str, variables: Mapping[str, str]) -> str:

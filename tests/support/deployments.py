@@ -22,7 +22,7 @@ from service.launch.valkey import valkey_binary
 from store.database import Database
 from store.jobs import FINAL_STATES
 from store.tables import Job
-from tests.support.compose import ROOT, command_of, compose, environment_of
+from tests.support.compose import ROOT, S3, command_of, compose, environment_of
 from tests.support.fieldwork import Team, new_team
 from tests.support.ports import pick_port
 from tests.support.processes import alive, children, command
@@ -32,11 +32,10 @@ from tests.support.waiting import PATIENCE_S, state_of, text_of, wait_for
 QUICK = {"STILB_LEASE_S": "2", "STILB_SWEEP_INTERVAL_S": "0.2", "STILB_STALL_S": "10"}
 # Where many others want the processors too.
 _STARTS_WITHIN_S = 240.0
-GIVEN = {
-    "STILB_KEY": "stilb_flow_key_of_32_characters_and_more",
-    "POSTGRES_PASSWORD": "secret",
-    "AWS_ACCESS_KEY_ID": "id",
-    "AWS_SECRET_ACCESS_KEY": "secret",
+SECRETS = {
+    "STILB_KEY_FILE": "stilb_flow_key_of_32_characters_and_more",
+    "AWS_ACCESS_KEY_ID_FILE": "id",
+    "AWS_SECRET_ACCESS_KEY_FILE": "secret",
 }
 PARTS = {
     "service": ["-m", "service"],
@@ -195,12 +194,12 @@ class Embedded(Deployment):
 
 
 class Composed(Deployment):
-    """The commands and the environment of docker-compose.yml; only the addresses are this machine's."""
+    """Commands and environment of docker-compose.yml with S3; only the addresses are this machine's."""
 
     def __init__(self, folder: Path, database_url: str, **settings: str):
         self.folder = folder
         self.logs = folder / "logs"
-        self.key = GIVEN["STILB_KEY"]
+        self.key = SECRETS["STILB_KEY_FILE"]
         self._database_url = database_url
         self._settings = settings
         self._running: dict[str, subprocess.Popen] = {}
@@ -227,7 +226,10 @@ class Composed(Deployment):
             "STILB_HOST": "127.0.0.1",
             "STILB_PORT": str(port),
             "AWS_ENDPOINT_URL": self._start_s3(stack),
+            **{name: str(self.folder / name) for name in SECRETS},
         }
+        for name, secret in SECRETS.items():
+            (self.folder / name).write_text(f"{secret}\n")
         self._broker_port = broker_port
         self.start("valkey")
         wait_for(self._broker_answers, "an answer of Valkey")
@@ -259,7 +261,9 @@ class Composed(Deployment):
             words = compose()["services"]["redis"]["command"]
             where = ["--port", str(self._broker_port), "--bind", "127.0.0.1", "--dir", str(self.folder)]
             return [str(valkey_binary()), *words[1:], *where], path
-        named = environment_of(name, GIVEN)
+        named = environment_of(name, {"STILB_BLOBS_URL": "s3://stilb/raw", "AWS_ENDPOINT_URL": ""}, S3)
+        # the address that the test was given has its password
+        del named["STILB_DATABASE_PASSWORD_FILE"]
         # each container has a /tmp of its own
         addresses = self._addresses | {"STILB_PULSE": str(self.folder / f"pulse-{name}")}
         here = {key: value for key, value in addresses.items() if key in named}
