@@ -12,6 +12,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "install.md"
 LARGE_BYTES = 5e6
 REASONS = {
+    "cryptography": "signs and verifies receipts (Ed25519)",
     "imagecodecs": "decodes lossless JPEG, LZW, PackBits and PNG; most of it is other codecs",
     "numpy": "arrays, of every computation",
     "obstore": "files in an S3 bucket; needed with `STILB_BLOBS_URL=s3://...` only",
