@@ -6,7 +6,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from bench import crowd, growth, lookups, mapping, pages, reading, reflectance, upload
+from bench import crowd, growth, lookups, mapping, pages, reading, reflectance, start, upload, workers
 from bench.report import describe_machine, say, summarise
 from bench.subject import Scale
 from store.settings import Settings
@@ -24,6 +24,8 @@ def main(scale: Scale | None = None) -> int:
         *reflectance.run(scale),
         *_serve(scale),
         *lookups.run(scale),
+        *workers.run(scale),
+        *start.run(scale),
     ]
     say(f"\n{summarise(verdicts)}; in {time.monotonic() - began:.0f} s")
     return 0

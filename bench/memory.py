@@ -49,6 +49,28 @@ def read_memory_mb(pid: int, name: str) -> float:
     return int(found[1]) * 1024 / 1e6 if found else float("nan")
 
 
+def read_shared_mb(pid: int) -> float:
+    """Return the memory of a process; a page that n processes share counts as 1 / n."""
+    rolled = Path(f"/proc/{pid}/smaps_rollup").read_text(encoding="ascii")
+    found = re.search(r"^Pss:\s+(\d+) kB", rolled, re.MULTILINE)
+    return int(found[1]) * 1024 / 1e6 if found else float("nan")
+
+
+def list_tree(pid: int) -> list[int]:
+    """Return a process and all that descend from it."""
+    found = [pid]
+    for each in found:
+        for children in Path(f"/proc/{each}/task").glob("*/children"):
+            found += map(int, children.read_text(encoding="ascii").split())
+    return found
+
+
+def read_cpu_s(pid: int) -> float:
+    """Return the CPU time that a process has used."""
+    fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
 def forget_peak(pid: int) -> None:
     """Reset the peak to what is used now."""
     Path(f"/proc/{pid}/clear_refs").write_text("5", encoding="ascii")

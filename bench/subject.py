@@ -40,6 +40,16 @@ class Scale:
     measurements: int = 5_000
     lookups: int = 400
     """Look-ups of one turn."""
+    starts: int = 3
+    rests_s: float = 20.0
+    workers: int = 20
+    rounds_of_jobs: int = 3
+    jobs_each: int = 3
+    """Simulated jobs of a worker in a round."""
+    job_s: float = 1.0
+    waiting_jobs: int = 20_000
+    waits_s: float = 20.0
+    """How long they wait without a worker."""
 
     @classmethod
     def named(cls, name: str) -> "Scale":

@@ -13,8 +13,9 @@ RUN_TASK = "stilb.run"
 _SILENCE_AFTER_FAILURE_S = 2.0
 _HINT_WITHIN_S = 1.0
 _ANSWER_WITHIN_S = 30.0
-MOST_HINTS = 16
-"""Messages for any number of jobs: one wakes a worker, and a worker that finds work wakes all its threads."""
+MOST_HINTS = 64
+"""Messages for any number of jobs: one wakes a worker, and a worker that finds work wakes all its threads.
+Where more workers than this are idle, the others find work when they look without one."""
 
 log = logging.getLogger(__name__)
 

@@ -1,12 +1,14 @@
 """The benchmarks run, at a size where their figures mean nothing; the arithmetic is right at any."""
 
+import os
 import sys
 import tempfile
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 
-from bench import imagej, pages, timing
+from bench import imagej, pages, start, timing
 from bench.__main__ import main
 from bench.report import judge, judge_seconds, summarise
 from bench.subject import ROI_SHARE, Scale, draw_roi
@@ -24,6 +26,14 @@ TINY = Scale(
     coefficients=1_000,
     measurements=20,
     lookups=20,
+    starts=1,
+    rests_s=0.1,
+    workers=2,
+    rounds_of_jobs=2,
+    jobs_each=1,
+    job_s=0.01,
+    waiting_jobs=100,
+    waits_s=0.2,
 )
 
 
@@ -31,10 +41,12 @@ TINY = Scale(
 def test_every_benchmark_runs_and_leaves_nothing_behind(tmp_path, monkeypatch, capfd):
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     monkeypatch.setattr(imagej, "find_imagej", lambda: None)
+    # whole services start in other tests
+    monkeypatch.setattr(start, "_up", lambda _: nullcontext(os.getpid()))
     before = family(1)
     assert main(TINY) == 0
     told = capfd.readouterr().out
-    targets = (15 if pages.find_chromium() is None else 16) + 20
+    targets = (15 if pages.find_chromium() is None else 16) + 26
     assert told.count("target:") == targets
     assert f"{targets} targets, " in told
     assert "MB more over" in told
