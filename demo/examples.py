@@ -261,6 +261,10 @@ def _manage(http: httpx.Client) -> None:
     _send(http, "DELETE", f"sessions/{sessions[0]['id']}")
     _send(http, "DELETE", f"keys/{key['id']}")
     _post(http, "organisations", {"name": "City of Lansing"})
+    hook = {"url": "https://board.example/stilb", "events": ["calibration.published", "job.failed"]}
+    hook_id = _post(http, "webhooks", hook)["id"]
+    _post(http, f"webhooks/{hook_id}/test", {})
+    _send(http, "PATCH", f"webhooks/{hook_id}", {"enabled": False})
     settings = {"address": "124 W Michigan Ave, Lansing", "refuses_incomplete_certificates": False}
     _send(http, "PATCH", "organisation", settings)
     _post(http, "jobs/retry", {"state": "failed", "code": "temporarily_unavailable"})

@@ -22,6 +22,7 @@ from store.tables import (
     Reading,
     Recall,
     Rig,
+    Webhook,
     WebSession,
 )
 
@@ -44,6 +45,7 @@ _WORDS: dict[type[Base], str] = {
     Reading: "reading",
     Rig: "rig",
     WebSession: "session",
+    Webhook: "webhook",
 }
 
 

@@ -9,10 +9,20 @@ from stilb.resources.organisation import Organisation
 from stilb.resources.receipts import Receipts
 from stilb.resources.rigs import Rigs
 from stilb.resources.system import System
+from stilb.resources.webhooks import Webhooks
 
 
 class Client(
-    Rigs, Coefficients, Calibrations, Campaigns, Frames, Measurements, Organisation, Receipts, System
+    Rigs,
+    Coefficients,
+    Calibrations,
+    Campaigns,
+    Frames,
+    Measurements,
+    Organisation,
+    Receipts,
+    System,
+    Webhooks,
 ):
     """A connection to one calibration service, for one key. Use it as a context manager.
 

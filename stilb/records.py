@@ -224,7 +224,7 @@ class Key(Record):
 
     @property
     def ended(self) -> bool:
-        """Whether it opens nothing any more."""
+        """Return True if it opens nothing any more."""
         return self.revoked_at is not None or (
             self.expires_at is not None and self.expires_at <= datetime.now(UTC)
         )

@@ -28,6 +28,8 @@ Prefix = Literal[
     "ses",
     "rig",
     "man",
+    "whk",
+    "dlv",
 ]
 
 

@@ -19,6 +19,7 @@ from store.queries.evidence import Evidence
 from store.queries.frames import extractor_of, is_told
 from store.software import FIT_CODE_VERSION, read_version
 from store.tables import Calibration, Camera, Campaign, CoefficientRow, Roi
+from store.webhooks import announce, describe_version
 
 _UNTOLD = "nobody has said what is photographed: describe the board in the campaign's target"
 
@@ -104,6 +105,7 @@ def write_version(
         created_by=by,
     )
     session.add(calibration)
+    announce(session, campaign.organisation_id, "calibration.created", describe_version(calibration))
     session.flush()
     for position, figure in enumerate(methods.get_method(campaign.method).list_coefficients(fit)):
         kept = CoefficientRow.__table__.c

@@ -17,6 +17,7 @@ from sqlalchemy.orm import InstrumentedAttribute, Session
 from radiometry.findings import interface
 from store.columns import new_id, utc_now
 from store.tables import FrameRow, Job
+from store.webhooks import EventName, announce
 
 QUARANTINE_AFTER = 3
 RETRIED_FOR = timedelta(days=1)
@@ -203,6 +204,7 @@ def succeed(session: Session, held: Claim, result: dict[str, Any]) -> None:
     _held(
         session, held, state="succeeded", progress=1.0, result=result, lease_until=None, finished_at=utc_now()
     )
+    _announce_end(session, held, "job.succeeded")
 
 
 def fail(session: Session, held: Claim, error: dict[str, Any], traceback: str | None = None) -> None:
@@ -216,6 +218,7 @@ def fail(session: Session, held: Claim, error: dict[str, Any], traceback: str | 
         lease_until=None,
         finished_at=utc_now(),
     )
+    _announce_end(session, held, "job.failed", code=error.get("code"))
 
 
 def retry_later(session: Session, held: Claim, *, waits_for: Dependency) -> None:
@@ -287,6 +290,9 @@ def sweep(session: Session) -> int:
         lease_until=None,
         finished_at=now,
     )
+    for job in session.scalars(select(Job).where(Job.state == "quarantined", Job.finished_at == now)):
+        data = {"job_id": job.id, "kind": job.kind, "subject_id": job.subject_id, "code": lost_error["code"]}
+        announce(session, job.organisation_id, "job.quarantined", data)
     return _update(session, expired, state="queued", lost=Job.lost + 1, lease_until=None, due_at=now)
 
 
@@ -303,6 +309,11 @@ def oldest_wait_s(session: Session, organisation_id: str | None = None) -> float
         waiting = waiting.where(Job.organisation_id == organisation_id)
     oldest: datetime | None = session.scalar(waiting.order_by(Job.due_at).limit(1))
     return (utc_now() - oldest).total_seconds() if oldest else 0.0
+
+
+def _announce_end(session: Session, held: Claim, event: EventName, **more: Any) -> None:  # noqa: ANN401
+    data = {"job_id": held.job_id, "kind": held.kind, "subject_id": held.subject_id, **more}
+    announce(session, held.organisation_id, event, data)
 
 
 def _is_due(now: datetime) -> ColumnElement[bool]:

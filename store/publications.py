@@ -16,6 +16,7 @@ from store.columns import utc_now
 from store.errors import Conflict
 from store.ready.publications import close_ready, describe_validity, write_ready
 from store.tables import Calibration, Publication, Revocation, Slot
+from store.webhooks import announce, describe_version
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,6 +67,7 @@ def publish(
     ]
     session.flush()
     session.add(row)
+    announce(session, calibration.organisation_id, "calibration.published", describe_version(calibration))
     session.flush()
     write_ready(session, [*remainders, row])
     return row
@@ -77,6 +79,7 @@ def revoke(session: Session, calibration: Calibration, *, reason: str, by: str) 
     if session.get(Revocation, calibration.id):
         return
     now = _next_instant(session, slot)
+    announce(session, calibration.organisation_id, "calibration.revoked", describe_version(calibration))
     session.add(Revocation(calibration_id=calibration.id, reason=reason, revoked_by=by, revoked_at=now))
     for row in _open_rows(session, slot):
         if row.calibration_id == calibration.id:

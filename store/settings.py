@@ -45,6 +45,7 @@ class Settings(BaseSettings):
     database_url: str = ""
     database_password: SecretStr = SecretStr("")
     database_timeout_s: float = Field(default=30.0, gt=0)
+    webhook_hosts: str = ""
     broker_url: str = ""
     blobs_url: str = ""
     max_upload_bytes: int = Field(default=2 * 1024**3, gt=0)
@@ -67,6 +68,10 @@ class Settings(BaseSettings):
     decoder_cpu_s: int = Field(default=60, ge=1)
     decoder_wall_s: float = Field(default=120.0, gt=0)
     decoder_sandbox: Literal["auto", "require"] = "auto"
+
+    @property
+    def private_webhook_hosts(self) -> frozenset[str]:
+        return frozenset(each.strip().lower() for each in self.webhook_hosts.split(",") if each.strip())
 
     @property
     def effective_database_url(self) -> str:

@@ -24,6 +24,7 @@ from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers, require_own_schema
 from store.settings import Settings, read_settings
 from store.tables import Job
 from worker.scrub import Scrub
+from worker.webhooks import Deliveries
 
 gc.freeze()
 gc.enable()
@@ -69,6 +70,7 @@ def _sweep(settings: Settings, database: Database) -> int:
     partials = Partials.of(settings)
     clock = ClockWatch()
     Scrub(database, Files(database, blobs), days=settings.scrub_days).start()
+    Deliveries(database, settings.private_webhook_hosts).start()
     presence = Presence(database, "sweeper")
     pulse = Pulse(settings.pulse)
     floor_due = 0.0

@@ -87,6 +87,7 @@ def include_routes(app: FastAPI) -> None:
         system,
         tools,
         uploads,
+        webhooks,
     )
 
     app.include_router(coefficients.ready_router, dependencies=[Depends(check_request)])
@@ -125,6 +126,7 @@ def include_routes(app: FastAPI) -> None:
         audit,
         history,
         recalls,
+        webhooks,
         motion,
         tools,
     ):

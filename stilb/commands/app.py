@@ -20,6 +20,7 @@ from stilb.commands import (
     receipt,
     rig,
     session,
+    webhooks,
 )
 from stilb.commands.exits import Exit, exit_of, next_step
 from stilb.commands.output import print_json
@@ -72,6 +73,7 @@ app.command("export")(calibration.export)
 app.command("audit")(keys.audit)
 app.command("jobs")(jobs.jobs)
 app.command("events")(jobs.events)
+app.add_typer(webhooks.app, name="webhook")
 app.command("retry")(jobs.retry)
 app.command("doctor")(doctor.doctor)
 

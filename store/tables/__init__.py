@@ -13,6 +13,7 @@ from store.tables.part import PartRow
 from store.tables.ready import MeasuredRow, ReadyAnswer, ReadyRow
 from store.tables.receipt import Manifest, SigningKey
 from store.tables.review import ChecklistSignature, ChecklistTick, Recall
+from store.tables.webhook import Webhook, WebhookDelivery
 
 __all__ = [
     "ApiKey",
@@ -55,4 +56,6 @@ __all__ = [
     "Slot",
     "Usage",
     "WebSession",
+    "Webhook",
+    "WebhookDelivery",
 ]

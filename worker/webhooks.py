@@ -1,0 +1,150 @@
+"""Sending of webhooks: signed, to public addresses only, outside of the sweeper's own rounds."""
+
+import base64
+import hashlib
+import hmac
+import ipaddress
+import json
+import logging
+import socket
+import threading
+import time
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any, Final
+from urllib.parse import urlsplit
+
+from sqlalchemy.exc import SQLAlchemyError
+
+from store.database import Database, summarise
+from store.schema import SchemaDiffers
+from store.software import read_version
+from store.tables import Webhook, WebhookDelivery
+from store.webhooks import claim_due, forget_old, is_any_due, note_outcome
+
+log = logging.getLogger(__name__)
+
+_AT_ONCE: Final = 8
+_LOOK_EVERY_S: Final = 1.0
+_ANSWER_WITHIN_S: Final = 15.0
+_FORGET_EVERY_S: Final = 3600.0
+_NAT64: Final = ipaddress.ip_network("64:ff9b::/96")
+
+
+class Unreachable(Exception):  # noqa: N818  it is what was found
+    """An address that is not sent to."""
+
+
+def sign(secret: str, delivery_id: str, timestamp: int, body: bytes) -> str:
+    """Return the header `webhook-signature` of Standard Webhooks."""
+    key = base64.b64decode(secret.removeprefix("whsec_"))
+    said = b".".join((delivery_id.encode(), str(timestamp).encode(), body))
+    return f"v1,{base64.b64encode(hmac.new(key, said, hashlib.sha256).digest()).decode()}"
+
+
+def find_address(host: str, port: int, private_hosts: frozenset[str]) -> str:
+    """Return an address of a host; every one that its name has must be public, unless the host is listed."""
+    try:
+        found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+    except (OSError, UnicodeError) as error:
+        raise Unreachable(f"{host} has no address: {error}") from error
+    addresses = [str(each[4][0]) for each in found]
+    if host not in private_hosts and not all(map(is_public, addresses)):
+        raise Unreachable(f"{host} has a private address. The operator may list it in STILB_WEBHOOK_HOSTS.")
+    return addresses[0]
+
+
+def is_public(address: str) -> bool:
+    """Return True for an address of the internet, also where an IPv4 address is wrapped in an IPv6 one."""
+    found: Any = ipaddress.ip_address(address.partition("%")[0])
+    if found.version == 6:
+        wrapped = found.ipv4_mapped or found.sixtofour or (found.teredo or (None, None))[1]
+        if found in _NAT64:
+            wrapped = ipaddress.ip_address(int(found) & 0xFFFFFFFF)
+        if wrapped is not None and not is_public(str(wrapped)):
+            return False
+    return bool(found.is_global and not found.is_multicast)
+
+
+class Deliveries:
+    """Sends what is due, each webhook one at a time, in threads of its own."""
+
+    def __init__(self, database: Database, private_hosts: frozenset[str]) -> None:
+        self._database = database
+        self._private_hosts = private_hosts
+        self._at_work: dict[str, Future[None]] = {}
+        self._pool = ThreadPoolExecutor(_AT_ONCE, thread_name_prefix="webhook")
+
+    def start(self) -> None:
+        """Send until the process ends."""
+        threading.Thread(target=self._run, name="webhooks", daemon=True).start()
+
+    def send_due(self) -> int:
+        """Begin to send what is due; return how many are at work."""
+        self._at_work = {name: future for name, future in self._at_work.items() if not future.done()}
+        free = _AT_ONCE - len(self._at_work)
+        if free > 0:
+            with self._database.reading() as session:
+                due = is_any_due(session)
+            if due:
+                with self._database.writing("webhooks") as session:
+                    claimed = claim_due(session, without=set(self._at_work), limit=free)
+                for delivery, hook in claimed:
+                    self._at_work[hook.id] = self._pool.submit(self._send, delivery, hook)
+        return len(self._at_work)
+
+    def _run(self) -> None:
+        forget_at = time.monotonic() + _FORGET_EVERY_S
+        while True:
+            try:
+                self.send_due()
+                if time.monotonic() >= forget_at:
+                    with self._database.writing("webhooks") as session:
+                        forget_old(session)
+                    forget_at = time.monotonic() + _FORGET_EVERY_S
+            except SchemaDiffers:
+                return
+            except SQLAlchemyError as error:
+                log.warning("webhooks wait for the database: %s", summarise(error))
+                time.sleep(10 * _LOOK_EVERY_S)
+            time.sleep(_LOOK_EVERY_S)
+
+    def _send(self, delivery: WebhookDelivery, hook: Webhook) -> None:
+        status, error = self._try(delivery, hook)
+        try:
+            with self._database.writing("webhooks", hook.organisation_id) as session:
+                note_outcome(session, delivery.id, status=status, error=error)
+        except SQLAlchemyError as trouble:  # its lease ends, and it is sent again under the same id
+            log.warning("the outcome of %s is not stored: %s", delivery.id, summarise(trouble))
+
+    def _try(self, delivery: WebhookDelivery, hook: Webhook) -> tuple[int | None, str | None]:
+        import httpx  # noqa: PLC0415  a sweeper without webhooks does not need it
+
+        timestamp = int(time.time())
+        said = {"type": delivery.event, "timestamp": delivery.created_at.isoformat(), "data": delivery.data}
+        body = json.dumps(said, separators=(",", ":")).encode()
+        parts = urlsplit(hook.url)
+        host = (parts.hostname or "").lower()
+        port = parts.port or (443 if parts.scheme == "https" else 80)
+        try:
+            address = find_address(host, port, self._private_hosts)
+            # the very address that was checked: asked again, the name could lead elsewhere
+            url = httpx.URL(hook.url).copy_with(host=address, port=port)
+            headers = {
+                "Host": parts.netloc.rpartition("@")[2],
+                "Content-Type": "application/json",
+                "User-Agent": f"stilb/{read_version()}",
+                "webhook-id": delivery.id,
+                "webhook-timestamp": str(timestamp),
+                "webhook-signature": sign(hook.secret, delivery.id, timestamp, body),
+            }
+            # no proxy of the environment, no redirect, and nothing is read of the answer but its status
+            with (
+                httpx.Client(trust_env=False, follow_redirects=False, timeout=_ANSWER_WITHIN_S) as client,
+                client.stream(
+                    "POST", url, content=body, headers=headers, extensions={"sni_hostname": host}
+                ) as answer,
+            ):
+                status = answer.status_code
+        except (Unreachable, httpx.HTTPError, httpx.InvalidURL, ValueError, OSError) as error:
+            return None, f"{error}"[:300] or type(error).__name__
+        return status, None if 200 <= status < 300 else f"It answered {status}."
