@@ -1,4 +1,4 @@
-"""What people call the acts of the audit trail."""
+"""Plain names of the acts in the audit trail."""
 
 from typing import Final
 
@@ -41,6 +41,9 @@ ACTS: Final = {
     "web_session.create": "signed in",
     "web_session.change": "session ended",
     "signing_key.create": "registered a signing key",
+    "webhook.create": "added a webhook",
+    "webhook.change": "edited a webhook",
+    "webhook.delete": "removed a webhook",
     "organisation.create": "organisation registered",
     "organisation.change": "edited the organisation",
 }
