@@ -4,6 +4,7 @@ import asyncio
 import signal
 import socket
 from contextlib import suppress
+from http import HTTPMethod
 from time import monotonic
 from types import FrameType
 
@@ -19,6 +20,7 @@ from service.problems import Problem
 
 COME_BACK_S = 2
 _LINGER_S = 1.0
+_METHODS = frozenset(HTTPMethod)
 
 
 def stopping() -> Problem:
@@ -70,9 +72,11 @@ class Traffic:
             if not exchange.is_cut:
                 raise
         finally:
-            # an address that no route has is not a label: whoever asks could make as many as they like
+            # neither an address that no route has nor an unknown method is a label: whoever asks could make
+            # as many as they like
             route = getattr(scope.get("route"), "path", "none")
-            self.metrics.requests.labels(scope["method"], route, exchange.status).observe(monotonic() - began)
+            method = scope["method"] if scope["method"] in _METHODS else "other"
+            self.metrics.requests.labels(method, route, exchange.status).observe(monotonic() - began)
             self._open.discard(exchange)
             if not self._open:
                 self._empty.set()

@@ -13,6 +13,7 @@ from sqlalchemy import true, update
 from sqlalchemy.orm import Session
 
 from store.columns import utc_now
+from store.jobs import IS_QUEUED
 from store.tables import Job
 
 FURTHEST_DUE = timedelta(minutes=5)
@@ -48,5 +49,4 @@ def mend_times(session: Session, *, lease_s: float, jumped: bool) -> None:
     lease = timedelta(seconds=lease_s)
     too_long = true() if jumped else Job.lease_until > now + _LEASES_AHEAD * lease
     session.execute(update(Job).where(Job.state == "running", too_long).values(lease_until=now + lease))
-    too_late = (Job.state == "queued") & (Job.due_at > now + FURTHEST_DUE)
-    session.execute(update(Job).where(too_late).values(due_at=now))
+    session.execute(update(Job).where(IS_QUEUED, Job.due_at > now + FURTHEST_DUE).values(due_at=now))

@@ -1,7 +1,7 @@
 """Jobs, and waiting for them."""
 
 import re
-from typing import Annotated
+from typing import Annotated, get_args
 
 from fastapi import APIRouter, Header, Query, Response
 from sqlalchemy import select
@@ -54,9 +54,9 @@ def list_jobs(
 # before the route of one job, whose id it would be taken for
 @router.get("/summary", response_model=QueueAnswer, responses=problems())
 def get_queue(caller: Reader, context: UsesContext) -> Response:
-    """How many jobs of your organisation are in which state, and how long the oldest has waited."""
+    """The jobs of your organisation by state, counted up to a bound, and how long the oldest has waited."""
     with context.database.reading() as session:
-        return QueueAnswer.of(summarise_queue(session, caller.organisation_id)).respond()
+        return QueueAnswer.of(summarise_queue(session, caller.organisation_id, get_args(State))).respond()
 
 
 @router.get("/{job_id}", response_model=JobAnswer, responses=problems(404))

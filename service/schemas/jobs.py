@@ -1,12 +1,12 @@
 """Jobs, as a client sees them."""
 
-from typing import Literal, get_args
+from typing import Literal
 
 from pydantic import Field
 
 from service.problems import problem_body
 from service.schemas.base import Answer, Form, Instant, ProblemAnswer, Text
-from store.queries.jobs import Queue
+from store.queries.jobs import MOST_COUNTED, Queue
 from store.tables import FrameRow, Job
 
 State = Literal["queued", "running", "succeeded", "failed", "quarantined"]
@@ -62,9 +62,11 @@ class QueueAnswer(Answer):
     succeeded: int
     failed: int
     quarantined: int
+    more: list[State] = Field(
+        description=f"States with more jobs than their number states: each is counted up to {MOST_COUNTED}."
+    )
     oldest_wait_s: float = Field(ge=0, description="How long the job that waits longest has been due.")
 
     @classmethod
     def of(cls, queue: Queue) -> "QueueAnswer":
-        counts = {state: queue.counts.get(state, 0) for state in get_args(State)}
-        return cls(**counts, oldest_wait_s=queue.oldest_wait_s)
+        return cls.model_validate(queue.counts | {"more": queue.more, "oldest_wait_s": queue.oldest_wait_s})

@@ -8,7 +8,7 @@ from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from store.columns import utc_now
 from store.files import count_damaged, find_proof_age_s
-from store.jobs import GIVEN_UP, oldest_wait_s
+from store.jobs import GIVEN_UP, IS_QUEUED, oldest_wait_s
 from store.parts import Part, list_parts
 from store.tables import FrameRow, Job, Publication, Usage
 
@@ -67,7 +67,7 @@ class Totals:
 
 
 def count_queue(session: Session) -> QueueCounts:
-    due_later = select(func.count()).select_from(Job).where(Job.state == "queued", Job.due_at > utc_now())
+    due_later = select(func.count()).select_from(Job).where(IS_QUEUED, Job.due_at > utc_now())
     return QueueCounts(
         jobs=dict.fromkeys(_UNDER_WAY, 0) | _count_by(session, Job.state, Job.state.in_(_UNDER_WAY)),
         oldest_queued_s=oldest_wait_s(session),

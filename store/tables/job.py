@@ -2,13 +2,15 @@
 
 from datetime import datetime
 
-from sqlalchemy import CheckConstraint, ForeignKey, Index
+from sqlalchemy import CheckConstraint, ForeignKey, Index, text
 from sqlalchemy.orm import Mapped, mapped_column
 
 from store.columns import UtcDateTime, new_id, utc_now
 from store.tables.base import Base, Json
 
 KINDS = ("extract", "fit", "measure")
+
+_QUEUED = "state = 'queued'"
 
 
 class Job(Base):
@@ -32,6 +34,13 @@ class Job(Base):
         Index("ix_job_organisation_id_id", "organisation_id", "id"),
         Index("ix_job_organisation_id_state_id", "organisation_id", "state", "id"),
         Index("ix_job_subject_id", "subject_id"),
+        Index(
+            "ix_job_state_due_at",
+            "state",
+            "due_at",
+            sqlite_where=text(_QUEUED),
+            postgresql_where=text(_QUEUED),
+        ),
     )
 
     id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("job"))

@@ -19,7 +19,7 @@ def test_a_job_names_the_frame_and_the_campaign_that_it_is_about(house):
     assert listed == job
 
 
-def test_the_summary_counts_by_state_and_tells_the_oldest_wait(house, stranger):
+def test_the_summary_counts_by_state_and_tells_the_oldest_wait(house, stranger, monkeypatch):
     failed_job(house)
     assert house.get("/v1/jobs/summary") == {
         "queued": 0,
@@ -27,12 +27,17 @@ def test_the_summary_counts_by_state_and_tells_the_oldest_wait(house, stranger):
         "succeeded": 0,
         "failed": 1,
         "quarantined": 0,
+        "more": [],
         "oldest_wait_s": 0.0,
     }
     house.upload(house.campaign(), b"another", role="light")
     summary = house.get("/v1/jobs/summary")
     assert summary["queued"] == 1
     assert 0 < summary["oldest_wait_s"] < 60
+    house.upload(house.campaign(), b"one more", role="light")
+    monkeypatch.setattr("store.queries.jobs.MOST_COUNTED", 1)
+    summary = house.get("/v1/jobs/summary")
+    assert (summary["queued"], summary["failed"], summary["more"]) == (1, 1, ["queued"])
     assert stranger.get("/v1/jobs/summary").json()["queued"] == 0
 
 

@@ -153,6 +153,23 @@ def test_requests_are_timed_by_route_not_by_address(house):
     assert samples["_sum", "GET", "/v1/cameras/{camera_id}", "200"] > 0
 
 
+def test_no_client_makes_series_without_bound(house):
+    """Paths, methods, names and organisations of the clients' own add no series after the first."""
+    counts = []
+    for number in range(3):
+        own = f"own{number}"
+        for method in ("GET", "PUT", own.upper()):
+            house.http.request(method, f"/{own}")
+            house.http.request(method, f"/v1/frames/{own}")
+            house.http.request(method, f"/v1/jobs?kind={own}")
+        house.post("/v1/organisations", {"name": own})
+        campaign = house.campaign(camera_id=house.camera(serial=own)["id"], project_number=own)
+        house.upload(campaign, own.encode(), role="light", scene=own)
+        house.work()
+        counts.append(len(house.http.get("/metrics").text.splitlines()))
+    assert counts[0] < counts[1] == counts[2]  # the first answer does not count itself
+
+
 def test_jobs_are_timed_by_kind_and_worker(house):
     campaign = house.campaign()
     house.upload(campaign, b"no raw file", role="light")

@@ -40,16 +40,17 @@ const followed = follow(
 );
 
 function drawQueue(queue, health) {
+  const count = (state) => `${queue.more.includes(state) ? "more than " : ""}${number(queue[state])}`;
   show(
     "queue",
     h(
       "dl",
       { class: "figures" },
-      figure("Waiting", number(queue.queued), queue.queued ? `the oldest for ${span(queue.oldest_wait_s)}` : "none waiting"),
-      figure("Running", number(queue.running)),
-      figure("Done", number(queue.succeeded)),
-      figure("Failed", number(queue.failed)),
-      figure("Quarantined", number(queue.quarantined)),
+      figure("Waiting", count("queued"), queue.queued ? `the oldest for ${span(queue.oldest_wait_s)}` : "none waiting"),
+      figure("Running", count("running")),
+      figure("Done", count("succeeded")),
+      figure("Failed", count("failed")),
+      figure("Quarantined", count("quarantined")),
       figure("Service", health.problem ? tag("not ready", "bad") : tag("ready", "good"), health.problem?.message),
     ),
   );
