@@ -21,6 +21,8 @@ class Axis:
         Where ticks stand, with their texts; None for round numbers.
     is_time : bool
         True for seconds since 1970, in UTC.
+    is_downward : bool
+        True if values are negated, as rows of a frame count downwards; ticks have no sign.
     """
 
     label: str
@@ -28,6 +30,7 @@ class Axis:
     include: tuple[float, ...] = ()
     ticks: tuple[tuple[float, str], ...] | None = None
     is_time: bool = False
+    is_downward: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

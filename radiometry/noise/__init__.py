@@ -6,6 +6,7 @@ from radiometry.noise import codes, method
 from radiometry.noise.certificate import CERTIFICATE
 from radiometry.noise.key_figures import list_key_figures
 from radiometry.noise.plot import draw
+from radiometry.noise.plots import PLOTS
 from radiometry.noise.suggestions import find_gaps
 from radiometry.specification.coefficients import CoefficientKind
 from radiometry.specification.grid import Grid
@@ -50,5 +51,6 @@ SPEC: Final = MethodSpec(
     list_coefficients=method.list_coefficients,
     list_key_figures=list_key_figures,
     draw=draw,
+    plots=PLOTS,
     certificate=CERTIFICATE,
 )

@@ -8,6 +8,7 @@ from radiometry.reflectance.budget import list_budgets
 from radiometry.reflectance.certificate import CERTIFICATE
 from radiometry.reflectance.key_figures import list_key_figures
 from radiometry.reflectance.plot import draw
+from radiometry.reflectance.plots import PLOTS
 from radiometry.specification.coefficients import CoefficientEffect, CoefficientKind
 from radiometry.specification.grid import Grid
 from radiometry.specification.method import MethodSpec, drop_target
@@ -52,6 +53,7 @@ SPEC: Final = MethodSpec(
     list_coefficients=method.list_coefficients,
     list_key_figures=list_key_figures,
     draw=draw,
+    plots=PLOTS,
     draws_flight=True,
     certificate=CERTIFICATE,
     application=APPLICATION,

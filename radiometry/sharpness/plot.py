@@ -40,11 +40,11 @@ def _draw_curves(positions: list[Node], channel: str, index: int) -> Iterator[st
         points = list(zip(curve["frequency"], curve["response"], curve["response_u"], strict=True))
         yield swath(panel, [(f, r - 2 * u, r + 2 * u) for f, r, u in points], series)
         yield panel.line([(f, r) for f, r, _ in points], line(series))
-    yield from name_series(panel, [_name(each) for each in positions])
+    yield from name_series(panel, [name_position(each) for each in positions])
 
 
 def _draw_radii(positions: list[Node], channels: list[str], index: int) -> Iterator[str]:
-    figured = [(each, found) for each in positions if (found := _find_figure(each)) is not None]
+    figured = [(each, found) for each in positions if (found := find_figure(each)) is not None]
     name = figured[0][1]["name"] if figured else _FIGURES[0]
     panel = place(
         index,
@@ -61,16 +61,30 @@ def _draw_radii(positions: list[Node], channels: list[str], index: int) -> Itera
         series, told = channels.index(each["channel"]), found["quantity"]
         value, u = told["value"], 2.0 * told["standard_uncertainty"]
         yield bar(panel, each["radius_rel"], value - u, value + u, series)
-        yield panel.dot(each["radius_rel"], value, dot(series), f"{_name(each)}, {each['channel']}")
+        yield panel.dot(each["radius_rel"], value, dot(series), f"{name_position(each)}, {each['channel']}")
     yield from name_series(panel, channels)
 
 
-def _find_figure(position: Node) -> Node | None:
+def find_figure(position: Node) -> Node | None:
+    """Return the coefficient that a position is looked up for, None if it has none.
+
+    Parameters
+    ----------
+    position : Node
+        Stored position.
+    """
     named = {coefficient["name"]: coefficient for coefficient in position["coefficients"]}
     return next((named[name] for name in _FIGURES if name in named), None)
 
 
-def _name(position: Node) -> str:
+def name_position(position: Node) -> str:
+    """Return the name of a position, with its f-number.
+
+    Parameters
+    ----------
+    position : Node
+        Stored position.
+    """
     f_number = position.get("f_number")
     name = str(position["position"] or position["kind"])
     return f"{name}, f/{f_number:g}" if f_number else name

@@ -12,6 +12,7 @@ from radiometry.vignetting.budget import list_budgets
 from radiometry.vignetting.certificate import CERTIFICATE
 from radiometry.vignetting.key_figures import list_key_figures
 from radiometry.vignetting.plot import draw
+from radiometry.vignetting.plots import PLOTS
 from radiometry.vignetting.suggestions import find_gaps
 from radiometry.vignetting.written import EXPORTS
 
@@ -50,6 +51,7 @@ SPEC: Final = MethodSpec(
     list_key_figures=list_key_figures,
     list_budgets=list_budgets,
     draw=draw,
+    plots=PLOTS,
     certificate=CERTIFICATE,
     exports=EXPORTS,
     applied="channel_fits",

@@ -36,7 +36,7 @@ def _choose_channel(fits: list[Node]) -> str:
 
 
 def _draw_curves(fits: list[Node], channel: str) -> Iterator[str]:
-    curves = [_evaluate(fit["coefficient"]) for fit in fits]
+    curves = [evaluate(fit["coefficient"]) for fit in fits]
     panel = place(
         0,
         x=Axis(values=[0.0, 1.0], label="r, 1 at half of the diagonal"),
@@ -52,8 +52,14 @@ def _draw_curves(fits: list[Node], channel: str) -> Iterator[str]:
     yield from name_series(panel, [f"f/{fit['coefficient']['f_number']:g}" for fit in fits])
 
 
-def _evaluate(c: Node) -> list[tuple[float, float, float]]:
-    """(r, V, u(V)) along the radius: u from the covariance of k1, k2, k3."""
+def evaluate(c: Node) -> list[tuple[float, float, float]]:
+    """Return (r, V, u(V)) along the radius, with u from the covariance of k1, k2, k3.
+
+    Parameters
+    ----------
+    c : Node
+        Stored coefficient of one f-number and channel.
+    """
     covariance = np.array(c["covariance"])[:3, :3]
     curve = []
     for step in range(_STEPS + 1):

@@ -93,6 +93,13 @@ class Named(Scale):
         return dict(self.named)[tick]
 
 
+class Downward(Scale):
+    """Values that are negated."""
+
+    def label(self, tick: float) -> str:
+        return f"{abs(tick):g}"
+
+
 def draw_figure(
     figure: Figure, label: str, *, view: View = View(), parts: Sequence[str] = (), is_wide: bool = False
 ) -> str:
@@ -129,7 +136,7 @@ def _scale(axis: Axis, values: Sequence[float], start_px: float, end_px: float) 
         low, high = middle - half, middle + half
     elif axis.ticks and not axis.logarithmic:
         low, high = min(values), max(values)
-    scale = (Dates if axis.is_time else Scale)(
+    scale = (Dates if axis.is_time else Downward if axis.is_downward else Scale)(
         low=low, high=high, start_px=start_px, end_px=end_px, logarithmic=axis.logarithmic
     )
     return scale if axis.ticks is None else Named(**vars(scale), named=axis.ticks)

@@ -57,6 +57,9 @@ def vignetting():
                 "channel": channel,
                 "height_px": 40,
                 "width_px": 60,
+                "centre_row_px": 20.0,
+                "centre_col_px": 30.0,
+                "radius_px": 36.06,
                 "k1": k1,
                 "k2": 0.0,
                 "k3": 0.0,
@@ -80,6 +83,8 @@ def sharpness():
             "channel": "G",
             "f_number": None,
             "radius_rel": radius,
+            "row_px": 100.0 + 90.0 * radius,
+            "col_px": 150.0,
             "coefficients": [{"name": "mtf50_cycles_per_pixel", "quantity": quantity(mtf50, 0.01)}],
             "curves": [
                 {
@@ -162,7 +167,8 @@ def luminance():
             "luminance_cd_m2": rhs,
         }
 
-    coefficient = {"iso": 100.0, "model": "proportional", "parameters": [2.0]}
+    coefficient = {"iso": 100.0, "model": "proportional", "parameters": [2.0], "luminance_k": 2.0}
+    coefficient |= {"expanded_uncertainty": 0.1, "luminance_k_unit": "DN*m2/(cd*s)", "apertures": None}
     points = [
         point(100.0, rhs, residual)
         for rhs, residual in ((20.0, 0.01), (50.0, -0.02), (300.0, 0.0), (8e3, None))
@@ -240,12 +246,17 @@ def pictures():
         "signal in logarithms": plotted("signal", part=1),
         "residuals": plotted("residuals-signal"),
         "residuals of a part": plotted("residuals-signal", x0=0.1, x1=0.6),
+        "falloff": plotted("falloff", "vignetting"),
+        "transfer": plotted("transfer", "noise"),
+        "distortion": plotted("distortion", "geometry"),
+        "response": plotted("response", "sharpness"),
+        "bands": plotted("bands", "reflectance"),
     }
 
 
-def plotted(name, *, part=0, **view):
-    (plot,) = (each for each in get_method("luminance").plots if each.name == name)
-    figure = list(plot.build(luminance(), list))[part]
+def plotted(name, method="luminance", *, part=0, **view):
+    (plot,) = (each for each in get_method(method).plots if each.name == name)
+    figure = list(plot.build(RESULTS[method](), list))[part]
     return ET.fromstring(draw_figure(figure, plot.title, view=View(**view)))
 
 
@@ -271,13 +282,16 @@ def test_every_tick_reads_the_value_at_its_place():
             slope, start = np.polyfit(values, places, 1)
             assert places == pytest.approx(start + slope * values, abs=0.2), (name, label, ticks)
     # two of luminance, two of noise's four axes twice, f-numbers twice, motion's four, the pages' charts
-    assert logarithmic == 2 + 4 + 2 + 4 + 4
+    assert logarithmic == 2 + 4 + 2 + 4 + 4 + 2
 
 
 @pytest.mark.parametrize("method", RESULTS)
 def test_what_does_not_exist_may_be_null_or_left_out(method):
     result = RESULTS[method]()
-    assert get_method(method).draw(drop_absent(result)) == get_method(method).draw(result)
+    spec = get_method(method)
+    assert spec.draw(drop_absent(result)) == spec.draw(result)
+    for plot in spec.plots:
+        assert list(plot.build(drop_absent(result), list)) == list(plot.build(result, list)), plot.name
 
 
 @pytest.mark.parametrize("method", RESULTS)
@@ -369,6 +383,17 @@ def test_geometry_shows_barrel_below_zero_and_rows_from_the_top():
     assert dots["a"][2] == "d0"
     assert dots["b, left out: worse"][2] == "h0"
     assert len(dots) == 2
+
+
+def test_the_surface_is_dark_in_the_corner_and_downward_as_the_frame_is():
+    picture = plotted("surface", "vignetting")
+    cells = [each for each in picture.iter(f"{GRAPH}rect") if (each.get("class") or "").startswith("cell")]
+    # 1 - 0.4 (18.75^2 + 28.75^2) / 36.06^2: the middle of the first cell of 24 by 16, each of 2.5 px
+    assert cells[0].get("data-told") == "row 1, column 1: 63.8 % of the light"
+    assert float(cells[0].get("y")) < float(cells[-1].get("y"))
+    shades = [float(each.get("fill-opacity")) for each in cells]
+    assert max(shades) == shades[0] > 0.9
+    assert min(shades) < 0.01
 
 
 def test_noise_shows_the_variance_on_the_line_of_the_gain():
