@@ -19,6 +19,7 @@ from service.digests import ContentDigests
 from service.document import build_document
 from service.hosts import KnownHosts
 from service.limits import BodyLimit
+from service.overridden import OverriddenMethods
 from service.problems import Problem
 from service.renamed import RenamedAddresses
 from service.routes import include_routes
@@ -50,6 +51,7 @@ def build_app(context: Context) -> FastAPI:
     app.add_middleware(ContentDigests)
     _let_dashboards_read(app, context.settings.cors_origins)
     app.add_middleware(RenamedAddresses)
+    app.add_middleware(OverriddenMethods)
     app.add_middleware(KnownHosts)
     app.add_middleware(SecurityHeaders)
     # the outermost: it answers in the place of all others

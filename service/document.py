@@ -1,7 +1,7 @@
 """The OpenAPI document, made true: what FastAPI derives, and what it cannot know."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +43,19 @@ ALSO_ACCEPTS = "x-also-accepts"
 
 Node = dict[str, Any]
 
+_HEADERS: dict[str, tuple[str, Callable[[str, Collection[str], str], bool]]] = {
+    "Location": (
+        "Address of the job.",
+        lambda status, _, schema: status == "202" and schema.endswith("/JobAnswer"),
+    ),
+    "ETag": (
+        "Send it as `If-None-Match`: 304 if nothing has changed.",
+        lambda status, statuses, _: status in {"200", "304"} and "304" in statuses,
+    ),
+    "Retry-After": ("Seconds to wait, where that helps.", lambda status, *_: status in {"429", "503", "507"}),
+    "WWW-Authenticate": ("`Bearer`", lambda status, *_: status == "401"),
+}
+
 
 def build_document(app: FastAPI) -> Node:
     """Return the document published at /openapi.json; built once."""
@@ -57,6 +70,7 @@ def build_document(app: FastAPI) -> Node:
             _register_forms(document, operation.get("requestBody", {}))
             _show_examples(document, operation, recorded)
             _set_tables_apart(operation)
+            _state_headers(operation)
         for name in ("HTTPValidationError", "ValidationError"):
             document["components"]["schemas"].pop(name, None)
         for name, schema in document["components"]["schemas"].items():
@@ -142,6 +156,21 @@ def _set_tables_apart(operation: Node) -> None:
     body = operation.get("requestBody", {})
     if "application/json" in body.get("content", {}) and "text/csv" in body["content"]:
         body[ALSO_ACCEPTS] = {"text/csv": body["content"].pop("text/csv")}
+
+
+def _state_headers(operation: Node) -> None:
+    """State the headers that follow from an answer's status, and where a job leads to."""
+    for status, answer in operation["responses"].items():
+        schema = answer.get("content", {}).get("application/json", {}).get("schema", {})
+        for name, (description, is_sent) in _HEADERS.items():
+            if is_sent(status, operation["responses"].keys(), schema.get("$ref", "")):
+                header = {"description": description, "schema": {"type": "string"}}
+                answer.setdefault("headers", {})[name] = header
+        if status == "202" and schema.get("$ref", "").endswith("/JobAnswer"):
+            parameters = {"job_id": "$response.body#/id"}
+            answer["links"] = {
+                name: {"operationId": name, "parameters": parameters} for name in ("get_job", "follow_job")
+            }
 
 
 def _find_example(document: Node, schema: Node, recorded: Node) -> Any:  # noqa: ANN401

@@ -49,6 +49,7 @@ _PIECE = {
     }
 }
 _STATED = {
+    "Location": "Of a new upload: its address.",
     "Tus-Resumable": "The protocol's version.",
     "Upload-Offset": "How many bytes of the file are durable.",
     "Upload-Length": "How many it will have.",

@@ -148,6 +148,16 @@ def test_what_can_go_wrong_is_documented(operations):
             assert {400, 413} <= statuses, name
 
 
+def test_headers_and_links_are_stated(document):
+    begin = document["paths"]["/v1/measurements"]["post"]["responses"]
+    assert {"Location"} <= begin["202"]["headers"].keys()
+    assert begin["202"]["links"]["get_job"]["operationId"] == "get_job"
+    assert "Retry-After" in begin["503"]["headers"]
+    assert (
+        "ETag" in document["paths"]["/v1/measurements/{measurement_id}"]["get"]["responses"]["200"]["headers"]
+    )
+
+
 def test_every_route_but_those_for_machines_needs_a_key(operations):
     without = {name for name, operation in operations if "security" not in operation}
     by_capability = {f"{method} /v1/uploads/{{upload_id}}" for method in ("HEAD", "PATCH", "DELETE")}

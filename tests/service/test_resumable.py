@@ -201,3 +201,12 @@ def test_what_cannot_begin_says_why(house, changes, status, about):
     answer = house.http.post("/v1/uploads", headers=describe("x", CONTENT) | changes)
     assert answer.status_code == status, answer.text
     assert about in answer.text
+
+
+def test_a_post_may_stand_for_another_method(house, place):
+    override = {"X-HTTP-Method-Override": "PATCH", "Upload-Offset": "0"}
+    assert house.http.post(place, content=CONTENT[:10], headers=PIECE | override).status_code == 204
+    assert ask(house, place) == 10
+    ended = house.http.post(place, headers=TUS | {"X-HTTP-Method-Override": "delete"})
+    assert ended.status_code == 204
+    assert house.http.head(place, headers=TUS).status_code == 404
