@@ -7,7 +7,7 @@ export PATH := $(CURDIR)/$(BIN):$(PATH)
 # an image may forbid it: each process would then compile every module again, and `make up` take twice as long
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: help demo up test quick faults chromium audit export verify verify-backup lint format fuzz bench docs architecture tables pictures examples release lock clean
+.PHONY: help demo up test quick faults chromium audit export verify verify-backup lint format fuzz bench docs architecture tables api pictures examples release lock clean
 
 help:  ## what can be made
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 15
@@ -65,6 +65,9 @@ docs: $(VENV)/dev  ## the documentation with the API reference, into build/site;
 
 tables: $(VENV)/dev  ## write the tables of parameters and coefficients in docs/ from the specifications
 	@PYTHONPATH=. python docs/tables.py
+
+api: $(VENV)/dev  ## the difference of the HTTP interface from the last release; what breaks clients fails it
+	@PYTHONPATH=. python docs/api.py
 
 findings: $(VENV)/dev  ## write what flags, reasons and errors mean into docs/errors.md and docs/on-site.md
 	@python -m docs.findings
