@@ -9,10 +9,13 @@ import asyncio
 import resource
 from collections import Counter
 from contextlib import suppress
+from typing import Any
 
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
 _HEADER_BYTES = 64 * 1024
+_JOINED_BYTES = 1 << 16
+"""A longer beginning of a body is not copied for its head."""
 _KEPT_FILES = 256
 """For the database, uploads and everything else that is not a connection of a peer."""
 _MANY_FILES = 65536
@@ -52,6 +55,40 @@ class Connections:
             del self._open[peer]
 
 
+class _Joining:
+    """A transport that sends the head of an answer together with the beginning of its body.
+
+    The server writes them one after the other, each with a system call and a packet of its own. A head
+    without a body goes in the loop's next turn.
+    """
+
+    def __init__(self, transport: asyncio.Transport, loop: asyncio.AbstractEventLoop) -> None:
+        self._transport, self._loop = transport, loop
+        self._head = b""
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401  the transport's own
+        return getattr(self._transport, name)
+
+    def write(self, data: bytes) -> None:
+        if self._head and len(data) < _JOINED_BYTES:
+            data, self._head = self._head + data, b""
+        self._flush()
+        if data.startswith(b"HTTP/1.1 ") and data.endswith(b"\r\n\r\n"):
+            self._head = data
+            self._loop.call_soon(self._flush)
+        else:
+            self._transport.write(data)
+
+    def close(self) -> None:
+        self._flush()
+        self._transport.close()
+
+    def _flush(self) -> None:
+        if self._head:
+            head, self._head = self._head, b""
+            self._transport.write(head)
+
+
 class _Guarded(HttpToolsProtocol):
     _guard: Connections
     _peer: str | None = None
@@ -59,7 +96,7 @@ class _Guarded(HttpToolsProtocol):
     _header_bytes = 0
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        super().connection_made(transport)
+        super().connection_made(_Joining(transport, self.loop))  # type: ignore[arg-type]
         peer = str((transport.get_extra_info("peername") or ("",))[0])
         if not self._guard.admit(peer):
             transport.abort()

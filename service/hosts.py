@@ -3,6 +3,7 @@
 import ipaddress
 import re
 import socket
+from functools import lru_cache
 from typing import Final
 from urllib.parse import urlsplit
 
@@ -44,11 +45,8 @@ class Hosts:
         name = _without_port(host).strip("[]")
         if name in self._own or name.endswith(".localhost"):
             return True
-        try:
-            address = ipaddress.ip_address(name)
-        except ValueError:
-            return False
-        return address.is_loopback or address.is_private or name == reached_at
+        is_local = _is_local(name)
+        return is_local or (is_local is not None and name == reached_at)
 
     def scheme_of(self, host: str) -> str:
         """Return the scheme that the settings give this host; empty where they give none."""
@@ -82,11 +80,10 @@ class KnownHosts:
 
         async def guarded(message: Message) -> None:
             if message["type"] == "http.response.start":
-                headers = MutableHeaders(scope=message)
-                target = urlsplit(headers.get("location", ""))
+                target = urlsplit(dict(message["headers"]).get(b"location", b"").decode("latin-1"))
                 # the framework's own, to the address without its last slash, is the only absolute one
                 if target.netloc:
-                    headers["location"] = target._replace(scheme="", netloc="").geturl()
+                    MutableHeaders(scope=message)["location"] = target._replace(scheme="", netloc="").geturl()
             await send(message)
 
         await self._app(scope, receive, guarded)
@@ -96,6 +93,16 @@ def absolute(request: Request, path_and_query: str) -> str:
     """Return an address of this service: absolute under a name of our own, else a path."""
     base: str = request.scope["state"]["base"]
     return f"{base}{path_and_query}"
+
+
+@lru_cache(maxsize=1024)
+def _is_local(name: str) -> bool | None:
+    """Return whether an address leads only into this machine's network; None for what is no address."""
+    try:
+        address = ipaddress.ip_address(name)
+    except ValueError:
+        return None
+    return address.is_loopback or address.is_private
 
 
 def _without_port(host: str) -> str:

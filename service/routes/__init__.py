@@ -3,7 +3,9 @@
 from typing import Any
 
 from fastapi import Depends, FastAPI
+from fastapi.routing import APIRoute
 
+from service.ready import ReadyAnswers
 from service.strictness import check_request
 
 _MEANINGS = {
@@ -90,6 +92,9 @@ def include_routes(app: FastAPI) -> None:
         webhooks,
     )
 
+    for usual in coefficients.ready_router.routes:
+        if isinstance(usual, APIRoute):
+            app.router.routes.append(ReadyAnswers(usual))
     app.include_router(coefficients.ready_router, dependencies=[Depends(check_request)])
     app.include_router(system.router)
     app.include_router(manifests.keys_router, dependencies=[Depends(check_request)])

@@ -13,7 +13,7 @@ from service.auth import Reader
 from service.context import UsesContext
 from service.lookup import Id, owned
 from service.problems import Problem
-from service.ready import ReadyRoute, Wanted, answer_held
+from service.ready import Wanted, answer_held
 from service.routes import UNCHANGED, problems
 from service.schemas.base import Instant
 from service.schemas.calibrations import CoefficientsAnswer
@@ -26,7 +26,7 @@ from store.ready.publications import show_instant
 from store.tables import Camera
 
 router = APIRouter(prefix="/v1", tags=["coefficients"])
-ready_router = APIRouter(prefix="/v1", tags=["coefficients"], route_class=ReadyRoute)
+ready_router = APIRouter(prefix="/v1", tags=["coefficients"])
 
 
 @ready_router.get(

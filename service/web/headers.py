@@ -2,16 +2,15 @@
 
 from typing import Final
 
-from starlette.datastructures import MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 _ALWAYS: Final = {
-    "X-Content-Type-Options": "nosniff",
-    "X-Frame-Options": "DENY",
+    b"x-content-type-options": b"nosniff",
+    b"x-frame-options": b"DENY",
     # a form that is sent without its origin could not be told from a stranger's
-    "Referrer-Policy": "same-origin",
-    "Cross-Origin-Opener-Policy": "same-origin",
-    "Permissions-Policy": "camera=(), microphone=(), geolocation=(), payment=(), usb=()",
+    b"referrer-policy": b"same-origin",
+    b"cross-origin-opener-policy": b"same-origin",
+    b"permissions-policy": b"camera=(), microphone=(), geolocation=(), payment=(), usb=()",
 }
 
 
@@ -31,11 +30,12 @@ class SecurityHeaders:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         async def guarded(message: Message) -> None:
             if message["type"] == "http.response.start":
-                headers = MutableHeaders(scope=message)
-                for name, value in _ALWAYS.items():
-                    headers.setdefault(name, value)
-                if headers.get("content-type", "").startswith("text/html"):
-                    headers.setdefault("Content-Security-Policy", CONTENT_POLICY)
+                own = message["headers"]
+                named = dict(own)
+                wanted = _ALWAYS
+                if named.get(b"content-type", b"").startswith(b"text/html"):
+                    wanted = _ALWAYS | {b"content-security-policy": CONTENT_POLICY.encode()}
+                message["headers"] = [*own, *(each for each in wanted.items() if each[0] not in named)]
             await send(message)
 
         await self._app(scope, receive, guarded if scope["type"] == "http" else send)

@@ -5,9 +5,12 @@ import subprocess
 import sys
 import time
 from contextlib import ExitStack, contextmanager
+from types import SimpleNamespace
 
 import httpx
 import pytest
+
+from service.connections import _Joining
 
 HALF = b"GET /livez HTTP/1.1\r\nHost: x\r\nX-Slow: "
 FILES = 256
@@ -138,3 +141,19 @@ def test_who_left_makes_room():
             deadline = time.monotonic() + 10
             while not answers(port, peer="127.0.0.1"):
                 assert time.monotonic() < deadline, "nobody made room"
+
+
+def test_head_of_an_answer_goes_with_its_body_and_never_waits():
+    sent, turns = [], []
+    transport = SimpleNamespace(write=sent.append, close=lambda: sent.append("closed"))
+    joining = _Joining(transport, SimpleNamespace(call_soon=turns.append))
+    head, long = b"HTTP/1.1 200 OK\r\n\r\n", bytes(1 << 16)
+    for piece in (head, b"{}", head, long, b"more", head):
+        joining.write(piece)
+    assert sent == [head + b"{}", head, long, b"more"]
+    for turn in turns:
+        turn()
+    assert sent[4:] == [head]
+    joining.write(head)
+    joining.close()
+    assert sent[5:] == [head, "closed"]
