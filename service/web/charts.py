@@ -3,7 +3,7 @@
 import json
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from html import escape
@@ -13,7 +13,7 @@ from fastapi import Query, Response
 
 from radiometry.drawing.figure import Axis, Figure, Mark, Series
 from radiometry.drawing.svg import Panel, Scale, document, span
-from radiometry.drawing.text import write_unit
+from radiometry.drawing.text import sort_naturally, write_unit
 from radiometry.fleet.determinations import Determination, Key
 from service.certificate.figures import in_step
 
@@ -217,6 +217,46 @@ def build_drift(found: Sequence[Determination], versions: Mapping[str, int], *, 
         y=Axis(label=f"{quantity} [{write_unit(found[0].key.unit)}]"),
         series=tuple(series),
     )
+
+
+def build_fleet(found: Sequence[Determination], label: Callable[[str], str]) -> list[Figure]:
+    """Return a figure per coefficient: a line of each camera with its versions; dashed: the mean of all.
+
+    Bars are twice the standard uncertainty. ``label`` : from the name of a coefficient
+    """
+    keys: dict[Key, list[Determination]] = defaultdict(list)
+    for row in found:
+        keys[row.key].append(row)
+    figures = []
+    for key, rows in keys.items():
+        cameras = sort_naturally({row.source.camera for row in rows})
+        marks = tuple(
+            Mark(
+                x=row.value,
+                y=-float(cameras.index(row.source.camera)),
+                low=row.value - 2.0 * row.standard_uncertainty,
+                high=row.value + 2.0 * row.standard_uncertainty,
+                name=row.source.camera,
+                told=(
+                    f"{' ± '.join(in_step(row.value, row.standard_uncertainty))} {write_unit(key.unit)}",
+                    row.source.at.strftime("%Y-%m-%d"),
+                ),
+            )
+            for row in rows
+        )
+        name, where = label(key.name), _where(key)
+        ticks = tuple((-float(n), camera) for n, camera in enumerate(cameras))
+        figures.append(
+            Figure(
+                part=", ".join(part for part in (name, where) if part),
+                x=Axis(label=name if key.unit == "1" else f"{name} [{write_unit(key.unit)}]"),
+                y=Axis(label="", ticks=ticks, include=(0.6, 0.4 - len(ticks))),
+                series=(Series(marks=marks),),
+                uprights=(sum(mark.x for mark in marks) / len(marks),),
+                note="Bars: two standard uncertainties; dashed: mean of all versions",
+            )
+        )
+    return figures
 
 
 def _determine(row: Determination, versions: Mapping[str, int], shift_s: float) -> Mark:

@@ -171,6 +171,13 @@ def test_the_fleet_is_judged_and_the_answer_is_said_in_words(page):
     answer = page.locator("#fleet-answer")
     expect(answer.get_by_role("heading", level=2)).to_have_text("Verdict")
     expect(answer.get_by_role("row")).to_have_count(5)
+    # two cameras with three and two versions, each coefficient a part
+    expect(answer.locator(".chart .point[data-told]")).to_have_count(5)
+    answer.get_by_role("button", name="Luminance K, ISO 6400").click()
+    expect(answer.get_by_role("button", name="Luminance K, ISO 6400")).to_have_attribute(
+        "aria-pressed", "true"
+    )
+    settle(page)
     check_access(page)
     look(page, "fleet")
 

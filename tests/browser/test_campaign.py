@@ -70,6 +70,9 @@ def test_patterns_say_what_the_camera_s_files_are(page, shots):
 
     page.goto("/campaigns")
     expect(page.get_by_role("link", name="P-17")).to_be_visible()
+    complete = page.locator("#completeness").get_by_role("row").filter(has_text="0K1XE8")
+    expect(complete).to_contain_text(re.compile(r"\d items? missing"))
+    check_access(page)
     look(page, "campaigns")
 
 

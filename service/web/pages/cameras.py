@@ -13,7 +13,7 @@ from service.context import UsesContext
 from service.lookup import Id, owned
 from service.problems import Problem
 from service.schemas.base import Instant, Method, Text
-from service.web.charts import View, build_drift, draw_figure, send_svg
+from service.web.charts import View, build_drift, build_fleet, draw_figure, send_svg
 from service.web.lifetimes import build_lives, build_values
 from service.web.rendering import SignedInPage
 from store.columns import utc_now
@@ -47,6 +47,26 @@ def show_coefficients(camera_id: Id, page: SignedInPage, context: UsesContext) -
     with context.database.reading() as session:
         camera = owned(session, Camera, camera_id, page.caller)
     return page.render("coefficients.html", title="Coefficients in time", camera=camera)
+
+
+@router.get("/plots/fleet")
+def plot_fleet(
+    caller: Reader,
+    context: UsesContext,
+    view: Annotated[View, Depends()],
+    camera_id: Annotated[list[Text], Query()],
+    method: Annotated[Method, Query()],
+) -> Response:
+    with context.database.reading() as session:
+        cameras = [owned(session, Camera, each, caller) for each in camera_id]
+        found = list_determinations(session, cameras, method, {})
+    if not found:
+        return Response(status_code=204)
+    figures = build_fleet(found, get_method(method).label_coefficient)
+    drawn = figures[min(view.part, len(figures) - 1)]
+    return send_svg(
+        draw_figure(drawn, "Coefficients of each camera", view=view, parts=[f.part for f in figures])
+    )
 
 
 @router.get("/plots/cameras/{camera_id}/drift")

@@ -7,9 +7,10 @@ import { empty } from "../states.js";
 import { shorten } from "../shorten.js";
 
 const UNITS = { cycles_per_pixel: "cycles/px", w_m2_nm: "W/(m²·nm)", px: "px", dn: "DN", dn2: "DN²", s: "s", deg: "°", mm: "mm", um: "µm", cd_m2: "cd/m²" };
-const HEADS = { iso: "ISO", f_number: "f-number", at_s: "taken", i_sq: "I_SQ", i_ss: "I_SS", reflectance_k: "K", mtf50_cycles_per_pixel: "MTF50" };
+const HEADS = { iso: "ISO", i_sq: "I_SQ", i_ss: "I_SS", reflectance_k: "K", mtf50_cycles_per_pixel: "MTF50" };
 const HIDDEN = new Set(["frame", "frame_id", "used", "left_out", "capture_id", "figure", "residual_rel"]);
 const U = "standard_uncertainty";
+const WORDS = { at_s: ["taken", (value) => time(new Date(1000 * value).toISOString())], exposure_time_s: ["exposure", exposureTime], f_number: ["f-number", (value) => `f/${number(value, 3)}`] };
 
 export function drawPoints({ points, parameters, diagnostics }, choice) {
   if (!points.length) return empty("No points", "This version has no points.");
@@ -68,7 +69,7 @@ const withU = (name) => (name.endsWith("_rel") ? name.replace(/_rel$/, `_${U}_re
 const sentence = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 
 function headOf(name) {
-  if (name === "at_s") return [HEADS.at_s, ""];
+  if (WORDS[name]) return [WORDS[name][0], ""];
   const suffix = Object.keys(UNITS).find((each) => name.endsWith(`_${each}`));
   if (HEADS[name]) return [HEADS[name], suffix ? UNITS[suffix] : ""];
   if (/_(rel|share)$/.test(name)) return [words(name.replace(/_(rel|share)$/, "")), "%"];
@@ -77,7 +78,7 @@ function headOf(name) {
 
 function figure(name, value, u) {
   if (!present(value)) return "–";
-  if (name === "at_s") return time(new Date(1000 * value).toISOString());
+  if (WORDS[name]) return WORDS[name][1](value);
   const scale = /_(rel|share)$/.test(name) ? 100 : 1;
   if (present(u)) return withUncertainty(scale * value, scale * u);
   if (scale !== 1) return number(100 * value, 3);

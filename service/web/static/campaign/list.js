@@ -4,15 +4,20 @@ import { all } from "../api.js";
 import { byId, fill, h, may, table } from "../dom.js";
 import { day } from "../format.js";
 import { labelOf } from "../methods.js";
+import { drawCompleteness, loadCompleteness } from "./completeness.js";
 import { empty, load } from "../states.js";
 
+const found = Promise.all([all("/v1/campaigns"), all("/v1/cameras")]).then(([campaigns, cameras]) => ({ campaigns: campaigns.reverse(), cameras: new Map(cameras.map((camera) => [camera.id, camera])) }));
+
+load(byId("campaigns"), () => found, ({ campaigns, cameras }) => (campaigns.length ? list(campaigns, cameras) : nothing()));
 load(
-  byId("campaigns"),
+  byId("completeness"),
   async () => {
-    const [campaigns, cameras] = await Promise.all([all("/v1/campaigns"), all("/v1/cameras")]);
-    return { campaigns: campaigns.reverse(), cameras: new Map(cameras.map((camera) => [camera.id, camera])) };
+    const { campaigns, cameras } = await found;
+    byId("completeness-section").hidden = !campaigns.some((each) => !each.archived_at);
+    return [await loadCompleteness(campaigns), cameras];
   },
-  ({ campaigns, cameras }) => (campaigns.length ? list(campaigns, cameras) : nothing()),
+  ([complete, cameras]) => drawCompleteness(complete, cameras),
 );
 
 function nothing() {

@@ -1,10 +1,9 @@
 // Frames, readings and gaps as a matrix, by the axes that the method states.
 
-import { exposureTime, number, words } from "../format.js";
+import { exposureTime, natural, number, words } from "../format.js";
 import { roleLabel } from "../methods.js";
 
-const collator = new Intl.Collator(undefined, { numeric: true });
-const compare = (a, b) => (typeof a === "number" && typeof b === "number" ? a - b : collator.compare(String(a ?? "\uffff"), String(b ?? "\uffff")));
+const compare = (a, b) => (typeof a === "number" && typeof b === "number" ? a - b : natural(String(a ?? "\uffff"), String(b ?? "\uffff")));
 
 /** A value of an axis, as it is written. */
 const SAYS = { iso: (value) => `ISO ${value}`, f_number: (value) => `f/${number(value, 3)}`, exposure_time_s: exposureTime, band: words };
@@ -67,7 +66,7 @@ function makeColumns(axes, rows, across) {
 }
 
 function linesOf(row, axes, columns, shows, perCard) {
-  const shown = row.frames.filter(shows).sort((a, b) => collator.compare(a.filename, b.filename));
+  const shown = row.frames.filter(shows).sort((a, b) => natural(a.filename, b.filename));
   const lines = [];
   const put = (line, column, cell) => ((lines[line] ??= Array.from({ length: columns.length }))[column] = { ...cell, column });
   if (axes.length) {

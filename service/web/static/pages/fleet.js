@@ -4,6 +4,7 @@ import { counted, number, quantity, tag } from "../format.js";
 import { named } from "../coefficients.js";
 import { groupBy } from "../groups.js";
 import { METHODS, labelOf, methodOf, readTolerance } from "../methods.js";
+import { plot } from "../plots.js";
 import { act, empty, load } from "../states.js";
 
 const VERDICTS = { shared: ["one set for all", "good"], per_camera: ["one set per camera", "warn"], cannot_tell: ["inconclusive", ""] };
@@ -77,10 +78,12 @@ const judge = (form, button, method, tolerance) =>
       camera_ids: new FormData(form).getAll("camera"),
       tolerance: readTolerance(method, tolerance.value),
     });
-    fill(byId("fleet-answer"), shown(answer));
+    const place = h("div", { class: "plot", role: "region", "aria-label": "Coefficients of each camera", tabindex: "0" });
+    fill(byId("fleet-answer"), shown(answer, place));
+    await plot(place, `/plots/fleet?${new URLSearchParams([["method", method], ...new FormData(form).getAll("camera").map((id) => ["camera_id", id])])}`);
   });
 
-function shown(answer) {
+function shown(answer, place) {
   const [word, kind] = VERDICTS[answer.verdict];
   const columns = [
     { head: "Coefficient", header: true, cell: (row) => named(row, answer.method) },
@@ -94,6 +97,7 @@ function shown(answer) {
   return [
     h("div", { class: "section-head" }, h("h2", {}, "Verdict "), tag(word, kind)),
     h("p", { class: `note ${kind}` }, answer.said),
+    place,
     answer.parameters.length ? table(columns, answer.parameters, { caption: "Verdict for each coefficient", stack: true }) : null,
     answer.left_out.length ? [h("h3", {}, "Versions that did not count"), h("ul", {}, answer.left_out.map((each) => h("li", {}, h("a", { href: `/calibrations/${each.calibration_id}` }, "a version"), `: ${each.why}`)))] : null,
     h("details", {}, h("summary", {}, "Assumptions"), h("ul", { class: "small muted" }, (answer.assumed ?? []).map((each) => h("li", {}, each)))),
