@@ -12,6 +12,7 @@ import typer
 from rich.console import RenderableType
 
 from stilb.client import Client
+from stilb.commands.completion import complete_campaign, complete_model
 from stilb.commands.moments import read_moment
 from stilb.commands.output import Output, command
 from stilb.commands.tables import holds_for, of_coefficients
@@ -20,7 +21,10 @@ from stilb.field.plan import read_macro
 from stilb.problem import Problem, Unclear, missing
 from stilb.records import Calibration
 
-CampaignNamed = Annotated[str, typer.Argument(metavar="CAMPAIGN", help="Its id or project number.")]
+CampaignNamed = Annotated[
+    str,
+    typer.Argument(metavar="CAMPAIGN", help="Its id or project number.", autocompletion=complete_campaign),
+]
 CalibrationId = Annotated[str, typer.Argument(metavar="CALIBRATION", help="Its id.")]
 _POINT = re.compile(r"([\d.]+),([\d.]+)")
 
@@ -76,7 +80,9 @@ def _current_roi(client: Client, campaign_id: str, named: str) -> dict[str, Any]
 def calibrate(
     output: Output,
     campaign: CampaignNamed,
-    model: Annotated[str | None, typer.Option(help="proportional, affine, power, semilog.")] = None,
+    model: Annotated[
+        str | None, typer.Option(help="proportional, affine, power, semilog.", autocompletion=complete_model)
+    ] = None,
     tolerance: Annotated[float | None, typer.Option(help="Largest accepted error of L: 0.04 is 4 %.")] = None,
     exclude: Annotated[
         list[str] | None, typer.Option(metavar="FRAME=REASON", help="Exclude a frame; repeatable.")

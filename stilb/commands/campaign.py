@@ -9,6 +9,7 @@ from rich.console import RenderableType
 
 from stilb.client import Client
 from stilb.commands.calibration import format_calibration
+from stilb.commands.completion import complete_campaign
 from stilb.commands.exits import Exit
 from stilb.commands.output import Output, command
 from stilb.commands.progress import lines
@@ -106,7 +107,12 @@ def list_campaigns(output: Output) -> None:
 
 @app.command("show")
 @command
-def show(output: Output, campaign: Annotated[str, typer.Argument(help="Its id or project number.")]) -> None:
+def show(
+    output: Output,
+    campaign: Annotated[
+        str, typer.Argument(help="Its id or project number.", autocompletion=complete_campaign)
+    ],
+) -> None:
     """Show received frames, missing items and advice."""
     with output.client() as client:
         found = client.campaign(client.find_campaign(campaign).id).raw
@@ -131,7 +137,9 @@ def _offer(found: dict[str, Any], campaign: str) -> list[str]:
 @command
 def panel(
     output: Output,
-    campaign: Annotated[str, typer.Argument(help="Its id or project number.")],
+    campaign: Annotated[
+        str, typer.Argument(help="Its id or project number.", autocompletion=complete_campaign)
+    ],
     serial: Annotated[
         str | None, typer.Option(help="Serial number; default: the panel that the frames name.")
     ] = None,
@@ -158,7 +166,9 @@ def panel(
 @command
 def readings(
     output: Output,
-    campaign: Annotated[str, typer.Argument(help="Its id or project number.")],
+    campaign: Annotated[
+        str, typer.Argument(help="Its id or project number.", autocompletion=complete_campaign)
+    ],
     spreadsheet: Annotated[
         Path,
         typer.Argument(metavar="FILE.csv", exists=True, dir_okay=False, help="scene,quantity,value,unit"),

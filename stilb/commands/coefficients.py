@@ -4,6 +4,7 @@ from typing import Annotated
 
 import typer
 
+from stilb.commands.completion import complete_camera, complete_method
 from stilb.commands.moments import read_moment
 from stilb.commands.output import Output, command
 from stilb.commands.tables import of_coefficients
@@ -14,8 +15,12 @@ from stilb.method import DEFAULT_METHOD
 @command
 def k(
     output: Output,
-    camera: Annotated[str, typer.Argument(metavar="CAMERA", help="Its id or serial number.")],
-    method: Annotated[str, typer.Option(help="Method of the coefficients.")] = DEFAULT_METHOD,
+    camera: Annotated[
+        str, typer.Argument(metavar="CAMERA", help="Its id or serial number.", autocompletion=complete_camera)
+    ],
+    method: Annotated[
+        str, typer.Option(help="Method of the coefficients.", autocompletion=complete_method)
+    ] = DEFAULT_METHOD,
     iso: Annotated[float | None, typer.Option(help="Only this ISO value.")] = None,
     f_number: Annotated[float | None, typer.Option(help="At this f-number; default: in general.")] = None,
     at: Annotated[str | None, typer.Option(help="In force at this time; default: now.")] = None,

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from stilb.client import Client
+from stilb.commands.completion import complete_campaign
 from stilb.commands.exits import Exit
 from stilb.commands.output import Output, command
 from stilb.commands.tables import table
@@ -74,7 +75,9 @@ def retry(
     state: Annotated[str | None, typer.Option(help="failed, quarantined.")] = None,
     kind: Annotated[str | None, typer.Option(help="extract, fit, measure.")] = None,
     code: Annotated[str | None, typer.Option(help="Error code, such as temporarily_unavailable.")] = None,
-    campaign: Annotated[str | None, typer.Option(help="Its id or project number.")] = None,
+    campaign: Annotated[
+        str | None, typer.Option(help="Its id or project number.", autocompletion=complete_campaign)
+    ] = None,
 ) -> None:
     """Retry a failed job, or with --state all that match."""
     if (job is None) == (state is None):

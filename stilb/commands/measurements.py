@@ -7,6 +7,7 @@ from typing import Annotated, Any, cast
 import typer
 
 from stilb.commands.calibration import read_polygon
+from stilb.commands.completion import complete_campaign
 from stilb.commands.exits import Exit
 from stilb.commands.output import Output, command
 from stilb.commands.tables import figure, show_scope, table
@@ -20,7 +21,9 @@ _GRID = re.compile(r"(\d+)x(\d+)")
 def measure(  # noqa: PLR0913, PLR0917 (the command's options)
     output: Output,
     frames: Annotated[list[str] | None, typer.Argument(metavar="[FRAME]...", help="Ids of frames.")] = None,
-    campaign: Annotated[str | None, typer.Option(help="All field frames of this campaign.")] = None,
+    campaign: Annotated[
+        str | None, typer.Option(help="All field frames of this campaign.", autocompletion=complete_campaign)
+    ] = None,
     calibration: Annotated[
         str | None, typer.Option(help="Default: in force at the time of the frame.")
     ] = None,

@@ -4,6 +4,7 @@ from typing import Annotated, Any
 
 import typer
 
+from stilb.commands.completion import complete_campaign
 from stilb.commands.exits import Exit
 from stilb.commands.output import Output, command
 from stilb.commands.tables import table
@@ -14,7 +15,12 @@ _WORDS = {True: "within", False: "BEYOND", None: "unknown"}
 @command
 def motion(
     output: Output,
-    campaign: Annotated[str, typer.Argument(metavar="CAMPAIGN", help="Its id or project number.")],
+    campaign: Annotated[
+        str,
+        typer.Argument(
+            metavar="CAMPAIGN", help="Its id or project number.", autocompletion=complete_campaign
+        ),
+    ],
     focal_length: Annotated[float, typer.Option(metavar="MM", help="Focal length of the lens [mm].")],
     pixel_pitch: Annotated[
         float | None, typer.Option(metavar="UM", help="Pixel pitch [um]; default: the camera's.")

@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from stilb.commands.completion import complete_campaign, complete_role
 from stilb.commands.exits import Exit
 from stilb.commands.output import Output, command, config_folder
 from stilb.commands.progress import lines, showing, tell_retry
@@ -36,9 +37,15 @@ def push(  # noqa: PLR0913  each is an option
     output: Output,
     folder: Folder,
     campaign: Annotated[
-        str | None, typer.Option(help="Its id or project number; default: campaign.toml.")
+        str | None,
+        typer.Option(
+            help="Its id or project number; default: campaign.toml.", autocompletion=complete_campaign
+        ),
     ] = None,
-    role: Annotated[str | None, typer.Option(help=f"Role of every file: {', '.join(ROLES)}.")] = None,
+    role: Annotated[
+        str | None,
+        typer.Option(help=f"Role of every file: {', '.join(ROLES)}.", autocompletion=complete_role),
+    ] = None,
     scene: Annotated[str | None, typer.Option(help="Light level of every file.")] = None,
     *,
     watch: Annotated[bool, typer.Option("--watch", help="Follow the folder until Ctrl-C.")] = False,
