@@ -272,7 +272,14 @@ def retry(session: Session, chosen: ColumnElement[bool]) -> int:
         faulty_since=None,
         waits_for=None,
         finished_at=None,
+        dismissed_at=None,
     )
+
+
+def dismiss(session: Session, chosen: ColumnElement[bool], *, dismissed: bool) -> int:
+    """Mark the chosen jobs that were given up as dismissed, or undo that; how many."""
+    given_up = chosen & Job.state.in_(GIVEN_UP) & (Job.dismissed_at.is_(None) == dismissed)
+    return _update(session, given_up, dismissed_at=utc_now() if dismissed else None)
 
 
 def sweep(session: Session) -> int:

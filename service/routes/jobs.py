@@ -4,7 +4,7 @@ import re
 from typing import Annotated, get_args
 
 from fastapi import APIRouter, Header, Query, Response
-from sqlalchemy import select
+from sqlalchemy import ColumnElement, select
 from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
@@ -17,12 +17,23 @@ from service.paging import Page, UsesPaging
 from service.problems import Problem
 from service.routes import problems
 from service.schemas.base import Text
-from service.schemas.jobs import JobAnswer, Kind, QueueAnswer, RetriedAnswer, RetriedJobs, State
+from service.schemas.jobs import (
+    DismissedAnswer,
+    DismissedJobs,
+    JobAnswer,
+    JobCauseAnswer,
+    JobCausesAnswer,
+    Kind,
+    QueueAnswer,
+    RetriedAnswer,
+    RetriedJobs,
+    State,
+)
 from store import jobs
 from store.audit import record_act
 from store.broker import MOST_HINTS
 from store.jobs import FINAL_STATES
-from store.queries.jobs import frames_of, select_given_up, summarise_queue
+from store.queries.jobs import frames_of, list_causes, select_given_up, summarise_queue
 from store.tables import Campaign, Job, Organisation
 from store.usage import add_jobs
 
@@ -40,6 +51,7 @@ def list_jobs(
     context: UsesContext,
     state: Annotated[State | None, Query()] = None,
     kind: Annotated[Kind | None, Query()] = None,
+    dismissed: Annotated[bool | None, Query(description="Only those that were, or were not.")] = None,
 ) -> Response:
     """The jobs of your organisation, newest first."""
     rows = select(Job).where(Job.organisation_id == caller.organisation_id)
@@ -47,6 +59,8 @@ def list_jobs(
         rows = rows.where(Job.state == state)
     if kind is not None:
         rows = rows.where(Job.kind == kind)
+    if dismissed is not None:
+        rows = rows.where(Job.dismissed_at.is_not(None) == dismissed)
     with context.database.reading() as session:
         return paging.send(session, rows, lambda found: _answers(session, found), newest_first=True)
 
@@ -57,6 +71,20 @@ def get_queue(caller: Reader, context: UsesContext) -> Response:
     """The jobs of your organisation by state, counted up to a bound, and how long the oldest has waited."""
     with context.database.reading() as session:
         return QueueAnswer.of(summarise_queue(session, caller.organisation_id, get_args(State))).respond()
+
+
+@router.get("/causes", response_model=JobCausesAnswer, responses=problems())
+def get_job_causes(caller: Reader, context: UsesContext) -> Response:
+    """Why jobs failed or were quarantined, unless they were dismissed; the most frequent cause first.
+
+    Of each state the newest 2,000 jobs count. A cause is a state, a kind, an error's code and a campaign, by
+    which `POST /v1/jobs/retry` and `POST /v1/jobs/dismiss` choose too.
+    """
+    with context.database.reading() as session:
+        causes = list_causes(session, caller.organisation_id)
+        newest = _answers(session, [cause.newest for cause in causes])
+    items = [JobCauseAnswer(count=cause.count, newest=job) for cause, job in zip(causes, newest, strict=True)]
+    return JobCausesAnswer(items=items).respond()
 
 
 @router.get("/{job_id}", response_model=JobAnswer, responses=problems(404))
@@ -88,11 +116,7 @@ def retry_jobs(body: RetriedJobs, caller: Reader, writing: Writes) -> Response:
     """
 
     def change(session: Session) -> Reply:
-        if body.campaign_id is not None:
-            owned(session, Campaign, body.campaign_id, caller)
-        chosen = select_given_up(caller.organisation_id, **body.model_dump())
-        for kind in session.scalars(select(Job.kind).where(chosen).distinct().order_by(Job.kind)):
-            require(caller, _SCOPES[kind])
+        chosen = _choose(session, caller, body)
         first = list(session.scalars(select(Job).where(chosen).limit(MOST_HINTS)))
         retried = jobs.retry(session, chosen)
         if retried:
@@ -101,6 +125,24 @@ def retry_jobs(body: RetriedJobs, caller: Reader, writing: Writes) -> Response:
             add_jobs(session, retried, organisation_id=organisation.id)
             record_act(session, "retry_jobs", organisation, asked, {"state": "queued", "jobs": retried})
         return Reply(status=202, body=RetriedAnswer(retried=retried), jobs=first)
+
+    return writing.run(caller, change)
+
+
+@router.post("/dismiss", response_model=DismissedAnswer, responses=problems(404))
+def dismiss_jobs(body: DismissedJobs, caller: Reader, writing: Writes) -> Response:
+    """Dismiss jobs that failed, or were quarantined: no page lists them as failures any more.
+
+    They stay in the record, and a retry ends it. It needs the scopes that starting them needed.
+    """
+
+    def change(session: Session) -> Reply:
+        count = jobs.dismiss(session, _choose(session, caller, body), dismissed=body.dismissed)
+        if count:
+            asked = body.model_dump(exclude_none=True)
+            organisation = session.get_one(Organisation, caller.organisation_id)
+            record_act(session, "dismiss_jobs", organisation, {}, asked | {"jobs": count})
+        return Reply(status=200, body=DismissedAnswer(dismissed=count))
 
     return writing.run(caller, change)
 
@@ -122,6 +164,17 @@ def retry_job(job_id: Id, caller: Reader, writing: Writes) -> Response:
         return Reply(status=202, body=answer, headers={"Location": f"/v1/jobs/{job.id}"}, jobs=[job])
 
     return writing.run(caller, change)
+
+
+def _choose(session: Session, caller: Caller, body: RetriedJobs) -> ColumnElement[bool]:
+    """Return the jobs that are chosen, if the caller might start all of them."""
+    if body.campaign_id is not None:
+        owned(session, Campaign, body.campaign_id, caller)
+    asked = body.model_dump(include=set(RetriedJobs.model_fields))
+    chosen = select_given_up(caller.organisation_id, **asked)
+    for kind in session.scalars(select(Job.kind).where(chosen).distinct().order_by(Job.kind)):
+        require(caller, _SCOPES[kind])
+    return chosen
 
 
 def _read(context: Context, caller: Caller, job_id: str) -> JobAnswer:

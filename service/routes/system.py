@@ -1,17 +1,24 @@
 """Liveness and readiness of the service."""
 
+import shutil
 from typing import Any, Literal
 
 from fastapi import APIRouter, Response
 from fastapi.responses import PlainTextResponse
 from pydantic import Field
+from sqlalchemy import func, select
 
+from radiometry.findings import interface
+from service.auth import Admin
 from service.context import UsesContext
 from service.problems import Problem
 from service.routes import problems
 from service.schemas.base import Answer
 from service.shutdown import stopping
+from store.files import count_damaged, find_proof_age_s
 from store.parts import Part
+from store.queries.resource_counts import count_queue
+from store.tables import Blob
 
 router = APIRouter(tags=["system"])
 
@@ -72,6 +79,43 @@ async def get_readyz(context: UsesContext) -> Response:
     return Readiness(
         status=status, warnings=report.warnings, damaged_files=report.damaged_files, parts=parts
     ).respond()
+
+
+class OperatorHealth(Answer):
+    """State of the whole service, over all organisations."""
+
+    parts: list[PartAnswer]
+    jobs_waiting: int
+    jobs_running: int
+    oldest_wait_s: float = Field(ge=0, description="How long the job that waits longest has been due.")
+    disk_total_bytes: int = Field(description="Of the disk that holds the data folder.")
+    disk_free_bytes: int
+    files: int = Field(description="Stored files.")
+    damaged_files: int
+    oldest_proof_s: float = Field(ge=0, description="How long ago the file was verified that waits longest.")
+    verified_within_s: float = Field(description="Every file is verified in this time; 0: never.")
+
+
+@router.get("/v1/health", response_model=OperatorHealth, responses=problems())
+def get_operator_health(caller: Admin, context: UsesContext) -> Response:
+    """Workers, queue, disk and verified files of the whole service. Only the operator's admins may ask."""
+    if not caller.operator:
+        raise Problem(interface.SCOPE_MISSING, "Only an administrator of the operator can see this.")
+    disk = shutil.disk_usage(context.settings.data)
+    with context.database.reading() as session:
+        queue = count_queue(session)
+        return OperatorHealth(
+            parts=[PartAnswer.of(part) for part in queue.parts],
+            jobs_waiting=queue.jobs["queued"],
+            jobs_running=queue.jobs["running"],
+            oldest_wait_s=queue.oldest_queued_s,
+            disk_total_bytes=disk.total,
+            disk_free_bytes=disk.free,
+            files=session.scalar(select(func.count()).select_from(Blob)) or 0,
+            damaged_files=sum(count_damaged(session).values()),
+            oldest_proof_s=find_proof_age_s(session),
+            verified_within_s=context.settings.scrub_days * 86400,
+        ).respond()
 
 
 @router.get(

@@ -5,7 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from service.problems import problem_body
-from service.schemas.base import Answer, Form, Instant, ProblemAnswer, Text
+from service.schemas.base import Answer, Flag, Form, Instant, ProblemAnswer, Text
 from store.queries.jobs import MOST_COUNTED, Queue
 from store.tables import FrameRow, Job
 
@@ -16,7 +16,7 @@ Kind = Literal["extract", "fit", "measure"]
 class JobAnswer(
     Answer,
     restates=Job,
-    fields="id kind subject_id state progress attempt result created_at finished_at",
+    fields="id kind subject_id state progress attempt result created_at finished_at dismissed_at",
 ):
     state: State
     progress: float = Field(ge=0, le=1)
@@ -50,6 +50,27 @@ class RetriedJobs(Form):
     kind: Kind | None = None
     code: Text | None = Field(default=None, description="The code of the error that they ended with.")
     campaign_id: Text | None = Field(default=None, description="Jobs on this campaign and its frames.")
+
+
+class DismissedJobs(RetriedJobs):
+    """Which jobs are dismissed: those that all of this holds for."""
+
+    dismissed: Flag = Field(default=True, description="false: list them again.")
+
+
+class DismissedAnswer(Answer):
+    dismissed: int = Field(ge=0, description="How many jobs were changed.")
+
+
+class JobCauseAnswer(Answer):
+    """Jobs that failed for one reason, with the newest of them."""
+
+    count: int = Field(ge=1)
+    newest: JobAnswer
+
+
+class JobCausesAnswer(Answer):
+    items: list[JobCauseAnswer]
 
 
 class RetriedAnswer(Answer):

@@ -36,6 +36,7 @@ ACTS: Final = {
     "purge.change": "worked on a recall",
     "job.retry": "retried a job",
     "organisation.retry_jobs": "retried jobs",
+    "organisation.dismiss_jobs": "dismissed failed jobs",
     "api_key.create": "made a key",
     "api_key.change": "revoked a key",
     "web_session.create": "signed in",

@@ -75,6 +75,7 @@ app.command("jobs")(jobs.jobs)
 app.command("events")(jobs.events)
 app.add_typer(webhooks.app, name="webhook")
 app.command("retry")(jobs.retry)
+app.command("dismiss")(jobs.dismiss)
 app.command("doctor")(doctor.doctor)
 
 

@@ -67,6 +67,23 @@ def events(
 
 
 @command
+def dismiss(
+    output: Output,
+    state: Annotated[str, typer.Option(help="failed, quarantined.")],
+    kind: Annotated[str | None, typer.Option(help="extract, fit, measure.")] = None,
+    code: Annotated[str | None, typer.Option(help="Error code, such as not_a_raw_file.")] = None,
+    campaign: Annotated[str | None, typer.Option(help="Its id or project number.")] = None,
+    *,
+    undo: Annotated[bool, typer.Option("--undo", help="List them again.")] = False,
+) -> None:
+    """Dismiss failed jobs: they are not listed as failures."""
+    with output.client() as client:
+        campaign_id = client.find_campaign(campaign).id if campaign is not None else None
+        count = client.dismiss_jobs(state, kind=kind, code=code, campaign_id=campaign_id, dismissed=not undo)
+    output.answer({"dismissed": count}, f"{count} jobs are {'listed again' if undo else 'dismissed'}")
+
+
+@command
 def retry(
     output: Output,
     job: Annotated[

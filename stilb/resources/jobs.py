@@ -43,6 +43,25 @@ class Jobs(Connection):
             if data["state"] not in {"queued", "running"}:
                 return
 
+    def job_causes(self) -> list[tuple[int, Job]]:
+        """Return for each cause of failures that were not dismissed how many jobs have it, and the newest."""
+        items = self._get(address("jobs", "causes"))["items"]
+        return [(each["count"], Job.of(each["newest"])) for each in items]
+
+    def dismiss_jobs(
+        self,
+        state: str,
+        *,
+        kind: str | None = None,
+        code: str | None = None,
+        campaign_id: str | None = None,
+        dismissed: bool = True,
+    ) -> int:
+        """Dismiss all jobs that are ``failed``, or ``quarantined``, and fit the rest; how many they are."""
+        chosen = {"state": state, "kind": kind, "code": code, "campaign_id": campaign_id}
+        body = {name: value for name, value in chosen.items() if value is not None}
+        return int(self._post(address("jobs", "dismiss"), body | {"dismissed": dismissed})["dismissed"])
+
     def wait(self, job: Job | str, *, timeout_s: float | None = None) -> Job:
         """Wait until a job has succeeded; ``JobFailed`` when it will not, ``TimeoutError`` when it lasts."""
         job_id = job if isinstance(job, str) else job.id

@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from sqlalchemy import ColumnElement, func, select
+from sqlalchemy import ColumnElement, func, or_, select
 from sqlalchemy.orm import Session
 
-from store.jobs import oldest_wait_s
+from store.jobs import GIVEN_UP, oldest_wait_s
 from store.tables import FrameRow, Job
 
 MOST_COUNTED = 2000
@@ -39,6 +39,42 @@ def summarise_queue(session: Session, organisation_id: str, states: Sequence[str
         more=[state for state, count in counts.items() if count > MOST_COUNTED],
         oldest_wait_s=oldest_wait_s(session, organisation_id),
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cause:
+    """Jobs that failed for one reason: of one state, kind, error code and campaign.
+
+    Attributes
+    ----------
+    count : int
+        How many jobs.
+    newest : Job
+        The one of them that was added last.
+    """
+
+    count: int
+    newest: Job
+
+
+def list_causes(session: Session, organisation_id: str) -> list[Cause]:
+    """List why the newest jobs were given up, unless dismissed; the most frequent cause first."""
+    code = Job.error["code"].as_string()
+    theirs = (Job.organisation_id == organisation_id) & Job.dismissed_at.is_(None)
+    newest = [
+        select(Job.id).where(theirs, Job.state == state).order_by(Job.id.desc()).limit(MOST_COUNTED)
+        for state in GIVEN_UP
+    ]
+    groups = (
+        select(func.count(), func.max(Job.id))
+        .outerjoin(FrameRow, FrameRow.id == Job.subject_id)
+        .where(or_(*(Job.id.in_(select(each.subquery().c.id)) for each in newest)))
+        .group_by(Job.state, Job.kind, code, func.coalesce(FrameRow.campaign_id, Job.subject_id))
+    )
+    counts = {row[1]: row[0] for row in session.execute(groups)}
+    rows = session.scalars(select(Job).where(Job.id.in_(counts)))
+    causes = [Cause(count=counts[row.id], newest=row) for row in rows]
+    return sorted(causes, key=lambda cause: (-cause.count, cause.newest.id))
 
 
 def select_given_up(

@@ -20,6 +20,8 @@ class Job(Base):
     ----------
     result : dict or None
         Ids and links of what was made.
+    dismissed_at : datetime or None
+        When a person dismissed its failure: it is no longer listed as one to mend.
     """
 
     __tablename__ = "job"
@@ -71,3 +73,4 @@ class Job(Base):
     created_by: Mapped[str]
     created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
     finished_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    dismissed_at: Mapped[datetime | None] = mapped_column(UtcDateTime, default=None)

@@ -2,9 +2,10 @@
 
 import re
 
+import pytest
 from playwright.sync_api import expect
 
-from tests.support.browser import check_access, look, settle
+from tests.support.browser import check_access, look, settle, sign_in, visit
 from tests.support.furnishing import furnish, postpone, set_aside
 
 
@@ -21,20 +22,40 @@ def test_an_empty_house_says_what_to_do(page):
     look(page, "jobs-empty")
 
 
-def test_what_failed_stands_there_with_its_reason_and_is_tried_again(page, service, team):
+def test_a_cause_is_dismissed_listed_again_by_a_key_and_tried_again(page, service, team):
     furnish(service.database, team.key)
-    job_id = set_aside(service.database, team.key)
+    set_aside(service.database, team.key)
     page.goto("/jobs")
     settle(page)
-    row = page.locator("#failures").get_by_role("row").filter(has_text="Fit of P-")
-    expect(row).to_contain_text("Its worker was lost 3 times")
+    line = page.locator("#failures li").filter(has_text="A fit failed")
+    expect(line).to_contain_text("Its worker was lost 3 times")
     check_access(page)
     look(page, "jobs")
-    with page.expect_response(f"**/v1/jobs/{job_id}/retry") as retried:
-        row.get_by_role("button", name="Retry").click()
+    line.get_by_role("button", name="Dismiss").click()
+    expect(page.get_by_text("No failed jobs")).to_be_visible()
+    expect(page.locator("#recent")).to_contain_text("dismissed")
+    page.keyboard.press("z")
+    expect(line).to_be_visible()
+    with page.expect_response("**/v1/jobs/retry") as retried:
+        line.get_by_role("button", name="Retry").click()
     assert retried.value.status == 202
     # it has no frames to fit: the worker says so, and the page without being loaded again
-    expect(row.get_by_text("failed", exact=True)).to_be_visible()
+    expect(line).to_contain_text("P-")
+    expect(line).not_to_contain_text("worker was lost")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_operator_sees_workers_disk_and_stored_files(browser, service, scheme):
+    with visit(browser, service.url, color_scheme=scheme) as context:
+        page = sign_in(context, service.key)
+        page.goto("/jobs")
+        settle(page)
+        health = page.locator("#health")
+        expect(health).to_contain_text(re.compile(r"Workers\s*\d of \d"))
+        for text in ("all at work", " free", "Stored files"):
+            expect(health).to_contain_text(text)
+        check_access(page)
+        look(page, f"jobs-operator-{scheme}")
 
 
 def test_a_job_that_waits_for_a_passing_fault_says_when_it_is_tried_again(page, service, team):
@@ -58,9 +79,11 @@ def test_a_job_that_ends_is_seen_without_reloading(page, team):
             params={"role": "light", "filename": "DJI_0007.DNG"},
         )
     assert answer.status_code == 201
-    row = page.locator("#failures").get_by_role("row").filter(has_text="DJI_0007.DNG")
-    expect(row).to_contain_text("JPEG")
-    row.get_by_role("link", name="DJI_0007.DNG")
+    line = page.locator("#failures li").filter(has_text="DJI_0007.DNG")
+    expect(line).to_contain_text("1 frame refused")
+    line.get_by_role("link", name="Show frames").click()
+    expect(page).to_have_url(re.compile(f"/campaigns/{campaign.id}"))
+    settle(page)
 
 
 def test_the_first_page_says_what_needs_attention(page, service, team):

@@ -135,3 +135,47 @@ def test_trying_many_again_needs_every_scope_that_starting_them_needed(house):
 def test_what_is_tried_again_has_to_be_chosen(house):
     assert retry(house, 422)["code"] == "validation_failed"
     assert retry(house, 422, state="succeeded")["code"] == "validation_failed"
+
+
+def test_failures_are_grouped_by_cause_and_dismissed_until_they_are_tried_again(house, stranger):
+    one, other = house.campaign(), house.campaign()
+    for campaign, count in ((one, 2), (other, 1)):
+        for number in range(count):
+            content, name = f"none {campaign['id']} {number}".encode(), f"DJI_{number}.DNG"
+            house.upload(campaign, content, role="light", filename=name)
+    house.work()
+    causes = house.get("/v1/jobs/causes")["items"]
+    assert [(each["count"], each["newest"]["campaign_id"]) for each in causes] == [
+        (2, one["id"]),
+        (1, other["id"]),
+    ]
+    assert causes[0]["newest"]["filename"] == "DJI_1.DNG"
+    chosen = {"state": "failed", "code": causes[0]["newest"]["error"]["code"], "campaign_id": one["id"]}
+
+    def dismiss(**more):
+        return house.post("/v1/jobs/dismiss", chosen | more, status=200)
+
+    assert dismiss() == {"dismissed": 2}
+    assert dismiss() == {"dismissed": 0}
+    assert [each["count"] for each in house.get("/v1/jobs/causes")["items"]] == [1]
+    assert len(house.get("/v1/jobs", dismissed=True)["items"]) == 2
+    assert house.get("/v1/jobs/summary")["failed"] == 3
+    assert dismiss(dismissed=False) == {"dismissed": 2}
+    assert dismiss() == {"dismissed": 2}
+    assert retry(house, **chosen) == {"retried": 2}
+    house.work()
+    assert [each["count"] for each in house.get("/v1/jobs/causes")["items"]] == [2, 1]
+    assert stranger.get("/v1/jobs/causes").json() == {"items": []}
+    assert stranger.post("/v1/jobs/dismiss", json={"state": "failed"}).json() == {"dismissed": 0}
+    made = house.post("/v1/keys", {"name": "other", "scopes": ["read"]})
+    with house.with_key(made["secret"]) as client:
+        assert client.post("/v1/jobs/dismiss", json=chosen).json()["code"] == "scope_missing"
+
+
+def test_only_the_operator_sees_the_health_of_the_whole_service(house, stranger):
+    failed_job(house)
+    health = house.get("/v1/health")
+    assert (health["files"], health["damaged_files"], health["jobs_waiting"]) == (1, 0, 0)
+    assert 0 < health["disk_free_bytes"] < health["disk_total_bytes"]
+    assert 0 <= health["oldest_proof_s"] < 60
+    assert stranger.get("/v1/health").json()["code"] == "scope_missing"

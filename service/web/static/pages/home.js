@@ -6,10 +6,10 @@ import { byId, h, may, table } from "../dom.js";
 import { ago, counted, number, span, words } from "../format.js";
 import { askForMeter } from "../campaign/meters.js";
 import { missingCauses } from "../campaign/missing.js";
-import { nameOf, titleOf } from "../campaign/named.js";
+import { titleOf } from "../campaign/named.js";
 import { startCard } from "../card/card.js";
 import { inForce } from "../coefficients.js";
-import { groupBy } from "../groups.js";
+import { jobCause } from "../jobs/cause.js";
 import { mark } from "../marks.js";
 import { labelOf, METHODS } from "../methods.js";
 import { empty, load } from "../states.js";
@@ -18,7 +18,6 @@ const DAY_S = 86400;
 const OLD_S = 365 * DAY_S;
 const SOON_S = 60 * DAY_S;
 const AT_MOST = 6;
-const MOST_JOBS = 200;
 const MOST_VERSIONS = 20;
 const RANKS = ["bad", "warn", "wait"];
 
@@ -29,8 +28,8 @@ const campaigns = all("/v1/campaigns");
 const series = get("/v1/series/coefficients");
 const latest = latestCampaigns();
 
-load(byId("needs"), () => Promise.all([failedJobs(), latest, cameras, series, all("/v1/meters"), campaigns]), ([jobs, works, bodies, { rows }, meters, every]) => {
-  const causes = [...jobCauses(jobs, every), ...works.flatMap(workCauses), ...meters.flatMap(meterCauses), ...bodies.flatMap((camera) => cameraCauses(camera, rows))].sort((a, b) => RANKS.indexOf(a.mark) - RANKS.indexOf(b.mark));
+load(byId("needs"), () => Promise.all([get("/v1/jobs/causes"), latest, cameras, series, all("/v1/meters"), campaigns]), ([{ items: failures }, works, bodies, { rows }, meters, every]) => {
+  const causes = [...failures.map((cause) => jobCause(cause, every)), ...works.flatMap(workCauses), ...meters.flatMap(meterCauses), ...bodies.flatMap((camera) => cameraCauses(camera, rows))].sort((a, b) => RANKS.indexOf(a.mark) - RANKS.indexOf(b.mark));
   if (!causes.length) return every.length || bodies.length || !byId("card-drop") ? empty("Nothing needs you") : firstSteps();
   const [shown, more] = [causes.slice(0, AT_MOST), causes.slice(AT_MOST)];
   return [causeList(shown), more.length ? h("details", { class: "more" }, h("summary", {}, `${more.length} more`), causeList(more)) : null];
@@ -79,11 +78,6 @@ const lackOf = ([first, ...more]) => (first ? `${first.title}${more.length ? ` a
 
 const version = (row) => (row ? [mark(row.flags.length ? "warn" : "good"), ` version ${row.version}${row.flags.length ? ", with flags" : ""}`] : h("span", { class: "muted" }, "none"));
 
-async function failedJobs() {
-  const found = await Promise.all(["quarantined", "failed"].map((state) => get(`/v1/jobs?state=${state}&limit=${MOST_JOBS}`)));
-  return found.flatMap(({ items }) => items);
-}
-
 /** The newest campaigns with what they lack, their versions, and whether anything was measured. */
 async function latestCampaigns() {
   const newest = (await campaigns).slice(-AT_MOST - 2).reverse();
@@ -93,15 +87,6 @@ async function latestCampaigns() {
       return { campaign, versions: versions.items, measured: measured.items.length };
     }),
   );
-}
-
-function jobCauses(jobs, works) {
-  return [...groupBy(jobs, (job) => JSON.stringify([job.kind, job.error?.code, job.campaign_id])).values()].map((some) => {
-    const [{ kind, error, campaign_id: id, filename }] = some;
-    const why = error?.title ? `: ${error.title.charAt(0).toLowerCase()}${error.title.slice(1)}`.replace(/\.$/, "") : "";
-    const what = kind === "fit" ? (some.length > 1 ? `${some.length} fits failed` : "A fit failed") : filename ? `${counted(some.length, "frame")} refused` : `${counted(some.length, "job")} failed, ${words(kind)}`;
-    return { mark: "bad", title: `${what}${why}`, where: [id && nameOf(works, id), error?.detail].filter(Boolean).join(": "), actions: [id ? smallLink(filename ? "Show frames" : "Show campaign", `/campaigns/${id}${filename ? "#frames" : ""}`) : smallLink("Show jobs", "/jobs")] };
-  });
 }
 
 function workCauses({ campaign, versions, measured }) {

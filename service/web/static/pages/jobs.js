@@ -1,74 +1,56 @@
-import { all, get, getOr, post } from "../api.js";
-import { byId, figure, fill, h, may, table, toast } from "../dom.js";
+import { all, get, getOr } from "../api.js";
+import { byId, fill, h, isPressed, table } from "../dom.js";
+import { lettersOn } from "../campaign/keys.js";
 import { nameOf } from "../campaign/named.js";
 import { ago, number, span, tag, time } from "../format.js";
+import { drawHealth } from "../jobs/health.js";
+import { listFailures } from "../jobs/failures.js";
 import { follow } from "../live.js";
-import { act, empty, failed } from "../states.js";
+import { empty, failed } from "../states.js";
+import { undoLast } from "../undo.js";
 
 const KINDS = { extract: "Read", fit: "Fit of", measure: "Measure" };
-const SCOPES = { extract: "upload", fit: "calibrate", measure: "upload" };
 const SHOWN = 30;
+const HEALTH_EVERY_MS = 10000;
 
 let known = "";
 let campaigns = [];
+let operator = null;
+let operatorAt = -Infinity;
 
 const followed = follow(
   async () => {
     try {
-      const [queue, health, recent, lost, broken] = await Promise.all([
+      const [queue, ready, recent, { items: causes }] = await Promise.all([
         get("/v1/jobs/summary"),
         getOr("/readyz", {}).catch((problem) => ({ problem })),
         get(`/v1/jobs?limit=${SHOWN}`),
-        all("/v1/jobs?state=quarantined", { atMost: 200 }),
-        all("/v1/jobs?state=failed", { limit: 100, atMost: 100 }),
+        get("/v1/jobs/causes"),
+        askOperator(),
       ]);
-      drawQueue(queue, health);
-      // a table that is redrawn loses the place of who reads it: only when something changed
-      const seen = JSON.stringify([recent.items, lost, broken]);
-      if (seen !== known) {
+      show("health", drawHealth(queue, causes, ready, operator));
+      // a list that is redrawn loses the place of who reads it: only when something changed
+      const seen = JSON.stringify([recent.items, causes]);
+      if (seen !== known && !isPressed(byId("failures"))) {
+        await knowCampaigns([...recent.items, ...causes.map((cause) => cause.newest)]);
         known = seen;
-        await knowCampaigns([...recent.items, ...lost, ...broken]);
-        drawFailures([...lost, ...broken]);
+        show("failures", listFailures(causes, campaigns, () => followed.now()));
         drawRecent(recent.items);
       }
     } catch (error) {
-      if (!known) for (const id of ["queue", "failures", "recent"]) show(id, failed(error, followed.now));
+      byId("health").removeAttribute("aria-busy");
+      if (!known) for (const id of ["failures", "recent"]) show(id, failed(error, followed.now));
       throw error;
     }
   },
   { every: 2000 },
 );
 
-function drawQueue(queue, health) {
-  const count = (state) => `${queue.more.includes(state) ? "more than " : ""}${number(queue[state])}`;
-  show(
-    "queue",
-    h(
-      "dl",
-      { class: "figures" },
-      figure("Waiting", count("queued"), queue.queued ? `the oldest for ${span(queue.oldest_wait_s)}` : "none waiting"),
-      figure("Running", count("running")),
-      figure("Done", count("succeeded")),
-      figure("Failed", count("failed")),
-      figure("Quarantined", count("quarantined")),
-      figure("Service", health.problem ? tag("not ready", "bad") : tag("ready", "good"), health.problem?.message),
-    ),
-  );
-}
-
-function drawFailures(jobs) {
-  if (!jobs.length) {
-    show("failures", empty("No failed jobs", "Jobs that fail are listed here with their reason."));
-    return;
-  }
-  const columns = [
-    { head: "Job", header: true, cell: what },
-    { head: "State", cell: (job) => tag(job.state) },
-    { head: "Reason", cell: reason },
-    { head: "Time", cell: (job) => time(job.finished_at) },
-    { head: "", cell: retryButton },
-  ];
-  show("failures", table(columns, jobs, { caption: "Failed and quarantined jobs", stack: true }));
+/** What only the operator may ask, and less often: it counts over all organisations. */
+async function askOperator() {
+  if (!byId("health").dataset.operator || performance.now() - operatorAt < HEALTH_EVERY_MS) return;
+  operatorAt = performance.now();
+  operator = await get("/v1/health");
 }
 
 function drawRecent(jobs) {
@@ -92,46 +74,21 @@ async function knowCampaigns(jobs) {
   if (jobs.some((job) => job.campaign_id && !named.has(job.campaign_id))) campaigns = await all("/v1/campaigns");
 }
 
-const aboutOf = (job) => job.filename ?? (job.campaign_id ? nameOf(campaigns, job.campaign_id) : "");
-
 function what(job) {
-  const about = aboutOf(job);
-  return h(
-    "span",
-    {},
-    `${KINDS[job.kind] ?? job.kind} `,
-    job.campaign_id ? h("a", { href: `/campaigns/${job.campaign_id}` }, about) : about,
-  );
+  const about = job.filename ?? (job.campaign_id ? nameOf(campaigns, job.campaign_id) : "");
+  return h("span", {}, `${KINDS[job.kind] ?? job.kind} `, job.campaign_id ? h("a", { href: `/campaigns/${job.campaign_id}` }, about) : about);
 }
 
 function state(job) {
   if (job.next_attempt_at) return h("span", { title: job.error.detail }, tag(job.state), " next attempt ", time(job.next_attempt_at));
+  if (job.dismissed_at) return [tag(job.state), " ", h("span", { class: "muted small" }, "dismissed")];
   if (job.state !== "running") return tag(job.state);
   const bar = h("progress", { max: "1", value: String(job.progress), "aria-label": "Progress" });
   return h("span", { class: "running" }, tag(job.state), bar);
 }
 
-function reason(job) {
-  if (!job.error) return "–";
-  return h("span", {}, job.error.detail, " ", h("a", { class: "small nowrap", href: job.error.type }, job.error.title.toLowerCase()));
-}
-
 function took(job) {
   return job.finished_at ? span((new Date(job.finished_at) - new Date(job.created_at)) / 1000) : "–";
-}
-
-function retryButton(job) {
-  if (!may(SCOPES[job.kind])) return "";
-  const label = `Retry: ${KINDS[job.kind] ?? job.kind} ${aboutOf(job)}`;
-  const button = h("button", { type: "button", "aria-label": label.trim() }, "Retry");
-  button.addEventListener("click", () =>
-    act(button, async () => {
-      await post(`/v1/jobs/${job.id}/retry`);
-      toast("The job is queued again.");
-      await followed.now();
-    }),
-  );
-  return button;
 }
 
 function show(id, content) {
@@ -139,3 +96,7 @@ function show(id, content) {
   fill(region, content);
   region.removeAttribute("aria-busy");
 }
+
+addEventListener("keydown", (event) => {
+  if (event.key === "z" && lettersOn() && !event.ctrlKey && !event.metaKey && !event.target.closest("input, select, textarea, dialog")) undoLast();
+});
