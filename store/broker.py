@@ -29,9 +29,8 @@ def make_celery(broker_url: str, *, answer_within_s: float = _ANSWER_WITHIN_S) -
 
     app = Celery("stilb", broker=broker_url)
     app.conf.update(
-        # A message lost with its worker is no loss. One that is acknowledged late holds one of the consumer's
-        # places, which is never given back when the connection breaks in between.
-        task_acks_late=False,
+        # Acknowledged early, as by default: a message lost with its worker is no loss. One acknowledged late
+        # keeps one of the consumer's places for ever if the connection breaks in between.
         task_ignore_result=True,
         broker_connection_retry_on_startup=True,
         broker_connection_max_retries=None,
@@ -43,9 +42,7 @@ def make_celery(broker_url: str, *, answer_within_s: float = _ANSWER_WITHIN_S) -
             "socket_connect_timeout": 1.0,
             "socket_timeout": answer_within_s,
         },
-        worker_cancel_long_running_tasks_on_connection_loss=False,
         worker_hijack_root_logger=False,
-        worker_send_task_events=False,
         worker_enable_remote_control=False,
     )
     return app
@@ -92,6 +89,4 @@ class Hints:
             # without a worker nobody takes them away
             waiting = producer.channel.queue_declare(self._celery.conf.task_default_queue).message_count
             for job_id in job_ids[: max(MOST_HINTS - waiting, 0)]:
-                self._celery.send_task(
-                    RUN_TASK, args=[job_id], producer=producer, retry=False, ignore_result=True
-                )
+                self._celery.send_task(RUN_TASK, args=[job_id], producer=producer, retry=False)

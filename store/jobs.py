@@ -6,7 +6,7 @@ from the dead, find no row to change.
 
 import random
 from collections.abc import Collection
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from datetime import datetime, timedelta
 from enum import StrEnum
 from typing import Any
@@ -151,9 +151,23 @@ def claim_next(
             continue
         turn.lanes[organisation_id] = lane
         first = select(Job.id).where(theirs, Job.lane == lane).order_by(Job.due_at).limit(1)
-        job_id = session.scalar(first.with_for_update(skip_locked=True))
-        if job_id is not None and (claim := _claim(session, job_id, now, lease_s)) is not None:
-            return claim
+        # the state once more: between its two looks at the row PostgreSQL may see another's commit
+        mine = (Job.id == first.with_for_update(skip_locked=True).scalar_subquery()) & (Job.state == "queued")
+        claimed = (
+            update(Job)
+            .where(mine)
+            .values(
+                state="running",
+                fence=Job.fence + 1,
+                attempt=Job.attempt + 1,
+                progress=0.0,
+                waits_for=None,
+                lease_until=now + timedelta(seconds=lease_s),
+            )
+        )
+        columns = [getattr(Job, each.name) for each in fields(Claim) if each.name != "job_id"]
+        if row := session.execute(claimed.returning(Job.id.label("job_id"), *columns)).mappings().first():
+            return Claim(**row)
     return None
 
 
@@ -163,33 +177,6 @@ def _next_after(
     """Return the column's next value after the last one among the jobs that are ready, else the first."""
     values = select(column).where(ready).order_by(column).limit(1)
     return session.scalar(values.where(column > last)) or session.scalar(values)
-
-
-def _claim(session: Session, job_id: str, now: datetime, lease_s: float) -> Claim | None:
-    taken = _update(
-        session,
-        (Job.id == job_id) & (Job.state == "queued"),
-        state="running",
-        fence=Job.fence + 1,
-        attempt=Job.attempt + 1,
-        progress=0.0,
-        waits_for=None,
-        lease_until=now + timedelta(seconds=lease_s),
-    )
-    if not taken:
-        return None
-    job = session.get_one(Job, job_id)
-    return Claim(
-        job_id=job.id,
-        fence=job.fence,
-        attempt=job.attempt,
-        kind=job.kind,
-        organisation_id=job.organisation_id,
-        subject_id=job.subject_id,
-        parameters=job.parameters,
-        created_by=job.created_by,
-        faulty_since=job.faulty_since,
-    )
 
 
 def renew(session: Session, held: Claim, *, lease_s: float, progress: float) -> None:

@@ -3,7 +3,7 @@
 import logging
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 from sqlalchemy.exc import SQLAlchemyError
 
@@ -89,9 +89,6 @@ class Leases:
                     log.warning("no lease can be renewed: %s", summarise(error))
 
     def _renew(self, claim: jobs.Claim, progress: float) -> None:
-        try:
-            with self._database.writing("worker") as session:
-                jobs.renew(session, claim, lease_s=self.lease_s, progress=progress)
-        except jobs.LeaseLost:
-            # It has ended this very moment, which is usual; or another holds it, and its end will say so.
-            return
+        # lost: it has ended this very moment, which is usual; or another holds it, and its end will find that
+        with suppress(jobs.LeaseLost), self._database.writing("worker") as session:
+            jobs.renew(session, claim, lease_s=self.lease_s, progress=progress)

@@ -13,6 +13,7 @@ from sqlalchemy.orm import Session
 from radiometry.findings import InputRejected, files, interface
 from store import jobs
 from store.blobs import BlobDamaged
+from store.database import summarise
 from store.files import describe_damage
 from store.jobs import Claim, Dependency, LeaseLost, Turn
 from store.schema import SchemaDiffers
@@ -60,18 +61,13 @@ def run(context: Context, claim: Claim) -> None:
         except LeaseLost:
             log.warning("%s is another worker's now; what was computed here is dropped", claim.job_id)
         except DATABASE_AWAY as fault:
-            log.warning("%s is not ended, its lease will run out: %s", claim.job_id, first_line(fault))
+            log.warning("%s is not ended, its lease will run out: %s", claim.job_id, summarise(fault))
         else:
             context.durations.observe(claim.kind, time.monotonic() - began)
 
 
 def problem(code: str, detail: str) -> dict[str, Any]:
     return {"code": str(code), "detail": detail, "retryable": False}
-
-
-def first_line(error: Exception) -> str:
-    """Return what an error says, without the statement that SQLAlchemy adds to it."""
-    return str(error).partition("\n")[0]
 
 
 def _work(context: Context, claim: Claim) -> Ending:
@@ -94,7 +90,7 @@ def _work(context: Context, claim: Claim) -> Ending:
         if dependency is None:
             log.exception("%s failed", claim.job_id)
             return _fail_as_ours(claim, traceback.format_exc())
-        log.info("%s is tried again later: %s", claim.job_id, first_line(fault))
+        log.info("%s is tried again later: %s", claim.job_id, summarise(fault))
         return lambda session: jobs.retry_later(session, claim, waits_for=dependency)
     return _store(claim, outcome, back=context.needs.serve(claim.kind))
 

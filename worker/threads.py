@@ -9,11 +9,12 @@ from datetime import datetime
 
 from sqlalchemy.exc import SQLAlchemyError
 
+from store.database import summarise
 from store.jobs import Claim, Dependency, Turn, is_any_due
 from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers, require_own_schema
 from worker.context import Context
 from worker.needs import DATABASE_AWAY
-from worker.runner import claim_next, first_line, run
+from worker.runner import claim_next, run
 
 log = logging.getLogger(__name__)
 
@@ -94,7 +95,7 @@ class JobThreads:
         try:
             return self._away_since is None and self._context.reviews.renew_next()
         except DATABASE_AWAY as error:
-            log.warning("a review is left to others: %s", first_line(error))
+            log.warning("a review is left to others: %s", summarise(error))
             return False
 
     def _claim(self) -> Claim | None:
@@ -107,7 +108,7 @@ class JobThreads:
             except DATABASE_AWAY as error:
                 if self._away_since is None:
                     self._away_since = time.monotonic()
-                    log.warning("the database does not serve; no job is begun: %s", first_line(error))
+                    log.warning("the database does not serve; no job is begun: %s", summarise(error))
                 return None
             finally:
                 self._looked()

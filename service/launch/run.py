@@ -75,10 +75,10 @@ def _run(settings: Settings, roster: Roster, signals: Signals, stack: ExitStack)
         supervisor.start(Part(name="valkey", command=serve_hints, serves_others=True))
     for command in roster.before:
         _run_to_its_end(command, environment, lock)
-    if broker is not None:
-        _wait("Valkey", lambda: valkey.answers(broker), supervisor, signals)
     for part in roster.parts:
         supervisor.start(part)
+    if broker is not None:
+        _wait("Valkey", lambda: valkey.answers(broker), supervisor, signals)
     if roster.serves:
         _wait("the service", lambda: _is_ready(settings.host, port), supervisor, signals)
     if roster.serves and not signals.stops:
@@ -118,7 +118,7 @@ def _wait(what: str, condition: Callable[[], bool], supervisor: Supervisor, sign
             raise GaveUp(
                 f"{what} was not ready within {READY_WITHIN_S:g} s: read the logs of this data folder"
             )
-        signals.wait(min(supervisor.look_after(), 0.1))
+        signals.wait(min(supervisor.look_after(), 0.03))
 
 
 def _is_ready(host: str, port: int) -> bool:
