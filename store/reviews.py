@@ -28,6 +28,7 @@ from store.codec import decode, encode
 from store.columns import utc_now
 from store.database import Database, summarise
 from store.queries.checklist import RecordState
+from store.queries.memory import Memory
 from store.tables import Campaign, CampaignReview, FrameRow, FrameVerdict
 from store.verdicts import Assessment, assess
 
@@ -46,6 +47,8 @@ class Reviews:
     def __init__(self, database: Database) -> None:
         self._database = database
         self._computing: dict[str, threading.Lock] = defaultdict(threading.Lock)
+        self._last: dict[str, Memory] = {}
+        """Of the campaign that was reviewed last: a campaign that grows is reviewed again and again."""
 
     def find(
         self, session: Session, campaign_id: str, *, verdicts_of: Collection[str] | None = ()
@@ -88,7 +91,9 @@ class Reviews:
         # takes a third of the time
         gc.disable()
         try:
-            found = assess(session, session.get_one(Campaign, campaign_id))
+            memory = self._last.pop(campaign_id, None) or Memory()
+            found = assess(session, session.get_one(Campaign, campaign_id), memory)
+            self._last = {campaign_id: memory}
         finally:
             gc.enable()
         rest = timedelta(seconds=min(_PAUSE * (time.monotonic() - began), _LONGEST_PAUSE_S))
@@ -109,7 +114,8 @@ def _is_stale(now: datetime) -> ColumnElement[bool]:
 def _find_kept(session: Session, campaign_id: str, verdicts_of: Collection[str] | None) -> Assessment | None:
     ids = verdicts_of
     if ids is None:
-        ids = session.scalars(select(FrameRow.id).where(FrameRow.campaign_id == campaign_id)).all()
+        mine = (FrameRow.campaign_id == campaign_id) & FrameRow.withdrawn_at.is_(None)
+        ids = session.scalars(select(FrameRow.id).where(mine)).all()
     columns = (CampaignReview.missing, CampaignReview.advice, CampaignReview.gaps, CampaignReview.checklist)
     fresh = (CampaignReview.kept_revision == CampaignReview.revision) & (
         CampaignReview.kept_by == hash_code()

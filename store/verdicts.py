@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -16,6 +17,7 @@ from store.queries.checklist import RecordState, read_record
 from store.queries.evidence import Evidence, gather
 from store.queries.frame_columns import FrameColumns, read_frames
 from store.queries.frames import current_roi, is_told, region_ids, whole_frame
+from store.queries.memory import Memory
 from store.tables import Campaign, FrameRow, Roi
 
 
@@ -34,31 +36,38 @@ class Assessment:
     gaps: Sequence[Gap] = ()
 
 
-def assess(session: Session, campaign: Campaign) -> Assessment:
-    """Read a campaign once and judge all of it."""
-    frames = read_frames(session, campaign)
+def assess(session: Session, campaign: Campaign, memory: Memory | None = None) -> Assessment:
+    """Read a campaign once and judge all of it; ``memory``: what the last such call decoded of it."""
+    memory = memory or Memory()
+    memory.turn()
+    frames = read_frames(session, campaign, memory=memory)
     spec = methods.get_method(campaign.method)
-    every = gather(session, campaign, applied=True, frames=frames)
-    fitted = gather(session, campaign, frames=frames) if spec.applied_roles else every
+    every = fitted = gather(session, campaign, applied=True, frames=frames, memory=memory)
     params = make_params(session, campaign)
+    usable = stated = leave_out_doubtful(params, every)
+    if spec.applied_roles:
+        fitted, stated = gather(session, campaign, frames=frames, memory=memory), params
     return Assessment(
-        missing=list_missing(campaign, fitted, params),
-        advice=list(spec.plan(every.frames, every.readings, usable := leave_out_doubtful(params, every))),
+        missing=list_missing(campaign, fitted, stated),
+        advice=list(spec.plan(every.frames, every.readings, usable)),
         gaps=spec.find_gaps(every.frames, every.readings, usable),
-        verdicts=_judge(session, campaign, frames, every),
+        verdicts=_judge(session, campaign, frames, every, usable),
         record=read_record(session, campaign, fitted),
     )
 
 
 def _judge(
-    session: Session, campaign: Campaign, rows: Sequence[FrameColumns], evidence: Evidence
+    session: Session,
+    campaign: Campaign,
+    rows: Sequence[FrameColumns],
+    evidence: Evidence,
+    params: Any,  # noqa: ANN401  the method's own
 ) -> dict[str, Verdict]:
     of_frame = region_ids(session, campaign, rows)
     regions = _read_regions(session, set(of_frame.values()))
     # what no fit sees needs no name, only one that no other frame has
     names = {row.id: evidence.names.get(row.id, row.id) for row in rows}
     taken = [_take(row, campaign, names[row.id], regions.get(of_frame[row.id])) for row in rows]
-    params = leave_out_doubtful(make_params(session, campaign), evidence)
     verdicts = methods.get_method(campaign.method).judge(taken, evidence.frames, evidence.readings, params)
     return {row.id: verdicts[names[row.id]] for row in rows}
 

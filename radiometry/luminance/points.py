@@ -134,8 +134,8 @@ def collect_series(
     changes nothing.
     """
     # gaps, suggestions and verdicts of one review ask for the same series
-    kept = rows[0].kept_series if rows else {}
-    given = (tuple(readings), params, tuple(map(id, rows)))
+    kept = params.kept_series
+    given = (tuple(readings), tuple(map(id, rows)))
     if given not in kept:
         kept.clear()
         kept[given] = (tuple(rows), _collect(rows, readings, params))

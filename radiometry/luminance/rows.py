@@ -217,6 +217,11 @@ class Params:
         if self.camera_response is not None:
             read_response(self.camera_response)
 
+    @cached_property
+    def kept_series(self) -> dict[Any, Any]:
+        """Series of the frames that `collect_series` was last given with these parameters."""
+        return {}
+
 
 @dataclass(frozen=True, kw_only=True)
 class FrameRow:
@@ -262,11 +267,6 @@ class FrameRow:
 
     @cached_property
     def _signals(self) -> dict[str, MeasuredSignal]:
-        return {}
-
-    @cached_property
-    def kept_series(self) -> dict[Any, Any]:
-        """Series of frames of which this one is the first: `collect_series` keeps the last ones."""
         return {}
 
     def measure(self, channel: str) -> MeasuredSignal:

@@ -36,8 +36,9 @@ def judge(
     darks = inspect_darks(rows, params)
     unusable = frozenset(name_unusable(rows, darks))
     _add(reasons, darks, inspect_scenes(rows, readings, params), find_repeats(rows, params))
-    without = tuple(Exclusion(frame=frame, reason="saw light", by="verdict") for frame in sorted(unusable))
-    for series in collect_series(rows, readings, replace(params, exclude=params.exclude + without)):
+    if without := tuple(Exclusion(frame=each, reason="saw light", by="verdict") for each in sorted(unusable)):
+        params = replace(params, exclude=params.exclude + without)
+    for series in collect_series(rows, readings, params):
         _add(reasons, *_inspect_series(series, rows, params, unusable=unusable))
     return {frame: conclude(found) for frame, found in reasons.items()}
 

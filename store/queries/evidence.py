@@ -14,6 +14,7 @@ from radiometry.frame import FrameHeader
 from radiometry.specification.method import MethodSpec
 from store.queries.frame_columns import ExtractionColumns, FrameColumns, read_extractions, read_frames
 from store.queries.frames import region_ids
+from store.queries.memory import Memory
 from store.queries.references import Reference, find_reference
 from store.tables import Campaign
 
@@ -42,6 +43,7 @@ def gather(
     *,
     applied: bool = False,
     frames: Sequence[FrameColumns] | None = None,
+    memory: Memory | None = None,
 ) -> Evidence:
     """Frames with the statistics of the region that holds for them now, and the readings that stand.
 
@@ -57,13 +59,13 @@ def gather(
     ]
     rows.sort(key=lambda row: (row.filename, row.sha256))
     regions = region_ids(session, campaign, rows)
-    current = read_extractions(session, campaign, regions)
+    current = read_extractions(session, campaign, regions, memory=memory)
     names = _names(rows)
     read = [row for row in rows if _is_read(row)]
     reference: Reference = find_reference(session, campaign, read)
     return Evidence(
         frames=[
-            spec.make_row(_describe_frame(spec, row, names[row.id], regions[row.id], current.get(row.id)))
+            _make_row(spec, memory or Memory(), row, names[row.id], regions[row.id], current.get(row.id))
             for row in read
         ],
         readings=reference.readings,
@@ -97,18 +99,32 @@ def _names(rows: list[FrameColumns]) -> dict[str, str]:
     }
 
 
-def _describe_frame(
-    spec: MethodSpec, row: FrameColumns, name: str, roi_id: str | None, extraction: ExtractionColumns | None
-) -> FrameEvidence[Any]:
+def _make_row(
+    spec: MethodSpec,
+    memory: Memory,
+    row: FrameColumns,
+    name: str,
+    roi_id: str | None,
+    extraction: ExtractionColumns | None,
+) -> Any:  # noqa: ANN401  the method's own
+    """Return the method's row, the same one as long as it is made of the very same things."""
     assert row.header is not None  # noqa: S101  it has been read
-    return FrameEvidence(
-        frame=name,
-        role=row.role,
-        scene=row.scene,
-        header=row.header,
-        exposure=row.exposure,
-        statistics=extraction.statistics if extraction else None,
-        features=extraction.features if extraction else None,
-        has_region=roi_id is not None or spec.whole_frame,
-        identified=row.found.get("serial"),
+    has_region = roi_id is not None or spec.whole_frame
+    kept = memory.rows[row.id, name]
+    if kept and kept[0] is row and kept[1] is extraction and kept[2] == has_region:
+        return kept[3]
+    made = spec.make_row(
+        FrameEvidence(
+            frame=name,
+            role=row.role,
+            scene=row.scene,
+            header=row.header,
+            exposure=row.exposure,
+            statistics=extraction.statistics if extraction else None,
+            features=extraction.features if extraction else None,
+            has_region=has_region,
+            identified=row.found.get("serial"),
+        )
     )
+    memory.rows[row.id, name] = row, extraction, has_region, made
+    return made

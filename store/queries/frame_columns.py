@@ -1,7 +1,7 @@
 """A campaign's frames in columns: each is read once, without an entity and without what no judge needs."""
 
 import json
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -17,6 +17,7 @@ from radiometry.frame.statistics import ChannelStatistics
 from store.codec import decode, read_text
 from store.database import read_plainly
 from store.queries.frames import extractor_of, statistics_of
+from store.queries.memory import Memory
 from store.tables import Campaign, Extraction, FrameRow
 
 # the exposures of a campaign are few, however many its frames are
@@ -78,12 +79,22 @@ _JSON = (
     FrameRow.exposure,
     FrameRow.proof,
 )
+_ID = len(_JSON)
+"""Place of the id in a row."""
+
+_MOST_NAMED = 500
+"""More extractions than this are not named one by one in a query."""
 
 
 def read_frames(
-    session: Session, campaign: Campaign, roles: Collection[str] | None = None
+    session: Session,
+    campaign: Campaign,
+    roles: Collection[str] | None = None,
+    *,
+    memory: Memory | None = None,
 ) -> list[FrameColumns]:
     """Read all frames of a campaign, or those of some roles, in the order in which they came."""
+    kept = (memory or Memory()).frames
     rows = read_plainly(
         session,
         select(*(cast(column, Text) for column in _JSON), *_PLAIN)
@@ -91,18 +102,24 @@ def read_frames(
         .where(FrameRow.role.in_(roles) if roles else true())
         .order_by(FrameRow.id),
     )
-    return [
-        FrameColumns(
-            _read_list(warnings),
-            read_text(dict[str, str], left_out),
-            read_text(dict[str, Any], found) or {},
-            read_text(FrameHeader, header),
-            _read_exposure(exposure),
-            proof,
-            *plain,
-        )
-        for warnings, left_out, found, header, exposure, proof, *plain in rows
-    ]
+    for row in rows:
+        before = kept[row[_ID]]
+        if before is None or before[0] != row:
+            kept[row[_ID]] = row, _decode(row)
+    return [kept[row[_ID]][1] for row in rows]
+
+
+def _decode(row: Sequence[Any]) -> FrameColumns:
+    warnings, left_out, found, header, exposure, proof, *plain = row
+    return FrameColumns(
+        _read_list(warnings),
+        read_text(dict[str, str], left_out),
+        read_text(dict[str, Any], found) or {},
+        read_text(FrameHeader, header),
+        _read_exposure(exposure),
+        proof,
+        *plain,
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,23 +132,27 @@ class ExtractionColumns:
 
 
 def read_extractions(
-    session: Session, campaign: Campaign, regions: dict[str, str | None]
+    session: Session, campaign: Campaign, regions: dict[str, str | None], *, memory: Memory | None = None
 ) -> dict[str, ExtractionColumns]:
     """Read the extraction of each frame in its region of now, by the frame's id."""
+    kept = (memory or Memory()).extractions
     features = methods.get_method(campaign.method).features
     mine = (
-        select(Extraction.id, Extraction.frame_id, Extraction.roi_id, cast(Extraction.features, Text))
+        select(Extraction.id, Extraction.frame_id, Extraction.roi_id)
         .join(FrameRow, FrameRow.id == Extraction.frame_id)
         .where(FrameRow.campaign_id == campaign.id, Extraction.extractor == extractor_of(campaign))
         .where(Extraction.roi_id.in_({roi_id for roi_id in regions.values() if roi_id}))
     )
-    statistics = statistics_of(session, mine.with_only_columns(Extraction.id))
-    return {
-        frame_id: ExtractionColumns(
-            roi_id=roi_id,
-            features=read_text(features, text) if features else None,
-            statistics=tuple(statistics[extraction_id]),
-        )
-        for extraction_id, frame_id, roi_id, text in read_plainly(session, mine)
-        if regions.get(frame_id) == roi_id
-    }
+    found = read_plainly(session, mine)
+    fresh = [extraction_id for extraction_id, *_ in found if kept[extraction_id] is None]
+    if fresh:
+        some = mine if len(fresh) > _MOST_NAMED else mine.where(Extraction.id.in_(fresh))
+        statistics = statistics_of(session, some.with_only_columns(Extraction.id))
+        columns = (Extraction.id, Extraction.roi_id, cast(Extraction.features, Text))
+        for extraction_id, roi_id, text in read_plainly(session, some.with_only_columns(*columns)):
+            kept[extraction_id] = ExtractionColumns(
+                roi_id=roi_id,
+                features=read_text(features, text) if features else None,
+                statistics=tuple(statistics[extraction_id]),
+            )
+    return {frame_id: kept[each] for each, frame_id, roi_id in found if regions.get(frame_id) == roi_id}

@@ -62,6 +62,8 @@ class Field:
                 {"role": self.random.choice(["light", "dark", "field", "flat"])},
                 {"scene": self.random.choice(["level-1", "level-2", "level-9"])},
                 {"iso": 6400},
+                {"withdrawn": self.random.random() < 0.5},
+                {"left_out": self.random.random() < 0.5},
             ]
         )
         self.house.http.patch(f"/v1/frames/{self.frame()}", json=said)
@@ -220,7 +222,7 @@ def test_a_fresh_review_is_read_and_not_computed(house, monkeypatch):
 def test_a_change_during_a_review_leaves_it_stale(house, monkeypatch):
     campaign = house.campaign()
 
-    def change_meanwhile(session, row):
+    def change_meanwhile(session, row, _memory):
         found = assess(session, row)
         with house.database.writing("another") as writing:
             writing.get_one(Campaign, row.id).recorder = "A. Person"
@@ -251,7 +253,7 @@ def test_one_worker_reviews_a_campaign_and_rests_after_it(house, monkeypatch):
     first, second = Reviews(house.database), Reviews(house.database)
     begun = []
 
-    def find_another_at_it(session, row):
+    def find_another_at_it(session, row, _memory):
         begun.append(second.renew_next())
         return assess(session, row)
 
