@@ -40,8 +40,9 @@ API says, and nothing is drawn twice. To add one:
    ``plot``. What one page alone needs stands in ``static/pages/<name>.css``, linked in the block ``head``;
    it takes the properties, never a colour of its own.
 
-5. A chart is a route under ``/plots/`` that answers SVG, drawn by a function in ``charts.py``; its colours
-   are in ``stilb.css``.
+5. A chart is a route under ``/plots/`` that answers SVG: a ``Figure`` (``radiometry/drawing/figure.py``) that
+   ``charts.py`` draws, with colours from ``stilb.css``. What a version shows is declared in its method's
+   ``plots`` and ``list_key_figures``, not in the page.
 
 6. ``tests/browser/test_<name>.py``: the fixture ``page`` is a browser, signed in, on a running service; an
    error in its console fails the test. ``look(page, "name")`` takes the pictures at 1440 and 390 px,

@@ -230,10 +230,12 @@ def build_fleet(found: Sequence[Determination], label: Callable[[str], str]) -> 
     figures = []
     for key, rows in keys.items():
         cameras = sort_naturally({row.source.camera for row in rows})
+        versions = {camera: [row for row in rows if row.source.camera == camera] for camera in cameras}
         marks = tuple(
             Mark(
                 x=row.value,
-                y=-float(cameras.index(row.source.camera)),
+                # beside each other within the line of their camera
+                y=0.25 - 0.5 * (n + 0.5) / len(mine) - cameras.index(camera),
                 low=row.value - 2.0 * row.standard_uncertainty,
                 high=row.value + 2.0 * row.standard_uncertainty,
                 name=row.source.camera,
@@ -242,7 +244,8 @@ def build_fleet(found: Sequence[Determination], label: Callable[[str], str]) -> 
                     row.source.at.strftime("%Y-%m-%d"),
                 ),
             )
-            for row in rows
+            for camera, mine in versions.items()
+            for n, row in enumerate(mine)
         )
         name, where = label(key.name), _where(key)
         ticks = tuple((-float(n), camera) for n, camera in enumerate(cameras))

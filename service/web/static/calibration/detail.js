@@ -24,13 +24,14 @@ export function drawModels({ diagnostics }) {
   return table(columns, rows, { caption: "Models of each ISO value", row: (each) => ({ class: each.first ? "group" : null }) });
 }
 
+const PARAMETERS = { luminance_k: "K", offset_dn: "offset [DN]", slope_dn: "slope [DN]" };
 const errorOf = (share) => (share === null || share === undefined ? "–" : percent(share));
 
 function parameters(row) {
   return h(
     "span",
     { class: "parameters" },
-    row.parameter_names.map((name, index) => h("span", { class: "nowrap" }, `${name} = ${withUncertainty(row.parameters[index], Math.sqrt(row.covariance[index][index]))}`)),
+    row.parameter_names.map((name, index) => h("span", { class: "nowrap" }, `${PARAMETERS[name] ?? words(name)} = ${withUncertainty(row.parameters[index], Math.sqrt(row.covariance[index][index]))}`)),
   );
 }
 

@@ -1,8 +1,8 @@
 // Decisions, other versions of the campaign, and the inputs.
 
 import { filename, h, table } from "../dom.js";
-import { counted, day, number, quantity, tag, time, words } from "../format.js";
-import { coefficientLabel } from "../methods.js";
+import { counted, day, number, quantity, tag, time, unit, words } from "../format.js";
+import { coefficientLabel, methodOf } from "../methods.js";
 import { empty } from "../states.js";
 
 export function drawHistory(items) {
@@ -54,16 +54,24 @@ export function drawMade(calibration) {
       h("dt", {}, "Content, SHA-256"),
       h("dd", { class: "mono small" }, calibration.content_sha256),
     ),
-    h("details", { class: "card" }, h("summary", {}, "Parameters"), definitions(parameters)),
+    h("details", { class: "card" }, h("summary", {}, "Parameters"), definitions(parameters, calibration.method)),
     excluded(parameters.exclude),
     h("details", { class: "card" }, h("summary", {}, `${counted(inputs.frames.length, "frame")} by content`), frames(inputs.frames)),
     inputs.readings?.length ? h("details", { class: "card" }, h("summary", {}, counted(inputs.readings.length, "reading")), readings(calibration)) : null,
   );
 }
 
-function definitions(values) {
+/** Parameters by the labels of the method, choices by theirs. */
+function definitions(values, method) {
+  const known = new Map(methodOf(method).parameters.map((each) => [each.field, each]));
   const said = Object.entries(values).filter(([name, value]) => value !== null && name !== "exclude");
-  return h("dl", { class: "facts" }, said.flatMap(([name, value]) => [h("dt", {}, SOFTWARE[name] ?? words(name)), h("dd", { class: "mono" }, typeof value === "object" ? JSON.stringify(value) : String(value))]));
+  const say = (value, { choices = [], unit: of = "1" } = {}) => {
+    if (typeof value === "boolean") return value ? "yes" : "no";
+    if (typeof value === "object") return JSON.stringify(value);
+    const chosen = choices.find((each) => each.value === value);
+    return chosen?.label ?? `${typeof value === "number" ? number(value, 6) : value}${typeof value === "number" && of !== "1" ? ` ${unit(of)}` : ""}`;
+  };
+  return h("dl", { class: "facts" }, said.flatMap(([name, value]) => [h("dt", {}, known.get(name)?.label ?? words(name)), h("dd", {}, say(value, known.get(name)))]));
 }
 
 function excluded(rows) {

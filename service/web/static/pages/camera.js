@@ -79,7 +79,7 @@ function verdicts(parameters, method) {
     { head: "Change", class: "number", cell: (row) => quantity(row.change) },
     { head: "Repeatability", class: "number", cell: (row) => quantity(row.scatter) },
     { head: "Repeats", class: "number", cell: (row) => String(row.determinations.length) },
-    { head: "Explanation", class: "words", cell: (row) => row.said },
+    { head: "Explanation", class: "words", cell: (row) => row.said.replace(/^[a-z0-9_]+(?: at [^:]+)?: /, "") },
   ];
   return parameters.length ? shorten(parameters, (rows) => table(columns, rows, { caption: "Stability of every coefficient", stack: true }), 6) : null;
 }

@@ -92,7 +92,7 @@ function shown(answer, place) {
     { head: "Cost of sharing", class: "number", cell: (row) => quantity(row.cost) },
     { head: "Most affected", cell: (row) => (row.costliest ? h("span", { class: "mono" }, row.costliest) : "–") },
     { head: "Repeats", class: "number", cell: (row) => number(row.repeats) },
-    { head: "Explanation", class: "words", cell: (row) => row.said },
+    { head: "Explanation", class: "words", cell: (row) => capital(row.said.replace(/^[a-z0-9_]+(?: at [^:]+)?: /, "")) },
   ];
   return [
     h("div", { class: "section-head" }, h("h2", {}, "Verdict "), tag(word, kind)),
@@ -104,4 +104,5 @@ function shown(answer, place) {
   ];
 }
 
+const capital = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 const modelOf = (camera) => `${camera.make} ${camera.model}`;
