@@ -1,4 +1,4 @@
-"""A camera for other programs: OpenCV's YAML, ROS's camera_info YAML, plain JSON."""
+"""A camera for other programs, each in its own convention."""
 
 import json
 from collections.abc import Sequence
@@ -81,6 +81,86 @@ def export_json(fit: Fit, *, camera_name: str) -> str:
     }
     stated = {name: value for name, value in content.items() if value is not None}
     return json.dumps(stated, indent=2, allow_nan=False) + "\n"
+
+
+def export_colmap(fit: Fit) -> str:
+    """Write the camera as COLMAP's cameras.txt.
+
+    Notes
+    -----
+    Model FULL_OPENCV [1]_ has OpenCV's order and signs, here with k4, k5 and k6 of zero. COLMAP has the
+    centre of the first pixel at (0.5, 0.5), not (0, 0): half a pixel is added to the principal point.
+
+    References
+    ----------
+    .. [1] COLMAP documentation, "Camera Models" and "Output Format"
+    """
+    camera = fit.camera
+    inner = (camera.fx_px, camera.fy_px, camera.cx_px + 0.5, camera.cy_px + 0.5)
+    numbers = (*inner, *camera.distortion.tolist(), 0.0, 0.0, 0.0)
+    return (
+        "# Camera list with one line of data per camera:\n"
+        "#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
+        f"1 FULL_OPENCV {camera.width_px} {camera.height_px} {' '.join(map(repr, numbers))}\n"
+    )
+
+
+def export_metashape(fit: Fit) -> str:
+    """Write the camera as Agisoft Metashape's calibration XML.
+
+    Notes
+    -----
+    Metashape's frame camera [1]_ is u = w / 2 + cx + x' (f + b1), v = h / 2 + cy + y' f, with
+    x' = x (1 + k1 r^2 + k2 r^4 + k3 r^6) + p1 (r^2 + 2 x^2) + 2 p2 x y: f is fy, b1 is fx - fy, and OpenCV's
+    p1 and p2 change places. The centre of the first pixel is (0.5, 0.5); cx and cy count from the middle.
+
+    References
+    ----------
+    .. [1] Agisoft Metashape User Manual, appendix "Camera models"
+    """
+    camera = fit.camera
+    values = {
+        "f": camera.fy_px,
+        "cx": camera.cx_px + 0.5 - camera.width_px / 2,
+        "cy": camera.cy_px + 0.5 - camera.height_px / 2,
+        "b1": camera.fx_px - camera.fy_px,
+        "k1": camera.k1,
+        "k2": camera.k2,
+        "k3": camera.k3,
+        "p1": camera.p2,
+        "p2": camera.p1,
+    }
+    size = {"width": camera.width_px, "height": camera.height_px}
+    lines = [f"  <{name}>{value!r}</{name}>" for name, value in (size | values).items()]
+    head = ['<?xml version="1.0" encoding="UTF-8"?>', "<calibration>", "  <projection>frame</projection>"]
+    return "\n".join([*head, *lines, "</calibration>"]) + "\n"
+
+
+def export_odm(fit: Fit, *, camera_id: str) -> str:
+    """Write the camera as OpenDroneMap's cameras.json, for its option `cameras`.
+
+    Notes
+    -----
+    OpenSfM's model "brown" [1]_ has OpenCV's signs. Focal lengths and principal point are in parts of the
+    larger side, the latter from the middle of the frame, which is at ((w - 1) / 2, (h - 1) / 2).
+
+    References
+    ----------
+    .. [1] OpenSfM documentation, "Geometric Models"
+    """
+    camera = fit.camera
+    side = max(camera.width_px, camera.height_px)
+    content = {
+        "projection_type": "brown",
+        "width": camera.width_px,
+        "height": camera.height_px,
+        "focal_x": camera.fx_px / side,
+        "focal_y": camera.fy_px / side,
+        "c_x": (camera.cx_px - (camera.width_px - 1) / 2) / side,
+        "c_y": (camera.cy_px - (camera.height_px - 1) / 2) / side,
+        **{name: getattr(camera, name) for name in ("k1", "k2", "p1", "p2", "k3")},
+    }
+    return json.dumps({camera_id: content}, indent=2, allow_nan=False) + "\n"
 
 
 def _write_matrix(name: str, matrix: NDArray[np.float64]) -> list[str]:

@@ -2,8 +2,21 @@
 
 from typing import Final
 
-from radiometry.geometry.exports import export_json, export_opencv, export_ros
-from radiometry.specification.exports import Export, ExportSubject
+from radiometry.geometry.exports import (
+    export_colmap,
+    export_json,
+    export_metashape,
+    export_odm,
+    export_opencv,
+    export_ros,
+)
+from radiometry.geometry.results import Fit
+from radiometry.specification.exports import Export, ExportOption, ExportSubject
+
+_CAMERA_ID: Final = (
+    "Name of the camera in OpenDroneMap's own cameras.json of such frames; it takes the file for no other. "
+    "Without it: make, model, size and focal length over the larger side, which may differ from its own name."
+)
 
 EXPORTS: Final = (
     Export(
@@ -23,6 +36,33 @@ EXPORTS: Final = (
         write=lambda fitted, subject, _: export_ros(fitted, camera_name=_name(subject)),
     ),
     Export(
+        filename="cameras.txt",
+        label="COLMAP",
+        media_type="text/plain",
+        operation="get_colmap_cameras",
+        description="The camera as COLMAP's cameras.txt, model FULL_OPENCV.",
+        write=lambda fitted, *_: export_colmap(fitted),
+    ),
+    Export(
+        filename="metashape.xml",
+        label="Metashape",
+        media_type="application/xml",
+        operation="get_metashape_xml",
+        description="The camera as Agisoft Metashape's calibration XML.",
+        write=lambda fitted, *_: export_metashape(fitted),
+    ),
+    Export(
+        filename="cameras.json",
+        label="OpenDroneMap",
+        media_type="application/json",
+        operation="get_odm_cameras",
+        description="The camera as OpenDroneMap's cameras.json, model brown.",
+        write=lambda fitted, subject, asked: export_odm(
+            fitted, camera_id=asked["camera_id"] or _name_for_odm(fitted, subject)
+        ),
+        options=(ExportOption(name="camera_id", kind="text", description=_CAMERA_ID, required=False),),
+    ),
+    Export(
         filename="camera.json",
         label="JSON with covariance",
         media_type="application/json",
@@ -35,3 +75,10 @@ EXPORTS: Final = (
 
 def _name(subject: ExportSubject) -> str:
     return f"{subject.make} {subject.model} {subject.serial}"
+
+
+def _name_for_odm(fitted: Fit, subject: ExportSubject) -> str:
+    camera = fitted.camera
+    share = camera.fx_px / max(camera.width_px, camera.height_px)
+    size = f"{camera.width_px} {camera.height_px}"
+    return f"v2 {subject.make} {subject.model} {size} brown {share:.4f}".lower()

@@ -17,13 +17,17 @@ from service.lookup import Id, owned
 from service.problems import Problem
 from service.routes import UNCHANGED, problems, sends_file
 from service.schemas.base import Form, PositiveText, Text
-from service.schemas.exports import CameraFile, DngVignetteAnswer
+from service.schemas.exports import CameraFile, DngVignetteAnswer, OdmCameras
 from store.fits import read_result
 from store.tables import Calibration, Camera
 
 router = APIRouter(prefix="/v1/calibrations/{calibration_id}/exports", tags=["calibrations"])
 
-_ANSWERS = {"get_dng_vignette": DngVignetteAnswer, "get_camera_json": CameraFile}
+_ANSWERS = {
+    "get_dng_vignette": DngVignetteAnswer,
+    "get_camera_json": CameraFile,
+    "get_odm_cameras": OdmCameras,
+}
 
 
 def _add(method: str, export: Export) -> None:

@@ -1,6 +1,6 @@
 """A version in the forms that other programs read."""
 
-from pydantic import ConfigDict, Field
+from pydantic import ConfigDict, Field, RootModel
 
 from service.schemas.base import Answer, Quantity
 
@@ -27,3 +27,7 @@ class CameraFile(Answer):
     image_width_px: int
     image_height_px: int
     parameters: dict[str, Quantity]
+
+
+class OdmCameras(RootModel[dict[str, dict[str, float | str]]]):
+    """Cameras by their name in OpenDroneMap: OpenSfM's model brown, lengths over the larger side."""

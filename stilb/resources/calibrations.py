@@ -80,7 +80,8 @@ class Calibrations(Campaigns, Jobs):
         """Save a version in the form that another program reads; the file's name says which.
 
         Of vignetting `lensfun.xml`, `dng.json`, `correction.tif`, `residuals.tif`; of geometry `opencv.yaml`,
-        `ros.yaml`, `camera.json`. ``query`` is what the form needs, such as ``f_number=2.8``.
+        `ros.yaml`, `cameras.txt`, `metashape.xml`, `cameras.json`, `camera.json`. ``query`` is what the form
+        needs, such as ``f_number=2.8``.
         """
         path = Path(path)
         where = address("calibrations", calibration_id, "exports", path.name)

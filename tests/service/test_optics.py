@@ -169,6 +169,11 @@ def test_the_board_of_opencv(house):
     ros = yaml.safe_load(house.http.get(f"{base}/ros.yaml").text)
     assert ros["camera_name"] == "Canon EOS 5D 1"
     assert ros["camera_matrix"]["data"][4] == rows["fy_px"]["value"]
+    assert "1 FULL_OPENCV 640 480 " in house.http.get(f"{base}/cameras.txt").text
+    assert "<b1>0.0</b1>" in house.http.get(f"{base}/metashape.xml").text
+    named = house.get(f"{base}/cameras.json", camera_id="v2 canon eos 5d 640 480 brown 0.8")
+    assert named["v2 canon eos 5d 640 480 brown 0.8"]["focal_x"] == rows["fx_px"]["value"] / 640
+    assert next(iter(house.get(f"{base}/cameras.json"))).startswith("v2 canon eos 5d 640 480 brown ")
     camera = house.get(f"{base}/camera.json")
     assert camera["parameters"]["k1"]["value"] == rows["k1"]["value"]
 

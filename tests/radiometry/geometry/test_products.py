@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+from xml.etree import ElementTree as ET
 
 import cv2
 import numpy as np
@@ -13,6 +14,8 @@ from radiometry.findings import InputRejected, shared
 from radiometry.geometry import method as geometry
 from radiometry.geometry.camera import find_directions
 from radiometry.geometry.exports import _write
+from radiometry.geometry.written import EXPORTS
+from radiometry.specification.exports import ExportSubject
 from tests.radiometry.geometry.boards import CAMERA, FREE, SQUARE
 
 SMALL = dataclasses.replace(CAMERA, height_px=120, width_px=160, fx_px=130, fy_px=128, cx_px=83, cy_px=57)
@@ -86,6 +89,71 @@ def test_json_holds_all_that_the_others_hold(fit):
     assert read["pixel_pitch_um"] == 4.65
     plain = json.loads(geometry.export_json(dataclasses.replace(fit, pixel_pitch_um=None), camera_name="c"))
     assert "pixel_pitch_um" not in plain
+
+
+def project_published(read, points):
+    """Project directions as the manuals of the readers write it, for corners at whole numbers [px]."""
+    x, y = points.T
+    r2 = x**2 + y**2
+    radial = 1 + read["k1"] * r2 + read["k2"] * r2**2 + read["k3"] * r2**3
+    along = x * radial + read["px"] * (r2 + 2 * x**2) + 2 * read["py"] * x * y
+    down = y * radial + read["py"] * (r2 + 2 * y**2) + 2 * read["px"] * x * y
+    return np.stack([read["u0"] + read["fu"] * along, read["v0"] + read["fv"] * down], axis=-1)
+
+
+def read_colmap(text):
+    (line,) = [line.split() for line in text.splitlines() if not line.startswith("#")]
+    assert line[:4] == ["1", "FULL_OPENCV", "640", "480"]
+    fu, fv, u0, v0, k1, k2, p1, p2, k3, *rational = map(float, line[4:])
+    assert rational == [0, 0, 0]
+    return {"k1": k1, "k2": k2, "k3": k3, "px": p2, "py": p1, "fu": fu, "fv": fv, "u0": u0, "v0": v0}, 0.5
+
+
+def read_metashape(text):
+    root = ET.fromstring(text)
+    assert (root.tag, root.findtext("projection")) == ("calibration", "frame")
+    named = {each.tag: float(each.text) for each in root if each.tag != "projection"}
+    assert (named["width"], named["height"]) == (640, 480)
+    read = {name: named[name] for name in ("k1", "k2", "k3")} | {"px": named["p1"], "py": named["p2"]}
+    read |= {"fu": named["f"] + named["b1"], "fv": named["f"]}
+    return read | {"u0": 320 + named["cx"], "v0": 240 + named["cy"]}, 0.5
+
+
+def read_odm(text):
+    ((name, named),) = json.loads(text).items()
+    assert len(name.split(" ")) >= 6, "OpenDroneMap refuses such a name"
+    assert (named["projection_type"], named["width"], named["height"]) == ("brown", 640, 480)
+    read = {each: named[each] for each in ("k1", "k2", "k3")} | {"px": named["p2"], "py": named["p1"]}
+    read |= {"fu": 640 * named["focal_x"], "fv": 640 * named["focal_y"]}
+    return read | {"u0": 640 * named["c_x"] + 639 / 2, "v0": 640 * named["c_y"] + 479 / 2}, 0.0
+
+
+@pytest.mark.parametrize(
+    ("filename", "read"),
+    [("cameras.txt", read_colmap), ("metashape.xml", read_metashape), ("cameras.json", read_odm)],
+)
+def test_other_programs_project_points_where_the_camera_sees_them(fit, filename, read):
+    subject = ExportSubject(
+        calibration_id="cal",
+        make="Canon",
+        model="EOS 5D",
+        serial="1",
+        lens_make=None,
+        lens_model=None,
+        pixel_pitch_um=None,
+    )
+    # a camera in which no two parameters can be taken for each other
+    uneven = dataclasses.replace(
+        fit.camera, fx_px=540.0, fy_px=531.0, cx_px=333.3, cy_px=227.7, p1=2e-3, p2=-7e-4
+    )
+    (export,) = (each for each in EXPORTS if each.filename == filename)
+    text = export.write(dataclasses.replace(fit, camera=uneven), subject, {"camera_id": None})
+    points = np.stack(np.meshgrid(np.linspace(-0.55, 0.55, 12), np.linspace(-0.4, 0.4, 9)), -1).reshape(-1, 2)
+    spatial = np.concatenate([points, np.ones((len(points), 1))], axis=1)
+    seen, _ = cv2.projectPoints(spatial, np.zeros(3), np.zeros(3), uneven.matrix, uneven.distortion)
+    named, first_pixel = read(text)
+    deviation = np.abs(project_published(named, points) - first_pixel - seen.reshape(-1, 2)).max()
+    assert deviation < 1e-9
 
 
 def make_picture(camera, kind):
