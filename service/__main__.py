@@ -64,8 +64,8 @@ def build_context(settings: Settings) -> Context:
 
 
 def main() -> int:
-    configure_logging()
     settings = read_settings()
+    configure_logging(settings.log)
     secret = settings.key.get_secret_value()
     try:
         close_to_others(settings.data.absolute(), report)

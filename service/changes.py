@@ -18,6 +18,7 @@ from service.auth import Caller
 from service.context import Context, get_context
 from service.problems import Problem
 from service.schemas.base import Answer, Text
+from store.logs import present_fields
 from store.tables import IdempotentAnswer, Job
 from store.usage import charge
 
@@ -46,6 +47,7 @@ class Writing:
         self.context = context
         self._key = key
         self._fingerprint = fingerprint
+        self._fields = present_fields()
 
     def with_content(self, sha256: str) -> "Writing":
         """The same, for a request whose body was streamed and is known by its hash."""
@@ -123,6 +125,9 @@ def _run_all(
         answers = iter([JSONResponse(reply.body.dump(), reply.status, reply.headers) for reply in replies])
         # made before the commit: an answer that cannot be made changes nothing
         found = [next(answers) if earlier is None else _replay(earlier) for earlier in done]
+    for (writing, _), reply in zip(new, replies, strict=True):
+        if reply.jobs:
+            writing._fields["jobs"] = [job.id for job in reply.jobs]
     context.hints.send(jobs)
     return found
 

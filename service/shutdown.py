@@ -1,15 +1,18 @@
 """Stopping in order: what is open gets its answer, and what must be cut is told that it may come back."""
 
 import asyncio
+import logging
+import re
 import signal
 import socket
 from contextlib import suppress
 from http import HTTPMethod
+from secrets import token_hex
 from time import monotonic
 from types import FrameType
 
 import uvicorn
-from starlette.datastructures import MutableHeaders
+from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from radiometry.findings import interface
@@ -17,8 +20,15 @@ from service import problems
 from service.job_watch import JobWatch
 from service.metrics import Metrics
 from service.problems import Problem
+from store.logs import fields
+
+log = logging.getLogger("stilb.request")
 
 COME_BACK_S = 2
+_REQUEST_ID = "X-Request-ID"
+_PLAIN = re.compile(r"[\w.:-]{1,64}", re.ASCII)
+# what machines ask for every few seconds, and what a page loads
+_UNLOGGED = ("/livez", "/readyz", "/metrics", "/static/")
 _LINGER_S = 1.0
 _METHODS = frozenset(HTTPMethod)
 
@@ -66,20 +76,25 @@ class Traffic:
         self._open.add(exchange)
         self._empty.clear()
         began = monotonic()
-        try:
-            await app(scope, receive, exchange.send)
-        except asyncio.CancelledError:
-            if not exchange.is_cut:
-                raise
-        finally:
-            # neither an address that no route has nor an unknown method is a label: whoever asks could make
-            # as many as they like
-            route = getattr(scope.get("route"), "path", "none")
-            method = scope["method"] if scope["method"] in _METHODS else "other"
-            self.metrics.requests.labels(method, route, exchange.status).observe(monotonic() - began)
-            self._open.discard(exchange)
-            if not self._open:
-                self._empty.set()
+        with fields(request_id=exchange.request_id):
+            try:
+                await app(scope, receive, exchange.send)
+            except asyncio.CancelledError:
+                if not exchange.is_cut:
+                    raise
+            finally:
+                # neither an address that no route has nor an unknown method is a label: whoever asks could
+                # make as many as they like
+                route = getattr(scope.get("route"), "path", "none")
+                method = scope["method"] if scope["method"] in _METHODS else "other"
+                took_s = monotonic() - began
+                self.metrics.requests.labels(method, route, exchange.status).observe(took_s)
+                if not route.startswith(_UNLOGGED):
+                    told = {"method": method, "route": route, "status": exchange.status}
+                    log.info("request", extra={"fields": told | {"duration_s": round(took_s, 4)}})
+                self._open.discard(exchange)
+                if not self._open:
+                    self._empty.set()
         await exchange.ended.wait()
 
 
@@ -95,6 +110,8 @@ class _Exchange:
         self._answering = False
         self.status = 0
         self.is_cut = False
+        given = Headers(scope=scope).get(_REQUEST_ID, "")
+        self.request_id = given if _PLAIN.fullmatch(given) else f"req_{token_hex(12)}"
         self.ended = asyncio.Event()
         self.ended.set()
 
@@ -103,6 +120,7 @@ class _Exchange:
             return
         if message["type"] == "http.response.start":
             self._answering, self.status = True, message["status"]
+            MutableHeaders(scope=message)[_REQUEST_ID] = self.request_id
             if self._traffic.stopping:
                 # Whoever keeps this connection would find it closed under its next request.
                 MutableHeaders(scope=message)["Connection"] = "close"

@@ -1,6 +1,12 @@
 """How every process of stilb logs: one line for what is expected to happen, a traceback for what is not."""
 
+import json
 import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from datetime import UTC, datetime
+from typing import Any
 
 from sqlalchemy.exc import InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as NoConnectionFree
@@ -17,11 +23,69 @@ _BROKER_AWAY = {
 }
 
 
-def configure_logging() -> None:
-    """Log to stderr, from the level of information on."""
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
+_fields: ContextVar[dict[str, Any]] = ContextVar("fields")
+
+
+@contextmanager
+def fields(**known: Any) -> Iterator[dict[str, Any]]:  # noqa: ANN401
+    """Add these fields to each line that is logged meanwhile, and those that are put into what is yielded."""
+    token = _fields.set(known)
+    try:
+        yield known
+    finally:
+        _fields.reset(token)
+
+
+def present_fields() -> dict[str, Any]:
+    """Return the fields of the present request or job, which others may add to; else new ones."""
+    return _fields.get(None) or {}
+
+
+def configure_logging(form: str) -> None:
+    """Log to stderr, from the level of information on: lines of text, or of JSON."""
+    logging.basicConfig(level=logging.INFO)
     for handler in logging.getLogger().handlers:
         handler.addFilter(shorten)
+        handler.addFilter(add_fields)
+        handler.setFormatter(JsonLines() if form == "json" else TextLines())
+
+
+def add_fields(record: logging.LogRecord) -> bool:
+    """Add the fields of the present request or job."""
+    record.fields = {**present_fields(), **getattr(record, "fields", {})}
+    return True
+
+
+class TextLines(logging.Formatter):
+    """`time level logger: message name=value ...`."""
+
+    def __init__(self) -> None:
+        super().__init__("%(asctime)s %(levelname)s %(name)s: %(message)s")
+
+    def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802  logging calls it
+        known: dict[str, Any] = getattr(record, "fields", {})
+        told = (
+            f" {name}={','.join(value) if isinstance(value, list) else value}"
+            for name, value in known.items()
+        )
+        return super().formatMessage(record) + "".join(told)
+
+
+class JsonLines(logging.Formatter):
+    """One JSON object per line, in UTC."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Return the line; a traceback is one string in it."""
+        line = {
+            "time": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
+            "level": record.levelname,
+            "logger": record.name,
+            "message": record.getMessage(),
+            **getattr(record, "fields", {}),
+        }
+        if record.exc_info:
+            line["traceback"] = self.formatException(record.exc_info)
+        return json.dumps(line, default=str)
 
 
 def shorten(record: logging.LogRecord) -> bool:

@@ -64,6 +64,7 @@ class Settings(BaseSettings):
     stall_s: float = Field(default=60.0, gt=0)
     hang_s: float = Field(default=HANG_S, gt=0)
     pulse: str = ""
+    log: Literal["text", "json"] = "text"
     decoder_memory_bytes: int = Field(default=3 * 1024**3, ge=256 * 1024**2)
     decoder_cpu_s: int = Field(default=60, ge=1)
     decoder_wall_s: float = Field(default=120.0, gt=0)

@@ -102,8 +102,8 @@ def main() -> int:
     # maps and regions take the same large blocks again and again
     share_one_arena()
     keep_memory()
-    configure_logging()
     settings = read_settings()
+    configure_logging(settings.log)
     context = build_context(settings)
     try:
         context.database.guard_schema()

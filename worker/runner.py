@@ -4,7 +4,7 @@ import logging
 import threading
 import time
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from sqlalchemy.exc import IntegrityError
@@ -16,6 +16,7 @@ from store.blobs import BlobDamaged
 from store.database import summarise
 from store.files import describe_damage
 from store.jobs import Claim, Dependency, LeaseLost, Turn
+from store.logs import fields
 from store.schema import SchemaDiffers
 from worker.context import Context
 from worker.decode.pool import DecoderKilled
@@ -24,8 +25,8 @@ from worker.tasks import Outcome, work
 
 log = logging.getLogger(__name__)
 
-Ending = Callable[[Session], None]
-"""Ends a job in the transaction that also stores what it computed; it may be called twice."""
+Ending = Callable[[Session], Mapping[str, Any]]
+"""Ends a job in the transaction that also stores what it computed; returns how. It may be called twice."""
 
 _STORE_ATTEMPTS = 5
 _KILLED_ATTEMPTS = 5
@@ -48,22 +49,25 @@ def claim_next(context: Context, turn: Turn) -> Claim | None:
 def run(context: Context, claim: Claim) -> None:
     """Do a job and end it, unless another worker holds it by then."""
     began = time.monotonic()
-    with context.leases.hold(claim):
+    told = {"kind": claim.kind, "subject_id": claim.subject_id, "attempt": claim.attempt}
+    with context.leases.hold(claim), fields(job_id=claim.job_id, **told):
         ending = _work(context, claim)
         try:
             try:
-                _end(context, claim, ending)
+                ended = _end(context, claim, ending)
             except (LeaseLost, SchemaDiffers, *DATABASE_AWAY):
                 raise
             except Exception:
                 log.exception("%s failed when it was stored", claim.job_id)
-                _end(context, claim, _fail_as_ours(claim, traceback.format_exc()))
+                ended = _end(context, claim, _fail_as_ours(claim, traceback.format_exc()))
         except LeaseLost:
             log.warning("%s is another worker's now; what was computed here is dropped", claim.job_id)
         except DATABASE_AWAY as fault:
             log.warning("%s is not ended, its lease will run out: %s", claim.job_id, summarise(fault))
         else:
-            context.durations.observe(claim.kind, time.monotonic() - began)
+            took_s = time.monotonic() - began
+            context.durations.observe(claim.kind, took_s)
+            log.info("job", extra={"fields": {**ended, "duration_s": round(took_s, 4)}})
 
 
 def problem(code: str, detail: str) -> dict[str, Any]:
@@ -80,7 +84,7 @@ def _work(context: Context, claim: Claim) -> Ending:
         context.needs.fail(None, damage)
         log.warning("%s waits for an upload: %s", claim.job_id, damage)
         found = problem(interface.STORED_FILE_DAMAGED, describe_damage(damage)) | {"sha256": damage.sha256}
-        return lambda session: jobs.fail(session, claim, found)
+        return _fail(claim, found)
     except DecoderKilled as killed:
         context.needs.fail(None, killed)
         return _after_kill(claim, killed)
@@ -91,19 +95,39 @@ def _work(context: Context, claim: Claim) -> Ending:
             log.exception("%s failed", claim.job_id)
             return _fail_as_ours(claim, traceback.format_exc())
         log.info("%s is tried again later: %s", claim.job_id, summarise(fault))
-        return lambda session: jobs.retry_later(session, claim, waits_for=dependency)
+        return _retry_later(claim, dependency)
     return _store(claim, outcome, back=context.needs.serve(claim.kind))
 
 
 def _store(claim: Claim, outcome: Outcome, *, back: Sequence[Dependency]) -> Ending:
-    def end(session: Session) -> None:
+    def end(session: Session) -> Mapping[str, Any]:
         result = outcome.store(session)
         if outcome.rejection is None:
             jobs.succeed(session, claim, result)
+            ids = {name: value for name, value in result.items() if name.endswith("_id")}
+            ended = {"state": "succeeded", **ids}
         else:
-            jobs.fail(session, claim, problem(outcome.rejection.code, outcome.rejection.message))
+            found = problem(outcome.rejection.code, outcome.rejection.message)
+            ended = dict(_fail(claim, found)(session))
         for dependency in back:
             jobs.resume(session, dependency)
+        return ended
+
+    return end
+
+
+def _fail(claim: Claim, error: dict[str, Any], trace: str | None = None) -> Ending:
+    def end(session: Session) -> Mapping[str, Any]:
+        jobs.fail(session, claim, error, trace)
+        return {"state": "failed", "code": error["code"]}
+
+    return end
+
+
+def _retry_later(claim: Claim, dependency: Dependency) -> Ending:
+    def end(session: Session) -> Mapping[str, Any]:
+        jobs.retry_later(session, claim, waits_for=dependency)
+        return {"state": "queued", "waits_for": str(dependency)}
 
     return end
 
@@ -112,17 +136,16 @@ def _after_kill(claim: Claim, killed: DecoderKilled) -> Ending:
     """Try again some times what says nothing about the file, which is never refused for it."""
     if claim.attempt < _KILLED_ATTEMPTS:
         log.warning("%s is tried again later: %s", claim.job_id, killed)
-        return lambda session: jobs.retry_later(session, claim, waits_for=Dependency.DECODER)
-    error = problem(files.DECODER_CRASHED, killed.message) | {"retryable": True}
-    return lambda session: jobs.fail(session, claim, error)
+        return _retry_later(claim, Dependency.DECODER)
+    return _fail(claim, problem(files.DECODER_CRASHED, killed.message) | {"retryable": True})
 
 
 def _fail_as_ours(claim: Claim, trace: str) -> Ending:
     detail = "This is our fault; the operator finds the reason with the job. The upload is safe."
-    return lambda session: jobs.fail(session, claim, problem(interface.INTERNAL_ERROR, detail), trace)
+    return _fail(claim, problem(interface.INTERNAL_ERROR, detail), trace)
 
 
-def _end(context: Context, claim: Claim, ending: Ending) -> None:
+def _end(context: Context, claim: Claim, ending: Ending) -> Mapping[str, Any]:
     """End a job in one commit.
 
     Two that number a version at once collide: the later looks again. A database that does not answer is
@@ -132,7 +155,7 @@ def _end(context: Context, claim: Claim, ending: Ending) -> None:
     while True:
         try:
             with context.database.writing("worker", claim.organisation_id) as session:
-                ending(session)
+                ended = ending(session)
         except IntegrityError:
             collisions += 1
             if collisions == _STORE_ATTEMPTS:
@@ -144,4 +167,4 @@ def _end(context: Context, claim: Claim, ending: Ending) -> None:
             context.leases.report(claim, 1.0)
             pause.wait(_PAUSE_S)
         else:
-            return
+            return ended

@@ -54,8 +54,8 @@ def sweep_floor(blobs: Blobs, partials: Partials) -> None:
 
 
 def main() -> int:
-    configure_logging()
     settings = read_settings()
+    configure_logging(settings.log)
     database = Database(settings.effective_database_url, answer_within_s=settings.database_timeout_s)
     try:
         database.guard_schema()

@@ -1,6 +1,7 @@
 """Keeps child processes alive: starts again what dies or hangs, and takes all of them down in order."""
 
 import os
+import shutil
 import signal
 import subprocess
 import time
@@ -117,6 +118,8 @@ class Supervisor:
         for child in self._children:
             if child.process is not None and child.process.poll() is None and child.part.has_pulse:
                 self._feel(child, child.process)
+            if child.part.run is None:
+                _rotate(child.log)
             if child.process is not None and child.process.poll() is not None:
                 self._bury(child, child.process, now)
             if child.process is None and child.start_at <= now:
@@ -248,6 +251,10 @@ def _open_log(path: Path) -> BinaryIO:
 
 
 def _rotate(log: Path) -> None:
+    """Keep the last 16 MiB of a log apart and empty it; a running part goes on at its beginning."""
     log.parent.mkdir(parents=True, exist_ok=True)
-    if log.exists() and log.stat().st_size > LOG_BYTES:
-        log.replace(log.with_suffix(".log.1"))
+    with suppress(OSError):
+        if log.stat().st_size > LOG_BYTES:
+            with suppress(OSError):
+                shutil.copyfile(log, log.with_suffix(".log.1"))
+            os.truncate(log, 0)

@@ -19,6 +19,12 @@ def test_a_job_names_the_frame_and_the_campaign_that_it_is_about(house):
     assert listed == job
 
 
+def test_a_request_keeps_the_id_that_it_brings_and_gets_one_in_place_of_an_odd_one(house):
+    for given, kept in (("proxy-1", "proxy-1"), ("two words", "req_")):
+        answered = house.http.get("/v1/jobs", headers={"X-Request-ID": given}).headers["x-request-id"]
+        assert answered.startswith(kept)
+
+
 def test_the_summary_counts_by_state_and_tells_the_oldest_wait(house, stranger, monkeypatch):
     failed_job(house)
     assert house.get("/v1/jobs/summary") == {

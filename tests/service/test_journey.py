@@ -7,6 +7,7 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
+from store.logs import add_fields
 from tests.support.campaigns import (
     ISOS,
     K_TRUE,
@@ -19,9 +20,18 @@ from tests.support.campaigns import (
 pytestmark = pytest.mark.either_database
 
 
-def test_a_campaign_becomes_coefficients_in_force(house):
+def test_a_campaign_becomes_coefficients_in_force(house, caplog):
     campaign = upload_campaign(house)
-    version = calibrate(house, campaign)
+    caplog.handler.addFilter(add_fields)
+    with caplog.at_level("INFO"):
+        version = calibrate(house, campaign)
+    # in the logs an id leads from a request to its job, and from there to its version
+    told = [record.fields for record in caplog.records if "duration_s" in record.fields]
+    (job,) = (each for each in told if each.get("calibration_id") == version["id"])
+    assert (job["kind"], job["state"], job["subject_id"]) == ("fit", "succeeded", campaign["id"])
+    (request,) = (each for each in told if each.get("jobs") == [job["job_id"]])
+    assert request["route"] == "/v1/campaigns/{campaign_id}/calibrations"
+    assert request["request_id"].startswith("req_")
     assert version["state"] == "draft"
     assert version["version"] == 1
     ks = [c for c in version["coefficients"] if c["name"] == "luminance_k"]
