@@ -41,6 +41,10 @@ _PAUSE, _LONGEST_PAUSE_S = 4.0, 30.0
 """A worker rests so many times as long as a review took: frames that keep coming are reviewed in batches."""
 
 
+_MOST_REMEMBERED = 20_000
+"""Frames of a campaign whose decoded parts are kept for its next review: 8 kB each."""
+
+
 class Reviews:
     """The reviews of one database; one thread of a process computes a campaign's, the others wait for it."""
 
@@ -93,7 +97,7 @@ class Reviews:
         try:
             memory = self._last.pop(campaign_id, None) or Memory()
             found = assess(session, session.get_one(Campaign, campaign_id), memory)
-            self._last = {campaign_id: memory}
+            self._last = {campaign_id: memory} if len(found.verdicts) <= _MOST_REMEMBERED else {}
         finally:
             gc.enable()
         rest = timedelta(seconds=min(_PAUSE * (time.monotonic() - began), _LONGEST_PAUSE_S))
