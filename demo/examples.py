@@ -259,6 +259,7 @@ def _manage(http: httpx.Client) -> None:
         browser.post("/sign-in", data={"key": key["secret"]})
     sessions = http.get("/v1/sessions").json()["items"]
     _send(http, "DELETE", f"sessions/{sessions[0]['id']}")
+    _send(http, "DELETE", "sessions")
     _send(http, "DELETE", f"keys/{key['id']}")
     _post(http, "organisations", {"name": "City of Lansing"})
     hook = {"url": "https://board.example/stilb", "events": ["calibration.published", "job.failed"]}
@@ -268,6 +269,7 @@ def _manage(http: httpx.Client) -> None:
     settings = {"address": "124 W Michigan Ave, Lansing", "refuses_incomplete_certificates": False}
     _send(http, "PATCH", "organisation", settings)
     _post(http, "jobs/retry", {"state": "failed", "code": "temporarily_unavailable"})
+    _post(http, "jobs/dismiss", {"state": "failed", "code": "not_a_raw_file"})
 
 
 def _post(http: httpx.Client, path: str, body: object) -> Node:
