@@ -109,7 +109,12 @@ def test_a_stream_ends_with_the_right_to_it(house):
         house.http.patch(f"/v1/campaigns/{campaign['id']}", json={"place": "roof"}).raise_for_status()
         second = await anext(stream)
         house.http.delete(f"/v1/keys/{key['id']}").raise_for_status()
-        return first, second, [event async for event in stream]
+        rest = [event async for event in stream]
+        for each in others:
+            await each.aclose()
+        # a look that is under way has a connection
+        await watch._task
+        return first, second, rest
 
     first, second, rest = asyncio.run(follow())
     assert (first.kind, first.data["id"]) == ("campaign", campaign["id"])
