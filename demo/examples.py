@@ -65,7 +65,7 @@ class Recorder:
             return
         path, answer = found[1], json.loads(response.read())
         operation = self.document["paths"][path][request.method.lower()]
-        if _is_json(request.headers):
+        if "requestBody" in operation and _is_json(request.headers):
             self._keep(operation["requestBody"], json.loads(request.content))
         self._keep(operation["responses"][str(response.status_code)], answer)
         for each in answer.get("items", [answer]):

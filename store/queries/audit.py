@@ -26,13 +26,12 @@ from store.tables import (
     Publication,
     Reading,
     Rig,
-    Roi,
     WebSession,
 )
 
 _PAGE = 1000
 
-_NAMES: dict[str, tuple[Any, Callable[[Any], str | None], str | None]] = {
+NAMES: dict[str, tuple[Any, Callable[[Any], str | None], str | None]] = {
     "cal": (Calibration, lambda row: f"{get_method(row.method).label}, version {row.version}", "id"),
     "cam": (Camera, lambda row: f"{row.make} {row.model} {row.serial}", "id"),
     "cmp": (Campaign, lambda row: row.project_number, "id"),
@@ -47,7 +46,6 @@ _NAMES: dict[str, tuple[Any, Callable[[Any], str | None], str | None]] = {
     "pub": (Publication, lambda _: None, "calibration_id"),
     "rdg": (Reading, lambda row: row.scene, "campaign_id"),
     "rig": (Rig, lambda row: row.name, "id"),
-    "roi": (Roi, lambda _: None, "campaign_id"),
     "ses": (WebSession, lambda _: None, "key_id"),
 }
 """By the beginning of an id: its table, its own name, and the column of what it is about."""
@@ -113,13 +111,13 @@ def _read_rows(session: Session, ids: set[str]) -> dict[str, Any]:
         kinds[each[:3]].add(each)
     return {
         row.id: row
-        for kind in kinds.keys() & _NAMES.keys()
-        for row in session.scalars(select(_NAMES[kind][0]).where(_NAMES[kind][0].id.in_(kinds[kind])))
+        for kind in kinds.keys() & NAMES.keys()
+        for row in session.scalars(select(NAMES[kind][0]).where(NAMES[kind][0].id.in_(kinds[kind])))
     }
 
 
 def _about(row: Any) -> str | None:  # noqa: ANN401  of one of the tables above
-    column = _NAMES[row.id[:3]][2] if row is not None else None
+    column = NAMES[row.id[:3]][2] if row is not None else None
     return getattr(row, column) if column else None
 
 
@@ -128,4 +126,4 @@ def _name(found: dict[str, Any], row_id: str) -> str | None:
     if row is None:
         return None
     about = _about(row)
-    return _NAMES[row_id[:3]][1](row) or (_name(found, about) if about and about != row_id else None)
+    return NAMES[row_id[:3]][1](row) or (_name(found, about) if about and about != row_id else None)

@@ -6,6 +6,7 @@ import json
 from sqlalchemy import text
 
 from service.web.audit_words import ACTS
+from store.queries.audit import NAMES
 from store.tables.base import Audited, AuditedTogether, Base
 
 
@@ -50,8 +51,15 @@ def test_a_cursor_that_is_none_is_refused(house):
         assert house.get("/v1/audit", cursor=cursor, status=422)["code"] == "validation_failed"
 
 
+def test_what_names_an_entry_is_in_its_table():
+    assert [name for name, (table, _, about) in NAMES.items() if about and not hasattr(table, about)] == []
+
+
 def test_entries_are_chosen_named_and_exported(house):
     campaign = house.campaign()
+    house.http.put(f"/v1/campaigns/{campaign['id']}/roi", json={"polygon": [[0, 0], [9, 0], [9, 9]]})
+    (region,) = house.get("/v1/audit", action="roi.create")["items"]
+    assert region["subject_id"].startswith("roi_")
     other = house.post("/v1/keys", {"name": "=other", "scopes": ["calibrate"]})
     with house.with_key(other["secret"]) as client:
         client.patch(f"/v1/campaigns/{campaign['id']}", json={"recorder": "B. Schulz"})
