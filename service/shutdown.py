@@ -82,6 +82,9 @@ class Traffic:
             except asyncio.CancelledError:
                 if not exchange.is_cut:
                     raise
+            except Exception:
+                exchange.status = exchange.status or 500  # what is answered for it, further out
+                raise
             finally:
                 # neither an address that no route has nor an unknown method is a label: whoever asks could
                 # make as many as they like

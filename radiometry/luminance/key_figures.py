@@ -14,9 +14,9 @@ def list_key_figures(result: dict[str, Any]) -> tuple[KeyFigure, ...]:
             value=c["luminance_k"],
             standard_uncertainty=c["luminance_k_standard_uncertainty"],
             unit=c["luminance_k_unit"],
-            expanded_uncertainty=c["expanded_uncertainty"],
-            coverage_factor=c["coverage_factor"],
-            passed=fit["passed"],
+            expanded_uncertainty=c.get("expanded_uncertainty"),
+            coverage_factor=c.get("coverage_factor"),
+            passed=fit.get("passed"),
         )
         for fit in result["iso_fits"]
         for c in (fit["coefficient"],)

@@ -14,8 +14,8 @@ def list_key_figures(result: dict[str, Any]) -> tuple[KeyFigure, ...]:
             value=c["reflectance_k"],
             standard_uncertainty=c["reflectance_k_standard_uncertainty"],
             unit=c["reflectance_k_unit"],
-            expanded_uncertainty=c["expanded_uncertainty"],
-            coverage_factor=c["coverage_factor"],
+            expanded_uncertainty=c.get("expanded_uncertainty"),
+            coverage_factor=c.get("coverage_factor"),
         )
         for fit in result["band_fits"]
         for c in (fit["coefficient"],)

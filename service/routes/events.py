@@ -20,10 +20,15 @@ router = APIRouter(prefix="/v1", tags=["events"])
 
 _STREAM: Final = "text/event-stream"
 _RETRY_MS: Final = 3000
+_EVENT: Final = {
+    "type": "object",
+    "properties": {name: {"type": "string"} for name in ("id", "event", "data")},
+    "required": ["event", "data"],
+}
 _RESPONSES: Final[dict[int | str, dict[str, Any]]] = {
     200: {
-        "description": "Events, as they happen: `id` and `event`, and JSON in `data`.",
-        "content": {_STREAM: {"schema": {"type": "string"}}},
+        "description": "Events, each of these fields, as they happen; `data` is JSON.",
+        "content": {_STREAM: {"schema": _EVENT}},
     },
     **problems(404),
 }

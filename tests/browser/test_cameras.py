@@ -60,6 +60,7 @@ def test_what_was_in_force_is_told_as_known_then_and_the_address_holds_it(page, 
     at.fill("2025-08-20 22:00")
     at.press("Enter")
     expect(answer).to_contain_text("version 2 is in force. Luminance K, ISO 100 = 32.25 ± 0.21")
+    settle(page)
     page.locator("#values .cursor:not(.known)").press("ArrowRight")
     expect(at).to_have_value("2025-08-21 22:00")
     page.locator("h1").click()

@@ -29,6 +29,9 @@ def make_one_of_each(house: House) -> dict[str, str]:
         "meter_id": house.post("/v1/meters", METER)["id"],
         "panel_id": house.post("/v1/panels", PANEL)["id"],
         "key_id": key["id"],
+        "webhook_id": house.post("/v1/webhooks", {"url": "https://h.example", "events": ["job.failed"]})[
+            "id"
+        ],
         "session_id": house.get("/v1/sessions", key_id=key["id"])["items"][0]["id"],
         "measurement_id": measure(house, {"id": frame_id}, version)["id"],
         "upload_id": begin_upload(house, version["campaign_id"], b"raw").rpartition("/")[2],

@@ -125,7 +125,10 @@ async function draw() {
   byId("csv").href = `/v1/series/coefficients?${new URLSearchParams({ camera_id: id, method: state.method, format: "csv" })}`;
   byId("values-title").textContent = `${labelOfWanted()} in time`;
   const query = new URLSearchParams({ method: state.method, at, known_at: known, ...wanted() });
+  const held = [...document.querySelectorAll(".cursor")].indexOf(document.activeElement);
   await Promise.all(["values", "lives"].map((part) => plot(byId(part), `/plots/cameras/${id}/${part}?${query}`, (chart) => drawCursors(chart, { at: Date.parse(at), known_at: Date.parse(known) }))));
+  // the same line, drawn anew
+  if (held >= 0 && document.activeElement === document.body) document.querySelectorAll(".cursor")[held]?.focus();
 }
 
 const validity = (known) => get(`/v1/cameras/${id}/validity?${new URLSearchParams({ method: state.method, known_at: known })}`);
@@ -222,8 +225,7 @@ function drawCursors(chart, times) {
       if (!days) return;
       event.preventDefault();
       ms = Math.min(high, Math.max(low, instantOf(state[name]) + days * (event.shiftKey ? 30 : 1) * DAY_MS));
-      const { id: within } = chart.parentElement;
-      settle().then(() => document.querySelector(`#${within} .cursor${name === "at" ? ":not(.known)" : ".known"}`)?.focus());
+      settle();
     });
     // the plot's own drag magnifies
     line.addEventListener("pointerdown", (event) => (event.stopPropagation(), line.setPointerCapture(event.pointerId)));
