@@ -39,6 +39,8 @@ def test_every_route_answers_as_the_document_says(house, known):
     for result in schema.get_all_operations():
         operation = result.ok()
         named = {p.name: known[p.name] for p in operation.path_parameters}
+        if operation.path == "/v1/campaigns/{campaign_id}/events":
+            named = {}  # a campaign's stream has no end
         strategies = [
             operation.as_strategy(mode, path_parameters=ids)
             for mode in schemathesis.generation.GenerationMode
