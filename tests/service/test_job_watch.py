@@ -110,8 +110,7 @@ def test_a_stream_ends_with_the_right_to_it(house):
         stream = watch.follow("campaign", campaign["id"], who)
         first = await anext(stream)
         others = [watch.follow("campaign", campaign["id"], who) for _ in range(MOST_STREAMS - 1)]
-        for each in others:
-            await anext(each)
+        await asyncio.gather(*(anext(each) for each in others))
         with pytest.raises(Problem):
             watch.admit(who)
         house.http.patch(f"/v1/campaigns/{campaign['id']}", json={"place": "roof"}).raise_for_status()

@@ -1,4 +1,4 @@
-"""Publications against a plain list of what was said, replayed: 3,000 random steps, and 600 on PostgreSQL.
+"""Publications against a plain list of what was said, replayed: 2,000 random steps, and 600 on PostgreSQL.
 
 The model knows nothing of rows, slots or closed knowledge: who holds an instant is whoever was last published
 over it, unless that version was revoked since; as known then, only what had been said by then counts.
@@ -23,7 +23,7 @@ from store.tables import Calibration, Camera, Campaign, Organisation, Publicatio
 from tests.support.versions import bare_version
 
 # the decisions are the same code on both; what PostgreSQL does otherwise, it does within a few hundred steps
-STEPS = {"sqlite": 3_000, "postgresql": 600}
+STEPS = {"sqlite": 2_000, "postgresql": 600}
 SEED = 20260501
 TICK = timedelta(microseconds=1)
 INSTANTS = [datetime(2026, 1, 1, tzinfo=UTC) + timedelta(hours=7 * number) for number in range(24)]
