@@ -20,7 +20,7 @@ up: $(VENV)/run  ## the whole service in the foreground, on ./stilb-data
 
 test quick: export OPENBLAS_NUM_THREADS = 1
 test: $(VENV)/dev chromium  ## every test, on SQLite and on PostgreSQL (FILE="tests/radiometry -k gls" runs some)
-	@$(if $(FILE),pytest -q $(FILE),pytest -q -n $$(($$(nproc) + 2)) --maxprocesses 8 --dist worksteal)
+	@$(if $(FILE),pytest -q $(FILE),pytest -q -n $$(($$(nproc) + 1)) --maxprocesses 8 --dist worksteal)
 
 quick: lint  ## what a change needs in a minute: lint, types, and the tests of the science and of single units
 	@pytest -q -m "unit and not slow" -n $$(nproc) --maxprocesses 8 --dist worksteal

@@ -75,10 +75,14 @@ class Database:
         """Connect the running event loop to PostgreSQL, and prepare statements there."""
         from store.postgres import Line, prepare
 
-        connection = await asyncio.to_thread(lambda: prepare(self._open_alone, statements))
-        self._close_line()
-        self._line = connection
-        return Line(connection, answer_within_s=self._answer_within_s)
+        def connect() -> Any:  # noqa: ANN401  the driver's own
+            connection = prepare(self._open_alone, statements)
+            self._close_line()
+            # kept before anybody waits for it: who is cancelled meanwhile leaves nothing open
+            self._line = connection
+            return connection
+
+        return Line(await asyncio.to_thread(connect), answer_within_s=self._answer_within_s)
 
     def _open_alone(self) -> Any:  # noqa: ANN401  the driver's own
         pooled = self._reader.raw_connection()
