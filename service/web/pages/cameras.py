@@ -13,7 +13,8 @@ from service.context import UsesContext
 from service.lookup import Id, owned
 from service.problems import Problem
 from service.schemas.base import Instant, Method, Text
-from service.web.charts import View, build_drift, build_fleet, draw_figure, send_svg
+from service.web.charts import View, draw_figure, send_svg
+from service.web.determinations import build_drift, build_fleet
 from service.web.lifetimes import build_lives, build_values
 from service.web.rendering import SignedInPage
 from store.columns import utc_now

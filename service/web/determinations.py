@@ -1,0 +1,117 @@
+"""A camera's and a fleet's coefficients as figures."""
+
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final
+
+from radiometry.drawing.figure import Axis, Figure, Mark, Series
+from radiometry.drawing.text import sort_naturally, write_unit
+from radiometry.fleet.determinations import Determination, Key
+from service.certificate.figures import in_step
+
+_DAY_S: Final = 86_400.0
+_ROOM: Final = 1.15
+
+
+def build_drift(found: Sequence[Determination], versions: Mapping[str, int], *, quantity: str) -> Figure:
+    """Return a series for each ISO, f-number, band and channel; bars are one standard uncertainty.
+
+    ``found`` : of one coefficient, named ``quantity``; ``versions`` : the number of each version
+    """
+    shared = _shared([row.key for row in found])
+    rows: dict[str, list[Determination]] = defaultdict(list)
+    for row in found:
+        rows[_where(row.key, without=shared).replace("channel ", "")].append(row)
+    times = [row.source.at.timestamp() for row in found]
+    # at least months, as nothing drifts in hours
+    middle, half = (
+        (max(times) + min(times)) / 2.0,
+        _ROOM * max((max(times) - min(times)) / 2.0, 45.0 * _DAY_S),
+    )
+    # error bars of one day would hide one another: together a small share of what is shown
+    step = min(0.012, 0.15 / len(rows)) * 2.0 * half
+    series = []
+    for place, (name, mine) in enumerate(rows.items()):
+        shift = (place - (len(rows) - 1) / 2) * step
+        marks = tuple(_determine(row, versions, shift) for row in mine)
+        line = tuple((mark.x, mark.y) for mark in marks)
+        series.append(Series(name=name if len(rows) > 1 else "", marks=marks, line=line))
+    return Figure(
+        x=Axis(label="determined", is_time=True, include=(middle - half, middle + half)),
+        y=Axis(label=f"{quantity} [{write_unit(found[0].key.unit)}]"),
+        series=tuple(series),
+    )
+
+
+def build_fleet(found: Sequence[Determination], label: Callable[[str], str]) -> list[Figure]:
+    """Return a figure per coefficient: a line of each camera with its versions; dashed: the mean of all.
+
+    Bars are twice the standard uncertainty. ``label`` : from the name of a coefficient
+    """
+    keys: dict[Key, list[Determination]] = defaultdict(list)
+    for row in found:
+        keys[row.key].append(row)
+    figures = []
+    for key, rows in keys.items():
+        cameras = sort_naturally({row.source.camera for row in rows})
+        versions = {camera: [row for row in rows if row.source.camera == camera] for camera in cameras}
+        marks = tuple(
+            Mark(
+                x=row.value,
+                # beside each other within the line of their camera
+                y=0.25 - 0.5 * (n + 0.5) / len(mine) - cameras.index(camera),
+                low=row.value - 2.0 * row.standard_uncertainty,
+                high=row.value + 2.0 * row.standard_uncertainty,
+                name=row.source.camera,
+                told=(
+                    f"{' ± '.join(in_step(row.value, row.standard_uncertainty))} {write_unit(key.unit)}",
+                    row.source.at.strftime("%Y-%m-%d"),
+                ),
+            )
+            for camera, mine in versions.items()
+            for n, row in enumerate(mine)
+        )
+        name, where = label(key.name), _where(key)
+        ticks = tuple((-float(n), camera) for n, camera in enumerate(cameras))
+        figures.append(
+            Figure(
+                part=", ".join(part for part in (name, where) if part),
+                x=Axis(label=name if key.unit == "1" else f"{name} [{write_unit(key.unit)}]"),
+                y=Axis(label="", ticks=ticks, include=(0.6, 0.4 - len(ticks))),
+                series=(Series(marks=marks),),
+                uprights=(sum(mark.x for mark in marks) / len(marks),),
+                note="Bars: two standard uncertainties; dashed: mean of all versions",
+            )
+        )
+    return figures
+
+
+def _determine(row: Determination, versions: Mapping[str, int], shift_s: float) -> Mark:
+    value, uncertainty = in_step(row.value, row.standard_uncertainty)
+    where = _where(row.key)
+    return Mark(
+        x=row.source.at.timestamp() + shift_s,
+        y=row.value,
+        low=row.value - row.standard_uncertainty,
+        high=row.value + row.standard_uncertainty,
+        name=f"version {versions[row.source.version]}" + (f", {where}" if where else ""),
+        told=(f"{value} ± {uncertainty} {write_unit(row.key.unit)}", row.source.at.strftime("%Y-%m-%d")),
+    )
+
+
+def _where(key: Key, *, without: frozenset[str] = frozenset()) -> str:
+    """Return what a series holds for, but for what goes without saying."""
+    return ", ".join(part for part in _parts(key) if part not in without)
+
+
+def _parts(key: Key) -> list[str]:
+    said = str(key).removeprefix(key.name).removeprefix(" at ").split(", ")
+    # of sharpness the model ends with the place in the frame
+    return [part for part in (*said, key.model.partition(":")[2]) if part]
+
+
+def _shared(keys: Sequence[Key]) -> frozenset[str]:
+    """Return what all series hold for: nothing for a single one, as it must have a name."""
+    if len(set(keys)) == 1:
+        return frozenset()
+    return frozenset.intersection(*(frozenset(_parts(key)) for key in keys))
