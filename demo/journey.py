@@ -20,7 +20,7 @@ from radiometry.frame.roi import Polygon, Window
 from simulation.camera import Camera, Shot
 from simulation.camera import take as expose
 from simulation.dng import write_dng
-from stilb.records import CampaignDetails, LensDetails
+from stilb.details import CampaignDetails, LensDetails
 
 STARTED_AT = datetime(2026, 5, 1, 12, 0, tzinfo=UTC)
 

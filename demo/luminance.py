@@ -17,7 +17,7 @@ from radiometry.frame.roi import Polygon, Window
 from simulation.camera import Camera, Shot, change
 from simulation.light import Meter
 from simulation.luminance import X5S, Errors, find_k, plan_campaign
-from stilb.records import Reading
+from stilb.details import Reading
 
 _SEED = 20250301
 _STARTED_AT = datetime(2025, 3, 1, 20, 30, tzinfo=UTC)

@@ -7,6 +7,7 @@ with stilb.Client("http://127.0.0.1:8000", key) as client:
 """
 
 from stilb.client import Client
+from stilb.details import Grid, PanelBand, Polygon, Reading
 from stilb.export import ExportProgress
 from stilb.health import Health
 from stilb.problem import JobFailed, Problem, Unclear
@@ -19,7 +20,6 @@ from stilb.records import (
     Coefficient,
     Comparison,
     Frame,
-    Grid,
     Job,
     Key,
     KnownFrame,
@@ -27,10 +27,7 @@ from stilb.records import (
     Meter,
     OwnKey,
     Panel,
-    PanelBand,
-    Polygon,
     Quantity,
-    Reading,
     Reason,
     Rig,
     Session,

@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import Any, TypedDict, TypeVar
 from urllib.parse import urlsplit
 
+from stilb.details import Polygon
 from stilb.problem import UNREACHABLE, Problem
-from stilb.records import Frame, Polygon
+from stilb.records import Frame
 from stilb.transport import Call, Transport, address
 
 _CHUNK_BYTES = 1 << 20

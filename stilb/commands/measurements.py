@@ -11,8 +11,9 @@ from stilb.commands.completion import complete_campaign
 from stilb.commands.exits import Exit
 from stilb.commands.output import Output, command
 from stilb.commands.tables import figure, show_scope, table
+from stilb.details import Grid, MeasureDetails
 from stilb.field.plan import read_spreadsheet
-from stilb.records import Grid, MeasureDetails, Measurement
+from stilb.records import Measurement
 
 _GRID = re.compile(r"(\d+)x(\d+)")
 

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from typing import Any, cast
 
 from stilb.client import Client
+from stilb.details import CampaignDetails, Reading
 from stilb.field.plan import Plan
-from stilb.records import Campaign, CampaignDetails, Reading
+from stilb.records import Campaign
 
 
 def find_planned(client: Client, plan: Plan) -> Campaign | None:

@@ -7,9 +7,9 @@ from datetime import date, datetime, time
 from pathlib import Path
 from typing import Any, cast
 
+from stilb.details import CameraDetails, CampaignDetails, Polygon, Reading
 from stilb.field.files import ROLES, USUAL_RULES, Rule
 from stilb.problem import Unclear
-from stilb.records import CameraDetails, CampaignDetails, Polygon, Reading
 from stilb.upload import FrameDetails
 
 FILENAME = "campaign.toml"

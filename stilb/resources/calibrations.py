@@ -4,8 +4,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from stilb.details import Moment, as_text
 from stilb.export import OnExport, export
-from stilb.records import Calibration, Job, Moment, as_text
+from stilb.records import Calibration, Job
 from stilb.resources.campaigns import Campaigns
 from stilb.resources.jobs import Jobs
 from stilb.transport import Call, address

@@ -5,9 +5,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Unpack, overload
 
 from stilb.connection import Connection
+from stilb.details import CampaignChange, CampaignDetails, Polygon, Reading, as_text
 from stilb.method import DEFAULT_METHOD
 from stilb.problem import Problem, Unclear, missing
-from stilb.records import Campaign, CampaignChange, CampaignDetails, Polygon, Reading, as_text
+from stilb.records import Campaign
 from stilb.transport import Call, Query, address
 
 _POLL_S = 0.5

@@ -2,9 +2,10 @@
 
 from typing import Any
 
+from stilb.details import Moment, as_text
 from stilb.method import DEFAULT_METHOD
 from stilb.problem import Unclear
-from stilb.records import Coefficient, Moment, as_text, as_times
+from stilb.records import Coefficient, as_times
 from stilb.resources.equipment import Equipment
 from stilb.transport import address
 

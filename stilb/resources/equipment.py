@@ -4,8 +4,9 @@ from collections.abc import Iterator, Sequence
 from typing import Any, Unpack
 
 from stilb.connection import Connection
+from stilb.details import CameraChange, CameraDetails, Certificate, PanelBand
 from stilb.problem import Problem, Unclear, missing
-from stilb.records import Camera, CameraChange, CameraDetails, Certificate, Meter, Panel, PanelBand
+from stilb.records import Camera, Meter, Panel
 from stilb.transport import Call, address
 
 

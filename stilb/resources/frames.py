@@ -5,7 +5,8 @@ from collections.abc import Iterable, Iterator
 from typing import Any, Unpack, overload
 
 from stilb.connection import Connection
-from stilb.records import Frame, KnownFrame, Polygon
+from stilb.details import Polygon
+from stilb.records import Frame, KnownFrame
 from stilb.resources.campaigns import region
 from stilb.transport import address
 from stilb.upload import FrameDetails, OnProgress, PathLike, Upload, send_all, send_each

@@ -4,8 +4,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Unpack
 
+from stilb.details import MeasureDetails
 from stilb.export import export_measurement
-from stilb.records import Comparison, Job, MeasureDetails, Measurement
+from stilb.records import Comparison, Job, Measurement
 from stilb.resources.campaigns import region
 from stilb.resources.jobs import Jobs
 from stilb.transport import Call, address

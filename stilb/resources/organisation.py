@@ -7,8 +7,9 @@ from typing import Any
 import httpx
 
 from stilb.connection import Connection
+from stilb.details import Moment, as_text
 from stilb.problem import Unclear, missing
-from stilb.records import AuditChain, AuditEntry, Key, Moment, Session, as_text
+from stilb.records import AuditChain, AuditEntry, Key, Session
 from stilb.transport import Call, address
 
 

@@ -5,8 +5,8 @@ from datetime import UTC, datetime
 import pytest
 
 import stilb
+from stilb.details import as_text
 from stilb.export import frame_path
-from stilb.records import as_text
 
 CALIBRATION = {
     "id": "k-1",

@@ -1,0 +1,122 @@
+"""What a caller states: details of cameras, campaigns, readings and measurements, as typed dictionaries."""
+
+from collections.abc import Sequence
+from datetime import datetime
+from typing import Any, NotRequired, TypedDict
+
+Polygon = Sequence[tuple[float, float]]
+Moment = datetime | str
+
+
+class LensDetails(TypedDict, total=False):
+    make: str
+    model: str
+    serial: str
+
+
+class CameraDetails(TypedDict, total=False):
+    lens: LensDetails
+    pixel_pitch_um: float
+    sensor_width_mm: float
+    note: str
+
+
+class CameraChange(CameraDetails, total=False):
+    """Corrections of a camera."""
+
+    make: str
+    model: str
+    serial: str
+
+
+class Certificate(TypedDict):
+    number: str
+    laboratory: str
+    issued_on: str
+    due_on: str
+    expanded_uncertainty_rel: float
+    coverage_factor: float
+
+
+class CampaignDetails(TypedDict, total=False):
+    project_number: str
+    recorder: str
+    customer: str
+    place: str
+    conditions: str
+    started_at: Moment
+    comments: str
+    surface_reflectance: float
+    lamp: str  # a name of the library, or a table: wavelength in nm and value
+    camera_response: str  # likewise, with R, G and B
+    focus_distance_m: float
+    focal_length_mm: float
+    mains_frequency_hz: float
+    lamp_modulation: float
+    acceptance: str  # simple | guarded | shared_risk
+    panel_id: str  # of a reflectance campaign
+    panel_serial: str  # in its place: a registered panel's, or that of the panel which the frames name
+    target: dict[str, Any]  # what is photographed, as its method's page says
+
+
+class CampaignChange(CampaignDetails, total=False):
+    """Corrections; a text of "" is taken away."""
+
+    camera_id: str  # every frame is checked against another camera; none is sent again
+    archived: bool
+
+
+class PanelBand(TypedDict):
+    """Reflectance of a panel in a band, 0..1; the uncertainty absolute, k = 1."""
+
+    band: str
+    reflectance: float
+    standard_uncertainty: NotRequired[float]
+    origin: NotRequired[str | None]
+
+
+class Reading(TypedDict):
+    """One meter reading of one scene, as it is sent and as it comes back."""
+
+    scene: str
+    quantity: str
+    value: float
+    unit: str
+    meter_id: NotRequired[str]
+    taken_at: NotRequired[str]
+
+
+class Grid(TypedDict):
+    """Equal cells of a rectangular surface, by the image [x, y] of its corners as the surface runs."""
+
+    corners: Sequence[tuple[float, float]]
+    rows: int
+    columns: int
+
+
+class MeasureDetails(TypedDict, total=False):
+    """How to measure; what is left out is taken from the frame, its campaign and what is in force."""
+
+    calibration_id: str
+    polygon: Polygon
+    grid: Grid
+    reflectance: float
+    incidence_angle_deg: float
+    index: str  # of reflectance: ndvi | ndre | gndvi | evi2 | savi, or a formula: (nir - red) / (nir + red)
+    quantity: str  # of a band: reflectance | radiance
+    light_source: str  # a name of the library, or a table: wavelength in nm and value
+    spectral_mismatch_u_rel: float
+    distance_m: float
+    mains_frequency_hz: float
+    flicker_modulation: float
+    glare_share: float
+    allow: list[str]  # flags of a frame that else forbid to measure it: image_part_empty
+
+
+def as_text(moment: Moment) -> str:
+    """A time as the service reads it; a datetime without its zone could mean two moments and is refused."""
+    if isinstance(moment, str):
+        return moment
+    if moment.tzinfo is None:
+        raise ValueError(f"{moment!r} has no time zone")
+    return moment.isoformat()
