@@ -25,6 +25,7 @@ log = logging.getLogger(__name__)
 
 _AT_ONCE: Final = 8
 _LOOK_EVERY_S: Final = 1.0
+_LOOK_AT_REST_S: Final = 5.0
 _ANSWER_WITHIN_S: Final = 15.0
 _FORGET_EVERY_S: Final = 3600.0
 _NAT64: Final = ipaddress.ip_network("64:ff9b::/96")
@@ -95,8 +96,10 @@ class Deliveries:
     def _run(self) -> None:
         forget_at = time.monotonic() + _FORGET_EVERY_S
         while True:
+            pause_s = _LOOK_AT_REST_S
             try:
-                self.send_due()
+                if self.send_due():
+                    pause_s = _LOOK_EVERY_S
                 if time.monotonic() >= forget_at:
                     with self._database.writing("webhooks") as session:
                         forget_old(session)
@@ -105,8 +108,8 @@ class Deliveries:
                 return
             except SQLAlchemyError as error:
                 log.warning("webhooks wait for the database: %s", summarise(error))
-                time.sleep(10 * _LOOK_EVERY_S)
-            time.sleep(_LOOK_EVERY_S)
+                pause_s = 10 * _LOOK_EVERY_S
+            time.sleep(pause_s)
 
     def _send(self, delivery: WebhookDelivery, hook: Webhook) -> None:
         status, error = self._try(delivery, hook)
