@@ -88,7 +88,6 @@ def main() -> int:
             ensure_operator(session, secret, list(SCOPES))
     with context.database.writing("service") as session:
         recount_all(session)
-    context.signer.enrol()
     app = build_app(context)
     # What is loaded by now stays: collecting garbage need not walk through it in the middle of answers.
     gc.collect()
