@@ -41,7 +41,7 @@ _QUERIES: dict[str, Node] = {
     "get_drift": {"method": "luminance", "tolerance": 0.04},
     "get_frame_motion": {"focal_length_mm": 3.98, "pixel_pitch_um": 3.75},
 }
-_MOST_IDS = 12
+_MOST_IDS = 24
 _LONGEST_TEXT, _MOST_NUMBERS, _MOST_ROWS, _SHORT_ROW = 400, 8, 4, 200
 
 
@@ -108,7 +108,7 @@ class Recorder:
         if name.startswith("Page_"):
             for item in body["items"]:
                 self._walk(known["properties"]["items"]["items"], item)
-        elif "properties" not in known:
+        elif not {"properties", "additionalProperties"} & known.keys():
             for one in known.get("oneOf") or known.get("anyOf") or ():
                 if body.keys() <= self._resolve(one)[1].get("properties", {}).keys():
                     self._walk(one, body)
