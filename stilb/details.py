@@ -1,4 +1,4 @@
-"""What a caller states: details of cameras, campaigns, readings and measurements, as typed dictionaries."""
+"""Details of cameras, campaigns, readings and measurements that a caller states, as typed dictionaries."""
 
 from collections.abc import Sequence
 from datetime import datetime
