@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from radiometry.checklist.facts import Facts, FrameFacts, IsoFacts
+from radiometry.drawing.text import sort_naturally, write_exposure
 
 Source = Literal["campaign", "frames", "readings", "region", "statistics", "version"]
 
@@ -244,7 +245,7 @@ def _lack_of_combination(light: Sequence[FrameFacts], levels: Sequence[str]) -> 
     for level in levels:
         for iso, f_number, time_s in _combinations(light):
             if (level, iso, f_number, time_s) not in taken:
-                return f"{level} lacks a frame at ISO {iso:g}, f/{f_number:g}, {time_s:g} s."
+                return f"{level} lacks a frame at ISO {iso:g}, f/{f_number:g}, {write_exposure(time_s)}."
     return "" if levels else "No light level has been photographed yet."
 
 
@@ -263,7 +264,7 @@ def _lack_of_version(facts: Facts) -> str:
 
 
 def _levels(facts: Facts) -> list[str]:
-    return sorted({frame.scene for frame in facts.frames if frame.role == "light" and frame.scene})
+    return sort_naturally({frame.scene for frame in facts.frames if frame.role == "light" and frame.scene})
 
 
 def _of_role(facts: Facts, role: str) -> list[FrameFacts]:
@@ -288,7 +289,7 @@ def _combinations(frames: Iterable[FrameFacts]) -> list[tuple[float, float, floa
 
 def _format_settings(iso: float, frames: Sequence[FrameFacts]) -> str:
     apertures = ", ".join(f"f/{value:g}" for value in sorted({frame.f_number for frame in frames}))
-    times = ", ".join(f"{value:g} s" for value in sorted({frame.exposure_time_s for frame in frames}))
+    times = ", ".join(write_exposure(value) for value in sorted({frame.exposure_time_s for frame in frames}))
     return f"ISO {iso:g}: {apertures} at {times}, {_list(frames)}"
 
 

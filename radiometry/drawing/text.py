@@ -12,21 +12,33 @@ def write_exposure(seconds: float) -> str:
     seconds : float
         Exposure time [s].
     """
-    return f"1/{1.0 / seconds:.4g} s" if seconds < 0.3 else f"{seconds:.3g} s"
+    if seconds >= 0.3:
+        return f"{seconds:.3g} s"
+    whole = round(1.0 / seconds)
+    return f"1/{whole} s" if abs(seconds * whole - 1.0) < 0.01 else f"1/{1.0 / seconds:.3g} s"
+
+
+def natural_key(name: str) -> list[tuple[bool, str]]:
+    """Return a key that sorts names in natural order: scene 9 before scene 10.
+
+    Parameters
+    ----------
+    name : str
+        A name.
+    """
+    parts = re.split(r"(\d+)", name.lower())
+    return [(part.isdigit(), part.zfill(20) if part.isdigit() else part) for part in parts]
 
 
 def sort_naturally(names: Iterable[str]) -> list[str]:
-    """Return names in natural order: scene 9 before scene 10.
+    """Return names in natural order.
 
     Parameters
     ----------
     names : iterable of str
         Names.
     """
-    return sorted(
-        names,
-        key=lambda name: [(part.isdigit(), part.zfill(20)) for part in re.split(r"(\d+)", name.lower())],
-    )
+    return sorted(names, key=natural_key)
 
 
 def write_unit(unit: str) -> str:

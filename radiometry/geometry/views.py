@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from radiometry.drawing.text import sort_naturally
 from radiometry.findings import Finding
 from radiometry.fitting.evidence import list_unknown_exclusions
 from radiometry.geometry import codes
@@ -57,7 +58,7 @@ def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] =
     """List, by name, what keeps a fit from starting."""
     excluded = {exclusion.frame for exclusion in params.exclude}
     found = list_unknown_exclusions(params.exclude, [*(row.frame for row in rows), *unread])
-    found += [f"frame {name} has not been read yet" for name in sorted({*unread} - excluded)]
+    found += [f"frame {name} has not been read yet" for name in sort_naturally({*unread} - excluded)]
     charts = [row for row in rows if row.role == CHART and row.frame not in excluded]
     found += [
         f"frame {row.frame} waits for its board to be looked for"

@@ -3,6 +3,7 @@
 import statistics as python_statistics
 from collections.abc import Iterable, Sequence
 
+from radiometry.drawing.text import sort_naturally
 from radiometry.findings import Reason, shared
 from radiometry.frame.exposure import compute_rhs
 from radiometry.luminance import codes
@@ -33,7 +34,7 @@ def inspect_scenes(
         Reasons by name of the frame. Fail: `scene_missing`. Pending:
         `reading_missing`. Warn: `lamp_drift`.
     """
-    read = sorted({reading.scene for reading in readings if reading.quantity == "luminance"})
+    read = sort_naturally({reading.scene for reading in readings if reading.quantity == "luminance"})
     scenes = summarise_scenes(readings, panel_rho=params.panel_rho)
     drifts = {
         raised.where: raised.detail for raised in check_scenes(scenes) if raised.flag == codes.LAMP_DRIFT

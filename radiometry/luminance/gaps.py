@@ -5,6 +5,7 @@ import statistics as python_statistics
 from collections import Counter
 from collections.abc import Sequence
 
+from radiometry.drawing.text import sort_naturally
 from radiometry.luminance.agreement import measure_brightness
 from radiometry.luminance.points import IsoSeries, collect_series
 from radiometry.luminance.rows import FrameRow, Params, Reading
@@ -33,7 +34,7 @@ def find_gaps(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Par
     lit = [row for row in rows if row.role == "light" and row.scene]
     read = {each.scene: each.value for each in readings if each.quantity == "luminance"}
     shown = {(row.scene, row.exposure.iso, row.exposure.f_number) for row in lit}
-    scenes = sorted({row.scene for row in lit if row.scene} | read.keys())
+    scenes = sort_naturally({row.scene for row in lit if row.scene} | read.keys())
     taken_s = [row.exposure.exposure_time_s for row in rows]
     common = Counter((iso, f_number) for _, iso, f_number in shown)
     series = collect_series(rows, readings, params)

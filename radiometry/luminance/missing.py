@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from radiometry.drawing.text import sort_naturally
 from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import list_unknown_exclusions
 from radiometry.luminance.points import FEWEST_SCENES, IsoSeries, collect_series
@@ -38,12 +39,12 @@ def list_missing(
     excluded = {exclusion.frame for exclusion in params.exclude}
     found = list_unknown_exclusions(params.exclude, [*(row.frame for row in rows), *unread])
     wanted = [row for row in rows if row.frame not in excluded]
-    waiting = sorted({*unread} - excluded)
+    waiting = sort_naturally({*unread} - excluded)
     if waiting:
         found.append(f"{_name_frames(waiting, 'has', 'have')} not been read yet")
     found += _list_unmeasured(wanted)
     light = [row for row in wanted if row.role == "light"]
-    sceneless = sorted(row.frame for row in light if not row.scene)
+    sceneless = sort_naturally(row.frame for row in light if not row.scene)
     if sceneless:
         found.append(f"{_name_frames(sceneless, 'has', 'have')} no scene: say which light level it is")
     if not light and not waiting:
@@ -68,11 +69,11 @@ def require_shares(rows: Sequence[FrameRow], params: Params) -> None:
     """
     excluded = {exclusion.frame for exclusion in params.exclude}
     light = [row for row in rows if row.role == "light" and row.statistics and row.frame not in excluded]
-    lacking = [row.frame for row in light if row.lens_share is None]
+    lacking = sort_naturally(row.frame for row in light if row.lens_share is None)
     if params.vignetting is not None and lacking:
         raise InputRejected(
             shared.VIGNETTING_NOT_CALIBRATED,
-            f"The fit corrects vignetting, and {_name_frames(sorted(lacking), 'has', 'have')} no V of its "
+            f"The fit corrects vignetting, and {_name_frames(lacking, 'has', 'have')} no V of its "
             "region: give it the vignetting version.",
         )
 
@@ -88,13 +89,13 @@ def list_unread_scenes(rows: Sequence[FrameRow], readings: Sequence[Reading], pa
     excluded = {exclusion.frame for exclusion in params.exclude}
     read = {reading.scene for reading in readings if reading.quantity == "luminance"}
     shown = {row.scene for row in rows if row.role == "light" and row.scene and row.frame not in excluded}
-    return [f"scene {scene} has no luminance reading" for scene in sorted(shown - read)]
+    return [f"scene {scene} has no luminance reading" for scene in sort_naturally(shown - read)]
 
 
 def _list_unmeasured(rows: Sequence[FrameRow]) -> list[str]:
     """List the frames without statistics, with whether they lack a region or wait for a worker."""
-    regionless = sorted(row.frame for row in rows if not row.statistics and not row.has_region)
-    waiting = sorted(row.frame for row in rows if not row.statistics and row.has_region)
+    regionless = sort_naturally(row.frame for row in rows if not row.statistics and not row.has_region)
+    waiting = sort_naturally(row.frame for row in rows if not row.statistics and row.has_region)
     found = []
     if regionless and len(regionless) == len(rows):
         found.append("the campaign has no region (ROI)")
@@ -122,5 +123,5 @@ def _reasons(series: IsoSeries) -> str:
     if not lost:
         return "photograph more light levels"
     return ", ".join(
-        f"scene {scene}: a frame was left out because {why}" for scene, why in sorted(lost.items())
+        f"scene {scene}: a frame was left out because {lost[scene]}" for scene in sort_naturally(lost)
     )

@@ -5,6 +5,7 @@ import math
 import statistics as python_statistics
 from collections.abc import Sequence
 
+from radiometry.drawing.text import sort_naturally
 from radiometry.findings import shared
 from radiometry.luminance import codes
 from radiometry.luminance.agreement import DOUBTFUL_REL, measure_brightness
@@ -146,10 +147,10 @@ def _doubt_readings(series: IsoSeries) -> list[str]:
         return []
     usual = python_statistics.median(ks.values())
     return [
-        f"the reading of scene {scene} is {usual / k:.3g} times what its frames at ISO {series.iso:g} give: "
-        "check it, and its unit"
-        for scene, k in sorted(ks.items())
-        if not abs(math.log(k / usual)) <= math.log1p(DOUBTFUL_REL)
+        f"the reading of scene {scene} is {usual / ks[scene]:.3g} times what its frames at ISO "
+        f"{series.iso:g} give: check it, and its unit"
+        for scene in sort_naturally(ks)
+        if not abs(math.log(ks[scene] / usual)) <= math.log1p(DOUBTFUL_REL)
     ]
 
 

@@ -5,6 +5,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from radiometry.drawing.text import sort_naturally
 from radiometry.findings import Finding, InputRejected, Raised
 from radiometry.fitting.evidence import list_unknown_exclusions
 from radiometry.frame.multispectral import Multispectral
@@ -92,7 +93,7 @@ def list_missing(
     """
     excluded = {exclusion.frame for exclusion in params.exclude}
     found = list_unknown_exclusions(params.exclude, [*(row.frame for row in rows), *unread])
-    found += [f"frame {name} has not been read yet" for name in sorted({*unread} - excluded)]
+    found += [f"frame {name} has not been read yet" for name in sort_naturally({*unread} - excluded)]
     panels = [row for row in rows if row.role == PANEL and row.frame not in excluded]
     for row in sorted(panels, key=lambda each: each.frame):
         if not row.has_region:

@@ -2,7 +2,7 @@
 
 from collections import defaultdict
 
-from radiometry.drawing.text import write_unit
+from radiometry.drawing.text import natural_key, write_unit
 from service.certificate.figures import in_step, optional, percent, plain, stamp
 from service.certificate.regions import region_blocks
 from service.certificate.sheet import Node, flow, section, table
@@ -54,7 +54,7 @@ def _scenes(certificate: Node) -> Node:
             optional(scene, "illuminance_spread_rel", percent),
             optional(scene, "rho_e_pi_cd_m2", plain),
         ]
-        for scene in certificate["result"]["scenes"]
+        for scene in sorted(certificate["result"]["scenes"], key=lambda each: natural_key(each["scene"]))
     ]
     head = ["scene", "L [cd/m²]", "readings", "range", "E [lx]", "range", "rho E/pi [cd/m²]"]
     return table(head, rows, align="lrrrrrr", widths=[2, 1, 0.8, 1, 1, 1, 1.2])
@@ -70,7 +70,7 @@ def _readings(certificate: Node) -> Node:
             reading.get("meter", "not recorded"),
             optional(reading, "taken_at", stamp),
         ]
-        for reading in certificate["readings"]
+        for reading in sorted(certificate["readings"], key=lambda each: natural_key(each["scene"]))
     ]
     head = ["scene", "quantity", "value", "as entered", "meter", "taken at"]
     return table(head, rows, align="llrrll", widths=[1.2, 1, 1.3, 1.3, 2.4, 1.9], caption="All readings.")
@@ -84,7 +84,7 @@ def _entered(reading: Node) -> str:
 
 def _frames(frames: list[Node]) -> Node:
     rows = []
-    for frame in frames:
+    for frame in sorted(frames, key=lambda each: natural_key(f"{each.get('scene', '')} {each['frame']}")):
         exposure = frame["exposure"]
         signal, u = in_step(frame["signal_dn"], frame["signal_standard_uncertainty_dn"])
         rows.append(

@@ -32,6 +32,13 @@ REFIT = """(calibration) => {
     const page = document.querySelector("script[type=module]").src;
     import(page.replace("page.js", "refit.js")).then(({ fitAnew }) => fitAnew(calibration));
 }"""
+# the parameters of a version in words
+FACTS = """async ([method, values]) => {
+    const page = document.querySelector("script[type=module]").src;
+    const { parameterFacts } = await import(page.replace("calibration/page.js", "parameter.js"));
+    const { methodOf } = await import(page.replace("calibration/page.js", "methods.js"));
+    return parameterFacts(values, methodOf(method).parameters).textContent;
+}"""
 LENS = {"id": "cal_lens", "version": 3, "state": "published", "content_sha256": "f" * 64}
 
 
@@ -47,6 +54,10 @@ def shown(night_page, night):
 def find_point(page, plot):
     page.locator(f"#{plot}").scroll_into_view_if_needed()
     return page.evaluate(LONELIEST, plot)
+
+
+def list_labels(parameter):
+    return [parameter.label, *(label for each in parameter.members for label in list_labels(each))]
 
 
 def draft(night, **params):
@@ -216,6 +227,10 @@ def test_a_refit_asks_for_every_parameter_of_its_version(night_page, night):
             {each.field: None if each.none_allowed else each.default for each in parameters},
         ):
             version = {"id": "cal_1", "camera_id": "cam_1", "campaign_id": "cmp_1", "method": spec.name}
+            said = night_page.evaluate(FACTS, [spec.name, drop_absent(stored)])
+            shown = [each for each in parameters if stored[each.field] is not None]
+            assert all(label in said for each in shown for label in list_labels(each)), said
+            assert not re.search(r"[{}]|\[object|\b[a-z]+_[a-z]+\b", said), said
             night_page.evaluate(REFIT, version | {"parameters": drop_absent(stored), "points": []})
             settle(night_page)
             dialog.get_by_role("button", name="Refit").click()

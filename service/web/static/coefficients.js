@@ -2,7 +2,7 @@
 
 import { h } from "./dom.js";
 import { number, words } from "./format.js";
-import { coefficientLabel, headlineOf } from "./methods.js";
+import { METHODS, coefficientLabel, headlineOf } from "./methods.js";
 
 /** "ISO 3200, f/2.8, band 650": what a coefficient holds for. */
 export function holdsFor(row) {
@@ -21,6 +21,8 @@ export function holdsFor(row) {
 /** A coefficient by its label and what it holds for. */
 export const named = (row, method = row.method) => h("span", { title: row.name }, coefficientLabel(method, row.name), h("span", { class: "muted" }, ` ${holdsFor(row)}`));
 
+const rankOf = ({ method }) => METHODS.findIndex(({ name }) => name === method);
+
 /** The versions of a series (/v1/series/coefficients) that are in force at a time, each with its rows. */
 export function inForce(rows, at = new Date()) {
   const versions = new Map();
@@ -34,5 +36,5 @@ export function inForce(rows, at = new Date()) {
     version.largest = shares.length ? Math.max(...shares) : undefined;
     version.flags = [...new Set(version.rows.flatMap((row) => row.flags.split(/[ ,;]+/).filter(Boolean)))];
   }
-  return [...versions.values()].sort((a, b) => a.method.localeCompare(b.method) || a.version - b.version);
+  return [...versions.values()].sort((a, b) => rankOf(a) - rankOf(b) || a.version - b.version);
 }

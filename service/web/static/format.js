@@ -71,11 +71,11 @@ export function time(instant) {
   return h("time", { datetime: instant, class: "nowrap", title: `${instant} (${ago(instant)})` }, `${utc.slice(0, 10)} ${utc.slice(11, 16)} UTC`);
 }
 
+/** A camera as lists name and order it. */
+export const cameraName = ({ make, model, serial }) => `${make} ${model} ${serial}`;
+
 /** The service's own sentences write times for machines: 2026-05-01T08:00:00Z becomes 2026-05-01 08:00 UTC. */
 export const sayTimes = (text) => text.replace(/(\d{4}-\d\d-\d\d)T(\d\d:\d\d)(?::\d\d(?:\.\d+)?)?(?:Z|\+00:00)/g, "$1 $2 UTC");
-
-/** The one order of names: DJI_9 before DJI_10. */
-export const natural = new Intl.Collator(undefined, { numeric: true }).compare;
 
 /** How long ago: "3 days ago". */
 export function ago(instant, now = Date.now()) {
@@ -98,10 +98,12 @@ export function bytes(count) {
   return `${number(count / 1000 ** power, 3)} ${powers[power]}`;
 }
 
-/** 1/250 s, or 2 s. */
+/** As the camera names it: 1/250 s, 0.5 s, 2 s. */
 export function exposureTime(seconds) {
   if (seconds === undefined || seconds === null) return "–";
-  return seconds < 0.3 ? `1/${number(1 / seconds, 4)} s` : `${number(seconds, 3)} s`;
+  if (seconds >= 0.3) return `${number(seconds, 3)} s`;
+  const whole = Math.round(1 / seconds);
+  return `1/${Math.abs(seconds * whole - 1) < 0.01 ? whole : number(1 / seconds, 3)} s`;
 }
 
 /** A code or a name of the API in words: "noise_high" is "noise high". */

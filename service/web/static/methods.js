@@ -11,6 +11,9 @@ export const labelOf = (name) => methodOf(name).label;
 /** The label of a method's coefficient. */
 export const coefficientLabel = (method, name) => methodOf(method).coefficients.find((each) => each.name === name)?.label ?? words(name);
 
+/** The label of one of a parameter's choices. */
+export const choiceLabel = (method, field, value) => methodOf(method).parameters.find((each) => each.field === field)?.choices?.find((each) => each.value === value)?.label ?? words(value ?? "");
+
 /** The name of the coefficient that is looked for first; how well a camera is known is how well this is. */
 export const headlineOf = (name) => methodOf(name).coefficients[0].name;
 

@@ -97,8 +97,12 @@ def test_what_keeps_a_fit_from_starting_is_said_by_name(rows, readings, sentence
 
 
 def test_a_scene_without_a_reading_is_named_and_does_not_stop_the_others():
-    rows = (*ROWS, dataclasses.replace(light("dim", 11.0, name="new"), scene="level-4"))
-    assert luminance.missing(rows, READINGS, PARAMS) == ("scene level-4 has no luminance reading",)
+    scenes = ("level-10", "level-2")
+    rows = (*ROWS, *(dataclasses.replace(light("dim", 11.0, name=each), scene=each) for each in scenes))
+    assert luminance.missing(rows, READINGS, PARAMS) == (
+        "scene level-2 has no luminance reading",
+        "scene level-10 has no luminance reading",
+    )
     assert fit(rows).passed
 
 
@@ -119,7 +123,7 @@ def test_a_campaign_without_a_region_says_so_once():
 def test_the_first_of_many_waiting_frames_are_named_and_the_rest_counted():
     waiting = [dataclasses.replace(row, statistics=None) for row in ROWS]
     assert luminance.missing(waiting, READINGS, PARAMS) == (
-        "frames bright-3200-16, bright-3200-5.6, bright-3200-8 and 12 more have no statistics yet",
+        "frames bright-3200-5.6, bright-3200-8, bright-3200-16 and 12 more have no statistics yet",
     )
     assert luminance.missing((*waiting[:2], *ROWS[2:]), READINGS, PARAMS) == (
         "frames bright-3200-5.6 and bright-3200-8 have no statistics yet",

@@ -3,9 +3,10 @@
 import { bars } from "../bars.js";
 import { h, table } from "../dom.js";
 import { number, percent, tag, withUncertainty, words } from "../format.js";
+import { choiceLabel } from "../methods.js";
 
 /** Per ISO value, every model that was fitted; null where the method fits one alone. */
-export function drawModels({ diagnostics }) {
+export function drawModels({ diagnostics, method }) {
   if (!diagnostics.iso_fits) return null;
   const rows = diagnostics.iso_fits.flatMap(({ coefficient, models }) => {
     const best = Math.min(...models.map((model) => model.aicc ?? Infinity));
@@ -13,7 +14,7 @@ export function drawModels({ diagnostics }) {
   });
   const columns = [
     { head: "ISO", header: true, class: "number", cell: (row) => (row.first ? number(row.coefficient.iso, 6) : h("span", { class: "hidden" }, number(row.coefficient.iso, 6))) },
-    { head: "Model", cell: (row) => h("span", { class: "nowrap" }, row.model, row.model === row.coefficient.model ? [" ", tag("reported", "live")] : null) },
+    { head: "Model", cell: (row) => h("span", { class: "nowrap" }, choiceLabel(method, "model", row.model), row.model === row.coefficient.model ? [" ", tag("reported", "live")] : null) },
     { head: "Parameters", cell: parameters },
     { head: "R²", class: "number", cell: (row) => number(row.r_squared, 5) },
     { head: "χ² / dof", class: "number", cell: (row) => (row.chi_squared === null || row.chi_squared === undefined || !row.dof ? "–" : `${number(row.chi_squared, 3)} / ${row.dof}`) },

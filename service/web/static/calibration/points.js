@@ -3,6 +3,7 @@
 
 import { filename, h, may, table } from "../dom.js";
 import { exposureTime, fixed, number, tag, time, withUncertainty, words } from "../format.js";
+import { inOrder } from "../groups.js";
 import { empty } from "../states.js";
 import { shorten } from "../shorten.js";
 
@@ -21,7 +22,7 @@ export function drawPoints({ points, parameters, diagnostics }, choice) {
     if (choice) mark(drawn, choice);
     return drawn;
   };
-  return shorten(points, draw, 12);
+  return shorten(inOrder(points, (point) => point.scene ?? ""), draw, 12);
 }
 
 const frameColumn = { head: "Frame", header: true, class: "frame-name", cell: (point) => filename(point.frame) };

@@ -1,8 +1,10 @@
 // Decisions, other versions of the campaign, and the inputs.
 
 import { filename, h, table } from "../dom.js";
-import { counted, day, number, quantity, tag, time, unit, words } from "../format.js";
-import { coefficientLabel, methodOf } from "../methods.js";
+import { counted, day, number, quantity, tag, time, words } from "../format.js";
+import { inOrder } from "../groups.js";
+import { choiceLabel, coefficientLabel, methodOf, roleLabel } from "../methods.js";
+import { parameterFacts } from "../parameter.js";
 import { empty } from "../states.js";
 
 export function drawHistory(items) {
@@ -29,15 +31,17 @@ export function drawSiblings(own, versions) {
     { head: "Version", header: true, cell: (row) => (row.id === own.id ? h("strong", { "aria-current": "true" }, `${row.version}, this one`) : h("a", { href: `/calibrations/${row.id}` }, `Version ${row.version}`)) },
     { head: "State", cell: (row) => tag(row.state) },
     { head: "Settings", cell: howOf },
-    { head: own.coefficients[0] ? coefficientLabel(own.method, own.coefficients[0].name) : "Coefficient", class: "number", cell: (row) => (row.coefficients[0] ? quantity({ ...row.coefficients[0], unit: "1" }) : "–") },
+    { head: own.coefficients[0] ? coefficientLabel(own.method, own.coefficients[0].name) : "Coefficient", class: "number", cell: (row) => (row.coefficients[0] ? quantity(row.coefficients[0]) : "–") },
   ];
   return table(columns, versions, { caption: "Versions of this campaign" });
 }
 
-function howOf({ parameters }) {
+function howOf({ method, parameters }) {
   const left = parameters.exclude?.length ?? 0;
-  return [parameters.model, left ? `${left} excluded` : ""].filter(Boolean).join(", ") || "default";
+  return [choiceLabel(method, "model", parameters.model), left ? `${left} excluded` : ""].filter(Boolean).join(", ") || "default";
 }
+
+const capital = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 
 // `stilb` is stored; it is the version of the code that fits, which a release may leave as it is.
 const SOFTWARE = { stilb: "fit code version", release: "stilb" };
@@ -54,24 +58,11 @@ export function drawMade(calibration) {
       h("dt", {}, "Content, SHA-256"),
       h("dd", { class: "mono small" }, calibration.content_sha256),
     ),
-    h("details", { class: "card" }, h("summary", {}, "Parameters"), definitions(parameters, calibration.method)),
+    h("details", { class: "card" }, h("summary", {}, "Parameters"), parameterFacts({ ...parameters, exclude: null }, methodOf(calibration.method).parameters)),
     excluded(parameters.exclude),
     h("details", { class: "card" }, h("summary", {}, `${counted(inputs.frames.length, "frame")} by content`), frames(inputs.frames)),
     inputs.readings?.length ? h("details", { class: "card" }, h("summary", {}, counted(inputs.readings.length, "reading")), readings(calibration)) : null,
   );
-}
-
-/** Parameters by the labels of the method, choices by theirs. */
-function definitions(values, method) {
-  const known = new Map(methodOf(method).parameters.map((each) => [each.field, each]));
-  const said = Object.entries(values).filter(([name, value]) => value !== null && name !== "exclude");
-  const say = (value, { choices = [], unit: of = "1" } = {}) => {
-    if (typeof value === "boolean") return value ? "yes" : "no";
-    if (typeof value === "object") return JSON.stringify(value);
-    const chosen = choices.find((each) => each.value === value);
-    return chosen?.label ?? `${typeof value === "number" ? number(value, 6) : value}${typeof value === "number" && of !== "1" ? ` ${unit(of)}` : ""}`;
-  };
-  return h("dl", { class: "facts" }, said.flatMap(([name, value]) => [h("dt", {}, known.get(name)?.label ?? words(name)), h("dd", {}, say(value, known.get(name)))]));
 }
 
 function excluded(rows) {
@@ -87,22 +78,22 @@ function excluded(rows) {
 function frames(rows) {
   const columns = [
     { head: "Frame", header: true, cell: (row) => row.frame },
-    { head: "Role", cell: (row) => row.role },
+    { head: "Role", cell: (row) => roleLabel(row.role) },
     { head: "Scene", cell: (row) => row.scene ?? "–" },
     { head: "SHA-256", cell: (row) => h("code", { title: row.sha256 }, `${row.sha256.slice(0, 16)}…`) },
   ];
-  return table(columns, rows, { caption: "Frames" });
+  return table(columns, inOrder(rows, (row) => `${row.scene ?? ""} ${row.frame}`), { caption: "Frames" });
 }
 
 function readings({ inputs: { readings: rows }, diagnostics }) {
   if (rows[0].panel) return panel(rows, diagnostics.band_fits ?? []);
   const columns = [
     { head: "Scene", header: true, cell: (row) => row.scene },
-    { head: "Quantity", cell: (row) => row.quantity },
+    { head: "Quantity", cell: (row) => capital(row.quantity) },
     { head: "Value", class: "number", cell: (row) => `${number(row.value, 5)} ${row.quantity === "luminance" ? "cd/m²" : "lx"}` },
     { head: "Meter", cell: (row) => row.meter ?? "not recorded" },
   ];
-  return table(columns, rows, { caption: "Readings" });
+  return table(columns, inOrder(rows, (row) => row.scene), { caption: "Readings" });
 }
 
 /** Every measurement of the panel; of several, those whose values the fit took. */

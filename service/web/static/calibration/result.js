@@ -4,7 +4,7 @@ import { figure, h, table } from "../dom.js";
 import { day, number, percent, quantity, relative, tag, time, withUncertainty, words } from "../format.js";
 import { named } from "../coefficients.js";
 import { mark } from "../marks.js";
-import { methodOf } from "../methods.js";
+import { choiceLabel, methodOf } from "../methods.js";
 import { shorten } from "../shorten.js";
 
 /** Where the version stands, and what took its place if anything did: a row of facts. */
@@ -53,7 +53,7 @@ function keyFigures({ key_figures: rows = [], uncertainty_scope: scope }) {
 }
 
 /** One curve for each ISO value, against a tolerance. */
-function curves({ diagnostics, coefficients: rows, parameters, uncertainty_scope: scope }) {
+function curves({ method, diagnostics, coefficients: rows, parameters, uncertainty_scope: scope }) {
   const fits = diagnostics.iso_fits;
   const tolerance = percent(diagnostics.tolerance_rel);
   const failing = fits.filter((fit) => !fit.passed);
@@ -70,14 +70,14 @@ function curves({ diagnostics, coefficients: rows, parameters, uncertainty_scope
   const note = failing.length
     ? h("p", { class: "note bad" }, h("strong", {}, `${failing.length} of ${fits.length} ISO values exceed the tolerance of ${tolerance}. `), "Check the residuals. Do not exclude a point without a reason.")
     : h("p", { class: "note good" }, h("strong", {}, ["", "Passed. ", "Both ISO values pass. "][fits.length] ?? `All ${fits.length} ISO values pass. `), `The largest residual is ${percent(Math.max(...fits.map((fit) => fit.largest_residual_rel)))} of L; the tolerance is ${tolerance}.`);
-  return [[note, conditions(diagnostics, parameters)], [table(columns, fits, { caption: "K of each ISO value" }), apertures(fits, scope)]];
+  return [[note, conditions(diagnostics, parameters, method)], [table(columns, fits, { caption: "K of each ISO value" }), apertures(fits, scope)]];
 }
 
 /** The light that K holds for, and the rule of the verdict, as far as the campaign states them. */
-function conditions({ spectral, iso_fits: fits }, { acceptance }) {
+function conditions({ spectral, iso_fits: fits }, { acceptance }, method) {
   const said = [
     spectral ? `Lamp: ${spectral.lamp}. Camera response: ${spectral.camera_response}${spectral.f1_prime === undefined ? "" : `, f₁′ ${percent(spectral.f1_prime)}`}.` : null,
-    acceptance ? `Decision rule: ${words(acceptance)}; ${fits.some((fit) => fit.expanded_u_rel === undefined) ? "U of K is unknown, because K is relative only" : `U of K up to ${percent(Math.max(...fits.map((fit) => fit.expanded_u_rel)))}, beyond the tolerance with a probability of up to ${percent(Math.max(...fits.map((fit) => fit.beyond_tolerance_risk)))}`}.` : null,
+    acceptance ? `Decision rule: ${choiceLabel(method, "acceptance", acceptance)}; ${fits.some((fit) => fit.expanded_u_rel === undefined) ? "U of K is unknown, because K is relative only" : `U of K up to ${percent(Math.max(...fits.map((fit) => fit.expanded_u_rel)))}, beyond the tolerance with a probability of up to ${percent(Math.max(...fits.map((fit) => fit.beyond_tolerance_risk)))}`}.` : null,
   ].filter(Boolean);
   return said.length ? h("p", { class: "small muted" }, said.join(" ")) : null;
 }
@@ -110,7 +110,7 @@ function coefficients({ coefficients: rows, method }) {
     { head: "Coefficient", header: true, cell: (row) => named(row, method) },
     { head: "Value", class: "number", cell: quantity },
     { head: "u", class: "number wide-only", cell: (row) => relative(row.value, row.standard_uncertainty) },
-    { head: "Model", class: "nowrap wide-only", cell: (row) => words(row.model.split(":")[0]) },
+    { head: "Model", class: "nowrap wide-only", cell: (row) => choiceLabel(method, "model", row.model.split(":")[0]) },
     { head: "Flags", class: "wide-only", cell: flagsOf },
   ].filter((column) => column.head !== "Flags" || rows.some((row) => row.flags.length));
   return shorten(rows, (some) => table(columns, some, { caption: "Coefficients" }));

@@ -2,7 +2,8 @@
 
 import { get } from "../api.js";
 import { h, table } from "../dom.js";
-import { counted, day, natural } from "../format.js";
+import { counted, day } from "../format.js";
+import { inOrder } from "../groups.js";
 import { inForce } from "../coefficients.js";
 import { mark } from "../marks.js";
 import { METHODS } from "../methods.js";
@@ -22,7 +23,7 @@ export async function loadCompleteness(campaigns) {
 
 export function drawCompleteness({ held, begun }, cameras) {
   const known = new Set([...[...begun.values()].map(({ campaign }) => campaign.camera_id), ...held.map((each) => each.camera_id)]);
-  const bodies = [...cameras.values()].filter(({ id }) => known.has(id)).sort((a, b) => natural(nameOf(a), nameOf(b)));
+  const bodies = inOrder(cameras.values(), nameOf).filter(({ id }) => known.has(id));
   const methods = METHODS.filter(({ name }) => held.some((each) => each.method === name) || [...begun.values()].some(({ campaign }) => campaign.method === name));
   const cell = (camera, method) => {
     const key = keyOf({ camera_id: camera.id, method: method.name });

@@ -2,6 +2,8 @@
 
 import { all, post } from "../api.js";
 import { byId, fill, h } from "../dom.js";
+import { cameraName } from "../format.js";
+import { inOrder } from "../groups.js";
 import { METHODS, methodOf } from "../methods.js";
 import { act, load } from "../states.js";
 import { choices, field, filled, select } from "./forms.js";
@@ -64,7 +66,7 @@ async function create() {
 
 /** Choose a camera, or register one on the spot. */
 function cameraPart(cameras) {
-  const known = cameras.map((each) => [each.id, `${each.make} ${each.model} ${each.serial}`]);
+  const known = inOrder(cameras, cameraName).map((each) => [each.id, cameraName(each)]);
   // frames of another camera are refused: of several, none is taken for granted
   const several = known.length > 1 ? [["", "Select…"]] : [];
   const chosen = select([...several, ...known, [NEW, "Register another…"]], { name: "camera_id", required: true }, several.length ? "" : known[0]?.[0]);

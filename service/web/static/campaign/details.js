@@ -3,6 +3,8 @@
 import { all, patch } from "../api.js";
 import { ask } from "../ask.js";
 import { h, may } from "../dom.js";
+import { cameraName } from "../format.js";
+import { inOrder } from "../groups.js";
 import { done } from "../undo.js";
 
 const FIELDS = [
@@ -22,7 +24,7 @@ const sent = (name, value) => (name === "started_at" ? new Date(`${value}Z`).toI
 export async function editDetails(campaign, { only, cameras } = {}) {
   const fields = FIELDS.filter((each) => !only || only.includes(each.name)).map((each) => ({ ...each, required: false, value: typed(campaign, each.name) }));
   const known = cameras ?? (only ? [] : await all("/v1/cameras"));
-  const camera = known.length ? [{ name: "camera_id", label: "Camera", options: known.map((each) => [each.id, `${each.make} ${each.model} ${each.serial}`]), value: campaign.camera_id, hint: "Frames are checked against another camera; nothing is sent again." }] : [];
+  const camera = known.length ? [{ name: "camera_id", label: "Camera", options: inOrder(known, cameraName).map((each) => [each.id, cameraName(each)]), value: campaign.camera_id, hint: "Frames are checked against another camera; nothing is sent again." }] : [];
   return ask({
     title: only ? "Add what the certificate lacks" : "Edit details",
     fields: [...camera, ...fields],

@@ -1,5 +1,7 @@
 // Dropped files, and every file below a dropped folder, with its path.
 
+import { inOrder } from "../groups.js";
+
 /** [{file, name}] of a drop; hidden files are left out, as cards carry half copies of frames under such names. */
 export async function filesOf(transfer) {
   // the entries must all be taken before the first wait: the browser takes the transfer back
@@ -10,7 +12,7 @@ export async function filesOf(transfer) {
     if (entry) await walk(entry, "", found);
     else if (plain[index]) found.push({ file: plain[index], name: plain[index].name });
   }
-  return found.sort((a, b) => a.name.localeCompare(b.name, undefined, { numeric: true }));
+  return inOrder(found, (each) => each.name);
 }
 
 async function walk(entry, above, found) {

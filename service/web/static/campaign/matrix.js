@@ -1,6 +1,7 @@
 // Frames, readings and gaps as a matrix, by the axes that the method states.
 
-import { exposureTime, natural, number, words } from "../format.js";
+import { exposureTime, number, words } from "../format.js";
+import { inOrder, natural } from "../groups.js";
 import { roleLabel } from "../methods.js";
 
 const compare = (a, b) => (typeof a === "number" && typeof b === "number" ? a - b : natural(String(a ?? "\uffff"), String(b ?? "\uffff")));
@@ -66,7 +67,7 @@ function makeColumns(axes, rows, across) {
 }
 
 function linesOf(row, axes, columns, shows, perCard) {
-  const shown = row.frames.filter(shows).sort((a, b) => natural(a.filename, b.filename));
+  const shown = inOrder(row.frames.filter(shows), (frame) => frame.filename);
   const lines = [];
   const put = (line, column, cell) => ((lines[line] ??= Array.from({ length: columns.length }))[column] = { ...cell, column });
   if (axes.length) {

@@ -5,11 +5,11 @@ import { h } from "../dom.js";
 import { day } from "../format.js";
 import { load } from "../states.js";
 import { decimal, field, select } from "./forms.js";
+import { isFraction, unitOf } from "../parameter.js";
 import { numberOf, wrong } from "./numbers.js";
 
 const NONE = "none";
 const IN_FORCE = "in_force";
-const UNITS = { deg: "°", um: "µm" };
 let count = 0;
 
 /** {element, read()}: the form in a fold of its own, there once the versions that it offers are known. */
@@ -184,13 +184,7 @@ function versionPart(parameter, versions, value) {
   return { element: field(parameter.label, control, sentenceOf(parameter)), read: () => control.value || undefined };
 }
 
-/** A fraction is typed in percent; a ratio that may be above 1 is not. */
-const isFraction = ({ unit, maximum }) => unit === "1" && maximum !== undefined && maximum <= 1;
-
-function labelOf(parameter) {
-  const unit = isFraction(parameter) ? "%" : parameter.unit === "1" ? "" : (UNITS[parameter.unit] ?? parameter.unit);
-  return unit ? `${parameter.label} [${unit}]` : parameter.label;
-}
+const labelOf = (parameter) => [parameter.label, unitOf(parameter) && `[${unitOf(parameter)}]`].filter(Boolean).join(" ");
 
 /** Decimal digits moved as text: 1.1 % is 0.011, not 0.011000000000000001. */
 function shift(value, places) {

@@ -3,6 +3,7 @@
 import { post, send } from "../api.js";
 import { fill, h, may, svg, table, toast } from "../dom.js";
 import { counted, number, percent, time } from "../format.js";
+import { inOrder } from "../groups.js";
 import { Turns } from "../live.js";
 import { mark } from "../marks.js";
 import { done } from "../undo.js";
@@ -62,7 +63,7 @@ export class ReadingBook extends EventTarget {
     const readings = await this.state.readings();
     if (this.turns.take(turn)) this.readings = readings;
     if (meters) {
-      this.meters = meters;
+      this.meters = inOrder(meters, nameOfMeter);
       const ofKind = meters.filter((each) => each.kind === UNITS[this.unit]);
       // of several of a kind nobody but the reader of the meter knows which it was
       this.meter_id ||= ofKind.length === 1 ? ofKind[0].id : "";

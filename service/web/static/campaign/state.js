@@ -1,6 +1,7 @@
 // The state of the campaign, kept up to date while the page is visible; every part listens to the data that it shows.
 
 import { all, get, getChanged, patch, pathOf } from "../api.js";
+import { natural } from "../groups.js";
 import { Turns, follow } from "../live.js";
 
 const FIRST = 200;
@@ -107,6 +108,6 @@ export class CampaignState extends EventTarget {
   }
 
   get scenes() {
-    return [...new Set(this.frames.map((frame) => frame.scene).filter(Boolean))].sort(new Intl.Collator(undefined, { numeric: true }).compare);
+    return [...new Set(this.frames.map((frame) => frame.scene).filter(Boolean))].sort(natural);
   }
 }

@@ -1,6 +1,6 @@
 // The proposal for a card: header rows in, camera, campaign, scenes, roles, darks and what is skipped out. No DOM.
 
-import { groupBy } from "../groups.js";
+import { groupBy, natural } from "../groups.js";
 
 /** Thresholds, as docs/pages.md states them. */
 export const LIMITS = {
@@ -15,7 +15,6 @@ export const LIMITS = {
 };
 export const FIELD = "field";
 const DAY_MS = 864e5;
-const natural = new Intl.Collator(undefined, { numeric: true }).compare;
 const RAW = /\.(dng|tiff?)$/i;
 const PICTURE = /\.(jpe?g|png|heic)$/i;
 const VIDEO = /\.(mp4|mov|lrv|lrf|srt|thm|m4v)$/i;

@@ -3,7 +3,9 @@
 import { all, get, pathOf } from "../api.js";
 import { small } from "../causes.js";
 import { byId, fill, h, may, table } from "../dom.js";
-import { counted, natural, words } from "../format.js";
+import { counted, words } from "../format.js";
+import { inOrder, natural } from "../groups.js";
+import { sayValue } from "../parameter.js";
 import { empty, failed, load } from "../states.js";
 import { checkChain } from "./chain.js";
 
@@ -83,8 +85,7 @@ function subject(entry) {
 /** The reason, and behind it each field that changed, from what to what. */
 function details(entry) {
   const names = Object.keys({ ...entry.before, ...entry.after }).filter((name) => !UNSAID.has(name) && !("rows" in entry.after)).sort(natural);
-  const say = (value) => (value === undefined || value === null ? "–" : typeof value === "object" ? JSON.stringify(value) : String(value));
-  const changed = names.map((name) => [h("dt", {}, words(name)), h("dd", {}, name in entry.before ? `${say(entry.before[name])} → ` : "", say(entry.after[name]))]);
+  const changed = names.map((name) => [h("dt", {}, words(name)), h("dd", {}, name in entry.before ? [sayValue(entry.before[name]), " → "] : "", sayValue(entry.after[name]))]);
   return [entry.after.reason ?? "", changed.length ? h("details", {}, h("summary", { class: "small" }, counted(names.length, "field")), h("dl", { class: "facts small" }, changed)) : null];
 }
 
@@ -97,7 +98,7 @@ async function older() {
 }
 
 async function begin() {
-  const keys = (await all("/v1/keys")).sort((a, b) => natural(a.name, b.name));
+  const keys = inOrder(await all("/v1/keys"), (key) => key.name);
   form.elements.actor.append(...keys.map((key) => new Option(key.name, key.id)), ...PROCESSES.map((name) => new Option(`${name} (automatic)`, name)));
   for (const [name, value] of new URLSearchParams(location.search)) if (form.elements[name]) form.elements[name].value = value;
   form.addEventListener("change", show);

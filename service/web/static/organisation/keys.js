@@ -4,7 +4,8 @@ import { all, get, post, send } from "../api.js";
 import { ask } from "../ask.js";
 import { small } from "../causes.js";
 import { byId, fill, h, may, table, toast } from "../dom.js";
-import { ago, day, natural, tag, time } from "../format.js";
+import { ago, day, tag, time } from "../format.js";
+import { inOrder } from "../groups.js";
 import { mark } from "../marks.js";
 import { empty, load } from "../states.js";
 import { showSessions } from "./sessions.js";
@@ -24,7 +25,7 @@ function draw([keys, ownId]) {
   const bar = byId("shown");
   bar.hidden = !ended.length;
   fill(bar, ...[["active", "Active", active], ["ended", "Ended", ended]].map(([name, label, some]) => h("button", { type: "button", "aria-pressed": String(shown === name), onclick: () => ((shown = name), show()) }, label, " ", h("small", {}, String(some.length)))));
-  const listed = (shown === "ended" ? ended : active).sort((a, b) => natural(a.name, b.name));
+  const listed = inOrder(shown === "ended" ? ended : active, (key) => key.name);
   if (!listed.length) return empty("No keys");
   const columns = [
     { head: "Key", header: true, cell: (key) => [mark(judge(key)), " ", key.name, h("span", { class: "sub" }, key.id === ownId ? "your key" : `made ${day(key.created_at)}`)] },

@@ -1,10 +1,11 @@
 import { all, get, post } from "../api.js";
 import { byId, h, may, table, toast } from "../dom.js";
-import { ago, counted, day, number, tag } from "../format.js";
+import { ago, cameraName, counted, day, number, tag } from "../format.js";
 import { ask } from "../ask.js";
 import { empty, load } from "../states.js";
 import { inForce } from "../coefficients.js";
-import { headlineOf, labelOf } from "../methods.js";
+import { inOrder } from "../groups.js";
+import { coefficientLabel, headlineOf, labelOf } from "../methods.js";
 
 const region = byId("cameras");
 const add = byId("add-camera");
@@ -17,7 +18,7 @@ const show = () =>
       const button = may("calibrate") ? h("button", { type: "button", class: "primary", onclick: register }, "Register a camera") : null;
       return empty("No cameras yet", "Register a camera body with the make and model that it writes into its files.", button);
     }
-    return table(columns, cameras.flatMap((camera) => linesOf(camera, rows)), { caption: "Cameras and their calibrations in force", stack: true });
+    return table(columns, inOrder(cameras, cameraName).flatMap((camera) => linesOf(camera, rows)), { caption: "Cameras and their calibrations in force", stack: true });
   });
 
 const columns = [
@@ -32,7 +33,7 @@ const columns = [
   { head: "In force", cell: ({ held }) => (held ? labelOf(held.method) : tag("none", "warn")) },
   { head: "Version", class: "number", cell: ({ held }) => (held ? h("a", { href: `/calibrations/${held.calibration_id}` }, String(held.version)) : "") },
   { head: "Since", cell: ({ held }) => (held ? h("span", { class: "nowrap" }, day(held.valid_from), h("span", { class: "muted" }, ` ${ago(held.valid_from)}`)) : "") },
-  { head: "Largest u", cell: ({ held }) => (held?.largest === undefined ? "" : h("span", { title: "Largest relative standard uncertainty of this coefficient in the version" }, `${number(100 * held.largest, 2)} % `, h("code", { class: "small muted" }, headlineOf(held.method)))) },
+  { head: "Largest u", cell: ({ held }) => (held?.largest === undefined ? "" : h("span", { title: "Largest relative standard uncertainty of this coefficient in the version" }, `${number(100 * held.largest, 2)} % `, h("span", { class: "small muted" }, coefficientLabel(held.method, headlineOf(held.method))))) },
   { head: "Flags", cell: ({ held }) => (held?.flags.length ? tag(counted(held.flags.length, "flag"), "warn") : held ? h("span", { class: "muted" }, "none") : "") },
 ];
 

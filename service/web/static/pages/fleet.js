@@ -1,8 +1,8 @@
 import { all, get, post } from "../api.js";
 import { byId, fill, h, table } from "../dom.js";
-import { counted, number, quantity, tag } from "../format.js";
+import { cameraName, counted, number, quantity, tag } from "../format.js";
 import { named } from "../coefficients.js";
-import { groupBy } from "../groups.js";
+import { groupBy, inOrder } from "../groups.js";
 import { METHODS, labelOf, methodOf, readTolerance } from "../methods.js";
 import { plot } from "../plots.js";
 import { act, empty, load } from "../states.js";
@@ -11,7 +11,7 @@ const VERDICTS = { shared: ["one set for all", "good"], per_camera: ["one set pe
 const wanted = new URLSearchParams(location.search).get("model");
 
 load(byId("fleet-form"), () => Promise.all([all("/v1/cameras"), get("/v1/series/coefficients")]), ([cameras, { rows }]) => {
-  const comparable = [...groupBy(cameras, modelOf)].filter(([, members]) => members.length > 1);
+  const comparable = [...groupBy(inOrder(cameras, cameraName), modelOf)].filter(([, members]) => members.length > 1);
   if (!comparable.length) {
     return empty("Nothing to compare yet", "Two cameras of one model are needed, preferably with three campaigns each.", h("a", { class: "button", href: "/cameras" }, "Cameras"));
   }

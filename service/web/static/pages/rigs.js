@@ -3,6 +3,7 @@
 import { all, get, post } from "../api.js";
 import { byId, h, may, table } from "../dom.js";
 import { day, time } from "../format.js";
+import { inOrder } from "../groups.js";
 import { wrong } from "../campaign/numbers.js";
 import { act, empty, load } from "../states.js";
 
@@ -19,7 +20,7 @@ load(byId("rigs"), () => Promise.all([all("/v1/rigs"), cameras]), ([rigs, known]
     { head: "Other cameras", cell: (rig) => h("span", {}, rig.camera_ids.slice(1).map((id, place) => [place ? ", " : "", serialOf(known.get(id))])) },
     { head: "Registered", cell: (rig) => time(rig.created_at) },
   ];
-  return table(columns, rigs, { caption: "Rigs and their cameras", stack: true });
+  return table(columns, inOrder(rigs, (rig) => rig.name), { caption: "Rigs and their cameras", stack: true });
 });
 
 if (may("calibrate")) {
