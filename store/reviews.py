@@ -150,8 +150,16 @@ def _decode_verdict(reasons: str) -> Verdict:
 
 
 def _encode_verdicts(verdicts: Mapping[str, Verdict]) -> dict[str, str]:
+    texts: dict[int, str] = {}
+    """By the reason's identity: frames share most of theirs."""
+
+    def encode_reason(each: Reason) -> str:
+        if (text := texts.get(id(each))) is None:
+            text = texts[id(each)] = json.dumps([str(each.code), each.outcome, each.detail])
+        return text
+
     return {
-        frame_id: json.dumps([[str(each.code), each.outcome, each.detail] for each in verdict.reasons])
+        frame_id: f"[{', '.join(map(encode_reason, verdict.reasons))}]"
         for frame_id, verdict in verdicts.items()
         if verdict.reasons
     }

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from sqlalchemy import select
@@ -51,7 +52,7 @@ def assess(session: Session, campaign: Campaign, memory: Memory | None = None) -
         missing=list_missing(campaign, fitted, stated),
         advice=list(spec.plan(every.frames, every.readings, usable)),
         gaps=spec.find_gaps(every.frames, every.readings, usable),
-        verdicts=_judge(session, campaign, frames, every, usable),
+        verdicts=_judge(session, campaign, frames, every, usable, memory),
         record=read_record(session, campaign, fitted),
     )
 
@@ -62,12 +63,22 @@ def _judge(
     rows: Sequence[FrameColumns],
     evidence: Evidence,
     params: Any,  # noqa: ANN401  the method's own
+    memory: Memory,
 ) -> dict[str, Verdict]:
     of_frame = region_ids(session, campaign, rows)
-    regions = _read_regions(session, set(of_frame.values()))
+    regions = memory.regions
+    unknown = {roi_id for roi_id in set(of_frame.values()) - {None} if regions[roi_id] is None}
+    if unknown:
+        for roi in session.scalars(select(Roi).where(Roi.id.in_(unknown))):
+            regions[roi.id] = Polygon.from_points(roi.points)
     # what no fit sees needs no name, only one that no other frame has
     names = {row.id: evidence.names.get(row.id, row.id) for row in rows}
-    taken = [_take(row, campaign, names[row.id], regions.get(of_frame[row.id])) for row in rows]
+    told = is_told(campaign)
+    taken = [
+        row.keep("reviewed", (told, *given), partial(_take, told=told), row, campaign, *given)
+        for row in rows
+        for given in ((names[row.id], regions[of_frame[row.id]]),)
+    ]
     verdicts = methods.get_method(campaign.method).judge(taken, evidence.frames, evidence.readings, params)
     return {row.id: verdicts[names[row.id]] for row in rows}
 
@@ -76,15 +87,13 @@ def judge_alone(session: Session, frame: FrameRow, campaign: Campaign) -> Verdic
     """The verdict on a frame that is about to be read: nothing of it can be compared with others yet."""
     roi = current_roi(session, frame, campaign)
     region = Polygon.from_points(roi.points) if roi else None
-    return conclude(inspect_frame(_take(FrameColumns.of(frame), campaign, frame.id, region)))
+    taken = _take(FrameColumns.of(frame), campaign, frame.id, region, told=is_told(campaign))
+    return conclude(inspect_frame(taken))
 
 
-def _read_regions(session: Session, roi_ids: set[str | None]) -> dict[str | None, Polygon]:
-    rois = session.scalars(select(Roi).where(Roi.id.in_(roi_ids - {None})))
-    return {roi.id: Polygon.from_points(roi.points) for roi in rois}
-
-
-def _take(row: FrameColumns, campaign: Campaign, name: str, drawn: Polygon | None) -> ReviewedFrame:
+def _take(
+    row: FrameColumns, campaign: Campaign, name: str, drawn: Polygon | None, *, told: bool
+) -> ReviewedFrame:
     spec = methods.get_method(campaign.method)
     fitted, applied = spec.role_names, spec.applied_role_names
     if drawn is None and row.size_px and spec.whole_frame and row.role in fitted:
@@ -100,7 +109,7 @@ def _take(row: FrameColumns, campaign: Campaign, name: str, drawn: Polygon | Non
         region=drawn,
         needs_region=row.role in fitted if spec.whole_frame else row.role not in applied,
         roles=fitted | applied,
-        told=is_told(campaign),
+        told=told,
         left_out=_explain_left_out(row, campaign),
     )
 

@@ -5,13 +5,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from radiometry.findings import InputRejected, Outcome, Reason, shared
+from radiometry.frame.keeping import Keeping
 from radiometry.frame.roi import Polygon, bounding_window
 
 Format = tuple[int, int, str]
 """Width and height [px], and the colour filter array."""
 
 # What is certain to be lost outranks what is not known yet, and that what is doubtful.
-_RANKS: tuple[Outcome, ...] = ("pass", "warn", "pending", "fail")
+_RANKS: dict[Outcome, int] = {"fail": 0, "pending": 1, "warn": 2, "pass": 3}
 
 _FIELD = "field"
 
@@ -33,7 +34,7 @@ class Verdict:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReviewedFrame:
+class ReviewedFrame(Keeping):
     """State of a frame in its campaign at one moment.
 
     Attributes
@@ -94,7 +95,7 @@ def conclude(reasons: Iterable[Reason]) -> Verdict:
         Verdict with the gravest reason first; equally grave reasons keep their
         order.
     """
-    ordered = tuple(sorted(reasons, key=lambda reason: -_RANKS.index(reason.outcome)))
+    ordered = tuple(sorted(reasons, key=lambda reason: _RANKS[reason.outcome]))
     return Verdict(outcome=ordered[0].outcome if ordered else "pass", reasons=ordered)
 
 
@@ -150,10 +151,12 @@ def inspect_frames(frames: Sequence[ReviewedFrame]) -> dict[str, list[Reason]]:
         `no_region`, `not_extracted`. `format_differs`: fail if frames of another
         format share the frame's region, else warn.
     """
+    usual = find_usual_format(frames)
+    if all(frame.format in {usual, None} for frame in frames):
+        return {frame.frame: [*inspect_frame(frame)] for frame in frames}
     sharing: dict[Polygon | None, list[ReviewedFrame]] = {}
     for frame in frames:
         sharing.setdefault(frame.region, []).append(frame)
-    usual = find_usual_format(frames)
     by_region = {region: find_usual_format(group) for region, group in sharing.items()}
     return {
         frame.frame: [*inspect_frame(frame), *_inspect_format(frame, by_region[frame.region], usual)]
@@ -174,6 +177,10 @@ def inspect_frame(frame: ReviewedFrame) -> list[Reason]:
     list of Reason
         The reasons of `inspect_frames` except `format_differs`.
     """
+    return frame.keep("reasons", None, _inspect, frame)
+
+
+def _inspect(frame: ReviewedFrame) -> list[Reason]:
     if frame.state == "refused":
         return [shared.REFUSED.reason(frame.refusal)]
     if frame.format is None:

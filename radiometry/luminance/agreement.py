@@ -2,10 +2,11 @@
 
 import statistics as python_statistics
 from collections.abc import Iterable, Sequence
+from functools import cache
 
 from radiometry.drawing.text import sort_naturally
 from radiometry.findings import Reason, shared
-from radiometry.frame.exposure import compute_rhs
+from radiometry.frame.exposure import Settings, compute_rhs
 from radiometry.luminance import codes
 from radiometry.luminance.exposure import USEFUL_SHARE
 from radiometry.luminance.messages import show_settings
@@ -39,24 +40,22 @@ def inspect_scenes(
     drifts = {
         raised.where: raised.detail for raised in check_scenes(scenes) if raised.flag == codes.LAMP_DRIFT
     }
-    found: dict[str, list[Reason]] = {}
-    for row in rows:
-        if row.role != "light":
-            continue
-        reasons = found.setdefault(row.frame, [])
-        if not row.scene:
+
+    @cache
+    def inspect(scene: str | None) -> list[Reason]:
+        if not scene:
             detail = "Nobody said which light level this frame shows: give it its scene."
-            reasons.append(codes.SCENE_MISSING.reason(detail))
-            continue
-        if row.scene not in read:
-            reasons.append(_reading_missing(row.scene, read))
-        if f"scene {row.scene}" in drifts:
+            return [codes.SCENE_MISSING.reason(detail)]
+        reasons = [] if scene in read else [_reading_missing(scene, read)]
+        if f"scene {scene}" in drifts:
             detail = (
-                f"{drifts[f'scene {row.scene}']} The lamp drifted in scene {row.scene}: let it warm up, then "
+                f"{drifts[f'scene {scene}']} The lamp drifted in scene {scene}: let it warm up, then "
                 "repeat the frames and the readings of this level."
             )
             reasons.append(codes.LAMP_DRIFT.reason(detail))
-    return found
+        return reasons
+
+    return {row.frame: inspect(row.scene) for row in rows if row.role == "light"}
 
 
 def _reading_missing(scene: str, read: Sequence[str]) -> Reason:
@@ -80,20 +79,19 @@ def find_repeats(rows: Sequence[FrameRow], params: Params) -> dict[str, list[Rea
         `redundant` (warn) by name of the frame; the first frame by name is not
         among them.
     """
-    first: dict[object, str] = {}
-    found = {}
+    groups: dict[tuple[str, Settings], list[str]] = {}
     for row in sorted(rows, key=lambda row: row.frame):
-        if row.role != "light" or not row.scene:
-            continue
-        settings = row.exposure.on_basis(params.exposure_basis)
-        earlier = first.setdefault((row.scene, settings), row.frame)
-        if earlier != row.frame:
-            detail = (
-                f"{earlier} shows scene {row.scene} at {show_settings(settings)} already: a repeat "
-                "shares the errors of reading and aperture and adds next to nothing. Change the aperture or "
-                "the level."
-            )
-            found[row.frame] = [shared.REDUNDANT.reason(detail, "warn")]
+        if row.role == "light" and row.scene:
+            groups.setdefault((row.scene, row.settings_on(params.exposure_basis)), []).append(row.frame)
+    found: dict[str, list[Reason]] = {}
+    for (scene, settings), (earlier, *repeats) in groups.items():
+        detail = (
+            f"{earlier} shows scene {scene} at {show_settings(settings)} already: a repeat "
+            "shares the errors of reading and aperture and adds next to nothing. Change the aperture or "
+            "the level."
+        )
+        reasons = [shared.REDUNDANT.reason(detail, "warn")]
+        found |= dict.fromkeys(repeats, reasons)
     return found
 
 
@@ -112,13 +110,23 @@ def measure_brightness(series: IsoSeries) -> dict[str, dict[str, float]]:
         [DN*m2/(cd*s) times cd/m2]. The exposure settings of a frame cancel, its
         light does not.
     """
-    found: dict[str, dict[str, float]] = {}
-    for candidate in series.candidates:
-        adjusted = candidate.above_dark_dn
-        lost = is_saturated(candidate.signal) or is_below_detection(candidate.signal, candidate.dark)
-        if not lost and adjusted >= USEFUL_SHARE * candidate.span_dn:
-            found.setdefault(candidate.scene, {})[candidate.frame] = adjusted / _per_luminance(candidate)
-    return found
+
+    def sum_up() -> dict[str, dict[str, float]]:
+        found: dict[str, dict[str, float]] = {}
+        for candidate in series.candidates:
+            value = candidate.keep("brightness", None, _measure_one, candidate)
+            if value is not None:
+                found.setdefault(candidate.scene, {})[candidate.frame] = value
+        return found
+
+    return series.keep("brightness", None, sum_up)
+
+
+def _measure_one(candidate: Candidate) -> float | None:
+    lost = is_saturated(candidate.signal) or is_below_detection(candidate.signal, candidate.dark)
+    if lost or candidate.above_dark_dn < USEFUL_SHARE * candidate.span_dn:
+        return None
+    return candidate.above_dark_dn / _per_luminance(candidate)
 
 
 def expect_signals(series: IsoSeries, brightness: dict[str, dict[str, float]]) -> dict[str, float]:

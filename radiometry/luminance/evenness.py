@@ -1,11 +1,11 @@
 """Test of a region for one evenly lit surface, from its statistics beyond noise."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from radiometry.findings import Reason, shared
 from radiometry.frame.statistics import ChannelStatistics
-from radiometry.luminance.points import IsoSeries, is_below_detection, is_saturated
+from radiometry.luminance.points import Candidate, is_below_detection, is_saturated
 
 UNEVEN_REL = 0.05
 """Standard deviation of the light over the region, of its mean. A meter's spot somewhere in the region then
@@ -26,18 +26,18 @@ _NORMAL_MEDIAN = math.sqrt(math.pi / 2 - 1)
 
 _ROUNDING_DN = 0.5
 
-Rows = Mapping[str, Sequence[ChannelStatistics]]
 
-
-def inspect_evenness(series: IsoSeries, rows: Rows, *, dark_std_dn: float) -> dict[str, list[Reason]]:
+def inspect_evenness(
+    candidates: Sequence[Candidate], channel: str, *, dark_std_dn: float
+) -> dict[str, list[Reason]]:
     """Find the light frames of an ISO value that show more than one evenly lit surface.
 
     Parameters
     ----------
-    series : IsoSeries
-        Frames of one ISO value.
-    rows : Rows
-        Statistics of which the signal is made, by name of the frame.
+    candidates : sequence of Candidate
+        Light frames of one ISO value.
+    channel : str
+        Channel of which the signal is made.
     dark_std_dn : float
         Standard deviation of the quietest dark frame [DN]; 0 if there is none.
 
@@ -69,21 +69,33 @@ def inspect_evenness(series: IsoSeries, rows: Rows, *, dark_std_dn: float) -> di
     .. [1] EMVA Standard 1288, release 4.0, 2021, equation for temporal and spatial
            variance
     """
-    judged = [c for c in series.candidates if not is_saturated(c.signal)]
-    judged = [c for c in judged if not is_below_detection(c.signal, c.dark)]
-    spreads = {c.frame: _measure_spread(rows[c.frame], c.above_dark_dn, dark_std_dn) for c in judged}
-    gain = max(0.0, min((per_dn + _ERRORS * error for per_dn, error in spreads.values()), default=0.0))
+    given = channel, dark_std_dn
+    spreads = [
+        (candidate.frame, *spread)
+        for candidate in candidates
+        if (spread := candidate.keep("spread", given, _measure, candidate, *given))
+    ]
+    gain = max(0.0, min((most for _, _, most, _, _ in spreads), default=0.0))
     found = {}
-    for candidate in judged:
-        adjusted = candidate.above_dark_dn
-        if adjusted < JUDGED_SHARE * candidate.span_dn:
-            continue
-        per_dn, error = spreads[candidate.frame]
-        unevenness = math.sqrt(max(0.0, per_dn - _ERRORS * error - gain) / adjusted)
-        skew = max((_measure_skew(row, adjusted) for row in rows[candidate.frame]), key=abs)
-        if unevenness > UNEVEN_REL or abs(skew) > SKEWED_REL:
-            found[candidate.frame] = [_uneven(unevenness, skew)]
+    for frame, least, _, adjusted, skew in spreads:
+        unevenness = math.sqrt(max(0.0, least - gain) / adjusted)
+        if skew is not None and (unevenness > UNEVEN_REL or abs(skew) > SKEWED_REL):
+            found[frame] = [_uneven(unevenness, skew)]
     return found
+
+
+def _measure(
+    candidate: Candidate, channel: str, dark_std_dn: float
+) -> tuple[float, float, float, float | None] | None:
+    """Return the least and the greatest spread, the signal [DN] and its skew; no skew where it is weak."""
+    if is_saturated(candidate.signal) or is_below_detection(candidate.signal, candidate.dark):
+        return None
+    rows, adjusted = candidate.select_rows(channel), candidate.above_dark_dn
+    per_dn, error = _measure_spread(rows, adjusted, dark_std_dn)
+    skew = None
+    if adjusted >= JUDGED_SHARE * candidate.span_dn:
+        skew = max((_measure_skew(row, adjusted) for row in rows), key=abs)
+    return per_dn - _ERRORS * error, per_dn + _ERRORS * error, adjusted, skew
 
 
 def _measure_spread(

@@ -39,17 +39,15 @@ _LESS = "a shorter time, a smaller aperture (larger f-number) or a lower ISO"
 _MORE = "a longer time, a larger aperture (smaller f-number) or a brighter level"
 
 
-def inspect_exposure(
-    candidate: Candidate, rows: Sequence[ChannelStatistics], *, expected_signal_dn: float | None
-) -> list[Reason]:
+def inspect_exposure(candidate: Candidate, channel: str, *, expected_signal_dn: float | None) -> list[Reason]:
     """Check whether a light frame has too much or too little light, and by how many stops.
 
     Parameters
     ----------
     candidate : Candidate
         Light frame.
-    rows : sequence of ChannelStatistics
-        Statistics of which the signal is made.
+    channel : str
+        Channel of which the signal is made.
     expected_signal_dn : float or None
         Signal above dark predicted from other frames of the scene [DN]; None if
         there is none.
@@ -66,7 +64,12 @@ def inspect_exposure(
     std, and never above the largest sample. For a clipped region they are where a
     distribution with its median and its clipped fraction has 0.1 % above it.
     """
-    dark, span = candidate.dark, candidate.span_dn
+    given = channel, expected_signal_dn
+    return candidate.keep("exposure", given, _inspect, candidate, *given)
+
+
+def _inspect(candidate: Candidate, channel: str, expected_signal_dn: float | None) -> list[Reason]:
+    dark, span, rows = candidate.dark, candidate.span_dn, candidate.select_rows(channel)
     if is_saturated(candidate.signal):
         return [_clipped(candidate, rows, expected_signal_dn)]
     highlights = max(min(row.max_dn, row.mean_dn + _HIGHLIGHT_SIGMAS * row.std_dn) for row in rows)

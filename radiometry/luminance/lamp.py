@@ -6,6 +6,7 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import cache
 
 from radiometry.luminance.rows import FrameRow, Params, Reading
 
@@ -114,13 +115,14 @@ def _follow_scene(
         gap_s = span_s / max(len(after_s) - 1, 1)
         rate = drift / max(span_s + gap_s, _UNTIMED_S)
         reach_s, middle_s = span_s / 2.0 + gap_s, (min(after_s) + max(after_s)) / 2.0
+
+        @cache
+        def change(time_s: float, own_s: float) -> Change:
+            level_u_rel = max(drift / 2.0, rate * math.hypot(reach_s, own_s - middle_s))
+            return Change(u_rel=rate * (time_s - own_s), level_u_rel=level_u_rel)
+
         return {
-            name: Change(
-                u_rel=rate * (time_s - own_s),
-                level_u_rel=max(drift / 2.0, rate * math.hypot(reach_s, own_s - middle_s)),
-            )
-            for name, time_s in zip(frames, after_s, strict=True)
-            for own_s in (middles_s[isos[name]],)
+            name: change(time_s, middles_s[isos[name]]) for name, time_s in zip(frames, after_s, strict=True)
         }
     timed = [(_to_seconds(each.taken_at), each) for each in readings if each.taken_at]
     every = [*shown.values(), *(time_s for time_s, _ in timed)]
@@ -175,11 +177,13 @@ def _find_times(
 ) -> dict[str, float]:
     """Return the time of each frame on the clock of the readings; empty if the clocks cannot be compared."""
     zoned = {frame: moment.timestamp() for frame, moment in stated.items() if moment.tzinfo}
-    local = {frame: m.replace(tzinfo=UTC).timestamp() for frame, m in stated.items() if not m.tzinfo}
     read: dict[str, list[float]] = {}
     for reading in readings:
         if reading.taken_at:
             read.setdefault(reading.scene, []).append(_to_seconds(reading.taken_at))
+    if not read:
+        return zoned
+    local = {frame: m.replace(tzinfo=UTC).timestamp() for frame, m in stated.items() if not m.tzinfo}
     apart = sorted(
         local[row.frame] - math.fsum(sorted(read[row.scene])) / len(read[row.scene])
         for row in light

@@ -1,13 +1,14 @@
 """Points of a luminance fit: the frames that count, those left out with the reason, and what is missing."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 
-from radiometry.fitting.evidence import Quantity
+from radiometry.fitting.evidence import Exclusion, Quantity
 from radiometry.frame.exposure import Settings, compute_rhs
-from radiometry.frame.statistics import ChannelStatistics, Signal
+from radiometry.frame.keeping import Keeping
+from radiometry.frame.statistics import ChannelStatistics, Signal, select_rows
 from radiometry.luminance.conditions import Colour, measure_colour
 from radiometry.luminance.dark import Dark, estimate_dark
 from radiometry.luminance.lamp import Change, follow_lamp
@@ -23,7 +24,7 @@ _BASE_ISO = 100.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Candidate:
+class Candidate(Keeping):
     """A light frame with all that its point needs.
 
     Attributes
@@ -68,6 +69,15 @@ class Candidate:
     lens_share: Quantity | None = None
     statistics: tuple[ChannelStatistics, ...] = ()
 
+    @cached_property
+    def order(self) -> tuple[str, float, float, str]:
+        """Place among the candidates of its ISO value."""
+        return self.scene, self.settings.f_number, self.settings.exposure_time_s, self.frame
+
+    def select_rows(self, channel: str) -> list[ChannelStatistics]:
+        """Return the statistics of which the signal of a channel is made."""
+        return self.keep("rows", channel, lambda: select_rows(self.statistics, channel=channel))
+
     @property
     def colour(self) -> Colour | None:
         """R/G and B/G of its region; None without colours."""
@@ -91,7 +101,7 @@ class Candidate:
 
 
 @dataclass(frozen=True, kw_only=True)
-class IsoSeries:
+class IsoSeries(Keeping):
     """Light frames of one ISO value in canonical order, and their dark signal.
 
     Attributes
@@ -111,7 +121,7 @@ class IsoSeries:
     dark_times_s: tuple[float, ...]
     candidates: tuple[Candidate, ...]
 
-    @property
+    @cached_property
     def used(self) -> tuple[Candidate, ...]:
         """The candidates that count."""
         return tuple(candidate for candidate in self.candidates if not candidate.left_out)
@@ -133,19 +143,15 @@ def collect_series(
     Frames are in the order scene, f-number, time, name: the order of the input
     changes nothing.
     """
-    # gaps, suggestions and verdicts of one review ask for the same series
-    kept = params.kept_series
-    given = (tuple(readings), tuple(map(id, rows)))
-    if given not in kept:
-        kept.clear()
-        kept[given] = (tuple(rows), _collect(rows, readings, params))
-    found: tuple[IsoSeries, ...] = kept[given][1]
-    return found
+    # gaps, suggestions and verdicts of one review ask for the same series; the rows are kept too, so that no
+    # other rows get their ids
+    given = tuple(readings), tuple(map(id, rows))
+    return params.keep("series", given, lambda: (tuple(rows), _collect(rows, readings, params)))[1]
 
 
 def _collect(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> tuple[IsoSeries, ...]:
     scenes = {s.scene: s for s in summarise_scenes(readings, panel_rho=params.panel_rho)}
-    excluded = {exclusion.frame: exclusion for exclusion in params.exclude}
+    excluded = {exclusion.frame: exclusion for exclusion in reversed(params.exclude)}
     lamp = follow_lamp(rows, readings, params)
     series = []
     measured = [row for row in rows if row.statistics]
@@ -156,7 +162,7 @@ def _collect(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Para
         black = [row for row in measured if row.exposure.iso == iso and row.role == "dark"]
         black = [row for row in black if row.frame not in excluded]
         if light:
-            series.append(_one_iso(iso, light, black, scenes, lamp, params))
+            series.append(_one_iso(iso, light, black, scenes, lamp, excluded, params))
     return tuple(series)
 
 
@@ -166,11 +172,13 @@ def _one_iso(
     black: list[FrameRow],
     scenes: dict[str, SceneSummary],
     lamp: dict[str, Change],
+    excluded: dict[str, Exclusion],
     params: Params,
 ) -> IsoSeries:
     signals = {row.frame: row.measure(params.channel) for row in light + black}
     lit = [signals[row.frame] for row in light]
-    times = [row.exposure.on_basis(params.exposure_basis).exposure_time_s for row in black]
+    basis = params.exposure_basis
+    times = [row.settings_on(basis).exposure_time_s for row in black]
     span_dn = max(min(each.white_level_dn - each.black_level_dn for each in lit), 1.0)
     dark = estimate_dark(
         [signals[row.frame] for row in black],
@@ -180,38 +188,51 @@ def _one_iso(
     )
     dark_at = cache(dark.at)
     found = [
-        _candidate(row, signals[row.frame], dark_at, scenes.get(row.scene or ""), lamp[row.frame], params)
+        _candidate(
+            row,
+            settings := row.settings_on(basis),
+            dark_at(settings.exposure_time_s),
+            scenes.get(row.scene or ""),
+            lamp[row.frame],
+            excluded.get(row.frame),
+            params.channel,
+        )
         for row in light
     ]
-    found.sort(key=lambda c: (c.scene, c.settings.f_number, c.settings.exposure_time_s, c.frame))
+    found.sort(key=lambda candidate: candidate.order)
     return IsoSeries(iso=iso, dark=dark, dark_times_s=tuple(sorted(times)), candidates=tuple(found))
 
 
 def _candidate(
     row: FrameRow,
-    signal: Signal,
-    dark_at: Callable[[float], Dark],
+    settings: Settings,
+    dark: Dark,
     scene: SceneSummary | None,
     lamp: Change,
-    params: Params,
+    exclusion: Exclusion | None,
+    channel: str,
 ) -> Candidate:
-    settings = row.exposure.on_basis(params.exposure_basis)
-    dark = dark_at(settings.exposure_time_s)
-    luminance = scene.luminance_cd_m2 * lamp.ratio if scene else None
-    return Candidate(
-        frame=row.frame,
-        scene=row.scene or "",
-        settings=settings,
-        signal=signal,
-        luminance_cd_m2=luminance,
-        readings=scene.readings if scene else 0,
-        dark=dark,
-        lamp=lamp,
-        rhs=compute_rhs(settings, luminance_cd_m2=luminance) if luminance is not None else None,
-        left_out=_why_left_out(row, signal, dark, scene, params),
-        lens_share=row.lens_share,
-        statistics=row.statistics or (),
-    )
+    """Return the candidate of a frame, the same one as long as it is made of the same things."""
+
+    def make() -> Candidate:
+        signal = row.measure(channel)
+        luminance = scene.luminance_cd_m2 * lamp.ratio if scene else None
+        return Candidate(
+            frame=row.frame,
+            scene=row.scene or "",
+            settings=settings,
+            signal=signal,
+            luminance_cd_m2=luminance,
+            readings=scene.readings if scene else 0,
+            dark=dark,
+            lamp=lamp,
+            rhs=compute_rhs(settings, luminance_cd_m2=luminance) if luminance is not None else None,
+            left_out=_why_left_out(signal, dark, scene, exclusion),
+            lens_share=row.lens_share,
+            statistics=row.statistics or (),
+        )
+
+    return row.keep("candidate", (channel, settings, dark, scene, lamp, exclusion), make)
 
 
 def is_saturated(signal: Signal) -> bool:
@@ -252,12 +273,9 @@ def is_below_detection(signal: Signal, dark: Dark) -> bool:
     return signal.value_dn - dark.signal_dn < DETECTION_ERRORS * signal_error_dn(signal, dark)
 
 
-def _why_left_out(
-    row: FrameRow, signal: Signal, dark: Dark, scene: SceneSummary | None, params: Params
-) -> str:
-    for exclusion in params.exclude:
-        if exclusion.frame == row.frame:
-            return f"excluded by {exclusion.by}: {exclusion.reason}"
+def _why_left_out(signal: Signal, dark: Dark, scene: SceneSummary | None, exclusion: Exclusion | None) -> str:
+    if exclusion is not None:
+        return f"excluded by {exclusion.by}: {exclusion.reason}"
     if scene is None:
         return "its scene has no luminance reading"
     if is_saturated(signal):

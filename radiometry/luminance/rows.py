@@ -1,11 +1,11 @@
 """Inputs of a luminance fit: parameters, frames with their statistics, meter readings."""
 
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Any, Literal
+from typing import Literal
 
 from radiometry.fitting.evidence import Exclusion, Quantity
-from radiometry.frame.exposure import Exposure
+from radiometry.frame.exposure import Exposure, Settings
+from radiometry.frame.keeping import Keeping
 from radiometry.frame.statistics import ChannelStatistics, measure_signal
 from radiometry.frame.statistics import Signal as MeasuredSignal
 from radiometry.specification.parameters import check_parameters, parameter
@@ -20,7 +20,7 @@ Acceptance = Literal["simple", "guarded", "shared_risk"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Params:
+class Params(Keeping):
     """Parameters of a luminance fit; the defaults are the procedure's."""
 
     model: Model = parameter(
@@ -217,14 +217,9 @@ class Params:
         if self.camera_response is not None:
             read_response(self.camera_response)
 
-    @cached_property
-    def kept_series(self) -> dict[Any, Any]:
-        """Series of the frames that `collect_series` was last given with these parameters."""
-        return {}
-
 
 @dataclass(frozen=True, kw_only=True)
-class FrameRow:
+class FrameRow(Keeping):
     """One frame of a campaign as input of the fit.
 
     Attributes
@@ -265,10 +260,6 @@ class FrameRow:
     gain_maps: tuple[str, ...] = ()
     lens_share: Quantity | None = None
 
-    @cached_property
-    def _signals(self) -> dict[str, MeasuredSignal]:
-        return {}
-
     def measure(self, channel: str) -> MeasuredSignal:
         """Compute the signal of the frame's region once: verdicts, plan and fit all need it.
 
@@ -277,9 +268,11 @@ class FrameRow:
         channel : str
             As in `measure_signal`.
         """
-        if channel not in self._signals:
-            self._signals[channel] = measure_signal(self.statistics or (), channel=channel)
-        return self._signals[channel]
+        return self.keep(channel, None, lambda: measure_signal(self.statistics or (), channel=channel))
+
+    def settings_on(self, basis: str) -> Settings:
+        """Return the settings on a basis, as `Exposure.on_basis`."""
+        return self.keep("settings", basis, self.exposure.on_basis, basis)
 
 
 @dataclass(frozen=True, kw_only=True)

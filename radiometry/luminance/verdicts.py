@@ -52,27 +52,25 @@ def _add(reasons: dict[str, list[Reason]], *parts: Mapping[str, Sequence[Reason]
 def _inspect_series(
     series: IsoSeries, rows: Sequence[FrameRow], params: Params, *, unusable: frozenset[str]
 ) -> list[dict[str, list[Reason]]]:
-    measured = {
-        row.frame: select_rows(row.statistics, channel=params.channel)
-        for row in rows
-        if row.statistics and row.exposure.iso == series.iso
-    }
-    brightness = measure_brightness(series)
+    channel, brightness = params.channel, measure_brightness(series)
     expected = expect_signals(series, brightness)
     exposing = {
-        candidate.frame: inspect_exposure(
-            candidate,
-            measured[candidate.frame],
-            expected_signal_dn=expected.get(candidate.frame),
-        )
+        candidate.frame: found
         for candidate in series.candidates
+        if (found := inspect_exposure(candidate, channel, expected_signal_dn=expected.get(candidate.frame)))
     }
-    raw = {row.frame for row in rows if not row.rendered}
     # a tone curve bends noise: what it leaves says nothing of the light
-    linear = replace(series, candidates=tuple(c for c in series.candidates if c.frame in raw))
-    usable = [r for r in rows if r.role == "dark" and r.frame not in unusable]
-    darks = [measured[row.frame] for row in usable if row.frame in measured]
-    evenness = inspect_evenness(linear, measured, dark_std_dn=_quietest(darks))
+    rendered = {row.frame for row in rows if row.rendered}
+    darks = [
+        select_rows(row.statistics, channel=channel)
+        for row in rows
+        if row.role == "dark"
+        and row.statistics
+        and row.exposure.iso == series.iso
+        and row.frame not in unusable
+    ]
+    linear = [candidate for candidate in series.candidates if candidate.frame not in rendered]
+    evenness = inspect_evenness(linear, channel, dark_std_dn=_quietest(darks))
     return [exposing, evenness, inspect_agreement(brightness)]
 
 

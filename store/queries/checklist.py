@@ -188,7 +188,10 @@ def _gather_facts(session: Session, campaign: Campaign, evidence: Evidence) -> F
         started_on=started.strftime("%Y-%m-%d") if started else None,
         started_at=started.strftime("%H:%M UTC") if started else None,
         recorder=campaign.recorder,
-        frames=tuple(_frame_facts(frame, evidence.headers[frame.frame]) for frame in evidence.frames),
+        frames=tuple(
+            frame.keep("facts", None, _frame_facts, frame, evidence.headers[frame.frame])
+            for frame in evidence.frames
+        ),
         unread=tuple(evidence.unread),
         readings={scene: tuple(values) for scene, values in readings.items()},
         region=tuple((x, y) for x, y in region),

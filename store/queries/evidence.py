@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from sqlalchemy.orm import Session
@@ -65,8 +66,11 @@ def gather(
     reference: Reference = find_reference(session, campaign, read)
     return Evidence(
         frames=[
-            _make_row(spec, memory or Memory(), row, names[row.id], regions[row.id], current.get(row.id))
+            row.keep("row", given, partial(_make_row, spec, row, *given[:2], has_region=given[2]))
             for row in read
+            for given in (
+                (names[row.id], current.get(row.id), spec.whole_frame or regions[row.id] is not None),
+            )
         ],
         readings=reference.readings,
         names=names,
@@ -100,20 +104,10 @@ def _names(rows: list[FrameColumns]) -> dict[str, str]:
 
 
 def _make_row(
-    spec: MethodSpec,
-    memory: Memory,
-    row: FrameColumns,
-    name: str,
-    roi_id: str | None,
-    extraction: ExtractionColumns | None,
+    spec: MethodSpec, row: FrameColumns, name: str, extraction: ExtractionColumns | None, *, has_region: bool
 ) -> Any:  # noqa: ANN401  the method's own
-    """Return the method's row, the same one as long as it is made of the very same things."""
     assert row.header is not None  # noqa: S101  it has been read
-    has_region = roi_id is not None or spec.whole_frame
-    kept = memory.rows[row.id, name]
-    if kept and kept[0] is row and kept[1] is extraction and kept[2] == has_region:
-        return kept[3]
-    made = spec.make_row(
+    return spec.make_row(
         FrameEvidence(
             frame=name,
             role=row.role,
@@ -126,5 +120,3 @@ def _make_row(
             identified=row.found.get("serial"),
         )
     )
-    memory.rows[row.id, name] = row, extraction, has_region, made
-    return made

@@ -12,6 +12,7 @@ from sqlalchemy.orm import InstrumentedAttribute, Session
 from radiometry import methods
 from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
+from radiometry.frame.keeping import Keeping
 from radiometry.frame.proof import Proof
 from radiometry.frame.statistics import ChannelStatistics
 from store.codec import decode, read_text
@@ -25,8 +26,8 @@ _read_exposure = lru_cache(4096)(lambda text: read_text(Exposure, text))
 _read_list = lru_cache(4096)(lambda text: tuple(json.loads(text)))
 
 
-@dataclass(frozen=True, slots=True)
-class FrameColumns:
+@dataclass(frozen=True)
+class FrameColumns(Keeping):
     """Columns of a frame's row that a verdict or a fit needs."""
 
     warnings: tuple[str, ...]

@@ -6,6 +6,7 @@ from collections import defaultdict
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, fields
 from datetime import UTC, datetime, timedelta
+from functools import lru_cache
 from typing import Any, Protocol
 
 from pydantic import TypeAdapter
@@ -166,6 +167,7 @@ def whole_frame_of(frame: FrameRow) -> Polygon:
     return whole_frame(*frame.size_px)
 
 
+@lru_cache(256)
 def whole_frame(width_px: int, height_px: int) -> Polygon:
     return Polygon.from_points([(0, 0), (width_px, 0), (width_px, height_px), (0, height_px)])
 

@@ -31,14 +31,14 @@ class Memory:
         Its row as it was read, and its columns: another row is decoded again.
     extractions : by id
         An extraction is made once and never changed.
-    rows : by the frame's id and name
-        What a method's row was made of, and the row: made of others, it is made again.
+    regions : by id
+        Polygon of a region, which is never changed either.
     """
 
     def __init__(self) -> None:
-        self.frames, self.extractions, self.rows = _Turns(), _Turns(), _Turns()
+        self.frames, self.extractions, self.regions = _Turns(), _Turns(), _Turns()
 
     def turn(self) -> None:
         """Begin a review: what the one before did not use is forgotten."""
-        for each in (self.frames, self.extractions, self.rows):
+        for each in (self.frames, self.extractions, self.regions):
             each.turn()
