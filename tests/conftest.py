@@ -1,5 +1,6 @@
 """What every suite shares: both databases, and the house put together without processes."""
 
+import gc
 import os
 from collections import defaultdict
 from pathlib import Path
@@ -18,6 +19,10 @@ from tests.support.stages import staged, stages  # noqa: F401 (fixtures)
 # the same examples in every run, and no clock: a test fails because of the code, never of the day or the load
 hypothesis.settings.register_profile("house", derandomize=True, deadline=None)
 hypothesis.settings.load_profile("house")
+
+# Thousands of tests and all that they import stay to the end: to search them for garbage again and again
+# took a tenth of a test process.
+gc.set_threshold(10_000)
 
 
 # what needs more than this process, and the suites that start whole deployments
@@ -77,6 +82,10 @@ def pytest_collection_modifyitems(items):
         if item.get_closest_marker("either_database"):
             offered[_name_test(item)].add(_read_database(item))
     items[:] = [item for item in items if _is_kept(item, offered.get(_name_test(item)))]
+
+
+def pytest_collection_finish():
+    gc.freeze()
 
 
 def _is_kept(item, databases):
