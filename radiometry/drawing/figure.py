@@ -2,7 +2,10 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
+
+MOST: Final = 100
+"""Figures of a plot that is printed whole."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,12 +96,25 @@ class Series:
 
 @dataclass(frozen=True, kw_only=True)
 class Cell:
-    """A rectangle of a map; ``share`` of the full shade, negative in the other colour."""
+    """A rectangle of a map.
+
+    Attributes
+    ----------
+    x, y : (float, float)
+        Its sides.
+    share : float or None
+        Share of the full shade, negative in the other colour; None for an unknown value.
+    told : str
+        What its card says.
+    text : str
+        What is printed in it.
+    """
 
     x: tuple[float, float]
     y: tuple[float, float]
-    share: float
+    share: float | None
     told: str
+    text: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,6 +135,12 @@ class Figure:
         Shaded range of y.
     cells : tuple of Cell
         Map behind the series.
+    moments : tuple of float
+        Short strokes at the foot of the axes, at an x.
+    moments_are : str
+        What the moments are of.
+    cuts_left_out : bool
+        True if points that are left out may lie beyond the axes in print, too.
     """
 
     x: Axis
@@ -130,14 +152,23 @@ class Figure:
     uprights: tuple[float, ...] = ()
     band: tuple[float, float] | None = None
     cells: tuple[Cell, ...] = ()
+    moments: tuple[float, ...] = ()
+    moments_are: str = ""
+    cuts_left_out: bool = False
 
-    def find_limits(self) -> tuple[list[float], list[float]]:
+    def find_limits(self, *, in_print: bool) -> tuple[list[float], list[float]]:
         """Return the values that lie within the limits of the axes: those of x, those of y.
 
-        Points that are left out may lie anywhere; they count only where all are left out.
+        On a page, points that are left out may lie anywhere; they count only where all are left out.
+
+        Parameters
+        ----------
+        in_print : bool
+            True: points that are left out count, too, unless the figure cuts them.
         """
         marks = [mark for each in self.series for mark in each.marks]
-        marks = [mark for mark in marks if not mark.left_out] or marks
+        if self.cuts_left_out or not in_print:
+            marks = [mark for mark in marks if not mark.left_out] or marks
         ends = [end for mark in marks for end in (mark.low, mark.high) if end is not None]
         lines = [point for each in self.series for point in each.line]
         xs = [*self._along(marks, lines, 0), *(end for cell in self.cells for end in cell.x)]
@@ -164,6 +195,8 @@ class Plot:
         that the fit takes, for a plot that needs more than the result. Empty if there is nothing to draw.
     is_wide : bool
         True for a plot that takes the whole width of a page.
+    most_printed : int
+        How many of its figures a certificate prints at most.
     """
 
     name: str
@@ -171,3 +204,4 @@ class Plot:
     build: Callable[[dict[str, Any], Callable[[], Sequence[Any]]], Iterable[Figure]]
     note: str = ""
     is_wide: bool = False
+    most_printed: int = 0

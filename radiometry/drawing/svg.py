@@ -10,8 +10,8 @@ _STEPS = (1.0, 2.0, 5.0, 10.0)
 _LEAST_TICKS, _MOST_TICKS = 3, 8
 _STYLE = (
     "text{font:12px system-ui,sans-serif;fill:#222}.title{font-weight:600}.mid{text-anchor:middle}"
-    ".end{text-anchor:end}.box{fill:none;stroke:#555}.tick{stroke:#ddd}.fit{fill:none;stroke:#b03a2e;stroke-width:1.5}"
-    ".used{fill:#1f5fa8}.out{fill:none;stroke:#999}.limit{fill:none;stroke:#888;stroke-dasharray:4 3}"
+    ".end{text-anchor:end}.box{fill:none;stroke:#555}.tick{stroke:#ddd}"
+    ".limit{fill:none;stroke:#888;stroke-dasharray:4 3}"
     "svg{background:#fff}"
 )
 
@@ -39,13 +39,29 @@ def document(parts: Iterable[str], *, width_px: int, height_px: int, label: str,
 
 @dataclass(frozen=True, kw_only=True)
 class Scale:
-    """Mapping of a value to a pixel along one axis."""
+    """Mapping of a value to a pixel along one axis.
+
+    Attributes
+    ----------
+    low, high : float
+        Ends of the axis.
+    start_px, end_px : float
+        Their pixels.
+    logarithmic : bool
+        True for a logarithmic scale.
+    is_downward : bool
+        True if values are negated; ticks have no sign.
+    named : tuple of (float, str) or None
+        Where ticks stand, with their texts; None for round numbers.
+    """
 
     low: float
     high: float
     start_px: float
     end_px: float
     logarithmic: bool = False
+    is_downward: bool = False
+    named: tuple[tuple[float, str], ...] | None = None
 
     def __call__(self, value: float) -> float:
         """Return the pixel of a value, which on a logarithmic scale is positive."""
@@ -75,13 +91,17 @@ class Scale:
         tick : float
             Value of the tick.
         """
-        return f"{tick:g}"
+        if self.named is not None:
+            return dict(self.named)[tick]
+        return f"{abs(tick) if self.is_downward else tick:g}"
 
     def ticks(self) -> list[float]:
-        """Return round values: 1, 2 and 5 in each power of ten on a logarithmic scale, else even steps.
+        """Return the named ticks, else round values: 1, 2 and 5 in a power of ten, or even steps.
 
         Many powers of ten have 1 alone, or some of them; a part of one power has even steps.
         """
+        if self.named is not None:
+            return [at for at, _ in self.named if self.low <= at <= self.high]
         if self.logarithmic:
             powers = range(math.floor(math.log10(self.low)), math.ceil(math.log10(self.high)) + 1)
             figures: list[float] = []
@@ -171,27 +191,29 @@ class Panel:
         css : str
             Class.
         """
-        shown = [f"{self.x(x):.1f},{self.y(y):.1f}" for x, y in points if self._holds(x, y)]
+        shown = [f"{self.x(x):.1f},{self.y(y):.1f}" for x, y in points if self.holds(x, y)]
         return f'<polyline class="{css}" points="{" ".join(shown)}"/>'
 
-    def dot(self, x: float, y: float, css: str, told: str) -> str:
-        """Return a point with a tooltip, or nothing if it lies outside the limits.
+    def write(self, x: float, y: float, text: str, css: str = "mid note") -> str:
+        """Return a text at a point.
 
         Parameters
         ----------
         x, y : float
             Position.
-        css : str
-            Class.
-        told : str
-            Tooltip.
+        text : str
+            Text.
+        css : str, optional
+            Classes.
         """
-        if not self._holds(x, y):
-            return ""
-        return (
-            f'<circle class="{css}" cx="{self.x(x):.1f}" cy="{self.y(y):.1f}" r="3">'
-            f"<title>{escape(told)}</title></circle>"
-        )
+        return f'<text class="{css}" x="{self.x(x):.1f}" y="{self.y(y):.1f}">{escape(text)}</text>'
 
-    def _holds(self, x: float, y: float) -> bool:
+    def holds(self, x: float, y: float) -> bool:
+        """Return True if a point lies within the limits.
+
+        Parameters
+        ----------
+        x, y : float
+            Position.
+        """
         return self.x.low <= x <= self.x.high and self.y.low <= y <= self.y.high

@@ -8,7 +8,6 @@ from radiometry.geometry.camera import UNITS
 from radiometry.geometry.certificate import CERTIFICATE, RIG_CERTIFICATE
 from radiometry.geometry.effects import DISTORTION, move_corner
 from radiometry.geometry.key_figures import list_key_figures
-from radiometry.geometry.plot import draw
 from radiometry.geometry.plots import PLOTS
 from radiometry.geometry.rig.codes import FINDINGS as RIG_FINDINGS
 from radiometry.geometry.rig.exports import EXPORTS as RIG_EXPORTS
@@ -74,7 +73,6 @@ SPEC: Final = MethodSpec(
     fit=drop_readings(method.fit),
     list_coefficients=method.list_coefficients,
     list_key_figures=list_key_figures,
-    draw=draw,
     plots=PLOTS,
     certificate=CERTIFICATE,
     exports=EXPORTS,

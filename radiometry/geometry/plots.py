@@ -12,9 +12,9 @@ def _build_distortion(result: Node, _: Any) -> Iterator[Figure]:  # noqa: ANN401
     curve = result["curve"]
     seen = [p for p in curve if not p["extrapolated"]]
     beyond = [*seen[-1:], *(p for p in curve if p["extrapolated"])]
-    series = [_draw("within the corners seen", seen)]
+    series = [_draw("within the corners seen", seen, "distortion_px")]
     if len(beyond) > 1:
-        series.append(_draw("beyond them", beyond))
+        series.append(_draw("beyond them", beyond, "distortion_px"))
     yield Figure(
         x=Axis(label="distance from the principal point [px]"),
         y=Axis(label="distortion [px]", include=(0.0,)),
@@ -23,12 +23,21 @@ def _build_distortion(result: Node, _: Any) -> Iterator[Figure]:  # noqa: ANN401
     )
 
 
-def _draw(name: str, points: list[Node]) -> Series:
+def _draw(name: str, points: list[Node], field: str) -> Series:
     us = [2.0 * p["standard_uncertainty_px"] for p in points]
-    line = tuple((p["radius_px"], p["distortion_px"]) for p in points)
+    line = tuple((p["radius_px"], p[field]) for p in points)
     return Series(
         name=name, line=line, swath=tuple((x, y - u, y + u) for (x, y), u in zip(line, us, strict=True))
     )
+
+
+def _build_colours(result: Node, _: Any) -> Iterator[Figure]:  # noqa: ANN401
+    if colours := result.get("lateral_colour"):
+        yield Figure(
+            x=Axis(label="distance from the principal point [px]"),
+            y=Axis(label="displacement [px]", include=(0.0,)),
+            series=tuple(_draw(each["channels"], each["curve"], "displacement_px") for each in colours),
+        )
 
 
 def _build_coverage(result: Node, _: Any) -> Iterator[Figure]:  # noqa: ANN401
@@ -41,6 +50,7 @@ def _build_coverage(result: Node, _: Any) -> Iterator[Figure]:  # noqa: ANN401
             y=(-(row + 1) * height, -row * height),
             share=count / most,
             told=f"{count} corners",
+            text=str(count),
         )
         for row, line in enumerate(counts)
         for col, count in enumerate(line)
@@ -81,7 +91,9 @@ PLOTS: Final = (
         title="Radial distortion",
         note="Bands: two standard uncertainties",
         build=_build_distortion,
+        most_printed=1,
     ),
-    Plot(name="coverage", title="Corners seen", build=_build_coverage),
-    Plot(name="views", title="Error of each view", build=_build_views),
+    Plot(name="coverage", title="Corners seen", build=_build_coverage, most_printed=1),
+    Plot(name="views", title="Error of each view", build=_build_views, most_printed=1),
+    Plot(name="colours", title="Lateral colour", build=_build_colours, most_printed=1),
 )

@@ -10,8 +10,7 @@ from radiometry.luminance.budget import explain_budget
 from radiometry.luminance.certificate import CERTIFICATE
 from radiometry.luminance.gaps import find_gaps
 from radiometry.luminance.key_figures import list_key_figures
-from radiometry.luminance.plot import draw
-from radiometry.luminance.plots import PLOTS
+from radiometry.luminance.plots import PLOTS, split
 from radiometry.specification.coefficients import Budget, CoefficientEffect, CoefficientKind
 from radiometry.specification.grid import Grid
 from radiometry.specification.method import MethodSpec
@@ -60,8 +59,8 @@ SPEC: Final = MethodSpec(
     fit=method.fit,
     list_coefficients=method.list_coefficients,
     list_key_figures=list_key_figures,
-    draw=draw,
     plots=PLOTS,
+    split=split,
     certificate=CERTIFICATE,
     application=APPLICATION,
     applied="iso_fits",

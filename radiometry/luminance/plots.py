@@ -17,6 +17,17 @@ _X: Final = "X = t S L / f²  [cd·s/m²]"
 _ALONG: Final = 80
 
 
+def split(result: Node) -> Iterator[Node]:
+    """Yield a result per ISO value.
+
+    Parameters
+    ----------
+    result : dict
+        Stored result.
+    """
+    return ({**result, "iso_fits": [fit]} for fit in result["iso_fits"])
+
+
 def _build_signal(result: Node, _: Rows) -> Iterator[Figure]:
     for part, logarithmic in (("Linear", False), ("Logarithmic", True)):
         added = ", logarithmic" if logarithmic else ""
@@ -69,10 +80,11 @@ def _draw_residuals(result: Node, x: Axis, place: Callable[[Node], float | None]
     if not any(each.marks for each in series):
         return ()
     # one scale for all plots of residuals, symmetric
-    used = [abs(100.0 * p["residual_rel"]) for p in result["points"] if p["used"] and p["rhs"]]
+    used = [abs(100.0 * p["residual_rel"]) for p in result["points"] if p["used"] and p.get("rhs")]
     widest = 1.1 * max([limit, *used])
     y = Axis(label="residual [% of L]", include=(-widest, widest))
-    return (Figure(x=x, y=y, series=series, band=(-limit, limit), levels=(-limit, 0.0, limit)),)
+    levels = (-limit, 0.0, limit)
+    return (Figure(x=x, y=y, series=series, band=(-limit, limit), levels=levels, cuts_left_out=True),)
 
 
 def _build_scene_residuals(result: Node, _: Rows) -> tuple[Figure, ...]:
@@ -167,7 +179,7 @@ def _read_time(row: Any) -> float | None:  # noqa: ANN401  a row of the fit
 def _by_iso(result: Node) -> Iterator[tuple[Node, list[Node]]]:
     for fit in result["iso_fits"]:
         c = fit["coefficient"]
-        yield c, [p for p in result["points"] if p["iso"] == c["iso"] and p["rhs"]]
+        yield c, [p for p in result["points"] if p["iso"] == c["iso"] and p.get("rhs")]
 
 
 def _name(c: Node) -> str:
@@ -201,6 +213,7 @@ PLOTS: Final = (
         title="Signal and exposure \N{MULTIPLICATION SIGN} luminance",
         build=_build_signal,
         is_wide=True,
+        most_printed=2,
     ),
     Plot(
         name="apertures",
@@ -219,6 +232,7 @@ PLOTS: Final = (
     Plot(
         name="residuals-signal",
         title="Residuals and signal",
+        most_printed=1,
         build=lambda result, _: _draw_residuals(
             result,
             Axis(label="signal above dark [DN], logarithmic", logarithmic=True),

@@ -5,8 +5,7 @@ from typing import Final
 from radiometry.noise import codes, method
 from radiometry.noise.certificate import CERTIFICATE
 from radiometry.noise.key_figures import list_key_figures
-from radiometry.noise.plot import draw
-from radiometry.noise.plots import PLOTS
+from radiometry.noise.plots import PLOTS, split
 from radiometry.noise.suggestions import find_gaps
 from radiometry.specification.coefficients import CoefficientKind
 from radiometry.specification.grid import Grid
@@ -50,7 +49,7 @@ SPEC: Final = MethodSpec(
     fit=drop_readings(method.fit),
     list_coefficients=method.list_coefficients,
     list_key_figures=list_key_figures,
-    draw=draw,
     plots=PLOTS,
+    split=split,
     certificate=CERTIFICATE,
 )

@@ -12,6 +12,17 @@ Node = dict[str, Any]
 Build = Callable[[Node, Any], Iterator[Figure]]
 
 
+def split(result: Node) -> Iterator[Node]:
+    """Yield a result per ISO value.
+
+    Parameters
+    ----------
+    result : dict
+        Stored result.
+    """
+    return ({**result, "channel_fits": fits} for _, fits in _by_iso(result))
+
+
 def _draw(x: str, y: str, labels: tuple[str, str], predict: Callable[[float, float], float]) -> Build:
     """Return what draws a field of the levels against another, with what the gain predicts."""
 
@@ -69,6 +80,7 @@ PLOTS: Final = (
             ("signal above dark [DN]", "variance [DN²]"),
             lambda signal, gain: gain * signal,
         ),
+        most_printed=1,
     ),
     Plot(
         name="snr",
@@ -80,6 +92,7 @@ PLOTS: Final = (
             ("light [DN]", "signal / noise"),
             lambda light, gain: float((light / gain) ** 0.5),
         ),
+        most_printed=1,
     ),
-    Plot(name="linearity", title="Linearity", build=_build_linearity),
+    Plot(name="linearity", title="Linearity", build=_build_linearity, most_printed=1),
 )

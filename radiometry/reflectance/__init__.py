@@ -7,7 +7,6 @@ from radiometry.reflectance.applying import APPLICATION
 from radiometry.reflectance.budget import list_budgets
 from radiometry.reflectance.certificate import CERTIFICATE
 from radiometry.reflectance.key_figures import list_key_figures
-from radiometry.reflectance.plot import draw
 from radiometry.reflectance.plots import PLOTS
 from radiometry.specification.coefficients import CoefficientEffect, CoefficientKind
 from radiometry.specification.grid import Grid
@@ -52,7 +51,6 @@ SPEC: Final = MethodSpec(
     fit=method.fit,
     list_coefficients=method.list_coefficients,
     list_key_figures=list_key_figures,
-    draw=draw,
     plots=PLOTS,
     draws_flight=True,
     certificate=CERTIFICATE,

@@ -5,7 +5,6 @@ from typing import Final
 from radiometry.sharpness import codes, method
 from radiometry.sharpness.certificate import CERTIFICATE
 from radiometry.sharpness.key_figures import list_key_figures
-from radiometry.sharpness.plot import draw
 from radiometry.sharpness.plots import PLOTS
 from radiometry.specification.coefficients import CoefficientEffect, CoefficientKind
 from radiometry.specification.grid import Grid
@@ -74,7 +73,6 @@ SPEC: Final = MethodSpec(
     fit=drop_readings(method.fit),
     list_coefficients=method.list_coefficients,
     list_key_figures=list_key_figures,
-    draw=draw,
     plots=PLOTS,
     certificate=CERTIFICATE,
 )

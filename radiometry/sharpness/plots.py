@@ -3,14 +3,14 @@
 from collections.abc import Iterator
 from typing import Any, Final
 
-from radiometry.drawing.figure import Axis, Figure, Mark, Plot, Series
+from radiometry.drawing.figure import MOST, Axis, Figure, Mark, Plot, Series
 from radiometry.drawing.text import write_exposure
-from radiometry.sharpness.plot import find_figure, name_position
 from radiometry.specification.key_figures import choose_channel
 
 Node = dict[str, Any]
 
 _NYQUIST: Final = 0.5
+_FIGURES: Final = ("mtf50_cycles_per_pixel", "resolving_power_cycles_per_pixel")
 
 
 def _build_curves(result: Node, _: Any) -> Iterator[Figure]:  # noqa: ANN401  no rows are needed
@@ -24,7 +24,7 @@ def _build_curves(result: Node, _: Any) -> Iterator[Figure]:  # noqa: ANN401  no
                 for curve in each["curves"][:1]
                 for point in zip(curve["frequency"], curve["response"], curve["response_u"], strict=True)
             ]
-            found, name = find_figure(each), name_position(each)
+            found, name = _find_figure(each), _name_position(each)
             halves = [found] if found and found["name"].startswith("mtf50") else []
             marks = (
                 Mark(x=half["quantity"]["value"], y=0.5, name=name, told=(_tell(half),)) for half in halves
@@ -56,10 +56,10 @@ def _build_places(result: Node, _: Any) -> Iterator[Figure]:  # noqa: ANN401
     for channel in _channels(result):
         series = []
         for place, each in _of(result, channel):
-            found = find_figure(each)
+            found = _find_figure(each)
             told = (_tell(found),) if found else ()
-            mark = Mark(x=each["col_px"], y=-each["row_px"], name=name_position(each), told=told)
-            series.append(Series(name=name_position(each), marks=(mark,), place=place))
+            mark = Mark(x=each["col_px"], y=-each["row_px"], name=_name_position(each), told=told)
+            series.append(Series(name=_name_position(each), marks=(mark,), place=place))
         yield Figure(
             part=channel,
             x=Axis(label="column [px]", include=(0.0, *(col for col, _ in ends))),
@@ -74,7 +74,7 @@ def _build_radii(result: Node, _: Any) -> Iterator[Figure]:  # noqa: ANN401
     for channel in _channels(result):
         marks = []
         for _place, each in _of(result, channel):
-            found = find_figure(each)
+            found = _find_figure(each)
             if found:
                 y, u = found["quantity"]["value"], 2.0 * found["quantity"]["standard_uncertainty"]
                 mark = Mark(
@@ -82,7 +82,7 @@ def _build_radii(result: Node, _: Any) -> Iterator[Figure]:  # noqa: ANN401
                     y=y,
                     low=y - u,
                     high=y + u,
-                    name=f"{name_position(each)}, {channel}",
+                    name=f"{_name_position(each)}, {channel}",
                     told=(_tell(found),),
                 )
                 marks.append(mark)
@@ -118,6 +118,18 @@ def _build_blooming(result: Node, _: Any) -> Iterator[Figure]:  # noqa: ANN401
         )
 
 
+def _find_figure(position: Node) -> Node | None:
+    """Return the coefficient that a position is looked up for, None if it has none."""
+    named = {coefficient["name"]: coefficient for coefficient in position["coefficients"]}
+    return next((named[name] for name in _FIGURES if name in named), None)
+
+
+def _name_position(position: Node) -> str:
+    f_number = position.get("f_number")
+    name = str(position["position"] or position["kind"])
+    return f"{name}, f/{f_number:g}" if f_number else name
+
+
 def _tell(found: Node) -> str:
     value, u = found["quantity"]["value"], found["quantity"]["standard_uncertainty"]
     return f"{value:.3g} ± {u:.2g} {found['quantity']['unit']}"
@@ -131,16 +143,20 @@ def _channels(result: Node) -> list[str]:
 
 def _of(result: Node, channel: str) -> list[tuple[int, Node]]:
     """Return the positions of a channel, each with the number of its colour."""
-    names = list(dict.fromkeys(name_position(each) for each in result["positions"]))
+    names = list(dict.fromkeys(_name_position(each) for each in result["positions"]))
     mine = [each for each in result["positions"] if each["channel"] == channel]
-    return [(names.index(name_position(each)), each) for each in mine]
+    return [(names.index(_name_position(each)), each) for each in mine]
 
 
 PLOTS: Final = (
     Plot(
-        name="response", title="MTF by place", build=_build_curves, note="Bands: two standard uncertainties"
+        name="response",
+        title="MTF by place",
+        build=_build_curves,
+        note="Bands: two standard uncertainties",
+        most_printed=MOST,
     ),
     Plot(name="places", title="Places on the frame", build=_build_places),
-    Plot(name="radius", title="MTF50 and distance", build=_build_radii),
-    Plot(name="blooming", title="Blooming of a saturated spot", build=_build_blooming),
+    Plot(name="radius", title="MTF50 and distance", build=_build_radii, most_printed=1),
+    Plot(name="blooming", title="Blooming of a saturated spot", build=_build_blooming, most_printed=MOST),
 )

@@ -1,12 +1,14 @@
 """The specification of a calibration method: all that the rest of the product may know of it."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+import itertools
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import GenericAlias
 from typing import Any, Literal, get_args, get_type_hints
 
-from radiometry.drawing.figure import Plot
+from radiometry.drawing.figure import Figure, Plot
+from radiometry.drawing.sheet import draw_sheet
 from radiometry.findings import Finding, Raised
 from radiometry.frame.roi import Polygon
 from radiometry.specification.application import Application, Correction, FoundRegion
@@ -38,6 +40,10 @@ def _empty(_: Any) -> Mapping[Any, Any]:  # noqa: ANN401  any fit
 
 def _none(*_: Any, **__: Any) -> tuple[Any, ...]:  # noqa: ANN401  any fit, or any header
     return ()
+
+
+def _alone(result: dict[str, Any]) -> Iterable[dict[str, Any]]:
+    return (result,)
 
 
 def drop_readings(call: Callable[..., Any]) -> Callable[..., Any]:
@@ -151,12 +157,13 @@ class MethodSpec:
         ``(fitted) -> tuple of CoefficientValue``.
     list_key_figures : callable
         ``(stored result) -> tuple of KeyFigure``, what a person looks for first; empty for the coefficients.
-    draw : callable
-        ``(stored result) -> str``, a plot as SVG. What does not exist may be None or missing.
     plots : tuple of Plot
-        Plots of a version that pages show, the most looked-for first.
+        Plots of a version that pages show, the most looked-for first; what they read of a stored result may
+        be None or missing if it does not exist.
+    split : callable
+        ``(stored result) -> stored results``, parts whose plots are printed in a row each.
     draws_flight : bool
-        True if `draw` marks when measured frames were taken: times in ISO 8601 under "flight".
+        True if a plot marks when measured frames were taken: times in ISO 8601 under "flight".
     certificate : CertificateText
         What a certificate prints of the method.
     list_budgets : callable
@@ -191,7 +198,6 @@ class MethodSpec:
     plan: Callable[..., tuple[str, ...]]
     fit: Callable[..., Any]
     list_coefficients: Callable[..., tuple[Any, ...]]
-    draw: Callable[[dict[str, Any]], str]
     certificate: CertificateText
     grid: Grid = field(default_factory=Grid)
     find_gaps: Callable[..., tuple[Gap, ...]] = field(default=_none)
@@ -217,6 +223,7 @@ class MethodSpec:
     tolerance_unit: ToleranceUnit = "%"
     manual_exposure: bool = True
     plots: tuple[Plot, ...] = ()
+    split: Callable[[dict[str, Any]], Iterable[dict[str, Any]]] = field(default=_alone)
     list_key_figures: Callable[[dict[str, Any]], tuple[KeyFigure, ...]] = field(default=_none)
     draws_flight: bool = False
     list_budgets: Callable[[Any], tuple[Budget, ...]] = field(default=_none)
@@ -244,6 +251,22 @@ class MethodSpec:
         if self.untraced is None or name not in self.certificate.headlines:
             return None
         return "relative_only" if self.untraced.code in flags else "traceable"
+
+    def draw(self, result: dict[str, Any]) -> str:
+        """Draw what certificates print of a stored result, as SVG.
+
+        Parameters
+        ----------
+        result : dict
+            Stored result.
+        """
+        rows = (self._list_printed(part) for part in self.split(result))
+        return draw_sheet(rows, f"{self.label} calibration")
+
+    def _list_printed(self, result: dict[str, Any]) -> Iterator[tuple[str, Figure]]:
+        for plot in self.plots:
+            for figure in itertools.islice(plot.build(result, tuple), plot.most_printed):
+                yield f"{plot.title}, {figure.part}" if figure.part else plot.title, figure
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

@@ -11,7 +11,6 @@ from radiometry.vignetting import codes, method
 from radiometry.vignetting.budget import list_budgets
 from radiometry.vignetting.certificate import CERTIFICATE
 from radiometry.vignetting.key_figures import list_key_figures
-from radiometry.vignetting.plot import draw
 from radiometry.vignetting.plots import PLOTS
 from radiometry.vignetting.suggestions import find_gaps
 from radiometry.vignetting.written import EXPORTS
@@ -50,7 +49,6 @@ SPEC: Final = MethodSpec(
     list_coefficients=method.list_coefficients,
     list_key_figures=list_key_figures,
     list_budgets=list_budgets,
-    draw=draw,
     plots=PLOTS,
     certificate=CERTIFICATE,
     exports=EXPORTS,

@@ -1,11 +1,15 @@
 """Plots of a vignetting version: the surface, the corner per aperture, and falloff along the radius."""
 
+import math
 from collections.abc import Iterator
 from typing import Any, Final
 
-from radiometry.drawing.figure import Axis, Cell, Figure, Mark, Plot, Series
+import numpy as np
+from numpy.typing import NDArray
+
+from radiometry.drawing.figure import MOST, Axis, Cell, Figure, Mark, Plot, Series
+from radiometry.frame.packing import Packed, unpack
 from radiometry.specification.key_figures import choose_channel
-from radiometry.vignetting.plot import evaluate
 
 Node = dict[str, Any]
 
@@ -52,7 +56,7 @@ def _build_falloff(result: Node, _: Any) -> Iterator[Figure]:  # noqa: ANN401
         series = []
         for c in _list(result):
             if c["channel"] == channel:
-                curve = evaluate(c)
+                curve = list(_evaluate(c))
                 swath = tuple((r, 100.0 * (v - 2.0 * u), 100.0 * (v + 2.0 * u)) for r, v, u in curve)
                 line = tuple((r, 100.0 * v) for r, v, _ in curve)
                 series.append(Series(name=f"f/{c['f_number']:g}", line=line, swath=swath))
@@ -85,6 +89,50 @@ def _build_corner(result: Node, _: Any) -> Iterator[Figure]:  # noqa: ANN401
     )
 
 
+def _evaluate(c: Node) -> Iterator[tuple[float, float, float]]:
+    """Yield (r, V, u(V)) along the radius, with u from the covariance of k1, k2, k3."""
+    covariance, terms = np.array(c["covariance"])[:3, :3], np.array([c["k1"], c["k2"], c["k3"]])
+    for r in np.linspace(0.0, 1.0, 61):
+        powers = r ** np.array([2, 4, 6])
+        variance = max(0.0, powers @ covariance @ powers)
+        yield float(r), float(1.0 + powers @ terms), math.sqrt(variance)
+
+
+def _build_residuals(result: Node, _: Any) -> Iterator[Figure]:  # noqa: ANN401
+    """Maps of (light - fitted) / fitted per f-number, of the brightness' channel, in one scale."""
+    fits = sorted(result["channel_fits"], key=lambda fit: float(fit["coefficient"]["f_number"]))
+    shown = [fit for fit in fits if fit["coefficient"]["channel"] == _channels(result)[0]]
+    maps = [_shrink(unpack(Packed(**fit["residuals"]))) for fit in shown]
+    largest = max((float(np.nanmax(np.abs(each))) for each in maps if np.isfinite(each).any()), default=0.0)
+    for fit, residuals in zip(shown, maps, strict=True):
+        c = fit["coefficient"]
+        height, width = c["height_px"] / len(residuals), c["width_px"] / len(residuals[0])
+        cells = tuple(
+            Cell(
+                x=(col * width, (col + 1) * width),
+                y=(-(row + 1) * height, -row * height),
+                share=float(value / (largest or 1.0)) if math.isfinite(value) else None,
+                told=f"{100.0 * value:+.2g} %" if math.isfinite(value) else "unknown",
+            )
+            for (row, col), value in np.ndenumerate(residuals)
+        )
+        yield Figure(
+            part=f"f/{c['f_number']:g}",
+            x=Axis(label="column [px]"),
+            y=Axis(label="row [px]", is_downward=True),
+            cells=cells,
+            note=f"Channel {c['channel']}; full shade: ±{100.0 * largest:.2g} %, orange: less light",
+        )
+
+
+def _shrink(residuals: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return means over neighbours; no side has more cells than columns are shown."""
+    step = math.ceil(max(residuals.shape) / _COLUMNS)
+    rows, cols = (range(0, size, step) for size in residuals.shape)
+    blocks = [[residuals[row : row + step, col : col + step] for col in cols] for row in rows]
+    return np.array([[np.nanmean(b) if np.isfinite(b).any() else np.nan for b in line] for line in blocks])
+
+
 def _list(result: Node) -> list[Node]:
     return sorted((fit["coefficient"] for fit in result["channel_fits"]), key=lambda c: float(c["f_number"]))
 
@@ -101,7 +149,9 @@ PLOTS: Final = (
         name="corner",
         title="Corner per aperture",
         build=_build_corner,
+        most_printed=1,
         note="Bars: two standard uncertainties",
     ),
-    Plot(name="falloff", title="Falloff along the radius", build=_build_falloff),
+    Plot(name="falloff", title="Falloff along the radius", build=_build_falloff, most_printed=1),
+    Plot(name="residuals", title="Residuals", build=_build_residuals, most_printed=MOST),
 )

@@ -40,10 +40,10 @@ def _iso(certificate: Node, fit: Node, budget: list[Node]) -> Node:
         ["Expected", f"K about {plain(fit['expected_k'])} for a camera rated by ISO 12232"],
         ["Birge ratio", plain(fit["birge_ratio"], 4)],
     ]
-    plot = draw({**result, "iso_fits": [fit], "points": _drawn(result)})
+    plot = draw({**result, "iso_fits": [fit]})
     caption = (
-        f"ISO {plain(c['iso'])}: fit against X and ln X, and its residuals. Hollow: excluded or rejected. "
-        f"Dashed: tolerance of {percent(result['tolerance_rel'])}."
+        f"ISO {plain(c['iso'])}: signal against X, linear and logarithmic, and residuals. "
+        f"Hollow: excluded or rejected. Dashed: tolerance of {percent(result['tolerance_rel'])}."
     )
     blocks = [facts(rows), _budget(budget, write_unit(c["luminance_k_unit"])), *_apertures(certificate, c)]
     blocks.append(figure(plot, caption, width=1.0))
@@ -96,11 +96,6 @@ def _apertures(certificate: Node, c: Node) -> list[Node]:
         if rows
         else []
     )
-
-
-def _drawn(result: Node) -> list[Node]:
-    """Return the points with the fields that the plot needs and a stored point may lack."""
-    return [{"rhs": None, "residual_rel": None, **point} for point in result["points"]]
 
 
 def _range(c: Node, vignetting: str) -> str:

@@ -10,6 +10,7 @@ from sqlalchemy import Select, select
 from sqlalchemy.orm import Session
 
 from radiometry import methods
+from radiometry.drawing import sheet
 from radiometry.findings import interface
 from radiometry.fitting.evidence import Exclusion
 from service.auth import Calibrator, Caller, Publisher, Reader
@@ -158,7 +159,7 @@ def get_plot_svg(calibration_id: Id, request: Request, caller: Reader, context: 
         calibration = owned(session, Calibration, calibration_id, caller)
         flight = [at.isoformat() for at in list_flight(session, calibration)]
     spec = methods.get_method(calibration.method)
-    tag = f"{calibration.content_sha256}-plot"
+    tag = f"{calibration.content_sha256}-plot-{sheet.VERSION}"
     headers = immutable_headers(tag)
     if spec.draws_flight:
         tag += hashlib.sha256("".join(flight).encode()).hexdigest()[:16]

@@ -127,8 +127,8 @@ def test_points_and_plot_of_a_version(house, staged):
     plot = house.http.get(f"/v1/calibrations/{version['id']}/plot.svg")
     drawn = ET.fromstring(plot.text)
     used = sum(1 for p in version["points"] if p["used"])
-    circles = [e for e in drawn.iter() if e.tag.endswith("circle") and e.get("class") == "used"]
-    assert len(circles) == 3 * used
+    points = [e for e in drawn.iter() if e.get("class") == "point s0" and e.find("{*}title") is not None]
+    assert len(points) == 3 * used
     again = house.http.get(
         f"/v1/calibrations/{version['id']}/plot.svg", headers={"If-None-Match": plot.headers["etag"]}
     )

@@ -202,10 +202,16 @@ def texts(picture):
 
 
 def told(picture):
+    """Of each point: its tooltip, and of the last with it place and class."""
     return {
-        each.find(f"{GRAPH}title").text: (float(each.get("cx")), float(each.get("cy")), each.get("class"))
-        for each in picture.iter(f"{GRAPH}circle")
+        each.find(f"{GRAPH}title").text: (*place_of(each), each.get("class"))
+        for each in picture.iter(f"{GRAPH}path")
+        if each.find(f"{GRAPH}title") is not None
     }
+
+
+def place_of(point):
+    return tuple(map(float, re.match(r"translate\(([\d.]+) ([\d.]+)\)", point.get("transform")).groups()))
 
 
 def test_every_method_is_drawn():
@@ -222,7 +228,8 @@ def axes_of(picture):
             continue
         if each.get("class") == "tick":
             x, y, across = re.fullmatch(r"M([\d.]+) ([\d.]+)([HV]).*", each.get("d")).groups()
-            found[-2 if across == "V" else -1][1].append((float(x if across == "V" else y), after.text))
+            text = after.text.removeprefix("f/")
+            found[-2 if across == "V" else -1][1].append((float(x if across == "V" else y), text))
         elif each.tag == f"{GRAPH}text" and each.get("class") == "mid" and not found[-2][1]:
             at = next(labels, None)
             if at:
@@ -240,7 +247,7 @@ def pictures():
     )
     return {
         **{method: ET.fromstring(get_method(method).draw(result())) for method, result in RESULTS.items()},
-        "vignetting of one": ET.fromstring(draw_one_f_number()),
+        "noise of one level": ET.fromstring(draw_one_level()),
         "motion": ET.fromstring(draw_motion([("a", case)])),
         "signal": plotted("signal"),
         "signal in logarithms": plotted("signal", part=1),
@@ -260,9 +267,10 @@ def plotted(name, method="luminance", *, part=0, **view):
     return ET.fromstring(draw_figure(figure, plot.title, view=View(**view)))
 
 
-def draw_one_f_number():
-    result = vignetting()
-    return get_method("vignetting").draw(result | {"channel_fits": result["channel_fits"][2:]})
+def draw_one_level():
+    result = noise()
+    one = [{**fit, "levels": fit["levels"][:1]} for fit in result["channel_fits"]]
+    return get_method("noise").draw(result | {"channel_fits": one})
 
 
 def test_every_tick_reads_the_value_at_its_place():
@@ -271,6 +279,8 @@ def test_every_tick_reads_the_value_at_its_place():
     for name, picture in pictures().items():
         for x_axis, (label, ticks) in zip(itertools.cycle([True, False]), axes_of(picture), strict=False):
             places, values = (np.array(each, float) for each in zip(*ticks, strict=True))
+            if label == "f-number":
+                values = np.log(values)
             if "logarithmic" in label:
                 logarithmic += 1
                 assert len(ticks) >= 3, (name, label)
@@ -281,8 +291,8 @@ def test_every_tick_reads_the_value_at_its_place():
                 values = np.log(values)
             slope, start = np.polyfit(values, places, 1)
             assert places == pytest.approx(start + slope * values, abs=0.2), (name, label, ticks)
-    # two of luminance, two of noise's four axes twice, f-numbers twice, motion's four, the pages' charts
-    assert logarithmic == 2 + 4 + 2 + 4 + 4 + 2
+    # three of luminance, four of noise twice, motion's four, of pages' charts luminance's four, noise's two
+    assert logarithmic == 3 + 4 + 4 + 4 + 4 + 2
 
 
 @pytest.mark.parametrize("method", RESULTS)
@@ -306,7 +316,9 @@ def test_nothing_is_drawn_beside_the_sheet(method):
 
 def test_reflectance_shows_k_by_wavelength():
     dots = told(draw("reflectance"))
-    (x_green, y_green, _), (x_nir, y_nir, _) = dots["green: 10"], dots["nir: 40"]
+    (x_green, y_green, _), (x_nir, y_nir, _) = (
+        dots[f"band {band}, {k} 1/s (95 %)"] for band, k in (("green", "10 ± 1"), ("nir", "40 ± 4"))
+    )
     # x from 520 to 820 with 6 % of air, over 290 px
     assert x_nir - x_green == pytest.approx(240 * 290 / (300 * 1.12), abs=0.2)
     # y from 0 to 44 with 6 % of air, over 204 px
@@ -345,25 +357,25 @@ def test_reflectance_shows_k_in_time_between_its_visits_and_the_flight():
 
 def test_vignetting_shows_the_curve_of_green_and_the_map_of_what_is_left():
     picture = draw("vignetting")
-    for css, end in (("l0", 0.6), ("l1", 0.9)):
-        curve = lines(picture, css)[0]
+    for css, end in (("line s0", 0.6), ("line s1", 0.9)):
+        curve = lines(picture, css)[1]
         # share of light from 0.6 to 1 with 6 % of air, over 204 px
         assert curve[-1][1] - curve[0][1] == pytest.approx((1 - end) * 204 / (0.4 * 1.12), abs=0.2)
-    assert sum("left over, ±1 %" in text for text in texts(picture)) == 2
+    assert sum("full shade: ±1 %" in text for text in texts(picture)) == 2
     rects = [each for each in picture.iter(f"{GRAPH}rect") if each.get("class") != "box"]
     assert len(rects) == 2 * 24
-    by_fill = {each.get("fill"): each for each in rects[:24]}
-    darkest, brightest = by_fill["#005ab5"], by_fill["#dc3220"]
+    full = {each.get("class"): each for each in rects[:24] if each.get("fill-opacity") == "1.000"}
+    darkest, brightest = full["cell s1"], full["cell s0"]
     # row 0 is at the top, column 0 at the left
     assert float(darkest.get("y")) < float(brightest.get("y"))
     assert float(darkest.get("x")) < float(brightest.get("x"))
-    assert [each.get("class") for each in rects[:24]].count("unknown") == 1
+    assert [each.get("class") for each in rects[:24]].count("cell unknown") == 1
 
 
 def test_sharpness_shows_half_the_contrast_at_mtf50():
     picture = draw("sharpness")
     (half,) = [line for line in lines(picture, "limit") if line[0][1] == line[1][1]]
-    for css, mtf50 in (("l0", 0.3), ("l1", 0.2)):
+    for css, mtf50 in (("line s0", 0.3), ("line s1", 0.2)):
         curve = lines(picture, css)[0]
         assert curve[1][1] == half[0][1]
         share = (curve[1][0] - curve[0][0]) / (curve[2][0] - curve[0][0])
@@ -373,15 +385,15 @@ def test_sharpness_shows_half_the_contrast_at_mtf50():
 
 def test_geometry_shows_barrel_below_zero_and_rows_from_the_top():
     picture = draw("geometry")
-    (seen,), (beyond,) = lines(picture, "l0"), lines(picture, "l1")
+    (seen,), (beyond,) = lines(picture, "line s0"), lines(picture, "line s1")
     assert seen[-1] == beyond[0]
     assert beyond[-1][1] > seen[-1][1] > seen[0][1]
     counts = {each.text: each for each in picture.iter(f"{GRAPH}text") if each.get("class") == "mid note"}
     assert float(counts["7"].get("y")) < float(counts["3"].get("y"))
     assert float(counts["7"].get("x")) > float(counts["3"].get("x"))
-    dots = told(picture)
-    assert dots["a"][2] == "d0"
-    assert dots["b, left out: worse"][2] == "h0"
+    dots = {name.split(",")[0]: (name, css) for name, (*_, css) in told(picture).items()}
+    assert dots["a"][1] == "point s0"
+    assert dots["b"] == ("b, rms of its corners 3 px, left out: worse", "point out s0")
     assert len(dots) == 2
 
 
@@ -398,21 +410,23 @@ def test_the_surface_is_dark_in_the_corner_and_downward_as_the_frame_is():
 
 def test_noise_shows_the_variance_on_the_line_of_the_gain():
     picture = draw("noise")
-    transfer, snr = lines(picture, "l0")[:2]
-    circles = [each for each in picture.iter(f"{GRAPH}circle") if each.get("class") in ("d0", "h0")]
+    transfer, snr = lines(picture, "line s0")[:2]
+    points = [
+        (*place_of(each), each.get("class"))
+        for each in picture.iter(f"{GRAPH}path")
+        if each.find(f"{GRAPH}title") is not None and each.get("class").endswith("s0")
+    ]
     # of the first channel: three levels on the transfer's line, three on the square root of the electrons
-    for line, mine in ((transfer, circles[:3]), (snr, circles[3:6])):
+    for line, mine in ((transfer, points[:3]), (snr, points[3:6])):
         xs, ys = zip(*line, strict=True)
-        for circle in mine:
-            assert np.interp(float(circle.get("cx")), xs, ys) == pytest.approx(
-                float(circle.get("cy")), abs=0.3
-            )
-    assert [circle.get("class") for circle in circles[:3]] == ["d0", "d0", "h0"]
+        for x, y, _ in mine:
+            assert np.interp(x, xs, ys) == pytest.approx(y, abs=0.3)
+    assert [css for *_, css in points[:3]] == ["point s0", "point s0", "point out s0"]
     # no line for a channel without a gain
-    assert lines(picture, "l1") == []
+    assert lines(picture, "line s1") == []
 
 
 def test_two_series_are_told_apart_without_colour():
     style = draw("noise").find(f"{GRAPH}style").text
-    dashes = re.findall(r"\.l\d\{[^}]*stroke-dasharray:([^}]*)\}", style)
+    dashes = re.findall(r"\.line\.s\d\{[^}]*stroke-dasharray:([^}]*)\}", style)
     assert len(dashes) == len(set(dashes)) == 6

@@ -161,14 +161,14 @@ def test_drawings_show_every_case(house):
     assert any(text.startswith("case 2: 4.65 µm, 9 mm") for text in texts)
     # two lines of tolerable rates, one of a blur, and its limit
     assert len(list(root.iter(f"{SVG}polyline"))) == 4
-    assert len(list(root.iter(f"{SVG}circle"))) == 2
+    assert len(list(root.iter(f"{SVG}title"))) == 2
 
 
 def test_footprints_are_drawn_to_one_scale(house):
     rig = [COVERAGE, COVERAGE | {"tilt_deg": 80, "name": "far"}]
     drawn = house.http.post("/v1/tools/coverage.svg", json=rig)
     root = ET.fromstring(drawn.text)
-    outline = next(e for e in root.iter(f"{SVG}polyline") if e.get("class") == "s0")
+    outline = next(e for e in root.iter(f"{SVG}polyline") if e.get("class") == "line s0")
     points = [tuple(map(float, pair.split(","))) for pair in outline.get("points").split()]
     width, height = (max(c) - min(c) for c in zip(*points, strict=True))
     assert len(points) == 5

@@ -13,6 +13,7 @@ from service.problems import Problem
 from service.web.charts import View, draw_figure, send_svg
 from service.web.rendering import SignedInPage
 from store.queries.evidence import gather
+from store.queries.flight import list_flight
 from store.tables import Calibration, Camera, Campaign
 
 router = APIRouter(include_in_schema=False)
@@ -52,7 +53,8 @@ def show_plot(
             found = gather(session, campaign)
             return [row for row in found.frames if found.hashes[row.frame] in used]
 
-        figures = list(plot.build(calibration.result, read_rows))
+        flight = [at.isoformat() for at in list_flight(session, calibration)]
+        figures = list(plot.build(calibration.result | {"flight": flight}, read_rows))
     if not figures:
         return Response(status_code=204)
     parts = [each.part for each in figures if each.part]

@@ -37,7 +37,6 @@ def test_limits_leave_air_and_survive_a_single_value():
 
 def test_what_lies_outside_is_not_drawn_and_names_are_text():
     panel = Panel(x=scale(0, 10), y=scale(0, 10), title="<a & b>", x_label="x", y_label="y")
-    assert panel.dot(11, 5, "used", "far") == ""
-    assert "&lt;script&gt;" in panel.dot(5, 5, "used", "<script>")
+    assert "&lt;script&gt;" in panel.write(5, 5, "<script>")
     assert panel.line([(1, 1), (5, 20), (9, 9)], "fit").count(",") == 2
     assert "&lt;a &amp; b&gt;" in "".join(panel.frame())

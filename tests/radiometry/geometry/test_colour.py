@@ -10,7 +10,7 @@ from radiometry.geometry import method as geometry
 from radiometry.geometry.camera import CameraModel
 from radiometry.geometry.colour import ColourView, fit_colour
 from radiometry.geometry.findings import check_colours
-from radiometry.geometry.plot import draw
+from radiometry.methods import get_method
 from simulation.boards import View, draw_poses, set_up
 from simulation.camera import change
 from store.codec import encode
@@ -64,7 +64,7 @@ def test_each_colour_is_where_its_lens_puts_it(fitted):
 def test_coefficients_plot_and_flag(fitted):
     listed = [each for each in geometry.list_coefficients(fitted) if each.name == "lateral_colour_px"]
     assert [(each.channel, each.unit) for each in listed] == [("B-G", "px"), ("R-G", "px")]
-    assert "R-G" in draw(encode(fitted))
+    assert "R-G" in get_method("geometry").draw(encode(fitted))
     assert "lateral_colour_large" not in raised(fitted)
 
 

@@ -7,8 +7,8 @@ import pytest
 
 from radiometry.findings import InputRejected
 from radiometry.frame.exposure import Exposure, Settings
+from radiometry.methods import get_method
 from radiometry.sharpness import method as sharpness
-from radiometry.sharpness.plot import draw
 from simulation.camera import Camera, Shot, change, take
 from simulation.light import Lamp
 from simulation.targets import Picture, Spot
@@ -96,7 +96,7 @@ def test_coefficients_and_plot():
         f"saturated_spot:lamp {direction}" for direction in ("up", "down", "left", "right")
     }
     assert {(each.name, each.unit, each.channel) for each in listed} == {("blooming_px", "px", "grey")}
-    assert "Blooming down" in draw(encode(found))
+    assert "Blooming of a saturated spot, down" in get_method("sharpness").draw(encode(found))
     assert all(point.used for point in found.points)
 
 

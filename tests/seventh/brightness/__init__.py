@@ -1,11 +1,11 @@
 """Brightness: the mean raw signal of a region, per ISO value. A method that only the tests have."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from radiometry.drawing.sheet import Axis, bar, dot, finish, place
+from radiometry.drawing.figure import Axis, Figure, Mark, Plot, Series
 from radiometry.findings import InputRejected, Raised, flag, shared
 from radiometry.fitting.evidence import CoefficientValue, Exclusion, Extracted, FrameEvidence
 from radiometry.frame.roi import Window, mask
@@ -148,23 +148,13 @@ def list_coefficients(fitted: Fit) -> tuple[CoefficientValue, ...]:
     )
 
 
-def draw(result: dict[str, Any]) -> str:
-    """Return the brightness by ISO value as SVG."""
-    fits = result["iso_fits"]
-    panel = place(
-        0,
-        x=Axis(values=[each["iso"] for each in fits], label="ISO"),
-        y=Axis(values=[each["brightness_dn"] for each in fits], label="brightness [DN]"),
-        title="brightness",
-    )
-    parts = [*panel.frame()]
-    for each in fits:
+def build_plot(result: dict[str, Any], _: Any) -> Iterator[Figure]:
+    """Yield the brightness by ISO value."""
+    marks = []
+    for each in result["iso_fits"]:
         y, u = each["brightness_dn"], 2.0 * each["standard_uncertainty_dn"]
-        parts += [
-            bar(panel, each["iso"], y - u, y + u, 0),
-            panel.dot(each["iso"], y, dot(0), f"ISO {each['iso']:g}"),
-        ]
-    return finish(parts, panels=1, label="Brightness calibration")
+        marks.append(Mark(x=each["iso"], y=y, low=y - u, high=y + u, name=f"ISO {each['iso']:g}"))
+    yield Figure(x=Axis(label="ISO"), y=Axis(label="brightness [DN]"), series=(Series(marks=tuple(marks)),))
 
 
 SPEC: Final = MethodSpec(
@@ -183,7 +173,7 @@ SPEC: Final = MethodSpec(
     plan=plan,
     fit=fit,
     list_coefficients=list_coefficients,
-    draw=draw,
+    plots=(Plot(name="brightness", title="Brightness", build=build_plot, most_printed=1),),
     certificate=CertificateText(
         procedure="Mean raw signal of a region per ISO value",
         equation="B = mean(N)",

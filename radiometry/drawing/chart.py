@@ -1,0 +1,243 @@
+"""Figures as SVG, for pages and for print."""
+
+import math
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
+from html import escape
+from typing import Final
+
+from radiometry.drawing.figure import Axis, Figure, Mark, Series
+from radiometry.drawing.svg import Panel, Scale, span
+
+_BOTTOM_PX, _LINE_PX = 48, 22
+_MONTHS: Final = (1, 2, 3, 6, 12, 24, 60, 120, 240)
+_DAY_S, _HALF_HOUR_S = 86_400.0, 1800.0
+# steps of time below a month, with the form of a tick
+_TIMES: Final = tuple(
+    (60.0 * minutes, "%H:%M") for minutes in (1, 2, 5, 10, 15, 30, 60, 120, 180, 360, 720)
+) + tuple((_DAY_S * days, "%m-%d") for days in (1, 2, 4, 7, 14))
+# around a point: circle, square, triangle, diamond, triangle upside down, cross
+_SYMBOLS: Final = (
+    *("M-4.5 0a4.5 4.5 0 1 0 9 0a4.5 4.5 0 1 0-9 0Z", "M-4-4H4V4H-4Z", "M0-5L5 4H-5Z"),
+    *("M0-5.5L5 0L0 5.5L-5 0Z", "M0 5L5-4H-5Z", "M-5-2H-2V-5H2V-2H5V2H2V5H-2V2H-5Z"),
+)
+# Okabe and Ito, Color Universal Design: told apart by eyes that confuse red with green; in grey by dashes
+_COLOURS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+_DASHES: Final = ("none", "7 3", "2 3", "9 3 2 3", "4 2", "12 4")
+# of a picture that is printed or saved; in a page stilb.css has the colours
+STYLE: Final = (
+    ".band{fill:#0b5f6b;opacity:.07}.unknown{fill:#bbb}.note{font-size:10.5px}"
+    + "".join(
+        f".line.s{n}{{fill:none;stroke:{colour};stroke-width:1.6;stroke-dasharray:{dash}}}"
+        f".point.s{n}{{fill:{colour};stroke:{colour};stroke-width:1.2}}"
+        f".cell.s{n}{{fill:{colour}}}.swath.s{n}{{fill:{colour};opacity:.18}}"
+        for n, (colour, dash) in enumerate(zip(_COLOURS, _DASHES, strict=True))
+    )
+    + ".line.bar{stroke-width:1.2;stroke-dasharray:none}.point.out{fill:#fff}"
+)
+
+
+class Dates(Scale):
+    """Time in seconds since 1970, in UTC; a tick at the beginnings of months, or of shorter spans."""
+
+    def ticks(self) -> list[float]:
+        """Return the beginnings of months, or of shorter spans."""
+        step = self._step()
+        if step:
+            return [step * n for n in range(math.ceil(self.low / step), math.floor(self.high / step) + 1)]
+        first, last = (datetime.fromtimestamp(at, UTC) for at in (self.low, self.high))
+        months = range(12 * first.year + first.month - 1, 12 * last.year + last.month)
+        every = next((step for step in _MONTHS if len(months) <= 7 * step), _MONTHS[-1])
+        starts = (datetime(n // 12, n % 12 + 1, 1, tzinfo=UTC).timestamp() for n in months if n % every == 0)
+        found = [start for start in starts if self.low <= start <= self.high]
+        return found or [self.low]
+
+    def label(self, tick: float) -> str:
+        """Return the month, the day or the time of day of a tick."""
+        step = self._step()
+        form = next((form for size, form in _TIMES if size == step), "%Y-%m")
+        return datetime.fromtimestamp(tick, UTC).strftime(form)
+
+    def _step(self) -> float | None:
+        """Return the step below a month, None for months."""
+        return next((step for step, _ in _TIMES if self.high - self.low <= 6.0 * step), None)
+
+
+def place_figure(
+    figure: Figure, box: tuple[float, float, float, float], *, title: str = "", in_print: bool = False
+) -> Panel:
+    """Return the panel of a figure.
+
+    Parameters
+    ----------
+    figure : Figure
+        What is drawn.
+    box : (float, float, float, float)
+        Left, top, right and bottom of what the axes enclose [px].
+    title : str, optional
+        Text above it.
+    in_print : bool, optional
+        True: points that are left out lie within the limits.
+    """
+    (left, top, right, bottom), (xs, ys) = box, figure.find_limits(in_print=in_print)
+    x, y = _scale(figure.x, xs, left, right), _scale(figure.y, ys, bottom, top)
+    return Panel(x=x, y=y, title=title, x_label=figure.x.label, y_label=figure.y.label)
+
+
+def _scale(axis: Axis, values: Sequence[float], start_px: float, end_px: float) -> Scale:
+    low, high = span(values, logarithmic=axis.logarithmic)
+    if axis.is_time:
+        # frames of one minute need a scale, too
+        middle, half = (
+            (min(values) + max(values)) / 2.0,
+            max(0.53 * (max(values) - min(values)), _HALF_HOUR_S),
+        )
+        low, high = middle - half, middle + half
+    elif axis.ticks and not axis.logarithmic:
+        low, high = min(values), max(values)
+    return (Dates if axis.is_time else Scale)(
+        low=low,
+        high=high,
+        start_px=start_px,
+        end_px=end_px,
+        logarithmic=axis.logarithmic,
+        is_downward=axis.is_downward,
+        named=axis.ticks,
+    )
+
+
+def draw_figure(figure: Figure, panel: Panel, *, in_print: bool) -> tuple[list[str], float]:
+    """Draw a figure with its axes and its legend.
+
+    Parameters
+    ----------
+    figure : Figure
+        What is drawn.
+    panel : Panel
+        Where it is drawn.
+    in_print : bool
+        True: cells have their texts, points a tooltip, a single series its name, and the note is below.
+        False: points and cells carry what a page tells of them.
+
+    Returns
+    -------
+    parts : list of str
+        Elements.
+    bottom_px : float
+        Where the legend ends.
+    """
+    parts = [*panel.frame(), *_draw_ground(panel, figure, in_print=in_print)]
+    for n, each in enumerate(figure.series):
+        parts += _draw_series(panel, figure, each, _place(each, n), in_print=in_print)
+    legend, bottom = _draw_legend(panel, figure, in_print=in_print)
+    return [*parts, *legend], bottom
+
+
+def _place(series: Series, number: int) -> int:
+    return number if series.place is None else series.place
+
+
+def _draw_ground(panel: Panel, figure: Figure, *, in_print: bool) -> Iterator[str]:
+    """Map, band, dashed lines and moments: what lies behind the series."""
+    x, y = panel.x, panel.y
+    for cell in figure.cells:
+        (left, right), (bottom, top) = _cut(x, cell.x), _cut(y, cell.y)
+        size = f'width="{max(0.0, right - left) + 0.3:.1f}" height="{max(0.0, bottom - top) + 0.3:.1f}"'
+        css = "unknown" if cell.share is None else _colour(cell.share < 0)
+        # a text must be read on its cell
+        full = 0.6 if in_print and cell.text else 1.0
+        shade = "" if cell.share is None else f' fill-opacity="{full * abs(cell.share):.3f}"'
+        told = "" if in_print else f' data-told="{escape(cell.told)}"'
+        yield f'<rect class="cell {css}" x="{left:.1f}" y="{top:.1f}" {size}{shade}{told}/>'
+        if in_print and cell.text:
+            yield panel.write(sum(cell.x) / 2.0, sum(cell.y) / 2.0, cell.text)
+    if figure.band:
+        bottom, top = _cut(y, figure.band)
+        size = f'width="{x.end_px - x.start_px:.1f}" height="{bottom - top:.1f}"'
+        yield f'<rect class="band" x="{x.start_px:.1f}" y="{top:.1f}" {size}/>'
+    for level in figure.levels:
+        yield panel.line([(x.low, level), (x.high, level)], "limit")
+    for upright in figure.uprights:
+        yield panel.line([(upright, y.low), (upright, y.high)], "limit")
+    foot, top, middle = (y.low + share * (y.high - y.low) for share in (0.02, 0.06, 0.08))
+    # at most one a pixel
+    for moment in {round(x(each)): each for each in figure.moments}.values():
+        yield panel.line([(moment, foot), (moment, top)], "box")
+    if figure.moments:
+        yield panel.write(min(figure.moments), middle, figure.moments_are, "note")
+
+
+def _cut(scale: Scale, ends: tuple[float, float]) -> tuple[float, float]:
+    low, high = (scale(min(max(end, scale.low), scale.high)) for end in ends)
+    return low, high
+
+
+def _draw_series(panel: Panel, figure: Figure, each: Series, place: int, *, in_print: bool) -> Iterator[str]:
+    across = bool(figure.y.ticks)
+    ends = panel.x if across else panel.y
+    inside = [point for point in each.swath if panel.x.low <= point[0] <= panel.x.high]
+    if inside:
+        edges = [(panel.x(x), *_cut(panel.y, (low, high))) for x, low, high in inside]
+        there = [f"{x:.1f},{low:.1f}" for x, low, _ in edges]
+        back = [f"{x:.1f},{high:.1f}" for x, _, high in reversed(edges)]
+        yield f'<polygon class="swath {_colour(place)}" points="{" ".join([*there, *back])}"/>'
+    for points in (each.model, each.line):
+        if points:
+            yield panel.line(points, f"line {_colour(place)}")
+    for mark in each.marks:
+        if mark.low is not None and mark.high is not None:
+            low, high = max(mark.low, ends.low), min(mark.high, ends.high)
+            if low <= high:
+                bar = [(low, mark.y), (high, mark.y)] if across else [(mark.x, low), (mark.x, high)]
+                yield panel.line(bar, f"line bar {_colour(place)}")
+        if panel.holds(mark.x, mark.y):
+            at = f"translate({panel.x(mark.x):.1f} {panel.y(mark.y):.1f}){' scale(.7)' if in_print else ''}"
+            css = f"point {'out ' if mark.left_out else ''}{_colour(place)}"
+            attributes, inner = _tell(mark, in_print=in_print)
+            yield f'<path class="{css}"{attributes} transform="{at}" d="{_symbol(place)}">{inner}</path>'
+
+
+def _tell(mark: Mark, *, in_print: bool) -> tuple[str, str]:
+    """Return what the card of a page shows of a point, or its tooltip in a picture of its own."""
+    told = [*mark.told, f"left out: {mark.left_out}"] if mark.left_out else [*mark.told]
+    if in_print:
+        return "", f"<title>{escape(', '.join([mark.name, *told]))}</title>"
+    data = {"frame": mark.name, "frame-id": mark.frame_id} if mark.frame_id else {}
+    # a line feed as it is would be read as a space
+    lines = told if mark.frame_id else [mark.name, *told]
+    said = {name: escape(text) for name, text in data.items()} | {"told": "&#10;".join(map(escape, lines))}
+    return "".join(f' data-{name}="{text}"' for name, text in said.items()), ""
+
+
+def _draw_legend(panel: Panel, figure: Figure, *, in_print: bool) -> tuple[list[str], float]:
+    """Return the legend below the axes, in as many columns as there is room for, and where it ends."""
+    named = [(_place(each, n), each) for n, each in enumerate(figure.series)]
+    named = [(place, each) for place, each in named if each.name and (in_print or len(named) > 1)]
+    inner = panel.x.end_px - panel.x.start_px
+    columns = max(1, int(inner // (40 + 7 * max((len(each.name) for _, each in named), default=1))))
+    top = panel.y.start_px + _BOTTOM_PX
+    legend: list[str] = []
+    for n, (place, each) in enumerate(named):
+        x = panel.x.start_px + n % columns * inner / columns + 12
+        y = top + _LINE_PX * (n // columns) + 8
+        at = f'transform="translate({x:.1f} {y:.1f})"'
+        symbol = f'<path class="point {_colour(place)}" {at} d="{_symbol(place)}"/>'
+        line = f'<path class="line {_colour(place)}" {at} d="M-12 0H12"/>'
+        shown = (line if each.line or each.model else "") + (symbol if each.marks else "")
+        text = f'<text x="{x + 16:.1f}" y="{y + 4:.1f}">{escape(each.name)}</text>'
+        legend.append(f'<g class="legend" data-series="{place}">{shown}{text}</g>')
+    bottom = top + _LINE_PX * -(-len(named) // columns)
+    if in_print and figure.note:
+        legend.append(
+            f'<text class="note" x="{panel.x.start_px:.1f}" y="{bottom + 8:.1f}">{escape(figure.note)}</text>'
+        )
+        bottom += _LINE_PX
+    return legend, bottom
+
+
+def _colour(place: int) -> str:
+    return f"s{place % len(_COLOURS)}"
+
+
+def _symbol(place: int) -> str:
+    return _SYMBOLS[place % len(_SYMBOLS)]
