@@ -110,6 +110,9 @@ class MeasureDetails(TypedDict, total=False):
     mains_frequency_hz: float
     flicker_modulation: float
     glare_share: float
+    height_above_ground_m: float  # of a band: places its map on level ground
+    ground_altitude_m: float  # in its place, in the height system of the file's altitude
+    height_u_m: float
     allow: list[str]  # flags of a frame that else forbid to measure it: image_part_empty
 
 

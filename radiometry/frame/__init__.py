@@ -129,9 +129,10 @@ class FrameHeader:
         Height above sea level as the camera states it, negative below [m].
     position_fix : PositionFix or None, default: None
         Quality of the position; None if the file does not state it.
+    height_above_takeoff_m : float or None, default: None
+        Height above the take-off point that a DJI aircraft states [m].
     attitude : tuple of StatedAngle
-        Angles of camera and carrier, stored and passed on; no computation uses
-        them.
+        Angles of camera and carrier.
     opcodes : tuple of Opcode
         DNG opcodes of the file.
     multispectral : Multispectral or None, default: None
@@ -174,6 +175,7 @@ class FrameHeader:
     longitude_deg: float | None = None
     altitude_m: float | None = None
     position_fix: PositionFix | None = field(default=None, metadata=LATER)
+    height_above_takeoff_m: float | None = field(default=None, metadata=LATER)
     attitude: tuple[StatedAngle, ...] = field(default=())
     opcodes: tuple[Opcode, ...] = field(default=())
     multispectral: Multispectral | None = None

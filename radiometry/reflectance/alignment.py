@@ -172,7 +172,7 @@ def _find_positions(
         return x + (dx - x0), y + (dy - y0)
     with np.errstate(all="ignore"):
         directions = find_directions(onto, x=x, y=y)
-        turned = directions @ (_rotation(of).T @ _rotation(onto)).T
+        turned = directions @ (rotate_into_rig(of).T @ rotate_into_rig(onto)).T
         x, y = project(of, turned)
         seen = np.isfinite(x) & np.isfinite(y) & (turned[..., 2] > 0.0)
     return np.where(seen, x, _NOWHERE_PX), np.where(seen, y, _NOWHERE_PX)
@@ -203,7 +203,7 @@ def find_directions(lens: RigGeometry, *, x: Grid, y: Grid) -> Grid:
         along = np.sin(angle) / np.maximum(radius, 1e-12)
         return np.stack((u * along, v * along, np.cos(angle)), axis=-1)
     focal = lens.focal_length_px or 1.0
-    u, v = u / focal, v / focal
+    u, v = u / focal, v / (lens.focal_length_y_px or focal)
     plain_u, plain_v = u, v
     for _ in range(_UNDISTORT_STEPS):
         seen_u, seen_v = _distort(lens, plain_u, plain_v)
@@ -234,8 +234,9 @@ def project(lens: RigGeometry, directions: Grid) -> tuple[Grid, Grid]:
         c, d, e, f = lens.fisheye_affine
         u, v = (c * a + d * b) * ratio, (e * a + f * b) * ratio
     else:
+        u, v = _distort(lens, a / forward, b / forward)
         focal = lens.focal_length_px or 1.0
-        u, v = (focal * part for part in _distort(lens, a / forward, b / forward))
+        u, v = focal * u, (lens.focal_length_y_px or focal) * v
     return u + lens.principal_point_px[0], v + lens.principal_point_px[1]
 
 
@@ -257,7 +258,19 @@ def _distort(lens: RigGeometry, u: Grid, v: Grid) -> tuple[Grid, Grid]:
     )
 
 
-def _rotation(lens: RigGeometry) -> Grid:
+def rotate_into_rig(lens: RigGeometry) -> Grid:
+    """Compute the rotation of a band's directions into the rig's reference band; none where none is stated.
+
+    Parameters
+    ----------
+    lens : RigGeometry
+        Lens of the band.
+
+    Returns
+    -------
+    Grid
+        R_x(omega) R_y(phi) R_z(kappa), (3, 3).
+    """
     omega, phi, kappa = (math.radians(angle) for angle in lens.rotation_deg or (0.0, 0.0, 0.0))
     about_x = [[1, 0, 0], [0, math.cos(omega), -math.sin(omega)], [0, math.sin(omega), math.cos(omega)]]
     about_y = [[math.cos(phi), 0, math.sin(phi)], [0, 1, 0], [-math.sin(phi), 0, math.cos(phi)]]

@@ -8,6 +8,7 @@ from radiometry.reflectance.formula import read_formula
 from radiometry.reflectance.imaging import RADIANCE_UNIT
 from radiometry.reflectance.indices import align_band, displace_region, move_regions
 from radiometry.reflectance.measurement import measure_region
+from radiometry.reflectance.place import GroundHeight, find_place
 from radiometry.reflectance.propagation import flag_alignment, map_uncertainty, measure_index
 from radiometry.reflectance.radiance import measure_radiance, require_radiance
 from radiometry.specification.application import BandApplication
@@ -16,6 +17,7 @@ APPLICATION: Final = BandApplication(
     quantity="reflectance",
     unit="1",
     options=("incidence_angle_deg", "index", "quantity"),
+    conditions=GroundHeight,
     read_formula=read_formula,
     align_band=align_band,
     flag_alignment=flag_alignment,
@@ -33,5 +35,6 @@ APPLICATION: Final = BandApplication(
     require_radiance=require_radiance,
     measure_radiance=measure_radiance,
     scale_pixels=method.scale_pixels,
+    find_place=find_place,
     change=change_reflectance,
 )

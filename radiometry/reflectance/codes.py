@@ -298,5 +298,12 @@ BANDS_NOT_ALIGNED = error(
     "turned (`RigRelatives`) and too few edges agree between them.",
     "Align them with photogrammetry software and compute the index there.",
 )
+HEIGHT_UNUSABLE = error(
+    "height_unusable",
+    "The height above the ground cannot be used: it is stated twice, or the ground does not lie below the "
+    "altitude that the file states.",
+    "State either `height_above_ground_m`, or `ground_altitude_m` in the height system of the file's "
+    "altitude.",
+)
 
 FINDINGS = declared(globals())

@@ -67,7 +67,7 @@ class Application:
     options : tuple of str
         Options of a measurement that this method takes, beside region and products.
     conditions : type or None
-        Frozen dataclass of what a measurement states of light and surroundings, each field a parameter.
+        Frozen dataclass of what a measurement states of its surroundings, each field a parameter.
     needs_exposure : bool
         True if a frame without exposure cannot be measured.
     """
@@ -118,6 +118,8 @@ class BandApplication(Application):
     ----------
     radiance_unit : str
         Unit of a band's radiance.
+    find_place : callable
+        ``(header, conditions) -> Place``, where the pixels of a frame lie on the ground.
     """
 
     read_formula: Function
@@ -137,6 +139,7 @@ class BandApplication(Application):
     require_radiance: Function
     measure_radiance: Function
     scale_pixels: Function
+    find_place: Function
     change: Function
 
 

@@ -285,7 +285,7 @@ class MethodSpec:
 
     @property
     def conditions(self) -> tuple[Parameter, ...]:
-        """Light and surroundings that a measurement may state."""
+        """Surroundings that a measurement may state."""
         stated = self.application.conditions if self.application else None
         return list_parameters(stated) if stated else ()
 

@@ -169,7 +169,7 @@ def compute_turns(attitudes: Sequence[Attitude]) -> tuple[Turn, ...]:
     """
     turns = []
     for first, second in itertools.pairwise(attitudes):
-        step, _ = cv2.Rodrigues(_rotate(first).T @ _rotate(second))
+        step, _ = cv2.Rodrigues(rotate(first).T @ rotate(second))
         elapsed_s = second.time_s - first.time_s
         roll, pitch, yaw = (math.degrees(angle) / elapsed_s for angle in step.ravel())
         turns.append(
@@ -285,8 +285,19 @@ def _choose(shot: Shot, turns: Sequence[Turn]) -> tuple[Turn, Basis]:
     return nearest, "during" if nearest.start_s <= middle_s <= nearest.end_s else "nearest"
 
 
-def _rotate(attitude: Attitude) -> NDArray[np.float64]:
-    """Return Rz(yaw) Ry(pitch) Rx(roll), which rotates the body's axes into north, east and down."""
+def rotate(attitude: Attitude) -> NDArray[np.float64]:
+    """Compute Rz(yaw) Ry(pitch) Rx(roll), which rotates the body's axes into north, east and down.
+
+    Parameters
+    ----------
+    attitude : Attitude
+        Yaw, pitch and roll.
+
+    Returns
+    -------
+    ndarray of float64
+        Rotation matrix, (3, 3).
+    """
     yaw, pitch, roll = (
         math.radians(angle) for angle in (attitude.yaw_deg, attitude.pitch_deg, attitude.roll_deg)
     )

@@ -23,6 +23,7 @@ from service.schemas.measured_parts import (
     IndexAnswer,
     MapCounts,
     PercentileAnswer,
+    PlaceAnswer,
     ReflectedAnswer,
     UndistortedAnswer,
 )
@@ -77,6 +78,9 @@ class MeasurementAnswer(Answer):
     radiance: str | None = Field(default=None, description="The band, of a radiance.")
     alignment: list[AlignmentAnswer] | None = Field(
         default=None, description="Of an index and of the product `bands`: the other bands of the capture."
+    )
+    place: PlaceAnswer | None = Field(
+        default=None, description="Of a band or an index: where its map lies, or why it is not placed."
     )
     undistorted: UndistortedAnswer | None = Field(default=None, description="Of a geometry campaign's frame.")
     map: MapCounts | None = Field(default=None, description="Of a map of reflectance or of an index.")
@@ -141,6 +145,7 @@ class MeasurementAnswer(Answer):
             corrections=result.get("corrections", []),
             percentiles=result.get("percentiles", []),
             map=result.get("map"),
+            place=result.get("place"),
             alignment=result.get("alignment") or None,
             flags=flags,
             to_do_better=list(advise([FINDINGS[raised.flag] for raised in flags], budget=budget)),

@@ -7,6 +7,7 @@ from pydantic import Field
 from radiometry.fitting.evidence import FieldCorrection
 from radiometry.frame.light import LightBasis
 from radiometry.frame.multispectral import Alignment
+from radiometry.frame.place import Place, PlaceShare
 from service.schemas.base import Answer, Quantity
 
 
@@ -81,6 +82,26 @@ class IndexAnswer(Answer):
 
 class AlignmentAnswer(Answer, restates=Alignment):
     """How a band was aligned onto the pixels of the measurement's frame."""
+
+
+class PlaceShareAnswer(Answer, restates=PlaceShare):
+    """One source's share of the uncertainty of a place."""
+
+
+class PlaceAnswer(Answer, restates=Place, without="tie_points corners transform"):
+    """Where the pixels of `map.tif` lie on level ground, as its GeoTIFF tags state it."""
+
+    transform: list[float] | None = Field(
+        default=None,
+        description="[a, b, c, d, e, f] of longitude = a + b col + c row and latitude = d + e col + f row "
+        "[deg], counted from the outer corner of the first pixel, as GDAL does.",
+    )
+    corners: list[list[float]] = Field(
+        default=[],
+        description="[longitude, latitude] of the frame's corners: top-left, top-right, bottom-right, "
+        "bottom-left.",
+    )
+    budget: list[PlaceShareAnswer] = Field(default=[], description="Sources of the uncertainty.")
 
 
 class UndistortedAnswer(Answer):

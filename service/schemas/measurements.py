@@ -34,7 +34,7 @@ class NewGrid(Form):
 
 
 CONDITIONS = {each.name: each for spec in METHODS for each in spec.conditions}
-"""Light and surroundings of a measurement."""
+"""Surroundings of a measurement."""
 
 
 class MeasurementOptions(create_model("Conditions", __base__=Form, **make_fields(CONDITIONS.values()))):  # type: ignore[misc]

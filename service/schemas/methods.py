@@ -83,7 +83,7 @@ class MethodAnswer(
     )
     measurement_options: list[str] = Field(description="Options of a measurement beside region and products.")
     conditions: list[ParameterAnswer] = Field(
-        description="Of these options the light and surroundings of a measurement."
+        description="Of these options the surroundings of a measurement."
     )
     grid: MethodGridAnswer
     parameters: list[ParameterAnswer]

@@ -58,6 +58,13 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
     quantity: Annotated[
         str | None, typer.Option(help="Of a band: reflectance, or radiance in W/(m2 sr nm).")
     ] = None,
+    height: Annotated[
+        float | None, typer.Option(help="Of the camera above level ground, in m: places maps of bands.")
+    ] = None,
+    ground: Annotated[
+        float | None, typer.Option(help="Altitude of the ground in m, in place of --height.")
+    ] = None,
+    height_u: Annotated[float | None, typer.Option(help="Standard uncertainty of the height, in m.")] = None,
     allow: Annotated[
         list[str] | None,
         typer.Option(metavar="FLAG", help="Measure frames despite this flag: image_part_empty."),
@@ -97,6 +104,9 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
         "spectral_mismatch_u_rel": mismatch,
         "index": index,
         "quantity": quantity,
+        "height_above_ground_m": height,
+        "ground_altitude_m": ground,
+        "height_u_m": height_u,
         "allow": allow or None,
     }
     details = cast("MeasureDetails", {name: value for name, value in given.items() if value is not None})
@@ -113,7 +123,8 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
             save_map.mkdir(parents=True, exist_ok=True)
             for one in found:
                 name = f"{PurePath(one.filename).stem}-{one.id}.tif"
-                output.note(str(client.save_map(one.id, save_map / name)))
+                where = one.raw.get("place", {}).get("detail", "")
+                output.note(f"{client.save_map(one.id, save_map / name)} {where}".rstrip())
     told = {"items": [one.raw for one in found], "not_measured": refused}
     output.answer(
         told, _table(found), *(f"{each['filename']} not measured: {each['detail']}" for each in refused)

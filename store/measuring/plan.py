@@ -38,7 +38,7 @@ class Asked:
     frame_ids: tuple[str, ...] | None = None
     """Frames of one scene that are averaged, the measurement's own first."""
     conditions: Mapping[str, Any] = field(default_factory=dict)
-    """Light and surroundings, as the method's application names them."""
+    """Surroundings, as the method's application names them."""
     products: tuple[str, ...] = field(default=())
     allow: tuple[str, ...] = field(default=())
     """Flags of a frame that forbid to measure it, unless they are named here."""
@@ -83,7 +83,8 @@ def plan_measurement(
         case SurfaceApplication() as application:
             return plan | _plan_surface(session, frame, calibration, application, polygon, asked)
         case BandApplication() as application:
-            return plan | _plan_band(frame, calibration, application, polygon, asked, captures)
+            stated = _find_conditions(campaign, application, asked)
+            return plan | stated | _plan_band(frame, calibration, application, polygon, asked, captures)
         case PictureApplication() as application:
             _require_picture(frame, calibration, application, asked)
     return plan
@@ -178,8 +179,10 @@ def _plan_surface(
     return plan
 
 
-def _find_conditions(campaign: Campaign, application: SurfaceApplication, asked: Asked) -> dict[str, Any]:
-    """Return what the request states of light and surroundings; what is left out, as the frame's campaign."""
+def _find_conditions(
+    campaign: Campaign, application: SurfaceApplication | BandApplication, asked: Asked
+) -> dict[str, Any]:
+    """Return what the request states of surroundings; what is left out, as the frame's campaign."""
     if application.conditions is None:
         return {}
     names = (each.name for each in list_parameters(application.conditions))
@@ -254,6 +257,7 @@ def _plan_band(
             application.require_radiance(each)
         else:
             application.find_scale_of_frame(each, coefficients=coefficients, incidence_angle_deg=angle_deg)
+    application.find_place(header, decode(application.conditions, dict(asked.conditions)))
     return plan | ({"quantity": asked.quantity} if radiance else {})
 
 

@@ -1,8 +1,10 @@
 """A real DJI P4 Multispectral over HTTP, and beside it what reflectance has no use for."""
 
 import io
+import json
 
 import pytest
+import tifffile
 from PIL import Image
 
 from store.tables import FrameRow
@@ -77,8 +79,28 @@ def test_a_p4_multispectral_is_read_shown_fitted_and_measured(sqlite_house, camp
     assert found["mean"]["value"] == pytest.approx(0.5, rel=1e-9)
     # this camera states light without a unit, and a signal without a scale
     assert found["reflected"]["i_ss_basis"] == "oriented"
-    refused = house.http.post("/v1/measurements", json=body | {"quantity": "radiance"})
-    assert (refused.status_code, refused.json()["code"]) == (422, "radiance_unknown")
+    assert (found["place"]["height_source"], found["place"]["attitude_source"]) == ("take_off", "gimbal")
+    for more, code in [
+        ({"quantity": "radiance"}, "radiance_unknown"),
+        ({"ground_altitude_m": 300}, "height_unusable"),
+    ]:
+        refused = house.http.post("/v1/measurements", json=body | more)
+        assert (refused.status_code, refused.json()["code"]) == (422, code)
+    job = house.post(
+        "/v1/measurements", body | {"products": ["bands"], "ground_altitude_m": 143.26}, status=202
+    )
+    house.work()
+    measured = house.get(f"/v1/jobs/{job['id']}")["result"]["measurement_id"]
+    place = house.get(f"/v1/measurements/{measured}")["place"]
+    assert (place["form"], place["height_above_ground_m"]) == ("affine", pytest.approx(60.0))
+    content = house.http.get(f"/v1/measurements/{measured}/map.tif").content
+    with tifffile.TiffFile(io.BytesIO(content)) as file:
+        keys = file.pages[0].geotiff_tags
+        told = json.loads(file.pages[0].description)["place"]
+    assert keys["GeographicTypeGeoKey"] == 4326
+    matrix = keys["ModelTransformation"]
+    assert [matrix[0][3], matrix[1][3]] == place["transform"][::3]
+    assert told == place
 
 
 def test_a_thermal_band_is_stored_and_left_out(sqlite_house):

@@ -10,7 +10,7 @@ from radiometry.findings import InputRejected
 from radiometry.frame import PositionFix, StatedAngle
 from worker.decode import limits, tags
 from worker.decode.attitude import read_attitude
-from worker.decode.position import read_fix, read_position
+from worker.decode.position import read_fix, read_height, read_position
 from worker.decode.tiff import Directory
 from worker.decode.xmp import Xmp, read_xmp
 
@@ -65,6 +65,7 @@ class Metadata:
     longitude_deg: float | None
     altitude_m: float | None
     position_fix: PositionFix | None
+    height_above_takeoff_m: float | None
     attitude: tuple[StatedAngle, ...]
 
 
@@ -121,6 +122,7 @@ def read_metadata(main: Directory) -> Metadata:
         longitude_deg=position.longitude_deg,
         altitude_m=position.altitude_m,
         position_fix=read_fix(xmp),
+        height_above_takeoff_m=read_height(xmp),
         attitude=read_attitude(xmp),
         exposure_time_s=exposure_time_s,
         exposure_time_apex_s=_from_apex(found.numbers(tags.SHUTTER_SPEED_VALUE), -1.0, exposure_time_s),

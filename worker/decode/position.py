@@ -59,6 +59,12 @@ def read_fix(xmp: Xmp) -> PositionFix | None:
     return PositionFix(kind=kind, u_latitude_m=latitude, u_longitude_m=longitude, u_height_m=height)
 
 
+def read_height(xmp: Xmp) -> float | None:
+    """Read the height above the take-off point, by the barometer of a DJI aircraft [m]."""
+    height = xmp.number("drone-dji:RelativeAltitude")
+    return height if height is not None and abs(height) <= _HIGHEST_M else None
+
+
 def _angle(gps: Directory, tag: int, ref: int, letters: str, largest_deg: float) -> float | None:
     """Degrees, minutes and seconds; writers that need no seconds put them into the fraction before."""
     parts = gps.numbers(tag, at_most=3)

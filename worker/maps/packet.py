@@ -39,6 +39,7 @@ def write_packet(header: FrameHeader, bands: Sequence[Multispectral] = ()) -> by
     said: dict[str, Value] = {angle.name: angle.value for angle in header.attitude}
     if header.position_fix is not None:
         said |= _describe_fix(header.position_fix)
+    said["drone-dji:RelativeAltitude"] = header.height_above_takeoff_m
     if bands:
         said |= _describe_bands(bands)
     written = {name: value for name, value in said.items() if value is not None and value not in ((), [])}

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.opencv import cv2
+from radiometry.frame.place import Place
 from worker.decode import tags
 from worker.maps.directory import append_directories, has_exif
 
@@ -31,8 +32,11 @@ ROUNDING_REL: Final = 2.0 ** -(_KEPT_BITS + 1)
 
 _HALF: Final = np.uint32(1 << (_ALL_BITS - _KEPT_BITS - 1))
 _MASK: Final = ~np.uint32(2 * _HALF - 1)
-_BYTE, _ASCII, _LONG = 1, 2, 4
+_BYTE, _ASCII, _SHORT, _LONG, _DOUBLE = 1, 2, 3, 4, 12
 _GDAL_METADATA, _GDAL_NODATA = 42112, 42113
+_TIE_POINTS, _TRANSFORMATION, _GEO_KEYS = 33922, 34264, 34735
+_WGS84: Final = (1, 1, 0, 4, 1024, 0, 1, 2, 1025, 0, 1, 1, 2048, 0, 1, 4326, 2054, 0, 1, 9102)
+"""Keys of GeoTIFF 1.1: degrees of EPSG:4326, a pixel is an area."""
 
 Plane = NDArray[np.float32]
 Samples = NDArray[np.uint16]
@@ -52,7 +56,7 @@ class MapFacts:
     """Statements of a map about itself, beside its pixels.
 
     ``description`` is kept as JSON in ImageDescription; ``packet`` : XMP, where the map has one; ``layers`` :
-    its planes, in GDAL's words
+    its planes, in GDAL's words; ``place`` : where its pixels lie, if that was asked
     """
 
     header: FrameHeader
@@ -61,6 +65,7 @@ class MapFacts:
     description: dict[str, Any]
     packet: bytes = b""
     layers: tuple[Layer, ...] = ()
+    place: Place | None = None
 
 
 def write_tiff(path: Path, tiles: Iterable[bytes], facts: MapFacts) -> None:
@@ -119,12 +124,25 @@ def _tags(facts: MapFacts) -> list[tuple[int | str, int, int, Any, bool]]:
         named.append((_GDAL_NODATA, _ASCII, 0, "nan", True))
     if facts.packet:
         named.append((tags.XMP, _BYTE, len(facts.packet), facts.packet, True))
+    if facts.place is not None:
+        named += _describe_place(facts.place)
     # by their names: by number tifffile would refuse them; the values follow in append_directories
     if has_exif(header, facts.exposure):
         named.append(("ExifTag", _LONG, 1, 0, True))
     if header.latitude_deg is not None:
         named.append(("GPSTag", _LONG, 1, 0, True))
     return named
+
+
+def _describe_place(place: Place) -> list[tuple[int | str, int, int, Any, bool]]:
+    """Return the tags of GeoTIFF: one transformation, or tie points that lead a warp; none of no place."""
+    if place.transform is None:
+        return []
+    a, b, c, d, e, f = place.transform
+    matrix = (b, c, 0.0, a, e, f, 0.0, d, *(0.0,) * 4, 0.0, 0.0, 0.0, 1.0)
+    points = [n for col, row, x, y in place.tie_points for n in (col, row, 0.0, x, y, 0.0)]
+    tag, values = (_TIE_POINTS, points) if points else (_TRANSFORMATION, list(matrix))
+    return [(tag, _DOUBLE, len(values), values, True), (_GEO_KEYS, _SHORT, len(_WGS84), _WGS84, True)]
 
 
 def _describe_layers(facts: MapFacts) -> bytes:

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from radiometry.frame import Frame, FrameHeader
+from radiometry.frame import Frame
+from radiometry.frame.place import Place
 from radiometry.frame.roi import Polygon, bounding_window
 from radiometry.specification.application import BandApplication
 from store.applied import read_applied
-from store.codec import encode
+from store.codec import decode, drop_absent, encode
 from store.measuring.record import Products
 from store.software import read_version
 from worker.maps.making import Made, Subject, draw_map, make_map
@@ -39,7 +40,7 @@ def measure(task: Task, application: BandApplication) -> tuple[dict[str, Any], P
             incidence_angle_deg=read_angle(task),
         )
     task.report(0.1)
-    result: dict[str, Any] = encode(measured)
+    result: dict[str, Any] = encode(measured) | {"place": tell_place(task, application)}
     if not task.wants_map:
         return result, None
     made, products = _map_band(task, application)
@@ -52,6 +53,20 @@ def read_angle(task: Task) -> float | None:
     """Return the angle that the measurement states; None for that of the fit."""
     stated = task.parameters.get("incidence_angle_deg")
     return None if stated is None else float(stated)
+
+
+def find_place(task: Task, application: BandApplication) -> Place:
+    """Return where the pixels of the task's frame lie."""
+    place: Place = application.find_place(
+        task.header, decode(application.conditions, task.parameters.get("conditions", {}))
+    )
+    return place
+
+
+def tell_place(task: Task, application: BandApplication) -> dict[str, Any]:
+    """Return the place as results and maps' descriptions keep it; tie points are in the map's tags."""
+    told: dict[str, Any] = drop_absent(encode(find_place(task, application)))
+    return {name: value for name, value in told.items() if name != "tie_points"}
 
 
 def _is_radiance(task: Task, application: BandApplication) -> bool:
@@ -90,8 +105,9 @@ def _map_band(task: Task, application: BandApplication) -> tuple[Made, Products]
         exposure=exposure,
         software=f"stilb {read_version()}",
         description=describe(
-            task, header, quantity="radiance" if radiance else application.quantity, unit=unit
+            task, application, quantity="radiance" if radiance else application.quantity, unit=unit
         ),
+        place=find_place(task, application),
         packet=write_packet(header, [band]),
         layers=(
             Layer(
@@ -124,9 +140,9 @@ def _caption(task: Task) -> str:
     return f"{task.frame.filename}, calibration version {task.calibration.version}"
 
 
-def describe(task: Task, header: FrameHeader, **more: Any) -> dict[str, Any]:  # noqa: ANN401
+def describe(task: Task, application: BandApplication, **more: Any) -> dict[str, Any]:  # noqa: ANN401
     """Return what ImageDescription says of a map of a band, or of an index on its pixels."""
-    band = header.multispectral
+    band = task.header.multispectral
     assert band is not None  # noqa: S101  the plan refused files without one
     said = {
         "band": band.band_name,
@@ -138,11 +154,13 @@ def describe(task: Task, header: FrameHeader, **more: Any) -> dict[str, Any]:  #
     angle_deg = read_angle(task)
     if angle_deg is None:
         angle_deg = read_applied(task.calibration)[0].incidence_angle_deg
-    return task.describe(**more, saturated="NaN", incidence_angle_deg=angle_deg, **known)
+    place = tell_place(task, application)
+    return task.describe(**more, saturated="NaN", incidence_angle_deg=angle_deg, place=place, **known)
 
 
 def draw_planes(
     task: Task,
+    application: BandApplication,
     planes: Sequence[Plane],
     layers: Sequence[Layer],
     style: Style,
@@ -159,6 +177,7 @@ def draw_planes(
         description=description,
         packet=packet,
         layers=tuple(layers),
+        place=find_place(task, application),
     )
     with tempfile.TemporaryDirectory(prefix="stilb-map-") as folder:
         target = Path(folder) / "map.tif"

@@ -14,7 +14,7 @@ from store.measuring.record import Products
 from worker.maps.packet import write_packet
 from worker.maps.picture import REFLECTANCE, Style
 from worker.maps.tiff import Layer, Plane
-from worker.measuring.band import apply_version, describe, draw_planes, read_angle, read_plane
+from worker.measuring.band import apply_version, describe, draw_planes, read_angle, read_plane, tell_place
 from worker.measuring.task import Task
 
 _INDEX_ENDS = (-1.0, 1.0)
@@ -76,7 +76,7 @@ def measure_index(task: Task, application: BandApplication) -> tuple[dict[str, A
         measured = application.measure_index(
             formula, applied, coefficients=coefficients, alignment=capture.alignment, displaced=displaced
         )
-        result: dict[str, Any] = encode(measured)
+        result: dict[str, Any] = encode(measured) | {"place": tell_place(task, application)}
         task.report(0.6)
         if not task.parameters["products"]:
             return result, None
@@ -102,10 +102,11 @@ def measure_index(task: Task, application: BandApplication) -> tuple[dict[str, A
     # of several bands: without them no band's name is the map's
     _, products = draw_planes(
         task,
+        application,
         planes,
         layers,
         style,
-        describe(task, task.header, **said),
+        describe(task, application, **said),
         packet=_write_packet(capture) if task.wants_bands else write_packet(task.header),
     )
     return result | {"map": {"pixels": int(found.values.size), "undefined": found.undefined}}, products
@@ -123,10 +124,11 @@ def write_bands(
         style = REFLECTANCE if quantity == application.quantity else Style(unit=layers[0].unit)
         made, products = draw_planes(
             task,
+            application,
             planes,
             layers,
             style,
-            describe(task, task.header, **said),
+            describe(task, application, **said),
             packet=_write_packet(capture),
             counts=True,
         )

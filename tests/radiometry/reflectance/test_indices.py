@@ -11,7 +11,7 @@ from radiometry.findings import InputRejected
 from radiometry.frame.multispectral import Multispectral, RadianceModel, RigGeometry
 from radiometry.frame.roi import Polygon, Window, mask
 from radiometry.reflectance import method as reflectance
-from radiometry.reflectance.alignment import _rotation, align, find_directions, move_region, project
+from radiometry.reflectance.alignment import align, find_directions, move_region, project, rotate_into_rig
 from radiometry.reflectance.formula import read_formula
 from radiometry.reflectance.indices import align_band
 from simulation.camera import change as resize
@@ -168,7 +168,7 @@ def test_aligning_undoes_the_turning(lens):
     turned = turn(lens, -0.43, -0.32, 0.5)
     direction = find_directions(lens, x=np.array([700.0]), y=np.array([300.0]))
     # where the turned band sees it: d_of = R^T d_onto
-    x, y = project(turned, direction @ _rotation(turned))
+    x, y = project(turned, direction @ rotate_into_rig(turned))
     assert np.hypot(x[0] - 700.0, y[0] - 300.0) > 8.0
     found = align(draw_spot(y[0], x[0]), of=turned, onto=lens)
     row, col = np.unravel_index(np.nanargmax(found), found.shape)
@@ -230,7 +230,7 @@ def test_turning_about_x_moves_the_image_along_y():
     """omega = +1 degree turns the band's axis upwards: what lies straight ahead is lower in its image."""
     lens = PERSPECTIVE
     direction = np.array([[0.0, 0.0, 1.0]])
-    x, y = project(lens, direction @ _rotation(turn(lens, omega=1.0)))
+    x, y = project(lens, direction @ rotate_into_rig(turn(lens, omega=1.0)))
     assert x[0] == pytest.approx(lens.principal_point_px[0], abs=0.1)
     assert y[0] - lens.principal_point_px[1] == pytest.approx(1449.4 * np.tan(np.radians(1.0)), rel=0.01)
 

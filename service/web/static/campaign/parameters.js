@@ -33,7 +33,7 @@ async function readVersions(parameters, cameraId) {
   return Object.fromEntries(methods.map((method, place) => [method, found[place]]));
 }
 
-/** {element, read()}: what a campaign states, or a measurement of its light and surroundings. */
+/** {element, read()}: what a campaign states, or a measurement of its surroundings. */
 export function statedPart(parameters, former) {
   const { elements, read } = parametersPart(parameters, {}, former);
   return { element: h("div", { class: "fields" }, elements), read };

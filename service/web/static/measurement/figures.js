@@ -24,6 +24,8 @@ function figures(found) {
   if (found.illuminance) rows.push(["Illuminance π L / ρ", quantity(found.illuminance)]);
   if (found.saturated_share) rows.push(["Saturated", percent(found.saturated_share), "of the region’s samples"]);
   if (found.reflected) rows.push(...reflected(found.reflected));
+  if (found.place?.transform) rows.push(["Place of the map, worst corner", `± ${number(found.place.u_corner_m, 2)} m`, `${number(found.place.height_above_ground_m, 4)} m above level ground; ± ${number(found.place.u_centre_m, 2)} m in the centre. ${found.place.detail}`]);
+  else if (found.place) rows.push(["Place of the map", "–", found.place.detail]);
   for (const each of found.alignment ?? []) rows.push([`Alignment of ${words(each.band)}`, `${number(each.residual_px, 2)} px`, ALIGNED[each.by](each)]);
   return rows;
 }

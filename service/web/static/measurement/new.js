@@ -103,7 +103,7 @@ function offerSettings(versions) {
     options.includes("incidence_angle_deg") ? field("Incidence angle [°]", chosen.number, "Between the surface’s normal and the light. Empty: that of the fit.") : null,
     h("p", { class: "field" }, h("span", { class: "label" }, "Map"), h("span", { class: "check" }, chosen.map, h("label", { for: "with-map", class: "check" }, "of every pixel"))),
     options.includes("index") ? h("p", { class: "field" }, h("span", { class: "label" }, "Bands"), h("span", { class: "check" }, chosen.bands, h("label", { for: "with-bands", class: "check" }, "all of the capture, aligned in one file"))) : null,
-    methodOf(chosen.campaign.method).conditions.length ? h("details", { class: "fold wide" }, h("summary", {}, "Light and surroundings"), chosen.conditions.element) : null,
+    methodOf(chosen.campaign.method).conditions.length ? h("details", { class: "fold wide" }, h("summary", {}, options.includes("index") ? "Place on the ground" : "Light and surroundings"), chosen.conditions.element) : null,
   );
 }
 
