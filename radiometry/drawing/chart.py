@@ -37,11 +37,10 @@ STYLE: Final = (
 )
 
 
-class Dates(Scale):
+class _Dates(Scale):
     """Time in seconds since 1970, in UTC; a tick at the beginnings of months, or of shorter spans."""
 
     def ticks(self) -> list[float]:
-        """Return the beginnings of months, or of shorter spans."""
         step = self._step()
         if step:
             return [step * n for n in range(math.ceil(self.low / step), math.floor(self.high / step) + 1)]
@@ -53,7 +52,6 @@ class Dates(Scale):
         return found or [self.low]
 
     def label(self, tick: float) -> str:
-        """Return the month, the day or the time of day of a tick."""
         step = self._step()
         form = next((form for size, form in _TIMES if size == step), "%Y-%m")
         return datetime.fromtimestamp(tick, UTC).strftime(form)
@@ -95,7 +93,7 @@ def _scale(axis: Axis, values: Sequence[float], start_px: float, end_px: float) 
         low, high = middle - half, middle + half
     elif axis.ticks and not axis.logarithmic:
         low, high = min(values), max(values)
-    return (Dates if axis.is_time else Scale)(
+    return (_Dates if axis.is_time else Scale)(
         low=low,
         high=high,
         start_px=start_px,
