@@ -1,47 +1,81 @@
 """Small frames from several clients at once, beside one client that sends them one after the other."""
 
 import hashlib
+import http.client
 import os
+import statistics
+import tempfile
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from urllib.parse import urlsplit
 
 import stilb
+from bench.memory import list_tree, read_cpu_s
 from bench.report import judge, say
 from bench.subject import CAMERA, Scale
-from bench.timing import compare, take_turns
-from bench.upload import KEY, Service, open_http
+from bench.timing import Ratio, compare, take_turns
+from bench.upload import KEY, Service, serving
+from tests.support.postgres import PostgresServer
 
 _CLIENTS = 8
 _FRAME_BYTES = 20_000
+_WORKERS = 2
+"""Processes of the service on PostgreSQL; clients and database share the cores with them."""
 
 
-def run(scale: Scale, service: Service) -> list[bool]:
-    """Compare the time for a frame of each of eight clients with that of one."""
+def run(scale: Scale, on_sqlite: Service) -> list[bool]:
+    """Compare the time for a frame of each of eight clients with that of one; on SQLite there is no goal."""
     say(f"\nframes of {_FRAME_BYTES / 1000:g} kB from {_CLIENTS} clients at once")
+    say(f"  on SQLite, one process: rate of eight clients, to one client's: {_measure(scale, on_sqlite)}")
+    durable = {"fsync": "on", "synchronous_commit": "on"}
+    with (
+        PostgresServer(**durable) as server,
+        tempfile.TemporaryDirectory(prefix="stilb-bench-") as name,
+        serving(Path(name) / "data", server.new_database(), workers=_WORKERS) as service,
+    ):
+        rate = _measure(scale, service)
+    text = f"on PostgreSQL, {_WORKERS} processes: eight clients' rate, to one's"
+    return [judge(text, rate, at_least=3.0)]
+
+
+def _measure(scale: Scale, service: Service) -> Ratio:
     each = max(2, scale.uploads)
     with stilb.Client(service.url, KEY) as client:
         camera = client.create_camera(CAMERA.body.make, CAMERA.body.model, CAMERA.body.serial).id
         campaigns = [client.create_campaign(camera).id for _ in range(_CLIENTS)]
 
     def send(campaign: str) -> None:
-        with open_http(service) as http:
-            for _ in range(each):
-                content = os.urandom(_FRAME_BYTES)
-                http.post(
-                    f"/v1/campaigns/{campaign}/frames?role=field",
-                    content=content,
-                    headers={"X-Content-SHA256": hashlib.sha256(content).hexdigest()},
-                ).raise_for_status()
+        # the plainest client: what it takes of the cores, the service lacks
+        connection = http.client.HTTPConnection(urlsplit(service.url).netloc, timeout=300)
+        for _ in range(each):
+            content = os.urandom(_FRAME_BYTES)
+            headers = {"X-Content-SHA256": hashlib.sha256(content).hexdigest()}
+            headers |= {"Authorization": f"Bearer {KEY}", "Content-Type": "application/octet-stream"}
+            connection.request("POST", f"/v1/campaigns/{campaign}/frames?role=field", content, headers)
+            answer = connection.getresponse()
+            if answer.status != http.client.CREATED:
+                raise AssertionError(f"{answer.status} {answer.read()!r}")
+            answer.read()
+        connection.close()
 
-    def send_all() -> None:
-        with ThreadPoolExecutor(_CLIENTS) as threads:
-            list(threads.map(send, campaigns))
-
-    ways: dict[str, Callable[[], object]] = {"one": lambda: send(campaigns[0]), "all": send_all}
-    began = time.perf_counter()
-    seconds = take_turns(ways, rounds=scale.rounds, warm_up=1)
+    with ThreadPoolExecutor(_CLIENTS) as threads:
+        ways: dict[str, Callable[[], object]] = {
+            "one": lambda: send(campaigns[0]),
+            "all": lambda: list(threads.map(send, campaigns)),
+        }
+        before_s, own_s = _read_cpu_s(service), time.process_time()
+        seconds = take_turns(ways, rounds=scale.rounds, warm_up=1)
     frames = (scale.rounds + 1) * each * (_CLIENTS + 1)
-    say(f"  {frames} frames in {time.perf_counter() - began:.1f} s")
-    one = [_CLIENTS * spent for spent in seconds["one"]]
-    return [judge("rate of eight clients, to one client's", compare(one, seconds["all"]), at_least=3.0)]
+    cpu_s, own_s = _read_cpu_s(service) - before_s, time.process_time() - own_s
+    one, all_of_them = (each / statistics.median(spent) for spent in seconds.values())
+    say(
+        f"  one client {one:.0f}/s, eight {_CLIENTS * all_of_them:.0f}/s; CPU of a frame: "
+        f"service {1e3 * cpu_s / frames:.1f} ms, client {1e3 * own_s / frames:.1f} ms"
+    )
+    return compare([_CLIENTS * spent for spent in seconds["one"]], seconds["all"])
+
+
+def _read_cpu_s(service: Service) -> float:
+    return sum(map(read_cpu_s, list_tree(service.pid)))

@@ -47,7 +47,7 @@ def _measure(scale: Scale, url: str | None) -> list[bool]:
     with tempfile.TemporaryDirectory(prefix="stilb-bench-") as name:
         data = Path(name) / "data"
         with ExitStack() as opened:
-            service = opened.enter_context(serving(data, database_url=url))
+            service = opened.enter_context(serving(data, url))
             database = Database(url or f"sqlite:///{data / 'stilb.sqlite'}", answer_within_s=None)
             few = scale.coefficients // 10
             cameras = fill(database, coefficients=few, measurements=scale.measurements)

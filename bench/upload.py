@@ -127,7 +127,7 @@ def _hash_and_sync(path: Path, copy: Path) -> str:
 
 
 @contextmanager
-def serving(data: Path, *, database_url: str | None = None) -> Iterator[Service]:
+def serving(data: Path, database_url: str | None = None, *, workers: int = 1) -> Iterator[Service]:
     """Run `python -m service` on a new database, without a broker: a hint is sent to nobody."""
     data.mkdir()
     with socket.socket() as probe:
@@ -138,6 +138,7 @@ def serving(data: Path, *, database_url: str | None = None) -> Iterator[Service]
         "STILB_DATA": str(data),
         "STILB_PORT": str(port),
         "STILB_KEY": KEY,
+        "STILB_WORKERS": str(workers),
         "STILB_BROKER_URL": "redis://127.0.0.1:1/0",
         **({"STILB_DATABASE_URL": database_url} if database_url else {}),
     }

@@ -1,9 +1,11 @@
 """Receiving a file: streamed to the blob store, hashed on the way, checked against what the sender says."""
 
+import asyncio
 import base64
 import binascii
 import re
 from collections.abc import AsyncIterator, Callable
+from contextlib import suppress
 from dataclasses import dataclass
 
 from fastapi import Request
@@ -73,20 +75,35 @@ async def _copy(request: Request, writer: BlobWriter, max_bytes: int) -> str | N
 
 
 async def _drain(chunks: AsyncIterator[bytes], take: Callable[[bytes], object], max_bytes: int) -> None:
-    """Hand the chunks on in pieces of a megabyte: hashing and writing leave the loop free."""
+    """Hand the chunks on in pieces of a megabyte: one is hashed and written while the next one arrives."""
     waiting: list[bytes] = []
     size = total = 0
-    async for chunk in chunks:
-        waiting.append(chunk)
-        size += len(chunk)
-        total += len(chunk)
-        if total > max_bytes:
-            raise _too_large(max_bytes)
-        if size >= _FLUSH_BYTES:
-            await run_in_threadpool(take, b"".join(waiting))
-            waiting, size = [], 0
-    if size:
-        await run_in_threadpool(take, b"".join(waiting))
+    taking: asyncio.Future[None] | None = None
+    try:
+        async for chunk in chunks:
+            waiting.append(chunk)
+            size += len(chunk)
+            total += len(chunk)
+            if total > max_bytes:
+                raise _too_large(max_bytes)
+            if size >= _FLUSH_BYTES:
+                if taking:
+                    await asyncio.shield(taking)
+                piece, waiting, size = waiting, [], 0
+                taking = asyncio.ensure_future(run_in_threadpool(_join_and_take, take, piece))
+        if taking:
+            await asyncio.shield(taking)
+    finally:
+        # whatever ends this, the file is not closed under the thread that writes it
+        while taking and not taking.done():
+            with suppress(asyncio.CancelledError):
+                await asyncio.wait([taking])
+    if waiting:
+        await run_in_threadpool(_join_and_take, take, waiting)
+
+
+def _join_and_take(take: Callable[[bytes], object], piece: list[bytes]) -> None:
+    take(b"".join(piece))
 
 
 class _FilePart:

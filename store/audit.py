@@ -8,11 +8,11 @@ organisation has a chain of its own, so that none waits for another's commit.
 import hashlib
 import json
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from datetime import date, datetime
 from typing import Any
 
-from sqlalchemy import Column, Float, func, insert, inspect, literal, select, text, update
+from sqlalchemy import Column, ColumnElement, Float, func, insert, inspect, literal, select, text, update
 from sqlalchemy.orm import Session
 
 from store.columns import utc_now
@@ -51,8 +51,8 @@ def append_entries(session: Session) -> None:
     if not entries:
         return
     mine = AuditChain.name == name_chain(session.info["organisation_id"])
-    sha256 = session.scalars(select(AuditChain.sha256).where(mine).with_for_update()).one()
-    for entry, seq in zip(entries, _draw_numbers(session, len(entries)), strict=True):
+    sha256, *numbers = _lock_chain(session, mine, len(entries))
+    for entry, seq in zip(entries, numbers, strict=True):
         entry |= {"seq": seq, "previous_sha256": sha256}
         sha256 = entry["sha256"] = digest(entry)
     session.execute(insert(AuditEntry), entries)
@@ -69,18 +69,21 @@ def _begin_chain(session: Session, organisation_id: str) -> None:
     session.execute(insert(AuditChain).from_select(["name", "seq", "sha256"], start))
 
 
-def _draw_numbers(session: Session, count: int) -> Sequence[int]:
-    """Return the next numbers, drawn behind the chain's lock: they rise within each chain.
+def _lock_chain(session: Session, mine: ColumnElement[bool], count: int) -> list[Any]:
+    """Return a chain's last link, and the next numbers, drawn behind its lock: they rise within each chain.
 
     Two transactions that change the same row come one after the other, and so do their numbers.
     """
+    link = select(AuditChain.sha256).where(mine)
     if session.get_bind().dialect.name == "sqlite":
         # its one writer
-        last = session.scalar(select(func.max(AuditEntry.seq)))
-        first = (session.scalars(select(AuditHead.seq)).one() if last is None else last) + 1
-        return range(first, first + count)
+        last = select(func.max(AuditEntry.seq)).scalar_subquery()
+        old = select(AuditHead.seq).scalar_subquery()
+        sha256, number = session.execute(link.add_columns(func.coalesce(last, old))).one()
+        return [sha256, *range(number + 1, number + 1 + count)]
+    sha256 = session.scalars(link.with_for_update()).one()
     drawn = text("SELECT nextval('audit_entry_number') FROM generate_series(1, :count)")
-    return session.scalars(drawn, {"count": count}).all()
+    return [sha256, *session.scalars(drawn, {"count": count})]
 
 
 def forget_entries(session: Session) -> None:

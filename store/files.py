@@ -12,6 +12,7 @@ from itertools import chain
 from typing import Final
 
 from sqlalchemy import func, select
+from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
@@ -123,21 +124,23 @@ def keep_blob(session: Session, blob: StoredBlob) -> None:
     keep_blobs(session, [blob])
 
 
-def keep_blobs(session: Session, blobs: Iterable[StoredBlob]) -> None:
-    """Do so for several files, of which some may be the same."""
+def keep_blobs(session: Session, blobs: Iterable[StoredBlob]) -> set[str]:
+    """Do so for several files, of which some may be the same; return the hashes of those that are new."""
     stored = {blob.sha256: blob for blob in blobs}
     # in one order, so that two who bring the same files do not wait for each other
-    rows = session.scalars(
-        select(Blob).where(Blob.sha256.in_(stored)).order_by(Blob.sha256).with_for_update(),
-        execution_options={"populate_existing": True},
-    )
-    for row in rows:
-        _keep_whole(session, row, stored.pop(row.sha256))
-    session.add_all(
-        Blob(sha256=sha256, size_bytes=blob.size_bytes, digests=blob.digests)
+    rows = [
+        {"sha256": sha256, "size_bytes": blob.size_bytes, "digests": blob.digests}
         for sha256, blob in sorted(stored.items())
-    )
-    session.flush()
+    ]
+    insert = sqlite.insert if session.get_bind().dialect.name == "sqlite" else postgresql.insert
+    added = insert(Blob).values(rows).on_conflict_do_nothing().returning(Blob.sha256)
+    new = {*session.scalars(added)}
+    if known := stored.keys() - new:
+        locked = select(Blob).where(Blob.sha256.in_(known)).order_by(Blob.sha256).with_for_update()
+        for row in session.scalars(locked, execution_options={"populate_existing": True}):
+            _keep_whole(session, row, stored[row.sha256])
+        session.flush()
+    return new
 
 
 def describe_damage(damage: BlobDamaged) -> str:

@@ -65,14 +65,11 @@ def find_or_add_frames(
     The same bytes again change nothing, except that a withdrawn frame is restored, a refused one gets another
     chance, and one whose reading was given up is read again.
     """
-    keep_blobs(session, [new.blob for _, new in arrived])
-    rows = session.scalars(
-        select(FrameRow).where(
-            FrameRow.campaign_id.in_({campaign.id for campaign, _ in arrived}),
-            FrameRow.sha256.in_({new.blob.sha256 for _, new in arrived}),
-        )
-    )
-    known = {(row.campaign_id, row.sha256): row for row in rows}
+    # no frame has a file that is new
+    stored = {new.blob.sha256 for _, new in arrived} - keep_blobs(session, [new.blob for _, new in arrived])
+    campaigns = {campaign.id for campaign, _ in arrived}
+    rows = select(FrameRow).where(FrameRow.campaign_id.in_(campaigns), FrameRow.sha256.in_(stored))
+    known = {(row.campaign_id, row.sha256): row for row in (session.scalars(rows) if stored else ())}
     frames = []
     for campaign, new in arrived:
         key = campaign.id, new.blob.sha256

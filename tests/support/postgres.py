@@ -45,7 +45,8 @@ class CannotRun(Exception):  # noqa: N818 (it says what was found)
 class PostgresServer:
     """One server with any number of databases: `with PostgresServer() as server: server.new_database()`."""
 
-    def __init__(self):
+    def __init__(self, **options):
+        self._options = OPTIONS | options
         self._numbers = itertools.count(1)
 
     def __enter__(self):
@@ -104,7 +105,7 @@ class PostgresServer:
         )
         if made.returncode:
             raise CannotRun(f"initdb failed: {made.stderr.strip()}")
-        options = OPTIONS | {"unix_socket_directories": self._folder}
+        options = self._options | {"unix_socket_directories": self._folder}
         flags = [part for name, value in options.items() for part in ("-c", f"{name}={value}")]
         with (self._folder / "log").open("wb") as log:
             process = subprocess.Popen(
