@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from radiometry.fitting.evidence import FieldCorrection
 from radiometry.frame import Frame
 from radiometry.frame.exposure import Exposure
+from radiometry.frame.opencv import cv2
 from radiometry.frame.statistics import GREY
 from radiometry.luminance.application import choose_coefficient, luminance_per_dn, require_alike
 from radiometry.luminance.coefficient import Coefficient
@@ -221,10 +222,15 @@ def compute_map(frame: Frame, scale: MapScale) -> Plane:
     # one product per possible number, not per pixel; those beyond the table are saturated, where wrapped
     # ones do no harm and take least time
     top = min(math.ceil(max(frame.white_level_dn)), _MOST_IN_16_BITS) * parts
-    table = _tabulate(scale.slope_cd_m2_per_dn, scale.dark_signal_dn, top, parts)
+    table = _tabulate(scale.slope_cd_m2_per_dn, scale.dark_signal_dn, max(top, _MOST_IN_16_BITS), parts)
     luminance: Plane = np.empty(frame.samples_dn.shape[:2], np.float32)
     for first, sums in bands:
-        table.take(sums, mode="wrap", out=luminance[first : first + len(sums)])
+        target = luminance[first : first + len(sums)]
+        # OpenCV has 16 bits only, and takes 0.6 of the time
+        if sums.dtype == np.uint16:
+            cv2.LUT(sums, table[: _MOST_IN_16_BITS + 1], target)
+        else:
+            table.take(sums, mode="wrap", out=target)
     if scale.lens is not None:
         luminance /= compute_shares(frame, scale.lens, channel=scale.channel)
     if scale.offset_cd_m2:

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from radiometry.findings import files
 
-_SOF3, _DHT, _SOI, _EOI, _SOS, _DRI = 0xC3, 0xC4, 0xD8, 0xD9, 0xDA, 0xDD
+_SOF3, _DHT, _EOI, _SOS, _DRI = 0xC3, 0xC4, 0xD9, 0xDA, 0xDD
+_START, _END = b"\xff\xd8", b"\xff\xd9"
 _OTHER_FRAMES = frozenset(range(0xC0, 0xD0)) - {_SOF3, _DHT, 0xC8, 0xCC}
 _MAX_COMPONENTS = 4
 # Some writers fill the scan's last words; more than this left over means the scan was misread.
@@ -33,47 +34,67 @@ class NotDecodedHereError(Exception):
 
 
 @dataclass(frozen=True)
-class Stream:
-    """One checked stream. ``tables`` holds the Huffman table of each component: 16 counts, then symbols."""
+class Header:
+    """Statements before a scan. ``tables`` : Huffman table of each component: 16 counts, then symbols."""
 
     bits: int
     rows: int
     cols: int  # of one component
     tables: tuple[bytes, ...]
     predictor: int
-    scan: bytes
-    stuffed: int  # bytes of the scan that only follow an FF
-    end: int  # of the end marker, in the bytes that were parsed
 
     @property
     def components(self) -> int:
         return len(self.tables)
 
 
+@dataclass(frozen=True)
+class Stream:
+    """One checked stream."""
+
+    header: Header
+    scan: memoryview
+    stuffed: int  # bytes of the scan that only follow an FF
+    end: int  # of the end marker, in the bytes that were parsed
+
+
 def decode(data: bytes, *, samples: int) -> tuple[NDArray[np.uint16], int]:
     """The stream's samples in the order they were written, exactly ``samples``; and the bytes it took."""
     stream = parse(data)
-    claimed = stream.rows * stream.cols * stream.components
+    header = stream.header
+    claimed = header.rows * header.cols * header.components
     if claimed != samples:
         raise files.SIZE_MISMATCH.refuse(
             f"A piece of the image holds {claimed} samples where {samples} belong."
         )
     try:
-        decoded = np.asarray(imagecodecs.jpeg8_decode(rebuild(stream)))
+        decoded = np.asarray(
+            imagecodecs.jpeg8_decode(b"".join((rebuild(header), stream.scan, _END, _BEYOND)))
+        )
     except (RuntimeError, ValueError) as error:
         raise files.TRUNCATED.refuse("A piece of the image cannot be decompressed to its end.") from error
     if decoded.size != samples:
         raise files.SIZE_MISMATCH.refuse("A piece of the image does not decompress to its size.")
-    planes = np.asarray(decoded, np.uint16).reshape(stream.rows, stream.cols, stream.components)
+    planes = np.asarray(decoded, np.uint16).reshape(header.rows, header.cols, header.components)
     _check_length(stream, planes)
     return planes.reshape(-1), stream.end
 
 
 def parse(data: bytes) -> Stream:
     """Read the markers up to the scan."""
+    for marker, _, end in _segments(data):
+        if marker == _SOS:
+            return Stream(_read_header(data[:end]), *_find_scan(data, end))
+    raise _damaged()
+
+
+@functools.lru_cache(maxsize=64)
+def _read_header(data: bytes) -> Header:
+    """Read the markers, of which most pieces of an image have the same."""
     frame: tuple[int, int, int, list[int]] | None = None
     tables: dict[int, bytes] = {}
-    for marker, body, end in _segments(data):
+    for marker, first, end in _segments(data):
+        body = data[first:end]
         if marker == _SOF3:
             frame = _read_frame(body)
         elif marker == _DHT:
@@ -83,45 +104,44 @@ def parse(data: bytes) -> Stream:
         elif marker == _DRI and any(body):
             raise NotDecodedHereError("restart intervals")
         elif marker == _SOS and frame is not None:
-            chosen, predictor = _read_scan_header(body, frame[3], tables)
-            return Stream(frame[0], frame[1], frame[2], chosen, predictor, *_find_scan(data, end))
+            return Header(*frame[:3], *_read_scan_header(body, frame[3], tables))
     raise _damaged()
 
 
-def rebuild(stream: Stream) -> bytes:
-    """The same stream with a header of our own making."""
-    single = len(set(stream.tables)) == 1
-    numbers = range(1, stream.components + 1)
-    frame = struct.pack(">BHHB", stream.bits, stream.rows, stream.cols, stream.components)
+@functools.lru_cache(maxsize=64)
+def rebuild(header: Header) -> bytes:
+    """The same header of our own making."""
+    single = len(set(header.tables)) == 1
+    numbers = range(1, header.components + 1)
+    frame = struct.pack(">BHHB", header.bits, header.rows, header.cols, header.components)
     frame += b"".join(bytes([number, 0x11, 0]) for number in numbers)
-    kept = stream.tables[:1] if single else stream.tables
+    kept = header.tables[:1] if single else header.tables
     huffman = b"".join(bytes([number]) + table for number, table in enumerate(kept))
-    scan = bytes([stream.components])
+    scan = bytes([header.components])
     scan += b"".join(bytes([number, 0 if single else (number - 1) << 4]) for number in numbers)
-    scan += bytes([stream.predictor, 0, 0])
-    header = b"".join(
+    scan += bytes([header.predictor, 0, 0])
+    return _START + b"".join(
         struct.pack(">BBH", 0xFF, marker, len(body) + 2) + body
         for marker, body in ((_SOF3, frame), (_DHT, huffman), (_SOS, scan))
     )
-    return b"\xff\xd8" + header + stream.scan + b"\xff\xd9" + _BEYOND
 
 
-def _segments(data: bytes) -> Iterator[tuple[int, bytes, int]]:
-    if data[:2] != bytes([0xFF, _SOI]):
+def _segments(data: bytes) -> Iterator[tuple[int, int, int]]:
+    """Return each marker, and where its body begins and ends."""
+    if data[:2] != _START:
         raise _damaged()
     position = 2
     while position + 4 <= len(data):
-        if data[position] != 0xFF:
+        prefix, marker, length = struct.unpack_from(">BBH", data, position)
+        if prefix != 0xFF:
             raise _damaged()
-        marker = data[position + 1]
         if marker == 0xFF:
             position += 1
             continue
-        (length,) = struct.unpack(">H", data[position + 2 : position + 4])
         end = position + 2 + length
         if length < 2 or end > len(data):
             raise _damaged()
-        yield marker, data[position + 4 : end], end
+        yield marker, position + 4, end
         position = end
 
 
@@ -172,7 +192,7 @@ def _read_scan_header(body: bytes, ids: list[int], tables: dict[int, bytes]) -> 
     return tuple(table for table in chosen if table is not None), predictor
 
 
-def _find_scan(data: bytes, start: int) -> tuple[bytes, int, int]:
+def _find_scan(data: bytes, start: int) -> tuple[memoryview, int, int]:
     """The scan up to its end marker, how many of its bytes are stuffed, and where the marker ends.
 
     In a scan every FF is followed by a 0, which is stuffed, or begins a marker; only the end marker may come.
@@ -187,20 +207,20 @@ def _find_scan(data: bytes, start: int) -> tuple[bytes, int, int]:
         raise files.INCOMPLETE_IMAGE.refuse("A piece of the compressed image is broken off within.")
     end = int(places[markers[0]])
     stuffed = int(np.count_nonzero(following[: markers[0]] == 0))
-    scan = data[start : start + end]
-    if not scan:
+    if not end:
         raise _damaged()
-    return scan, stuffed, start + end + 2
+    return memoryview(data)[start : start + end], stuffed, start + end + 2
 
 
 def _check_length(stream: Stream, planes: NDArray[np.uint16]) -> None:
     available = 8 * (len(stream.scan) - stream.stuffed)
     needed = 0
-    differences = _differences(planes, stream)
-    if len(set(stream.tables)) == 1:
-        needed = _count_bits(differences, stream.tables[0])
+    differences = _differences(planes, stream.header)
+    tables = stream.header.tables
+    if len(set(tables)) == 1:
+        needed = _count_bits(differences, tables[0])
     else:
-        for component, table in enumerate(stream.tables):
+        for component, table in enumerate(tables):
             needed += _count_bits(differences[:, :, component], table)
     if needed > available:
         raise files.TRUNCATED.refuse("A piece of the compressed image ends early.")
@@ -209,9 +229,9 @@ def _check_length(stream: Stream, planes: NDArray[np.uint16]) -> None:
         raise files.SIZE_MISMATCH.refuse("A piece of the compressed image does not add up.")
 
 
-def _is_filler(scan: bytes, count: int) -> bool:
+def _is_filler(scan: memoryview, count: int) -> bool:
     """Return True if the scan's last bytes hold nothing; else codes of no table were read as something."""
-    plain = scan[-2 * (count + 1) :].replace(b"\xff\0", b"\xff")
+    plain = bytes(scan[-2 * (count + 1) :]).replace(b"\xff\0", b"\xff")
     return count == 0 or set(plain[-count:]) in ({0}, {0xFF})
 
 
@@ -222,18 +242,18 @@ def _count_bits(differences: NDArray[np.uint16], table: bytes) -> int:
     return int(costs.sum(axis=0, dtype=np.uint32).sum(dtype=np.uint64))
 
 
-def _differences(planes: NDArray[np.uint16], stream: Stream) -> NDArray[np.uint16]:
+def _differences(planes: NDArray[np.uint16], header: Header) -> NDArray[np.uint16]:
     """Return what the encoder wrote: each sample less its prediction, modulo 2^16 (ITU T.81, table H.1)."""
     out = np.empty_like(planes)
-    flat, apart = planes.reshape(-1), stream.components
-    row = stream.cols * apart
+    flat, apart = planes.reshape(-1), header.components
+    row = header.cols * apart
     # All in one row, of which numpy makes one loop: what this says of each first column is put right below.
     left, above, corner = flat[row:-apart], flat[apart:-row], flat[: -row - apart]
-    predicted = _predict(stream.predictor, left, above, corner)
+    predicted = _predict(header.predictor, left, above, corner)
     np.subtract(flat[row + apart :], predicted, out=out.reshape(-1)[row + apart :])
     np.subtract(planes[1:, 0], planes[:-1, 0], out=out[1:, 0])
     np.subtract(planes[0, 1:], planes[0, :-1], out=out[0, 1:])
-    out[0, 0] = planes[0, 0] - np.uint16(1 << (stream.bits - 1))
+    out[0, 0] = planes[0, 0] - np.uint16(1 << (header.bits - 1))
     return out
 
 
