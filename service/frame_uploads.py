@@ -19,7 +19,7 @@ from service.schemas.frames import Upload
 from store.blobs import StoredBlob
 from store.jobs import enqueue_extraction
 from store.queries.campaigns import Drawing, find_or_add_roi
-from store.queries.frames import NewFrame, find_or_add_frames
+from store.queries.frames import NewFrame, find_or_add_frames, require_role
 from store.queries.known import find_known
 from store.tables import Campaign
 from store.usage import QuotaExceeded, check_room, recount_if_old
@@ -34,8 +34,16 @@ class _Arrival:
     drawing: Drawing | None
 
 
-def admit(context: Context, campaign_id: str, caller: Caller, sha256: str | None, size_bytes: int) -> bool:
-    """Refuse a file for which there is no room, unless the campaign has it already.
+def admit(
+    context: Context,
+    campaign_id: str,
+    caller: Caller,
+    sha256: str | None,
+    size_bytes: int,
+    *,
+    role: str,
+) -> bool:
+    """Refuse a role that the campaign does not take, and a file without room that it does not have already.
 
     False where there is none and the file is not known yet.
     """
@@ -43,6 +51,7 @@ def admit(context: Context, campaign_id: str, caller: Caller, sha256: str | None
     def check() -> bool:
         with context.database.reading() as session:
             campaign = owned(session, Campaign, campaign_id, caller)
+            require_role(campaign, role)
             try:
                 check_room(session, caller.organisation_id, size_bytes, context.quotas)
             except QuotaExceeded:

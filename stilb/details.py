@@ -39,6 +39,7 @@ class Certificate(TypedDict):
 
 
 class CampaignDetails(TypedDict, total=False):
+    kind: str  # calibration, or measurement: a night whose frames no fit uses
     project_number: str
     recorder: str
     customer: str

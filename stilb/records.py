@@ -65,6 +65,7 @@ class Campaign(Record):
     id: str
     camera_id: str
     method: str
+    kind: str = "calibration"  # or measurement: a night whose frames no fit uses
     project_number: str | None = None
 
 

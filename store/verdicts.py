@@ -13,6 +13,7 @@ from radiometry.findings import shared
 from radiometry.frame.roi import Polygon
 from radiometry.frame.verdicts import ReviewedFrame, Verdict, conclude, inspect_frame
 from radiometry.specification.grid import Gap
+from radiometry.specification.roles import FIELD
 from store.fits import leave_out_doubtful, list_missing, make_params
 from store.queries.checklist import RecordState, read_record
 from store.queries.evidence import Evidence, gather
@@ -44,6 +45,16 @@ def assess(session: Session, campaign: Campaign, memory: Memory | None = None) -
     frames = read_frames(session, campaign, memory=memory)
     spec = methods.get_method(campaign.method)
     every = fitted = gather(session, campaign, applied=True, frames=frames, memory=memory)
+    if campaign.measures:
+        unread = sum(row.state == "received" for row in frames)
+        waiting = [f"{unread} of {len(frames)} frames are not read yet"] if unread else []
+        verdicts = _judge(session, campaign, frames, every, make_params(session, campaign), memory)
+        return Assessment(
+            missing=waiting if frames else ["no frame: send the frames of the night"],
+            advice=[],
+            verdicts=verdicts,
+            record=None,
+        )
     params = make_params(session, campaign)
     usable = stated = leave_out_doubtful(params, every)
     if spec.applied_roles:
@@ -96,6 +107,8 @@ def _take(
 ) -> ReviewedFrame:
     spec = methods.get_method(campaign.method)
     fitted, applied = spec.role_names, spec.applied_role_names
+    if campaign.measures:
+        fitted, applied = frozenset(), frozenset({FIELD.name})
     if drawn is None and row.size_px and spec.whole_frame and row.role in fitted:
         drawn = whole_frame(*row.size_px)
     return ReviewedFrame(

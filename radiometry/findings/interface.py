@@ -235,6 +235,13 @@ CAMPAIGN_INCOMPLETE = _refusal(
     "too few scenes.",
     "Wait for the frames' jobs, or add what is missing.",
 )
+MEASUREMENTS_ONLY = _refusal(
+    409,
+    "measurements_only",
+    "The campaign is a night of measurements: it takes field frames, and nothing is fitted from them.",
+    "Send calibration frames to a campaign of the kind `calibration`, fit and publish that, and measure this "
+    "one: `POST /v1/campaigns/{id}/measurements`.",
+)
 MANIFEST_INCOMPLETE = _refusal(
     409,
     "manifest_incomplete",

@@ -52,6 +52,12 @@ def start_calibration(campaign_id: Id, body: NewCalibration, caller: Calibrator,
 
     def change(session: Session) -> Reply:
         campaign = owned(session, Campaign, campaign_id, caller)
+        if campaign.measures:
+            raise Problem(
+                interface.MEASUREMENTS_ONLY,
+                "Nothing is fitted from a night of measurements. Fit the campaign of the calibration frames, "
+                "publish it, and measure this one.",
+            )
         spec = methods.get_method(campaign.method)
         request = read_request(body, spec)
         panel_id = getattr(request, "panel_id", None)

@@ -4,12 +4,13 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
 from pydantic import ValidationError
-from sqlalchemy import true
+from sqlalchemy import select, true
 from sqlalchemy.orm import Session
 
 from radiometry import methods
 from radiometry.findings import interface
 from radiometry.frame.bands import name_panel
+from radiometry.specification.roles import FIELD
 from service.auth import Calibrator, Reader
 from service.changes import Reply, Writes
 from service.context import UsesContext
@@ -24,6 +25,7 @@ from service.schemas.campaigns import (
     CampaignAnswer,
     CampaignChange,
     CampaignDetails,
+    Kind,
     NewCampaign,
     NewRoi,
     RoiAnswer,
@@ -31,10 +33,17 @@ from service.schemas.campaigns import (
 from service.schemas.panels import PanelOffered
 from store.codec import decode, read_strictly
 from store.columns import utc_now
-from store.queries.campaigns import check_again, count, find_or_add_roi, renew_extractions, set_roi
+from store.queries.campaigns import (
+    check_again,
+    count,
+    count_measured,
+    find_or_add_roi,
+    renew_extractions,
+    set_roi,
+)
 from store.queries.equipment import find_or_add_panel
 from store.queries.references import Offer, find_by_serial, find_offer
-from store.tables import Camera, Campaign, Panel, Roi
+from store.tables import Calibration, Camera, Campaign, FrameRow, Panel, Roi
 from store.verdicts import Assessment, assess
 
 router = APIRouter(prefix="/v1/campaigns", tags=["campaigns"])
@@ -42,14 +51,17 @@ router = APIRouter(prefix="/v1/campaigns", tags=["campaigns"])
 
 @router.post("", status_code=201, response_model=CampaignAnswer, responses=problems(404))
 def create_campaign(body: NewCampaign, caller: Calibrator, writing: Writes) -> Response:
-    """Begin a campaign: one camera, one method, one set of readings."""
+    """Begin a campaign: one camera, one method, and a set of readings or a night of measurements."""
 
     def change(session: Session) -> Reply:
         owned(session, Camera, body.camera_id, caller)
         if body.panel_id is not None:
             owned(session, Panel, body.panel_id, caller)
         _check_stated(body.method, body)
-        values = body.model_dump(exclude={"panel_serial"})
+        kind = body.kind or "calibration"
+        if kind == "measurement":
+            _require_measurable(body.method)
+        values = body.model_dump(exclude={"panel_serial"}) | {"kind": kind}
         values["target"] = _read_target(body.method, body.target)
         campaign = Campaign(organisation_id=caller.organisation_id, **values)
         _choose_panel(session, campaign, body.panel_serial, offer=None)
@@ -65,6 +77,7 @@ class CampaignListing(Listing):
     project_number: Text | None = None
     camera_id: Text | None = None
     method: Text | None = None
+    kind: Kind | None = None
 
 
 @router.get("", response_model=Page[CampaignAnswer], responses=problems())
@@ -86,7 +99,7 @@ def get_campaign(campaign_id: Id, caller: Reader, context: UsesContext) -> Respo
         return _whole(session, campaign, context.reviews.find(session, campaign_id)).respond()
 
 
-@router.patch("/{campaign_id}", response_model=CampaignAnswer, responses=problems(404))
+@router.patch("/{campaign_id}", response_model=CampaignAnswer, responses=problems(404, 409))
 def change_campaign(campaign_id: Id, body: CampaignChange, caller: Calibrator, writing: Writes) -> Response:
     """Correct what is written on a campaign."""
 
@@ -95,6 +108,8 @@ def change_campaign(campaign_id: Id, body: CampaignChange, caller: Calibrator, w
         if body.panel_id is not None:
             owned(session, Panel, body.panel_id, caller)
         _check_stated(campaign.method, body)
+        if body.kind == "measurement" and not campaign.measures:
+            _require_no_calibration(session, campaign)
         values = body.model_dump(exclude_unset=True, exclude={"panel_serial", "archived"})
         values = {name: None if value == "" else value for name, value in values.items()}
         jobs = []
@@ -169,6 +184,27 @@ def _check_stated(method: str, body: CampaignDetails) -> None:
         decode(spec.params, {fields[name]: value for name, value in stated.items()})
 
 
+def _require_measurable(method: str) -> None:
+    if methods.get_method(method).application is None:
+        able = ", ".join(spec.name for spec in methods.METHODS if spec.application)
+        message = f"nothing is measured with a {method} calibration: name one of {able}"
+        raise invalid([{"type": "kind", "loc": ("body", "method"), "msg": message}])
+
+
+def _require_no_calibration(session: Session, campaign: Campaign) -> None:
+    """Refuse a campaign with versions, or with frames of a calibration, withdrawn ones too."""
+    _require_measurable(campaign.method)
+    others = select(FrameRow.filename).where(FrameRow.campaign_id == campaign.id, FrameRow.role != FIELD.name)
+    fitted = select(Calibration.id).where(Calibration.campaign_id == campaign.id)
+    other = session.scalar(others.limit(1))
+    if other is not None or session.scalar(fitted.limit(1)) is not None:
+        has = (
+            f"the frame {other}, which is not a field frame" if other else "a version that was fitted from it"
+        )
+        detail = f"This campaign has {has}: create another one for the night, and send its frames there."
+        raise Problem(interface.CONFLICT, detail)
+
+
 def _read_target(method: str, said: dict[str, Any] | None) -> dict[str, Any] | None:
     """Read the target as the method requires it, defaults written out; None if it is stated later."""
     kind = methods.get_method(method).target
@@ -193,5 +229,6 @@ def _whole(session: Session, campaign: Campaign, readiness: Assessment) -> Campa
         readiness,
         frames=counts,
         readings=counts.readings,
+        measured=count_measured(session, campaign) if campaign.measures else None,
         panel_offered=PanelOffered.restate(offer) if offer else None,
     )

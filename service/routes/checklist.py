@@ -46,7 +46,7 @@ def change_checklist(
     def change(session: Session) -> Reply:
         campaign = owned(session, Campaign, campaign_id, caller)
         if not has_checklist(campaign):
-            raise Problem(interface.NO_CHECKLIST, explain_missing_checklist(campaign.method))
+            raise Problem(interface.NO_CHECKLIST, explain_missing_checklist(campaign))
         signature = read_signature(session, campaign)
         if signature is not None and body.signature is None:
             raise Problem(
@@ -96,4 +96,4 @@ def _answer(session: Session, campaign: Campaign, record: RecordState | None) ->
     answer = ChecklistAnswer.of(campaign.id, items, signature, state)
     if has_checklist(campaign):
         return answer
-    return answer.model_copy(update={"said": explain_missing_checklist(campaign.method)})
+    return answer.model_copy(update={"said": explain_missing_checklist(campaign)})

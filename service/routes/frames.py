@@ -27,7 +27,7 @@ from service.schemas.campaigns import NewRoi, RoiAnswer
 from service.schemas.frames import FrameAnswer, FrameChange, Upload
 from store.columns import utc_now
 from store.queries.campaigns import find_or_add_roi, renew_extraction
-from store.queries.frames import current_roi, describe_anew
+from store.queries.frames import current_roi, describe_anew, require_role
 from store.tables import Campaign, FrameRow, Job
 
 router = APIRouter(prefix="/v1", tags=["frames"])
@@ -57,7 +57,7 @@ _UPLOAD = {
     response_model=FrameAnswer,
     responses={
         200: {"model": FrameAnswer, "description": "The campaign has these bytes already."},
-        **problems(400, 404, 413, 429, 507),
+        **problems(400, 404, 409, 413, 429, 507),
     },
     openapi_extra=_UPLOAD,
 )
@@ -78,7 +78,7 @@ async def upload_frame(
         request,
         context.blobs,
         max_bytes=context.settings.max_upload_bytes,
-        admit=lambda sha256, size_bytes: admit(context, campaign_id, caller, sha256, size_bytes),
+        admit=lambda *file: admit(context, campaign_id, caller, *file, role=upload.role),
     )
     named = upload.model_copy(update={"filename": upload.filename or received.filename})
     return await keep_frame(
@@ -120,7 +120,7 @@ def get_frame(frame_id: Id, caller: Reader, context: UsesContext) -> Response:
         return answer_frames(session, [frame], _find_verdicts(context, session, [frame]))[0].respond()
 
 
-@router.patch("/frames/{frame_id}", response_model=FrameAnswer, responses=problems(404))
+@router.patch("/frames/{frame_id}", response_model=FrameAnswer, responses=problems(404, 409))
 def change_frame(frame_id: Id, body: FrameChange, caller: Calibrator, writing: Writes) -> Response:
     """Correct what was said of a frame; it is then read again."""
 
@@ -138,6 +138,8 @@ def change_frame(frame_id: Id, body: FrameChange, caller: Calibrator, writing: W
 def apply_change(session: Session, frame: FrameRow, body: FrameChange, caller: Caller) -> list[Job]:
     """Correct what was said of a frame; return the job that reads it again, if its statistics need it."""
     said = body.model_dump(exclude_none=True, exclude={"frame_ids", "reason"})
+    if body.role is not None:
+        require_role(session.get_one(Campaign, frame.campaign_id), body.role)
     if "scene" in said:
         frame.scene = said.pop("scene") or None
     if (left_out := said.pop("left_out", None)) is not None:

@@ -71,7 +71,7 @@ def get_campaign_grid(
     return Response(body, headers=headers, media_type="application/json")
 
 
-@router.patch("/frames", response_model=FramesChanged, responses=problems(404))
+@router.patch("/frames", response_model=FramesChanged, responses=problems(404, 409))
 def change_frames(campaign_id: Id, body: FramesChange, caller: Calibrator, writing: Writes) -> Response:
     """Change many frames alike: move them to a scene, leave them out, withdraw or restore them."""
 

@@ -70,7 +70,8 @@ def start_campaign_measurements(
 ) -> Response:
     """Measure every field frame of a campaign. One that cannot be measured is named with the reason.
 
-    An index is measured once a capture. The calibration may come from another campaign of the same camera.
+    Frames that a person left out are not measured. An index is measured once a capture. The calibration may
+    come from another campaign of the same camera.
     """
 
     def change(session: Session) -> Reply:
@@ -243,7 +244,8 @@ def _enqueue(
 
 def _field_frames(session: Session, campaign: Campaign) -> list[FrameRow]:
     rows = select(FrameRow).where(FrameRow.campaign_id == campaign.id, FrameRow.role == "field")
-    found = list(session.scalars(rows.where(FrameRow.withdrawn_at.is_(None)).order_by(FrameRow.id)))
+    rows = rows.where(FrameRow.withdrawn_at.is_(None)).order_by(FrameRow.id)
+    found = [frame for frame in session.scalars(rows) if not frame.left_out]
     if not found:
         detail = "This campaign has no field frame: upload frames with role=field first."
         raise Problem(interface.CAMPAIGN_INCOMPLETE, detail)

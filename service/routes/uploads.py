@@ -173,7 +173,7 @@ def end_upload(upload_id: Id, request: Request, context: UsesContext) -> Respons
 
 
 def _admit(context: Context, caller: Caller, frame: FrameSaid, size_bytes: int) -> None:
-    admit(context, frame.campaign_id, caller, frame.sha256, size_bytes)
+    admit(context, frame.campaign_id, caller, frame.sha256, size_bytes, role=frame.role)
     partials = Partials.of(context.settings)
     under_way = partials.count(caller.organisation_id)
     if under_way >= _MOST_UNDER_WAY:

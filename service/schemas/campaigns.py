@@ -26,6 +26,7 @@ from store.tables import Campaign, Reading, Roi
 Role = FrameRole
 Coordinate = Annotated[Number, Field(ge=-1e6, le=1e6)]
 Point = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
+Kind = Literal["calibration", "measurement"]
 Reflectance = Annotated[Number, Field(gt=0, le=1)]
 
 
@@ -36,6 +37,14 @@ STATED = {each.name: each for spec in METHODS for each in spec.parameters if eac
 class CampaignDetails(create_model("Stated", __base__=Form, **make_fields(STATED.values()))):  # type: ignore[misc]
     """Details of a campaign: stated when it begins, or corrected later."""
 
+    kind: Annotated[
+        Kind | None,
+        Field(
+            description="`calibration` unless stated. `measurement`: a night of measurements, whose frames "
+            "are all field frames; no fit uses them. A campaign with other frames, or with versions, cannot "
+            "become one."
+        ),
+    ] = None
     project_number: Text | None = None
     recorder: Text | None = None
     customer: Text | None = None
@@ -97,17 +106,23 @@ class FrameCounts(Answer, restates=Counts, fields="received being_read extracted
 class CampaignAnswer(
     Answer,
     restates=Campaign,
-    fields="id camera_id method project_number recorder customer place conditions started_at comments "
+    fields="id camera_id method kind project_number recorder customer place conditions started_at comments "
     f"{' '.join(STATED)} archived_at panel_id target roi_id created_at",
 ):
     method: Method
+    kind: Kind
     frames: FrameCounts | None = None
     readings: int | None = None
+    measured: int | None = Field(
+        default=None, description="Of a night: how many of its frames have a measurement."
+    )
     panel_offered: PanelOffered | None = Field(
         default=None,
         description="The panel that the frames name, where it is not the campaign's. Send its serial.",
     )
-    missing: list[str] | None = Field(default=None, description="What a fit still needs, by name.")
+    missing: list[str] | None = Field(
+        default=None, description="What a fit still needs, by name; of a night, what measuring needs."
+    )
     advice: list[str] | None = Field(default=None, description="What would make a fit good, by name.")
 
 

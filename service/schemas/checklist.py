@@ -6,7 +6,7 @@ from pydantic import ConfigDict, Field, Strict, model_validator
 
 from service.schemas.base import Answer, Form, LongText, Text
 from store.queries.checklist import ChecklistItem
-from store.tables import ChecklistSignature
+from store.tables import Campaign, ChecklistSignature
 
 
 class ItemChange(Form):
@@ -71,6 +71,7 @@ class ChecklistAnswer(Answer):
         )
 
 
-def explain_missing_checklist(method: str) -> str:
+def explain_missing_checklist(campaign: Campaign) -> str:
     """Why a campaign has no items."""
-    return f"The printed checklist is that of the luminance procedure; a {method} campaign has none."
+    kind = "night of measurements" if campaign.measures else f"{campaign.method} campaign"
+    return f"The printed checklist is that of the luminance procedure; a {kind} has none."

@@ -64,7 +64,7 @@ class FrameChange(Form):
     role: Role | None = None
     scene: Annotated[Clearable | None, Field(description='"" for a frame without one.')] = None
     left_out: Annotated[
-        Flag | None, Field(description="Keep the frame, and leave it out of every fit from now on.")
+        Flag | None, Field(description="Keep the frame, and leave it out of every fit and batch measurement.")
     ] = None
     reason: Annotated[LongText | None, Field(description="Why it is left out.")] = None
     withdrawn: Annotated[

@@ -11,6 +11,7 @@ from stilb.client import Client
 from stilb.commands.calibration import format_calibration
 from stilb.commands.completion import complete_campaign
 from stilb.commands.exits import Exit
+from stilb.commands.measurements import format_measurements
 from stilb.commands.output import Output, command
 from stilb.commands.progress import lines
 from stilb.commands.push import Folder, transfer
@@ -38,6 +39,10 @@ def init(
         str, typer.Option(help="Method; the refusal of another lists them all.")
     ] = DEFAULT_METHOD,
     project: Annotated[str | None, typer.Option(help="Project number; default: the folder's name.")] = None,
+    *,
+    night: Annotated[
+        bool, typer.Option("--night", help="A night of measurements, not a calibration.")
+    ] = False,
 ) -> None:
     """Write a campaign.toml to fill in. An existing file is kept."""
     if method not in read_methods():
@@ -45,7 +50,9 @@ def init(
     path = folder / FILENAME
     said = {"make": make, "model": model, "serial": serial, "method": method}
     said["project_number"] = project or folder.resolve().name
-    text = write_template(said, folder=str(folder), has_readings=(folder / "readings.csv").exists())
+    text = write_template(
+        said, folder=str(folder), has_readings=(folder / "readings.csv").exists(), night=night
+    )
     try:
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
@@ -60,15 +67,17 @@ def run(
     output: Output,
     folder: Folder,
     *,
-    fit: Annotated[bool, typer.Option("--fit/--no-fit", help="Fit when all frames are read.")] = True,
+    fit: Annotated[
+        bool, typer.Option("--fit/--no-fit", help="Fit, or measure a night, when all frames are read.")
+    ] = True,
     replace_readings: Annotated[
         bool, typer.Option("--replace-readings", help="Withdraw readings that are not in the folder.")
     ] = False,
 ) -> None:
     """Run a campaign from card to draft, as in campaign.toml.
 
-    Camera, campaign, region, readings, frames, fit. The same command again goes on where it was; what has
-    been done is not done twice.
+    Camera, campaign, region, readings, frames, fit; of a night of measurements: frames, measurements. The
+    same command again goes on where it was; what has been done is not done twice.
     """
     plan = read_plan(folder)
     files, left_out = sort_files(folder, plan.rules)
@@ -85,6 +94,15 @@ def run(
     if not output.as_json:
         output.note("\n".join(lines(report)))
     with output.client() as client:
+        if campaign.kind == "measurement":
+            found, refused = client.measure_campaign(campaign.id, **plan.measure)
+            _end(
+                output,
+                report,
+                {"measurements": [one.raw for one in found], "not_measured": refused},
+                format_measurements(found, refused),
+            )
+            return
         ensure_panel(client, plan, campaign.id)
         calibration = client.calibrate(campaign.id, **list_parameters(plan))
     _end(output, report, {"calibration": calibration.raw}, format_calibration(calibration))
@@ -98,10 +116,10 @@ def list_campaigns(output: Output) -> None:
         found = list(client.campaigns())
         cameras = {one.id: f"{one.make} {one.model} {one.serial}" for one in client.cameras()}
     rows = [
-        (one.project_number or "", one.method, cameras.get(one.camera_id, one.camera_id), one.id)
+        (one.project_number or "", one.method, one.kind, cameras.get(one.camera_id, one.camera_id), one.id)
         for one in found
     ]
-    shown = table(("project number", "method", "camera", "campaign"), rows)
+    shown = table(("project number", "method", "kind", "camera", "campaign"), rows)
     output.answer({"items": [one.raw for one in found]}, shown)
 
 
@@ -117,12 +135,14 @@ def show(
     with output.client() as client:
         found = client.campaign(client.find_campaign(campaign).id).raw
     frames = found["frames"]
+    night = found.get("kind") == "measurement"
+    ready = f"ready: stilb {'measure --campaign' if night else 'calibrate'} {campaign}"
     output.answer(
         found,
         f"{found['id']} {found.get('project_number', '')} {found['method']}",
         f"{frames['received']} frames, {frames['extracted']} extracted, {frames['refused']} refused; "
-        f"{found['readings']} readings",
-        *([f"missing: {each}" for each in found["missing"]] or [f"ready: stilb calibrate {campaign}"]),
+        + (f"{found['measured']} measured" if night else f"{found['readings']} readings"),
+        *([f"missing: {each}" for each in found["missing"]] or [ready]),
         *(f"advice: {each}" for each in found["advice"]),
         *_offer(found, campaign),
     )
@@ -198,5 +218,5 @@ def _settle(output: Output, client: Client, others: list[str], *, replace: bool)
 
 def _end(output: Output, report: Report, more: dict[str, object], shown: Sequence[RenderableType]) -> None:
     output.answer({**as_json(report), **more}, *(lines(report) if not more else ()), *shown)
-    if not report.is_well:
+    if not report.is_well or more.get("not_measured"):
         raise typer.Exit(Exit.FINDINGS)

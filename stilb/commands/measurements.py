@@ -1,10 +1,12 @@
 """Measurements of field frames in physical units."""
 
 import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import Annotated, Any, cast
 
 import typer
+from rich.console import RenderableType
 
 from stilb.commands.calibration import read_polygon
 from stilb.commands.completion import complete_campaign
@@ -126,9 +128,7 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
                 where = one.raw.get("place", {}).get("detail", "")
                 output.note(f"{client.save_map(one.id, save_map / name)} {where}".rstrip())
     told = {"items": [one.raw for one in found], "not_measured": refused}
-    output.answer(
-        told, _table(found), *(f"{each['filename']} not measured: {each['detail']}" for each in refused)
-    )
+    output.answer(told, *format_measurements(found, refused))
     if refused:
         raise typer.Exit(Exit.FINDINGS)
 
@@ -173,8 +173,11 @@ def _read_grid(text: str) -> Grid:
     return Grid(corners=read_polygon(corners), rows=int(found[1]), columns=int(found[2]))
 
 
-def _table(found: list[Measurement]) -> Any:  # noqa: ANN401
-    return table(
+def format_measurements(
+    found: Sequence[Measurement], refused: Sequence[Mapping[str, Any]]
+) -> list[RenderableType]:
+    """Return a table of measurements, and a line for each frame that was not measured."""
+    shown = table(
         ("measurement", "file", "mean", "region", "U_o", "flags"),
         [
             (
@@ -188,3 +191,4 @@ def _table(found: list[Measurement]) -> Any:  # noqa: ANN401
             for one in found
         ],
     )
+    return [shown, *(f"{each['filename']} not measured: {each['detail']}" for each in refused)]

@@ -15,12 +15,13 @@ from stilb.commands.output import Output, command, config_folder
 from stilb.commands.progress import lines, showing, tell_retry
 from stilb.commands.receipt import write_receipt
 from stilb.field.campaign import find_planned
-from stilb.field.files import ROLES, USUAL_RULES, FieldFile, Rule, sort_files
+from stilb.field.files import NIGHT_RULES, ROLES, USUAL_RULES, FieldFile, Rule, sort_files
 from stilb.field.journal import Journal
 from stilb.field.plan import FILENAME, read_plan
 from stilb.field.push import Report, as_json, push_files
 from stilb.field.watch import Watch
 from stilb.problem import Problem, Unclear, missing
+from stilb.records import Campaign
 
 # About four minutes without a network; longer than that, a person starts the same command again.
 _PATIENT_RETRIES = 12
@@ -59,8 +60,12 @@ def push(  # noqa: PLR0913  each is an option
     --role, from campaign.toml, or from its folder: dark/, field/, ... by name, any other folder is a light
     level. When every file has arrived it writes a signed receipt: stilb receipt verify.
     """
-    list_files = _lister(folder, role, scene)
-    campaign_id = _campaign_id(output, folder, campaign)
+    if role is not None and role not in ROLES:
+        raise typer.BadParameter(f"{role!r} is not a role; use one of {', '.join(ROLES)}")
+    if scene is not None and role is None:
+        raise typer.BadParameter("--scene needs --role")
+    found = _find_campaign(output, folder, campaign)
+    list_files, campaign_id = _lister(folder, role, scene, night=found.kind == "measurement"), found.id
     if watch:
         follow(
             output, folder, campaign_id, lambda: list_files()[0], every_s=every, wait=wait, receipt=receipt
@@ -149,23 +154,19 @@ def _try_transfer(
 
 
 def _lister(
-    folder: Path, role: str | None, scene: str | None
+    folder: Path, role: str | None, scene: str | None, *, night: bool
 ) -> Callable[[], tuple[list[FieldFile], list[str]]]:
     if role is not None:
-        if role not in ROLES:
-            raise typer.BadParameter(f"{role!r} is not a role; use one of {', '.join(ROLES)}")
         return partial(sort_files, folder, (Rule(role=role, scene=scene),))
-    if scene is not None:
-        raise typer.BadParameter("--scene needs --role")
     if (folder / FILENAME).exists():
         return partial(sort_files, folder, read_plan(folder).rules)
-    return partial(sort_files, folder, USUAL_RULES, raw_only=True)
+    return partial(sort_files, folder, NIGHT_RULES if night else USUAL_RULES, raw_only=True)
 
 
-def _campaign_id(output: Output, folder: Path, named: str | None) -> str:
+def _find_campaign(output: Output, folder: Path, named: str | None) -> Campaign:
     with output.client() as client:
         if named is not None:
-            return client.find_campaign(named).id
+            return client.find_campaign(named)
         if not (folder / FILENAME).exists():
             raise typer.BadParameter(f"give --campaign, or create a {FILENAME}: stilb campaign init {folder}")
         plan = read_plan(folder)
@@ -175,7 +176,7 @@ def _campaign_id(output: Output, folder: Path, named: str | None) -> str:
                 f"Campaign {plan.project_number!r} of this camera does not exist yet. "
                 f"Create it and send all frames: stilb campaign run {folder}"
             )
-        return found.id
+        return found
 
 
 def _how(left_out: Sequence[str]) -> str:

@@ -13,10 +13,11 @@ from stilb.records import Campaign
 
 
 def find_planned(client: Client, plan: Plan) -> Campaign | None:
-    """The campaign that the plan has made before: of its camera, with its project number."""
+    """The campaign that the plan has made before: of its camera, with its project number and kind."""
     for camera in client.cameras(make=plan.make, model=plan.model, serial=plan.serial):
         for known in client.campaigns(camera_id=camera.id, project_number=plan.project_number):
-            return known
+            if known.kind == plan.kind:
+                return known
     return None
 
 

@@ -49,6 +49,8 @@ USUAL_RULES = (
     *(Rule(role=role, pattern=f"{role}/*") for role in ROLES if role != "light"),
     Rule(role="light", pattern="{scene}/*"),
 )
+# In a night of measurements every raw file is a field frame.
+NIGHT_RULES = (Rule(role="field"),)
 
 
 @dataclass(frozen=True, kw_only=True)

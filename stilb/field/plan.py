@@ -7,8 +7,8 @@ from datetime import date, datetime, time
 from pathlib import Path
 from typing import Any, cast
 
-from stilb.details import CameraDetails, CampaignDetails, Polygon, Reading
-from stilb.field.files import ROLES, USUAL_RULES, Rule
+from stilb.details import CameraDetails, CampaignDetails, MeasureDetails, Polygon, Reading
+from stilb.field.files import NIGHT_RULES, ROLES, USUAL_RULES, Rule
 from stilb.problem import Unclear
 from stilb.upload import FrameDetails
 
@@ -21,7 +21,7 @@ _CERTIFICATE = {
 }
 _EXPOSURE = {"exposure_time_s", "f_number", "iso"}
 # A name of the service's library, or a file.
-_CURVES = frozenset({"lamp", "camera_response"})
+_CURVES = frozenset({"lamp", "camera_response", "light_source"})
 # Of each table what it may hold, and of that what must not be left empty.
 _TABLES: dict[str, tuple[set[str], set[str]]] = {
     "camera": (
@@ -43,6 +43,7 @@ _TABLES: dict[str, tuple[set[str], set[str]]] = {
     ),
     "region": ({"polygon", "imagej", "file", "parts"}, set()),
     "fit": (set(), set()),
+    "measure": ({*MeasureDetails.__annotations__} - {"polygon"}, set()),
 }
 _LISTS = frozenset({"meter", "frames", "reading"})
 # A table, or several: a panel that was measured more than once.
@@ -74,6 +75,11 @@ class Plan:
     imagej: str | None = None
     parts: dict[str, Polygon] | None = None
     fit: dict[str, Any] = field(default_factory=dict)
+    measure: MeasureDetails = field(default_factory=MeasureDetails)
+
+    @property
+    def kind(self) -> str:
+        return self.campaign.get("kind", "calibration")
 
 
 def read_plan(folder: Path) -> Plan:
@@ -99,9 +105,18 @@ def _plan(said: dict[str, Any], folder: Path) -> Plan:
     camera, campaign = said["camera"], said["campaign"]
     if "target" in said:
         campaign["target"] = said["target"]
-    for name in _CURVES & set(campaign):
-        if str(campaign[name]).lower().endswith(".csv"):
-            campaign[name] = read_spreadsheet(folder / campaign[name])
+    measure = said.get("measure", {})
+    for table in (campaign, measure):
+        for name in _CURVES & set(table):
+            if str(table[name]).lower().endswith(".csv"):
+                table[name] = read_spreadsheet(folder / table[name])
+    night = campaign.get("kind") == "measurement"
+    for name in ({"meter", "reading", "readings", "panel", "target", "fit"} if night else {"measure"}) & set(
+        said
+    ):
+        raise Unclear(
+            f"[{name}] has no place in a campaign of the kind {campaign.get('kind', 'calibration')}"
+        )
     csv = said.get("readings", {}).get("file")
     frames = said.get("frames")
     return Plan(
@@ -114,11 +129,12 @@ def _plan(said: dict[str, Any], folder: Path) -> Plan:
         campaign=cast("CampaignDetails", campaign),
         panels=_list_panels(said.get("panel", [])),
         meters=tuple(said.get("meter", ())),
-        rules=USUAL_RULES if frames is None else tuple(map(_rule, frames)),
+        rules=(NIGHT_RULES if night else USUAL_RULES) if frames is None else tuple(map(_rule, frames)),
         readings=tuple(said.get("reading", ())),
         readings_csv=None if csv is None else read_spreadsheet(folder / csv),
         **_region(said.get("region", {}), folder),
         fit=said.get("fit", {}),
+        measure=cast("MeasureDetails", measure),
     )
 
 

@@ -5,7 +5,7 @@
 
 import json
 import textwrap
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -19,7 +19,7 @@ model = {model}
 serial = {serial}
 # pixel_pitch_um = 3.28
 
-[campaign]
+[campaign]{kind}
 {description}
 method = {method}
 project_number = {project_number}  # the same number again is the same campaign
@@ -29,15 +29,11 @@ project_number = {project_number}  # the same number again is the same campaign
 {stated}
 {reference}
 {target}
-# What the files are; the first that fits decides. Names may also be given as a range, without a pattern:
-# {{ first = "DJI_0001.DNG", last = "DJI_0012.DNG" }}
 {frames}
 # The region in pixels of the frame: corners, or what ImageJ's macro recorder writes. It may be drawn later.
 # [region]
 {region}
-# Parameters of the fit. Remove the first # of a line to set one; otherwise the default shown is used.
-[fit]
-{fit}
+{last}
 """
 
 _METER = """\
@@ -63,6 +59,15 @@ _PANEL = """
 {{ band = "green", reflectance = 0.49, standard_uncertainty = 0.005 }},\
  {{ band = "nir", reflectance = 0.48, standard_uncertainty = 0.005 }}]
 """
+_FIT = """\
+# Parameters of the fit. Remove the first # of a line to set one; otherwise the default shown is used.
+[fit]"""
+_MEASURE = "# How every frame is measured. Remove the first # of a line to set what is known.\n[measure]"
+_FRAMES = """\
+# What the files are; the first that fits decides. Names may also be given as a range, without a pattern:
+# { first = "DJI_0001.DNG", last = "DJI_0012.DNG" }
+"""
+_FIELD = "# Every raw file of the folder is a field frame."
 _REFERENCES = {"meter": _METER, "panel": _PANEL, None: ""}
 _ONE = '# imagej = "makePolygon(2200,1600,3100,1600,3100,2300,2200,2300);"\n'
 _PARTS = """\
@@ -79,19 +84,25 @@ def read_methods() -> Mapping[str, Mapping[str, Any]]:
     return {each["name"]: each for each in json.loads(text)["items"]}
 
 
-def write_template(said: Mapping[str, str], *, folder: str, has_readings: bool) -> str:
-    """Return the text; ``said``: make, model, serial, method, project_number, each "" if it is not known."""
+def write_template(said: Mapping[str, str], *, folder: str, has_readings: bool, night: bool = False) -> str:
+    """Return the text; ``said``: make, model, serial, method, project_number, each "" if it is not known.
+
+    ``night``: of a campaign of measurements.
+    """
     method, mark = read_methods()[said["method"]], "" if has_readings else "# "
     readings = f'{mark}[readings]\n{mark}file = "readings.csv"'
     return _TEXT.format(
         folder=folder,
         description="\n".join(_comment(method["description"])),
-        reference=_REFERENCES[method.get("reference")].format(readings=readings),
-        target=_format_target(method),
-        frames="\n".join(_list_rules(method)),
+        kind='\nkind = "measurement"' if night else "",
+        reference="" if night else _REFERENCES[method.get("reference")].format(readings=readings),
+        target="" if night else _format_target(method),
+        frames=_FIELD if night else _FRAMES + "\n".join(_list_rules(method)),
         region=_PARTS if method.get("several_regions") else _ONE,
-        stated="\n".join(_list_parameters(method, "campaign")),
-        fit="\n".join(_list_parameters(method, "request")),
+        stated="" if night else "\n".join(_list_parameters(method["parameters"], "campaign")),
+        last="\n".join([_MEASURE, *_list_parameters(method["conditions"], "request")])
+        if night
+        else "\n".join([_FIT, *_list_parameters(method["parameters"], "request")]),
         # A JSON text is a TOML text too.
         **{name: json.dumps(value, ensure_ascii=False) for name, value in said.items()},
     )
@@ -114,8 +125,8 @@ def _list_rules(method: Mapping[str, Any]) -> Iterator[str]:
         yield f'[[frames]]  # {role["description"]}\npattern = "{folder}/*"\nrole = "{role["name"]}"\n'
 
 
-def _list_parameters(method: Mapping[str, Any], given_by: str) -> Iterator[str]:
-    for each in method["parameters"]:
+def _list_parameters(parameters: Sequence[Mapping[str, Any]], given_by: str) -> Iterator[str]:
+    for each in parameters:
         if each["given_by"] == given_by:
             yield from _list_parameter(each)
 

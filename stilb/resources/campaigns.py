@@ -56,9 +56,20 @@ class Campaigns(Connection):
             yield data
 
     def campaigns(
-        self, *, project_number: str | None = None, camera_id: str | None = None, method: str | None = None
+        self,
+        *,
+        project_number: str | None = None,
+        camera_id: str | None = None,
+        method: str | None = None,
+        kind: str | None = None,
     ) -> Iterator[Campaign]:
-        query = {"project_number": project_number, "camera_id": camera_id, "method": method, "limit": 1000}
+        query: Query = {
+            "project_number": project_number,
+            "camera_id": camera_id,
+            "method": method,
+            "kind": kind,
+            "limit": 1000,
+        }
         return map(Campaign.of, self._transport.items(address("campaigns"), query))
 
     def find_campaign(self, named: str) -> Campaign:

@@ -13,7 +13,7 @@ from radiometry.fitting.evidence import Region
 from radiometry.frame.roi import Polygon
 from store import jobs
 from store.columns import new_id
-from store.tables import Campaign, FrameRow, Job, Reading, Roi
+from store.tables import Campaign, FrameRow, Job, Measurement, Reading, Roi
 
 _FEW = 500
 """Jobs that are read at once to find those of one campaign."""
@@ -56,6 +56,12 @@ def count(session: Session, campaign: Campaign) -> Counts:
         refused=states.get("refused", 0),
         readings=readings or 0,
     )
+
+
+def count_measured(session: Session, campaign: Campaign) -> int:
+    """Count the frames of a campaign that have a measurement."""
+    measured = select(func.count(Measurement.frame_id.distinct()))
+    return session.scalar(measured.where(Measurement.campaign_id == campaign.id)) or 0
 
 
 def count_being_read(session: Session, campaign: Campaign) -> int:

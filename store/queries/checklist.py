@@ -94,7 +94,7 @@ def read_checklist(session: Session, campaign: Campaign, record: RecordState | N
 
 
 def has_checklist(campaign: Campaign) -> bool:
-    return get_method(campaign.method).has_checklist
+    return get_method(campaign.method).has_checklist and not campaign.measures
 
 
 def read_signature(session: Session, campaign: Campaign) -> ChecklistSignature | None:

@@ -14,13 +14,15 @@ from sqlalchemy import Select, select
 from sqlalchemy.orm import Session
 
 from radiometry import methods
-from radiometry.findings import InputRejected, shared
+from radiometry.findings import InputRejected, interface, shared
 from radiometry.frame.roi import Polygon
 from radiometry.frame.statistics import ChannelStatistics
+from radiometry.specification.roles import FIELD
 from store import jobs
 from store.blobs import StoredBlob
 from store.columns import new_id
 from store.database import read_plainly
+from store.errors import Conflict
 from store.files import keep_blobs
 from store.software import EXTRACTOR
 from store.tables import Campaign, ChannelRow, Extraction, FrameRow, Roi
@@ -55,6 +57,16 @@ class NewFrame:
     scene: str | None
     roi_id: str | None
     supplied: dict[str, float]
+
+
+def require_role(campaign: Campaign, role: str) -> None:
+    """Refuse every role but that of field frames in a night of measurements."""
+    if campaign.measures and role != FIELD.name:
+        raise Conflict(
+            interface.MEASUREMENTS_ONLY,
+            f"A {role} frame does not belong in a night of measurements, whose frames have the role "
+            f"{FIELD.name}. Send it to a campaign of the kind calibration.",
+        )
 
 
 def find_or_add_frames(

@@ -16,6 +16,8 @@ class Campaign(Audited, Base):
 
     Attributes
     ----------
+    kind : str
+        "calibration", or "measurement" for a night whose frames no fit uses.
     roi_id : str or None
         Of the region in use; absent while none is set.
     """
@@ -29,6 +31,7 @@ class Campaign(Audited, Base):
     organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"), index=True)
     camera_id: Mapped[str] = mapped_column(ForeignKey("camera.id"), index=True)
     method: Mapped[str] = mapped_column(String)
+    kind: Mapped[str] = mapped_column(default="calibration")
     project_number: Mapped[str | None]
     recorder: Mapped[str | None]
     customer: Mapped[str | None]
@@ -55,6 +58,11 @@ class Campaign(Audited, Base):
     """What is photographed, where the method must know it to read a frame: a board, an edge."""
     archived_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
     created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
+
+    @property
+    def measures(self) -> bool:
+        """Return True for a night of measurements."""
+        return self.kind == "measurement"
 
 
 class Roi(Audited, Base):

@@ -155,7 +155,7 @@ def test_a_filter_says_so_when_nothing_is_left(night_page, night):
     night_page.goto("/measurements?camera_id=none")
     settle(night_page)
     expect(night_page.get_by_text("No measurements")).to_be_visible()
-    night_page.get_by_label("Campaign").select_option(night.campaign_id)
+    night_page.get_by_label("Campaign").select_option(night.measured_id)
     settle(night_page)
     expect(night_page.get_by_role("row").filter(has_text="road-may.DNG").first).to_be_visible()
 
@@ -199,7 +199,7 @@ def test_a_frame_is_measured_from_the_page(night_page, night):
 
 
 def test_what_is_missing_is_said_before_anything_is_sent(night_page, night):
-    night_page.goto(f"/measurements/new?campaign={night.campaign_id}")
+    night_page.goto(f"/measurements/new?campaign={night.measured_id}")
     settle(night_page)
     night_page.get_by_role("radio", name="New region").check()
     night_page.get_by_role("button", name="Redraw").click()

@@ -397,6 +397,41 @@ def test_a_whole_night_in_one_go(house):
 
 
 @pytest.mark.usefixtures("version")
+def test_night_of_measurements_feeds_no_fit(house):
+    camera = house.camera()["id"]
+    body = {"camera_id": camera, "method": "vignetting", "kind": "measurement"}
+    assert "luminance" in house.post("/v1/campaigns", body, status=422)["errors"][0]["message"]
+    night = house.campaign(kind="measurement")
+    path = f"/v1/campaigns/{night['id']}"
+    assert house.get(path)["missing"] == ["no frame: send the frames of the night"]
+    refused = house.upload(night, house.frame_bytes(), role="light", scene="a", status=409)
+    assert refused["code"] == "measurements_only"
+    frame = field_frame(house, night)
+    frames = {"frame_ids": [frame["id"]], "role": "light"}
+    for answer in (
+        house.http.patch(f"/v1/frames/{frame['id']}", json={"role": "dark"}),
+        house.http.patch(f"{path}/frames", json=frames),
+        house.http.post(f"{path}/calibrations", json={}),
+    ):
+        assert (answer.status_code, answer.json()["code"]) == (409, "measurements_only")
+    assert "night of measurements has none" in house.get(f"{path}/checklist")["said"]
+    measure(house, frame, roi=ROI)
+    whole = house.get(path)
+    assert (whole["kind"], whole["missing"], whole["measured"]) == ("measurement", [], 1)
+    # an older campaign that holds nothing but field frames becomes one
+    other = house.campaign(project_number="older")
+    field_frame(house, other)
+    changed = house.http.patch(f"/v1/campaigns/{other['id']}", json={"kind": "measurement"})
+    assert (changed.status_code, changed.json()["kind"]) == (200, "measurement")
+    third = house.campaign(project_number="third")
+    house.upload(third, house.frame_bytes(), role="dark", filename="d.DNG")
+    refused = house.http.patch(f"/v1/campaigns/{third['id']}", json={"kind": "measurement"})
+    assert (refused.status_code, "d.DNG" in refused.json()["detail"]) == (409, True)
+    kept = house.get("/v1/campaigns", kind="measurement")["items"]
+    assert {each["id"] for each in kept} == {night["id"], other["id"]}
+
+
+@pytest.mark.usefixtures("version")
 def test_repeats_of_a_scene_are_one_measurement_with_less_noise(house):
     campaign = field_campaign(house)
     frames = [field_frame(house, campaign, name=f"{seed}.DNG", seed=seed, noise_dn=8.0) for seed in range(4)]

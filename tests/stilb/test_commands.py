@@ -115,6 +115,36 @@ def test_measure_a_campaign(command, calibrated):
     assert ([item["frame_id"] for item in told["items"]], told["not_measured"]) == ([field.id], [])
 
 
+def test_night_goes_from_card_to_measurements(command, calibrated, tmp_path):
+    """In one command and with the grid of its file, from a template in which every line can be used."""
+    team, *_ = calibrated
+    folder = tmp_path / "night"
+    (folder / "level-1").mkdir(parents=True)
+    # a folder that would be a light level elsewhere
+    write_frame(folder / "level-1" / "a.DNG", signal_dn=320.0, exposure_time_s=0.01, f_number=4.0, iso=3200)
+    named = ("--make", "DJI", "--model", "FC6520", "--serial", "0K1XE8", "--project", "Mill Road")
+    assert command("campaign", "init", folder, "--night", *named).code == Exit.DONE
+    path = folder / "campaign.toml"
+    assert "[fit]" not in path.read_text()
+    head, table, measure = path.read_text().partition("[measure]")
+    full = head + table + re.sub(r"^# (?=\w+ = )", "", measure, flags=re.MULTILINE)
+    grid = "grid = { corners = [[10, 10], [80, 10], [80, 50], [10, 50]], rows = 2, columns = 3 }\n"
+    path.write_text(full + grid)
+    ended = command("campaign", "run", folder, "--json")
+    assert ended.code == Exit.DONE, ended.err
+    (found,) = ended.json["measurements"]
+    assert (found["filename"], len(found["grid"]["cells"])) == ("a.DNG", 2)
+    made = team.client.find_campaign("Mill Road")
+    assert (made.kind, [each.role for each in team.client.frames(made.id)]) == ("measurement", ["field"])
+    assert "1 measured" in command("campaign", "show", "Mill Road").out
+    assert command("calibrate", made.id).code == Exit.REFUSED
+    path.write_text(full + grid + "[fit]\n")
+    assert "[fit] has no place in a campaign of the kind measurement" in command("push", folder).err
+    path.unlink()
+    again = command("push", folder, "--campaign", "Mill Road", "--json").json
+    assert (again["sent"], again["received"]) == (0, 1)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -23,6 +23,8 @@ class Night:
 
     team: Team
     campaign_id: str
+    measured_id: str
+    """Campaign of the field frames."""
     camera_id: str
     version: stilb.Calibration
     field: tuple[stilb.Frame, stilb.Frame]
@@ -34,14 +36,17 @@ def work_a_night(team: Team, folder: Path) -> Night:
     campaign = team.campaign()
     shots = write_campaign(folder)
     team.push(campaign, shots)
+    dark_hours = team.client.create_campaign(
+        campaign.camera_id, kind="measurement", project_number="Mill Road"
+    )
     field = [
-        team.client.push(campaign.id, _photograph(folder / name, lamps, seed), role="field")
+        team.client.push(dark_hours.id, _photograph(folder / name, lamps, seed), role="field")
         for name, lamps, seed in (
             ("road-may.DNG", (1.0, 1.0, 1.0), 3),
             ("road-june.DNG", (1.0, 0.25, 1.0), 4),
         )
     ]
-    for frame in (*field, *team.client.frames(campaign.id)):
+    for frame in (*team.client.frames(dark_hours.id), *team.client.frames(campaign.id)):
         if frame.job_id is not None:
             team.client.wait(frame.job_id)
     version = team.client.calibrate(campaign.id, model="proportional")
@@ -55,6 +60,7 @@ def work_a_night(team: Team, folder: Path) -> Night:
     return Night(
         team=team,
         campaign_id=campaign.id,
+        measured_id=dark_hours.id,
         camera_id=campaign.camera_id,
         version=version,
         field=(field[0], field[1]),

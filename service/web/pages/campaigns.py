@@ -30,7 +30,8 @@ def show_campaign(campaign_id: Id, page: SignedInPage, context: UsesContext) -> 
     spec = methods.get_method(campaign.method)
     return page.render(
         "campaign.html",
-        title=campaign.project_number or f"{spec.label} of {camera.model}",
+        title=campaign.project_number
+        or f"{'Measuring night' if campaign.measures else spec.label} of {camera.model}",
         campaign=campaign,
         camera=camera,
         spec=spec,

@@ -8,6 +8,14 @@ export { METHODS };
 export const methodOf = (name) => METHODS.find((each) => each.name === name);
 export const labelOf = (name) => methodOf(name).label;
 
+export const isNight = (campaign) => campaign.kind === "measurement";
+
+/** What a campaign is: its method, or a night of measurements. */
+export const kindOf = (campaign) => `${isNight(campaign) ? "Measuring night, " : ""}${labelOf(campaign.method)}`;
+
+/** A method in a night of measurements: field frames side by side, and nothing that a fit needs. */
+export const atNight = (method) => ({ ...method, measures: true, roles: [ROLES.get("field")], grid: { columns: [] }, reference: null, has_checklist: false, finds_region: false, whole_frame: false });
+
 /** The label of a method's coefficient. */
 export const coefficientLabel = (method, name) => methodOf(method).coefficients.find((each) => each.name === name)?.label ?? words(name);
 
@@ -24,6 +32,6 @@ const ROLES = new Map(METHODS.flatMap((method) => method.roles).map((role) => [r
 
 export const roleLabel = (name) => ROLES.get(name)?.label ?? name;
 
-/** Every role, as the options of a list: those of the method first. */
+/** Every role, as the options of a list: those of the method first; in a night, its only one. */
 export const roleOptions = (method) =>
-  [...new Set([...method.roles.map((role) => role.name), ...ROLES.keys()])].map((name) => [name, roleLabel(name)]);
+  [...new Set([...method.roles.map((role) => role.name), ...(method.measures ? [] : ROLES.keys())])].map((name) => [name, roleLabel(name)]);

@@ -6,7 +6,7 @@ import { counted, day } from "../format.js";
 import { inOrder } from "../groups.js";
 import { inForce } from "../coefficients.js";
 import { mark } from "../marks.js";
-import { METHODS } from "../methods.js";
+import { isNight, METHODS } from "../methods.js";
 import { missingCauses } from "./missing.js";
 
 const MOST_ASKED = 40;
@@ -15,7 +15,7 @@ const MOST_ASKED = 40;
 export async function loadCompleteness(campaigns) {
   const { rows } = await get("/v1/series/coefficients");
   const newest = new Map();
-  for (const each of campaigns.filter((one) => !one.archived_at)) if (!newest.has(keyOf(each))) newest.set(keyOf(each), each);
+  for (const each of campaigns.filter((one) => !one.archived_at && !isNight(one))) if (!newest.has(keyOf(each))) newest.set(keyOf(each), each);
   const asked = [...newest.values()].slice(0, MOST_ASKED);
   const found = await Promise.all(asked.map(({ id }) => Promise.all([get(`/v1/campaigns/${id}`), get(`/v1/campaigns/${id}/calibrations?limit=1`)])));
   return { held: inForce(rows), begun: new Map(found.map(([campaign, { items }]) => [keyOf(campaign), { campaign, fitted: items.length > 0 }])) };

@@ -15,16 +15,14 @@ import { targetPart } from "./target.js";
 const NEW = "new";
 const form = byId("new-campaign");
 let method = null;
+let night = false;
 let target = null;
 let stated = null;
 let camera = { read: () => ({}) };
 let panel = { read: () => undefined };
 
-fill(
-  byId("methods"),
-  choices("method", METHODS.map((each) => [each.name, each.label, each.description]), choose, null),
-);
-choose(null);
+fill(byId("kinds"), choices("kind", [["calibration", "Calibration", "Frames and readings that a version is fitted from."], ["measurement", "Measuring night", "Field frames that are measured with a published version; never used to calibrate."]], turn));
+turn("calibration");
 load(byId("camera"), () => all("/v1/cameras"), (cameras) => (camera = cameraPart(cameras)).element);
 load(byId("panel"), () => all("/v1/panels"), (panels) => (panel = panelPart(panels)).element).then(offerPanel);
 
@@ -33,12 +31,20 @@ form.addEventListener("submit", (event) => {
   act(event.submitter ?? form.querySelector("button[type=submit]"), create);
 });
 
+/** A kind, and the methods that it can have. */
+function turn(kind) {
+  night = kind === "measurement";
+  const able = METHODS.filter((each) => !night || each.measured_quantity);
+  fill(byId("methods"), choices("method", able.map((each) => [each.name, each.label, night ? `Frames become ${each.measured_quantity}.` : each.description]), choose, able.includes(method) ? method.name : null));
+  choose(able.includes(method) ? method.name : null);
+}
+
 function choose(name) {
   method = methodOf(name);
-  target = method?.needs_target ? targetPart(method) : null;
+  target = method?.needs_target && !night ? targetPart(method) : null;
   byId("target-section").hidden = target === null;
-  byId("panel-section").hidden = method?.reference !== "panel";
-  const given = method?.parameters.filter((each) => each.given_by === "campaign") ?? [];
+  byId("panel-section").hidden = !needsPanel();
+  const given = (night ? [] : method?.parameters)?.filter((each) => each.given_by === "campaign") ?? [];
   stated = statedPart(given);
   byId("stated-section").hidden = !given.length;
   fill(byId("stated"), stated.element);
@@ -48,17 +54,21 @@ function choose(name) {
 
 /** What is not shown must not have to be filled in either. */
 function offerPanel() {
-  for (const control of byId("panel").querySelectorAll("input, select, textarea")) control.disabled = method?.reference !== "panel";
+  for (const control of byId("panel").querySelectorAll("input, select, textarea")) control.disabled = !needsPanel();
+}
+
+function needsPanel() {
+  return !night && method?.reference === "panel";
 }
 
 async function create() {
   const said = filled(form);
   const names = ["project_number", "recorder", "customer", "place", "conditions", "comments"];
-  const body = { method: method.name, ...Object.fromEntries(names.filter((name) => said[name]).map((name) => [name, said[name]])) };
+  const body = { method: method.name, kind: night ? "measurement" : "calibration", ...Object.fromEntries(names.filter((name) => said[name]).map((name) => [name, said[name]])) };
   if (said.started_at) body.started_at = new Date(said.started_at).toISOString();
   Object.assign(body, stated.read());
   if (target) body.target = target.read(); // left out where there is no form
-  if (method.reference === "panel") body.panel_id = await panel.read();
+  if (needsPanel()) body.panel_id = await panel.read();
   body.camera_id = await camera.read();
   const made = await post("/v1/campaigns", body);
   location.assign(`/campaigns/${made.id}`);

@@ -166,7 +166,7 @@ function change(state, known, frame) {
     h("h3", { class: "panel-title" }, "Change"),
     scene ? field("Scene", scene) : null,
     frame.exposure_time_s === undefined ? typedExposure(state, frame) : null,
-    h("p", { class: "hint" }, "Left out: kept, not fitted. Withdrawn: hidden from the campaign. Both can be undone."),
+    h("p", { class: "hint" }, `Left out: kept, not ${state.method.measures ? "measured with the others" : "fitted"}. Withdrawn: hidden from the campaign. Both can be undone.`),
   );
 }
 

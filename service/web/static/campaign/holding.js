@@ -13,8 +13,8 @@ export function originOf(frame) {
 }
 
 /** What to do about it, on the frame that is shown; "" where the campaign's region holds. */
-export function adviceOn(frame) {
-  if (startsEmpty(frame)) return "A field frame starts without a region: the campaign’s lies where the calibration was made. Draw what this frame shows, and set it only for this frame.";
+export function adviceOn(frame, state) {
+  if (startsEmpty(frame, state)) return "A field frame starts without a region: the campaign’s lies where the calibration was made. Draw what this frame shows, and set it only for this frame.";
   if (!frame.roi_id) return "";
   const said = frame.roi_origin === "found" ? `This frame’s region is shown, ${originOf(frame)}.` : "This frame’s own region is shown.";
   return `${said} To replace it, draw a region and set it only for this frame. A region set for the campaign does not replace it.`;
@@ -28,8 +28,8 @@ export function countOwn(frames) {
   return { own: own.length, found, said };
 }
 
-/** Whether a frame shows another place than the campaign's region is meant for. */
-export const startsEmpty = (frame) => frame.role === "field" && !frame.roi_id;
+/** Whether a frame shows another place than the campaign's region is meant for; a night's region is meant for its frames. */
+export const startsEmpty = (frame, state) => !state.method.measures && frame.role === "field" && !frame.roi_id;
 
 const known = new Map();
 

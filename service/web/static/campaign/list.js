@@ -3,7 +3,7 @@
 import { all } from "../api.js";
 import { byId, fill, h, may, table } from "../dom.js";
 import { day } from "../format.js";
-import { labelOf } from "../methods.js";
+import { isNight, kindOf, labelOf } from "../methods.js";
 import { drawCompleteness, loadCompleteness } from "./completeness.js";
 import { empty, load } from "../states.js";
 
@@ -21,7 +21,7 @@ load(
 );
 
 function nothing() {
-  const text = "A campaign contains the frames, the region and the meter readings of one calibration.";
+  const text = "A campaign contains the frames, the region and the meter readings of one calibration, or the frames of a measuring night.";
   return empty("No campaigns yet", text, may("calibrate") ? h("a", { class: "button primary", href: "/campaigns/new" }, "New campaign") : null);
 }
 
@@ -33,14 +33,22 @@ function list(campaigns, cameras) {
   const draw = () => {
     const wanted = search.value.trim().toLowerCase();
     const found = campaigns.filter((each) => Boolean(each.archived_at) === away.checked && textOf(each, cameras).includes(wanted));
-    fill(shown, !wanted && !found.length ? h("p", { class: "muted" }, "All campaigns are archived.") : found.length ? rows(found, cameras) : empty("No results", `No campaign matches “${search.value}”.`));
+    fill(shown, !wanted && !found.length ? h("p", { class: "muted" }, "All campaigns are archived.") : found.length ? apart(found, cameras) : empty("No results", `No campaign matches “${search.value}”.`));
   };
   search.addEventListener("input", draw);
   draw();
   return [archived ? h("label", { class: "check" }, away, `Archived (${archived})`) : null, campaigns.length > 8 ? h("p", { class: "search" }, search) : null, shown];
 }
 
-function rows(campaigns, cameras) {
+/** Calibrations, and apart from them nights of measurements. */
+function apart(campaigns, cameras) {
+  const nights = campaigns.filter(isNight);
+  const others = campaigns.filter((each) => !isNight(each));
+  const part = (title, some) => (some.length ? h("section", { class: "tight" }, h("h3", {}, title), rows(some, cameras, title)) : null);
+  return nights.length ? [part("Calibrations", others), part("Measuring nights", nights)] : rows(others, cameras, "Campaigns");
+}
+
+function rows(campaigns, cameras, caption) {
   return table(
     [
       { head: "Project", header: true, cell: (each) => h("a", { href: `/campaigns/${each.id}` }, each.project_number ?? nameOf(each, cameras)) },
@@ -51,11 +59,11 @@ function rows(campaigns, cameras) {
       { head: "Started", class: "nowrap", cell: (each) => day(each.started_at ?? each.created_at) },
     ],
     campaigns,
-    { caption: "Campaigns" },
+    { caption },
   );
 }
 
-const nameOf = (each, cameras) => `${labelOf(each.method)} of ${cameras.get(each.camera_id)?.model ?? "a camera"}`;
+const nameOf = (each, cameras) => `${isNight(each) ? "Measuring night" : labelOf(each.method)} of ${cameras.get(each.camera_id)?.model ?? "a camera"}`;
 
 function cameraOf(each, cameras) {
   const camera = cameras.get(each.camera_id);
@@ -63,6 +71,6 @@ function cameraOf(each, cameras) {
 }
 
 function textOf(each, cameras) {
-  const words = [each.project_number, labelOf(each.method), each.recorder, each.place, each.customer, cameraOf(each, cameras)];
+  const words = [each.project_number, kindOf(each), each.recorder, each.place, each.customer, cameraOf(each, cameras)];
   return words.filter(Boolean).join(" ").toLowerCase();
 }

@@ -35,7 +35,7 @@ export function missingCauses(sentences) {
 }
 
 /** The list before a fit; what is needed is marked, and what is said there is not said again. */
-export function beforeTheFit({ missing, advice }) {
+export function beforeTheFit({ missing, advice }, title) {
   if (!missing.length && !advice.length) return null;
   const needed = new Set(missing.map(causeOf));
   const line = (mark, tag) => ({ title, where, part, button }) => ({ mark: part ? mark : "wait", title, where, tag, actions: part && may(part === "frames" ? "upload" : "calibrate") ? [smallLink(button, `#${part}`)] : [] });
@@ -44,7 +44,7 @@ export function beforeTheFit({ missing, advice }) {
   return h(
     "section",
     { id: "before", class: "tight", "aria-labelledby": "before-head" },
-    h("div", { class: "section-head" }, h("h2", { id: "before-head" }, "Before the fit"), h("p", {}, missing.length ? "" : "Nothing is needed; these lines would improve it")),
+    h("div", { class: "section-head" }, h("h2", { id: "before-head" }, title), h("p", {}, missing.length ? "" : "Nothing is needed; these lines would improve it")),
     causeList(shown),
     more.length ? h("details", { class: "more" }, h("summary", {}, `${more.length} more`), causeList(more)) : null,
   );

@@ -25,7 +25,7 @@ export async function changeFrames(state, ids, said, text) {
 
 export const leaveOut = (state, ids) => {
   const out = ids.some((id) => state.byId.get(id).left_out === null);
-  return changeFrames(state, ids, { left_out: out }, (named) => `${named} ${out ? "left out of the fit" : "used again"}.`);
+  return changeFrames(state, ids, { left_out: out }, (named) => `${named} ${out ? "left out" : "used again"}.`);
 };
 
 export const withdraw = (state, ids) => {

@@ -12,7 +12,7 @@ export function overview(state) {
   const draw = () => {
     if (isPressed(element)) return void requestAnimationFrame(draw);
     const open = element.querySelector("details")?.open ?? false;
-    fill(element, figures(state), offer(state), beforeTheFit(state.campaign));
+    fill(element, figures(state), offer(state), beforeTheFit(state.campaign, state.method.measures ? "Before measuring" : "Before the fit"));
     element.querySelector("details")?.toggleAttribute("open", open);
   };
   state.on("campaign", draw);
@@ -40,7 +40,7 @@ function figures(state) {
     figure("Frames", number(received), told),
     region(state),
     state.method.reference === "meter" ? figure("Readings", number(readings), state.scenes.length ? counted(state.scenes.length, "scene") : "") : null,
-    figure("Fit", state.campaign.missing.length ? "Not yet" : "Ready", state.campaign.missing.length ? `${missingCauses(state.campaign.missing).length} missing` : "nothing is missing", marked(state.campaign.missing.length > 0)),
+    state.method.measures ? figure("Measured", number(state.campaign.measured), "field frames; never used to calibrate") : figure("Fit", state.campaign.missing.length ? "Not yet" : "Ready", state.campaign.missing.length ? `${missingCauses(state.campaign.missing).length} missing` : "nothing is missing", marked(state.campaign.missing.length > 0)),
   );
 }
 
@@ -49,6 +49,7 @@ const marked = (lacking) => ({ class: lacking ? "lacking" : null });
 function region({ roi, method, frames }) {
   const { own, found, said } = countOwn(frames);
   if (roi) return figure("Region", roi.regions ? counted(roi.regions.length, "part") : counted(roi.polygon.length, "corner"), said);
+  if (method.measures) return figure("Region", own ? "Per frame" : "None yet", said || "or with the measurement");
   if (method.whole_frame) return figure("Region", "Whole frame", said);
   return figure("Region", own ? (found === own ? "Found" : "Per frame") : "None yet", said, marked(!own));
 }

@@ -1,12 +1,13 @@
 // The page of one campaign, from its first file to its calibration.
 
 import { byId, fill, may } from "../dom.js";
-import { methodOf } from "../methods.js";
+import { atNight, methodOf } from "../methods.js";
 import { failed } from "../states.js";
 import { calibrateSection } from "./calibrate.js";
 import { checklistSection } from "./checklist.js";
 import { detailsPart } from "./details.js";
 import { gridSection } from "./grid.js";
+import { nightSection } from "./night.js";
 import { overview } from "./overview.js";
 import { readingsSection } from "./readings.js";
 import { regionSection } from "./region.js";
@@ -14,8 +15,8 @@ import { CampaignState } from "./state.js";
 import { targetSection } from "./target.js";
 import { uploadSection } from "./upload.js";
 
-const { campaignId, method } = document.querySelector("main").dataset;
-const state = new CampaignState(campaignId, methodOf(method));
+const { campaignId, method, kind } = document.querySelector("main").dataset;
+const state = new CampaignState(campaignId, kind === "measurement" ? atNight(methodOf(method)) : methodOf(method));
 
 const parts = [
   ["details-buttons", detailsPart],
@@ -24,6 +25,7 @@ const parts = [
   ["reading-list", readingsSection],
   ["checklist-items", checklistSection],
   ["calibrate-tool", calibrateSection],
+  ["night-tool", nightSection],
 ].filter(([id]) => byId(id)); // a method that has no readings has no such part; the form is there where no target is
 
 if (may("upload")) fill(byId("upload"), uploadSection(state));

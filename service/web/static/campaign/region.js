@@ -105,10 +105,10 @@ function build(state, drawable) {
   async function load() {
     const shown = frame;
     // how a region was found is said with the frame alone
-    own.textContent = adviceOn(shown.roi_origin === "found" ? await get(`/v1/frames/${shown.id}`) : shown);
+    own.textContent = adviceOn(shown.roi_origin === "found" ? await get(`/v1/frames/${shown.id}`) : shown, state);
     if (shown.id !== frame.id) return;
     if (editor.dirty) return;
-    const roi = startsEmpty(shown) ? null : await holdingFor(state, shown);
+    const roi = startsEmpty(shown, state) ? null : await holdingFor(state, shown);
     if (shown.id === frame.id && !editor.dirty) editor.load(regionsOf(roi));
   }
 

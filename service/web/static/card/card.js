@@ -102,7 +102,7 @@ async function send({ found, choice, project }) {
     const { make, model, serial, lens } = camera;
     const cameraId = choice.registered || camera.known?.id || (await post("/v1/cameras", { make, model, serial, lens })).id;
     const [from] = frames.filter((frame) => frame.header.zoned).map((frame) => frame.header.taken).sort((a, b) => a - b);
-    const body = { camera_id: cameraId, method: campaign.method, ...(project.number.trim() ? { project_number: project.number.trim() } : {}), ...(from ? { started_at: new Date(from).toISOString() } : {}) };
+    const body = { camera_id: cameraId, method: campaign.method, ...(campaign.measures ? { kind: "measurement" } : {}), ...(project.number.trim() ? { project_number: project.number.trim() } : {}), ...(from ? { started_at: new Date(from).toISOString() } : {}) };
     // a second press after a lost answer must not make a second campaign
     id = (await post("/v1/campaigns", body, onceFor(choice, body))).id;
   }

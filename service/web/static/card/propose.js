@@ -1,6 +1,7 @@
 // The proposal for a card: header rows in, camera, campaign, scenes, roles, darks and what is skipped out. No DOM.
 
 import { groupBy, natural } from "../groups.js";
+import { isNight } from "../methods.js";
 
 /** Thresholds, as docs/pages.md states them. */
 export const LIMITS = {
@@ -83,13 +84,13 @@ function listOffers(frames, camera, { methods, campaigns, inForce }) {
   const held = new Set(camera.known ? inForce.filter((row) => row.camera_id === camera.known.id).map((row) => row.method) : []);
   const measuring = methods.filter((method) => method.measured_quantity);
   const night = measuring.find((method) => held.has(method.name)) ?? measuring.find((method) => (method.reference === "panel") === bands > 1) ?? measuring[0];
-  const isNight = named.length > 0 ? named.every((role) => role === FIELD) : held.has(night?.name) && !foldersOf(frames).length && !frames.some(isDark);
+  const looksLikeNight = named.length > 0 ? named.every((role) => role === FIELD) : held.has(night?.name) && !foldersOf(frames).length && !frames.some(isDark);
   const [from] = frames.map((frame) => frame.header.taken).filter(Boolean).sort((a, b) => a - b);
   const near = campaigns.filter((each) => each.camera_id === camera.known?.id && Math.abs(Date.parse(each.started_at ?? each.created_at) - (from ?? Date.now())) < LIMITS.recentDays * DAY_MS);
   return [
-    { key: "new", kind: "new", method: best.name, proposed: !isNight },
-    ...near.slice(-2).reverse().map((each) => ({ key: each.id, kind: "add", method: each.method, campaign: each })),
-    ...(night ? [{ key: "night", kind: "night", method: night.name, proposed: isNight }] : []),
+    { key: "new", kind: "new", method: best.name, proposed: !looksLikeNight },
+    ...near.slice(-2).reverse().map((each) => ({ key: each.id, kind: "add", method: each.method, campaign: each, measures: isNight(each) })),
+    ...(night ? [{ key: "night", kind: "night", method: night.name, measures: true, proposed: looksLikeNight }] : []),
     ...methods.filter((method) => method !== best).map((method) => ({ key: `new ${method.name}`, kind: "other", method: method.name })),
   ];
 }
@@ -114,8 +115,8 @@ function assign(frames, method, campaign, said) {
   const sceneRole = method.roles.find((role) => role.has_scene);
   const roles = new Map(method.roles.map((role) => [role.name, role]));
   const found = frames.map((frame) => {
-    const role = campaign.kind === "night" ? FIELD : (namedRole(frame.name, roleWords(method)) ?? (roles.has("dark") && isDark(frame) ? "dark" : (sceneRole ?? method.roles[0]).name));
-    return { ...frame, role: said.get(frame.key)?.role ?? role };
+    const role = campaign.measures ? FIELD : (namedRole(frame.name, roleWords(method)) ?? (roles.has("dark") && isDark(frame) ? "dark" : (sceneRole ?? method.roles[0]).name));
+    return { ...frame, role: campaign.measures ? FIELD : (said.get(frame.key)?.role ?? role) };
   });
   const inScenes = found.filter((frame) => roles.get(frame.role)?.has_scene);
   const folders = new Set(foldersOf(inScenes));
@@ -171,7 +172,7 @@ function listChecks(frames, darks, method, campaign) {
   const white = frames.filter((frame) => frame.role !== "dark" && frame.centre?.clipped > LIMITS.clipped);
   if (white.length) found.push({ key: `clipped ${white.map((frame) => frame.key)}`, code: "overexposed", mark: "warn", frames: white });
   found.push(...findMisplaced(frames, method));
-  if (campaign.kind === "night" || !method.roles.some((role) => role.name === "dark")) return found;
+  if (campaign.measures || !method.roles.some((role) => role.name === "dark")) return found;
   const lit = frames.filter((frame) => frame.role !== "dark" && frame.header.exposure_time_s);
   const isos = [...new Set(lit.map((frame) => frame.header.iso))].filter((iso) => iso && !darks.some((dark) => dark.header.iso === iso)).sort((a, b) => a - b);
   if (lit.length && !darks.length) found.push({ key: "no darks", code: "no_darks", mark: "gap" });

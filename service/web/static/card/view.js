@@ -6,7 +6,7 @@ import { titleOf } from "../campaign/named.js";
 import { fill, figure, h } from "../dom.js";
 import { bytes, counted, exposureTime, number, percent, span, tag } from "../format.js";
 import { mark } from "../marks.js";
-import { labelOf, roleLabel, roleOptions } from "../methods.js";
+import { kindOf, labelOf, roleLabel, roleOptions } from "../methods.js";
 import { LIMITS, nameOf } from "./propose.js";
 import { drawPicture } from "./picture.js";
 import { timeline } from "./timeline.js";
@@ -162,7 +162,7 @@ function sceneRow({ found, choice }, scene, at, checked, tell) {
   const here = `${at + 1}`;
   const cell = (name, ...content) => h("td", { role: "cell", "data-head": name, class: name === "Frames" ? "number" : null }, h("span", { class: "val" }, content));
   const name = scene.scene === undefined ? (roleLabel(scene.role)) : h("input", { value: scene.scene, "aria-label": `Name of scene ${here}`, "data-keep": `scene ${here}`, onchange: (event) => (move(choice, frames, { scene: event.target.value.trim() || scene.scene }), tell.changed()) });
-  const role = select(roleOptions(found.method).filter(([each]) => found.method.roles.some((own) => own.name === each) || each === "field"), { "aria-label": `Role of scene ${here}`, "data-keep": `role ${here}`, onchange: (event) => (move(choice, frames, { role: event.target.value }), tell.changed()) }, scene.role);
+  const role = select(roleOptions(found.method).filter(([each]) => each === "field" || (!found.campaign.measures && found.method.roles.some((own) => own.name === each))), { "aria-label": `Role of scene ${here}`, "data-keep": `role ${here}`, onchange: (event) => (move(choice, frames, { role: event.target.value }), tell.changed()) }, scene.role);
   const outs = frames.filter((frame) => choice.leftOut.has(frame.key)).length;
   const warned = frames.some((frame) => checked.has(frame.key));
   return h(
@@ -219,7 +219,7 @@ function campaignCard({ found, choice, project }, tell) {
   const { offers, campaign } = found;
   const text = {
     new: () => [`New ${labelOf(campaignOf("new").method).toLowerCase()} calibration`, list([scenesOf(found).length && counted(scenesOf(found).length, "scene"), counted(isosOf(found.frames).length, "ISO value"), found.darks.length && "dark frames"])],
-    add: (offer) => [`Add to ${titleOf(offer.campaign)}`, `${labelOf(offer.method)}, same camera, within ${LIMITS.recentDays} days`],
+    add: (offer) => [`Add to ${titleOf(offer.campaign)}`, `${kindOf(offer.campaign)}, same camera, within ${LIMITS.recentDays} days`],
     night: (offer) => ["Measuring night", `Field frames for ${labelOf(offer.method).toLowerCase()}; never used to calibrate`],
   };
   const campaignOf = (key) => offers.find((offer) => offer.key === key);
@@ -244,7 +244,7 @@ const picker = (title, sub, checked, key, onchange) => h("label", { class: "pick
 
 function afterwards({ method, campaign, scenes: all }) {
   const readings = all.filter((each) => each.scene !== undefined).length;
-  const steps = campaign.kind === "night" ? ["measure the frames"] : [!method.whole_frame && !method.finds_region && "draw the region once", method.reference === "meter" && readings && `type ${counted(readings, "meter reading")}`, method.needs_target && "describe the target", method.has_checklist && "sign the checklist", "fit"].filter(Boolean);
+  const steps = campaign.measures ? ["measure the frames"] : [!method.whole_frame && !method.finds_region && "draw the region once", method.reference === "meter" && readings && `type ${counted(readings, "meter reading")}`, method.needs_target && "describe the target", method.has_checklist && "sign the checklist", "fit"].filter(Boolean);
   const text = steps.join(", ");
   return h("div", { class: "card" }, h("p", { class: "panel-title" }, "After sending"), h("p", { class: "small" }, `${text.charAt(0).toUpperCase()}${text.slice(1)}.`));
 }

@@ -1,10 +1,10 @@
 // All measurements, newest first; two of a kind can be compared.
 
 import { all, get, pathOf } from "../api.js";
-import { byId, filename, fill, h, may, table } from "../dom.js";
-import { number, quantity, tag, time, words } from "../format.js";
+import { byId, fill, h, may } from "../dom.js";
 import { act, empty, failed, load } from "../states.js";
 import { titleOf as titleOfCampaign } from "../campaign/named.js";
+import { measurementTable } from "./table.js";
 import { titleOf } from "./words.js";
 
 const form = byId("filters");
@@ -65,17 +65,7 @@ const none = (filtered) =>
     : empty("No measurements yet", "Send a field frame to a campaign, and measure it with the calibration of its camera.", may("upload") ? h("a", { class: "button primary", href: "/measurements/new" }, "Measure a frame") : h("a", { class: "button", href: "/campaigns" }, "Campaigns"));
 
 function draw() {
-  const columns = [
-    { head: h("span", { class: "hidden" }, "Compare"), class: "pick", cell: box },
-    { head: h("span", { class: "hidden" }, "Image"), class: "thumb wide-only", cell: (row) => h("img", { src: `/v1/frames/${row.frame_id}/thumbnail.png`, alt: "", loading: "lazy", width: 72, height: 48 }) },
-    { head: "Frame", header: true, class: "frame-name", cell: (row) => [h("a", { href: `/measurements/${row.id}` }, filename(row.filename)), h("span", { class: "sub narrow-only" }, [titleOf(row), row.taken_at?.slice(0, 10)].filter(Boolean).join(", "))] },
-    { head: "Mean", class: "number", cell: (row) => quantity(row.mean) },
-    { head: "What", class: "wide-only", cell: titleOf },
-    { head: "Taken", class: "wide-only", cell: (row) => time(row.taken_at) },
-    { head: "U₀", class: "number", cell: (row) => (row.u_o ? number(row.u_o.value, 2) : "–") },
-    { head: "Calibration", cell: (row) => h("span", { class: "nowrap" }, h("a", { href: `/calibrations/${row.calibration.id}` }, `version ${row.calibration.version}`), " ", row.calibration.state === "published" ? null : tag(row.calibration.state)) },
-    { head: "Flags", class: "number", cell: (row) => (row.flags.length ? h("span", { title: [...new Set(row.flags.map((each) => words(each.flag)))].join(", ") }, String(new Set(row.flags.map((each) => each.flag)).size)) : "–") },
-  ];
+  const pick = { head: h("span", { class: "hidden" }, "Compare"), class: "pick", cell: box };
   const more = h("button", { type: "button" }, "Show more");
   more.addEventListener("click", () =>
     act(more, async () => {
@@ -85,7 +75,7 @@ function draw() {
       fill(byId("measurements"), draw());
     }),
   );
-  return [table(columns, rows, { caption: "Measurements" }), next ? h("p", { class: "more" }, more) : null];
+  return [measurementTable(rows, pick), next ? h("p", { class: "more" }, more) : null];
 }
 
 function box(row) {

@@ -11,7 +11,7 @@ import { startCard } from "../card/card.js";
 import { inForce } from "../coefficients.js";
 import { jobCause } from "../jobs/cause.js";
 import { mark } from "../marks.js";
-import { labelOf, METHODS } from "../methods.js";
+import { isNight, kindOf, labelOf, METHODS } from "../methods.js";
 import { empty, load } from "../states.js";
 
 const DAY_S = 86400;
@@ -37,11 +37,11 @@ load(byId("needs"), () => Promise.all([get("/v1/jobs/causes"), latest, cameras, 
 
 load(byId("campaigns"), () => Promise.all([latest, cameras]), ([works, bodies]) => {
   const begun = works.filter(({ measured, versions }) => !measured && versions.every((version) => version.state === "draft"));
-  if (!begun.length) return empty("No campaigns in progress", "A campaign contains the frames and readings of one calibration.");
+  if (!begun.length) return empty("No campaigns in progress", "A campaign contains the frames and readings of one calibration, or the frames of a measuring night.");
   const camera = (campaign) => bodies.find((each) => each.id === campaign.camera_id);
   return table(
     [
-      { head: "Campaign", header: true, cell: ({ campaign }) => [h("a", { href: `/campaigns/${campaign.id}` }, titleOf(campaign)), h("span", { class: "sub" }, labelOf(campaign.method))] },
+      { head: "Campaign", header: true, cell: ({ campaign }) => [h("a", { href: `/campaigns/${campaign.id}` }, titleOf(campaign)), h("span", { class: "sub" }, kindOf(campaign))] },
       { head: "Camera", cell: ({ campaign }) => `${camera(campaign)?.model ?? "–"} ${camera(campaign)?.serial ?? ""}` },
       { head: "Frames", class: "number", cell: ({ campaign: { frames } }) => number(frames.received, 6) },
       { head: "Progress", cell: ({ campaign: { frames }, versions }) => (versions.length ? "Draft fitted" : frames.received ? frames.being_read ? `${frames.received - frames.being_read} of ${frames.received} read` : `${frames.received} read` : "No frames yet") },
@@ -96,10 +96,11 @@ function workCauses({ campaign, versions, measured }) {
   const [draft] = versions.filter((each) => each.state === "draft");
   if (draft) return [{ mark: "wait", title: "A draft waits for publication", where: `${labelOf(campaign.method)}, ${named}, fitted ${ago(draft.created_at)}`, actions: [smallLink("Review", `/calibrations/${draft.id}`)] }];
   if (versions.length || measured) return [];
+  const night = isNight(campaign);
   // what a worker does by itself needs nobody
   const lacking = missingCauses(campaign.missing).filter((cause) => cause.part);
-  if (!received) return [{ mark: "wait", title: "A campaign without frames", where: named, actions: [smallLink("Add frames", `${href}#frames`)] }];
-  if (!campaign.missing.length) return [{ mark: "wait", title: "A campaign is ready to fit", where: named, actions: [smallLink("Fit", `${href}#calibrate`)] }];
+  if (!received) return [{ mark: "wait", title: night ? "A measuring night without frames" : "A campaign without frames", where: named, actions: [smallLink("Add frames", `${href}#frames`)] }];
+  if (!campaign.missing.length) return [{ mark: "wait", title: night ? "Frames of a night wait to be measured" : "A campaign is ready to fit", where: named, actions: [night ? smallLink("Measure", `${href}#measure`) : smallLink("Fit", `${href}#calibrate`)] }];
   return lacking.map((cause) => ({ mark: "warn", title: cause.title, where: [named, cause.where].filter(Boolean).join(": "), actions: [smallLink(cause.button, `${href}#${cause.part}`)] }));
 }
 
