@@ -16,7 +16,6 @@ from pathlib import Path
 import redis
 from sqlalchemy import func, insert, select
 
-from bench.memory import read_cpu_s
 from bench.report import judge, say
 from bench.subject import Scale
 from bench.timing import Ratio, Seconds, compare
@@ -144,20 +143,14 @@ def _work_off(
 def _wait_without_workers(queue: _Queue, scale: Scale) -> list[bool]:
     say(f"\n{scale.waiting_jobs:,} jobs that wait for {scale.waits_s:g} s while hints are sent to nobody")
     ids = queue.add(scale.waiting_jobs, lasts_s=0)
-    with queue.running([sys.executable, "-m", "worker.sweeper"]) as sweeper:
-        _wait_until(lambda: read_cpu_s(sweeper.pid) > 0.2)
-        queue.hints.send(ids)
-        time.sleep(min(5.0, scale.waits_s))
-        before, began_s = queue.read_memory(), read_cpu_s(sweeper.pid)
-        for number in range(int(scale.waits_s * _HINTS_PER_S)):
-            queue.hints.send([ids[number % len(ids)]])
-            time.sleep(1 / _HINTS_PER_S)
-        percent = 100 * (read_cpu_s(sweeper.pid) - began_s) / scale.waits_s
-        grown = queue.read_memory() / before
-    return [
-        judge("the broker's memory at the end, to the start", Ratio(grown, grown, grown), at_most=1.1),
-        judge("CPU of the sweeper, % of a core", Ratio(percent, percent, percent), at_most=1.0),
-    ]
+    queue.hints.send(ids)
+    time.sleep(min(5.0, scale.waits_s))
+    before = queue.read_memory()
+    for number in range(int(scale.waits_s * _HINTS_PER_S)):
+        queue.hints.send([ids[number % len(ids)]])
+        time.sleep(1 / _HINTS_PER_S)
+    grown = queue.read_memory() / before
+    return [judge("the broker's memory at the end, to the start", Ratio(grown, grown, grown), at_most=1.1)]
 
 
 def _wait_until(condition: Callable[[], bool]) -> None:

@@ -30,8 +30,10 @@ from service.signing import read_seed
 from service.vitals import Vitals
 from store.blobs import blobs_from_url
 from store.broker import Hints
+from store.chores import sweep_floor
 from store.database import Database
 from store.logs import configure_logging
+from store.partials import Partials
 from store.parts import Presence
 from store.pulse import Pulse
 from store.queries.keys import ensure_operator
@@ -125,6 +127,7 @@ def _serve(app: FastAPI, settings: Settings, files: int, listening: socket | Non
         grace_s=settings.stop_grace_s,
         notice_s=settings.stop_notice_s,
     )
+    sweep_floor(context.blobs, Partials.of(settings))
     presence = Presence(context.database, "service")
     vitals = Vitals(
         presence,

@@ -7,10 +7,12 @@ from typing import Final
 from store.software import read_version
 
 COMMANDS: Final = {
-    "up": ("service.up", "run everything in the foreground, or the named parts: service, worker, sweeper"),
+    "up": ("service.up", "run everything in the foreground, or the named parts: service, worker"),
     "service": ("service", "run the API and the pages"),
-    "worker": ("worker", "run a worker, which reads frames, fits and measures"),
-    "sweeper": ("worker.sweeper", "run the sweeper, which takes back lost jobs and verifies files"),
+    "worker": (
+        "worker",
+        "run a worker, which reads frames, fits, measures, verifies files and sends webhooks",
+    ),
     "migrate": ("store.migrate", "bring the database to the schema of this version"),
     "key": ("service.launch.key", "print the first key of the data folder, created if there is none"),
     "pulse": ("store.pulse", "check that the process of STILB_PULSE makes progress (and [address] answers)"),

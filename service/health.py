@@ -54,12 +54,8 @@ class Report:
     def warnings(self) -> list[str]:
         """Return what is wrong while requests can be served: what they ask for waits."""
         at_work = {part.kind for part in self.parts if part.state == "working"}
-        idle = {
-            "worker": "no worker is at work: jobs wait",
-            "sweeper": "no sweeper is at work: lost jobs wait",
-        }
         return [
-            *(sentence for kind, sentence in idle.items() if kind not in at_work),
+            *([] if "worker" in at_work else ["no worker is at work: jobs wait"]),
             *(f"a {part.kind} hangs" for part in self.parts if part.state == "hung"),
             *(
                 f"the check of {finding.name} has taken {finding.slow_s:.1f} s so far"

@@ -127,9 +127,10 @@ def _all(counts: Mapping[str, int], states: Iterable[str]) -> dict[str, int]:
 
 
 def _show_durations(parts: Iterable[Part]) -> Metric:
+    # by slot: a successor counts from zero, as Prometheus expects of a restart
     family = HistogramMetricFamily(
         "stilb_job_duration_seconds",
-        "Time that a worker took for a job, by process since its start.",
+        "Time that a worker took for a job, by worker since its start.",
         labels=("kind", "part"),
     )
     bounds = [*map(str, BOUNDS_S), "+Inf"]

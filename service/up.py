@@ -22,7 +22,6 @@ ROSTER = Roster(
     parts=[
         Part(name="service", command=[sys.executable, "-m", "service"], knows_key=True, has_pulse=True),
         Part(name="worker", command=[sys.executable, "-m", "worker"], has_pulse=True),
-        Part(name="sweeper", command=[sys.executable, "-m", "worker.sweeper"], has_pulse=True),
     ],
 )
 

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 from datetime import timedelta
 
-from sqlalchemy import true, update
+from sqlalchemy import select, true, update
 from sqlalchemy.orm import Session
 
 from store.columns import utc_now
@@ -19,7 +19,7 @@ from store.tables import Job
 FURTHEST_DUE = timedelta(minutes=5)
 """Further ahead than any pause before a job is tried again."""
 _LEASES_AHEAD = 3
-"""Workers may have another lease in their settings than the sweeper."""
+"""Workers may have different leases in their settings."""
 _JUMP_S = 5.0
 
 
@@ -38,6 +38,15 @@ class ClockWatch:
         ahead_s = self._wall() - self._steady()
         jumped_s, self._ahead_s = ahead_s - self._ahead_s, ahead_s
         return jumped_s if abs(jumped_s) > _JUMP_S else 0.0
+
+
+def needs_sweep(session: Session, *, lease_s: float) -> bool:
+    """Return True if a lease has run out, or a time lies further ahead than any rule sets."""
+    now = utc_now()
+    latest = now + _LEASES_AHEAD * timedelta(seconds=lease_s)
+    wrong = (Job.state == "running") & ~Job.lease_until.between(now, latest)
+    ahead = IS_QUEUED & (Job.due_at > now + FURTHEST_DUE)
+    return any(session.scalar(select(Job.id).where(each).limit(1)) for each in (wrong, ahead))
 
 
 def mend_times(session: Session, *, lease_s: float, jumped: bool) -> None:

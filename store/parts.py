@@ -1,9 +1,10 @@
-"""Heartbeats: which service, worker and sweeper processes run, and whether their work goes on.
+"""Heartbeats: which service and worker processes run, and whether their work goes on.
 
 The row of a process says two things: that the process was there (`seen_at`), and that the loop that does its
 work went on (`worked_at`). A thread that lives on beside a hung loop renews the first and not the second.
 """
 
+import itertools
 import os
 import socket
 import time
@@ -12,21 +13,22 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Any, Literal
 
-from sqlalchemy import CursorResult, delete, insert, or_, select, update
-from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy import ColumnElement, CursorResult, delete, insert, or_, select, update
+from sqlalchemy.exc import IntegrityError, SQLAlchemyError
 from sqlalchemy.orm import Session
 
-from store.columns import new_id, utc_now
+from store.columns import utc_now
 from store.database import Database
 from store.tables import PartRow
 
-Kind = Literal["service", "worker", "sweeper"]
+Kind = Literal["service", "worker"]
 State = Literal["working", "hung", "gone"]
 
 BEAT_EVERY_S = 10.0
 STALE_AFTER_S = 35.0
 """Three missed beats and a moment."""
 _FORGET_AFTER = timedelta(minutes=10)
+_SLOT_ATTEMPTS = 100
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +36,7 @@ class Part:
     """A process as its last heartbeat left it."""
 
     id: str
+    """Its kind and slot, such as "worker-1": a process that starts takes the lowest slot that is free."""
     kind: str
     host: str
     pid: int
@@ -57,7 +60,7 @@ class Presence:
         self._database = database
         self._kind = kind
         self._details = details
-        self._id = new_id("prt")
+        self._id = ""
         self._started_at = utc_now()
         self._due = 0.0
 
@@ -71,17 +74,22 @@ class Presence:
         if time.monotonic() < self._due:
             return
         self._due = time.monotonic() + BEAT_EVERY_S
-        try:
-            with self._database.writing(self._kind) as session:
-                self._write(session, worked_s_ago)
-        except SQLAlchemyError:
+        for _ in range(_SLOT_ATTEMPTS):
+            try:
+                with self._database.writing(self._kind) as session:
+                    self._write(session, worked_s_ago)
+            except IntegrityError:
+                # another that starts has just taken the same slot
+                continue
+            except SQLAlchemyError:
+                pass
             return
 
     def share(self, counts: Mapping[str, Any]) -> list[Mapping[str, Any]]:
         """Write what this process counts for others of its kind, if there are any; return what they wrote."""
         others = select(PartRow.counts).where(
             PartRow.kind == self._kind,
-            PartRow.id != self._id,
+            ~self._is_mine,
             PartRow.seen_at > utc_now() - timedelta(seconds=STALE_AFTER_S),
         )
         try:
@@ -89,7 +97,7 @@ class Presence:
                 found = list(session.scalars(others))
             if found:
                 with self._database.writing(self._kind) as session:
-                    session.execute(update(PartRow).where(PartRow.id == self._id).values(counts=counts))
+                    session.execute(update(PartRow).where(self._is_mine).values(counts=counts))
         except SQLAlchemyError:
             return []
         return [each for each in found if each]
@@ -98,9 +106,21 @@ class Presence:
         """Remove the row at an orderly end; that of a killed process is forgotten after a while."""
         try:
             with self._database.writing(self._kind) as session:
-                session.execute(delete(PartRow).where(PartRow.id == self._id))
+                session.execute(delete(PartRow).where(self._is_mine))
         except SQLAlchemyError:
             return
+
+    def leads(self, session: Session) -> bool:
+        """Return True if no working process of this kind started earlier: it does what one is enough for."""
+        working = (
+            part.id for part in list_parts(session) if (part.kind, part.state) == (self._kind, "working")
+        )
+        return next(working, None) == self._id
+
+    @property
+    def _is_mine(self) -> ColumnElement[bool]:
+        # another may have taken the slot, while this one seemed to be gone
+        return (PartRow.id == self._id) & (PartRow.started_at == self._started_at)
 
     def _write(self, session: Session, worked_s_ago: float) -> None:
         now = utc_now()
@@ -109,18 +129,22 @@ class Presence:
             "worked_at": now - timedelta(seconds=worked_s_ago),
             "details": self._details,
         }
-        renewed = session.execute(update(PartRow).where(PartRow.id == self._id).values(values))
+        renewed = session.execute(update(PartRow).where(self._is_mine).values(values))
         assert isinstance(renewed, CursorResult)  # noqa: S101  narrows the type: an UPDATE has a row count
         if not renewed.rowcount:
+            taken = {part.id for part in list_parts(session) if part.state != "gone"}
+            slots = (f"{self._kind}-{number}" for number in itertools.count(1))
             me = {
-                "id": self._id,
+                "id": next(slot for slot in slots if slot not in taken),
                 "kind": self._kind,
                 "host": socket.gethostname(),
                 "pid": os.getpid(),
                 "started_at": self._started_at,
             }
+            session.execute(delete(PartRow).where(PartRow.id == me["id"]))
             session.execute(insert(PartRow).values(me | values))
-        # Those that ended without a word; one that still runs after all writes its own row again.
+            self._id = str(me["id"])
+        # Those that ended without a word; one that still runs after all takes a slot again.
         gone = or_(PartRow.seen_at < now - _FORGET_AFTER, PartRow.seen_at > now + _FORGET_AFTER)
         session.execute(delete(PartRow).where(gone))
 

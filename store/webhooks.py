@@ -25,7 +25,7 @@ PAUSES: Final = tuple(
 DISABLED_AFTER: Final = timedelta(days=5)
 _KEPT_FOR: Final = timedelta(days=30)
 _LEASE: Final = timedelta(minutes=2)
-"""How long another sweeper leaves a delivery alone that is being sent."""
+"""How long another process leaves a delivery alone that is being sent."""
 _GONE: Final = 410
 
 

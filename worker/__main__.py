@@ -10,8 +10,10 @@ from typing import Any
 
 from store.blobs import blobs_from_url
 from store.broker import RUN_TASK, make_celery
+from store.chores import sweep_floor
 from store.database import Database
 from store.logs import configure_logging
+from store.partials import Partials
 from store.parts import Presence
 from store.pulse import Pulse
 from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers
@@ -21,9 +23,11 @@ from worker.decode.malloc import keep_memory, share_one_arena
 from worker.decode.pool import DecoderPool, DecoderUnavailable
 from worker.leases import Leases
 from worker.needs import Needs
+from worker.scrub import Scrub
 from worker.shutdown import Stop
 from worker.threads import JobThreads
 from worker.watchdog import Watchdog
+from worker.webhooks import Deliveries
 
 NO_DECODER_EXIT = 71
 
@@ -75,8 +79,16 @@ def build_threads(settings: Settings, context: Context, presence: Presence) -> J
         count=settings.worker_threads,
         look_s=settings.sweep_interval_s,
         looked=watchdog.worked,
+        swept=watchdog.swept,
         noted=lambda away: presence.note(away={each: since.isoformat() for each, since in away.items()}),
     )
+
+
+def start_chores(settings: Settings, context: Context, presence: Presence) -> None:
+    """Sweep the floor, and do what one worker of all is enough for: prove stored files and send webhooks."""
+    sweep_floor(context.blobs, Partials.of(settings))
+    Scrub(context.database, context.files, days=settings.scrub_days, leads=presence.leads).start()
+    Deliveries(context.database, settings.private_webhook_hosts, leads=presence.leads).start()
 
 
 def listen(settings: Settings, threads: JobThreads) -> None:
@@ -126,6 +138,7 @@ def main() -> int:
     stop = Stop(threads, context.leases, presence, grace_s=settings.stop_grace_s)
     stop.heed_signals()
     threads.start()
+    start_chores(settings, context, presence)
     try:
         listen(settings, threads)
     finally:

@@ -76,19 +76,20 @@ class Leases:
         while not pause.wait(self.lease_s / 3):
             self._clock.turn()
             try:
-                moving = self._moving()
-                for claim, progress in moving:
-                    self._renew(claim, progress)
-                if away and moving:
+                if self.renew() and away:
                     away = False
                     log.warning("leases are renewed again")
             except SQLAlchemyError as error:
-                # said once, not for each job and round: the sweeper gives the time back that nobody could use
+                # said once, not for each job and round: the next sweep renews what nobody could renew
                 if not away:
                     away = True
                     log.warning("no lease can be renewed: %s", summarise(error))
 
-    def _renew(self, claim: jobs.Claim, progress: float) -> None:
-        # lost: it has ended this very moment, which is usual; or another holds it, and its end will find that
-        with suppress(jobs.LeaseLost), self._database.writing("worker") as session:
-            jobs.renew(session, claim, lease_s=self.lease_s, progress=progress)
+    def renew(self) -> int:
+        """Renew the leases of the jobs that come further; return how many they are."""
+        moving = self._moving()
+        for claim, progress in moving:
+            # lost: it has ended this very moment, which is usual; or another holds it, and its end finds that
+            with suppress(jobs.LeaseLost), self._database.writing("worker") as session:
+                jobs.renew(session, claim, lease_s=self.lease_s, progress=progress)
+        return len(moving)

@@ -3,27 +3,22 @@
 A file carries the time of its last proof in its row, so that a restart goes on where the last run was.
 """
 
-import logging
-import threading
 import time
 from collections.abc import Callable
 from datetime import timedelta
 from typing import Final
 
 from sqlalchemy import or_, select
-from sqlalchemy.exc import SQLAlchemyError
-from sqlalchemy.orm import aliased
+from sqlalchemy.orm import Session, aliased
 
 from store import jobs
-from store.blobs import BlobDamaged, StorageUnavailable
+from store.blobs import BlobDamaged
+from store.chores import repeat
 from store.columns import utc_now
-from store.database import Database, summarise
+from store.database import Database
 from store.files import Files
-from store.schema import SchemaDiffers
 from store.tables import Blob, Campaign, FrameRow
 from store.usage import add_jobs
-
-log = logging.getLogger(__name__)
 
 _BYTES_PER_S: Final = 20e6
 """A disk reads ten times as fast: whoever works meanwhile notices little. 1.7 TB a day."""
@@ -34,24 +29,35 @@ _AT_ONCE: Final = 50
 
 
 class Scrub:
-    """Reads what was not proven for so many days; at most one is needed, several do no harm."""
+    """Reads what was not proven for so many days."""
 
     def __init__(
-        self, database: Database, files: Files, *, days: float, wait: Callable[[float], object] = time.sleep
+        self,
+        database: Database,
+        files: Files,
+        *,
+        days: float,
+        wait: Callable[[float], object] = time.sleep,
+        leads: Callable[[Session], bool] = lambda _session: True,
     ) -> None:
+        """``leads``: whether this process is the one of several that scrubs."""
         self._database = database
         self._files = files
         self._days = days
         self._wait = wait
+        self._leads = leads
         self._look_again_at = 0.0
 
     def start(self) -> None:
         """Scrub in a thread that ends with the process; 0 days mean never."""
         if self._days > 0:
-            threading.Thread(target=self._run, name="scrub", daemon=True).start()
+            repeat("scrub", self.do_round)
 
-    def do_round(self) -> None:
-        """Prove what is due, and look again at what is damaged."""
+    def do_round(self) -> float:
+        """Prove what is due, and look again at what is damaged; return the pause until the next round [s]."""
+        with self._database.reading() as session:
+            if not self._leads(session):
+                return _REST_S
         while due := self._find_due():
             for sha256 in due:
                 self._prove(sha256)
@@ -60,16 +66,7 @@ class Scrub:
                 self._prove(sha256)
             self._redraw_previews()
             self._look_again_at = time.monotonic() + _LOOK_AGAIN_S
-
-    def _run(self) -> None:
-        while True:
-            try:
-                self.do_round()
-            except SchemaDiffers:
-                return
-            except (SQLAlchemyError, StorageUnavailable, OSError) as error:
-                log.warning("stored files are proven later: %s", summarise(error))
-            self._wait(_REST_S)
+        return _REST_S
 
     def _prove(self, sha256: str) -> None:
         try:

@@ -9,8 +9,9 @@ from datetime import datetime
 
 from sqlalchemy.exc import SQLAlchemyError
 
+from store.clocks import ClockWatch, mend_times, needs_sweep
 from store.database import summarise
-from store.jobs import Claim, Dependency, Turn, is_any_due
+from store.jobs import Claim, Dependency, Turn, is_any_due, sweep
 from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers, require_own_schema
 from worker.context import Context
 from worker.needs import DATABASE_AWAY
@@ -24,7 +25,7 @@ class JobThreads:
 
     A message wakes one of them, and whoever finds a job wakes the next: one message is enough for any number
     of jobs, and a message for a job that is done costs one look. A look every ``look_s`` finds what no
-    message told of.
+    message told of, and takes back what dead workers held.
     """
 
     def __init__(
@@ -34,12 +35,19 @@ class JobThreads:
         count: int,
         look_s: float,
         looked: Callable[[], None],
+        swept: Callable[[], None],
         noted: Callable[[Mapping[Dependency, datetime]], None],
     ) -> None:
-        """``looked`` is called whenever a thread looks, ``noted`` when other things serve than before."""
+        """``looked`` and ``swept`` are called after each look for jobs, and for lost ones.
+
+        ``noted`` is called when other things serve than before.
+        """
         self._context = context
         self._looked = looked
+        self._swept = swept
         self._noted = noted
+        self._wall = ClockWatch()
+        self._renews = False
         self._turn = Turn()
         self._claiming = threading.Lock()
         self._away_since: float | None = None
@@ -118,13 +126,31 @@ class JobThreads:
             return claim
 
     def _is_idle(self) -> bool:
-        """Return True if a thread would find nothing; a reading transaction costs a fraction of its claim."""
+        """Take back what dead workers held; return True if a thread would find nothing.
+
+        A transaction that reads costs a fraction of a claim, and of a sweep.
+        """
+        database, lease_s = self._context.database, self._context.leases.lease_s
+        if jumped_s := self._wall.jumped_s():
+            log.warning("the clock has jumped by %+.0f s: every lease begins again", jumped_s)
+            self._renews = True
         try:
-            with self._context.database.reading() as session:
+            with database.reading() as session:
                 require_own_schema(session)
-                return not (is_any_due(session) or self._context.reviews.find_stale(session))
+                idle = not (is_any_due(session) or self._context.reviews.find_stale(session))
+                lost = self._renews or needs_sweep(session, lease_s=lease_s)
+            if lost:
+                # what this worker works on is not lost, however late it is
+                self._context.leases.renew()
+                with database.writing("sweeper") as session:
+                    mend_times(session, lease_s=lease_s, jumped=self._renews)
+                    sweep(session)
         except SQLAlchemyError:
+            # while the database is away nobody can renew a lease
+            self._renews = True
             return False
+        self._renews = False
+        return idle and not lost
 
     def _wake_every(self, seconds: float) -> None:
         pause, away = threading.Event(), self._context.needs.list_away()
@@ -133,6 +159,7 @@ class JobThreads:
                 self._looked()
             else:
                 self.wake()
+            self._swept()
             before, away = away, self._context.needs.list_away()
             if away != before:
                 self._noted(away)

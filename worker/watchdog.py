@@ -36,12 +36,16 @@ class Watchdog:
         self._stall_s = stall_s
         self._every_s = min(stall_s / 4, _LOOK_EVERY_S)
         self._clock = AwakeClock(2 * self._every_s)
-        self._worked_s = self._clock.now_s
+        self._worked_s = self._swept_s = self._clock.now_s
         threading.Thread(target=self._watch, name="watchdog", daemon=True).start()
 
     def worked(self) -> None:
         """Note that a thread has looked for a job."""
         self._worked_s = self._clock.now_s
+
+    def swept(self) -> None:
+        """Note that what dead workers held was looked for."""
+        self._swept_s = self._clock.now_s
 
     def _watch(self) -> None:
         pause, beaten_s = threading.Event(), 0.0
@@ -49,10 +53,11 @@ class Watchdog:
             now_s = self._clock.turn()
             if self._leases.count:
                 self._worked_s = now_s
-            if self._worked_s > beaten_s:
+            both_s = min(self._worked_s, self._swept_s)
+            if both_s > beaten_s:
                 self._pulse.beat()
-                beaten_s = self._worked_s
-            self._presence.beat(worked_s_ago=now_s - self._worked_s)
+                beaten_s = both_s
+            self._presence.beat(worked_s_ago=now_s - both_s)
             if now_s - self._worked_s > self._stall_s and self._somebody_waits():
                 log.error("jobs wait and no thread has looked for one for %g s: restarting", self._stall_s)
                 os._exit(STALLED_EXIT)

@@ -1,4 +1,4 @@
-"""Sending of webhooks: signed, to public addresses only, outside of the sweeper's own rounds."""
+"""Sending of webhooks: signed, to public addresses only, in threads beside the worker's own."""
 
 import base64
 import hashlib
@@ -7,16 +7,17 @@ import ipaddress
 import json
 import logging
 import socket
-import threading
 import time
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, Final
 from urllib.parse import urlsplit
 
 from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.orm import Session
 
+from store.chores import repeat
 from store.database import Database, summarise
-from store.schema import SchemaDiffers
 from store.software import read_version
 from store.tables import Webhook, WebhookDelivery
 from store.webhooks import claim_due, forget_old, is_any_due, note_outcome
@@ -69,15 +70,24 @@ def is_public(address: str) -> bool:
 class Deliveries:
     """Sends what is due, each webhook one at a time, in threads of its own."""
 
-    def __init__(self, database: Database, private_hosts: frozenset[str]) -> None:
+    def __init__(
+        self,
+        database: Database,
+        private_hosts: frozenset[str],
+        *,
+        leads: Callable[[Session], bool] = lambda _session: True,
+    ) -> None:
+        """``leads``: whether this process is the one of several that sends."""
         self._database = database
         self._private_hosts = private_hosts
+        self._leads = leads
+        self._forget_at = time.monotonic() + _FORGET_EVERY_S
         self._at_work: dict[str, Future[None]] = {}
         self._pool = ThreadPoolExecutor(_AT_ONCE, thread_name_prefix="webhook")
 
     def start(self) -> None:
         """Send until the process ends."""
-        threading.Thread(target=self._run, name="webhooks", daemon=True).start()
+        repeat("webhooks", self._do_round)
 
     def send_due(self) -> int:
         """Begin to send what is due; return how many are at work."""
@@ -85,7 +95,7 @@ class Deliveries:
         free = _AT_ONCE - len(self._at_work)
         if free > 0:
             with self._database.reading() as session:
-                due = is_any_due(session)
+                due = is_any_due(session) and self._leads(session)
             if due:
                 with self._database.writing("webhooks") as session:
                     claimed = claim_due(session, without=set(self._at_work), limit=free)
@@ -93,23 +103,12 @@ class Deliveries:
                     self._at_work[hook.id] = self._pool.submit(self._send, delivery, hook)
         return len(self._at_work)
 
-    def _run(self) -> None:
-        forget_at = time.monotonic() + _FORGET_EVERY_S
-        while True:
-            pause_s = _LOOK_AT_REST_S
-            try:
-                if self.send_due():
-                    pause_s = _LOOK_EVERY_S
-                if time.monotonic() >= forget_at:
-                    with self._database.writing("webhooks") as session:
-                        forget_old(session)
-                    forget_at = time.monotonic() + _FORGET_EVERY_S
-            except SchemaDiffers:
-                return
-            except SQLAlchemyError as error:
-                log.warning("webhooks wait for the database: %s", summarise(error))
-                pause_s = 10 * _LOOK_EVERY_S
-            time.sleep(pause_s)
+    def _do_round(self) -> float:
+        if time.monotonic() >= self._forget_at:
+            with self._database.writing("webhooks") as session:
+                forget_old(session)
+            self._forget_at = time.monotonic() + _FORGET_EVERY_S
+        return _LOOK_EVERY_S if self.send_due() else _LOOK_AT_REST_S
 
     def _send(self, delivery: WebhookDelivery, hook: Webhook) -> None:
         status, error = self._try(delivery, hook)
@@ -120,7 +119,7 @@ class Deliveries:
             log.warning("the outcome of %s is not stored: %s", delivery.id, summarise(trouble))
 
     def _try(self, delivery: WebhookDelivery, hook: Webhook) -> tuple[int | None, str | None]:
-        import httpx  # noqa: PLC0415  a sweeper without webhooks does not need it
+        import httpx  # noqa: PLC0415  a worker without webhooks does not need it
 
         timestamp = int(time.time())
         said = {"type": delivery.event, "timestamp": delivery.created_at.isoformat(), "data": delivery.data}

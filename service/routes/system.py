@@ -30,7 +30,7 @@ class Life(Answer):
 class PartAnswer(Answer):
     """A process of the service, by its own heartbeat."""
 
-    kind: str = Field(description="service, worker or sweeper")
+    kind: str = Field(description="service or worker")
     state: Literal["working", "hung", "gone"]
     silent_s: float = Field(description="How long ago its last heartbeat was.")
     idle_s: float = Field(description="How long ago its work last went on.")
@@ -64,8 +64,7 @@ async def get_livez() -> Response:
 async def get_readyz(context: UsesContext) -> Response:
     """Requests can be served: database and file store answer, the schema is ours, and no stop was requested.
 
-    Answers within two seconds. `degraded`, and 200, without a worker or a sweeper: what is sent is kept, and
-    waits.
+    Answers within two seconds. `degraded`, and 200, without a worker: what is sent is kept, and waits.
     """
     if context.traffic.stopping:
         raise stopping()

@@ -5,7 +5,7 @@ from datetime import datetime
 from sqlalchemy import CheckConstraint
 from sqlalchemy.orm import Mapped, mapped_column
 
-from store.columns import UtcDateTime, new_id, utc_now
+from store.columns import UtcDateTime, utc_now
 from store.tables.base import Base, Json
 
 
@@ -15,7 +15,7 @@ class PartRow(Base):
     __tablename__ = "part"
     __table_args__ = (CheckConstraint("kind IN ('service', 'worker', 'sweeper')", "kind_known"),)
 
-    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("prt"))
+    id: Mapped[str] = mapped_column(primary_key=True)
     kind: Mapped[str]
     host: Mapped[str]
     pid: Mapped[int]

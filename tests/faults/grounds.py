@@ -27,7 +27,7 @@ from tests.support.processes import alive, family
 from tests.support.proxy import Proxy
 
 BUSY = b"HTTP/1.1 503 Slow Down\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
-OURS = ("service", "worker", "sweeper")
+OURS = ("service", "worker")
 AS_DELIVERED = {
     f"STILB_{name.upper()}": f"{Settings.model_fields[name].default:g}"
     for name in ("lease_s", "sweep_interval_s", "stall_s")

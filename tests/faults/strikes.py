@@ -73,13 +73,6 @@ def broker_flushed(drill: Drill) -> Iterator[None]:
 
 
 @contextmanager
-def sweeper_hangs_and_broker_is_flushed(drill: Drill) -> Iterator[None]:
-    """Nobody is left who would hint again, until somebody notices."""
-    with hung("sweeper")(drill), broker_flushed(drill):
-        yield
-
-
-@contextmanager
 def frozen_valkey(drill: Drill) -> Iterator[None]:
     with drill.ground.stopped("valkey"):
         yield

@@ -58,7 +58,6 @@ FAULTS: tuple[Fault, ...] = (
     QUIET,
     Fault(name="the worker is killed twice", strike=strikes.killed("worker", 2), in_tests=_COMPOSED),
     Fault(name="the service is killed", strike=strikes.killed("service")),
-    Fault(name="the sweeper is killed", strike=strikes.killed("sweeper"), in_tests=_EMBEDDED),
     Fault(name="Valkey is killed", strike=strikes.killed("valkey"), goes_on_within_s=10.0, in_tests=BOTH),
     Fault(name="decoders are killed", strike=strikes.decoders_killed, in_tests=_EMBEDDED),
     Fault(name="the broker is flushed", strike=strikes.broker_flushed, in_tests=BOTH),
@@ -78,9 +77,6 @@ FAULTS: tuple[Fault, ...] = (
     ),
     Fault(name="the service hangs", strike=strikes.hung("service")),
     Fault(name="the worker hangs", strike=strikes.hung("worker")),
-    Fault(
-        name="the sweeper hangs and the broker is flushed", strike=strikes.sweeper_hangs_and_broker_is_flushed
-    ),
     Fault(
         name="a backup is restored",
         strike=strikes.restored,

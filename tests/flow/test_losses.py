@@ -6,6 +6,7 @@ What else gets lost is drilled in tests/faults.
 from dataclasses import replace
 
 import pytest
+from sqlalchemy import text
 
 import stilb
 from store.broker import RUN_TASK, make_celery
@@ -91,6 +92,8 @@ def test_a_job_that_kills_its_worker_three_times_is_set_aside(composed, shots):
         campaign = team.campaign()
         with composed.stopped("worker") as resume, composed.database.writing("test") as session:
             (victim,) = team.push(campaign, shots[:1])
+            # On a busy machine three ends of a worker take longer than a session may idle.
+            session.execute(text("SET LOCAL idle_in_transaction_session_timeout = 0"))
             # While this row is locked no worker can store what it has read: it is killed at work, not after.
             session.get_one(FrameRow, victim.id, with_for_update=True)
             resume()

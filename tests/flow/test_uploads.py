@@ -107,10 +107,10 @@ def test_a_service_killed_in_the_middle_of_an_upload(embedded, team, campaign, s
     assert files(embedded.blobs) == sorted([*before, left])
     embedded.wait_until(embedded.serves)
     assert known(embedded, campaign) == (0, False)
-    # What nobody has written to for a day is swept; a sweeper begins with that.
+    # What nobody has written to for a day is removed; a worker begins with that.
     long_ago = left.stat().st_mtime - 2 * 24 * 3600
     os.utime(left, (long_ago, long_ago))
-    embedded.kill("sweeper")
+    embedded.kill("worker")
     embedded.wait_until(lambda: not half_written(embedded, before))
     assert files(embedded.blobs) == before
     check_the_next_works(embedded, team, campaign, shots)

@@ -44,35 +44,31 @@ def look_anew(house, *, blobs=None, database=None):
 
 
 def all_parts(database):
-    for kind in ("worker", "sweeper"):
-        Presence(database, kind, sandbox="full").beat()
+    Presence(database, "worker", sandbox="full").beat()
 
 
 def test_all_is_well(house):
     all_parts(house.database)
     found = ready(house)
     assert (found["status"], found["warnings"]) == ("ok", [])
-    assert [(part["kind"], part["state"]) for part in found["parts"]] == [
-        ("worker", "working"),
-        ("sweeper", "working"),
-    ]
+    assert [(part["kind"], part["state"]) for part in found["parts"]] == [("worker", "working")]
     assert found["parts"][0]["details"] == {"sandbox": "full"}
 
 
 def test_without_those_who_do_the_work_it_serves_and_says_so(house):
     found = ready(house)
     assert found["status"] == "degraded"
-    assert found["warnings"] == ["no worker is at work: jobs wait", "no sweeper is at work: lost jobs wait"]
+    assert found["warnings"] == ["no worker is at work: jobs wait"]
 
 
 def test_a_part_that_hangs_is_named(house):
     all_parts(house.database)
     with house.database.writing("test") as session:
         before = utc_now().replace(year=2020)
-        session.execute(update(PartRow).where(PartRow.kind == "sweeper").values(worked_at=before))
+        session.execute(update(PartRow).where(PartRow.kind == "worker").values(worked_at=before))
     found = ready(house)
     assert found["status"] == "degraded"
-    assert found["warnings"] == ["no sweeper is at work: lost jobs wait", "a sweeper hangs"]
+    assert found["warnings"] == ["no worker is at work: jobs wait", "a worker hangs"]
 
 
 @pytest.mark.parametrize("error", [StorageUnavailable("no"), StorageFull("no"), PermissionError("no")])
@@ -117,7 +113,7 @@ def test_a_passing_slowness_is_named_and_does_not_end_readiness(house):
             go_on.wait(30)
 
     look_anew(house, blobs=Blobs())
-    assert ready(house)["warnings"][2:] == []
+    assert ready(house)["warnings"][1:] == []
     go_on.clear()
     time.sleep(1.1)
     try:
@@ -125,7 +121,7 @@ def test_a_passing_slowness_is_named_and_does_not_end_readiness(house):
         slow = ready(house)
         assert time.monotonic() - began < 2.4
         assert slow["status"] == "degraded"
-        assert slow["warnings"][2].startswith("the check of files has taken ")
+        assert slow["warnings"][1].startswith("the check of files has taken ")
         assert ready(house, status=503)["checks"]["files"].startswith("It has not answered for ")
     finally:
         go_on.set()
@@ -203,9 +199,7 @@ def test_it_lives_while_every_thread_waits_for_a_lock(migrated_sqlite, tmp_path)
                 assert {post.result().status_code for post in posts} <= {200, 201}
 
 
-@pytest.mark.parametrize(
-    ("module", "found"), [("service", "9999"), ("worker", "9999"), ("worker.sweeper", "0001")]
-)
+@pytest.mark.parametrize(("module", "found"), [("service", "9999"), ("worker", "0001")])
 def test_no_part_starts_on_the_schema_of_another_stilb(module, found, migrated_sqlite, tmp_path):
     path = tmp_path / "stilb.sqlite"
     path.write_bytes(migrated_sqlite.read_bytes())

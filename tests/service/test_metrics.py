@@ -55,7 +55,7 @@ def test_metrics_tell_who_works_and_who_hangs(house):
     lines = house.http.get("/metrics").text.splitlines()
     assert 'stilb_parts{kind="worker",state="working"} 1.0' in lines
     assert 'stilb_parts{kind="worker",state="hung"} 1.0' in lines
-    assert 'stilb_parts{kind="sweeper",state="working"} 0.0' in lines
+    assert 'stilb_parts{kind="service",state="gone"} 0.0' in lines
 
 
 def test_metrics_tell_the_version_and_the_room_on_the_disk(house):

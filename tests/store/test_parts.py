@@ -49,7 +49,7 @@ def test_a_loop_that_turns_quickly_writes_seldom_unless_there_is_news(database):
 )
 def test_a_part_hangs_when_it_beats_and_its_work_does_not_go_on(database, seen_s, worked_s, state):
     """Times from the future were written before the clock was set back."""
-    Presence(database, "sweeper").beat()
+    Presence(database, "worker").beat()
     age(database, seen_at=seen_s, worked_at=worked_s)
     assert [part.state for part in parts(database)] == [state]
 
@@ -63,17 +63,17 @@ def test_how_long_no_work_was_done_is_kept(database):
 
 @pytest.mark.parametrize("ago_s", [3600, -3600])
 def test_who_is_gone_is_forgotten_and_who_comes_back_is_there_again(database, ago_s):
-    presence, other = Presence(database, "service"), Presence(database, "sweeper")
+    presence, other = Presence(database, "service"), Presence(database, "worker")
     presence.beat()
     (known,) = parts(database)
     age(database, seen_at=ago_s)
     other.beat()
-    assert [part.kind for part in parts(database)] == ["sweeper"]
+    assert [part.kind for part in parts(database)] == ["worker"]
     presence.note()
     presence.beat()
     assert {part.id for part in parts(database)} > {known.id}
     presence.leave()
-    assert [part.kind for part in parts(database)] == ["sweeper"]
+    assert [part.kind for part in parts(database)] == ["worker"]
 
 
 def test_a_database_that_does_not_answer_stops_nobody(database):
@@ -82,3 +82,22 @@ def test_a_database_that_does_not_answer_stops_nobody(database):
         PartRow.__table__.drop(connection)
     presence.beat()
     presence.leave()
+
+
+def test_a_slot_is_taken_again_and_the_first_that_works_leads(database):
+    first, second, third = (Presence(database, "worker") for _ in range(3))
+    for each in (first, second):
+        each.beat()
+    with database.reading() as session:
+        assert [first.leads(session), second.leads(session)] == [True, False]
+    with database.writing("test") as session:
+        long_ago = utc_now() - timedelta(seconds=60)
+        session.execute(update(PartRow).where(PartRow.id == "worker-1").values(seen_at=long_ago))
+    third.beat()
+    with database.reading() as session:
+        assert [each.leads(session) for each in (first, second, third)] == [False, True, False]
+    assert {part.id for part in parts(database)} == {"worker-1", "worker-2"}
+    # what only seemed to be gone takes another
+    first.note()
+    first.beat()
+    assert {part.id for part in parts(database)} == {"worker-1", "worker-2", "worker-3"}

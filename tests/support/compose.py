@@ -13,7 +13,7 @@ import yaml
 from service.command import COMMANDS
 
 ROOT = Path(__file__).parent.parent.parent
-OURS = ("migrate", "service", "worker", "sweeper")
+OURS = ("migrate", "service", "worker")
 _VARIABLE = re.compile(r"\$\{(?P<name>\w+)(?::(?P<kind>[-?])(?P<text>[^}]*))?\}")
 
 

@@ -40,7 +40,6 @@ SECRETS = {
 PARTS = {
     "service": ["-m", "service"],
     "worker": ["-m", "worker"],
-    "sweeper": ["-m", "worker.sweeper"],
     "valkey": ["valkey-server"],
 }
 
@@ -235,7 +234,7 @@ class Composed(Deployment):
         wait_for(self._broker_answers, "an answer of Valkey")
         self.start("migrate")
         assert self._running.pop("migrate").wait(_STARTS_WITHIN_S) == 0, self.last_words()
-        for name in ("service", "worker", "sweeper"):
+        for name in ("service", "worker"):
             self.start(name)
         self.wait_until(self.serves, "readiness of the service", timeout_s=_STARTS_WITHIN_S)
 

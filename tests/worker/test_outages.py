@@ -79,7 +79,9 @@ def frames(house):
 def working(context):
     """Threads that do the jobs; yields what they noted of what does not serve."""
     noted = []
-    threads = JobThreads(context, count=3, look_s=0.05, looked=lambda: None, noted=noted.append)
+    threads = JobThreads(
+        context, count=3, look_s=0.05, looked=lambda: None, swept=lambda: None, noted=noted.append
+    )
     threads.start()
     try:
         yield noted

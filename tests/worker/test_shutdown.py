@@ -142,13 +142,3 @@ def test_a_broker_that_goes_away_leaves_no_traceback(house):
             wait_for(lambda: "Connection to broker lost" in log.read_text(), "the worker notices")
             wait_for(lambda: "Cannot connect" in log.read_text(), "the worker tries again")
         assert "Traceback" not in log.read_text()
-
-
-def test_a_sweeper_ends_at_once(house):
-    environment = os.environ | {"STILB_DATA": str(house.folder), "STILB_SWEEP_INTERVAL_S": "30"}
-    process = spawn([sys.executable, "-m", "worker.sweeper"], environment, stderr=subprocess.PIPE, text=True)
-    with process:
-        wait_for(lambda: "sweeper" in house.http.get("/readyz").text, "the sweeper beats")
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(2) in {0, -signal.SIGTERM}
-        assert "Traceback" not in process.stderr.read()

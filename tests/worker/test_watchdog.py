@@ -32,8 +32,10 @@ watchdog = Watchdog(database, Leases(database, 30.0), presence, pulse, stall_s=f
 print("up", flush=True)
 end = time.monotonic() + float(sys.argv[2])
 while time.monotonic() < end:
-    if sys.argv[3] == "works":
+    if sys.argv[3] != "idles":
         watchdog.worked()
+    if sys.argv[3] != "sweeps not":
+        watchdog.swept()
     time.sleep(0.02)
 """
 STALL_S = 1.0
@@ -72,8 +74,8 @@ def test_the_time_in_which_the_worker_was_stopped_itself_does_not_count(database
 
 
 def test_a_worker_whose_threads_stand_still_has_no_pulse(database_url, tmp_path):
-    """The watchdog's own thread lives on; that alone is no sign of work."""
-    for does, beats in (("idles", False), ("works", True)):
+    """The watchdog's own thread lives on; that alone is no sign of work, nor is work if lost jobs wait."""
+    for does, beats in (("idles", False), ("sweeps not", False), ("works", True)):
         path = tmp_path / does
         argv = [sys.executable, "-c", WATCHED, database_url, "60", does, "0.4", path]
         with subprocess.Popen(argv, stdout=subprocess.PIPE) as process:

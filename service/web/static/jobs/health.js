@@ -30,10 +30,9 @@ function serviceOf({ problem, warnings = [] }) {
 function workersOf({ parts }) {
   const workers = parts.filter((part) => part.kind === "worker");
   const working = workers.filter((part) => part.state === "working").length;
-  const sweeper = parts.some((part) => part.kind === "sweeper" && part.state === "working");
   const hung = parts.filter((part) => part.state === "hung");
-  const kind = !working || hung.length ? "bad" : sweeper ? "good" : "warn";
-  return [kind, "Workers", `${working} of ${workers.length}`, hung.length ? `${hung.map((part) => part.kind).join(", ")} hangs` : !working ? "jobs wait" : sweeper ? "all at work" : "no sweeper: lost jobs wait"];
+  const kind = !working || hung.length ? "bad" : "good";
+  return [kind, "Workers", `${working} of ${workers.length}`, hung.length ? `${hung.map((part) => part.kind).join(", ")} hangs` : working ? "all at work" : "jobs wait"];
 }
 
 function diskOf({ disk_free_bytes: free, disk_total_bytes: total }) {
