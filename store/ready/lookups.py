@@ -5,6 +5,7 @@ import hashlib
 import time
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import Boolean, ColumnElement, Select, Text, bindparam, case, cast, select
@@ -147,8 +148,12 @@ class Lookups:
         return await asyncio.shield(opening)
 
 
+@cache
 def _hold(*, now: bool) -> Select[Any]:
-    """Select the ready answers: of each slot the last one to begin, as no two of a slot hold at once."""
+    """Select the ready answers: of each slot the last one to begin, as no two of a slot hold at once.
+
+    To build the statement takes several times as long as to execute it.
+    """
     at = bindparam("at", type_=UtcDateTime)
     inner = aliased(ReadyRow)
     known: ColumnElement[bool] = inner.known_to.is_(None)
