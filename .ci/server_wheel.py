@@ -14,8 +14,13 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 ROOMS = ("radiometry", "store", "worker", "service", "migrations")
-ERRORS = "service/web/errors.md"
-"""Where the service finds its page of errors if there is no docs/ beside it."""
+MANUAL = "service/web/manual"
+"""Where the service finds its manual if there is no docs/ beside it."""
+
+
+def list_pages(root: Path) -> list[Path]:
+    """List the pages of the manual and their pictures."""
+    return sorted([*root.glob("docs/*.md"), *root.glob("docs/pictures/*.*")])
 
 
 def build(root: Path, folder: Path) -> Path:
@@ -24,7 +29,10 @@ def build(root: Path, folder: Path) -> Path:
         stage = Path(name)
         for room in ROOMS:
             shutil.copytree(root / room, stage / room, ignore=shutil.ignore_patterns("__pycache__"))
-        shutil.copyfile(root / "docs" / "errors.md", stage / ERRORS)
+        for page in list_pages(root):
+            target = stage / MANUAL / page.relative_to(root / "docs")
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(page, target)
         shutil.copyfile(root / "LICENSE", stage / "LICENSE")
         shutil.copyfile(root / "README.md", stage / "README.md")
         (stage / "pyproject.toml").write_text(describe(root), encoding="utf-8")

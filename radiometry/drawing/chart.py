@@ -78,6 +78,14 @@ def place_figure(
         True: points that are left out lie within the limits.
     """
     (left, top, right, bottom), (xs, ys) = box, figure.find_limits(in_print=in_print)
+    if figure.is_to_scale:
+        # the shorter of two ranges is widened
+        middles = [(min(each) + max(each)) / 2.0 for each in (xs, ys)]
+        per_px = max((max(xs) - min(xs)) / (right - left), (max(ys) - min(ys)) / (bottom - top))
+        xs, ys = (
+            [middle - per_px * size / 2.0, middle + per_px * size / 2.0]
+            for middle, size in zip(middles, (right - left, bottom - top), strict=True)
+        )
     x, y = _scale(figure.x, xs, left, right), _scale(figure.y, ys, bottom, top)
     return Panel(x=x, y=y, title=title, x_label=figure.x.label, y_label=figure.y.label)
 

@@ -141,6 +141,8 @@ class Figure:
         What the moments are of.
     cuts_left_out : bool
         True if points that are left out may lie beyond the axes in print, too.
+    is_to_scale : bool
+        True if a unit is as long in x as in y.
     """
 
     x: Axis
@@ -155,6 +157,7 @@ class Figure:
     moments: tuple[float, ...] = ()
     moments_are: str = ""
     cuts_left_out: bool = False
+    is_to_scale: bool = False
 
     def find_limits(self, *, in_print: bool) -> tuple[list[float], list[float]]:
         """Return the values that lie within the limits of the axes: those of x, those of y.

@@ -1,6 +1,7 @@
 """The pages' static files, under addresses that change with their content and are therefore kept for ever.
 
-One of them, `specification.js`, is made here: the methods as `GET /v1/methods` answers them.
+Two of them are made here: `specification.js`, the methods as `GET /v1/methods` answers them, and
+`calculators.js`, the schemas of what the calculators take and answer.
 """
 
 import gzip
@@ -18,6 +19,7 @@ from radiometry.findings import interface
 from service.immutable import not_modified
 from service.problems import Problem
 from service.schemas.methods import describe_methods
+from service.schemas.tools import describe_tools
 
 _OWN: Final = Path(__file__).parent / "static"
 _PUBLIC: Final = "public, max-age=31536000, immutable"
@@ -34,7 +36,10 @@ class Assets:
         methods = json.dumps(describe_methods().dump()["items"])
         self._own = {
             path.relative_to(_OWN).as_posix(): path.read_bytes() for path in sorted(_OWN.rglob("*.*"))
-        } | {"specification.js": f"export const METHODS = {methods};\n".encode()}
+        } | {
+            "specification.js": f"export const METHODS = {methods};\n".encode(),
+            "calculators.js": f"export const TOOLS = {json.dumps(describe_tools())};\n".encode(),
+        }
         digest = hashlib.sha256()
         for name, content in self._own.items():
             digest.update(name.encode() + b"\0" + content)

@@ -1,20 +1,35 @@
-"""Our own Markdown as HTML, each heading an address."""
+"""Our own Markdown as HTML, each heading and each name in a table an address."""
 
 import itertools
 import re
 
 from markdown_it import MarkdownIt
 
+_PAGE = re.compile(r"^([a-z-]+)\.md(#.*)?$")
+
 
 def render_markdown(text: str) -> str:
     """HTML of a page of docs/; ``## some_code`` becomes the place #some_code.
 
-    Comments are left out; other HTML in the text stays text.
+    So does a name where it first stands in a table, and a link to another page is one to where the service
+    shows it. Comments are left out; other HTML in the text stays text.
     """
     parser = MarkdownIt("commonmark", {"html": False}).enable("table")
     tokens = parser.parse(re.sub(r"^<!--.*-->\n", "", text, flags=re.MULTILINE))
+    places = set()
     for token, inline in itertools.pairwise(tokens):
         if token.type == "heading_open":
-            token.attrSet("id", inline.content.strip("`").lower().replace(" ", "-"))
+            places.add(place := inline.content.strip("`").lower().replace(" ", "-"))
+            token.attrSet("id", place)
+    for token, inline in itertools.pairwise(tokens):
+        for part in inline.children or ():
+            is_name = part.type == "code_inline" and part.content.isidentifier()
+            if token.type == "td_open" and is_name and part.content not in places:
+                places.add(part.content)
+                part.attrSet("id", part.content)
+            elif part.type == "link_open" and (page := _PAGE.match(str(part.attrGet("href")))):
+                part.attrSet("href", f"/docs/{page[1]}{page[2] or ''}")
+            elif part.type == "image" and str(part.attrGet("src")).startswith("pictures/"):
+                part.attrSet("src", f"/docs/{part.attrGet('src')}")
     html: str = parser.renderer.render(tokens, parser.options, {})
     return html

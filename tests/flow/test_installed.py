@@ -30,7 +30,8 @@ def run(installed, *command, **environment):
 def test_release_accepts_the_wheel(server_wheel):
     release, version = load_script("release"), read_version()
     listed = subprocess.run(["git", "ls-files", *ROOMS], cwd=ROOT, check=True, capture_output=True, text=True)
-    committed = [*listed.stdout.splitlines(), "service/web/errors.md"]
+    manual = [str(each.relative_to(ROOT / "docs")) for each in load_script("server_wheel").list_pages(ROOT)]
+    committed = [*listed.stdout.splitlines(), *(f"service/web/manual/{each}" for each in manual)]
     found = release.inspect_wheel(
         server_wheel, name="stilb-server", version=version, rooms=ROOMS, committed=committed
     )

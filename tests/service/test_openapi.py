@@ -230,7 +230,7 @@ def test_the_type_of_a_problem_leads_to_its_explanation(open_http, monkeypatch, 
     page.write_text(
         "# Errors\n\n## not_found\n\nThere is <script>no</script> such thing.\n", encoding="utf-8"
     )
-    monkeypatch.setattr("service.web.pages.documents._ERRORS", page)
+    monkeypatch.setattr("service.web.pages.documents._MANUAL", tmp_path)
     address, _, place = open_http.get("/v1/nothing").json()["type"].partition("#")
     html = open_http.get(address).text
     assert f'<h2 id="{place}">not_found</h2>' in html

@@ -11,7 +11,7 @@ from radiometry import methods
 from radiometry.frame.packing import pack
 from radiometry.methods import get_method
 from radiometry.tools.motion import MotionCase
-from service.tool_plots import draw_motion
+from service.tool_plots import draw_tool, plot_motion
 from service.web.charts import View, draw_figure
 from store.codec import drop_absent, encode
 
@@ -248,7 +248,7 @@ def pictures():
     return {
         **{method: ET.fromstring(get_method(method).draw(result())) for method, result in RESULTS.items()},
         "noise of one level": ET.fromstring(draw_one_level()),
-        "motion": ET.fromstring(draw_motion([("a", case)])),
+        "motion": ET.fromstring(draw_tool(plot_motion([("a", case)]), "motion")),
         "signal": plotted("signal"),
         "signal in logarithms": plotted("signal", part=1),
         "residuals": plotted("residuals-signal"),

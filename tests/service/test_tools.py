@@ -219,6 +219,18 @@ def test_the_nikon_series_in_iso(house, channel, dark_dn):
     assert exponent["unit"] == "1"
 
 
+def test_series_is_drawn_by_each_setting_that_varies(house):
+    table = "exposure_time_s,f_number,iso,signal_dn\n" + "".join(
+        f"{time},{n},200,{1e6 * time / n**2}\n"
+        for time, n in ((0.001, 4), (0.002, 4), (0.004, 4), (0.004, 2))
+    )
+    asked = {"params": {"white_level_dn": 4095}, "headers": {"Content-Type": "text/csv"}}
+    drawn = house.http.post("/v1/tools/exposure.svg", content=table, **asked).text
+    assert drawn.count("<title>row ") == 8
+    assert "Exponent 1.000" in drawn
+    assert "Exponent -2.000" in drawn
+
+
 def test_a_series_that_says_nothing_is_refused(house):
     row = {"exposure_time_s": 0.01, "f_number": 4, "iso": 100, "signal_dn": 500}
     problem = ask(house, "exposure", {"rows": [row] * 4, "white_level_dn": 4095}, status=422)

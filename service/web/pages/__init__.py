@@ -14,6 +14,7 @@ from service.web.pages import (
     organisation,
     rigs,
     sign_in,
+    tools,
 )
 
 
@@ -31,5 +32,6 @@ def include_pages(app: FastAPI) -> None:
         measurements,
         jobs,
         organisation,
+        tools,
     ):
         app.include_router(module.router)

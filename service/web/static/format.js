@@ -126,7 +126,7 @@ const KINDS = {
 function scientific(value, digits) {
   const [mantissa, power] = value.toExponential(digits - 1).split("e");
   const raised = [...String(Number(power))].map((c) => (c === "-" ? "⁻" : "⁰¹²³⁴⁵⁶⁷⁸⁹"[Number(c)])).join("");
-  return `${mantissa.replace("-", MINUS)} × 10${raised}`;
+  return `${String(Number(mantissa)).replace("-", MINUS)} × 10${raised}`;
 }
 
 function grouped(text) {

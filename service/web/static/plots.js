@@ -9,13 +9,15 @@ const WHOLE = { x0: 0, x1: 1, y0: 0, y1: 1 };
 
 /**
  * Draw the chart at an address, in the colours of the page; `drawn` is told of it each time.
+ * `sent`: the body of what is drawn from a question, as send() takes it.
  * A mouse that draws a rectangle zooms in, with Shift it moves what is shown, and a double click shows all again.
  */
-export async function plot(element, path, drawn = () => {}, view = WHOLE) {
+export async function plot(element, path, drawn = () => {}, view = WHOLE, sent = null) {
+  const again = (seen) => plot(element, path, drawn, seen, sent);
   element.setAttribute("aria-busy", "true");
   try {
     const width = Math.min(2000, Math.max(240, Math.round(element.clientWidth) - 16));
-    const answer = await send("GET", `${path}${path.includes("?") ? "&" : "?"}${new URLSearchParams({ width, ...view })}`);
+    const answer = await send(sent ? "POST" : "GET", `${path}${path.includes("?") ? "&" : "?"}${new URLSearchParams({ width, ...view })}`, sent ?? {});
     // nothing to draw: a card of its own goes, too
     if (answer.status === 204) return void (element.closest(".plot-card") ?? element).remove();
     // its own styles are for those who save it; the page's policy forbids them
@@ -23,13 +25,13 @@ export async function plot(element, path, drawn = () => {}, view = WHOLE) {
     const chart = document.importNode(new DOMParser().parseFromString(text, "image/svg+xml").documentElement, true);
     chart.setAttribute("class", "chart");
     const { parts, note } = chart.dataset;
-    fill(element, choose(JSON.parse(parts), view.part, (part) => plot(element, path, drawn, { ...WHOLE, part })), chart, note ? h("p", { class: "caption" }, note) : null);
+    fill(element, choose(JSON.parse(parts), view.part, (part) => again({ ...WHOLE, part })), chart, note ? h("p", { class: "caption" }, note) : null);
     explain(element, chart);
     offerSeries(chart);
-    offerZoom(chart, view, (shown) => plot(element, path, drawn, { ...view, ...shown }));
+    offerZoom(chart, view, (shown) => again({ ...view, ...shown }));
     drawn(chart);
   } catch (error) {
-    fill(element, failed(error, () => plot(element, path, drawn, view)));
+    fill(element, failed(error, () => again(view)));
   } finally {
     element.removeAttribute("aria-busy");
   }

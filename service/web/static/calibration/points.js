@@ -2,16 +2,14 @@
 // Its status is next to its name, so that it is visible on a phone too.
 
 import { filename, h, may, table } from "../dom.js";
-import { exposureTime, fixed, number, tag, time, withUncertainty, words } from "../format.js";
+import { exposureTime, fixed, number, tag, withUncertainty, words } from "../format.js";
 import { inOrder } from "../groups.js";
+import { WRITTEN, headOf, titleOf } from "../names.js";
 import { empty } from "../states.js";
 import { shorten } from "../shorten.js";
 
-const UNITS = { cycles_per_pixel: "cycles/px", w_m2_nm: "W/(m²·nm)", px: "px", dn: "DN", dn2: "DN²", s: "s", deg: "°", mm: "mm", um: "µm", cd_m2: "cd/m²" };
-const HEADS = { iso: "ISO", i_sq: "I_SQ", i_ss: "I_SS", reflectance_k: "K", mtf50_cycles_per_pixel: "MTF50" };
 const HIDDEN = new Set(["frame", "frame_id", "used", "left_out", "capture_id", "figure", "residual_rel"]);
 const U = "standard_uncertainty";
-const WORDS = { at_s: ["taken", (value) => time(new Date(1000 * value).toISOString())], exposure_time_s: ["exposure", exposureTime], f_number: ["f-number", (value) => `f/${number(value, 3)}`] };
 
 export function drawPoints({ points, parameters, diagnostics }, choice) {
   if (!points.length) return empty("No points", "This version has no points.");
@@ -57,29 +55,18 @@ function ownColumns(points) {
   const known = [...new Set(points.flatMap(Object.keys))].filter((name) => !HIDDEN.has(name) && points.some((point) => present(point[name])));
   const names = known.filter((name) => !name.includes(U));
   return names.map((name) => {
-    const [head, unit] = headOf(name === "value" ? points[0].figure : name);
     const numeric = points.some((point) => typeof point[name] === "number");
     const u = known.find((each) => each.includes(U) && (each === withU(name) || (name === "value" && each === U)));
-    return { head: sentence(unit ? `${head} [${unit}]` : head), class: numeric ? "number" : null, cell: (point) => figure(name, point[name], point[u]) };
+    return { head: titleOf(WRITTEN[name] ? [WRITTEN[name][0], ""] : headOf(name === "value" ? points[0].figure : name)), class: numeric ? "number" : null, cell: (point) => figure(name, point[name], point[u]) };
   });
 }
 
 /** i_sq_standard_uncertainty, gradient_standard_uncertainty_rel */
 const withU = (name) => (name.endsWith("_rel") ? name.replace(/_rel$/, `_${U}_rel`) : `${name}_${U}`);
 
-const sentence = (text) => text.charAt(0).toUpperCase() + text.slice(1);
-
-function headOf(name) {
-  if (WORDS[name]) return [WORDS[name][0], ""];
-  const suffix = Object.keys(UNITS).find((each) => name.endsWith(`_${each}`));
-  if (HEADS[name]) return [HEADS[name], suffix ? UNITS[suffix] : ""];
-  if (/_(rel|share)$/.test(name)) return [words(name.replace(/_(rel|share)$/, "")), "%"];
-  return suffix ? [words(name.slice(0, -suffix.length - 1)), UNITS[suffix]] : [words(name), ""];
-}
-
 function figure(name, value, u) {
   if (!present(value)) return "–";
-  if (WORDS[name]) return WORDS[name][1](value);
+  if (WRITTEN[name]) return WRITTEN[name][1](value);
   const scale = /_(rel|share)$/.test(name) ? 100 : 1;
   if (present(u)) return withUncertainty(scale * value, scale * u);
   if (scale !== 1) return number(100 * value, 3);

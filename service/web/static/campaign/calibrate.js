@@ -7,7 +7,7 @@ import { followJob } from "../live.js";
 import { coefficientLabel } from "../methods.js";
 import { act, empty, load } from "../states.js";
 import { capital, missingCauses } from "./missing.js";
-import { parametersFold, statedPart } from "./parameters.js";
+import { parametersFold, statedPart, withManual } from "./parameters.js";
 
 export function calibrateSection(state) {
   const versions = h("div");
@@ -19,7 +19,7 @@ export function calibrateSection(state) {
 function starter(state, show) {
   const parameters = parametersFold(state.method, state.campaign.camera_id);
   const given = state.method.parameters.filter((each) => each.given_by === "campaign");
-  const stated = statedPart(given, Object.fromEntries(given.map((each) => [each.field, state.campaign[each.name]])));
+  const stated = statedPart(withManual(given, state.method), Object.fromEntries(given.map((each) => [each.field, state.campaign[each.name]])));
   const progress = h("div", { role: "status" });
   const lacking = h("div");
   const button = h("button", { class: "primary", type: "submit" }, "Calibrate");

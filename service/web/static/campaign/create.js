@@ -8,7 +8,7 @@ import { METHODS, methodOf } from "../methods.js";
 import { act, load } from "../states.js";
 import { choices, field, filled, select } from "./forms.js";
 import { numberOf } from "./numbers.js";
-import { statedPart } from "./parameters.js";
+import { statedPart, withManual } from "./parameters.js";
 import { panelPart } from "./panel.js";
 import { targetPart } from "./target.js";
 
@@ -45,7 +45,7 @@ function choose(name) {
   byId("target-section").hidden = target === null;
   byId("panel-section").hidden = !needsPanel();
   const given = (night ? [] : method?.parameters)?.filter((each) => each.given_by === "campaign") ?? [];
-  stated = statedPart(given);
+  stated = statedPart(method ? withManual(given, method) : given);
   byId("stated-section").hidden = !given.length;
   fill(byId("stated"), stated.element);
   fill(byId("target"), target?.element);

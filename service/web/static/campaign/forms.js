@@ -4,11 +4,14 @@ import { h } from "../dom.js";
 
 let count = 0;
 
-/** field("Columns", h("input"), "hint"): with its label and its hint. */
-export function field(label, control, hint) {
+/** The place of a field in the manual, behind a question mark; in a tab of its own, as a form is not to be lost. */
+export const manualLink = (address, label) => h("a", { class: "help", href: address, target: "_blank", title: `${label} in the manual`, "aria-label": `${label} in the manual, in a new tab` }, "?");
+
+/** field("Columns", h("input"), "hint"): with its label and its hint; `help` is its place in the manual. */
+export function field(label, control, hint, help) {
   control.id ||= `field-${(count += 1)}`;
   if (hint) control.setAttribute("aria-describedby", `${control.id}-hint`);
-  return h("p", { class: "field" }, h("label", { for: control.id }, label), control, hint ? h("span", { class: "hint", id: `${control.id}-hint` }, hint) : null);
+  return h("p", { class: "field" }, help ? h("span", { class: "label-row" }, h("label", { for: control.id }, label), manualLink(help, label)) : h("label", { for: control.id }, label), control, hint ? h("span", { class: "hint", id: `${control.id}-hint` }, hint) : null);
 }
 
 export const select = (options, attributes = {}, chosen = undefined) =>

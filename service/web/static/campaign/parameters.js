@@ -4,7 +4,7 @@ import { all } from "../api.js";
 import { h } from "../dom.js";
 import { day } from "../format.js";
 import { load } from "../states.js";
-import { decimal, field, select } from "./forms.js";
+import { decimal, field, manualLink, select } from "./forms.js";
 import { isFraction, unitOf } from "../parameter.js";
 import { numberOf, wrong } from "./numbers.js";
 
@@ -18,13 +18,17 @@ export function parametersFold(method, cameraId, { former, open = false } = {}) 
   if (!parameters.length) return { element: null, read: () => ({}) };
   const fields = h("div", { class: "fields" });
   let form;
-  load(fields, () => readVersions(parameters, cameraId), (versions) => (form = parametersPart(parameters, versions, former)).elements);
+  const helped = withManual(parameters, method);
+  load(fields, () => readVersions(parameters, cameraId), (versions) => (form = parametersPart(helped, versions, former)).elements);
   const read = () => {
     if (!form) throw wrong("The parameters of the fit have not been loaded yet.");
     return form.read();
   };
   return { element: h("details", { class: "fold", open }, h("summary", {}, "Parameters of the fit"), fields), read };
 }
+
+/** Each parameter with its place in the manual's page of the method. */
+export const withManual = (parameters, method) => parameters.map((each) => ({ ...each, manual: `/docs/${method.name}#${each.name}`, members: withManual(each.members, method) }));
 
 /** The camera's versions that the parameters may name, by the method that they are of. */
 async function readVersions(parameters, cameraId) {
@@ -70,7 +74,7 @@ function partOf(parameter, versions, former) {
 
 function numberPart(parameter, value) {
   const { control, read } = numberControl(parameter, value);
-  return { element: field(labelOf(parameter), control, hintOf(parameter)), control, read };
+  return { element: field(labelOf(parameter), control, hintOf(parameter), parameter.manual), control, read };
 }
 
 /** A number as it is typed; what is left as it was keeps all of its digits. */
@@ -108,7 +112,7 @@ function choicePart(parameter, value) {
     const chosen = choices[control.selectedIndex].value;
     return chosen === parameter.default || chosen === "" ? undefined : chosen;
   };
-  return { element: field(parameter.label, control, sentenceOf(parameter)), read };
+  return { element: field(parameter.label, control, sentenceOf(parameter), parameter.manual), read };
 }
 
 /** A name of a library, or a table from a file, which takes the name's place. */
@@ -123,7 +127,7 @@ function textPart(parameter, value = "") {
     table = await file.files[0]?.text();
     if (table) [control.value, control.placeholder] = ["", file.files[0].name];
   });
-  const element = field(parameter.label, control, [sentenceOf(parameter), " Choose a name, or a CSV file.", parameter.default_text ? ` Empty: ${parameter.default_text}.` : ""]);
+  const element = field(parameter.label, control, [sentenceOf(parameter), " Choose a name, or a CSV file.", parameter.default_text ? ` Empty: ${parameter.default_text}.` : ""], parameter.manual);
   control.after(list, file);
   return { element, read: () => control.value.trim() || table || undefined };
 }
@@ -133,7 +137,7 @@ function booleanPart(parameter, value) {
   const element = h(
     "p",
     { class: "field" },
-    h("span", { class: "check" }, box, h("label", { for: box.id, class: "check" }, parameter.label)),
+    h("span", { class: "check" }, box, h("label", { for: box.id, class: "check" }, parameter.label), parameter.manual ? manualLink(parameter.manual, parameter.label) : null),
     h("span", { class: "hint", id: `${box.id}-hint` }, sentenceOf(parameter)),
   );
   return { element, read: () => (box.checked === parameter.default ? undefined : box.checked) };
@@ -150,7 +154,7 @@ function intervalPart(parameter, value = parameter.default) {
     if (entered.includes(undefined)) throw wrong(`${labelOf(parameter)}: enter both ends.`);
     return entered;
   };
-  const element = field(labelOf(parameter), low, hintOf(parameter));
+  const element = field(labelOf(parameter), low, hintOf(parameter), parameter.manual);
   low.after(high);
   return { element, read };
 }
@@ -165,7 +169,7 @@ function groupPart(parameter, versions, value) {
   const element = h(
     "fieldset",
     { class: "wide" },
-    h("legend", { class: "check" }, box, h("label", { for: box.id, class: "check" }, parameter.label)),
+    h("legend", { class: "check" }, box, h("label", { for: box.id, class: "check" }, parameter.label), parameter.manual ? manualLink(parameter.manual, parameter.label) : null),
     h("p", { class: "hint", id: `${box.id}-hint` }, sentenceOf(parameter)),
     body,
   );
@@ -181,7 +185,7 @@ function versionPart(parameter, versions, value) {
   const missing = former && !options.some(([id]) => id === former) ? [[former, "A version that is not there"]] : [];
   const none = sentence(parameter.default_text || NONE);
   const control = select([["", none], [IN_FORCE, "In force when the frames were taken"], ...options, ...missing], {}, former ?? "");
-  return { element: field(parameter.label, control, sentenceOf(parameter)), read: () => control.value || undefined };
+  return { element: field(parameter.label, control, sentenceOf(parameter), parameter.manual), read: () => control.value || undefined };
 }
 
 const labelOf = (parameter) => [parameter.label, unitOf(parameter) && `[${unitOf(parameter)}]`].filter(Boolean).join(" ");
