@@ -1,5 +1,6 @@
-"""The numbers of a measurement's map, as JSON."""
+"""The numbers of a measurement's map as JSON, and its STAC item."""
 
+import hashlib
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
@@ -7,16 +8,19 @@ from fastapi import APIRouter, Query, Request, Response
 from radiometry.findings import interface
 from radiometry.methods import get_method
 from radiometry.specification.application import PictureApplication
-from service.auth import Reader
-from service.context import UsesContext
+from service.auth import Caller, Reader
+from service.context import Context, UsesContext
+from service.hosts import absolute
 from service.immutable import immutable_headers, not_modified
 from service.lookup import Id, owned
 from service.map_values import MOST_VALUES, Layout, Window, read_layout, read_values
 from service.problems import Problem, invalid
 from service.routes import UNCHANGED, problems
-from service.schemas.maps import MapValuesAnswer, MapWindow
+from service.routes.measurement_lists import GeoJson
+from service.schemas.maps import MapValuesAnswer, MapWindow, StacItem
+from service.stac import describe_map, make_item
 from store.blobs import prove_file
-from store.tables import Measurement
+from store.tables import Calibration, FrameRow, Measurement
 
 router = APIRouter(prefix="/v1", tags=["measurements"])
 
@@ -34,25 +38,61 @@ def get_measurement_map_values(
     asked: Annotated[MapWindow, Query()],
 ) -> Response:
     """A window of the map: with step 1 the very values of map.tif, else the means of squares."""
-    with context.database.reading() as session:
-        row = owned(session, Measurement, measurement_id, caller)
-    if row.map_tif_sha256 is None:
-        detail = 'This measurement was made without a map: ask for one with "products": ["map"].'
-        raise Problem(interface.NOT_FOUND, detail)
+    row, sha256 = _require_map(context, measurement_id, caller)
     if isinstance(get_method(row.method).application, PictureApplication):
         detail = "An undistorted image is not a map of values: use its map.tif."
         raise Problem(interface.NOT_FOUND, detail)
-    tag = f"{row.map_tif_sha256}-{row.content_sha256[:16]}-{asked.tag}"
+    tag = f"{sha256}-{row.content_sha256[:16]}-{asked.tag}"
     unchanged = not_modified(request, tag)
     if unchanged is not None:
         return unchanged
-    with context.files.local(row.map_tif_sha256) as file:
+    with context.files.local(sha256) as file:
         prove_file(file)
         layout = read_layout(file.path)
         window = _cut(layout, asked)
         values = read_values(file.path, layout, window, step=asked.step)
     answer = MapValuesAnswer.of(row, layout, window, values, step=asked.step)
     return answer.respond(immutable_headers(tag))
+
+
+@router.get(
+    "/measurements/{measurement_id}/stac.json",
+    response_model=StacItem,
+    response_class=GeoJson,
+    responses={**UNCHANGED, **problems(404, 500)},
+)
+def get_measurement_stac(
+    measurement_id: Id, request: Request, caller: Reader, context: UsesContext
+) -> Response:
+    """Return the map as a STAC item, with the extensions eo, processing, projection and raster.
+
+    Its geometry is null where the map is not placed. A local time without a zone becomes the interval that
+    it lies in.
+    """
+    row, sha256 = _require_map(context, measurement_id, caller)
+    base = absolute(request, "")
+    tag = hashlib.sha256(f"{sha256}-{row.id}-{base}".encode()).hexdigest()
+    unchanged = not_modified(request, tag)
+    if unchanged is not None:
+        return unchanged
+    with context.files.local(sha256) as file:
+        prove_file(file)
+        found = describe_map(file.path)
+    with context.database.reading() as session:
+        frame = session.get_one(FrameRow, row.frame_id)
+        calibration = session.get_one(Calibration, row.calibration_id)
+        item = make_item(row, frame, calibration, found, base=base)
+    return GeoJson(item, headers=immutable_headers(tag))
+
+
+def _require_map(context: Context, measurement_id: str, caller: Caller) -> tuple[Measurement, str]:
+    """Return a measurement that was made with a map, and the hash of that."""
+    with context.database.reading() as session:
+        row = owned(session, Measurement, measurement_id, caller)
+    if row.map_tif_sha256 is None:
+        detail = 'This measurement was made without a map: ask for one with "products": ["map"].'
+        raise Problem(interface.NOT_FOUND, detail)
+    return row, row.map_tif_sha256
 
 
 def _cut(layout: Layout, asked: MapWindow) -> Window:

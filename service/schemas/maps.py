@@ -2,7 +2,7 @@
 
 import json
 import math
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, WithJsonSchema
@@ -73,6 +73,27 @@ class MapValuesAnswer(Answer):
             values=_plain(values),
             uncertainty=uncertainty_of(row.result),
         )
+
+
+class FootprintAnswer(Answer):
+    """A GeoJSON polygon: one ring of longitude and latitude, closed."""
+
+    type: Literal["Polygon"]
+    coordinates: list[list[list[float]]]
+
+
+class StacItem(Answer):
+    """A STAC item: a GeoJSON feature with links and assets."""
+
+    type: Literal["Feature"]
+    stac_version: str
+    stac_extensions: list[str]
+    id: str
+    geometry: FootprintAnswer | None = Field(json_schema_extra={"nullable_on_purpose": True})
+    bbox: list[float] | None = Field(default=None, description="Absent where there is no geometry.")
+    properties: dict[str, Any]
+    links: list[dict[str, str]]
+    assets: dict[str, dict[str, Any]]
 
 
 def uncertainty_of(result: dict[str, Any]) -> ValueUncertainty | None:

@@ -238,7 +238,7 @@ def _links(row: Measurement) -> dict[str, str]:
     own = f"/v1/measurements/{row.id}"
     links = {"frame": f"/v1/frames/{row.frame_id}", "calibration": f"/v1/calibrations/{row.calibration_id}"}
     if row.map_tif_sha256 is not None:
-        links |= {"map_tif": f"{own}/map.tif", "map_png": f"{own}/map.png"}
+        links |= {"map_tif": f"{own}/map.tif", "map_png": f"{own}/map.png", "stac": f"{own}/stac.json"}
     return links
 
 

@@ -8,6 +8,7 @@ from typing import Annotated, Any, cast
 import typer
 from rich.console import RenderableType
 
+from stilb.client import Client
 from stilb.commands.calibration import read_polygon
 from stilb.commands.completion import complete_campaign
 from stilb.commands.exits import Exit
@@ -78,6 +79,7 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
     bands: Annotated[
         bool, typer.Option("--bands", help="With --map: all bands of the capture, aligned, in one file.")
     ] = False,
+    stac: Annotated[bool, typer.Option("--stac", help="With --map: a STAC item beside each map.")] = False,
     average: Annotated[
         bool, typer.Option("--average", help="Average the frames: repeats of one scene.")
     ] = False,
@@ -87,8 +89,8 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
         raise typer.BadParameter("give frames, or --campaign")
     for frame in frames or ():
         _refuse_file(frame)
-    if bands and save_map is None:
-        raise typer.BadParameter("--bands needs --map FOLDER")
+    if (bands or stac) and save_map is None:
+        raise typer.BadParameter("--bands and --stac need --map FOLDER")
     if average and len(frames or ()) < 2:
         raise typer.BadParameter("--average needs two frames or more")
     if light is not None and light.lower().endswith(".csv"):
@@ -122,15 +124,20 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
             asked = [frames or []] if average else frames or []
             found = [client.measure(each, **wanted, **details) for each in asked]
         if save_map is not None:
-            save_map.mkdir(parents=True, exist_ok=True)
-            for one in found:
-                name = f"{PurePath(one.filename).stem}-{one.id}.tif"
-                where = one.raw.get("place", {}).get("detail", "")
-                output.note(f"{client.save_map(one.id, save_map / name)} {where}".rstrip())
+            _save_maps(output, client, found, save_map, stac=stac)
     told = {"items": [one.raw for one in found], "not_measured": refused}
     output.answer(told, *format_measurements(found, refused))
     if refused:
         raise typer.Exit(Exit.FINDINGS)
+
+
+def _save_maps(output: Output, client: Client, found: list[Measurement], folder: Path, *, stac: bool) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    for one in found:
+        path = client.save_map(one.id, folder / f"{PurePath(one.filename).stem}-{one.id}.tif")
+        output.note(f"{path} {one.raw.get('place', {}).get('detail', '')}".rstrip())
+        if stac:
+            output.note(str(client.save_stac(one.id, path)))
 
 
 def _refuse_file(frame: str) -> None:

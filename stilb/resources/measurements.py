@@ -1,5 +1,6 @@
 """Measurements with a calibrated camera."""
 
+import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Unpack
@@ -85,6 +86,19 @@ class Measurements(Jobs):
         call = Call(method="GET", path=address("measurements", measurement_id, name))
         self._transport.download(call, path)
         return path
+
+    def stac_item(self, measurement_id: str) -> dict[str, Any]:
+        """Return a measurement's map as a STAC item."""
+        return self._get(address("measurements", measurement_id, "stac.json"))
+
+    def save_stac(self, measurement_id: str, map_path: PathLike) -> Path:
+        """Save the STAC item of a map beside its file, which the item then names."""
+        path = Path(map_path)
+        item = self.stac_item(measurement_id)
+        item["assets"]["map"]["href"] = f"./{path.name}"
+        target = path.with_suffix(".json")
+        target.write_text(json.dumps(item, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        return target
 
     def _measured(self, job: Job) -> Measurement:
         done = self.wait(job)

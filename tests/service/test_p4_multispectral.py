@@ -101,6 +101,18 @@ def test_a_p4_multispectral_is_read_shown_fitted_and_measured(sqlite_house, camp
     matrix = keys["ModelTransformation"]
     assert [matrix[0][3], matrix[1][3]] == place["transform"][::3]
     assert told == place
+    item = house.get(f"/v1/measurements/{measured}/stac.json")
+    assert item["geometry"]["coordinates"][0][:0:-1] == place["corners"]
+    a, b, c, d, e, f = place["transform"]
+    shown = item["assets"]["map"]
+    assert shown["proj:transform"] == [b, c, a, e, f, d]
+    assert [(each["name"], each["center_wavelength"]) for each in shown["eo:bands"]] == [
+        ("NIR", 0.84),
+        ("Red", 0.65),
+    ]
+    # 11:01 at a place whose zone the file does not state
+    interval = [item["properties"][f"{end}_datetime"] for end in ("start", "end")]
+    assert interval == ["2020-06-04T21:01:00Z", "2020-06-05T23:01:00Z"]
 
 
 def test_a_thermal_band_is_stored_and_left_out(sqlite_house):

@@ -87,7 +87,10 @@ def test_series_are_rows_of_one_shape_with_real_times(calibrated):
 def test_measure_a_frame_and_save_its_map(command, calibrated, tmp_path):
     *_, field = calibrated
     # the signal over K t S / f^2, by hand: 320 / (2.0 * 0.01 * 3200 / 16) = 80 cd/m2
-    (item,) = command("measure", field.id, "--map", tmp_path / "maps", "--json").json["items"]
+    (item,) = command("measure", field.id, "--map", tmp_path / "maps", "--stac", "--json").json["items"]
+    saved = json.loads((tmp_path / "maps" / f"field-{item['id']}.json").read_text())
+    # no lens is known of this camera: where its picture lies is not either
+    assert (saved["geometry"], saved["assets"]["map"]["href"]) == (None, f"./field-{item['id']}.tif")
     mean = item["mean"]
     assert abs(mean["value"] - 80.0) <= 3 * mean["standard_uncertainty"]
     assert (tmp_path / "maps" / f"field-{item['id']}.tif").read_bytes()[:2] in {b"II", b"MM"}

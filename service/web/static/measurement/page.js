@@ -37,7 +37,7 @@ async function drawableMap() {
   if (!found.links.map_tif) return withoutMap(found);
   const values = await loadMap(found, await get(found.links.frame));
   const view = new MapView(values, { region: found.region, grid: found.grid, name: `Map of ${found.filename}` });
-  fill(byId("map-tools"), scaleTools([view]), h("a", { class: "button", href: found.links.map_tif, download: "" }, "TIFF"));
+  fill(byId("map-tools"), scaleTools([view]), h("a", { class: "button", href: found.links.map_tif, download: "" }, "TIFF"), h("a", { class: "button", href: found.links.stac, download: "" }, "STAC item"));
   return view.element;
 }
 

@@ -1,0 +1,123 @@
+"""A measurement's map as a STAC item, for catalogues of imagery."""
+
+import json
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any, Final
+from xml.etree import ElementTree as ET
+from xml.sax.saxutils import unescape
+
+from store.tables import Calibration, FrameRow, Measurement
+
+STAC_VERSION: Final = "1.0.0"
+_EXTENSION: Final = "https://stac-extensions.github.io/{}/v1.1.0/schema.json"
+_GDAL_METADATA: Final = "GDAL_METADATA"
+_ZONES: Final = timedelta(hours=14), timedelta(hours=12)
+"""Offsets of a local time that states none, east and west of Greenwich."""
+_FIRST_DAY: Final = "1970-01-01T00:00:00Z"
+
+
+def describe_map(path: Path) -> dict[str, Any]:
+    """Return the size of a map and the items of each plane, as its own file states them."""
+    import tifffile
+
+    with tifffile.TiffFile(path) as file:
+        page = file.pages.first
+        tag = page.tags.get(_GDAL_METADATA)
+        metadata = tag.value if tag else "<GDALMetadata/>"
+        said: dict[str, Any] = {
+            "shape": [page.imagelength, page.imagewidth],
+            "data_type": str(page.dtype),
+            "description": json.loads(page.description),
+        }
+    planes: dict[int, dict[str, str]] = {}
+    # written by this product: no document of a stranger
+    for each in ET.fromstring(metadata):  # noqa: S314
+        if "sample" in each.attrib:
+            planes.setdefault(int(each.attrib["sample"]), {})[each.attrib["name"]] = unescape(each.text or "")
+    return said | {"planes": [planes[number] for number in sorted(planes)]}
+
+
+def make_item(
+    row: Measurement, frame: FrameRow, calibration: Calibration, found: dict[str, Any], *, base: str
+) -> dict[str, Any]:
+    """Make the item of a map of `describe_map`; without geometry where the map is not placed.
+
+    ``base`` : address of the measurement's service, ahead of its paths
+    """
+    place, quantity = row.result.get("place", {}), found["description"]["quantity"]
+    own, placed = f"{base}/v1/measurements/{row.id}", place.get("corners") or []
+    ring = [*placed[:1], *placed[::-1]]  # counterclockwise
+    area = {} if not placed else {"bbox": [f(at) for f in (min, max) for at in zip(*placed, strict=True)]}
+    bands = [_describe_band(plane, found["data_type"], place) for plane in found["planes"]]
+    colours = [_describe_colour(plane) for plane in found["planes"]]
+    projection = {} if not placed else {"proj:epsg": 4326, "proj:shape": found["shape"]}
+    if place.get("form") == "affine":
+        a, b, c, d, e, f = place["transform"]
+        projection["proj:transform"] = [b, c, a, e, f, d]
+    lineage = (
+        f"{quantity} of {frame.filename} (SHA-256 {frame.sha256}) with version {calibration.version} of "
+        f"{calibration.method} (SHA-256 {calibration.content_sha256}), {row.software['measurer']}"
+    )
+    uncertainty = {f"stilb:{name}": place[name] for name in ("u_centre_m", "u_corner_m") if name in place}
+    return {
+        "type": "Feature",
+        "stac_version": STAC_VERSION,
+        "stac_extensions": [_EXTENSION.format(name) for name in ("eo", "processing", "projection", "raster")],
+        "id": row.id,
+        "geometry": {"type": "Polygon", "coordinates": [ring]} if placed else None,
+        **area,
+        "properties": {
+            **_describe_time(frame),
+            "created": _format(row.created_at),
+            "processing:lineage": lineage,
+            "processing:software": {"stilb": str(row.software["stilb"])},
+            **({"stilb:place": place["detail"]} if "detail" in place else {}),
+            **uncertainty,
+        },
+        "links": [
+            {"rel": "self", "href": f"{own}/stac.json", "type": "application/geo+json"},
+            {"rel": "derived_from", "href": f"{base}/v1/frames/{frame.id}", "type": "application/json"},
+            {"rel": "via", "href": f"{base}/v1/calibrations/{calibration.id}", "type": "application/json"},
+        ],
+        "assets": {
+            "map": {
+                "href": f"{own}/map.tif",
+                "type": "image/tiff; application=geotiff" if placed else "image/tiff",
+                "title": f"{quantity} of {frame.filename}",
+                "roles": ["data"],
+                **({"raster:bands": bands, "eo:bands": colours} if bands else {}),
+                **projection,
+            },
+            "picture": {"href": f"{own}/map.png", "type": "image/png", "roles": ["overview"]},
+        },
+    }
+
+
+def _describe_band(plane: dict[str, str], data_type: str, place: dict[str, Any]) -> dict[str, Any]:
+    side = {"spatial_resolution": place["pixel_m"]} if "pixel_m" in place else {}
+    unit = {"unit": plane["UNITTYPE"], "nodata": "nan", "sampling": "area", "scale": 1, "offset": 0}
+    return {"data_type": data_type, **unit, **side}
+
+
+def _describe_colour(plane: dict[str, str]) -> dict[str, Any]:
+    """Return the name of a plane, and its band's wavelength and width in the extension's um."""
+    names = {"wavelength_nm": "center_wavelength", "width_nm": "full_width_half_max"}
+    told = {name: float(plane[key]) / 1000.0 for key, name in names.items() if key in plane}
+    return {"name": plane["DESCRIPTION"], **told}
+
+
+def _describe_time(frame: FrameRow) -> dict[str, Any]:
+    """Return when the frame was taken; of a local time without its zone, when that can have been."""
+    stated = (frame.header or {}).get("taken_at")
+    if stated is None:
+        return {"datetime": None, "start_datetime": _FIRST_DAY, "end_datetime": _format(frame.created_at)}
+    at = datetime.fromisoformat(stated)
+    if at.tzinfo is not None:
+        return {"datetime": _format(at)}
+    earliest, latest = at.replace(tzinfo=UTC) - _ZONES[0], at.replace(tzinfo=UTC) + _ZONES[1]
+    return {"datetime": None, "start_datetime": _format(earliest), "end_datetime": _format(latest)}
+
+
+def _format(at: datetime) -> str:
+    return at.astimezone(UTC).isoformat().replace("+00:00", "Z")
