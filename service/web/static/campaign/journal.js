@@ -10,7 +10,7 @@ export class Journal {
     this.opened = open().catch(() => null);
   }
 
-  /** Everything that was to be sent: {key, name, size, modified, role, scene, sha256, file?}. */
+  /** Everything that was to be sent: {key, name, size, modified, role, scene, sha256, upload?, file?}. */
   async read() {
     const rows = (await this.run("readonly", (store) => store.getAll())) ?? [];
     const own = rows.filter((row) => row.campaignId === this.campaignId);
@@ -21,13 +21,19 @@ export class Journal {
   /** The file itself is kept too, up to a few gigabytes in all: then nobody need choose it again. */
   async add(items) {
     for (const item of items) {
-      const { key, name, size, modified, role, scene, sha256, file } = item;
-      const row = { id: `${this.campaignId} ${key}`, campaignId: this.campaignId, key, name, size, modified, role, scene, sha256 };
+      const { key, name, size, modified, role, scene, sha256, upload, file } = item;
+      const row = { id: `${this.campaignId} ${key}`, campaignId: this.campaignId, key, name, size, modified, role, scene, sha256, upload };
       const fits = this.kept + size <= BUDGET;
       const stored = fits && (await this.run("readwrite", (store) => store.put({ ...row, file })));
       if (stored) this.kept += size;
       else await this.run("readwrite", (store) => store.put(row));
     }
+  }
+
+  /** Where a file's upload goes on; one that is not written down yet is with it then. */
+  async note({ key, upload }) {
+    const row = await this.run("readonly", (store) => store.get(`${this.campaignId} ${key}`));
+    if (row?.key) await this.run("readwrite", (store) => store.put({ ...row, upload }));
   }
 
   remove(key) {

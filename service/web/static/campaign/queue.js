@@ -1,6 +1,6 @@
 // The files that the page was given: hashed, compared with what the service has, and sent two at a time meanwhile.
 
-import { post } from "../api.js";
+import { post, send } from "../api.js";
 import { Journal } from "./journal.js";
 import { sendFile } from "./sender.js";
 
@@ -109,7 +109,10 @@ export class UploadQueue extends EventTarget {
 
   /** Leave out what has not been sent. */
   async drop(items) {
-    for (const item of items) item.abort?.abort();
+    for (const item of items) {
+      item.abort?.abort();
+      if (item.upload && item.state !== "sent") send("DELETE", item.upload).catch(() => {});
+    }
     this.items = this.items.filter((item) => !items.includes(item));
     await this.journal.clear(items.map((item) => item.key));
     this.changed();
@@ -128,7 +131,7 @@ export class UploadQueue extends EventTarget {
     item.state = "sending";
     item.abort = new AbortController();
     try {
-      const frame = await sendFile(this.path, item, { signal: item.abort.signal, onProgress: (bytes) => this.progress(item, bytes) });
+      const frame = await sendFile(this.path, item, { signal: item.abort.signal, onProgress: (bytes) => this.progress(item, bytes), onBegun: () => this.journal.note(item) });
       this.progress(item, item.size);
       Object.assign(item, { state: "sent", frameId: frame.id, attempts: 0 });
       this.lostSince = undefined;
@@ -142,7 +145,7 @@ export class UploadQueue extends EventTarget {
   }
 
   failed(item, error) {
-    item.sent = 0;
+    if (!item.upload) item.sent = 0;
     item.error = error.message;
     if (!error.retryable) {
       Object.assign(item, { state: "failed", armed: false });

@@ -225,7 +225,8 @@ function outcomeOf(state, sent) {
 function itemTable(state, queue) {
   const editable = (item) => !item.armed && EDITABLE.includes(item.state);
   const edit = (item, values) => {
-    Object.assign(item, values, { edited: true });
+    // an upload that was begun was told otherwise
+    Object.assign(item, values, { edited: true, upload: undefined, once: undefined });
     queue.changed();
   };
   return virtualTable({
@@ -272,7 +273,7 @@ function progressOf(state, item) {
 }
 
 function judgeAgain(queue, judgeName) {
-  for (const item of queue.items) if (!item.edited && !item.armed && EDITABLE.includes(item.state)) Object.assign(item, { scene: undefined }, judgeName(item.name));
+  for (const item of queue.items) if (!item.edited && !item.armed && EDITABLE.includes(item.state)) Object.assign(item, { scene: undefined, upload: undefined, once: undefined }, judgeName(item.name));
   queue.changed();
 }
 
