@@ -8,6 +8,7 @@ from radiometry.specification.application import SurfaceApplication
 
 APPLICATION: Final = SurfaceApplication(
     quantity="luminance",
+    view=codes.OBSERVER_DIFFERS,
     unit="cd/m2",
     options=("grid", "reflectance", "frame_ids"),
     conditions=FieldConditions,

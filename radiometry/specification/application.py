@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
+from radiometry.findings import Finding
 from radiometry.frame.roi import Polygon
 
 Function = Callable[..., Any]
@@ -92,6 +93,8 @@ class SurfaceApplication(Application):
         Code of the flag of such an f-number.
     rim_px : int
         Pixels around a block that `compute_map` needs.
+    view : Finding or None
+        Flag of what is seen from above, where that is not what a standard's observer sees.
     """
 
     name_channels: Function
@@ -108,6 +111,7 @@ class SurfaceApplication(Application):
     foresee: Function
     unforeseen: str
     rim_px: int
+    view: Finding | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

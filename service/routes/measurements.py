@@ -93,7 +93,8 @@ def start_campaign_measurements(
                     )
                 )
         session.flush()
-        answer = CampaignMeasurementsAnswer(jobs=[JobAnswer.of(job) for job in started], not_measured=refused)
+        jobs_answer = [JobAnswer.of(job, session.get_one(FrameRow, job.subject_id)) for job in started]
+        answer = CampaignMeasurementsAnswer(jobs=jobs_answer, not_measured=refused)
         return Reply(status=202, body=answer, jobs=list(started))
 
     return writing.run(caller, change)

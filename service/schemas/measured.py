@@ -48,6 +48,10 @@ class MeasurementAnswer(Answer):
     method: str
     calibration: CalibrationUsed
     uncertainty_scope: Scope | None = Field(default=None, description=SCOPE_MEANING)
+    seen_from: Literal["above"] | None = Field(
+        default=None, description="Of a luminance: it is that towards the camera, not towards a driver."
+    )
+    seen_from_detail: str | None = Field(default=None, description="What that means, in a sentence.")
     region: list[list[float]] = Field(
         description="Outline [x, y] in px of what mean, median, min, max, percentiles and illuminance are of."
     )
@@ -169,7 +173,9 @@ def _figures(row: Measurement) -> dict[str, Any]:
     result = row.result
     application = get_method(row.method).application
     if isinstance(application, SurfaceApplication):
+        view = application.view
         return {
+            **({"seen_from": "above", "seen_from_detail": view.sentence} if view else {}),
             **{name: result[name] for name in (*_SHARED, "vignetting", "shared_u_cd_m2", "noise_u_cd_m2")},
             **_surface(row),
             "min": result["smallest"],

@@ -1,6 +1,7 @@
 """Commands on a campaign in a folder: init, run, list, show, readings."""
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,7 +14,7 @@ from stilb.commands.completion import complete_campaign
 from stilb.commands.exits import Exit
 from stilb.commands.measurements import format_measurements
 from stilb.commands.output import Output, command
-from stilb.commands.progress import lines
+from stilb.commands.progress import lines, showing
 from stilb.commands.push import Folder, transfer
 from stilb.commands.tables import table
 from stilb.field.campaign import ensure_campaign, ensure_panel, ensure_readings, list_parameters
@@ -95,7 +96,10 @@ def run(
         output.note("\n".join(lines(report)))
     with output.client() as client:
         if campaign.kind == "measurement":
-            found, refused = client.measure_campaign(campaign.id, **plan.measure)
+            with showing(output.err) as listener:
+                found, refused = client.measure_campaign(
+                    campaign.id, on_progress=partial(listener.on_count, "measured"), **plan.measure
+                )
             _end(
                 output,
                 report,

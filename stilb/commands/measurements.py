@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path, PurePath
 from typing import Annotated, Any, cast
 
@@ -13,6 +14,8 @@ from stilb.commands.calibration import read_polygon
 from stilb.commands.completion import complete_campaign
 from stilb.commands.exits import Exit
 from stilb.commands.output import Output, command
+from stilb.commands.progress import showing
+from stilb.commands.push import send_night
 from stilb.commands.tables import figure, show_scope, table
 from stilb.details import Grid, MeasureDetails
 from stilb.field.plan import read_spreadsheet
@@ -24,9 +27,15 @@ _GRID = re.compile(r"(\d+)x(\d+)")
 @command
 def measure(  # noqa: PLR0913, PLR0917 (the command's options)
     output: Output,
-    frames: Annotated[list[str] | None, typer.Argument(metavar="[FRAME]...", help="Ids of frames.")] = None,
+    frames: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[FRAME]...|FOLDER", help="Ids of frames, or a folder to send and measure."),
+    ] = None,
     campaign: Annotated[
-        str | None, typer.Option(help="All field frames of this campaign.", autocompletion=complete_campaign)
+        str | None,
+        typer.Option(
+            help="All field frames of this campaign, or that of the folder.", autocompletion=complete_campaign
+        ),
     ] = None,
     calibration: Annotated[
         str | None, typer.Option(help="Default: in force at the time of the frame.")
@@ -75,6 +84,10 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
     save_map: Annotated[
         Path | None, typer.Option("--map", metavar="FOLDER", help="Save a map of each frame in this folder.")
     ] = None,
+    save: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Save all of the campaign: .csv, .geojson or .json."),
+    ] = None,
     *,
     bands: Annotated[
         bool, typer.Option("--bands", help="With --map: all bands of the capture, aligned, in one file.")
@@ -84,11 +97,12 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
         bool, typer.Option("--average", help="Average the frames: repeats of one scene.")
     ] = False,
 ) -> None:
-    """Measure frames with a calibrated camera."""
-    if bool(frames) == (campaign is not None):
-        raise typer.BadParameter("give frames, or --campaign")
-    for frame in frames or ():
-        _refuse_file(frame)
+    """Measure frames with a calibrated camera.
+
+    Of a folder every raw file is sent as a field frame to --campaign, or to the night of its campaign.toml,
+    and all field frames of that campaign are measured.
+    """
+    folder = _find_folder(frames or [], campaign, saves=save is not None)
     if (bands or stac) and save_map is None:
         raise typer.BadParameter("--bands and --stac need --map FOLDER")
     if average and len(frames or ()) < 2:
@@ -115,11 +129,15 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
     }
     details = cast("MeasureDetails", {name: value for name, value in given.items() if value is not None})
     refused: list[dict[str, Any]] = []
-    with output.client() as client:
-        wanted = {"with_map": save_map is not None, "with_bands": bands}
-        if campaign is not None:
-            campaign_id = client.find_campaign(campaign).id
+    sent = None if folder is None else send_night(output, folder, campaign)
+    with output.client() as client, showing(output.err) as listener:
+        wanted: dict[str, Any] = {"with_map": save_map is not None, "with_bands": bands}
+        if sent is not None or campaign is not None:
+            campaign_id = sent.campaign_id if sent else client.find_campaign(campaign or "").id
+            wanted["on_progress"] = partial(listener.on_count, "measured")
             found, refused = client.measure_campaign(campaign_id, **wanted, **details)
+            if save is not None:
+                output.note(str(client.save_measurements(campaign_id, save)))
         else:
             asked = [frames or []] if average else frames or []
             found = [client.measure(each, **wanted, **details) for each in asked]
@@ -127,7 +145,7 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
             _save_maps(output, client, found, save_map, stac=stac)
     told = {"items": [one.raw for one in found], "not_measured": refused}
     output.answer(told, *format_measurements(found, refused))
-    if refused:
+    if refused or (sent is not None and not sent.is_well):
         raise typer.Exit(Exit.FINDINGS)
 
 
@@ -140,6 +158,19 @@ def _save_maps(output: Output, client: Client, found: list[Measurement], folder:
             output.note(str(client.save_stac(one.id, path)))
 
 
+def _find_folder(frames: list[str], campaign: str | None, *, saves: bool) -> Path | None:
+    """Return the folder that is to be sent and measured, if it is one; refuse what does not go together."""
+    if len(frames) == 1 and Path(frames[0]).is_dir():
+        return Path(frames[0])
+    if bool(frames) == (campaign is not None):
+        raise typer.BadParameter("give frames, or --campaign")
+    if saves and campaign is None:
+        raise typer.BadParameter("--save needs --campaign, or a folder")
+    for frame in frames:
+        _refuse_file(frame)
+    return None
+
+
 def _refuse_file(frame: str) -> None:
     """Refuse the name of a file in place of the id of a frame, and say how to get one."""
     path = Path(frame)
@@ -147,8 +178,7 @@ def _refuse_file(frame: str) -> None:
         return
     raise typer.BadParameter(
         f"{frame} is {'a file' if path.exists() else 'the name of a file, which is not here,'} and not the "
-        "id of a frame. Send its folder first: stilb push FOLDER --campaign CAMPAIGN --role field. Then "
-        "measure its frames: stilb measure --campaign CAMPAIGN."
+        "id of a frame. Send and measure its folder: stilb measure FOLDER --campaign CAMPAIGN."
     )
 
 
@@ -198,4 +228,9 @@ def format_measurements(
             for one in found
         ],
     )
-    return [shown, *(f"{each['filename']} not measured: {each['detail']}" for each in refused)]
+    views = dict.fromkeys(one.raw["seen_from_detail"] for one in found if "seen_from" in one.raw)
+    return [
+        shown,
+        *(f"seen from above: {view}" for view in views),
+        *(f"{each['filename']} not measured: {each['detail']}" for each in refused),
+    ]

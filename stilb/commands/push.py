@@ -79,6 +79,16 @@ def push(  # noqa: PLR0913  each is an option
     )
 
 
+def send_night(output: Output, folder: Path, named: str | None) -> Report:
+    """Send a folder to a campaign that is measured then; without a plan every raw file is a field frame."""
+    campaign = _find_campaign(output, folder, named)
+    planned = (folder / FILENAME).exists()
+    files, left_out = sort_files(folder, read_plan(folder).rules if planned else NIGHT_RULES)
+    if not files:
+        raise Unclear(f"No file in {folder} matches a rule. {_how(left_out)}")
+    return transfer(output, folder, campaign.id, files, left_out=left_out)
+
+
 def transfer(
     output: Output,
     folder: Path,

@@ -1,16 +1,17 @@
 """Measurements with a calibrated camera."""
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Unpack
 
 from stilb.details import MeasureDetails
 from stilb.export import export_measurement
+from stilb.problem import JobFailed, Unclear
 from stilb.records import Comparison, Job, Measurement
 from stilb.resources.campaigns import region
 from stilb.resources.jobs import Jobs
-from stilb.transport import Call, address
+from stilb.transport import Call, Query, address
 from stilb.upload import PathLike
 
 
@@ -39,12 +40,40 @@ class Measurements(Jobs):
         *,
         with_map: bool = False,
         with_bands: bool = False,
+        on_progress: Callable[[int, int], None] = lambda *_: None,
         **details: Unpack[MeasureDetails],
     ) -> tuple[list[Measurement], list[dict[str, Any]]]:
-        """Measure every field frame of a campaign: what came of it, and what was not measured and why."""
+        """Measure every field frame of a campaign: what came of it, and what was not measured and why.
+
+        With one region or grid for all, or without: each frame's own region, else the campaign's.
+        ``on_progress`` is called with how many frames are done, and of how many.
+        """
         body = _options(details, with_map=with_map, with_bands=with_bands)
         answer = self._post(address("campaigns", campaign_id, "measurements"), body)
-        return [self._measured(Job.of(job)) for job in answer["jobs"]], list(answer["not_measured"])
+        found, left = list[Measurement](), list(answer["not_measured"])
+        jobs = [Job.of(job) for job in answer["jobs"]]
+        for done, job in enumerate(jobs):
+            on_progress(done, len(jobs))
+            try:
+                found.append(self._measured(job))
+            except JobFailed as failure:
+                named = {"frame_id": job.raw["subject_id"], "filename": job.raw.get("filename", "")}
+                left.append({**named, "code": failure.code, "detail": str(failure)})
+        on_progress(len(jobs), len(jobs))
+        return found, left
+
+    def save_measurements(self, campaign_id: str, path: PathLike) -> Path:
+        """Save all measurements of a campaign: .csv, .geojson, or .json with a row each."""
+        path = Path(path)
+        suffix = path.suffix.lower()
+        if suffix not in {".csv", ".geojson", ".json"}:
+            raise Unclear(f"{path}: measurements are saved as .csv, .geojson or .json")
+        call = Call(method="GET", path=address("campaigns", campaign_id, f"measurements{suffix}"))
+        if suffix == ".json":
+            query: Query = {"campaign_id": campaign_id, "format": "json"}
+            call = Call(method="GET", path=address("series", "measurements"), query=query)
+        self._transport.download(call, path)
+        return path
 
     def measurement(self, measurement_id: str) -> Measurement:
         return Measurement.of(self._get(address("measurements", measurement_id)))

@@ -93,6 +93,7 @@ def test_figures_cells_and_what_to_know_stand_there(shown, night):
     figures = shown.locator("#figures")
     for word in (
         "of the region drawn for this measurement",
+        "On one simulated road U_o was 0.386 from above",
         "Mean",
         "Overall uniformity",
         "Illuminance",
@@ -198,13 +199,29 @@ def test_a_frame_is_measured_from_the_page(night_page, night):
         expect(night_page.locator("#with")).to_contain_text(said)
 
 
-def test_what_is_missing_is_said_before_anything_is_sent(night_page, night):
-    night_page.goto(f"/measurements/new?campaign={night.measured_id}")
+def test_all_frames_of_a_night_are_measured_once_a_region_is_drawn(night_page, night):
+    night_page.goto(f"/campaigns/{night.measured_id}")
+    settle(night_page)
+    check_access(night_page)
+    look(night_page, "night")
+    night_page.get_by_role("link", name="Measure all frames").click()
+    expect(night_page.get_by_label("Frame", exact=True)).to_have_value("all")
     settle(night_page)
     night_page.get_by_role("radio", name="New region").check()
     night_page.get_by_role("button", name="Redraw").click()
     night_page.get_by_role("button", name="Measure").click()
     expect(night_page.get_by_role("alert")).to_contain_text("Draw the region first")
+    corners = night_page.get_by_role("textbox", name="Corners")
+    corners.fill("40,24 120,24 120,90")
+    corners.press("Tab")
+    night_page.get_by_role("button", name="Measure").click()
+    night_page.wait_for_url("**/campaigns/*#measure")
+    expect(night_page.get_by_text("2 of 2 frames measured.")).to_be_visible()
+    expect(night_page.get_by_role("link", name="GeoJSON")).to_be_visible()
+    with night.team.http() as http:
+        newest = http.get("/v1/measurements", params={"limit": 2}).json()["items"]
+    assert {each["frame_id"] for each in newest} == {each.id for each in night.field}
+    assert {tuple(map(tuple, each["region"])) for each in newest} == {((40, 24), (120, 24), (120, 90))}
 
 
 def test_an_empty_house_says_what_to_do(page):

@@ -77,6 +77,7 @@ def test_a_frame_of_known_luminance_comes_back_within_its_uncertainty(house, ver
     # of K's uncertainty the parts of f-number and time meet the frame's own
     assert 0.0 < by_k < mean["value"] * k["standard_uncertainty"] / k["value"]
     assert (found["region_origin"], found["vignetting"]) == ("campaign", "none")
+    assert (found["seen_from"], "0.266" in found["seen_from_detail"]) == ("above", True)
     assert {"no_vignetting_correction", "observer_differs"} <= flags(found)
     # the readings of its calibration name no meter
     assert found["uncertainty_scope"] == "relative_only"

@@ -146,6 +146,28 @@ def test_night_goes_from_card_to_measurements(command, calibrated, tmp_path):
     path.unlink()
     again = command("push", folder, "--campaign", "Mill Road", "--json").json
     assert (again["sent"], again["received"]) == (0, 1)
+    write_frame(folder / "b.DNG", signal_dn=320.0, exposure_time_s=0.01, f_number=4.0, iso=100)
+    saved = tmp_path / "night.csv"
+    ended = command(
+        *(
+            "measure",
+            folder,
+            "--campaign",
+            "Mill Road",
+            "--region",
+            "10,10 80,10 80,50",
+            "--save",
+            saved,
+            "--json",
+        )
+    )
+    assert ended.code == Exit.FINDINGS
+    assert [each["filename"] for each in ended.json["items"]] == ["a.DNG"]
+    assert [each["code"] for each in ended.json["not_measured"]] == ["iso_not_calibrated"]
+    assert "measured: 1 of 1" in ended.err
+    assert saved.read_text().count("a.DNG") == 2
+    rows = json.loads(team.client.save_measurements(made.id, tmp_path / "night.json").read_text())["rows"]
+    assert [row["filename"] for row in rows] == ["a.DNG", "a.DNG"]
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,8 @@
-// A night of measurements: what was measured of its frames, and where to go on.
+// A night of measurements: all frames measured with one request, and what came of it.
 
 import { get } from "../api.js";
-import { h, may } from "../dom.js";
+import { fill, h, may } from "../dom.js";
+import { counted } from "../format.js";
 import { empty, load } from "../states.js";
 import { measurementTable } from "../measurement/table.js";
 
@@ -9,7 +10,25 @@ const SHOWN = 100;
 
 export function nightSection(state) {
   const results = h("div");
+  const head = h("div");
   const show = () => load(results, () => get(`/v1/measurements?campaign_id=${state.id}&limit=${SHOWN}`), ({ items, next }) => (items.length ? [measurementTable(items), next ? h("p", {}, h("a", { href: `/measurements?campaign_id=${state.id}` }, "All measurements of this night")) : null] : empty("No measurements yet", "Frames are measured with the published calibration of their camera.")));
+  const draw = () => {
+    const file = (name, text) => h("a", { class: "button quiet", href: name, download: "" }, text);
+    const of = `${state.path}/measurements`;
+    fill(
+      head,
+      h("p", { class: "muted" }, `${state.campaign.measured} of ${counted(state.frames.length, "frame")} measured.`),
+      h(
+        "p",
+        { class: "actions" },
+        may("upload") && state.frames.length ? h("a", { class: "button primary", href: `/measurements/new?campaign=${state.id}&all` }, "Measure all frames") : null,
+        may("upload") && state.frames.length ? h("a", { class: "button", href: `/measurements/new?campaign=${state.id}` }, "Measure a frame") : null,
+        state.campaign.measured ? [file(`${of}.csv`, "CSV"), file(`${of}.geojson`, "GeoJSON"), file(`/v1/series/measurements?campaign_id=${state.id}&format=json`, "JSON")] : null,
+      ),
+    );
+  };
+  state.on("campaign", draw);
+  draw();
   show();
-  return [may("upload") ? h("p", { class: "actions" }, h("a", { class: "button primary", href: `/measurements/new?campaign=${state.id}` }, "Measure a frame")) : null, results];
+  return [head, results];
 }

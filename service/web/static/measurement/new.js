@@ -1,8 +1,10 @@
-// Measure a frame: which, where on it, with what.
+// Measure a frame, or all of a night: which, where on it, with what.
 
 import { all, get, post, Problem } from "../api.js";
 import { byId, fill, h, may } from "../dom.js";
-import { day } from "../format.js";
+import { causeList } from "../causes.js";
+import { counted, day } from "../format.js";
+import { groupBy } from "../groups.js";
 import { followJob } from "../live.js";
 import { labelOf, methodOf } from "../methods.js";
 import { act, empty, failed, load } from "../states.js";
@@ -14,6 +16,9 @@ import { isRead } from "../campaign/state.js";
 import { regionPart } from "./region.js";
 
 const LOOKED_AT = 6;
+const MOST_NAMED = 5;
+/** In place of a frame's id: every field frame of the campaign. */
+const ALL = "all";
 
 const asked = new URL(location.href).searchParams;
 const form = byId("new-measurement");
@@ -46,7 +51,7 @@ async function begin() {
       const [frames, versions, roi] = await Promise.all([framesOf(chosen.campaign), all(`/v1/cameras/${chosen.campaign.camera_id}/calibrations?method=${chosen.campaign.method}`), chosen.campaign.roi_id ? get(`/v1/campaigns/${chosen.campaign.id}/roi`) : null]);
       chosen.frames = frames;
       chosen.roi = roi;
-      fill(frame, frames.map((each) => h("option", { value: each.id, selected: each.id === wanted?.id }, each.filename)));
+      fill(frame, frames.length > 1 ? h("option", { value: ALL, selected: asked.has("all") }, `All ${frames.length} field frames`) : null, frames.map((each, at) => h("option", { value: each.id, selected: wanted ? each.id === wanted.id : !asked.has("all") && !at }, each.filename)));
       fill(note, frames.length ? null : empty("No field frames", "Send frames with the role field to this campaign.", h("a", { class: "button", href: `/campaigns/${chosen.campaign.id}` }, "Open campaign")));
       rest.hidden = !frames.length;
       offerSettings(versions);
@@ -55,7 +60,7 @@ async function begin() {
       fill(note, failed(error, offerFrames));
     }
   }
-  const rest = h("div", { class: "stack-wide" }, place, section("With", settings), h("div", { class: "actions" }, h("button", { type: "submit", class: "primary" }, "Measure"), h("span", { class: "muted", role: "status", id: "progress" })));
+  const rest = h("div", { class: "stack-wide" }, place, section("With", settings), h("div", { class: "actions" }, h("button", { type: "submit", class: "primary" }, "Measure"), h("span", { class: "muted", role: "status", id: "progress" })), h("div", { id: "outcome" }));
   const ready = offerFrames();
   await ready;
   return h("div", { class: "stack-wide" }, section("Frame", h("div", { class: "fields" }, field("Campaign", campaign), field("Frame", frame), averagedField), note), rest);
@@ -72,13 +77,14 @@ async function newestWithField(campaigns) {
 }
 
 async function choose(id) {
-  const frame = chosen.frames.find((each) => each.id === id);
+  chosen.all = id === ALL;
+  const frame = chosen.all ? chosen.frames[0] : chosen.frames.find((each) => each.id === id);
   chosen.frame = frame;
   const alike = chosen.frames.filter((each) => each.id !== id && SAME.every((name) => each[name] === frame[name]));
-  averaged.parentElement.hidden = !alike.length || !methodOf(chosen.campaign.method).measurement_options.includes("frame_ids");
-  fill(averaged, alike.map((each) => h("option", { value: each.id }, each.filename)));
-  const roi = frame.roi_id ? await get(`/v1/frames/${id}/roi`) : chosen.roi;
-  if (chosen.frame === frame) region.show(frame, roi?.polygon);
+  averaged.parentElement.hidden = chosen.all || !alike.length || !methodOf(chosen.campaign.method).measurement_options.includes("frame_ids");
+  fill(averaged, (chosen.all ? [] : alike).map((each) => h("option", { value: each.id }, each.filename)));
+  const roi = frame.roi_id && !chosen.all ? await get(`/v1/frames/${id}/roi`) : chosen.roi;
+  if (chosen.frame === frame) region.show(chosen.all ? { ...frame, roi_id: null } : frame, roi?.polygon);
 }
 
 function offerSettings(versions) {
@@ -116,7 +122,7 @@ async function measure() {
   const name = ["reflectance", "incidence_angle_deg"].find((each) => options.includes(each));
   const repeats = [...averaged.selectedOptions].map((each) => each.value);
   const body = {
-    ...(repeats.length ? { frame_ids: [chosen.frame.id, ...repeats] } : { frame_id: chosen.frame.id }),
+    ...(chosen.all ? {} : repeats.length ? { frame_ids: [chosen.frame.id, ...repeats] } : { frame_id: chosen.frame.id }),
     ...(place.hidden ? {} : region.read()),
     ...chosen.conditions.read(),
     ...(said === undefined ? {} : { [name]: said }),
@@ -126,6 +132,7 @@ async function measure() {
   };
   try {
     progress.textContent = "Asking…";
+    if (chosen.all) return void (await measureAll(body, progress));
     const started = await post("/v1/measurements", body);
     const job = await followJob(started.id, (each) => (progress.textContent = each.state === "queued" ? "Queued…" : `Measuring, ${Math.round(100 * each.progress)} %`));
     if (job.state !== "succeeded") throw new Problem(job.error);
@@ -133,4 +140,25 @@ async function measure() {
   } finally {
     progress.textContent = "";
   }
+}
+
+/** Measure every field frame; the service goes on by itself when this page is left. */
+async function measureAll(body, progress) {
+  const path = `/campaigns/${chosen.campaign.id}`;
+  let measured = 0;
+  const { jobs, not_measured: left } = await post(`/v1${path}/measurements`, body);
+  for (const [done, begun] of jobs.entries()) {
+    progress.textContent = `${done} of ${counted(jobs.length, "frame")} measured. This page may be closed.`;
+    const job = await followJob(begun.id);
+    if (job.state === "succeeded") measured += 1;
+    else left.push({ filename: begun.filename, code: job.error.code, detail: job.error.detail });
+  }
+  if (!left.length) return location.assign(`${path}#measure`);
+  const causes = [...groupBy(left, (each) => each.code).values()].map((some) => ({
+    mark: "warn",
+    title: `${counted(some.length, "frame")} not measured`,
+    where: `${some[0].detail} ${some.length > 1 ? `The same: ${some.slice(1, MOST_NAMED + 1).map((each) => each.filename).join(", ")}${some.length > MOST_NAMED + 1 ? ` and ${some.length - MOST_NAMED - 1} more` : ""}.` : ""}`,
+    actions: [],
+  }));
+  fill(byId("outcome"), h("p", { class: "note" }, `${counted(measured, "frame")} measured. `, h("a", { href: `${path}#measure` }, "Results")), causeList(causes));
 }

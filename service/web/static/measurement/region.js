@@ -8,8 +8,8 @@ import { numberOf, wrong } from "../campaign/numbers.js";
 import { faultOf } from "../campaign/polygon.js";
 
 const KINDS = [
-  ["drawn", "New region", "A polygon for this measurement only."],
-  ["set", "Existing region", "The region of the frame, else that of its campaign, which is where the calibration was made."],
+  ["drawn", "New region", "A polygon for this measurement only; of several frames, the same in each."],
+  ["set", "Existing region", "The region of each frame, else that of its campaign."],
   ["grid", "Surface with cells", "Four corners of a rectangle on the ground, in the order top left, top right, bottom right, bottom left. Returns L of each cell and the uniformity."],
 ];
 
@@ -39,7 +39,7 @@ export function regionPart() {
     cells.hidden = kind !== "grid";
     canvas.element.inert = kind === "set";
     editor.load(kind === "set" && before.length ? [{ name: "", points: before, closed: true }] : []);
-    fill(note, kind === "set" && !before.length ? "The campaign has no region. The measurement fails unless the frame has one." : "");
+    fill(note, kind === "set" && !before.length ? "The campaign has no region. Frames without their own are not measured." : "");
   }
 
   function take(text) {
