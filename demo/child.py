@@ -1,19 +1,19 @@
 """The service as a child process that never outlives the demo, however the demo ends."""
 
-import ctypes
 import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from service.launch.lifeline import die_with_parent
+
 COMMAND = (sys.executable, "-m", "service.up")
 
 _ROOT = Path(__file__).resolve().parent.parent
-_PR_SET_PDEATHSIG = 1
 _STOPS_WITHIN_S = 30.0
 
 
@@ -47,7 +47,8 @@ def serving(data: Path, *, command: Sequence[str] = COMMAND) -> Iterator[Service
         text=True,
         # A group of its own: Ctrl-C in the terminal reaches the demo only, which stops all in order.
         process_group=0,
-        preexec_fn=_end_with_parent(),  # noqa: PLW1509 (it takes no lock)
+        # asks it to stop when the demo is gone, killed with -9 too: on Linux alone
+        preexec_fn=die_with_parent(signal.SIGTERM),  # noqa: PLW1509 (it takes no lock)
     )
     try:
         yield _await_ready(process)
@@ -73,23 +74,3 @@ def _stop(process: subprocess.Popen[str]) -> None:
         process.wait()
     if process.stdout is not None:
         process.stdout.close()
-
-
-def _end_with_parent() -> Callable[[], None]:
-    """Have the kernel ask the service to stop when the demo is gone, killed with -9 too.
-
-    Only Linux has this; elsewhere a demo that is killed with -9 leaves its service behind.
-    """
-    if sys.platform != "linux":
-        return lambda: None
-    # Looked up here: between fork and exec a child of a process with threads may take no lock.
-    prctl = ctypes.CDLL(None, use_errno=True).prctl
-    parent = os.getpid()
-
-    def tie() -> None:
-        prctl(_PR_SET_PDEATHSIG, int(signal.SIGTERM), 0, 0, 0)
-        # The demo may have died before the line above: then no signal will ever come.
-        if os.getppid() != parent:
-            os._exit(1)
-
-    return tie

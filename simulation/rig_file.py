@@ -1,7 +1,6 @@
 """Files of one band as MicaSense and DJI cameras write them: 16 bits, EXIF, GPS, and all else in XMP."""
 
 import math
-from datetime import datetime
 from pathlib import Path
 from xml.sax.saxutils import escape
 
@@ -9,20 +8,8 @@ from radiometry.frame import FrameHeader
 from radiometry.frame.light import SunshineIrradiance
 from radiometry.frame.multispectral import Multispectral
 from simulation.camera import Taken
-from simulation.sequoia_file import locate
-from simulation.tiff import (
-    ASCII,
-    BYTE,
-    LONG,
-    RATIONAL,
-    SHORT,
-    Entries,
-    TiffWriter,
-    append_strip,
-    approximate,
-    describe_exposure,
-    describe_image,
-)
+from simulation.sequoia_file import read_band, write_band
+from simulation.tiff import ASCII, RATIONAL, SHORT, Entries, approximate
 
 _W_PER_UW = 0.01
 _ADDRESSES = {
@@ -37,40 +24,23 @@ Values = dict[str, str | float | tuple[float, ...] | None]
 
 def name_rig_file(number: int, header: FrameHeader) -> str:
     """Return a name as MicaSense gives: IMG_0004_2.tif."""
-    band = _band(header)
+    band = read_band(header)
     return f"IMG_{number:04}_{(band.rig_camera_index or 0) + 1}_{band.band.upper()}.TIF"
 
 
 def write_rig(path: Path, shot: Taken) -> None:
     """Write one band, from which a reader gets the same header and the same samples."""
-    header, band, samples = shot.header, _band(shot.header), shot.frame.samples_dn
-    writer = TiffWriter()
-    taken_at = datetime.fromisoformat(header.taken_at or "")
+    band = read_band(shot.header)
     lens = band.geometry
-    exif: Entries = {42033: (ASCII, header.serial)}  # BodySerialNumber
+    exif: Entries = {42033: (ASCII, shot.header.serial)}  # BodySerialNumber
     if lens is not None and lens.pixels_per_mm is not None and band.gain_model is None:
         exif |= {
             41486: (RATIONAL, approximate(lens.pixels_per_mm[0])),  # FocalPlaneXResolution
             41487: (RATIONAL, approximate(lens.pixels_per_mm[1])),  # FocalPlaneYResolution
             41488: (SHORT, 4),  # FocalPlaneResolutionUnit: millimetres
         }
-    exposure = describe_exposure(shot.exposure.on_basis("nominal"), taken_at)
-    tags: Entries = {
-        271: (ASCII, header.make),
-        272: (ASCII, header.model),
-        305: (ASCII, header.software),
-        700: (BYTE, _packet(band)),  # XMP
-        34665: (LONG, writer.directory(exposure | exif)),
-        34853: (LONG, writer.directory(locate(header))),
-        50714: (SHORT, round(header.black_level_dn[0])),  # BlackLevel
-    }
-    image = describe_image(samples, photometric=1) | append_strip(writer, samples)
-    path.write_bytes(writer.finish(writer.directory(image | tags)))
-
-
-def _band(header: FrameHeader) -> Multispectral:
-    assert header.multispectral is not None  # noqa: S101  every simulated rig has one
-    return header.multispectral
+    black: Entries = {50714: (SHORT, round(shot.header.black_level_dn[0]))}  # BlackLevel
+    write_band(path, shot, packet=_packet(band), exif=exif, tags=black)
 
 
 def _packet(band: Multispectral) -> bytes:

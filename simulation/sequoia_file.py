@@ -35,46 +35,53 @@ Numbers = tuple[float, ...]
 def name_file(number: int, header: FrameHeader) -> str:
     """Return the name that the camera gives: IMG_180413_080000_0000_GRE.TIF."""
     taken = datetime.fromisoformat(header.taken_at or "")
-    return f"IMG_{taken:%y%m%d_%H%M%S}_{number:04}_{_FILE_NAMES[_band(header).band]}.TIF"
+    return f"IMG_{taken:%y%m%d_%H%M%S}_{number:04}_{_FILE_NAMES[read_band(header).band]}.TIF"
 
 
 def write_sequoia(path: Path, shot: Taken) -> None:
     """Write one band, from which a reader gets the same header and the same samples."""
-    header, samples = shot.header, shot.frame.samples_dn
-    writer = TiffWriter()
+    band = read_band(shot.header)
     tags: Entries = {
-        271: (ASCII, header.make),
-        272: (ASCII, header.model),
-        305: (ASCII, header.software),
-        700: (BYTE, _packet(_band(header))),  # XMP
-        34665: (LONG, writer.directory(_describe(shot))),
-        34853: (LONG, writer.directory(locate(header))),
-        50714: (RATIONAL, (round(header.black_level_dn[0] * 10_000), 10_000)),  # BlackLevel
-        50735: (ASCII, header.serial),  # CameraSerialNumber
+        50714: (RATIONAL, (round(shot.header.black_level_dn[0] * 10_000), 10_000)),  # BlackLevel
+        50735: (ASCII, shot.header.serial),  # CameraSerialNumber
     }
-    image = describe_image(samples, photometric=1) | append_strip(writer, samples)
-    path.write_bytes(writer.finish(writer.directory(image | tags)))
-
-
-def _band(header: FrameHeader) -> Multispectral:
-    assert header.multispectral is not None  # noqa: S101  every simulated Sequoia has one
-    return header.multispectral
-
-
-def _describe(shot: Taken) -> Entries:
     # The camera writes its monotonic clock, that of the sunshine records, as the time of digitisation.
-    clock = datetime.fromtimestamp(0, UTC) + timedelta(microseconds=_band(shot.header).exposed_at_us or 0)
-    taken_at = datetime.fromisoformat(shot.header.taken_at or "")
-    return describe_exposure(shot.exposure.on_basis("nominal"), taken_at) | {
+    clock = datetime.fromtimestamp(0, UTC) + timedelta(microseconds=band.exposed_at_us or 0)
+    exif: Entries = {
         36868: (ASCII, f"{clock:%Y:%m:%d %H:%M:%S}"),  # DateTimeDigitized
         37522: (ASCII, f"{clock:%f}"),  # SubSecTimeDigitized
         41486: (RATIONAL, approximate(PIXELS_PER_MM)),  # FocalPlaneXResolution
         41487: (RATIONAL, approximate(PIXELS_PER_MM)),  # FocalPlaneYResolution
         41488: (SHORT, 4),  # FocalPlaneResolutionUnit: millimetres
     }
+    write_band(path, shot, packet=_packet(band), exif=exif, tags=tags)
 
 
-def locate(header: FrameHeader) -> Entries:
+def write_band(path: Path, shot: Taken, *, packet: bytes, exif: Entries, tags: Entries) -> None:
+    """Write one band with its XMP packet, and the entries that its maker adds."""
+    header, samples = shot.header, shot.frame.samples_dn
+    writer = TiffWriter()
+    taken_at = datetime.fromisoformat(header.taken_at or "")
+    exposure = describe_exposure(shot.exposure.on_basis("nominal"), taken_at)
+    tags |= {
+        271: (ASCII, header.make),
+        272: (ASCII, header.model),
+        305: (ASCII, header.software),
+        700: (BYTE, packet),  # XMP
+        34665: (LONG, writer.directory(exposure | exif)),
+        34853: (LONG, writer.directory(_locate(header))),
+    }
+    image = describe_image(samples, photometric=1) | append_strip(writer, samples)
+    path.write_bytes(writer.finish(writer.directory(image | tags)))
+
+
+def read_band(header: FrameHeader) -> Multispectral:
+    """Return what the header of a simulated frame says of its band."""
+    assert header.multispectral is not None  # noqa: S101  every simulated rig has one
+    return header.multispectral
+
+
+def _locate(header: FrameHeader) -> Entries:
     """Return the GPS entries of a position."""
     latitude, longitude = header.latitude_deg or 0.0, header.longitude_deg or 0.0
     return {
