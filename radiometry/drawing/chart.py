@@ -229,7 +229,8 @@ def _draw_legend(panel: Panel, figure: Figure, *, in_print: bool) -> tuple[list[
         at = f'transform="translate({x:.1f} {y:.1f})"'
         symbol = f'<path class="point {_colour(place)}" {at} d="{_symbol(place)}"/>'
         line = f'<path class="line {_colour(place)}" {at} d="M-12 0H12"/>'
-        shown = (line if each.line or each.model else "") + (symbol if each.marks else "")
+        lined = bool(each.line or each.model)
+        shown = (line if lined else "") + (symbol if each.marks or not lined else "")
         text = f'<text x="{x + 16:.1f}" y="{y + 4:.1f}">{escape(each.name)}</text>'
         legend.append(f'<g class="legend" data-series="{place}">{shown}{text}</g>')
     bottom = top + _LINE_PX * -(-len(named) // columns)
