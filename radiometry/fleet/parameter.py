@@ -137,20 +137,9 @@ def _judge_one_camera(
         cameras=1,
         repeats=len(rows),
         mean=mean,
-        within_variance=None,
-        between_variance=None,
         dof=len(rows) - 1,
-        f_statistic=None,
-        f_p_value=None,
-        effects=(),
-        judgement=None,
         tolerance=limit,
-        repeatability=None,
-        cost=None,
-        costliest=None,
-        repeats_needed=None,
         cameras_without=without,
-        flags=(),
     )
 
 

@@ -104,20 +104,20 @@ class ParameterVerdict:
     cameras: int
     repeats: int
     mean: Quantity
-    within_variance: Quantity | None
-    between_variance: Quantity | None
+    within_variance: Quantity | None = None
+    between_variance: Quantity | None = None
     dof: int
-    f_statistic: float | None
-    f_p_value: float | None
-    effects: tuple[Effect, ...]
-    judgement: Judgement | None
+    f_statistic: float | None = None
+    f_p_value: float | None = None
+    effects: tuple[Effect, ...] = ()
+    judgement: Judgement | None = None
     tolerance: Tolerance | None
-    repeatability: Quantity | None
-    cost: Quantity | None
-    costliest: str | None
-    repeats_needed: int | None
+    repeatability: Quantity | None = None
+    cost: Quantity | None = None
+    costliest: str | None = None
+    repeats_needed: int | None = None
     cameras_without: tuple[str, ...]
-    flags: tuple[Raised, ...]
+    flags: tuple[Raised, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

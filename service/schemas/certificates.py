@@ -13,7 +13,7 @@ from service.schemas.calibrations import Gap
 from service.schemas.equipment import Certificate as MeterCertificate
 from service.schemas.equipment import Lens
 from store.queries.calibrations import VersionStatus
-from store.tables import Camera, ChecklistSignature, Publication
+from store.tables import Camera, ChecklistSignature, Publication, Reading
 
 DaysFrom = Literal["readings", "campaign", "frames"]
 
@@ -71,18 +71,13 @@ class UsedPanel(Answer):
     bands: list[UsedPanelBand]
 
 
-class UsedReading(Answer):
+class UsedReading(Answer, restates=Reading, fields="scene quantity value taken_at meter_id"):
     """``value`` in SI; the last two as the fit took them from the meter's certificate."""
 
-    scene: str
-    quantity: str
-    value: float
     unit: str
     entered_value: float | None = None
     entered_unit: str | None = None
-    taken_at: Instant | None = None
     meter: str | None = None
-    meter_id: str | None = None
     expanded_uncertainty_rel: float | None = None
     coverage_factor: float | None = None
 

@@ -4,11 +4,12 @@ from typing import Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
-from service.schemas.base import Answer, Form, Instant, LongText, Text
+from service.schemas.base import Answer, Form, LongText, Text
 from service.schemas.calibrations import State
 from service.schemas.history import TouchedMeasurement
+from store.queries.calibrations import VersionStatus
 from store.recalls import Condemned
-from store.tables import Recall
+from store.tables import Calibration, Recall
 
 _CAUSES = ("meter_id", "meter_certificate_number", "software", "recorder")
 
@@ -43,18 +44,15 @@ class NewPurge(Form):
     reason: LongText
 
 
-class CondemnedVersion(Answer):
+class CondemnedVersion(
+    Answer, restates=(Calibration, VersionStatus), fields="camera_id method version valid_from valid_to"
+):
     calibration_id: str
-    camera_id: str
     camera: str = Field(description="Make, model and serial number.")
-    method: str
-    version: int
     state: State
     in_force: bool = Field(
         description="Whether it is in force for any time, as known now: `valid_from` to `valid_to`."
     )
-    valid_from: Instant | None = None
-    valid_to: Instant | None = None
     measurements: list[TouchedMeasurement] = Field(
         description="Made with it. The successor of each is a version that the recall does not revoke."
     )
