@@ -7,13 +7,20 @@ from radiometry.geometry import codes, method
 from radiometry.geometry.camera import UNITS
 from radiometry.geometry.certificate import CERTIFICATE, RIG_CERTIFICATE
 from radiometry.geometry.effects import DISTORTION, move_corner
+from radiometry.geometry.features import Features
+from radiometry.geometry.fit import fit_geometry, list_coefficients
 from radiometry.geometry.key_figures import list_key_figures
 from radiometry.geometry.plots import PLOTS
+from radiometry.geometry.results import Fit
 from radiometry.geometry.rig.codes import FINDINGS as RIG_FINDINGS
 from radiometry.geometry.rig.exports import EXPORTS as RIG_EXPORTS
 from radiometry.geometry.rig.members import count_shared, list_quantities, orient_members
 from radiometry.geometry.rig.results import RigFit
-from radiometry.geometry.suggestions import find_gaps
+from radiometry.geometry.rows import Params
+from radiometry.geometry.suggestions import find_gaps, plan_views
+from radiometry.geometry.target import Target
+from radiometry.geometry.undistortion import require_size, undistort_frame
+from radiometry.geometry.views import missing
 from radiometry.geometry.written import EXPORTS
 from radiometry.specification.application import PictureApplication
 from radiometry.specification.coefficients import CoefficientEffect, CoefficientKind
@@ -41,10 +48,10 @@ SPEC: Final = MethodSpec(
     description="Focal length, principal point and distortion, from views of a plane board.",
     schema_version=1,
     roles=(CHART,),
-    params=method.Params,
-    result=method.Fit,
-    features=method.Features,
-    target=method.Target,
+    params=Params,
+    result=Fit,
+    features=Features,
+    target=Target,
     target_example={"kind": "checkerboard", "columns": 9, "rows": 6, "square_size_mm": 25.0},
     whole_frame=True,
     manual_exposure=False,
@@ -66,12 +73,12 @@ SPEC: Final = MethodSpec(
     ),
     findings=(*codes.FINDINGS, *RIG_FINDINGS),
     extract=method.extract,
-    missing=drop_readings(method.missing),
+    missing=drop_readings(missing),
     judge=lambda frames, rows, _, params: method.judge(frames, rows, params),
-    plan=drop_readings(method.plan),
+    plan=drop_readings(plan_views),
     find_gaps=drop_readings(find_gaps),
-    fit=drop_readings(method.fit),
-    list_coefficients=method.list_coefficients,
+    fit=drop_readings(fit_geometry),
+    list_coefficients=list_coefficients,
     list_key_figures=list_key_figures,
     plots=PLOTS,
     certificate=CERTIFICATE,
@@ -87,8 +94,8 @@ SPEC: Final = MethodSpec(
     application=PictureApplication(
         quantity="undistorted picture",
         unit="DN",
-        require_size=method.require_size,
-        undistort_frame=method.undistort_frame,
+        require_size=require_size,
+        undistort_frame=undistort_frame,
     ),
     applied="camera",
 )

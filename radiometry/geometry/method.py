@@ -18,44 +18,10 @@ from radiometry.fitting.evidence import Extracted, Region
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.verdicts import ReviewedFrame, Verdict
-from radiometry.geometry.camera import CameraModel
-from radiometry.geometry.exports import export_json, export_opencv, export_ros
 from radiometry.geometry.features import Features, extract_features
-from radiometry.geometry.fit import fit_geometry as fit
-from radiometry.geometry.fit import list_coefficients
-from radiometry.geometry.results import Coefficient, Coverage, CurvePoint, Fit, Point
 from radiometry.geometry.rows import FrameRow, Params
-from radiometry.geometry.suggestions import plan_views as plan
 from radiometry.geometry.target import Target
-from radiometry.geometry.undistortion import Undistorted, require_size, undistort, undistort_frame
 from radiometry.geometry.verdicts import judge_frames
-from radiometry.geometry.views import missing
-
-__all__ = [
-    "CameraModel",
-    "Coefficient",
-    "Coverage",
-    "CurvePoint",
-    "Features",
-    "Fit",
-    "FrameRow",
-    "Params",
-    "Point",
-    "Target",
-    "Undistorted",
-    "export_json",
-    "export_opencv",
-    "export_ros",
-    "extract",
-    "fit",
-    "judge",
-    "list_coefficients",
-    "missing",
-    "plan",
-    "require_size",
-    "undistort",
-    "undistort_frame",
-]
 
 
 def extract(

@@ -11,6 +11,10 @@ from radiometry.luminance.certificate import CERTIFICATE
 from radiometry.luminance.gaps import find_gaps
 from radiometry.luminance.key_figures import list_key_figures
 from radiometry.luminance.plots import PLOTS, split
+from radiometry.luminance.results import Fit
+from radiometry.luminance.rows import Params, Reading
+from radiometry.luminance.suggestions import plan
+from radiometry.luminance.verdicts import judge
 from radiometry.specification.coefficients import Budget, CoefficientEffect, CoefficientKind
 from radiometry.specification.grid import Grid
 from radiometry.specification.method import MethodSpec
@@ -25,11 +29,11 @@ SPEC: Final = MethodSpec(
     "with a luminance meter's readings, and dark frames.",
     schema_version=1,
     roles=(LIGHT, DARK),
-    params=method.Params,
-    result=method.Fit,
+    params=Params,
+    result=Fit,
     reference="meter",
     has_checklist=True,
-    reading=method.Reading,
+    reading=Reading,
     passed_on=(
         codes.METER_CERTIFICATE_MISSING,
         codes.OFFSET_SIGNIFICANT,
@@ -52,8 +56,8 @@ SPEC: Final = MethodSpec(
     ),
     make_row=method.make_row,
     missing=method.missing,
-    judge=method.judge,
-    plan=method.plan,
+    judge=judge,
+    plan=plan,
     grid=Grid(rows="scene", columns=("iso", "f_number")),
     find_gaps=find_gaps,
     fit=method.fit,

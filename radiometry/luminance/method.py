@@ -20,44 +20,15 @@ from radiometry.frame import Frame
 from radiometry.frame.roi import Polygon, Window, mask
 from radiometry.frame.statistics import ChannelStatistics, compute_statistics
 from radiometry.luminance import codes
-from radiometry.luminance.application import apply_coefficient as apply
-from radiometry.luminance.application import luminance_per_dn
 from radiometry.luminance.checks import check_iso_fit, check_series
-from radiometry.luminance.coefficient import Coefficient
 from radiometry.luminance.curves import fit_series
-from radiometry.luminance.measured import AppliedLuminance
 from radiometry.luminance.missing import list_missing, list_unread_scenes, require_shares
 from radiometry.luminance.points import collect_series
-from radiometry.luminance.results import Fit, IsoFit, ModelFit, Point, SceneSummary, SpectralQuality
+from radiometry.luminance.results import Fit, IsoFit, SpectralQuality
 from radiometry.luminance.rows import FrameRow, Params, Reading
 from radiometry.luminance.scenes import check_scenes, meter_calibration_u_rel, summarise_scenes
-from radiometry.luminance.suggestions import plan
-from radiometry.luminance.verdicts import judge
 from radiometry.spectral.curves import describe_curve, list_lamps, list_responses
 from radiometry.spectral.mismatch import compute_f1_prime
-
-__all__ = [
-    "AppliedLuminance",
-    "Coefficient",
-    "Fit",
-    "FrameRow",
-    "IsoFit",
-    "ModelFit",
-    "Params",
-    "Point",
-    "Reading",
-    "SceneSummary",
-    "apply",
-    "extract",
-    "fit",
-    "judge",
-    "list_coefficients",
-    "luminance_per_dn",
-    "make_row",
-    "missing",
-    "plan",
-]
-
 
 _DISCOUNTED = 0.1
 _USUAL_CERTIFICATE_U_REL = 0.015

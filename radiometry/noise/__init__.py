@@ -3,10 +3,15 @@
 from typing import Final
 
 from radiometry.noise import codes, method
+from radiometry.noise.blocks import Features
 from radiometry.noise.certificate import CERTIFICATE
 from radiometry.noise.key_figures import list_key_figures
 from radiometry.noise.plots import PLOTS, split
-from radiometry.noise.suggestions import find_gaps
+from radiometry.noise.points import missing
+from radiometry.noise.results import Fit
+from radiometry.noise.rows import Params
+from radiometry.noise.suggestions import find_gaps, plan
+from radiometry.noise.verdicts import judge
 from radiometry.specification.coefficients import CoefficientKind
 from radiometry.specification.grid import Grid
 from radiometry.specification.method import MethodSpec, drop_readings, drop_target
@@ -20,9 +25,9 @@ SPEC: Final = MethodSpec(
     description="System gain, read noise, dynamic range and linearity, from pairs of equal frames.",
     schema_version=1,
     roles=(FLAT, LIGHT, DARK),
-    params=method.Params,
-    result=method.Fit,
-    features=method.Features,
+    params=Params,
+    result=Fit,
+    features=Features,
     whole_frame=True,
     coefficients=(
         CoefficientKind(name="system_gain_dn_per_e", label="System gain", units=("DN/e-",)),
@@ -41,9 +46,9 @@ SPEC: Final = MethodSpec(
     ),
     findings=codes.FINDINGS,
     extract=drop_target(method.extract),
-    missing=drop_readings(method.missing),
-    judge=lambda frames, rows, _, params: method.judge(frames, rows, params),
-    plan=drop_readings(method.plan),
+    missing=drop_readings(missing),
+    judge=lambda frames, rows, _, params: judge(frames, rows, params),
+    plan=drop_readings(plan),
     grid=Grid(rows="exposure_time_s", columns=("iso",)),
     find_gaps=drop_readings(find_gaps),
     fit=drop_readings(method.fit),

@@ -24,27 +24,8 @@ from radiometry.noise.blocks import Features, FrameRow, extract_features
 from radiometry.noise.findings import check_fits, check_headers
 from radiometry.noise.fit import fit_channel
 from radiometry.noise.points import collect_stacks, describe_points, missing
-from radiometry.noise.results import TRANSFER_EQUATION, ChannelFit, Fit, LevelResult, Point
+from radiometry.noise.results import TRANSFER_EQUATION, ChannelFit, Fit
 from radiometry.noise.rows import Params
-from radiometry.noise.suggestions import plan
-from radiometry.noise.verdicts import judge
-
-__all__ = [
-    "ChannelFit",
-    "Features",
-    "Fit",
-    "FrameRow",
-    "LevelResult",
-    "Params",
-    "Point",
-    "extract",
-    "fit",
-    "judge",
-    "list_coefficients",
-    "missing",
-    "plan",
-]
-
 
 FIGURES = (
     "system_gain_dn_per_e",

@@ -6,8 +6,15 @@ from radiometry.reflectance import codes, method
 from radiometry.reflectance.applying import APPLICATION
 from radiometry.reflectance.budget import list_budgets
 from radiometry.reflectance.certificate import CERTIFICATE
+from radiometry.reflectance.features import Features
+from radiometry.reflectance.findings import review_frame
 from radiometry.reflectance.key_figures import list_key_figures
+from radiometry.reflectance.panel_transfer import take_region
 from radiometry.reflectance.plots import PLOTS
+from radiometry.reflectance.results import Fit
+from radiometry.reflectance.rows import Params, Reading
+from radiometry.reflectance.sunshine import measure_sunshine
+from radiometry.reflectance.verdicts import judge, plan
 from radiometry.specification.coefficients import CoefficientEffect, CoefficientKind
 from radiometry.specification.grid import Grid
 from radiometry.specification.method import MethodSpec, drop_target
@@ -23,11 +30,11 @@ SPEC: Final = MethodSpec(
     schema_version=1,
     roles=(PANEL,),
     applied_roles=(FIELD,),
-    params=method.Params,
-    result=method.Fit,
-    features=method.Features,
+    params=Params,
+    result=Fit,
+    features=Features,
     reference="panel",
-    reading=method.Reading,
+    reading=Reading,
     finds_region=True,
     manual_exposure=False,
     coefficients=(
@@ -39,14 +46,14 @@ SPEC: Final = MethodSpec(
         ),
     ),
     findings=codes.FINDINGS,
-    check_frame=method.review_frame,
+    check_frame=review_frame,
     extract=drop_target(method.extract),
     find_region=method.find_region,
-    take_region=method.take_region,
+    take_region=take_region,
     make_row=method.make_row,
     missing=method.missing,
-    judge=method.judge,
-    plan=method.plan,
+    judge=judge,
+    plan=plan,
     grid=Grid(rows="capture_id", columns=("band",)),
     fit=method.fit,
     list_coefficients=method.list_coefficients,
@@ -56,7 +63,7 @@ SPEC: Final = MethodSpec(
     certificate=CERTIFICATE,
     application=APPLICATION,
     applied="band_fits",
-    measure_light=method.measure_sunshine,
+    measure_light=measure_sunshine,
     list_budgets=list_budgets,
     configure=method.configure,
 )

@@ -18,16 +18,12 @@ from radiometry.fitting.evidence import CoefficientValue, Extracted, FrameEviden
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.reflectance import codes
-from radiometry.reflectance.application import apply_features as apply
-from radiometry.reflectance.application import scale_pixels
 from radiometry.reflectance.features import Features, extract_features
-from radiometry.reflectance.findings import check_candidates, check_fit, check_frame, review_frame
+from radiometry.reflectance.findings import check_candidates, check_fit
 from radiometry.reflectance.fit import describe_point, fit_bands
 from radiometry.reflectance.imaging import find_black_dn
-from radiometry.reflectance.indices import BandMap, IndexMap, compute_index
 from radiometry.reflectance.panel import require_one_panel
 from radiometry.reflectance.panel_code import FoundPanel, find_panel, find_stated_panel
-from radiometry.reflectance.panel_transfer import take_region
 from radiometry.reflectance.points import (
     Candidate,
     collect_candidates,
@@ -35,51 +31,9 @@ from radiometry.reflectance.points import (
     list_missing,
     require_flat_angle,
 )
-from radiometry.reflectance.results import AppliedReflectance, BandFit, Coefficient, Effect, Fit, Knot, Point
+from radiometry.reflectance.results import Fit
 from radiometry.reflectance.rows import FrameRow, Params, Reading
-from radiometry.reflectance.scale import Scale, find_scale_of_frame
-from radiometry.reflectance.sunshine import Sunshine, measure_sunshine
-from radiometry.reflectance.tilt import TiltParams
-from radiometry.reflectance.verdicts import judge, plan
 from radiometry.reflectance.visits import check_times
-
-__all__ = [
-    "AppliedReflectance",
-    "BandFit",
-    "BandMap",
-    "Coefficient",
-    "Effect",
-    "Features",
-    "Fit",
-    "FoundPanel",
-    "FrameRow",
-    "IndexMap",
-    "Knot",
-    "Params",
-    "Point",
-    "Reading",
-    "Scale",
-    "Sunshine",
-    "TiltParams",
-    "apply",
-    "check_frame",
-    "compute_index",
-    "configure",
-    "extract",
-    "extract_features",
-    "find_region",
-    "find_scale_of_frame",
-    "fit",
-    "judge",
-    "list_coefficients",
-    "make_row",
-    "measure_sunshine",
-    "missing",
-    "plan",
-    "review_frame",
-    "scale_pixels",
-    "take_region",
-]
 
 
 def extract(

@@ -3,9 +3,14 @@
 from typing import Final
 
 from radiometry.sharpness import codes, method
+from radiometry.sharpness.candidates import missing
 from radiometry.sharpness.certificate import CERTIFICATE
+from radiometry.sharpness.features import Features
 from radiometry.sharpness.key_figures import list_key_figures
 from radiometry.sharpness.plots import PLOTS
+from radiometry.sharpness.results import Fit
+from radiometry.sharpness.rows import Params, Target
+from radiometry.sharpness.verdicts import judge, plan
 from radiometry.specification.coefficients import CoefficientEffect, CoefficientKind
 from radiometry.specification.grid import Grid
 from radiometry.specification.method import MethodSpec, drop_readings
@@ -27,10 +32,10 @@ SPEC: Final = MethodSpec(
     "blooming from a saturated spot.",
     schema_version=1,
     roles=(CHART,),
-    params=method.Params,
-    result=method.Fit,
-    features=method.Features,
-    target=method.Target,
+    params=Params,
+    result=Fit,
+    features=Features,
+    target=Target,
     target_example={"kind": "siemens_star", "cycles": 48},
     manual_exposure=False,
     several_regions=True,
@@ -66,9 +71,9 @@ SPEC: Final = MethodSpec(
     ),
     findings=codes.FINDINGS,
     extract=method.extract,
-    missing=drop_readings(method.missing),
-    judge=lambda frames, rows, _, params: method.judge(frames, rows, params),
-    plan=drop_readings(method.plan),
+    missing=drop_readings(missing),
+    judge=lambda frames, rows, _, params: judge(frames, rows, params),
+    plan=drop_readings(plan),
     grid=Grid(rows="f_number"),
     fit=drop_readings(method.fit),
     list_coefficients=method.list_coefficients,

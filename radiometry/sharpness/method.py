@@ -36,29 +36,9 @@ from radiometry.sharpness.findings import (
     name_position,
 )
 from radiometry.sharpness.merging import merge_position
-from radiometry.sharpness.resolution import convert_resolution, unresolved_diameter
 from radiometry.sharpness.results import Fit, Point, PositionFit
-from radiometry.sharpness.rows import FrameRow, Params, StarCentre, Target
+from radiometry.sharpness.rows import FrameRow, Params, Target
 from radiometry.sharpness.spots import SpotResponse
-from radiometry.sharpness.verdicts import judge, plan
-
-__all__ = [
-    "Features",
-    "Fit",
-    "Params",
-    "Point",
-    "PositionFit",
-    "StarCentre",
-    "Target",
-    "convert_resolution",
-    "extract",
-    "fit",
-    "judge",
-    "list_coefficients",
-    "missing",
-    "plan",
-    "unresolved_diameter",
-]
 
 
 def extract(

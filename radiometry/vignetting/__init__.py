@@ -10,9 +10,15 @@ from radiometry.specification.roles import DARK, FLAT
 from radiometry.vignetting import codes, method
 from radiometry.vignetting.budget import list_budgets
 from radiometry.vignetting.certificate import CERTIFICATE
+from radiometry.vignetting.features import Features
 from radiometry.vignetting.key_figures import list_key_figures
+from radiometry.vignetting.lens import Lens, average_over_polygon
 from radiometry.vignetting.plots import PLOTS
-from radiometry.vignetting.suggestions import find_gaps
+from radiometry.vignetting.points import missing
+from radiometry.vignetting.results import Fit
+from radiometry.vignetting.rows import Params
+from radiometry.vignetting.suggestions import find_gaps, plan
+from radiometry.vignetting.verdicts import judge
 from radiometry.vignetting.written import EXPORTS
 
 __all__ = ["SPEC"]
@@ -25,9 +31,9 @@ SPEC: Final = MethodSpec(
     description="The light falloff of a lens towards the corners, per f-number, from flat fields.",
     schema_version=1,
     roles=(FLAT, DARK),
-    params=method.Params,
-    result=method.Fit,
-    features=method.Features,
+    params=Params,
+    result=Fit,
+    features=Features,
     whole_frame=True,
     several_regions=True,
     coefficients=(
@@ -40,9 +46,9 @@ SPEC: Final = MethodSpec(
     ),
     findings=codes.FINDINGS,
     extract=drop_target(method.extract),
-    missing=drop_readings(method.missing),
-    judge=lambda frames, rows, _, params: method.judge(frames, rows, params),
-    plan=drop_readings(method.plan),
+    missing=drop_readings(missing),
+    judge=lambda frames, rows, _, params: judge(frames, rows, params),
+    plan=drop_readings(plan),
     grid=Grid(rows="f_number"),
     find_gaps=drop_readings(find_gaps),
     fit=drop_readings(method.fit),
@@ -53,5 +59,5 @@ SPEC: Final = MethodSpec(
     certificate=CERTIFICATE,
     exports=EXPORTS,
     applied="channel_fits",
-    correction=Correction(lens=method.Lens, average_over_polygon=method.average_over_polygon),
+    correction=Correction(lens=Lens, average_over_polygon=average_over_polygon),
 )

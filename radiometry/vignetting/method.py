@@ -21,14 +21,9 @@ from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.statistics import CHANNELS
 from radiometry.vignetting import codes
-from radiometry.vignetting.application import Share, evaluate, select_channels
-from radiometry.vignetting.correction import compute_correction
-from radiometry.vignetting.dng import DngVignette, export_dng
 from radiometry.vignetting.features import Features, FrameRow, extract_features
 from radiometry.vignetting.findings import check_fits, check_frames, find_thresholds
 from radiometry.vignetting.fit import FittedChannel, find_best, fit_channel
-from radiometry.vignetting.lens import Lens, LensShare, average_over_polygon
-from radiometry.vignetting.lensfun import LensfunNames, export_lensfun
 from radiometry.vignetting.points import (
     Candidate,
     collect_candidates,
@@ -36,52 +31,13 @@ from radiometry.vignetting.points import (
     missing,
     require_one_lens,
 )
-from radiometry.vignetting.residuals import read_residuals
 from radiometry.vignetting.results import (
     EQUATION,
-    ChannelFit,
     Coefficient,
-    Conventions,
     Fit,
-    Point,
-    Spot,
-    Threshold,
 )
 from radiometry.vignetting.rows import Params
 from radiometry.vignetting.solution import Blocks, Solution
-from radiometry.vignetting.suggestions import plan
-from radiometry.vignetting.verdicts import judge
-
-__all__ = [
-    "ChannelFit",
-    "Coefficient",
-    "Conventions",
-    "DngVignette",
-    "Features",
-    "Fit",
-    "FrameRow",
-    "Lens",
-    "LensShare",
-    "LensfunNames",
-    "Params",
-    "Point",
-    "Share",
-    "Spot",
-    "Threshold",
-    "average_over_polygon",
-    "compute_correction",
-    "evaluate",
-    "export_dng",
-    "export_lensfun",
-    "extract",
-    "fit",
-    "judge",
-    "list_coefficients",
-    "missing",
-    "plan",
-    "read_residuals",
-    "select_channels",
-]
 
 
 def extract(

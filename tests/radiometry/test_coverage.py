@@ -10,7 +10,8 @@ import pytest
 
 from radiometry.fitting.curve import fit_curve
 from radiometry.luminance import curves
-from radiometry.luminance.method import Params, apply
+from radiometry.luminance.application import apply_coefficient
+from radiometry.luminance.method import Params
 from radiometry.luminance.points import collect_series
 from radiometry.luminance.report import report_points
 from simulation.luminance import Errors
@@ -64,7 +65,9 @@ def test_luminance_at_a_calibrated_f_number_does_not_have_its_error(f_number):
         series = collect_series(drawn.rows, drawn.readings, chosen)[0]
         coefficient, fitted = curves.fit_coefficient(series, chosen, calibration_u_rel=errors.calibration)
         row = next(row for row in drawn.rows if row.frame == series.used[seed % len(series.used)].frame)
-        found = apply(row.statistics, exposure=row.exposure, coefficients=[coefficient]).luminance_cd_m2
+        found = apply_coefficient(
+            row.statistics, exposure=row.exposure, coefficients=[coefficient]
+        ).luminance_cd_m2
         truth = drawn.campaign.truth_cd_m2[row.scene]
         deviations.append(found.value / truth - 1.0)
         stated.append(found.standard_uncertainty / truth)

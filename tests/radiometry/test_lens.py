@@ -20,7 +20,8 @@ from radiometry.luminance.change import change_luminance
 from radiometry.luminance.lens import compute_shares, correct_signal, name_channels
 from radiometry.luminance.maps import RIM_PX, compute_map, find_map_scale
 from radiometry.luminance.measurement import Request, Vignetting, measure
-from radiometry.vignetting.method import Coefficient, Lens
+from radiometry.vignetting.lens import Lens
+from radiometry.vignetting.method import Coefficient
 from tests.radiometry.coefficients import COEFFICIENT
 from tests.radiometry.luminance.exact import PARAMS, READINGS, ROWS, K, fit
 

@@ -9,8 +9,9 @@ import pytest
 from radiometry.findings import InputRejected, shared
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon, Window
-from radiometry.luminance import codes as luminance_codes
+from radiometry.luminance import application, codes
 from radiometry.luminance import method as luminance
+from radiometry.luminance.application import apply_coefficient
 from simulation.camera import change, expose
 from simulation.light import Lamp
 from simulation.luminance import X5S
@@ -21,7 +22,7 @@ from tests.radiometry.luminance.exact import DARK, DARKS, LIGHTS, PARAMS, K, fit
 def apply(mean_dn, *, exposure=None, model="proportional", **changes):
     coefficients = [f.coefficient for f in fit(params=dataclasses.replace(PARAMS, model=model)).iso_fits]
     exposure = exposure or Exposure(exposure_time_s=0.1, f_number=8.0, iso=3200.0)
-    return luminance.apply(
+    return apply_coefficient(
         statistics(mean_dn, **changes), exposure=exposure, coefficients=coefficients
     ), coefficients[0]
 
@@ -62,7 +63,7 @@ def test_the_error_of_an_f_number_is_corrected_and_an_older_version_measures_as_
     old = dataclasses.replace(coefficient, errors=None, apertures=None)
     exposure = Exposure(exposure_time_s=0.1, f_number=8.0, iso=3200.0)
     found, before = (
-        luminance.apply(statistics(DARK + 300.0), exposure=exposure, coefficients=[each])
+        apply_coefficient(statistics(DARK + 300.0), exposure=exposure, coefficients=[each])
         for each in (coefficient, old)
     )
     truth = 300.0 * 64 / (1.03 * K * 0.1 * 3200)
@@ -72,11 +73,11 @@ def test_the_error_of_an_f_number_is_corrected_and_an_older_version_measures_as_
         math.hypot(coefficient.luminance_k_standard_uncertainty / K, 0.03, 0.005), rel=0.02
     )
     aperture = next(each for each in coefficient.apertures if each.f_number == 8.0)
-    assert luminance.luminance_per_dn(coefficient, exposure) * 300.0 == pytest.approx(
+    assert application.luminance_per_dn(coefficient, exposure) * 300.0 == pytest.approx(
         found.luminance_cd_m2.value, rel=1e-12
     )
     assert aperture.luminance_k == pytest.approx(1.03 * K, rel=3e-3)
-    assert luminance.luminance_per_dn(old, exposure) == pytest.approx(
+    assert application.luminance_per_dn(old, exposure) == pytest.approx(
         64 / (coefficient.luminance_k * 0.1 * 3200), rel=1e-12
     )
 
@@ -103,9 +104,9 @@ def test_a_model_without_an_answer_is_refused():
 @pytest.mark.parametrize(
     ("changes", "flag"),
     [
-        ({"exposure_time_s": 0.3}, luminance_codes.OUTSIDE_EXPOSURE_TIMES),
-        ({"f_number": 4.0}, luminance_codes.OUTSIDE_F_NUMBERS),
-        ({"f_number": 22.0}, luminance_codes.OUTSIDE_F_NUMBERS),
+        ({"exposure_time_s": 0.3}, codes.OUTSIDE_EXPOSURE_TIMES),
+        ({"f_number": 4.0}, codes.OUTSIDE_F_NUMBERS),
+        ({"f_number": 22.0}, codes.OUTSIDE_F_NUMBERS),
     ],
 )
 def test_what_was_not_calibrated_is_flagged(changes, flag):
@@ -120,18 +121,18 @@ def test_a_saturated_measurement_is_flagged():
 def test_an_unknown_iso_is_refused():
     with pytest.raises(InputRejected, match="taken at ISO 1600; this calibration holds ISO 3200") as refusal:
         apply(500.0, exposure=Exposure(exposure_time_s=0.1, f_number=8.0, iso=1600.0))
-    assert refusal.value.code is luminance_codes.ISO_NOT_CALIBRATED
+    assert refusal.value.code is codes.ISO_NOT_CALIBRATED
 
 
 def test_the_map_scale_agrees_with_apply():
     applied, coefficient = apply(DARK + 300.0)
     exposure = Exposure(exposure_time_s=0.1, f_number=8.0, iso=3200.0)
-    assert 300.0 * luminance.luminance_per_dn(coefficient, exposure) == pytest.approx(
+    assert 300.0 * application.luminance_per_dn(coefficient, exposure) == pytest.approx(
         applied.luminance_cd_m2.value
     )
     _, bent = apply(DARK + 300.0, model="affine")
     with pytest.raises(InputRejected, match="this one is affine"):
-        luminance.luminance_per_dn(bent, exposure)
+        application.luminance_per_dn(bent, exposure)
 
 
 def test_extract_measures_the_region_in_a_window():

@@ -11,8 +11,10 @@ from pydantic import TypeAdapter
 from scipy.stats import multivariate_normal
 
 from radiometry.findings import InputRejected
-from radiometry.luminance import codes as luminance_codes
+from radiometry.luminance import codes
+from radiometry.luminance import coefficient as luminance_coefficient
 from radiometry.luminance import method as luminance
+from radiometry.luminance.application import apply_coefficient
 from radiometry.luminance.flicker import estimate_flicker
 from radiometry.luminance.method import Params
 from tests.radiometry.luminance.exact import (
@@ -85,10 +87,10 @@ def test_results_are_plain_finite_json(drawn, model):
     result = luminance.fit(drawn.rows, drawn.readings, Params(model=model))
     text = json.dumps(dataclasses.asdict(result), allow_nan=False)
     back = json.loads(text)["iso_fits"][0]["coefficient"]
-    again = TypeAdapter(luminance.Coefficient).validate_python(back)
+    again = TypeAdapter(luminance_coefficient.Coefficient).validate_python(back)
     assert again.luminance_k == result.iso_fits[0].coefficient.luminance_k
     exposure = drawn.rows[0].exposure
-    luminance.apply(drawn.rows[0].statistics, exposure=exposure, coefficients=[again])
+    apply_coefficient(drawn.rows[0].statistics, exposure=exposure, coefficients=[again])
 
 
 def test_every_iso_has_its_own_k(drawn):
@@ -144,8 +146,8 @@ def test_leaving_a_scene_out_by_hand():
 
 def test_semilog_is_flagged_and_fails_where_proportional_passes():
     result = fit(params=dataclasses.replace(PARAMS, model="semilog"))
-    assert raised(result, luminance_codes.SEMILOG_MODEL) == [""]
-    assert raised(result, luminance_codes.TOLERANCE_EXCEEDED) == ["iso 3200"]
+    assert raised(result, codes.SEMILOG_MODEL) == [""]
+    assert raised(result, codes.TOLERANCE_EXCEEDED) == ["iso 3200"]
     assert result.iso_fits[0].coefficient.luminance_k_unit == "DN"
     assert fit().passed
 
@@ -157,7 +159,7 @@ def test_verdict_is_the_largest_error_against_the_tolerance():
     assert result.iso_fits[0].largest_residual_rel == worst
     assert 0.04 < worst < 0.065
     assert not result.passed
-    assert raised(result, luminance_codes.TOLERANCE_EXCEEDED) == ["iso 3200"]
+    assert raised(result, codes.TOLERANCE_EXCEEDED) == ["iso 3200"]
     assert fit(rows, params=dataclasses.replace(PARAMS, tolerance_rel=0.07)).passed
 
 
@@ -174,7 +176,7 @@ def test_guard_band_needs_the_tolerance_for_error_and_uncertainty_together():
         assert result.passed is (max(map(sum if rule == "guarded" else max, used)) <= tolerance)
         assert 0.0 <= one.beyond_tolerance_risk < 0.5
         if not result.passed:
-            (flag,) = [each for each in result.flags if each.flag == luminance_codes.TOLERANCE_EXCEEDED]
+            (flag,) = [each for each in result.flags if each.flag == codes.TOLERANCE_EXCEEDED]
             assert f"U {one.expanded_u_rel:.1%}" in flag.detail
     assert fit(rows).iso_fits[0].expanded_u_rel is None
 
@@ -201,7 +203,7 @@ def test_a_guard_band_accepts_no_k_that_is_relative_only(rule):
     assert result.passed is (rule == "simple")
     assert result.iso_fits[0].expanded_u_rel is None
     assert result.iso_fits[0].beyond_tolerance_risk is None
-    details = [each.detail for each in result.flags if each.flag == luminance_codes.TOLERANCE_EXCEEDED]
+    details = [each.detail for each in result.flags if each.flag == codes.TOLERANCE_EXCEEDED]
     assert ["meter certificate" in each for each in details] == [True] * (rule != "simple")
 
 

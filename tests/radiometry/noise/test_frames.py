@@ -9,7 +9,7 @@ import pytest
 from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import Exclusion
 from radiometry.frame.packing import pack
-from radiometry.noise import codes as noise_codes
+from radiometry.noise import codes, suggestions
 from radiometry.noise import method as noise
 from tests.radiometry.noise.series import PARAMS, SMALL, TIMES, agrees, flags_of, only, repack, take
 
@@ -28,7 +28,7 @@ def dim(rows, name, factor):
 @pytest.mark.parametrize(("factor", "used"), [(0.97, True), (0.8, False)])
 def test_light_that_drifts_is_flagged_or_left_out(factor, used):
     fit = noise.fit(dim(take(SMALL, 13), "flat-100-0.3-1", factor), PARAMS)
-    assert noise_codes.PAIR_LIGHT_DRIFT in flags_of(fit)
+    assert codes.PAIR_LIGHT_DRIFT in flags_of(fit)
     agrees(only(fit).transfer.system_gain_dn_per_e, 0.5)
     (level,) = [level for level in only(fit).levels if level.exposure_time_s == 0.3]
     assert (level.left_out == "") is used
@@ -74,7 +74,7 @@ def test_what_waits_is_named():
 
 
 def test_a_plan_names_what_would_make_the_fit_good():
-    few = noise.plan(take(SMALL, 22, times=TIMES[:4]), PARAMS)
+    few = suggestions.plan(take(SMALL, 22, times=TIMES[:4]), PARAMS)
     assert few == (
         "ISO 100 grey has 4 usable levels: add 5 more up to white",
         "ISO 100 grey was never saturated: add a pair that reaches white",
@@ -84,7 +84,7 @@ def test_a_plan_names_what_would_make_the_fit_good():
         "ISO 100: add frames about half of white of one setting up to 16 for the PRNU",
     )
     lights = [row for row in take(SMALL, 23) if row.role == "flat"]
-    assert noise.plan(lights, PARAMS)[0].startswith("ISO 100 has no pair of dark frames: add two")
+    assert suggestions.plan(lights, PARAMS)[0].startswith("ISO 100 has no pair of dark frames: add two")
 
 
 @pytest.mark.parametrize(

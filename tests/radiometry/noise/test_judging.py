@@ -7,6 +7,7 @@ import pytest
 
 from radiometry.frame.packing import pack, unpack
 from radiometry.noise import method as noise
+from radiometry.noise import verdicts as noise_verdicts
 from simulation.camera import change
 from simulation.flats import COUNTING_SENSOR
 from tests.radiometry.evidence import taken
@@ -21,7 +22,7 @@ def rows():
 
 
 def verdicts(rows):
-    found = noise.judge([taken(row, region=None) for row in rows], rows, noise.Params())
+    found = noise_verdicts.judge([taken(row, region=None) for row in rows], rows, noise.Params())
     return {
         frame: (verdict.outcome, [reason.code for reason in verdict.reasons])
         for frame, verdict in found.items()

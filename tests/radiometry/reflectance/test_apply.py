@@ -10,7 +10,9 @@ from hypothesis import strategies as st
 
 from radiometry.findings import InputRejected
 from radiometry.frame.light import SunshineCounts
+from radiometry.reflectance import application, tilt
 from radiometry.reflectance import method as reflectance
+from radiometry.reflectance import scale as reflectance_scale
 from simulation.sequoia import BANDS, capture
 from tests.radiometry.reflectance.captures import (
     CAMERA,
@@ -39,7 +41,7 @@ COEFFICIENTS = calibrate()
 
 
 def measure(each, coefficients=COEFFICIENTS, **more):
-    return reflectance.apply(each.features, header=each.header, coefficients=coefficients, **more)
+    return application.apply_features(each.features, header=each.header, coefficients=coefficients, **more)
 
 
 def field(seed=3, surface=SURFACE, **more):
@@ -68,7 +70,7 @@ def test_the_stated_uncertainty_is_the_error_s():
     errors, stated = [], []
     for seed in range(40):
         rows = take(seeded(2 * seed), {"red_edge": PANEL_R["red_edge"]})
-        exact_level = reflectance.TiltParams(attitude_u_deg=0.0, diffuse_share_u=0.0)
+        exact_level = tilt.TiltParams(attitude_u_deg=0.0, diffuse_share_u=0.0)
         params = {"incidence_angle_u_deg": 0.0, "tilt": exact_level, "drift_half_hour_rel": 0.0}
         exact = [dataclasses.replace(each, standard_uncertainty=0.0) for each in READINGS]
         fit = reflectance.fit(rows, exact, reflectance.Params(**params))
@@ -215,8 +217,8 @@ def expose(surface, name="green", seed=3):
 
 
 def map_of(shot, frame=None):
-    scale = reflectance.find_scale_of_frame(shot.header, coefficients=COEFFICIENTS)
-    return scale, reflectance.scale_pixels(
+    scale = reflectance_scale.find_scale_of_frame(shot.header, coefficients=COEFFICIENTS)
+    return scale, application.scale_pixels(
         frame or shot.frame, header=shot.header, exposure=shot.exposure, factor=scale.factor
     )
 
@@ -243,7 +245,7 @@ def test_the_map_s_mean_is_the_region_s_reflectance():
     shot = expose(0.1)
     scale, found = map_of(shot)
     features = extract(shot.frame, PANEL, header=shot.header, exposure=shot.exposure)
-    applied = reflectance.apply(features, header=shot.header, coefficients=COEFFICIENTS)
+    applied = application.apply_features(features, header=shot.header, coefficients=COEFFICIENTS)
     assert found[40:80, 50:110].mean() == pytest.approx(applied.reflectance.value, rel=1e-6)
     assert scale.band == "green"
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from radiometry.findings import InputRejected
 from radiometry.frame.multispectral import Multispectral, RadianceModel, RigGeometry
 from radiometry.frame.roi import Polygon, Window, mask
-from radiometry.reflectance import method as reflectance
+from radiometry.reflectance import indices as reflectance_indices
 from radiometry.reflectance.alignment import align, find_directions, move_region, project, rotate_into_rig
 from radiometry.reflectance.formula import read_formula
 from radiometry.reflectance.indices import align_band
@@ -44,7 +44,7 @@ def capture(surface, rotate=None):
     size = resize(SEQUOIA, height_px=60, width_px=80)
     shots = expose(size, seeded(), reflectance=dict.fromkeys(CAMERA.bands, 0.1))
     return {
-        name: reflectance.BandMap(
+        name: reflectance_indices.BandMap(
             header=_turned(shot.header, rotate),
             reflectance=np.full((60, 80), surface[name], np.float32),
         )
@@ -66,7 +66,7 @@ STRAIGHT = capture(SURFACE, rotate=(0.0, 0.0, 0.0))
 
 def compute(index, bands):
     planes = {name: band.reflectance for name, band in bands.items()}
-    return reflectance.compute_index(read_formula(index), planes)
+    return reflectance_indices.compute_index(read_formula(index), planes)
 
 
 @pytest.mark.parametrize(
@@ -272,7 +272,7 @@ def test_a_band_of_a_radiance_camera_needs_its_relatives_too():
         system="micasense", band="red", band_name="Red", capture_id="c", radiance_model=model, geometry=None
     )
     maps = {
-        name: reflectance.BandMap(
+        name: reflectance_indices.BandMap(
             header=make_header(dataclasses.replace(band, band=name)),
             reflectance=np.ones((2, 2), np.float32),
         )

@@ -5,6 +5,7 @@ import dataclasses
 import pytest
 
 from radiometry.reflectance import method as reflectance
+from radiometry.reflectance import verdicts as reflectance_verdicts
 from tests.radiometry.evidence import taken
 from tests.radiometry.reflectance.captures import PANEL_R, READINGS, change_features, panel, seeded, take
 
@@ -12,7 +13,7 @@ PARAMS = reflectance.Params()
 
 
 def verdicts(rows, readings=READINGS, params=PARAMS):
-    found = reflectance.judge([taken(row) for row in rows], rows, readings, params)
+    found = reflectance_verdicts.judge([taken(row) for row in rows], rows, readings, params)
     return {
         frame: (verdict.outcome, [reason.code for reason in verdict.reasons])
         for frame, verdict in found.items()
@@ -61,13 +62,15 @@ def test_sunshine_that_cannot_be_used_is_said_of_every_frame_that_needs_it():
 
 def test_what_would_make_the_fit_good():
     once = "the panel was photographed once: take it after the flight too, to see the drift"
-    assert reflectance.plan(panel(), READINGS, PARAMS) == (once,)
+    assert reflectance_verdicts.plan(panel(), READINGS, PARAMS) == (once,)
     twice = [*panel(), *panel(2, minutes=20.0)]
-    assert reflectance.plan(twice, READINGS, PARAMS) == ()
+    assert reflectance_verdicts.plan(twice, READINGS, PARAMS) == ()
     certain = [dataclasses.replace(reading, standard_uncertainty=None) for reading in READINGS]
-    assert reflectance.plan(twice, certain, PARAMS) == (
+    assert reflectance_verdicts.plan(twice, certain, PARAMS) == (
         "the panel states no uncertainty: register it with that of its certificate",
     )
     field = take(seeded(3), PANEL_R, role="field", minutes=5.0)
     lacking = [row for row in twice if not row.frame.endswith("nir")]
-    assert reflectance.plan([*lacking, *field], READINGS, PARAMS) == ("band nir has no usable panel frame",)
+    assert reflectance_verdicts.plan([*lacking, *field], READINGS, PARAMS) == (
+        "band nir has no usable panel frame",
+    )

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from radiometry.frame.light import SunshineIrradiance
+from radiometry.reflectance import application, findings
 from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.clock import locate_sun_of
 from radiometry.reflectance.levelling import measure_light
@@ -127,7 +128,7 @@ def test_a_cloud_over_the_flight_is_flagged_and_covered():
         ),
     )
     coefficients = [each.coefficient for each in reflectance.fit(panel, READINGS, STEADY).band_fits]
-    found = reflectance.apply(leaning.features, header=leaning.header, coefficients=coefficients)
+    found = application.apply_features(leaning.features, header=leaning.header, coefficients=coefficients)
     assert "light_changed" in flags_of(found.flags)
     error = found.reflectance.value / PANEL_R["green"] - 1.0
     assert 0.03 < abs(error) < 2 * found.reflectance.standard_uncertainty / found.reflectance.value
@@ -150,7 +151,7 @@ def test_a_measurement_takes_the_angle_of_the_fit_and_flags_another():
     coefficients = [each.coefficient for each in fit.band_fits]
 
     def measure(**angle):
-        return reflectance.apply(ROW.features, header=ROW.header, coefficients=coefficients, **angle)
+        return application.apply_features(ROW.features, header=ROW.header, coefficients=coefficients, **angle)
 
     assert measure().reflectance.value == pytest.approx(PANEL_R["green"])
     assert "incidence_angle_differs" not in flags_of(measure().flags)
@@ -161,8 +162,8 @@ def test_a_measurement_takes_the_angle_of_the_fit_and_flags_another():
 
 def test_a_clock_that_was_never_set_is_flagged_when_the_file_is_read():
     unset = dataclasses.replace(ROW.header, taken_at="1970-01-01T00:01:00")
-    assert "clock_not_set" in flags_of(reflectance.check_frame(unset))
-    assert "clock_not_set" not in flags_of(reflectance.check_frame(ROW.header))
+    assert "clock_not_set" in flags_of(findings.check_frame(unset))
+    assert "clock_not_set" not in flags_of(findings.check_frame(ROW.header))
 
 
 def test_the_local_time_of_a_dji_camera_does_not_locate_the_sun():

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from radiometry.reflectance import method as reflectance
+from radiometry.reflectance import results
 from radiometry.reflectance.clock import read_clock_s
 from radiometry.reflectance.evaluation import evaluate_k
 from radiometry.reflectance.levelling import measure_light
@@ -49,7 +50,7 @@ def make_linear(**changes):
     """Knots of K = 1000 and 1100 at 0 s and 1000 s, 1 % and 2 % of their own, 0.5 % shared, 3 % of drift."""
     fit = reflectance.fit(panel(), READINGS, reflectance.Params(interpolation="linear"))
     knots = tuple(
-        reflectance.Knot(at_s=at_s, reflectance_k=k, u_rel=u, half_span_s=10.0)
+        results.Knot(at_s=at_s, reflectance_k=k, u_rel=u, half_span_s=10.0)
         for at_s, k, u in ((0.0, 1000.0, 0.01), (1000.0, 1100.0, 0.02))
     )
     fixed = {"knots": knots, "shared_u_rel": 0.005, "drift_u_rel": 0.0, "drift_half_hour_rel": 0.03}
@@ -101,7 +102,7 @@ def test_a_version_without_an_estimate_of_drift_takes_the_usual_one():
 
 
 def test_a_third_visit_bends_the_line():
-    knots = (*make_linear().knots, reflectance.Knot(at_s=2000.0, reflectance_k=900.0, u_rel=0.01))
+    knots = (*make_linear().knots, results.Knot(at_s=2000.0, reflectance_k=900.0, u_rel=0.01))
     coefficient = make_linear(knots=knots)
     assert evaluate_k(coefficient, at_s=500.0).value == pytest.approx(1050.0)
     assert evaluate_k(coefficient, at_s=1500.0).value == pytest.approx(1000.0)

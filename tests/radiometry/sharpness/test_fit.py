@@ -13,6 +13,8 @@ from radiometry.findings import InputRejected, shared
 from radiometry.fitting.curve import coverage_factor
 from radiometry.fitting.evidence import Exclusion
 from radiometry.sharpness import method as sharpness
+from radiometry.sharpness import rows as sharpness_rows
+from radiometry.sharpness import verdicts as sharpness_verdicts
 from radiometry.sharpness.features import Estimate
 from radiometry.sharpness.merging import merge_estimates
 from simulation.camera import change
@@ -136,7 +138,7 @@ def test_features_and_fit_survive_json(rows, fitted):
     assert fit.validate_json(fit.dump_json(fitted)) == fitted
     json.loads(fit.dump_json(fitted), parse_constant=pytest.fail)
     target = sharpness.Target(
-        kind="siemens_star", centres=(sharpness.StarCentre(region="a", x_px=1, y_px=2),)
+        kind="siemens_star", centres=(sharpness_rows.StarCentre(region="a", x_px=1, y_px=2),)
     )
     adapter = TypeAdapter(sharpness.Target)
     assert adapter.validate_json(adapter.dump_json(target)) == target
@@ -152,7 +154,7 @@ def test_features_and_fit_survive_json(rows, fitted):
         ({"gamma": math.nan}, "gamma must lie between 0.2 and 5.0"),
         ({"tone_curve": "log"}, "tone_curve must be one of linear, srgb, gamma"),
         (
-            {"centres": (sharpness.StarCentre(region="a", x_px=math.inf, y_px=0.0),)},
+            {"centres": (sharpness_rows.StarCentre(region="a", x_px=math.inf, y_px=0.0),)},
             "x_px and y_px of centres must be finite numbers",
         ),
     ],
@@ -306,7 +308,9 @@ def test_corners_alone_have_nothing_to_be_compared_with(rows):
     fit = sharpness.fit([cut(each) for each in rows], PARAMS)
     assert fit.falloff == ()
     assert ("sharpness_centre_missing", "") in flags_of(fit)
-    assert any("middle" in sentence for sentence in sharpness.plan([cut(each) for each in rows], PARAMS))
+    assert any(
+        "middle" in sentence for sentence in sharpness_verdicts.plan([cut(each) for each in rows], PARAMS)
+    )
 
 
 # --- stars
@@ -338,7 +342,7 @@ def test_stars_have_their_own_figures():
 
 
 def verdicts(rows):
-    found = sharpness.judge([taken(each) for each in rows], rows, PARAMS)
+    found = sharpness_verdicts.judge([taken(each) for each in rows], rows, PARAMS)
     return {name: (each.outcome, {reason.code for reason in each.reasons}) for name, each in found.items()}
 
 
@@ -355,22 +359,22 @@ def test_a_shaken_frame_is_told_by_its_repeats(rows, shaken):
 
 def test_an_unusable_region_warns():
     bad = row("bad", shoot(seeded(), (*CHART[:2], dataclasses.replace(CHART[2], angle_deg=0.5))))
-    found = sharpness.judge([taken(bad)], [bad], PARAMS)["bad"]
+    found = sharpness_verdicts.judge([taken(bad)], [bad], PARAMS)["bad"]
     assert found.outcome == "warn"
     assert found.reasons[0].code == "chart_unusable"
     assert found.reasons[0].detail.startswith("Region bottom-right: The edge leans 0.5 degrees")
 
 
 def test_a_plan_says_what_would_be_good(rows):
-    assert sharpness.plan(rows, PARAMS) == ()
-    assert sharpness.plan([], PARAMS) == ()
-    (few,) = [each for each in sharpness.plan(rows[:2], PARAMS) if "centre" in each]
+    assert sharpness_verdicts.plan(rows, PARAMS) == ()
+    assert sharpness_verdicts.plan([], PARAMS) == ()
+    (few,) = [each for each in sharpness_verdicts.plan(rows[:2], PARAMS) if "centre" in each]
     assert few == "position centre has 2 usable frames: add 1 for its repeatability"
-    assert sharpness.plan(rows, sharpness.Params()) == (
+    assert sharpness_verdicts.plan(rows, sharpness.Params()) == (
         "no pixel pitch: nothing can be said in line pairs per millimetre",
     )
     upright = [change_edges(each, orientation="vertical") for each in rows]
-    assert any("add a horizontal one" in each for each in sharpness.plan(upright, PARAMS))
+    assert any("add a horizontal one" in each for each in sharpness_verdicts.plan(upright, PARAMS))
 
 
 def set_mtf50(one, value, u):

@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter1d
 from radiometry.findings import InputRejected
 from radiometry.fitting.evidence import Region
 from radiometry.frame.roi import Polygon
-from radiometry.sharpness import codes as sharpness_codes
+from radiometry.sharpness import codes, rows
 from radiometry.sharpness import method as sharpness
 from radiometry.sharpness.resolution import find_resolving_power
 from simulation.camera import change
@@ -70,14 +70,10 @@ def test_the_centre_is_found(star):
 
 
 def test_a_known_centre_is_taken_in_the_coordinates_of_regions():
-    target = dataclasses.replace(
-        TARGET, centres=(sharpness.StarCentre(region="centre", x_px=108.2, y_px=95.8),)
-    )
+    target = dataclasses.replace(TARGET, centres=(rows.StarCentre(region="centre", x_px=108.2, y_px=95.8),))
     found = measure(target=target)["grey"]
     assert (found.centre_row_px, found.centre_col_px) == (pytest.approx(95.3), pytest.approx(107.7))
-    elsewhere = dataclasses.replace(
-        TARGET, centres=(sharpness.StarCentre(region="corner", x_px=50.0, y_px=50.0),)
-    )
+    elsewhere = dataclasses.replace(TARGET, centres=(rows.StarCentre(region="corner", x_px=50.0, y_px=50.0),))
     assert measure(target=elsewhere)["grey"].centre_row_px == pytest.approx(95.3, abs=0.05)
 
 
@@ -160,10 +156,10 @@ def test_noise_is_taken_off_the_contrast_and_told_by_the_uncertainty():
 @pytest.mark.parametrize(
     ("code", "camera", "target"),
     [
-        (sharpness_codes.CHART_CLIPPED, {"bright_dn": 20000.0}, {}),
-        (sharpness_codes.CHART_CONTRAST_TOO_LOW, {"dark_dn": 8000.0}, {}),
-        (sharpness_codes.STAR_NOT_FOUND, {}, {"cycles": 30}),
-        (sharpness_codes.STAR_TOO_SMALL, {}, {"cycles": 120}),
+        (codes.CHART_CLIPPED, {"bright_dn": 20000.0}, {}),
+        (codes.CHART_CONTRAST_TOO_LOW, {"dark_dn": 8000.0}, {}),
+        (codes.STAR_NOT_FOUND, {}, {"cycles": 30}),
+        (codes.STAR_TOO_SMALL, {}, {"cycles": 120}),
     ],
 )
 def test_a_star_that_cannot_be_measured_is_refused_by_name(code, camera, target):

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from radiometry.findings import InputRejected
-from radiometry.vignetting import method as vignetting
+from radiometry.vignetting import application, dng
+from radiometry.vignetting import lensfun as vignetting_lensfun
 from simulation.flats import FALLOFFS
 from tests.radiometry.vignetting.flats import coefficient
 
@@ -18,7 +19,7 @@ HEIGHT, WIDTH = 300, 400
 WIDE = coefficient(k1=FALLOFFS[1.4][0], k2=FALLOFFS[1.4][1], k3=FALLOFFS[1.4][2], f_number=1.4)
 LENS = (WIDE, coefficient(f_number=4.0, k1=-0.085, k2=0.02, k3=-0.015))
 CENTRED = tuple(dataclasses.replace(each, centre_row_px=149.5, centre_col_px=199.5) for each in LENS)
-NAMES = vignetting.LensfunNames(
+NAMES = vignetting_lensfun.LensfunNames(
     camera_make="Maker & Sons",
     camera_model="Flyer One",
     lens_make="Optics",
@@ -39,11 +40,11 @@ CHILDREN = {
 
 def share(lens, f_number=1.4):
     rows, cols = np.mgrid[0:HEIGHT, 0:WIDTH].astype(float)
-    return vignetting.evaluate(lens, rows, cols, channel="G1", f_number=f_number).share
+    return application.evaluate(lens, rows, cols, channel="G1", f_number=f_number).share
 
 
 def export(lens, names=NAMES):
-    return vignetting.export_lensfun(lens, channels=("G1",), names=names)
+    return vignetting_lensfun.export_lensfun(lens, channels=("G1",), names=names)
 
 
 def elements(text):
@@ -56,7 +57,7 @@ def error_in(text):
 
 
 def test_opcode_undoes_the_falloff_as_the_specification_reads_it():
-    found = vignetting.export_dng(LENS, channels=("G1",), f_number=1.4)
+    found = dng.export_dng(LENS, channels=("G1",), f_number=1.4)
     count, opcode, version, flags, size, *numbers = struct.unpack(">5I7d", found.opcode_list)
     assert (count, opcode, version, flags, size) == (1, 3, 0x01030000, 1, 56)
     assert tuple(numbers[:5]) == found.k
@@ -73,13 +74,13 @@ def test_opcode_undoes_the_falloff_as_the_specification_reads_it():
 
 
 def test_opcode_between_f_numbers_and_outside_of_what_it_can_say():
-    found = vignetting.export_dng(LENS, channels=("G1",), f_number=2.0)
+    found = dng.export_dng(LENS, channels=("G1",), f_number=2.0)
     assert found.largest_error_rel < 0.003
     far = [dataclasses.replace(each, centre_col_px=-5.0) for each in LENS]
     with pytest.raises(InputRejected, match="outside of the frame"):
-        vignetting.export_dng(far, channels=("G1",), f_number=1.4)
+        dng.export_dng(far, channels=("G1",), f_number=1.4)
     with pytest.raises(InputRejected, match="No channel"):
-        vignetting.export_dng(LENS, channels=(), f_number=1.4)
+        dng.export_dng(LENS, channels=(), f_number=1.4)
 
 
 def test_lensfun_s_schema_is_kept():

@@ -9,6 +9,9 @@ from radiometry.findings import InputRejected
 from radiometry.fitting.evidence import Exclusion, Region
 from radiometry.frame.roi import Polygon
 from radiometry.vignetting import method as vignetting
+from radiometry.vignetting import residuals as vignetting_residuals
+from radiometry.vignetting import suggestions
+from radiometry.vignetting import verdicts as vignetting_verdicts
 from simulation.camera import change
 from simulation.flats import FAST_LENS
 from tests.radiometry.evidence import taken
@@ -29,7 +32,7 @@ def refuse(*rows):
 
 
 def judge(*rows):
-    return vignetting.judge([taken(each, region=None) for each in rows], rows, NONE)
+    return vignetting_verdicts.judge([taken(each, region=None) for each in rows], rows, NONE)
 
 
 def reasons(verdict):
@@ -105,13 +108,13 @@ def test_dust_is_found_where_it_lies_and_left_out():
 def test_the_residual_map_does_not_know_what_was_left_out():
     target = surface(spots=((60.0, 100.0, 6.0, 0.3),))
     fits = vignetting.fit([flat(SMALL, 1, 2.0, target=target)], NONE).channel_fits
-    found, residuals = vignetting.read_residuals(fits, f_number=2.0, channel="G1")
+    found, residuals = vignetting_residuals.read_residuals(fits, f_number=2.0, channel="G1")
     row, col = (int(place // found.block_px) for place in (60.0, 100.0))
     assert np.isnan(residuals[row, col])
     assert 0 < np.isnan(residuals).sum() < 10
     assert np.sqrt(np.nanmean(residuals**2)) == pytest.approx(found.residual_rms_rel, rel=1e-3)
     with pytest.raises(InputRejected, match=r"at f/2.8, channel G1; there are f/2 R, f/2 G1"):
-        vignetting.read_residuals(fits, f_number=2.8, channel="G1")
+        vignetting_residuals.read_residuals(fits, f_number=2.8, channel="G1")
 
 
 def test_a_pattern_on_the_target_is_refused():
@@ -162,30 +165,30 @@ def test_verdicts_say_the_same_as_the_fit():
 
 def test_a_frame_that_waits_is_pending_and_an_excluded_one_is_not_judged():
     row = dataclasses.replace(flat(SMALL, 1), features=None)
-    waiting = vignetting.judge([taken(row, state="read")], [row], NONE)
+    waiting = vignetting_verdicts.judge([taken(row, state="read")], [row], NONE)
     assert reasons(waiting["flat"]) == ["not_extracted"]
     bright = flat(SMALL, 1, target=surface(1.02))
     params = vignetting.Params(exclude=(Exclusion(frame="flat", reason="clipped", by="Ada"),))
-    assert vignetting.judge([taken(bright)], [bright], params)["flat"].outcome == "pass"
+    assert vignetting_verdicts.judge([taken(bright)], [bright], params)["flat"].outcome == "pass"
 
 
 def test_the_plan_says_what_to_add():
     rows = [flat(SMALL, n, 1.4, name=f"wide-{n}") for n in (1, 2, 3)]
-    assert vignetting.plan([*rows, *DARKS], NONE) == (
+    assert suggestions.plan([*rows, *DARKS], NONE) == (
         "only f/1.4: frames at other f-numbers cannot be corrected",
     )
-    found = vignetting.plan([*rows, flat(SMALL, 4, 4.0, name="far"), DARKS[0]], NONE)
+    found = suggestions.plan([*rows, flat(SMALL, 4, 4.0, name="far"), DARKS[0]], NONE)
     assert found == (
         "ISO 100 has 1 dark frame: add 2",
         "f/4 has 1 usable flat frame: add 2 more",
         "f/1.4 and f/4 are more than a stop apart: add one between",
     )
     clipped = flat(SMALL, 1, name="bright", target=surface(1.02))
-    (again,) = vignetting.plan([clipped], NONE)
+    (again,) = suggestions.plan([clipped], NONE)
     assert again.startswith("take bright again: ")
-    assert "no dark frames at ISO 100: add 3 with the lens covered" in vignetting.plan(rows, NONE)
+    assert "no dark frames at ISO 100: add 3 with the lens covered" in suggestions.plan(rows, NONE)
     full = [flat(SMALL, n, f, name=f"{f:g}-{n}") for f in (1.4, 2.0) for n in (1, 2, 3)]
-    assert vignetting.plan([*full, *DARKS], NONE) == ()
+    assert suggestions.plan([*full, *DARKS], NONE) == ()
 
 
 def test_a_rendered_flat_is_flagged():

@@ -7,11 +7,12 @@ from radiometry.findings import InputRejected
 from radiometry.frame.acceptance import Camera, SuppliedExposure, accept_frame
 from radiometry.frame.multispectral import CAMERAS
 from radiometry.frame.roi import Polygon, Window
-from radiometry.reflectance import method as reflectance
+from radiometry.reflectance import findings
 from radiometry.reflectance.features import extract_features
 from radiometry.reflectance.fit import unit_of_k
 from radiometry.reflectance.imaging import compute_signal
 from radiometry.reflectance.lens import FrameSize, evaluate_band
+from radiometry.reflectance.sunshine import measure_sunshine
 from tests.support.data import data_file
 from tests.worker.decode.spectral_tiff import make_tiff, write_dji_xmp, write_micasense_xmp, write_sequoia_xmp
 from worker.decode import reader
@@ -43,7 +44,7 @@ def expose(header):
 
 
 def review(header):
-    return [raised.flag for raised in reflectance.review_frame(header, exposure=expose(header))]
+    return [raised.flag for raised in findings.review_frame(header, exposure=expose(header))]
 
 
 def settings_of(header):
@@ -62,7 +63,7 @@ def test_real_p4_multispectral_gives_the_reflectance_of_dji_s_formula(number, ba
     frame = reader.read_window(path, 500, 650, 300, 300)
     assert not (frame.samples_dn % 64).any()
     signal = compute_signal(frame, header=header, settings=settings_of(header))
-    light = reflectance.measure_sunshine(found)
+    light = measure_sunshine(found)
     assert signal.mean() / light.i_ss == pytest.approx(mean, abs=5e-5 if mean > 0.1 else 5e-6)
     assert (unit_of_k(found, "sunshine"), unit_of_k(found, "panel_only"), light.unit) == ("s", "s", "1")
 
@@ -214,7 +215,7 @@ def test_horizontal_irradiance_is_trusted_by_model_and_firmware(read, model, sof
     assert (found.distrust is None) is trusted
     if not trusted:
         assert model in found.distrust
-        assert reflectance.measure_sunshine(
+        assert measure_sunshine(
             read(xmp, make="MicaSense", model=model, software=software).multispectral
         ).left_out == (found.distrust,)
 
@@ -229,7 +230,7 @@ def test_irradiance_that_no_sky_has_is_not_used(read):
 def test_thermal_and_panchromatic_bands_are_named_and_left_out(read, band, kind):
     header = read(write_micasense_xmp(band=band, lens=False), make="MicaSense", model="Altum-PT")
     assert header.multispectral.kind == kind
-    (raised,) = reflectance.review_frame(header, exposure=expose(header))
+    (raised,) = findings.review_frame(header, exposure=expose(header))
     assert raised.flag == "frame_left_out"
     assert raised.detail.startswith(f"Band {band} is {kind}")
 

@@ -7,13 +7,16 @@ from scipy import ndimage
 from radiometry.fitting.evidence import Region
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon, Window
+from radiometry.reflectance import application
 from radiometry.reflectance import method as reflectance
+from radiometry.reflectance import tilt as reflectance_tilt
 from radiometry.reflectance.alignment import align
 from radiometry.reflectance.clock import find_tilt
 from radiometry.reflectance.findings import check_frame
 from radiometry.reflectance.lens import FrameSize, correct_vignetting, evaluate_polynomial
 from radiometry.reflectance.micasense import panel_irradiance
 from radiometry.reflectance.sequoia import subtract_black
+from radiometry.reflectance.sunshine import measure_sunshine
 from worker.decode import reader
 
 # Rows 440 to 519, columns 600 to 679.
@@ -62,11 +65,11 @@ def test_sequoia_mean_raw_number_of_the_centre(real_files):
 def test_sequoia_sunshine(real_files, band, counts):
     """Ten readings at gain index 1 and 100 ms each."""
     _, header = open_sequoia(real_files, band)
-    found = reflectance.measure_sunshine(header.multispectral)
+    found = measure_sunshine(header.multispectral)
     assert found.i_ss == pytest.approx(counts / 0.1)
     assert (found.readings, found.gain_indices, found.flags) == (10, (1,), ())
-    nearest = reflectance.measure_sunshine(header.multispectral, choice="nearest")
-    last = reflectance.measure_sunshine(header.multispectral, choice="last")
+    nearest = measure_sunshine(header.multispectral, choice="nearest")
+    last = measure_sunshine(header.multispectral, choice="last")
     assert nearest.i_ss == last.i_ss
 
 
@@ -117,7 +120,7 @@ def test_a_real_capture_calibrates_and_gives_its_own_reflectance_back(real_files
     assert ks["red_edge"] == pytest.approx(0.2 * 52.0 / 0.259554, rel=1e-5)
     coefficients = [each.coefficient for each in fit.band_fits]
     for row in rows:
-        found = reflectance.apply(row.features, header=row.header, coefficients=coefficients)
+        found = application.apply_features(row.features, header=row.header, coefficients=coefficients)
         assert found.reflectance.value == pytest.approx(0.2, rel=1e-12)
 
 
@@ -138,7 +141,7 @@ def test_rededge_panel_radiance_and_irradiance(real_files, number):
 def test_rededge_light_sensor_and_panel_tell_of_one_sky(real_files):
     """DLS 1.085 W/m2/nm hung 11 degrees off level; the panel saw 0.798: the same unit, not 100 times more."""
     header = reader.read_header(real_files / "rededge" / "0000SET_000_IMG_0000_1.tif")
-    found = reflectance.measure_sunshine(header.multispectral)
+    found = measure_sunshine(header.multispectral)
     assert found.i_ss == pytest.approx(1.084825, abs=1e-6)
     assert 0.7 < found.i_ss / IRRADIANCE[0] < 1.5
 
@@ -148,9 +151,9 @@ def test_the_tilt_correction_brings_a_real_light_sensor_nearer_to_the_panel(real
     ratios = []
     for number, irradiance in enumerate(IRRADIANCE, start=1):
         header = reader.read_header(real_files / "rededge" / f"0000SET_000_IMG_0000_{number}.tif")
-        tilt = find_tilt(header, reflectance.TiltParams())
+        tilt = find_tilt(header, reflectance_tilt.TiltParams())
         assert (tilt.sun.elevation_deg, tilt.sun.azimuth_deg) == pytest.approx((41.2, 199.1), abs=0.1)
-        found = [reflectance.measure_sunshine(header.multispectral, tilt=each) for each in (None, tilt)]
+        found = [measure_sunshine(header.multispectral, tilt=each) for each in (None, tilt)]
         ratios.append([each.i_ss / irradiance for each in found])
     hung, level = np.median(ratios, axis=0)
     assert hung == pytest.approx(1.23, abs=0.01)
