@@ -75,7 +75,13 @@ class Candidate(Keeping):
         return self.scene, self.settings.f_number, self.settings.exposure_time_s, self.frame
 
     def select_rows(self, channel: str) -> list[ChannelStatistics]:
-        """Return the statistics of which the signal of a channel is made."""
+        """Return the statistics of which the signal of a channel is made.
+
+        Parameters
+        ----------
+        channel : str
+            Channel of the fit.
+        """
         return self.keep("rows", channel, lambda: select_rows(self.statistics, channel=channel))
 
     @property
