@@ -6,10 +6,11 @@ import tempfile
 import time
 from pathlib import Path
 
-from bench import crowd, growth, lookups, mapping, pages, reading, reflectance, start, upload, workers
+from bench import crowd, growth, jobs, lookups, mapping, pages, reading, reflectance, start, upload, workers
 from bench.report import describe_machine, say, summarise
 from bench.subject import Scale
 from store.settings import Settings
+from tests.support.postgres import PostgresServer
 from worker.__main__ import build_context
 
 
@@ -18,15 +19,17 @@ def main(scale: Scale | None = None) -> int:
     scale = scale or Scale.named(os.environ.get("SCALE", ""))
     say(describe_machine())
     say("medians of turns (the middle half in brackets); ratios are formed turn by turn")
-    verdicts = [
-        *reading.run(scale),
-        *mapping.run(scale),
-        *reflectance.run(scale),
-        *_serve(scale),
-        *lookups.run(scale),
-        *workers.run(scale),
-        *start.run(scale),
-    ]
+    with PostgresServer(fsync="on", synchronous_commit="on") as postgres:
+        verdicts = [
+            *reading.run(scale),
+            *mapping.run(scale),
+            *reflectance.run(scale),
+            *_serve(scale),
+            *crowd.run(scale, postgres),
+            *lookups.run(scale),
+            *workers.run(scale, postgres),
+            *start.run(scale),
+        ]
     say(f"\n{summarise(verdicts)}; in {time.monotonic() - began:.0f} s")
     return 0
 
@@ -36,11 +39,13 @@ def _serve(scale: Scale) -> list[bool]:
     with tempfile.TemporaryDirectory(prefix="stilb-bench-") as name:
         folder = Path(name)
         with upload.serving(folder / "data") as service:
-            verdicts = upload.run(scale, service, folder) + crowd.run(scale, service)
+            verdicts = upload.run(scale, service, folder)
+            crowd.show(scale, service)
             worker = build_context(Settings(data=folder / "data"))
             try:
                 verdicts += pages.run(scale, service, worker, folder)
-                return verdicts + growth.run(scale, service, worker, folder)
+                verdicts += growth.run(scale, service, worker, folder)
+                return verdicts + jobs.run(scale, service, worker)
             finally:
                 worker.decoders.close()
                 worker.database.dispose()

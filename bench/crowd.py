@@ -22,22 +22,25 @@ from tests.support.postgres import PostgresServer
 _CLIENTS = 8
 _FRAME_BYTES = 20_000
 _WORKERS = 2
-"""Processes of the service on PostgreSQL; clients and database share the cores with them."""
+_RATIO = "rate of eight clients, to one client's"
 
 
-def run(scale: Scale, on_sqlite: Service) -> list[bool]:
-    """Compare the time for a frame of each of eight clients with that of one; on SQLite there is no goal."""
-    say(f"\nframes of {_FRAME_BYTES / 1000:g} kB from {_CLIENTS} clients at once")
-    say(f"  on SQLite, one process: rate of eight clients, to one client's: {_measure(scale, on_sqlite)}")
-    durable = {"fsync": "on", "synchronous_commit": "on"}
+def show(scale: Scale, service: Service) -> None:
+    """Show the figures of SQLite, which has one writer and no target."""
+    say(f"\nframes of {_FRAME_BYTES / 1000:g} kB from {_CLIENTS} clients at once, on SQLite")
+    rate = _measure(scale, service)
+    say(f"  {_RATIO:<54} {rate}")
+
+
+def run(scale: Scale, postgres: PostgresServer) -> list[bool]:
+    """Compare the rate of eight clients with that of one, on PostgreSQL with several processes."""
+    say(f"\nframes of {_FRAME_BYTES / 1000:g} kB from {_CLIENTS} clients at once, on PostgreSQL")
+    say(f"  {_WORKERS} processes of the service, which share the cores with the database and the clients")
     with (
-        PostgresServer(**durable) as server,
         tempfile.TemporaryDirectory(prefix="stilb-bench-") as name,
-        serving(Path(name) / "data", server.new_database(), workers=_WORKERS) as service,
+        serving(Path(name) / "data", postgres.new_database(), workers=_WORKERS) as service,
     ):
-        rate = _measure(scale, service)
-    text = f"on PostgreSQL, {_WORKERS} processes: eight clients' rate, to one's"
-    return [judge(text, rate, at_least=3.0)]
+        return [judge(_RATIO, _measure(scale, service), at_least=3.0)]
 
 
 def _measure(scale: Scale, service: Service) -> Ratio:

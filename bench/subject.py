@@ -47,6 +47,7 @@ class Scale:
     jobs_each: int = 3
     """Simulated jobs of a worker in a round."""
     job_s: float = 1.0
+    jobs: int = 100_000
     waiting_jobs: int = 20_000
     waits_s: float = 20.0
     """How long they wait without a worker."""

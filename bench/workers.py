@@ -105,10 +105,10 @@ class _Queue:
         return int(self.broker.info("clients")["blocked_clients"])
 
 
-def run(scale: Scale) -> list[bool]:
-    """Measure on the empty PostgreSQL database that BENCH_POSTGRES names, else on a server of our own."""
+def run(scale: Scale, postgres: PostgresServer) -> list[bool]:
+    """Measure on the empty PostgreSQL database that BENCH_POSTGRES names, else on a new one."""
     with tempfile.TemporaryDirectory(prefix="stilb-bench-") as name, ExitStack() as stack:
-        url = os.environ.get("BENCH_POSTGRES") or stack.enter_context(PostgresServer()).new_database()
+        url = os.environ.get("BENCH_POSTGRES") or postgres.new_database()
         queue = _Queue(Path(name), url, stack)
         say(f"\njobs of {scale.job_s:g} s for one worker and for {scale.workers}, on PostgreSQL")
         with queue.running([sys.executable, "-m", "bench.workers"]) as mother:

@@ -42,7 +42,7 @@ _PAUSE, _LONGEST_PAUSE_S = 4.0, 30.0
 
 
 _MOST_REMEMBERED = 20_000
-"""Frames of a campaign whose decoded parts are kept for its next review: 8 kB each."""
+"""Frames whose decoded parts are kept for the next review of their campaign."""
 
 
 class Reviews:
@@ -51,8 +51,9 @@ class Reviews:
     def __init__(self, database: Database) -> None:
         self._database = database
         self._computing: dict[str, threading.Lock] = defaultdict(threading.Lock)
-        self._last: dict[str, Memory] = {}
-        """Of the campaign that was reviewed last: a campaign that grows is reviewed again and again."""
+        self._memories: dict[str, Memory] = {}
+        """Of the campaigns that were reviewed last: one that grows is reviewed again and again."""
+        self._remembering = threading.Lock()
 
     def find(
         self, session: Session, campaign_id: str, *, verdicts_of: Collection[str] | None = ()
@@ -95,9 +96,13 @@ class Reviews:
         # takes a third of the time
         gc.disable()
         try:
-            memory = self._last.pop(campaign_id, None) or Memory()
+            with self._remembering:
+                memory = self._memories.pop(campaign_id, None) or Memory()
             found = assess(session, session.get_one(Campaign, campaign_id), memory)
-            self._last = {campaign_id: memory} if len(found.verdicts) <= _MOST_REMEMBERED else {}
+            with self._remembering:
+                self._memories[campaign_id] = memory
+                while sum(len(each.frames) for each in self._memories.values()) > _MOST_REMEMBERED:
+                    del self._memories[next(iter(self._memories))]
         finally:
             gc.enable()
         rest = timedelta(seconds=min(_PAUSE * (time.monotonic() - began), _LONGEST_PAUSE_S))

@@ -29,6 +29,7 @@ from store.columns import utc_now
 from store.queries.campaigns import find_or_add_roi, renew_extraction
 from store.queries.frames import current_roi, describe_anew, require_role
 from store.tables import Campaign, FrameRow, Job
+from store.verdicts import judge_alone
 
 router = APIRouter(prefix="/v1", tags=["frames"])
 
@@ -228,7 +229,9 @@ def _read_again(session: Session, frame: FrameRow, caller: Caller, *, changed: b
 
 
 def _find_verdicts(context: Context, session: Session, frames: list[FrameRow]) -> Mapping[str, Verdict]:
-    if not frames:
-        return {}
+    if all(frame.state == "received" and frame.header is None for frame in frames):
+        # nothing else is said of a frame that waits: who has just sent it waits for no review
+        campaigns = {each: session.get_one(Campaign, each) for each in {one.campaign_id for one in frames}}
+        return {each.id: judge_alone(session, each, campaigns[each.campaign_id]) for each in frames}
     ids = [frame.id for frame in frames]
     return context.reviews.find(session, frames[0].campaign_id, verdicts_of=ids).verdicts

@@ -73,7 +73,8 @@ def count_queue(session: Session) -> QueueCounts:
         oldest_queued_s=oldest_wait_s(session),
         due_later=session.scalar(due_later) or 0,
         failures=_count_by(session, Job.error["code"].as_string(), Job.state.in_(GIVEN_UP)),
-        waiting_for=_count_by(session, Job.waits_for, Job.state == "queued"),
+        # only a queued job waits for something
+        waiting_for=_count_by(session, Job.waits_for, Job.waits_for.is_not(None)),
         parts=list_parts(session),
     )
 

@@ -150,7 +150,7 @@ class FrameRow(Audited, Base):
         CheckConstraint("exposure_time_s > 0 AND f_number > 0 AND iso > 0", "exposure_positive"),
         Index("ix_frame_sha256", "sha256"),
         Index("ix_frame_campaign_id_id", "campaign_id", "id"),
-        Index("ix_frame_campaign_id_state", "campaign_id", "state"),
+        Index("ix_frame_counted", "campaign_id", "state", "withdrawn_at"),
         Index(
             "ix_frame_not_extracted",
             "state",

@@ -11,6 +11,7 @@ from store.tables.base import Base, Json
 KINDS = ("extract", "fit", "measure")
 
 _QUEUED = "state = 'queued'"
+_WAITS = "waits_for IS NOT NULL"
 
 
 class Job(Base):
@@ -43,6 +44,7 @@ class Job(Base):
             sqlite_where=text(_QUEUED),
             postgresql_where=text(_QUEUED),
         ),
+        Index("ix_job_waits_for", "waits_for", sqlite_where=text(_WAITS), postgresql_where=text(_WAITS)),
     )
 
     id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("job"))

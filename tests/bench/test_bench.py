@@ -32,6 +32,7 @@ TINY = Scale(
     rounds_of_jobs=2,
     jobs_each=1,
     job_s=0.01,
+    jobs=200,
     waiting_jobs=100,
     waits_s=0.2,
 )
@@ -46,7 +47,7 @@ def test_every_benchmark_runs_and_leaves_nothing_behind(tmp_path, monkeypatch, c
     before = family(1)
     assert main(TINY) == 0
     told = capfd.readouterr().out
-    targets = (15 if pages.find_chromium() is None else 16) + 26
+    targets = (15 if pages.find_chromium() is None else 16) + 33
     assert told.count("target:") == targets
     assert f"{targets} targets, " in told
     assert "MB more over" in told

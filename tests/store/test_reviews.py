@@ -130,6 +130,9 @@ def answers(house, campaign_id):
     assert {each["id"]: each["verdict"] for each in listed} == {
         each.pop("frame_id"): each for each in verdicts
     }
+    for each in listed:
+        if each["state"] == "received":
+            assert house.get(f"/v1/frames/{each['id']}")["verdict"] == each["verdict"]
     items = house.get(f"/v1/campaigns/{campaign_id}/checklist")["items"]
     ticks = {each["key"]: (each.get("evidence"), each.get("missing")) for each in items}
     found = {
