@@ -26,7 +26,7 @@ from verify.data import (
 )
 from verify.measurement import verify_measurement
 from verify.recompute import recompute
-from verify.report import conclude, tabulate
+from verify.report import conclude, name_libraries, tabulate
 from verify.rig import verify_rig
 from worker.decode.pool import DecoderKilled, DecoderPool, DecoderUnavailable
 
@@ -65,7 +65,7 @@ def _verify(place: str, data_place: str, key: str, console: Console) -> int:
 
 def _report(certificate: Node, rows: list[Row], console: Console) -> int:
     console.print(tabulate(certificate, rows))
-    console.print(conclude(rows), markup=False)
+    console.print(f"{conclude(rows)} {name_libraries()}", markup=False)
     return 1 if any(row.agreement == "different" for row in rows) else 0
 
 

@@ -1,9 +1,12 @@
 """The table that a verification prints: results one by one, the rest by kind, differences in full."""
 
+import platform
 from collections import Counter
 from collections.abc import Iterator
 from typing import Final
 
+import numpy as np
+import scipy
 from rich.table import Table
 
 from radiometry.methods import get_method
@@ -86,6 +89,11 @@ def _list_headlines(certificate: Node, rows: list[Row]) -> Iterator[tuple[str, R
 def _name(certificate: Node) -> str:
     named = f"Measurement {certificate['id']}" if is_measurement(certificate) else ""
     return named or f"Certificate {certificate['number']}"
+
+
+def name_libraries() -> str:
+    """Return the libraries that recomputed, on whose rounding the answer depends."""
+    return f"Recomputed with numpy {np.__version__} and scipy {scipy.__version__} on {platform.machine()}."
 
 
 def conclude(rows: list[Row]) -> str:
