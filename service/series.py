@@ -9,7 +9,7 @@ import json
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import chain
+from itertools import chain, repeat
 from typing import Annotated, Any, Final, Literal, get_args
 
 from fastapi import Request, Response
@@ -174,6 +174,9 @@ def gather(parts: Iterable[bytes]) -> Iterator[bytes]:
     """Join small parts: each one that is sent costs a turn of the loop and a thread."""
     gathered = bytearray()
     for part in parts:
+        if not gathered and len(part) >= _CHUNK_BYTES:
+            yield part
+            continue
         gathered += part
         if len(gathered) >= _CHUNK_BYTES:
             yield bytes(gathered)
@@ -192,32 +195,34 @@ def _pack(parts: Iterable[bytes]) -> Iterator[bytes]:
 def _write_json(pages: Iterator[Page], columns: Sequence[Column], following: str | None) -> Iterator[bytes]:
     quote = json.encoder.encode_basestring_ascii
     yield b'{"rows":['
-    between = ""
+    is_later = False
     for page in pages:
-        members: list[str] = []
-        cells: list[Sequence[str]] = []
+        # what every row has, and between it the cells that differ
+        text = ",{"
+        parts: list[Iterable[str]] = []
         for column, read in zip(columns, page, strict=True):
-            found, texts = read, column.kind in {"text", "instant"}
+            found, texts, end = read, column.kind in {"text", "instant"}, ","
+            text += f'"{column.name}":'
             if is_empty(found):
-                members.append(f'"{column.name}":{column.empty}')
+                text += column.empty
             elif texts and found[0] == found[-1] and len(different := set(found)) == 1:
-                members.append(f'"{column.name}":{quote(*different).replace("%", "%%")}')
-            elif texts and _is_plain(found, '"\\') and (column.empty == '""' or "" not in found):
-                members.append(f'"{column.name}":"%s"')
-                cells.append(found)
+                text += quote(*different)
             else:
-                members.append(f'"{column.name}":%s')
-                if texts:
-                    found = [quote(text) if text else column.empty for text in found]
-                elif is_text(found):
-                    found = [text or column.empty for text in found] if "" in found else found
-                elif None in found:
-                    found = [column.empty if cell is None else cell for cell in found]
-                cells.append(found)
-        line = "{" + ",".join(members) + "}"
-        rows = zip(*cells, strict=True) if cells else [()] * len(page[0])
-        yield (between + ",".join([line % row for row in rows])).encode()
-        between = ","
+                if texts and _is_plain(found, '"\\') and (column.empty == '""' or "" not in found):
+                    text, end = text + '"', '",'
+                elif texts:
+                    found = [quote(cell) if cell else column.empty for cell in found]
+                elif not is_text(found):
+                    found = [column.empty if cell is None else repr(cell) for cell in found]
+                elif "" in found:
+                    found = [cell or column.empty for cell in found]
+                parts += [repeat(text), found]
+                text = ""
+            text += end
+        rows = zip(*parts, [f"{text[:-1]}}}"] * len(page[0]), strict=False)
+        lines = "".join(chain.from_iterable(rows))
+        yield (lines if is_later else lines[1:]).encode()
+        is_later = True
     yield f'],"next":{json.dumps(following)}}}'.encode() if following else b"]}"
 
 

@@ -107,7 +107,13 @@ def enqueue(
 
 
 def enqueue_extraction(
-    session: Session, frame: FrameRow, organisation_id: str, *, by: str, is_new: bool = False
+    session: Session,
+    frame: FrameRow,
+    organisation_id: str,
+    *,
+    by: str,
+    is_new: bool = False,
+    lane: str | None = None,
 ) -> Job:
     """Add a job that reads this frame, which may be new, and computes whatever its region still lacks."""
     return enqueue(
@@ -118,6 +124,7 @@ def enqueue_extraction(
         by=by,
         parameters={},
         is_new=is_new,
+        lane=lane,
     )
 
 

@@ -23,6 +23,7 @@ from worker.decode.malloc import keep_memory, share_one_arena
 from worker.decode.pool import DecoderPool, DecoderUnavailable
 from worker.leases import Leases
 from worker.needs import Needs
+from worker.renewal import Renewal
 from worker.scrub import Scrub
 from worker.shutdown import Stop
 from worker.threads import JobThreads
@@ -85,8 +86,9 @@ def build_threads(settings: Settings, context: Context, presence: Presence) -> J
 
 
 def start_chores(settings: Settings, context: Context, presence: Presence) -> None:
-    """Sweep the floor, and do what one worker of all is enough for: prove stored files and send webhooks."""
+    """Sweep the floor, and do what one worker is enough for: renew statistics, prove files, send webhooks."""
     sweep_floor(context.blobs, Partials.of(settings))
+    Renewal(context.database, leads=presence.leads).start()
     Scrub(context.database, context.files, days=settings.scrub_days, leads=presence.leads).start()
     Deliveries(context.database, settings.private_webhook_hosts, leads=presence.leads).start()
 

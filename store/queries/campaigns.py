@@ -175,11 +175,13 @@ def check_again(session: Session, campaign: Campaign, *, by: str) -> list[Job]:
     return [jobs.enqueue_extraction(session, frame, campaign.organisation_id, by=by) for frame in found]
 
 
-def renew_extraction(session: Session, frame: FrameRow, organisation_id: str, *, by: str) -> Job:
+def renew_extraction(
+    session: Session, frame: FrameRow, organisation_id: str, *, by: str, lane: str | None = None
+) -> Job:
     """As enqueue_extraction, for a frame whose statistics no longer are those of its region."""
     if frame.state == "extracted":
         frame.state = "read"
-    return jobs.enqueue_extraction(session, frame, organisation_id, by=by)
+    return jobs.enqueue_extraction(session, frame, organisation_id, by=by, lane=lane)
 
 
 def add_readings(session: Session, campaign: Campaign, values: Iterable[dict[str, Any]]) -> list[Reading]:
