@@ -5,7 +5,7 @@ import { h } from "../dom.js";
 let count = 0;
 
 /** The place of a field in the manual, behind a question mark; in a tab of its own, as a form is not to be lost. */
-export const manualLink = (address, label) => h("a", { class: "help", href: address, target: "_blank", title: `${label} in the manual`, "aria-label": `${label} in the manual, in a new tab` }, "?");
+export const manualLink = (address, label) => h("a", { class: "help", href: address, target: "_blank" }, h("span", { "aria-hidden": "true" }, "?"), h("span", { class: "hidden" }, `${label} in the manual, in a new tab`));
 
 /** field("Columns", h("input"), "hint"): with its label and its hint; `help` is its place in the manual. */
 export function field(label, control, hint, help) {
