@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from radiometry.frame.lensfun import list_options, name_for_lensfun
 from radiometry.geometry.exports import (
     export_colmap,
     export_json,
@@ -10,6 +11,7 @@ from radiometry.geometry.exports import (
     export_opencv,
     export_ros,
 )
+from radiometry.geometry.lensfun import export_lensfun
 from radiometry.geometry.results import Fit
 from radiometry.specification.exports import Export, ExportOption, ExportSubject
 
@@ -61,6 +63,23 @@ EXPORTS: Final = (
             fitted, camera_id=asked["camera_id"] or _name_for_odm(fitted, subject)
         ),
         options=(ExportOption(name="camera_id", kind="text", description=_CAMERA_ID, required=False),),
+    ),
+    Export(
+        filename="lensfun-distortion.xml",
+        label="Lensfun",
+        media_type="application/xml",
+        operation="get_lensfun_distortion",
+        description="The distortion as an entry of Lensfun's database, model poly5. The pixel pitch must be "
+        "registered with the camera.",
+        write=lambda fitted, subject, asked: export_lensfun(
+            fitted.camera,
+            names=name_for_lensfun(
+                subject, asked, width_px=fitted.camera.width_px, height_px=fitted.camera.height_px
+            ),
+            widest_f_number=asked["widest_f_number"],
+        ),
+        options=list_options(needs_widest=True),
+        needs_pixel_pitch=True,
     ),
     Export(
         filename="camera.json",

@@ -4,11 +4,12 @@ import base64
 import json
 from typing import Any, Final
 
+from radiometry.frame.lensfun import list_options, name_for_lensfun
 from radiometry.specification.exports import Export, ExportOption, ExportSubject, Picture
 from radiometry.vignetting.application import select_channels
 from radiometry.vignetting.correction import compute_correction
 from radiometry.vignetting.dng import export_dng
-from radiometry.vignetting.lensfun import LensfunNames, export_lensfun
+from radiometry.vignetting.lensfun import export_lensfun
 from radiometry.vignetting.residuals import read_residuals
 from radiometry.vignetting.results import Fit
 
@@ -17,18 +18,8 @@ _F_NUMBER: Final = ExportOption(name="f_number", kind="number")
 
 def _write_lensfun(fitted: Fit, subject: ExportSubject, options: dict[str, Any]) -> str:
     coefficients = fitted.coefficients
-    pitch_mm = (subject.pixel_pitch_um or 0.0) / 1000.0
-    names = LensfunNames(
-        camera_make=subject.make,
-        camera_model=subject.model,
-        lens_make=subject.lens_make or subject.make,
-        lens_model=subject.lens_model or f"{subject.model} lens",
-        mount=options["mount"],
-        focal_length_mm=options["focal_length_mm"],
-        sensor_width_mm=coefficients[0].width_px * pitch_mm,
-        sensor_height_mm=coefficients[0].height_px * pitch_mm,
-        widest_f_number=options["widest_f_number"],
-    )
+    first = coefficients[0]
+    names = name_for_lensfun(subject, options, width_px=first.width_px, height_px=first.height_px)
     return export_lensfun(coefficients, channels=select_channels(coefficients, signal="green"), names=names)
 
 
@@ -74,18 +65,7 @@ EXPORTS: Final = (
         description="The falloff as an entry of Lensfun's database. The pixel pitch must be registered with "
         "the camera.",
         write=_write_lensfun,
-        options=(
-            ExportOption(name="focal_length_mm", kind="number"),
-            ExportOption(
-                name="mount", kind="text", description="Of a fixed lens a name of its own, in lower case."
-            ),
-            ExportOption(
-                name="widest_f_number",
-                kind="number",
-                description="Of the lens, as in its name.",
-                required=False,
-            ),
-        ),
+        options=list_options(needs_widest=False),
         needs_pixel_pitch=True,
     ),
     Export(

@@ -174,6 +174,9 @@ def test_the_board_of_opencv(house):
     named = house.get(f"{base}/cameras.json", camera_id="v2 canon eos 5d 640 480 brown 0.8")
     assert named["v2 canon eos 5d 640 480 brown 0.8"]["focal_x"] == rows["fx_px"]["value"] / 640
     assert next(iter(house.get(f"{base}/cameras.json"))).startswith("v2 canon eos 5d 640 480 brown ")
+    asked = {"focal_length_mm": 15.0, "mount": "canonfixed", "widest_f_number": 2.8}
+    distorted = house.http.get(f"{base}/lensfun-distortion.xml", params=asked)
+    assert distorted.status_code == 422, "no pixel pitch is registered"
     camera = house.get(f"{base}/camera.json")
     assert camera["parameters"]["k1"]["value"] == rows["k1"]["value"]
 

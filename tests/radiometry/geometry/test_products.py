@@ -3,9 +3,11 @@
 import dataclasses
 import json
 import math
+import re
 from xml.etree import ElementTree as ET
 
 import cv2
+import lensfunpy
 import numpy as np
 import pytest
 import yaml
@@ -155,6 +157,47 @@ def test_other_programs_project_points_where_the_camera_sees_them(fit, filename,
     named, first_pixel = read(text)
     deviation = np.abs(project_published(named, points) - first_pixel - seen.reshape(-1, 2)).max()
     assert deviation < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("changes", "allowed_px"),
+    [
+        ({"fy_px": 530.0, "cx_px": 319.5, "cy_px": 239.5, "k3": 0.0, "p1": 0.0, "p2": 0.0}, 0.01),
+        ({"fy_px": 530.0, "cx_px": 342.3, "cy_px": 235.6, "p1": 2e-3, "p2": -7e-4}, 2.0),
+    ],
+)
+def test_liblensfun_corrects_by_the_camera(fit, changes, allowed_px):
+    camera = dataclasses.replace(fit.camera, fx_px=530.0, k1=-0.27, k2=0.04, **changes)
+    subject = ExportSubject(
+        calibration_id="cal",
+        make="Canon",
+        model="EOS 5D",
+        serial="1",
+        lens_make="L",
+        lens_model="Lens 15mm f/1.4",
+        pixel_pitch_um=4.65,
+    )
+    (export,) = (each for each in EXPORTS if each.filename == "lensfun-distortion.xml")
+    asked = {"focal_length_mm": 15.0, "mount": "canonFixed", "widest_f_number": 1.4}
+    text = export.write(dataclasses.replace(fit, camera=camera), subject, asked)
+    database = lensfunpy.Database(xml=text, load_common=False, load_bundled=False)
+    (found,) = database.find_cameras("Canon", "EOS 5D")
+    (lens,) = database.find_lenses(found, "L", "Lens 15mm f/1.4")
+    modifier = lensfunpy.Modifier(lens, found.crop_factor, 640, 480)
+    modifier.initialize(15.0, 4.0, 1000.0, scale=1.0, pixel_format=np.float32)
+    seen = modifier.apply_geometry_distortion()[::20, ::20].reshape(-1, 2).astype(float)
+    places = np.stack(np.meshgrid(np.arange(640.0), np.arange(480.0)), -1)[::20, ::20].reshape(-1, 2)
+    # the corrected picture may have any focal length and principal point: both are fitted
+    directions = find_directions(camera, seen[:, ::-1])
+    ones, zeros = np.ones(len(places)), np.zeros(len(places))
+    across, down = ([*each] for each in directions.T)
+    matrix = np.concatenate([np.stack([across, ones, zeros], -1), np.stack([down, zeros, ones], -1)])
+    wanted = places.T.ravel()
+    left = (matrix @ np.linalg.lstsq(matrix, wanted, rcond=None)[0] - wanted).reshape(2, -1)
+    stated = float(re.search(r"error ([\d.]+) px", text)[1])
+    # counted in the corrected picture, whose corners are drawn apart
+    assert stated - 0.01 < np.hypot(*left).max() < 2 * stated + 0.01
+    assert stated <= allowed_px
 
 
 def make_picture(camera, kind):

@@ -1,0 +1,176 @@
+"""A database of Lensfun with one camera and one lens."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+from xml.sax.saxutils import escape
+
+from radiometry.findings import InputRejected, interface
+from radiometry.specification.exports import ExportOption, ExportSubject
+
+FULL_FRAME_DIAGONAL_MM: Final = math.hypot(36.0, 24.0)
+_DATABASE_VERSION: Final = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class LensfunNames:
+    """Entries that Lensfun's database requires and that raw files do not reliably contain.
+
+    Attributes
+    ----------
+    camera_make, camera_model, lens_make, lens_model : str
+        Names of the camera and of the lens.
+    mount : str
+        Mount; for a fixed lens, a name of its own that begins in lower case, as in
+        Lensfun's own database.
+    focal_length_mm : float
+        Focal length [mm].
+    sensor_width_mm, sensor_height_mm : float
+        Size of the visible area [mm], from which the crop factor follows.
+    distance_m : float, default: 1000.0
+        Distance to which the lens was focused [m]; Lensfun's 1000 for infinity.
+    widest_f_number : float or None, default: None
+        Widest f-number of the lens, as in its name; otherwise Lensfun does not find the
+        lens by that name. None: that of the flats.
+    """
+
+    camera_make: str
+    camera_model: str
+    lens_make: str
+    lens_model: str
+    mount: str
+    focal_length_mm: float
+    sensor_width_mm: float
+    sensor_height_mm: float
+    distance_m: float = 1000.0
+    widest_f_number: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check for values that the schema would refuse."""
+        widest = 1.0 if self.widest_f_number is None else self.widest_f_number
+        sizes = (self.focal_length_mm, self.sensor_width_mm, self.sensor_height_mm)
+        numbers = (*sizes, self.distance_m, widest)
+        if not all(math.isfinite(number) and number > 0.0 for number in numbers):
+            raise ValueError("focal length, sensor size, distance and f-number must be positive numbers")
+        if not all((self.camera_make, self.camera_model, self.lens_make, self.lens_model, self.mount)):
+            raise ValueError("Lensfun wants names for camera, lens and mount")
+
+    @property
+    def crop_factor(self) -> float:
+        """The diagonal of 36 mm x 24 mm over the sensor's."""
+        return FULL_FRAME_DIAGONAL_MM / math.hypot(self.sensor_width_mm, self.sensor_height_mm)
+
+
+def list_options(*, needs_widest: bool) -> tuple[ExportOption, ...]:
+    """Return the options of an export that no raw file states reliably.
+
+    Parameters
+    ----------
+    needs_widest : bool
+        True if the calibration knows no f-number.
+    """
+    mount = "Of a fixed lens a name of its own, in lower case."
+    widest = "Of the lens, as in its name."
+    return (
+        ExportOption(name="focal_length_mm", kind="number"),
+        ExportOption(name="mount", kind="text", description=mount),
+        ExportOption(name="widest_f_number", kind="number", description=widest, required=needs_widest),
+    )
+
+
+def name_for_lensfun(
+    subject: ExportSubject, options: dict[str, Any], *, width_px: int, height_px: int
+) -> LensfunNames:
+    """Return the names of the camera and lens of a version.
+
+    Parameters
+    ----------
+    subject : ExportSubject
+        Camera, with its pixel pitch.
+    options : dict of str to object
+        Values of `list_options`.
+    width_px, height_px : int
+        Size of the frame [px].
+    """
+    pitch_mm = (subject.pixel_pitch_um or 0.0) / 1000.0
+    return LensfunNames(
+        camera_make=subject.make,
+        camera_model=subject.model,
+        lens_make=subject.lens_make or subject.make,
+        lens_model=subject.lens_model or f"{subject.model} lens",
+        sensor_width_mm=width_px * pitch_mm,
+        sensor_height_mm=height_px * pitch_mm,
+        **options,
+    )
+
+
+def write_database(
+    names: LensfunNames,
+    elements: Sequence[str],
+    *,
+    width_px: int,
+    height_px: int,
+    widest_f_number: float,
+    centre: tuple[float, float] | None = None,
+) -> str:
+    """Write a database with the camera, the lens, and the elements of its calibration.
+
+    Parameters
+    ----------
+    names : LensfunNames
+        Names and sizes of camera and lens.
+    elements : sequence of str
+        Content of `calibration`, as lines.
+    width_px, height_px : int
+        Size of the frame [px].
+    widest_f_number : float
+        Widest f-number of the lens, unless the names state it.
+    centre : tuple[float, float] or None, default: None
+        Centre (x, y) of the lens from the frame's middle, in half the shorter side.
+
+    Raises
+    ------
+    InputRejected
+        `validation_failed` if a name holds characters that XML cannot.
+    """
+    widest = names.widest_f_number or widest_f_number
+    crop = f"{names.crop_factor:.6g}"
+    ratio = f"{max(width_px, height_px)}:{min(width_px, height_px)}"
+    lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        f'<lensdatabase version="{_DATABASE_VERSION}">',
+        "    <mount>",
+        f"        <name>{_text(names.mount)}</name>",
+        f"        <compat>{_text(names.mount)}</compat>",
+        "    </mount>",
+        "    <camera>",
+        f"        <maker>{_text(names.camera_make)}</maker>",
+        f"        <model>{_text(names.camera_model)}</model>",
+        f"        <mount>{_text(names.mount)}</mount>",
+        f"        <cropfactor>{crop}</cropfactor>",
+        "    </camera>",
+        "    <lens>",
+        f"        <maker>{_text(names.lens_make)}</maker>",
+        f"        <model>{_text(names.lens_model)}</model>",
+        f"        <mount>{_text(names.mount)}</mount>",
+        f'        <focal value="{names.focal_length_mm:.9g}"/>',
+        f'        <aperture min="{widest:.9g}"/>',
+        f"        <cropfactor>{crop}</cropfactor>",
+        f"        <aspect-ratio>{ratio}</aspect-ratio>",
+        *([f'        <center x="{centre[0]:.9g}" y="{centre[1]:.9g}"/>'] if centre else []),
+        "        <calibration>",
+        *elements,
+        "        </calibration>",
+        "    </lens>",
+        "</lensdatabase>",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _text(text: str) -> str:
+    """Escape text, without characters that XML cannot hold."""
+    if not text.isprintable():
+        detail = f"{text!r} holds characters that XML cannot: type the name again."
+        raise InputRejected(interface.VALIDATION_FAILED, detail)
+    return escape(text)
