@@ -88,11 +88,19 @@ class Reading(TypedDict):
 
 
 class Grid(TypedDict):
-    """Equal cells of a rectangular surface, by the image [x, y] of its corners as the surface runs."""
+    """Equal cells of a rectangular surface, by the image [x, y] of its corners as the surface runs.
+
+    Either ``rows`` and ``columns``, or ``lanes``, ``lane_width_m`` and ``spacing_m``: EN 13201-3's points.
+    """
 
     corners: Sequence[tuple[float, float]]
-    rows: int
-    columns: int
+    rows: NotRequired[int]
+    columns: NotRequired[int]
+    lanes: NotRequired[int]
+    lane_width_m: NotRequired[float]
+    spacing_m: NotRequired[float]  # of the luminaires
+    length_m: NotRequired[float]  # of the rectangle, where it is not the spacing
+    corner_u_px: NotRequired[float]
 
 
 class MeasureDetails(TypedDict, total=False):

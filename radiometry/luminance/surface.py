@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected
 from radiometry.frame.grid import MAX_CELLS_A_SIDE, Grid
+from radiometry.frame.lanes import find_homography
 from radiometry.frame.roi import MAX_COORDINATE_PX, Polygon
 from radiometry.luminance import codes
 
@@ -150,7 +151,7 @@ def _lattice(grid: Grid) -> Lattice:
             codes.GRID_INVALID, f"A grid has 1 to {MAX_CELLS_A_SIDE} rows and as many columns of cells."
         )
     _require_convex(grid.corners)
-    h = _homography(grid.corners)
+    h = find_homography(grid.corners)
     v, u = np.meshgrid(
         np.arange(grid.rows + 1) / grid.rows, np.arange(grid.columns + 1) / grid.columns, indexing="ij"
     )
@@ -160,16 +161,6 @@ def _lattice(grid: Grid) -> Lattice:
     for (row, col), corner in zip(((0, 0), (0, -1), (-1, -1), (-1, 0)), grid.corners, strict=True):
         points[row, col] = corner
     return points
-
-
-def _homography(corners: Sequence[tuple[float, float]]) -> Matrix:
-    """Solve for h of equation (1) with h[2, 2] = 1, from the unit square's corners in the same order."""
-    rows, right = [], []
-    for (u, v), (x, y) in zip(((0, 0), (1, 0), (1, 1), (0, 1)), corners, strict=True):
-        rows += [[u, v, 1, 0, 0, 0, -x * u, -x * v], [0, 0, 0, u, v, 1, -y * u, -y * v]]
-        right += [x, y]
-    solved = np.linalg.solve(np.array(rows, np.float64), np.array(right, np.float64))
-    return np.append(solved, 1.0).reshape(3, 3)
 
 
 def _require_convex(corners: Sequence[tuple[float, float]]) -> None:

@@ -10,6 +10,7 @@ from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected, interface
 from radiometry.frame.grid import Grid
+from radiometry.frame.lanes import LaneGrid, lay_lanes
 from service.auth import Caller, Reader, Uploader
 from service.changes import Reply, Writes
 from service.context import Context, UsesContext
@@ -199,13 +200,25 @@ def get_measurement_picture(
 
 
 def _read_asked(body: MeasurementOptions) -> Asked:
-    grid = None
+    grid = lanes = None
     if body.grid is not None:
-        corners = tuple((corner[0], corner[1]) for corner in body.grid.corners)
-        grid = Grid(corners=corners, rows=body.grid.rows, columns=body.grid.columns)
+        asked = body.grid
+        corners = tuple((corner[0], corner[1]) for corner in asked.corners)
+        if asked.lanes and asked.lane_width_m and asked.spacing_m:
+            lanes = LaneGrid(
+                corners=corners,
+                lanes=asked.lanes,
+                lane_width_m=asked.lane_width_m,
+                spacing_m=asked.spacing_m,
+                length_m=asked.length_m or asked.spacing_m,
+                corner_u_px=asked.corner_u_px,
+            )
+        else:
+            grid = Grid(corners=corners, rows=asked.rows or 0, columns=asked.columns or 0)
     return Asked(
         polygon=read_roi(body.roi).polygon if body.roi is not None else None,
-        grid=grid,
+        grid=lay_lanes(lanes) if lanes else grid,
+        lanes=lanes,
         reflectance=body.reflectance,
         incidence_angle_deg=body.incidence_angle_deg,
         index=body.index,

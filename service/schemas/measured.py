@@ -232,7 +232,12 @@ def _surface(row: Measurement) -> dict[str, Any]:
     grid = row.parameters["grid"]
     lines = surface["u_l"]
     return {
-        "grid": GridAnswer(**grid, cell_model=surface["cell_model"], cells=surface["cells"]),
+        "grid": GridAnswer(
+            **grid,
+            cell_model=surface["cell_model"],
+            cells=surface["cells"],
+            lanes=row.parameters.get("lanes"),
+        ),
         **{name: surface[name] for name in _LIT},
         # a row without a positive luminance has no ratio, and null is no answer
         "u_l": lines if all(lines) else None,

@@ -136,6 +136,26 @@ class PercentileAnswer(Answer):
     reflectance: Quantity | None = None
 
 
+class LanesAnswer(Answer):
+    """Lanes between two luminaires; the points of EN 13201-3 are the centres of the cells."""
+
+    lanes: int
+    lane_width_m: float
+    spacing_m: float
+    length_m: float
+    marked: list[list[float]] = Field(description="Corners of the rectangle as they were given [px].")
+    corner_u_px: float
+    along_m: float = Field(description="Distance of the points along the lanes.")
+    across_m: float
+    points_m: list[list[list[float]]] = Field(
+        description="[x, y] of each point along and across from the first corner, row by row."
+    )
+    point_u_m: float = Field(
+        description="Largest standard uncertainty of a point's place on the road from that of the corners. "
+        "It is not part of the luminances' uncertainties."
+    )
+
+
 class GridAnswer(Answer):
     """The cells as the surface runs, row by row."""
 
@@ -144,3 +164,4 @@ class GridAnswer(Answer):
     columns: int
     cell_model: str = Field(description="`projective`: equal cells of the surface, not of its image.")
     cells: list[list[Quantity]]
+    lanes: LanesAnswer | None = None

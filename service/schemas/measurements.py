@@ -18,7 +18,16 @@ Side = Annotated[int, Field(ge=1, le=MAX_CELLS_A_SIDE, strict=True)]
 
 
 class NewGrid(Form):
-    """Equal cells of a rectangular surface, by the image of its corners."""
+    """Equal cells of a rectangular surface by the image of its corners, or lanes divided as by EN 13201-3."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "oneOf": [
+                {"required": ["rows", "columns"]},
+                {"required": ["lanes", "lane_width_m", "spacing_m"]},
+            ]
+        }
+    )
 
     corners: Annotated[
         list[Point],
@@ -26,11 +35,32 @@ class NewGrid(Form):
             min_length=4,
             max_length=4,
             description="[x, y] in pixels of the surface's corners: top-left, top-right, bottom-right, "
-            "bottom-left.",
+            "bottom-left; of lanes the first two along them, the field beginning at the first.",
         ),
     ]
-    rows: Side
-    columns: Side
+    rows: Side | None = None
+    columns: Side | None = None
+    lanes: Annotated[int, Field(ge=1, le=16, strict=True)] | None = Field(
+        default=None, description="In place of rows and columns: three rows a lane, ten columns or more."
+    )
+    lane_width_m: Annotated[Number, Field(ge=1, le=20)] | None = None
+    spacing_m: Annotated[Number, Field(ge=5, le=150)] | None = Field(
+        default=None, description="Of the luminaires: the length of the field."
+    )
+    length_m: Annotated[Number, Field(ge=1, le=300)] | None = Field(
+        default=None, description="Of the rectangle along the lanes, where it is not the spacing."
+    )
+    corner_u_px: Annotated[Number, Field(gt=0, le=100)] = Field(
+        default=2.0, description="Standard uncertainty of each coordinate of a corner."
+    )
+
+    @model_validator(mode="after")
+    def _one_of_them(self) -> "NewGrid":
+        cells, lanes = (self.rows, self.columns), (self.lanes, self.lane_width_m, self.spacing_m)
+        told = [each is not None for each in (*cells, *lanes)]
+        if told not in ([True] * 2 + [False] * 3, [False] * 2 + [True] * 3):
+            raise ValueError("give either rows and columns, or lanes, lane_width_m and spacing_m")
+        return self
 
 
 CONDITIONS = {each.name: each for spec in METHODS for each in spec.conditions}

@@ -47,6 +47,10 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
     grid: Annotated[
         str | None, typer.Option(help='A surface: "3x5 x,y x,y x,y x,y", rows x columns.')
     ] = None,
+    lanes: Annotated[
+        str | None,
+        typer.Option(help='Lanes of EN 13201-3: "2x3.5x30 x,y x,y x,y x,y", lanes x width x spacing in m.'),
+    ] = None,
     reflectance: Annotated[
         float | None, typer.Option(help="Reflectance of the surface, for its illuminance.")
     ] = None,
@@ -112,7 +116,7 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
     given = {
         "calibration_id": calibration,
         "polygon": None if region is None else read_polygon(region),
-        "grid": None if grid is None else _read_grid(grid),
+        "grid": _read_lanes(lanes) if lanes is not None else None if grid is None else _read_grid(grid),
         "reflectance": reflectance,
         "light_source": light,
         "distance_m": distance,
@@ -208,6 +212,22 @@ def _read_grid(text: str) -> Grid:
     if found is None or len(corners.split()) != 4:
         raise typer.BadParameter('--grid needs rows x columns and four corners: "3x5 x,y x,y x,y x,y"')
     return Grid(corners=read_polygon(corners), rows=int(found[1]), columns=int(found[2]))
+
+
+def _read_lanes(text: str) -> Grid:
+    """Read lanes x width x spacing, with the length of the rectangle where it is not the spacing."""
+    size, _, corners = text.partition(" ")
+    try:
+        lanes, *sizes = size.split("x")
+        width, spacing, *more = map(float, sizes)
+        (length,) = more or (spacing,)
+        _, _, _, _ = corners.split()
+        said = Grid(corners=read_polygon(corners), lanes=int(lanes), lane_width_m=width, spacing_m=spacing)
+    except ValueError as error:
+        raise typer.BadParameter(
+            '--lanes needs lanes x width x spacing [x length] in m and four corners: "2x3.5x30 x,y ..."'
+        ) from error
+    return said if length == spacing else Grid(**said, length_m=length)
 
 
 def format_measurements(

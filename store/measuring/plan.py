@@ -8,6 +8,7 @@ from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected, shared
 from radiometry.frame.grid import Grid
+from radiometry.frame.lanes import LaneGrid, describe_lanes
 from radiometry.frame.proof import Proof
 from radiometry.frame.roi import Polygon, bounding_window
 from radiometry.methods import METHODS, get_method
@@ -31,6 +32,8 @@ class Asked:
 
     polygon: Polygon | None = None
     grid: Grid | None = None
+    lanes: LaneGrid | None = None
+    """Geometry of the grid, where it is one of lanes."""
     reflectance: float | None = None
     incidence_angle_deg: float | None = None
     index: str | None = None
@@ -176,7 +179,7 @@ def _plan_surface(
     application.find_window(request, height_px=header["height_px"], width_px=header["width_px"])
     if "map" in asked.products or application.needs_scale(request):
         application.find_map_scale(coefficients, exposure, lens=lens)
-    return plan
+    return plan | ({"lanes": describe_lanes(asked.lanes)} if asked.lanes else {})
 
 
 def _find_conditions(

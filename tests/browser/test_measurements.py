@@ -169,6 +169,11 @@ def test_a_frame_is_measured_from_the_page(night_page, night):
     expect(night_page.get_by_role("radio", name="New region")).to_be_checked()
     expect(night_page.get_by_role("textbox", name="Corners")).to_have_value("")
     night_page.get_by_label("Average with").select_option(label="road-june.DNG")
+    night_page.get_by_role("radio", name="Lane grid").check()
+    night_page.get_by_role("button", name="Rectangle").click()
+    # ten columns of six cells: nine lines and the end, and five
+    expect(night_page.locator(".roi-cells")).to_have_attribute("d", re.compile("^(M[^M]+){15}$"))
+    look(night_page, "measurement-lanes")
     night_page.get_by_role("radio", name="Surface with cells").check()
     night_page.get_by_role("button", name="Rectangle").click()
     corners = night_page.get_by_role("textbox", name="Corners")

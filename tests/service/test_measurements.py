@@ -113,6 +113,14 @@ def test_a_lit_surface(house):
     assert found["grid"]["cell_model"] == "projective"
     assert found["illuminance"]["value"] == pytest.approx(np.pi * found["mean"]["value"] / 0.25)
     assert found["grid_illuminance"]["unit"] == "lx"
+    lanes = {"corners": CORNERS, "lanes": 1, "lane_width_m": 3.5, "spacing_m": 24, "length_m": 48}
+    assert house.post("/v1/measurements", {"frame_id": frame["id"], "grid": lanes | {"rows": 3}}, status=422)
+    field = measure(house, frame, grid=lanes)["grid"]
+    # half of the rectangle, which is not seen in perspective
+    assert (field["rows"], field["columns"]) == (3, 10)
+    assert np.array(field["corners"]) == pytest.approx(np.array([[8, 8], [48, 8], [48, 56], [8, 56]]))
+    assert (field["lanes"]["along_m"], field["lanes"]["points_m"][0][1][0]) == pytest.approx((2.4, 3.6))
+    assert field["cells"][0][0]["value"] * k == pytest.approx(ROAD[0][0], rel=0.02)
 
 
 @pytest.mark.usefixtures("version")

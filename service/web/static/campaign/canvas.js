@@ -12,13 +12,14 @@ export class RegionCanvas {
     this.picture = svg("image", { preserveAspectRatio: "none" });
     this.shade = svg("path", { class: "roi-shade" });
     this.clipped = svg("g", { class: "roi-clipped" });
+    this.cells = svg("path", { class: "roi-cells" });
     this.shapes = svg("g");
     this.mids = svg("g");
     this.handles = svg("g");
     this.element = svg(
       "svg",
       { class: "roi-canvas", tabindex: "0", role: "application", "aria-label": "Region on the preview. Arrows pan, plus and minus zoom, 0 shows all; Tab goes to the corners, arrows move a corner, Insert adds one after it, Delete removes it." },
-      this.picture, this.clipped, this.shade, this.shapes, this.mids, this.handles,
+      this.picture, this.clipped, this.shade, this.cells, this.shapes, this.mids, this.handles,
     );
     this.pointers = new Map();
     this.size = [3, 2];
@@ -44,6 +45,11 @@ export class RegionCanvas {
   showClipping(clipping) {
     const { col0_px: x, row0_px: y, cell_px: side, cells } = clipping ?? { cells: [] };
     this.clipped.replaceChildren(...cells.map((cell) => svg("rect", { x: x + cell.col * side, y: y + cell.row * side, width: side, height: side, opacity: 0.35 + 0.6 * cell.share })));
+  }
+
+  /** Lines over the picture, each from one point to another. */
+  showCells(lines) {
+    this.cells.setAttribute("d", lines.map(([from, to]) => `M${from}L${to}`).join(""));
   }
 
   fit() {

@@ -12,6 +12,8 @@ export function drawGrid(found) {
   const ratios = [
     ["Mean L", quantity(found.l_av_cd_m2)],
     found.average_to_min ? ["Mean / smallest", quantity(found.average_to_min)] : null,
+    found.grid.lanes ? ["Lanes", `${found.grid.lanes.lanes} of ${number(found.grid.lanes.lane_width_m)} m, spacing ${number(found.grid.lanes.spacing_m)} m`] : null,
+    found.grid.lanes ? ["Points", `${number(found.grid.lanes.along_m, 3)} m apart along, ${number(found.grid.lanes.across_m, 3)} m across; place known to ${number(found.grid.lanes.point_u_m, 2)} m from the corners`] : null,
     found.max_to_min ? ["Largest / smallest", quantity(found.max_to_min)] : null,
     found.grid_illuminance ? ["Mean illuminance", quantity(found.grid_illuminance)] : null,
   ].filter(Boolean);

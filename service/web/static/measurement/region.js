@@ -1,16 +1,18 @@
 // Region of a measurement: as set before, drawn here, or a rectangle on the ground with cells.
 
 import { fill, h } from "../dom.js";
-import { choices, field } from "../campaign/forms.js";
+import { choices, decimal, field } from "../campaign/forms.js";
 import { RegionCanvas } from "../campaign/canvas.js";
 import { RegionEditor } from "../campaign/editor.js";
-import { numberOf, wrong } from "../campaign/numbers.js";
+import { numberOf, readNumber, wrong } from "../campaign/numbers.js";
 import { faultOf } from "../campaign/polygon.js";
+import { cellLines, laneGrid } from "./surface.js";
 
 const KINDS = [
   ["drawn", "New region", "A polygon for this measurement only; of several frames, the same in each."],
   ["set", "Existing region", "The region of each frame, else that of its campaign."],
   ["grid", "Surface with cells", "Four corners of a rectangle on the ground, in the order top left, top right, bottom right, bottom left. Returns L of each cell and the uniformity."],
+  ["lanes", "Lane grid", "Lanes between two luminaires with the points of EN 13201-3: four road points, the first two along the lanes, around all lanes."],
 ];
 
 export function regionPart() {
@@ -21,22 +23,36 @@ export function regionPart() {
   const rows = h("input", { type: "number", min: 1, max: 50, value: 3 });
   const columns = h("input", { type: "number", min: 1, max: 50, value: 5 });
   const cells = h("div", { class: "fields" }, field("Rows of cells", rows), field("Columns of cells", columns));
+  const [lanes, width, spacing, length] = [h("input", { type: "number", min: 1, max: 16, value: 2 }), decimal({ value: "3.5" }), decimal({ value: "30" }), decimal()];
+  const road = h("div", { class: "fields" }, field("Lanes", lanes), field("Lane width [m]", width), field("Spacing of luminaires [m]", spacing), field("Length of the rectangle [m]", length, "Along the lanes. Empty: the spacing."));
   const button = (text, onclick) => h("button", { type: "button", onclick }, text);
   const tools = h("div", { class: "roi-toolbar", role: "toolbar", "aria-label": "Drawing" }, button("Rectangle", () => editor.rectangle()), button("Redraw", () => editor.clear()), button("Undo", () => editor.undo()), button("Fit to view", () => canvas.fit()));
   const typed = h("input", { autocomplete: "off", spellcheck: "false", onchange: () => take(typed.value) });
   const corners = field("Corners", typed, "x,y pairs in pixels, separated by blanks, from the top left of the image.");
   const note = h("p", { class: "hint" });
-  const drawing = h("div", { class: "region-drawing" }, canvas.element, tools, corners, cells);
+  const drawing = h("div", { class: "region-drawing" }, canvas.element, tools, corners, cells, road);
   const kinds = h("div", { class: "choices", role: "radiogroup", "aria-label": "Region" }, choices("region", KINDS, turn, kind));
   const element = h("div", { class: "region-part" }, kinds, note, drawing);
   editor.addEventListener("settled", () => (typed.value = editor.points.map((point) => point.join(",")).join(" ")));
+  for (const event of ["change", "settled"]) editor.addEventListener(event, drawCells);
+  for (const input of [rows, columns, lanes, width, spacing, length]) input.addEventListener("input", drawCells);
   turn(kind);
+
+  /** The cells over the picture, as soon as there are four corners. */
+  function drawCells() {
+    const points = editor.points;
+    const ready = ["grid", "lanes"].includes(kind) && points.length === 4 && !faultOf(points);
+    const [down, across, number, far, whole] = [rows, columns, lanes, spacing, length.value.trim() ? length : spacing].map((input) => readNumber(input.value));
+    const grid = !ready ? null : kind === "grid" ? { corners: points, rows: down, columns: across } : laneGrid(points, { lanes: number, spacing: far, length: whole });
+    canvas.showCells(grid && [grid.rows, grid.columns].every((count) => count >= 1 && count <= 50) ? cellLines(grid) : []);
+  }
 
   /** Start a kind; a new drawing starts empty, since what the campaign's region shows in this frame is another place. */
   function turn(chosen) {
     kind = chosen;
     tools.hidden = corners.hidden = kind === "set";
     cells.hidden = kind !== "grid";
+    road.hidden = kind !== "lanes";
     canvas.element.inert = kind === "set";
     editor.load(kind === "set" && before.length ? [{ name: "", points: before, closed: true }] : []);
     fill(note, kind === "set" && !before.length ? "The campaign has no region. Frames without their own are not measured." : "");
@@ -64,6 +80,10 @@ export function regionPart() {
       if (fault) throw wrong(fault);
       if (kind === "drawn") return { roi: { polygon: points } };
       if (points.length !== 4) throw wrong(`A surface has four corners; ${points.length} are drawn.`);
+      if (kind === "lanes") {
+        const grid = { corners: points, lanes: numberOf(lanes, { integer: true }), lane_width_m: numberOf(width), spacing_m: numberOf(spacing), length_m: numberOf(length) };
+        return { grid };
+      }
       return { grid: { corners: points, rows: numberOf(rows, { integer: true }), columns: numberOf(columns, { integer: true }) } };
     },
   };

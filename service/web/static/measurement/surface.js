@@ -17,10 +17,17 @@ function projection([[x0, y0], [x1, y1], [x2, y2], [x3, y3]]) {
   };
 }
 
+/** The field of lanes as a grid, as EN 13201-3 divides it: three rows a lane; `length`: of the rectangle with these corners [m]. */
+export function laneGrid(corners, { lanes, spacing, length }) {
+  const at = projection(corners);
+  const share = spacing / length;
+  return { corners: [corners[0], at(share, 0), at(share, 1), corners[3]], rows: 3 * lanes, columns: Math.max(10, Math.ceil(spacing / 3 - 1e-9)) };
+}
+
 /** The lines between the cells of a grid, each from one point to another. */
 export function cellLines({ corners, rows, columns }) {
   const at = projection(corners);
-  const lines = [];
+  const lines = [[corners[1], corners[2]]];
   for (let row = 1; row < rows; row += 1) lines.push([at(0, row / rows), at(1, row / rows)]);
   for (let column = 1; column < columns; column += 1) lines.push([at(column / columns, 0), at(column / columns, 1)]);
   return lines;
