@@ -1,5 +1,7 @@
 """The certificate of a version, built from its calibration record. No value is changed here."""
 
+from collections.abc import Iterable
+from datetime import date
 from typing import Any
 
 from radiometry.fitting.evidence import CoefficientValue
@@ -8,7 +10,6 @@ from radiometry.methods import get_method
 from radiometry.methods.findings import FINDINGS
 from service.certificate.gaps import list_gaps
 from service.certificate.words import format_traceability, format_vignetting, list_statements
-from service.certificate.work import describe_meters, describe_work
 from service.schemas.calibrations import Gap
 from service.schemas.certificates import (
     Budget,
@@ -16,6 +17,7 @@ from service.schemas.certificates import (
     CertifiedCoefficient,
     CheckedItem,
     Checklist,
+    DaysFrom,
     FlagInWords,
     Item,
     Laboratory,
@@ -24,15 +26,69 @@ from service.schemas.certificates import (
     Revoked,
     Signature,
     UsedFrame,
+    UsedMeter,
     UsedPanel,
     UsedReading,
     Validity,
+    Work,
 )
 from service.schemas.equipment import CameraAnswer
 from store.codec import drop_absent, encode_statistics
 from store.queries.calibration_record import CalibrationRecord
 from store.statements import state_budgets, state_coefficients
 from store.tables import Calibration
+
+
+def describe_work(record: CalibrationRecord) -> Work:
+    """The campaign's own words, and the days on which it was done."""
+    campaign = record.campaign
+    days, days_from = _days(record)
+    return Work.restate(
+        campaign,
+        campaign_id=campaign.id,
+        first_day=min(days, default=None),
+        last_day=max(days, default=None),
+        days_from=days_from if days else None,
+    )
+
+
+def describe_meters(record: CalibrationRecord) -> list[UsedMeter]:
+    """Each meter with its certificate of then and the days on which it was read."""
+    campaign_days, _ = _days(record)
+    meters = []
+    for meter in record.meters.values():
+        readings = [reading for reading in record.readings if reading and reading.meter_id == meter.row.id]
+        days = [reading.taken_at.date() for reading in readings if reading.taken_at] or campaign_days
+        meters.append(
+            UsedMeter.restate(
+                meter.row,
+                certificate=meter.certificate or None,
+                readings=len(readings),
+                first_day=min(days, default=None),
+                last_day=max(days, default=None),
+            )
+        )
+    return meters
+
+
+def _days(record: CalibrationRecord) -> tuple[list[date], DaysFrom]:
+    """The days of the readings; else the day the campaign began; else those of the frames' own clock."""
+    taken = [reading.taken_at.date() for reading in record.readings if reading and reading.taken_at]
+    if taken:
+        return taken, "readings"
+    if record.campaign.started_at:
+        return [record.campaign.started_at.date()], "campaign"
+    headers = [frame.row.header or {} for frame in record.frames.values()]
+    return list(_read_days(header.get("taken_at") for header in headers)), "frames"
+
+
+def _read_days(stamps: Iterable[str | None]) -> Iterable[date]:
+    for stamp in stamps:
+        try:
+            yield date.fromisoformat((stamp or "")[:10])
+        except ValueError:
+            continue  # a camera whose clock was never set
+
 
 SCHEMA_VERSION = 1
 

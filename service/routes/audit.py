@@ -16,11 +16,33 @@ from service.context import Context, UsesContext
 from service.hosts import absolute
 from service.paging import Limit, Page, Paging
 from service.routes import problems
-from service.schemas.audit import AuditChainAnswer, AuditEntryAnswer
-from service.schemas.base import Form, Instant, Text
+from service.schemas.base import Answer, Form, Instant, Text
 from service.tabular import write_csv
 from store.audit_check import check_chain
 from store.queries.audit import name_entries, read_entries, select_entries
+from store.tables import AuditEntry
+
+
+class AuditEntryAnswer(
+    Answer,
+    restates=AuditEntry,
+    fields="seq at actor action subject_type subject_id before after previous_sha256 sha256",
+):
+    actor_name: str | None = Field(default=None, description="Of the key, as it is named today.")
+    subject_name: str | None = Field(default=None, description="Of what was changed, as it is named today.")
+    about_id: str | None = Field(default=None, description="What the subject is or belongs to.")
+
+
+class AuditChainAnswer(Answer):
+    """State of an organisation's chain, as far as one request checks it."""
+
+    state: Literal["intact", "broken", "unfinished"]
+    entries: int = Field(ge=0, description="How many were checked by this request and are as they were.")
+    head: str | None = Field(default=None, description="`seq:sha256` of the last entry. Note it elsewhere.")
+    broken_at: int | None = Field(default=None, description="The first entry that is not as it was.")
+    detail: str | None = None
+    next: str | None = Field(default=None, description="Address that checks the next entries.")
+
 
 router = APIRouter(prefix="/v1/audit", tags=["audit"])
 

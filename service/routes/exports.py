@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
-from pydantic import Field, create_model
+from pydantic import ConfigDict, Field, RootModel, create_model
 
 from radiometry.findings import interface
 from radiometry.methods import METHODS, get_method
@@ -16,10 +16,38 @@ from service.immutable import immutable_headers, not_modified
 from service.lookup import Id, owned
 from service.problems import Problem
 from service.routes import UNCHANGED, problems, sends_file
-from service.schemas.base import Form, PositiveText, Text
-from service.schemas.exports import CameraFile, DngVignetteAnswer, OdmCameras
+from service.schemas.base import Answer, Form, PositiveText, Quantity, Text
 from store.fits import read_result
 from store.tables import Calibration, Camera
+
+
+class DngVignetteAnswer(Answer):
+    """FixVignetteRadial: gain = 1 + k0 r^2 + ... + k4 r^10, r = 1 at the corner farthest from the centre."""
+
+    f_number: float
+    k: list[float] = Field(min_length=5, max_length=5)
+    centre_x_share: float = Field(description="0 at the first column, 1 at the last.")
+    centre_y_share: float = Field(description="0 at the first row, 1 at the last.")
+    largest_error_rel: float = Field(description="Of the gain times the fitted V, anywhere in the frame.")
+    opcode_list_base64: str = Field(description="One opcode, big endian, as OpcodeList3 holds it.")
+
+
+class CameraFile(Answer):
+    """A camera's geometry with its uncertainties."""
+
+    model_config = ConfigDict(extra="allow")
+
+    camera_name: str
+    model: str
+    convention: str
+    image_width_px: int
+    image_height_px: int
+    parameters: dict[str, Quantity]
+
+
+class OdmCameras(RootModel[dict[str, dict[str, float | str]]]):
+    """Cameras by their name in OpenDroneMap: OpenSfM's model brown, lengths over the larger side."""
+
 
 router = APIRouter(prefix="/v1/calibrations/{calibration_id}/exports", tags=["calibrations"])
 

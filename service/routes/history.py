@@ -8,15 +8,30 @@ from service.auth import Reader
 from service.context import UsesContext
 from service.lookup import Id, owned
 from service.routes import problems
-from service.schemas.base import Instant, Method
-from service.schemas.decisions import DecisionAnswer, DecisionsAnswer
+from service.schemas.base import Answer, Instant, Method
 from service.schemas.history import ImpactAnswer
 from service.schemas.validity import LifetimeAnswer, ValidityAnswer
 from store.columns import utc_now
 from store.impact import assess, find_in_force
-from store.queries.decisions import key_names, list_decisions
+from store.queries.decisions import Decision, key_names, list_decisions
 from store.queries.validity import list_lifetimes
 from store.tables import Calibration, Camera
+
+
+class DecisionAnswer(Answer, restates=Decision, without="calibration"):
+    calibration_id: str
+    method: str
+    version: int
+    by_name: str | None = None
+
+    @classmethod
+    def of(cls, row: Decision, names: dict[str, str]) -> "DecisionAnswer":
+        return cls.restate(row, row.calibration, by_name=names.get(row.by), calibration_id=row.calibration.id)
+
+
+class DecisionsAnswer(Answer):
+    items: list[DecisionAnswer]
+
 
 router = APIRouter(prefix="/v1", tags=["calibrations"])
 

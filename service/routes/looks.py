@@ -1,12 +1,15 @@
 """Region previews that the pages request during drawing and upload; nothing is recorded."""
 
+from collections.abc import Mapping
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
+from pydantic import Field
 from sqlalchemy.orm import Session
 
 from radiometry.findings import shared
 from radiometry.frame.roi import Polygon, bounding_window
+from radiometry.frame.verdicts import Verdict
 from service.auth import Calibrator, Reader
 from service.changes import Reply, Writes
 from service.context import UsesContext
@@ -15,12 +18,40 @@ from service.lookup import Id, owned
 from service.problems import Problem
 from service.routes import problems, sends_stored_file
 from service.routes.frames import require_preview
+from service.schemas.base import Answer, Form
+from service.schemas.campaigns import Point
+from service.schemas.frames import VerdictAnswer
 from service.schemas.jobs import JobAnswer
-from service.schemas.looks import NewLook, VerdictsAnswer
 from service.thumbnails import WIDEST_PX, draw_thumbnail, tag_of
 from store import jobs
 from store.queries.frames import current_roi
 from store.tables import Campaign, FrameRow
+
+
+class NewLook(Form):
+    """Corners of a region that is not set yet."""
+
+    polygon: Annotated[
+        list[Point],
+        Field(min_length=3, max_length=1000, description="Corners [x, y] in pixels, x right, y down."),
+    ]
+
+
+class FrameVerdict(VerdictAnswer):
+    frame_id: str
+
+
+class VerdictsAnswer(Answer):
+    items: list[FrameVerdict]
+
+    @classmethod
+    def of(cls, verdicts: Mapping[str, Verdict]) -> "VerdictsAnswer":
+        return cls(
+            items=[
+                FrameVerdict.restate(verdicts[frame_id], frame_id=frame_id) for frame_id in sorted(verdicts)
+            ]
+        )
+
 
 router = APIRouter(prefix="/v1", tags=["frames"])
 

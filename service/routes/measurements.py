@@ -1,10 +1,11 @@
 """Measurements with a calibrated camera: one frame, or every field frame of a campaign."""
 
 from pathlib import PurePath
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 from urllib.parse import quote
 
 from fastapi import APIRouter, Query, Request, Response
+from pydantic import Field
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -21,7 +22,7 @@ from service.paging import Page, UsesPaging
 from service.problems import Problem
 from service.regions import read_roi
 from service.routes import UNCHANGED, problems, sends_stored_file
-from service.schemas.base import Text
+from service.schemas.base import Answer, Text
 from service.schemas.jobs import JobAnswer
 from service.schemas.measured import MeasurementAnswer
 from service.schemas.measurements import (
@@ -31,12 +32,45 @@ from service.schemas.measurements import (
     NewMeasurement,
     NotMeasured,
 )
-from service.schemas.records import MeasurementRecord
 from store import jobs
 from store.errors import Conflict
 from store.measuring.captures import Captures
 from store.measuring.plan import Asked, find_subject, list_others, plan_measurement
 from store.tables import Calibration, Campaign, FrameRow, Job, Measurement
+
+RECORD_SCHEMA = 1
+
+
+class MeasuredFrame(Answer, restates=(FrameRow,), fields="id filename sha256 role supplied exposure"):
+    """A frame of the measurement: its file by hash, and its exposure as it was used."""
+
+
+class MeasuredWith(
+    Answer, restates=(Calibration,), fields="id method version content_sha256 parameters inputs result"
+):
+    """The calibration version, as stored."""
+
+
+class MeasurementRecord(
+    Answer, restates=(Measurement,), fields="id method parameters result software content_sha256"
+):
+    """A measurement as stored, with its frames and calibration version: `make verify` recomputes it."""
+
+    schema_version: int
+    frames: list[MeasuredFrame] = Field(description="The measured frame first.")
+    calibration: MeasuredWith
+    map_sha256: str | None = Field(default=None, description="SHA-256 of map.tif, where there is one.")
+
+    @classmethod
+    def of(cls, row: Measurement, frames: list[FrameRow], calibration: Calibration) -> "MeasurementRecord":
+        more: dict[str, Any] = {
+            "schema_version": RECORD_SCHEMA,
+            "frames": [MeasuredFrame.restate(frame) for frame in frames],
+            "calibration": MeasuredWith.restate(calibration),
+            "map_sha256": row.map_tif_sha256,
+        }
+        return cls.restate(row, **more)
+
 
 router = APIRouter(prefix="/v1", tags=["measurements"])
 

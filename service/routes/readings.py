@@ -13,14 +13,30 @@ from service.context import UsesContext
 from service.lookup import Id, owned
 from service.paging import Page, UsesPaging
 from service.problems import invalid, located
-from service.reading_csv import read_readings
 from service.routes import problems
 from service.schemas.base import Text
 from service.schemas.campaigns import MOST_READINGS, NewReading, ReadingAnswer, ReadingsAnswer
-from service.sheets import is_table
+from service.sheets import Kind, is_table, read_sheet, refuse_columns
 from store.columns import utc_now
 from store.queries.campaigns import add_readings
 from store.tables import Campaign, Meter, Reading
+
+_COLUMNS = ("scene", "quantity", "value", "unit", "meter_id", "taken_at")
+_NEEDED = frozenset(_COLUMNS[:4])
+_KIND = Kind(numbers=frozenset({"value"}), most=MOST_READINGS, rows_are="readings")
+
+
+def read_readings(data: bytes) -> list[NewReading]:
+    """Readings, one a line, under the names of their columns."""
+    return read_sheet(data, NewReading, _KIND, _name_fields)
+
+
+def _name_fields(columns: list[str]) -> list[str]:
+    if not set(columns) >= _NEEDED or not set(columns) <= set(_COLUMNS) or len(set(columns)) < len(columns):
+        message = f"must name each of the columns {', '.join(_COLUMNS)} once (the last two may be absent)"
+        raise refuse_columns(message, columns)
+    return columns
+
 
 router = APIRouter(prefix="/v1", tags=["readings"])
 
