@@ -85,7 +85,11 @@ def test_series_is_sent_again_only_after_a_decision(house, measured):
         packed = house.http.get(address, headers={"Accept-Encoding": "gzip"})
         plain = house.http.get(address, headers={"Accept-Encoding": "identity"})
         assert (packed.headers["Content-Encoding"], packed.json()) == ("gzip", plain.json())
-        assert packed.headers["ETag"] != plain.headers["ETag"]
+        asked = {"Accept-Encoding": "gzip;q=0, br, zstd; q=0.5"}
+        with house.http.stream("GET", address, headers=asked) as answer:
+            assert answer.headers["Content-Encoding"] == "zstd"
+            assert json.loads(answers.zstd.decompress(b"".join(answer.iter_raw()))) == plain.json()
+        assert len({each.headers["ETag"] for each in (packed, plain, answer)}) == 3
         tag = {"If-None-Match": plain.headers["ETag"], "Accept-Encoding": "identity"}
         assert house.http.get(address, headers=tag).status_code == 304
         assert house.http.get(address, params={"limit": 1}, headers=tag).status_code == 200
