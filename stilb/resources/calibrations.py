@@ -1,11 +1,14 @@
 """Calibrations: fitted, published, revoked, handed out."""
 
+import base64
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from stilb.details import Moment, as_text
 from stilb.export import OnExport, export
+from stilb.field.dng import copy_with_opcode
 from stilb.records import Calibration, Job
 from stilb.resources.campaigns import Campaigns
 from stilb.resources.jobs import Jobs
@@ -81,13 +84,28 @@ class Calibrations(Campaigns, Jobs):
         """Save a version in the form that another program reads; the file's name says which.
 
         Of vignetting `lensfun.xml`, `dng.json`, `correction.tif`, `residuals.tif`; of geometry `opencv.yaml`,
-        `ros.yaml`, `cameras.txt`, `metashape.xml`, `cameras.json`, `camera.json`. ``query`` is what the form
+        `ros.yaml`, `cameras.txt`, `metashape.xml`, `cameras.json`,
+        `lensfun-distortion.xml`, `camera.json`. ``query`` is what the form
         needs, such as ``f_number=2.8``.
         """
         path = Path(path)
         where = address("calibrations", calibration_id, "exports", path.name)
         self._transport.download(Call(method="GET", path=where, query=query), path)
         return path
+
+    def save_corrected(
+        self, calibration_id: str, source: PathLike, target: PathLike, *, f_number: float
+    ) -> Path:
+        """Copy a DNG with a vignetting version's opcode for raw converters; its raw numbers stay.
+
+        Do not send the copy as a frame: the opcode is recorded, and the falloff is still in its numbers.
+        """
+        query = {"f_number": f_number}
+        where = address("calibrations", calibration_id, "exports", "dng.json")
+        call = Call(method="GET", path=where, query=query)
+        found = json.loads(self._transport.send(call).content)
+        copy_with_opcode(Path(source), Path(target), base64.b64decode(found["opcode_list_base64"]))
+        return Path(target)
 
     def points_csv(self, calibration_id: str) -> str:
         return self._text(address("calibrations", calibration_id, "points.csv"))
