@@ -47,9 +47,12 @@ verify: $(VENV)/run  ## recompute a certificate or measurement: CERT=<file or ad
 verify-backup: $(VENV)/run  ## can a backup be restored? FROM=<folder> [DATABASE=<restored PostgreSQL>] [BLOBS=<s3://...>]
 	@python -m store.backup_check "$(FROM)" --database "$(DATABASE)" --blobs "$(BLOBS)"
 
+# That the tests can be collected is seen beside mypy, which takes longer and one processor: it compiles every module
+# once, as each process of `make test` would otherwise do for itself.
 lint: $(VENV)/dev  ## style, types, who may import whom, and that no method is known by its name
 	@ruff check . && ruff format --check . && \
-	(mypy & types=$$!; lint-imports && python -m tests.docs.method_names; others=$$?; wait $$types && exit $$others)
+	(mypy & types=$$!; lint-imports && python -m tests.docs.method_names && collected=$$(pytest -qq --collect-only) \
+	|| { echo "$$collected"; false; }; others=$$?; wait $$types && exit $$others)
 
 format: $(VENV)/dev  ## put the code in its style
 	@ruff format . && ruff check --fix .
