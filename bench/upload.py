@@ -28,7 +28,7 @@ SCRIPT = "a script: read, SHA-256, write, fsync"
 _ROOT = Path(__file__).resolve().parent.parent
 KEY = f"stilb_{secrets.token_urlsafe(32)}"
 _CHUNK_BYTES = 1 << 20
-_READY_WITHIN_S = 60.0
+_READY_WITHIN_S = 180.0
 
 
 @dataclass(frozen=True, kw_only=True)
