@@ -7,13 +7,16 @@ from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import JSONResponse, StreamingResponse
 from pydantic import Field
 
+from radiometry.findings import interface
 from service.auth import Caller, Reader
+from service.cells import Coordinates, list_cells, list_outlines
 from service.context import Context, UsesContext
 from service.lookup import Id, owned
 from service.measurements import OfCalibration
+from service.problems import Problem
 from service.routes import problems
 from service.schemas.base import Instant, Text
-from service.schemas.series import FeaturesAnswer, MeasurementSeriesAnswer, MeasurementSeriesRow
+from service.schemas.series import CellsAnswer, FeaturesAnswer, MeasurementSeriesAnswer, MeasurementSeriesRow
 from service.series import (
     MEDIA_TYPES,
     SeriesQuery,
@@ -23,10 +26,11 @@ from service.series import (
     sends_series,
     write_csv,
 )
+from service.tabular import write_csv as write_table
 from store.ready.measurement_series import MeasurementSeries
 from store.ready.measurements import COLUMNS, read_row
 from store.ready.series import Asked, Page
-from store.tables import Campaign
+from store.tables import Campaign, Measurement
 
 router = APIRouter(prefix="/v1", tags=["measurements"])
 
@@ -94,6 +98,56 @@ def get_measurement_series(
     without it; if more follow, `next` and the header `Link` (`rel="next"`) are their address.
     """
     return answer_series(request, context, caller, MeasurementSeries, query, _COLUMNS)
+
+
+@router.get(
+    "/measurements/{measurement_id}/cells.csv",
+    response_class=Response,
+    responses={200: {"content": {"text/csv": {"schema": {"type": "string"}}}}, **problems(404)},
+)
+def get_measurement_cells_csv(measurement_id: Id, caller: Reader, context: UsesContext) -> Response:
+    """The cells of a measurement's grid, a line each, with their place in the frame and on the road."""
+    cells = list(list_cells(_require_grid(context, measurement_id, caller)))
+    return Response(write_table(cells), media_type=MEDIA_TYPES["csv"])
+
+
+@router.get(
+    "/measurements/{measurement_id}/cells.geojson",
+    response_model=CellsAnswer,
+    response_class=GeoJson,
+    responses=problems(404),
+)
+def get_measurement_cells_geojson(
+    measurement_id: Id,
+    caller: Reader,
+    context: UsesContext,
+    coordinates: Annotated[
+        Coordinates | None, Query(description="Left out: `road_m` of lanes, else `pixel`.")
+    ] = None,
+) -> Response:
+    """The cells of a measurement's grid as polygons, whose coordinates `coordinates_in` names: not WGS 84."""
+    row = _require_grid(context, measurement_id, caller)
+    chosen = coordinates or ("road_m" if row.parameters.get("lanes") else "pixel")
+    if chosen == "road_m" and not row.parameters.get("lanes"):
+        raise Problem(interface.NOT_FOUND, "This grid has no lanes: its cells have pixel coordinates only.")
+    features = [
+        {
+            "type": "Feature",
+            "id": f"{cell['row']}-{cell['column']}",
+            "geometry": {"type": "Polygon", "coordinates": [outline]},
+            "properties": cell,
+        }
+        for cell, outline in zip(list_cells(row), list_outlines(row, chosen), strict=True)
+    ]
+    return GeoJson({"type": "FeatureCollection", "coordinates_in": chosen, "features": features})
+
+
+def _require_grid(context: Context, measurement_id: str, caller: Caller) -> Measurement:
+    with context.database.reading() as session:
+        row = owned(session, Measurement, measurement_id, caller)
+    if not row.parameters.get("grid") or not row.result.get("surface"):
+        raise Problem(interface.NOT_FOUND, "This measurement has no cells: measure the frame with a `grid`.")
+    return row
 
 
 def _of_campaign(

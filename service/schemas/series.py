@@ -106,3 +106,40 @@ class FeaturesAnswer(Answer):
 
     type: Literal["FeatureCollection"]
     features: list[FeatureAnswer]
+
+
+class CellRow(Answer):
+    """A cell of a surface: its luminance, and its centre in the frame and, of lanes, on the road."""
+
+    row: int
+    column: int
+    luminance_cd_m2: float
+    standard_uncertainty_cd_m2: float
+    x_px: float
+    y_px: float
+    x_m: float | None = None
+    y_m: float | None = None
+    seen_from: Literal["above"]
+
+
+class OutlineAnswer(Answer):
+    type: Literal["Polygon"]
+    coordinates: list[list[list[float]]]
+
+
+class CellFeatureAnswer(Answer):
+    type: Literal["Feature"]
+    id: str
+    geometry: OutlineAnswer
+    properties: CellRow
+
+
+class CellsAnswer(Answer):
+    """Cells in the form of GeoJSON; their coordinates are not longitude and latitude."""
+
+    type: Literal["FeatureCollection"]
+    coordinates_in: Literal["pixel", "road_m"] = Field(
+        description="`pixel`: x right, y down, of the frame. `road_m`: along and across the lanes from the "
+        "first corner."
+    )
+    features: list[CellFeatureAnswer]

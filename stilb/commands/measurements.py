@@ -88,6 +88,10 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
     save_map: Annotated[
         Path | None, typer.Option("--map", metavar="FOLDER", help="Save a map of each frame in this folder.")
     ] = None,
+    save_cells: Annotated[
+        Path | None,
+        typer.Option("--cells", metavar="FOLDER", help="Save cells as CSV and GeoJSON."),
+    ] = None,
     save: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Save all of the campaign: .csv, .geojson or .json."),
@@ -145,12 +149,23 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
         else:
             asked = [frames or []] if average else frames or []
             found = [client.measure(each, **wanted, **details) for each in asked]
+        _save_cells(output, client, found, save_cells)
         if save_map is not None:
             _save_maps(output, client, found, save_map, stac=stac)
     told = {"items": [one.raw for one in found], "not_measured": refused}
     output.answer(told, *format_measurements(found, refused))
     if refused or (sent is not None and not sent.is_well):
         raise typer.Exit(Exit.FINDINGS)
+
+
+def _save_cells(output: Output, client: Client, found: list[Measurement], folder: Path | None) -> None:
+    if folder is None:
+        return
+    folder.mkdir(parents=True, exist_ok=True)
+    for one in found:
+        for suffix in ("csv", "geojson") if "grid" in one.raw else ():
+            name = f"{PurePath(one.filename).stem}-{one.id}.{suffix}"
+            output.note(str(client.save_cells(one.id, folder / name)))
 
 
 def _save_maps(output: Output, client: Client, found: list[Measurement], folder: Path, *, stac: bool) -> None:

@@ -62,6 +62,16 @@ class Measurements(Jobs):
         on_progress(len(jobs), len(jobs))
         return found, left
 
+    def save_cells(self, measurement_id: str, path: PathLike) -> Path:
+        """Save the cells of a measurement's grid: .csv, or .geojson in metres on the road, else in pixels."""
+        path = Path(path)
+        suffix = path.suffix.lower()
+        if suffix not in {".csv", ".geojson"}:
+            raise Unclear(f"{path}: cells are saved as .csv or .geojson")
+        name = f"cells{suffix}"
+        self._transport.download(Call(method="GET", path=address("measurements", measurement_id, name)), path)
+        return path
+
     def save_measurements(self, campaign_id: str, path: PathLike) -> Path:
         """Save all measurements of a campaign: .csv, .geojson, or .json with a row each."""
         path = Path(path)

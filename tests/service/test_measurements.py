@@ -115,7 +115,23 @@ def test_a_lit_surface(house):
     assert found["grid_illuminance"]["unit"] == "lx"
     lanes = {"corners": CORNERS, "lanes": 1, "lane_width_m": 3.5, "spacing_m": 24, "length_m": 48}
     assert house.post("/v1/measurements", {"frame_id": frame["id"], "grid": lanes | {"rows": 3}}, status=422)
-    field = measure(house, frame, grid=lanes)["grid"]
+    whole = measure(house, frame, grid=lanes)
+    field = whole["grid"]
+    path = f"/v1/measurements/{whole['id']}/cells"
+    rows = list(csv.DictReader(io.StringIO(house.http.get(f"{path}.csv").text)))
+    assert (len(rows), rows[11]["row"], rows[11]["column"]) == (30, "2", "2")
+    assert [float(rows[11][name]) for name in ("x_m", "y_m", "x_px", "y_px")] == pytest.approx(
+        [3.6, 1.75, 14, 32]
+    )
+    assert float(rows[11]["luminance_cd_m2"]) == field["cells"][1][1]["value"]
+    road, pixel = house.get(f"{path}.geojson"), house.get(f"{path}.geojson", coordinates="pixel")
+    ends = [
+        (each["coordinates_in"], each["features"][0]["geometry"]["coordinates"][0][2])
+        for each in (road, pixel)
+    ]
+    assert [name for name, _ in ends] == ["road_m", "pixel"]
+    assert np.array([corner for _, corner in ends]) == pytest.approx(np.array([[2.4, 3.5 / 3], [12, 24]]))
+    assert house.get(f"/v1/measurements/{found['id']}/cells.geojson")["coordinates_in"] == "pixel"
     # half of the rectangle, which is not seen in perspective
     assert (field["rows"], field["columns"]) == (3, 10)
     assert np.array(field["corners"]) == pytest.approx(np.array([[8, 8], [48, 8], [48, 56], [8, 56]]))

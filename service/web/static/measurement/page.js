@@ -22,7 +22,8 @@ load(byId("figures"), () => measurement, (found) => {
   warn(found);
   const grid = drawGrid(found);
   byId("grid-section").hidden = !grid;
-  if (grid) fill(byId("grid"), grid);
+  const file = (name, text) => h("a", { class: "button quiet", href: `/v1/measurements/${id}/${name}`, download: "" }, text);
+  if (grid) fill(byId("grid"), grid, h("p", { class: "actions" }, file("cells.csv", "CSV"), file("cells.geojson", "GeoJSON"), found.links.map_png ? file("map.png", "Picture") : null));
   return drawFigures(found);
 });
 load(byId("map"), drawableMap, (drawn) => drawn);
