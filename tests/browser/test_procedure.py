@@ -1,6 +1,7 @@
 """The whole procedure as one person goes it: from the sign-in to a measured street and its certificate."""
 
 import re
+from contextlib import contextmanager
 from pathlib import Path
 
 from playwright.sync_api import Page, expect
@@ -24,17 +25,49 @@ DROP_HERE = re.compile("Drop the camera.s files or a folder here")
 PATIENCE_MS = 60_000
 
 
+# what a hand or a key does: a press of a button, and a field that has been filled in
+COUNT = """
+    const add = (name) => (localStorage[name] = Number(localStorage[name] ?? 0) + 1);
+    addEventListener("pointerdown", () => add("pressed"), { capture: true });
+    const fields = "input:not([type]), input[type=text], textarea";
+    addEventListener("change", ({ target }) => target.matches(fields) && add("typed"), { capture: true });
+"""
+MOST_PRESSED, MOST_TYPED = 25, 3
+
+
 def test_the_whole_procedure(page, tmp_path):
+    page.context.add_init_script(COUNT)
+    page.reload()
     drop_the_card(page, write_night(tmp_path / "night"))
     draw_the_region(page)
+    with detour(page):
+        register_the_meter(page)
     paste_the_readings(page)
-    look_at_the_spoilt_frame(page)
+    with detour(page):
+        look_at_the_spoilt_frame(page)
+    sign_the_checklist(page)
     calibrate(page)
-    leave_the_spoilt_frame_out(page)
+    with detour(page):
+        leave_the_spoilt_frame_out(page)
     publish(page)
+    pressed, typed = count(page)
+    assert pressed <= MOST_PRESSED
+    assert typed - 1 <= MOST_TYPED, "beside the readings"
     find_k_on_the_cameras_page(page)
     measure_the_street(page, tmp_path)
     download_the_certificate(page)
+
+
+def count(page: Page) -> list[int]:
+    return page.evaluate("['pressed', 'typed'].map(name => Number(localStorage[name] ?? 0))")
+
+
+@contextmanager
+def detour(page: Page):
+    """What nobody has to do for a K: it does not count."""
+    before = count(page)
+    yield
+    page.evaluate("([pressed, typed]) => Object.assign(localStorage, { pressed, typed })", before)
 
 
 def drop_the_card(page: Page, folder: Path) -> None:
@@ -94,7 +127,7 @@ def at(canvas, point) -> tuple[float, float]:
     )
 
 
-def paste_the_readings(page: Page) -> None:
+def register_the_meter(page: Page) -> None:
     readings = page.locator("section#readings")
     readings.get_by_role("button", name="Register a meter…").click()
     dialog = page.get_by_role("dialog")
@@ -102,12 +135,17 @@ def paste_the_readings(page: Page) -> None:
         dialog.get_by_label(label, exact=True).fill(value)
     dialog.get_by_role("button", name="Register").click()
     expect(readings.get_by_label("Meter", exact=True)).to_contain_text("30011942")
+
+
+def paste_the_readings(page: Page) -> None:
+    readings = page.locator("section#readings")
     readings.get_by_label("Lines").fill(paste_readings())
     expect(readings.get_by_text(f"{2 * len(LEVELS)} understood")).to_be_visible()
     readings.get_by_role("button", name="Add", exact=True).click()
     expect(page.locator("#readings-note")).to_have_text(f"{2 * len(LEVELS)} readings of {len(LEVELS)} scenes")
     expect(page.get_by_role("button", name=f"Passes {FRAMES}", exact=True)).to_be_visible(timeout=PATIENCE_MS)
     passed(page, "procedure-5-readings")
+    illustrate(page, "grid", page.locator("#frame-list"))
 
 
 def look_at_the_spoilt_frame(page: Page) -> None:
@@ -118,6 +156,24 @@ def look_at_the_spoilt_frame(page: Page) -> None:
     expect(dialog.get_by_role("table").get_by_role("row")).to_have_count(6)
     passed(page, "procedure-5-frame")
     dialog.get_by_role("button", name="Close").click()
+
+
+def sign_the_checklist(page: Page) -> None:
+    """Section by section; what the record shows undone stays open."""
+    checklist = page.locator("section#checklist")
+    checklist.scroll_into_view_if_needed()
+    expect(page.locator("#checklist-note")).to_contain_text("done")
+    ticks = checklist.get_by_role("button", name=re.compile("open items of"))
+    expect(ticks).not_to_have_count(0)
+    illustrate(page, "checklist", checklist)
+    while left := ticks.count():
+        ticks.first.click()
+        expect(ticks).to_have_count(left - 1)
+    checklist.get_by_role("button", name="Sign the checklist").click()
+    dialog = page.get_by_role("dialog")
+    dialog.get_by_label("Operator").fill("A. Meier")
+    dialog.get_by_role("button", name="Sign", exact=True).click()
+    expect(page.get_by_role("list", name="Stages")).to_contain_text("signed")
 
 
 def calibrate(page: Page) -> None:
@@ -162,8 +218,9 @@ def publish(page: Page) -> None:
     lacking.get_by_label("Conditions").fill("22 °C, lamp warm")
     lacking.get_by_role("button", name="Save").click()
     expect(dialog).not_to_contain_text("Describe them on the campaign")
-    dialog.get_by_label("Reason").fill("spring calibration, reviewed by B. Keller")
+    expect(dialog.get_by_label("Reason")).to_have_value("Checklist signed by A. Meier")
     passed(page, "procedure-8-publish")
+    illustrate(page, "publish")
     dialog.get_by_role("button", name="Publish", exact=True).click()
     expect(page.locator("#version-status")).to_contain_text("published")
     settle(page)
@@ -181,7 +238,7 @@ def find_k_on_the_cameras_page(page: Page) -> None:
         # K_TRUE, as closely as the apertures scatter
         near_the_truth = re.compile(r"(29\.\d|30\.\d)\d* ± 0\.\d+ DN·m²/")
         expect(rows.filter(has_text=f"ISO {iso}")).to_contain_text(near_the_truth)
-    expect(page.locator("#history")).to_contain_text("spring calibration, reviewed by B. Keller")
+    expect(page.locator("#history")).to_contain_text("Checklist signed by A. Meier")
     expect(page.locator("#drift-plot .chart")).to_be_visible()
     passed(page, "procedure-9-camera")
     page.set_viewport_size({"width": 390, "height": 844})

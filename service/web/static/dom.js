@@ -54,7 +54,7 @@ export function table(columns, rows, { caption, row = () => ({}), stack = false 
     );
   return h(
     "div",
-    { class: "table", tabindex: "0", role: "region", "aria-label": caption ?? "Table" },
+    { class: "table", tabindex: "0", role: "group", "aria-label": caption ?? "Table" },
     h(
       "table",
       { role: "table", class: stack ? "stack" : null },
@@ -62,7 +62,7 @@ export function table(columns, rows, { caption, row = () => ({}), stack = false 
       h(
         "thead",
         { role: "rowgroup" },
-        h("tr", { role: "row" }, columns.map((c) => h("th", { role: "columnheader", scope: "col", class: c.class }, c.head))),
+        h("tr", { role: "row" }, columns.map((c) => (c.head ? h("th", { role: "columnheader", scope: "col", class: c.class }, c.head) : h("td", { role: "cell" })))),
       ),
       h("tbody", { role: "rowgroup" }, rows.map((each) => h("tr", { role: "row", ...row(each) }, columns.map((c) => cell(c, each))))),
     ),

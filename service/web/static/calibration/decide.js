@@ -1,6 +1,6 @@
 // Publishing and revoking: the impact is shown before the decision.
 
-import { all, get, post } from "../api.js";
+import { all, get, getOr, post } from "../api.js";
 import { ask } from "../ask.js";
 import { editDetails } from "../campaign/details.js";
 import { fill, h, may, toast } from "../dom.js";
@@ -27,6 +27,7 @@ export function offerDecisions(place, calibration, decided) {
 async function publish(button, calibration, decided) {
   const from = await act(button, () => startOf(calibration));
   if (!from) return;
+  const { signature } = await getOr(`/v1/campaigns/${calibration.campaign_id}/checklist`, {});
   const impact = h("div", { class: "impact", "aria-live": "polite" });
   const gaps = h("div");
   const showGaps = () => load(gaps, () => get(`/v1/calibrations/${calibration.id}/certificate.json`), (certificate) => drawGaps(certificate, calibration, showGaps));
@@ -41,7 +42,7 @@ async function publish(button, calibration, decided) {
     fields: [
       { name: "valid_from", label: "In force from (UTC)", type: "datetime-local", value: from, hint: "Frames taken from then on are measured with this version." },
       { name: "valid_to", label: "Until (UTC)", type: "datetime-local", required: false, hint: "If empty: until another version replaces it." },
-      { name: "reason", label: "Reason", type: "textarea", hint: "Who reviewed the version, and on what grounds." },
+      { name: "reason", label: "Reason", type: "textarea", value: signature ? `Checklist signed by ${signature.name}` : "", hint: "Who reviewed the version, and on what grounds." },
     ],
     submit: "Publish",
     action: ({ valid_from, valid_to, reason }) =>

@@ -11,7 +11,7 @@ import { parametersFold, statedPart, withManual } from "./parameters.js";
 
 export function calibrateSection(state) {
   const versions = h("div");
-  const show = () => load(versions, () => all(`${state.path}/calibrations`), (found) => (found.length ? list(found) : empty("No versions yet", "Every fit makes a version of the camera’s calibration, which is a draft until it is published.")));
+  const show = () => load(versions, () => all(`${state.path}/calibrations`), (found) => ((state.fitted = found), state.tell("fitted"), found.length ? list(found) : empty("No versions yet", "Every fit makes a version of the camera’s calibration, which is a draft until it is published.")));
   show();
   return h("div", { class: "columns calibrate" }, may("calibrate") ? starter(state, show) : null, versions);
 }

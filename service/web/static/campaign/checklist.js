@@ -12,6 +12,8 @@ export function checklistSection(state) {
   const opened = new Set();
   const draw = (list) => {
     if (state.left) return;
+    state.checklist = list;
+    state.tell("checklist");
     byId("checklist-note").textContent = `${list.done} of ${list.done + list.open} done`;
     fill(element, body(list, opened, change));
   };
@@ -78,7 +80,10 @@ function group(section, items, opened, change) {
     h("summary", {}, h("span", {}, section), h("span", { class: `tag ${done === items.length ? "good" : ""}` }, `${done} of ${items.length}`)),
     h("ul", { class: "plain" }, items.map((item) => line(item, change))),
   );
-  return details;
+  // what the record shows undone is not ticked with the others
+  const open = items.filter((item) => !item.done_by && !item.missing);
+  const all = open.length && may("calibrate") ? h("button", { type: "button", class: "small-button", "data-key": section, onclick: () => change({ items: open.map(({ key }) => ({ key, done: true })) }) }, `Tick ${open.length}`, h("span", { class: "hidden" }, ` open items of ${section}`)) : null;
+  return h("div", { class: "section" }, details, all);
 }
 
 function line(item, change) {

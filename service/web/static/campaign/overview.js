@@ -1,8 +1,9 @@
 // How far a campaign is: what has come, what it still lacks, what would make it good.
 
 import { patch } from "../api.js";
-import { figure, fill, h, isPressed, may } from "../dom.js";
+import { fill, h, isPressed, may } from "../dom.js";
 import { counted, number } from "../format.js";
+import { mark } from "../marks.js";
 import { act } from "../states.js";
 import { countOwn } from "./holding.js";
 import { beforeTheFit, missingCauses } from "./missing.js";
@@ -12,11 +13,11 @@ export function overview(state) {
   const draw = () => {
     if (isPressed(element)) return void requestAnimationFrame(draw);
     const open = element.querySelector("details")?.open ?? false;
-    fill(element, figures(state), offer(state), beforeTheFit(state.campaign, state.method.measures ? "Before measuring" : "Before the fit"));
+    fill(element, stages(state), offer(state), beforeTheFit(state.campaign, state.method.measures ? "Before measuring" : "Before the fit"));
     element.querySelector("details")?.toggleAttribute("open", open);
   };
   state.on("campaign", draw);
-  state.on("frames", draw);
+  for (const name of ["frames", "checklist", "fitted"]) state.on(name, draw);
   draw();
   return element;
 }
@@ -27,31 +28,32 @@ function countOutcomes(state) {
   return counts;
 }
 
-function figures(state) {
-  const { frames, readings } = state.campaign;
+/** The stages of a campaign: links to its parts, and how far each is. */
+function stages(state) {
+  const { campaign, method, scenes } = state;
   const counts = countOutcomes(state);
-  const received = Math.max(frames.received, state.frames.length);
-  const told = state.frames.length
-    ? [`${counts.pass} pass`, counts.warn && `${counts.warn} warn`, counts.fail && `${counts.fail} fail`, counts.pending && `${counts.pending} waiting`].filter(Boolean).join(" · ")
-    : "";
-  return h(
-    "dl",
-    { class: "figures" },
-    figure("Frames", number(received), told),
+  const received = Math.max(campaign.frames.received, state.frames.length);
+  const told = [counts.pass && `${counts.pass} pass`, counts.warn && `${counts.warn} to check`, counts.fail && `${counts.fail} fail`, counts.pending && `${counts.pending} waiting`];
+  const lacks = (pattern) => [...campaign.missing, ...campaign.advice].some((sentence) => pattern.test(sentence));
+  const needed = missingCauses(campaign.missing).length;
+  const list = state.checklist;
+  const fitted = state.fitted?.length;
+  return h("ol", { class: "stages", "aria-label": "Stages" }, [
+    stage("frames", !received ? "gap" : counts.fail ? "bad" : counts.warn ? "warn" : counts.pending ? "wait" : "good", "Frames", [received ? `${number(received, 6)} received` : "none yet", ...told]),
     region(state),
-    state.method.reference === "meter" ? figure("Readings", number(readings), state.scenes.length ? counted(state.scenes.length, "scene") : "") : null,
-    state.method.measures ? figure("Measured", number(state.campaign.measured), "field frames; never used to calibrate") : figure("Fit", state.campaign.missing.length ? "Not yet" : "Ready", state.campaign.missing.length ? `${missingCauses(state.campaign.missing).length} missing` : "nothing is missing", marked(state.campaign.missing.length > 0)),
-  );
+    method.reference === "meter" && !method.measures ? stage("readings", campaign.readings ? (lacks(/reading/) ? "warn" : "good") : "gap", "Readings", [campaign.readings ? `${number(campaign.readings, 6)} of ${counted(scenes.length, "scene")}` : "none yet"]) : null,
+    method.has_checklist && !method.measures ? stage("checklist", list?.signature && !list.signature.changed ? "good" : "wait", "Checklist", [list?.signature ? (list.signature.changed ? "changed since it was signed" : "signed") : list ? `${list.done} of ${list.done + list.open} done` : "by section"]) : null,
+    method.measures ? stage("measure", "good", "Measured", [`${number(campaign.measured)} field frames`, "never used to calibrate"]) : stage("calibrate", fitted ? "good" : needed ? "warn" : "wait", "Fit", [fitted ? counted(fitted, "version") : needed ? `${needed} missing` : "ready"]),
+  ]);
 }
 
-const marked = (lacking) => ({ class: lacking ? "lacking" : null });
+const stage = (part, kind, name, said) => h("li", {}, h("a", { href: `#${part}` }, mark(kind), h("strong", {}, name), h("span", {}, said.filter(Boolean).join(" · "))));
 
 function region({ roi, method, frames }) {
   const { own, found, said } = countOwn(frames);
-  if (roi) return figure("Region", roi.regions ? counted(roi.regions.length, "part") : counted(roi.polygon.length, "corner"), said);
-  if (method.measures) return figure("Region", own ? "Per frame" : "None yet", said || "or with the measurement");
-  if (method.whole_frame) return figure("Region", "Whole frame", said);
-  return figure("Region", own ? (found === own ? "Found" : "Per frame") : "None yet", said, marked(!own));
+  if (roi) return stage("region", "good", "Region", [roi.regions ? counted(roi.regions.length, "part") : counted(roi.polygon.length, "corner"), said]);
+  if (method.whole_frame && !method.measures) return stage("region", "good", "Region", ["whole frame", said]);
+  return stage("region", own || method.measures ? "good" : "gap", "Region", [own ? (found === own ? "found" : "per frame") : method.measures ? "or with the measurement" : "none yet", said]);
 }
 
 /** Another panel than the campaign's: one click names it, and registers it as its files state it. */

@@ -170,7 +170,7 @@ function summary(state, queue, given) {
   const unmeasured = !moving.length && sent.length && waitsForRegion(state, sent);
   const button = (text, keep, onclick, more = {}) => h("button", { type: "button", "data-keep": keep, onclick, ...more }, text);
   return [
-    h("div", { class: "section-head" }, h("h3", { role: "status" }, title), h("p", {}, rest)),
+    h("div", { class: "section-head" }, h("h3", {}, h("span", { role: "status" }, title)), h("p", {}, rest)),
     moving.length ? h("progress", { max: total || 1, value: done, "aria-label": "Sent" }) : null,
     retrying.length && queue.lostSince ? h("p", { class: "note warn" }, h("strong", {}, `No connection since ${new Date(queue.lostSince).toTimeString().slice(0, 5)}. `), `${sent.length} of ${counted(all.length, "file")} are safe. Sending goes on by itself; you may close this page and come back.`) : null,
     queue.refusal ? refusalOf(queue) : null,

@@ -146,7 +146,7 @@ function scenes(card, tell) {
     timeline(found, checked),
     h(
       "div",
-      { class: "table scenes", role: "region", tabindex: "0", "aria-label": "Scenes" },
+      { class: "table scenes", role: "group", tabindex: "0", "aria-label": "Scenes" },
       h(
         "table",
         { role: "table", class: "stack" },
