@@ -10,6 +10,7 @@ from sqlalchemy import Text, cast, select, true
 from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from radiometry import methods
+from radiometry.findings import shared
 from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.keeping import Keeping
@@ -17,6 +18,7 @@ from radiometry.frame.proof import Proof
 from radiometry.frame.statistics import ChannelStatistics
 from store.codec import decode, read_text
 from store.database import read_plainly
+from store.digests import digest_piece
 from store.queries.frames import extractor_of, statistics_of
 from store.queries.memory import Memory
 from store.tables import Campaign, Extraction, FrameRow
@@ -105,20 +107,24 @@ def read_frames(
     )
     for row in rows:
         before = kept[row[_ID]]
-        if before is None or before[0] != row:
-            kept[row[_ID]] = row, _decode(row)
+        # the texts themselves take as much memory as all that is made of them
+        digest = digest_piece("\0".join(["\0" if each is None else each for each in row]).encode())
+        if before is None or before[0] != digest:
+            kept[row[_ID]] = digest, _decode(row)
     return [kept[row[_ID]][1] for row in rows]
 
 
 def _decode(row: Sequence[Any]) -> FrameColumns:
-    warnings, left_out, found, header, exposure, proof, *plain = row
+    text, left_out, found, header, exposure, proof, *plain = row
+    warnings = _read_list(text)
     return FrameColumns(
-        _read_list(warnings),
+        warnings,
         read_text(dict[str, str], left_out),
         read_text(dict[str, Any], found) or {},
         read_text(FrameHeader, header),
         _read_exposure(exposure),
-        proof,
+        # only of a doubtful frame anybody asks why
+        proof if shared.IMAGE_PART_EMPTY in warnings else None,
         *plain,
     )
 

@@ -28,7 +28,7 @@ class Memory:
     Attributes
     ----------
     frames : by the frame's id
-        Its row as it was read, and its columns: another row is decoded again.
+        The digest of its row as it was read, and its columns: another row is decoded again.
     extractions : by id
         An extraction is made once and never changed.
     regions : by id
