@@ -43,7 +43,7 @@ def run(scale: Scale, service: Service, worker: Context) -> list[bool]:
                 f"/v1/campaigns/{campaign}/frames?role=field", content=os.urandom(_FRAME_BYTES)
             ).raise_for_status(),
             "a claim": lambda: claim_next(worker, Turn()),
-            "a round of the sweeper": lambda: _sweep(worker),
+            "taking back lost jobs": lambda: _take_back(worker),
         }
         for count in (_FEW, scale.jobs - _FEW):
             _fill(worker, camera.id, count)
@@ -53,7 +53,7 @@ def run(scale: Scale, service: Service, worker: Context) -> list[bool]:
     return [judge(f"{name}: many to few", compare(many[name], few[name]), at_most=1.5) for name in ways]
 
 
-def _sweep(worker: Context) -> None:
+def _take_back(worker: Context) -> None:
     with worker.database.writing("bench") as session:
         jobs.sweep(session)
 
