@@ -10,7 +10,7 @@ from bench.report import judge, say, show_times
 from bench.subject import CAMERA, Scale
 from bench.timing import Seconds, compare, take_turns
 from bench.upload import KEY, Service, open_http
-from store import jobs
+from store import clocks
 from store.columns import new_id
 from store.jobs import Turn
 from store.tables import Camera, Campaign, Job
@@ -55,7 +55,7 @@ def run(scale: Scale, service: Service, worker: Context) -> list[bool]:
 
 def _take_back(worker: Context) -> None:
     with worker.database.writing("bench") as session:
-        jobs.sweep(session)
+        clocks.sweep(session)
 
 
 def _fill(worker: Context, camera_id: str, count: int) -> None:

@@ -19,7 +19,6 @@ from store.columns import new_id, utc_now
 from store.tables import FrameRow, Job
 from store.webhooks import EventName, announce
 
-QUARANTINE_AFTER = 3
 RETRIED_FOR = timedelta(days=1)
 SHORTEST_PAUSE = timedelta(seconds=2)
 LONGEST_PAUSE = timedelta(minutes=3)
@@ -144,7 +143,7 @@ def claim_next(
     organisation at most, however many they have.
     """
     now = utc_now()
-    ready = (Job.state == "queued") & _is_due(now)
+    ready = (Job.state == "queued") & (Job.due_at <= now)
     if without:
         ready &= Job.kind.not_in(without)
     for _ in range(_CLAIM_ATTEMPTS):
@@ -248,12 +247,12 @@ def retry_later(session: Session, held: Claim, *, waits_for: Dependency) -> None
 def resume(session: Session, waits_for: Dependency) -> int:
     """Make the jobs due that wait for something that is back; return how many they were."""
     waiting = (Job.state == "queued") & (Job.waits_for == str(waits_for))
-    return _update(session, waiting, due_at=utc_now(), waits_for=None)
+    return update_where(session, waiting, due_at=utc_now(), waits_for=None)
 
 
 def retry(session: Session, chosen: ColumnElement[bool]) -> int:
     """Queue the chosen jobs that failed or were quarantined as if they had never been tried; how many."""
-    return _update(
+    return update_where(
         session,
         chosen & Job.state.in_(GIVEN_UP),
         state="queued",
@@ -273,54 +272,13 @@ def retry(session: Session, chosen: ColumnElement[bool]) -> int:
 def dismiss(session: Session, chosen: ColumnElement[bool], *, dismissed: bool) -> int:
     """Mark the chosen jobs that were given up as dismissed, or undo that; how many."""
     given_up = chosen & Job.state.in_(GIVEN_UP) & (Job.dismissed_at.is_(None) == dismissed)
-    return _update(session, given_up, dismissed_at=utc_now() if dismissed else None)
-
-
-def sweep(session: Session) -> int:
-    """Take back what dead workers held; how many jobs wait again."""
-    now = utc_now()
-    expired = (Job.state == "running") & (Job.lease_until < now)
-    lost_error = {
-        "code": str(interface.WORKER_LOST),
-        "detail": f"Its worker was lost {QUARANTINE_AFTER} times while it ran; it is set aside for a look.",
-        "retryable": False,
-    }
-    _update(
-        session,
-        expired & (Job.lost + 1 >= QUARANTINE_AFTER),
-        state="quarantined",
-        lost=Job.lost + 1,
-        error=lost_error,
-        lease_until=None,
-        finished_at=now,
-    )
-    for job in session.scalars(select(Job).where(Job.state == "quarantined", Job.finished_at == now)):
-        data = {"job_id": job.id, "kind": job.kind, "subject_id": job.subject_id, "code": lost_error["code"]}
-        announce(session, job.organisation_id, "job.quarantined", data)
-    return _update(session, expired, state="queued", lost=Job.lost + 1, lease_until=None, due_at=now)
+    return update_where(session, given_up, dismissed_at=utc_now() if dismissed else None)
 
 
 def is_any_due(session: Session) -> bool:
     """Return True if a job could be claimed."""
-    due = select(Job.id).where(IS_QUEUED, _is_due(utc_now())).limit(1)
+    due = select(Job.id).where(IS_QUEUED, Job.due_at <= utc_now()).limit(1)
     return session.scalar(due) is not None
-
-
-def oldest_wait_s(session: Session, organisation_id: str | None = None) -> float:
-    """How long the job that has waited longest has been due [s], of all or of one; 0 when none waits."""
-    now = utc_now()
-    first = select(Job.due_at).where(_is_due(now)).order_by(Job.due_at).limit(1)
-    if organisation_id is None:
-        found = [session.scalar(first.where(IS_QUEUED))]
-    else:
-        # lane by lane: each is a look into the index of the claims, however many jobs wait
-        theirs = (Job.state == "queued") & (Job.organisation_id == organisation_id)
-        lanes = select(Job.lane).where(theirs).order_by(Job.lane).limit(1)
-        lane, found = session.scalar(lanes), []
-        while lane is not None:
-            found.append(session.scalar(first.where(theirs, Job.lane == lane)))
-            lane = session.scalar(lanes.where(Job.lane > lane))
-    return max(((now - due_at).total_seconds() for due_at in found if due_at), default=0.0)
 
 
 def _announce_end(session: Session, held: Claim, event: EventName, **more: Any) -> None:  # noqa: ANN401
@@ -328,17 +286,13 @@ def _announce_end(session: Session, held: Claim, event: EventName, **more: Any) 
     announce(session, held.organisation_id, event, data)
 
 
-def _is_due(now: datetime) -> ColumnElement[bool]:
-    return Job.due_at <= now
-
-
 def _held(session: Session, held: Claim, **values: Any) -> None:  # noqa: ANN401
     mine = (Job.id == held.job_id) & (Job.state == "running") & (Job.fence == held.fence)
-    if not _update(session, mine, **values):
+    if not update_where(session, mine, **values):
         raise LeaseLost(held.job_id)
 
 
-def _update(session: Session, where: ColumnElement[bool], **values: Any) -> int:  # noqa: ANN401
+def update_where(session: Session, where: ColumnElement[bool], **values: Any) -> int:  # noqa: ANN401
     result = session.execute(update(Job).where(where).values(**values))
     assert isinstance(result, CursorResult)  # noqa: S101  narrows the type: an UPDATE has a row count
     return result.rowcount

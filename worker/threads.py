@@ -9,9 +9,9 @@ from datetime import datetime
 
 from sqlalchemy.exc import SQLAlchemyError
 
-from store.clocks import ClockWatch, mend_times, needs_sweep
+from store.clocks import ClockWatch, mend_times, needs_sweep, sweep
 from store.database import summarise
-from store.jobs import Claim, Dependency, Turn, is_any_due, sweep
+from store.jobs import Claim, Dependency, Turn, is_any_due
 from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers, require_own_schema
 from worker.context import Context
 from worker.needs import DATABASE_AWAY

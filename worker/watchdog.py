@@ -10,11 +10,11 @@ import threading
 
 from sqlalchemy.exc import SQLAlchemyError
 
-from store import jobs
 from store.awake import AwakeClock
 from store.database import Database
 from store.parts import Presence
 from store.pulse import Pulse
+from store.queries.jobs import oldest_wait_s
 from worker.leases import Leases
 
 log = logging.getLogger(__name__)
@@ -65,6 +65,6 @@ class Watchdog:
     def _somebody_waits(self) -> bool:
         try:
             with self._database.reading() as session:
-                return jobs.oldest_wait_s(session) > self._stall_s
+                return oldest_wait_s(session) > self._stall_s
         except SQLAlchemyError:
             return False

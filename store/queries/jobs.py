@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from sqlalchemy import ColumnElement, func, or_, select
 from sqlalchemy.orm import Session
 
-from store.jobs import GIVEN_UP, oldest_wait_s
+from store.columns import utc_now
+from store.jobs import GIVEN_UP, IS_QUEUED
 from store.tables import FrameRow, Job
 
 MOST_COUNTED = 2000
@@ -96,3 +97,20 @@ def frames_of(session: Session, jobs: Sequence[Job]) -> dict[str, FrameRow]:
     """The frames that jobs work on, by id."""
     ids = {job.subject_id for job in jobs}
     return {row.id: row for row in session.scalars(select(FrameRow).where(FrameRow.id.in_(ids)))}
+
+
+def oldest_wait_s(session: Session, organisation_id: str | None = None) -> float:
+    """How long the job that has waited longest has been due [s], of all or of one; 0 when none waits."""
+    now = utc_now()
+    first = select(Job.due_at).where(Job.due_at <= now).order_by(Job.due_at).limit(1)
+    if organisation_id is None:
+        found = [session.scalar(first.where(IS_QUEUED))]
+    else:
+        # lane by lane: each is a look into the index of the claims, however many jobs wait
+        theirs = (Job.state == "queued") & (Job.organisation_id == organisation_id)
+        lanes = select(Job.lane).where(theirs).order_by(Job.lane).limit(1)
+        lane, found = session.scalar(lanes), []
+        while lane is not None:
+            found.append(session.scalar(first.where(theirs, Job.lane == lane)))
+            lane = session.scalar(lanes.where(Job.lane > lane))
+    return max(((now - due_at).total_seconds() for due_at in found if due_at), default=0.0)

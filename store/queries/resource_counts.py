@@ -8,8 +8,9 @@ from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from store.columns import utc_now
 from store.files import count_damaged, find_proof_age_s
-from store.jobs import GIVEN_UP, IS_QUEUED, oldest_wait_s
+from store.jobs import GIVEN_UP, IS_QUEUED
 from store.parts import Part, list_parts
+from store.queries.jobs import oldest_wait_s
 from store.tables import FrameRow, Job, Publication, Usage
 
 _UNDER_WAY = ("queued", "running", *GIVEN_UP)

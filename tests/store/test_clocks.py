@@ -5,7 +5,7 @@ from datetime import timedelta
 import pytest
 from sqlalchemy import update
 
-from store import jobs
+from store import clocks, jobs
 from store.clocks import ClockWatch, mend_times
 from store.columns import utc_now
 from store.jobs import Turn
@@ -37,7 +37,7 @@ def set_clock(database, by):
 def sweep(database, *, jumped=False):
     with database.writing("sweeper") as session:
         mend_times(session, lease_s=LEASE_S, jumped=jumped)
-        jobs.sweep(session)
+        clocks.sweep(session)
 
 
 def claim(database):

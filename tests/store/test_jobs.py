@@ -6,9 +6,10 @@ from datetime import timedelta
 import pytest
 from sqlalchemy import update
 
-from store import jobs
+from store import clocks, jobs
 from store.columns import utc_now
 from store.jobs import Dependency, Turn
+from store.queries.jobs import oldest_wait_s
 from store.tables import Job, Organisation
 
 
@@ -57,7 +58,7 @@ def expire(database, job_id):
 
 def sweep(database):
     with database.writing("test") as session:
-        return jobs.sweep(session)
+        return clocks.sweep(session)
 
 
 def test_what_waits_already_is_not_queued_twice(database, organisation_id, job_id):
@@ -173,12 +174,12 @@ def test_what_waited_for_a_dependency_is_due_when_it_is_back(database):
 
 def test_the_oldest_wait(database, organisation_id):
     with database.reading() as session:
-        assert jobs.oldest_wait_s(session) == 0.0
+        assert oldest_wait_s(session) == 0.0
     add(database, organisation_id)
     with database.writing("test") as session:
         session.execute(update(Job).values(due_at=utc_now() - timedelta(seconds=90)))
     with database.reading() as session:
-        assert 90 <= jobs.oldest_wait_s(session) < 100
+        assert 90 <= oldest_wait_s(session) < 100
 
 
 def test_a_job_that_was_given_up_is_tried_again_as_if_new(database, job_id):
@@ -214,5 +215,5 @@ def test_the_oldest_wait_of_one_organisation_is_its_own(database, job_id, organi
             session, kind="fit", subject_id="cmp_1", organisation_id=other.id, by="test", parameters={}
         )
         session.execute(update(Job).where(Job.id == job_id).values(due_at=utc_now() - timedelta(seconds=90)))
-        assert 90 <= jobs.oldest_wait_s(session, organisation_id) < 100
-        assert jobs.oldest_wait_s(session, other.id) < 10
+        assert 90 <= oldest_wait_s(session, organisation_id) < 100
+        assert oldest_wait_s(session, other.id) < 10
