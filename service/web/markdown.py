@@ -21,6 +21,9 @@ def render_markdown(text: str) -> str:
         if token.type == "heading_open":
             places.add(place := inline.content.strip("`").lower().replace(" ", "-"))
             token.attrSet("id", place)
+    for opened, inline, closed in zip(tokens, tokens[1:], tokens[2:], strict=False):
+        if opened.type == "th_open" and not inline.content:
+            opened.tag = closed.tag = "td"  # heads nothing
     for token, inline in itertools.pairwise(tokens):
         for part in inline.children or ():
             is_name = part.type == "code_inline" and part.content.isidentifier()
