@@ -6,6 +6,7 @@ import select
 import time
 from collections import deque
 from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import ExitStack
 from typing import Any, TypeVar
 
 import psycopg
@@ -98,15 +99,18 @@ def prepare(
     connect: Callable[[], psycopg.Connection[Any]], statements: Mapping[str, str]
 ) -> psycopg.Connection[Any]:
     """Connect for a `Line`, which is then asked for these statements by name."""
-    try:
-        connection = connect()
-        connection.autocommit = True
-        # planning a statement again costs more than running it
-        connection.execute("SET plan_cache_mode = force_generic_plan")
-        for name, statement in statements.items():
-            connection.execute(f"PREPARE {name} AS {statement}".encode())
-    except psycopg.Error as error:
-        raise ConnectionLost(str(error)) from error
+    with ExitStack() as failing:
+        try:
+            connection = connect()
+            failing.callback(connection.close)
+            connection.autocommit = True
+            # planning a statement again costs more than running it
+            connection.execute("SET plan_cache_mode = force_generic_plan")
+            for name, statement in statements.items():
+                connection.execute(f"PREPARE {name} AS {statement}".encode())
+        except psycopg.Error as error:
+            raise ConnectionLost(str(error)) from error
+        failing.pop_all()
     return connection
 
 

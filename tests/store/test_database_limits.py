@@ -80,6 +80,15 @@ def test_line_answers_in_order_and_ends_with_what_fails(database, proxy):
     asyncio.run(ask_down_lines())
 
 
+def test_a_line_that_cannot_be_prepared_leaves_no_connection_open(database, monkeypatch):
+    opened = []
+    open_alone = database._open_alone
+    monkeypatch.setattr(database, "_open_alone", lambda: opened.append(open_alone()) or opened[-1])
+    with pytest.raises(ConnectionLost, match="nothing_there"):
+        asyncio.run(database.open_line({"missing": "SELECT 1 FROM nothing_there"}))
+    assert [connection.closed for connection in opened] == [True]
+
+
 def test_a_server_that_never_answers_a_connection(database, proxy):
     with proxy.being("silent"), pytest.raises(OperationalError, match="timeout"):
         ask(database)
