@@ -19,6 +19,9 @@ from worker.runner import claim_next, run
 
 log = logging.getLogger(__name__)
 
+_LOOK_ENDS_S = 1.0
+"""A look that waits for the database holds up no stop."""
+
 
 class JobThreads:
     """A fixed number of threads over one context.
@@ -53,6 +56,7 @@ class JobThreads:
         self._away_since: float | None = None
         self._wakes = 0
         self._stopping = False
+        self._ended = threading.Event()
         self._changed = threading.Condition()
         self._threads = [
             threading.Thread(target=self._work, name=f"jobs-{number}", daemon=True) for number in range(count)
@@ -74,9 +78,11 @@ class JobThreads:
         with self._changed:
             self._stopping = True
             self._changed.notify_all()
+        self._ended.set()
         end = time.monotonic() + timeout_s
         for thread in self._threads:
             thread.join(max(0.0, end - time.monotonic()))
+        self._clock.join(max(0.0, min(_LOOK_ENDS_S, end - time.monotonic())))
         return not any(thread.is_alive() for thread in self._threads)
 
     def _work(self) -> None:
@@ -153,8 +159,8 @@ class JobThreads:
         return idle and not lost
 
     def _wake_every(self, seconds: float) -> None:
-        pause, away = threading.Event(), self._context.needs.list_away()
-        while not pause.wait(seconds):
+        away = self._context.needs.list_away()
+        while not self._ended.wait(seconds):
             if self._is_idle():
                 self._looked()
             else:

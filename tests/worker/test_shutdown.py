@@ -113,7 +113,7 @@ def test_a_renewal_that_meets_the_end_of_its_job_says_nothing(house, caplog):
     with house.worker.leases.hold(claim):
         with house.database.writing("test") as session:
             jobs.succeed(session, claim, {})
-        house.worker.leases._renew(claim, 1.0)
+        assert house.worker.leases.renew() == 1
     assert caplog.messages == []
 
 
