@@ -112,14 +112,14 @@ class Presence:
 
     def leads(self, session: Session) -> bool:
         """Return True if no working process of this kind started earlier: it does what one is enough for."""
-        working = (
-            part.id for part in list_parts(session) if (part.kind, part.state) == (self._kind, "working")
-        )
-        return next(working, None) == self._id
+        parts = list_parts(session)
+        working = (part for part in parts if (part.kind, part.state) == (self._kind, "working"))
+        first = next(working, None)
+        # another may have taken the slot, while this one seemed to be gone
+        return first is not None and (first.id, first.started_at) == (self._id, self._started_at)
 
     @property
     def _is_mine(self) -> ColumnElement[bool]:
-        # another may have taken the slot, while this one seemed to be gone
         return (PartRow.id == self._id) & (PartRow.started_at == self._started_at)
 
     def _write(self, session: Session, worked_s_ago: float) -> None:

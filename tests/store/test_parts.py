@@ -85,17 +85,27 @@ def test_a_database_that_does_not_answer_stops_nobody(database):
 
 
 def test_a_slot_is_taken_again_and_the_first_that_works_leads(database):
-    first, second, third = (Presence(database, "worker") for _ in range(3))
-    for each in (first, second):
-        each.beat()
+    first = Presence(database, "worker")
+    first.beat()
+    second = Presence(database, "worker")
+    second.beat()
     with database.reading() as session:
         assert [first.leads(session), second.leads(session)] == [True, False]
     with database.writing("test") as session:
         long_ago = utc_now() - timedelta(seconds=60)
         session.execute(update(PartRow).where(PartRow.id == "worker-1").values(seen_at=long_ago))
+    third = Presence(database, "worker")
     third.beat()
     with database.reading() as session:
         assert [each.leads(session) for each in (first, second, third)] == [False, True, False]
+    age(database, seen_at=60.0)
+    third._due = 0.0
+    third.beat()
+    # the slot of the first is now the third's
+    with database.reading() as session:
+        assert [each.leads(session) for each in (first, second, third)] == [False, False, True]
+    second._due = 0.0
+    second.beat()
     assert {part.id for part in parts(database)} == {"worker-1", "worker-2"}
     # what only seemed to be gone takes another
     first.note()
