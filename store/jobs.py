@@ -246,7 +246,7 @@ def retry_later(session: Session, held: Claim, *, waits_for: Dependency) -> None
 
 def resume(session: Session, waits_for: Dependency) -> int:
     """Make the jobs due that wait for something that is back; return how many they were."""
-    waiting = (Job.state == "queued") & (Job.waits_for == str(waits_for))
+    waiting = IS_QUEUED & (Job.waits_for == str(waits_for))
     return update_where(session, waiting, due_at=utc_now(), waits_for=None)
 
 

@@ -11,7 +11,7 @@ from store.tables.base import Base, Json
 KINDS = ("extract", "fit", "measure")
 
 _QUEUED = "state = 'queued'"
-_WAITS = "waits_for IS NOT NULL"
+_READING = "kind = 'extract' AND state IN ('queued', 'running')"
 
 
 class Job(Base):
@@ -44,7 +44,20 @@ class Job(Base):
             sqlite_where=text(_QUEUED),
             postgresql_where=text(_QUEUED),
         ),
-        Index("ix_job_waits_for", "waits_for", sqlite_where=text(_WAITS), postgresql_where=text(_WAITS)),
+        Index(
+            "ix_job_state_waits_for",
+            "state",
+            "waits_for",
+            sqlite_where=text(_QUEUED),
+            postgresql_where=text(_QUEUED),
+        ),
+        Index(
+            "ix_job_reading",
+            "organisation_id",
+            "subject_id",
+            sqlite_where=text(_READING),
+            postgresql_where=text(_READING),
+        ),
     )
 
     id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("job"))

@@ -4,13 +4,16 @@ from concurrent.futures import ThreadPoolExecutor
 from datetime import timedelta
 
 import pytest
-from sqlalchemy import update
+from sqlalchemy import event, update
 
 from store import clocks, jobs
 from store.columns import utc_now
+from store.database import Database
 from store.jobs import Dependency, Turn
+from store.queries import campaigns
 from store.queries.jobs import oldest_wait_s
-from store.tables import Job, Organisation
+from store.queries.resource_counts import count_queue
+from store.tables import Campaign, Job, Organisation
 
 
 @pytest.fixture
@@ -217,3 +220,25 @@ def test_the_oldest_wait_of_one_organisation_is_its_own(database, job_id, organi
         session.execute(update(Job).where(Job.id == job_id).values(due_at=utc_now() - timedelta(seconds=90)))
         assert 90 <= oldest_wait_s(session, organisation_id) < 100
         assert oldest_wait_s(session, other.id) < 10
+
+
+@pytest.mark.parametrize("few", [500, -1])
+def test_counting_what_waits_reads_narrow_indexes(migrated_sqlite, monkeypatch, few):
+    database, plans = Database(f"sqlite:///{migrated_sqlite}"), []
+
+    def explain(_connection, cursor, statement, parameters, *_):
+        plans.extend(
+            row[3] for row in cursor.connection.execute(f"EXPLAIN QUERY PLAN {statement}", parameters)
+        )
+
+    monkeypatch.setattr(campaigns, "_FEW", few)
+    with database.reading() as session:
+        session.connection()  # begun: a BEGIN has no plan
+        event.listen(session.get_bind(), "before_cursor_execute", explain)
+        count_queue(session)
+        campaigns.count_being_read(session, Campaign(id="cmp_1", organisation_id="org_1"))
+    database.dispose()
+    used = [plan.partition(" USING ")[2] for plan in plans if plan.startswith(("SEARCH job", "SCAN job"))]
+    assert "COVERING INDEX ix_job_state_waits_for (state=?)" in used
+    expected = "organisation_id=?" if few > 0 else "organisation_id=? AND subject_id=?"
+    assert f"INDEX ix_job_reading ({expected})" in used
