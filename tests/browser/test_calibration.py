@@ -116,6 +116,9 @@ def test_the_axes_are_linear_or_logarithmic(shown):
     expect(axes).to_have_text(
         ["X = t S L / f²  [cd·s/m²], logarithmic", "signal above dark [DN], logarithmic"]
     )
+    # a telephone that is turned gets another drawing of the same
+    shown.set_viewport_size({"width": 390, "height": 844})
+    expect(shown.locator("#signal-plot .chart")).to_have_attribute("width", re.compile(r"^3\d\d$"))
     expect(shown.get_by_role("button", name="Logarithmic")).to_have_attribute("aria-pressed", "true")
 
 

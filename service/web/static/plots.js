@@ -6,6 +6,9 @@ import { failed } from "./states.js";
 
 const MOST_TOLD = 3;
 const WHOLE = { x0: 0, x1: 1, y0: 0, y1: 1 };
+const RESTS_MS = 300;
+const watches = new WeakMap();
+const fit = (element) => Math.min(2000, Math.max(240, Math.round(element.clientWidth) - 16));
 
 /**
  * Draw the chart at an address, in the colours of the page; `drawn` is told of it each time.
@@ -16,7 +19,7 @@ export async function plot(element, path, drawn = () => {}, view = WHOLE, sent =
   const again = (seen) => plot(element, path, drawn, seen, sent);
   element.setAttribute("aria-busy", "true");
   try {
-    const width = Math.min(2000, Math.max(240, Math.round(element.clientWidth) - 16));
+    const width = fit(element);
     const answer = await send(sent ? "POST" : "GET", `${path}${path.includes("?") ? "&" : "?"}${new URLSearchParams({ width, ...view })}`, sent ?? {});
     // nothing to draw: a card of its own goes, too
     if (answer.status === 204) return void (element.closest(".plot-card") ?? element).remove();
@@ -29,12 +32,27 @@ export async function plot(element, path, drawn = () => {}, view = WHOLE, sent =
     explain(element, chart);
     offerSeries(chart);
     offerZoom(chart, view, (shown) => again({ ...view, ...shown }));
+    redraw(element, width, () => again(view));
     drawn(chart);
   } catch (error) {
     fill(element, failed(error, () => again(view)));
   } finally {
     element.removeAttribute("aria-busy");
   }
+}
+
+/** Another width draws again once it stays: a telephone that is turned would show what nobody can read. */
+function redraw(element, width, again) {
+  watches.get(element)?.disconnect();
+  let waiting;
+  const watch = new ResizeObserver(() => {
+    clearTimeout(waiting);
+    waiting = setTimeout(() => {
+      if (element.clientWidth && watches.get(element) === watch && Math.abs(fit(element) - width) > width / 5) again();
+    }, RESTS_MS);
+  });
+  watches.set(element, watch);
+  watch.observe(element);
 }
 
 /** A button for each figure of a plot that has several. */
