@@ -4,6 +4,7 @@ from service.certificate.document import build_certificate
 from service.certificate.pages import lay_out
 from service.certificate.pdf import draw_region, find_pdf, render_pdf
 from service.certificate.publishing import warn_of_gaps
+from service.certificate.report import lay_out_report
 from service.certificate.rig import build_rig_certificate, lay_out_rig
 
 __all__ = [
@@ -12,6 +13,7 @@ __all__ = [
     "draw_region",
     "find_pdf",
     "lay_out",
+    "lay_out_report",
     "lay_out_rig",
     "render_pdf",
     "warn_of_gaps",

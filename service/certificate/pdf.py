@@ -26,9 +26,10 @@ _WITHIN_S: Final = 300.0
 
 
 def render_pdf(sheets: Node) -> bytes:
-    """Set the sheets of `lay_out` or `lay_out_rig` in a process of its own."""
+    """Set the sheets of `lay_out`, `lay_out_rig` or `lay_out_report` in a process of its own."""
     timestamp = int(datetime.fromisoformat(sheets["created_at"]).timestamp())
-    request = json.dumps({"sheets": json.dumps(sheets), "timestamp": timestamp})
+    template = sheets.get("template", "certificate.typ")
+    request = json.dumps({"sheets": json.dumps(sheets), "timestamp": timestamp, "template": template})
     command = [sys.executable, "-I", str(_SETTING)]
     return subprocess.run(  # noqa: S603  our own script
         command, input=request.encode(), stdout=subprocess.PIPE, check=True, timeout=_WITHIN_S
@@ -62,18 +63,25 @@ def find_pdf(context: Context, sheets: Node) -> bytes:
 
 
 def draw_region(
-    png: bytes, width_px: int, height_px: int, polygons: Sequence[Sequence[Sequence[float]]]
+    png: bytes,
+    width_px: int,
+    height_px: int,
+    polygons: Sequence[Sequence[Sequence[float]]],
+    *,
+    thin: Sequence[Sequence[Sequence[float]]] = (),
+    style: str = 'fill="#ffd400" fill-opacity="0.12" stroke="#ffd400"',
 ) -> str:
     """SVG of a frame's preview with the parts of its region on it, in the frame's own pixels."""
     picture = base64.b64encode(png).decode()
     stroke = max(width_px, height_px) / 300
-    drawn = "".join(
-        f'<polygon points="{" ".join(f"{x:g},{y:g}" for x, y in corners)}" fill="#ffd400" '
-        f'fill-opacity="0.12" stroke="#ffd400" stroke-width="{stroke:.2f}"/>'
-        for corners in polygons
+    outlines = "".join(
+        f'<polygon points="{" ".join(f"{x:g},{y:g}" for x, y in corners)}" {style} '
+        f'stroke-width="{share * stroke:.2f}"/>'
+        for share, drawn in ((1.0, polygons), (0.35, thin))
+        for corners in drawn
     )
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width_px} {height_px}">'
         f'<image href="data:image/png;base64,{picture}" width="{width_px}" height="{height_px}" '
-        f'preserveAspectRatio="none"/>{drawn}</svg>'
+        f'preserveAspectRatio="none"/>{outlines}</svg>'
     )

@@ -1,4 +1,4 @@
-"""A process that sets one certificate with Typst and ends: what Typst keeps in memory ends with it.
+"""A process that sets one document with Typst and ends: what Typst keeps in memory ends with it.
 
 It is run as a script, so that it imports nothing but Typst: JSON comes in, the PDF goes out. Nothing is
 read from the machine: no fonts but those that Typst brings along, no packages, no clock.
@@ -12,7 +12,7 @@ from typing import Any, Final, Literal
 
 import typst
 
-_TEMPLATE: Final = Path(__file__).with_name("certificate.typ")
+_TEMPLATES: Final = Path(__file__).parent
 _STANDARD: Final = "a-2b"  # what archives keep
 
 
@@ -30,7 +30,7 @@ def main() -> None:
 def _set(request: dict[str, Any], standard: Literal["a-2b"] | None) -> bytes:
     # a compiler that has failed does not find its template again
     compiler = typst.Compiler(
-        _TEMPLATE.read_bytes(),
+        (_TEMPLATES / request["template"]).read_bytes(),
         font_paths=typst.Fonts(include_system_fonts=False),
         ignore_system_fonts=True,
         sys_inputs={"certificate": request["sheets"]},

@@ -1,7 +1,7 @@
 """Measurements of field frames in physical units."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path, PurePath
 from typing import Annotated, Any, cast
@@ -92,6 +92,10 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
         Path | None,
         typer.Option("--cells", metavar="FOLDER", help="Save cells as CSV and GeoJSON."),
     ] = None,
+    save_report: Annotated[
+        Path | None,
+        typer.Option("--report", metavar="FOLDER", help="Save a two-page report (PDF) of each luminance."),
+    ] = None,
     save: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Save all of the campaign: .csv, .geojson or .json."),
@@ -149,7 +153,11 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
         else:
             asked = [frames or []] if average else frames or []
             found = [client.measure(each, **wanted, **details) for each in asked]
-        _save_cells(output, client, found, save_cells)
+        gridded = [one for one in found if "grid" in one.raw]
+        for suffix in ("csv", "geojson"):
+            _save_each(output, gridded, save_cells, suffix, client.save_cells)
+        luminances = [one for one in found if "seen_from" in one.raw]
+        _save_each(output, luminances, save_report, "pdf", client.save_report)
         if save_map is not None:
             _save_maps(output, client, found, save_map, stac=stac)
     told = {"items": [one.raw for one in found], "not_measured": refused}
@@ -158,14 +166,18 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
         raise typer.Exit(Exit.FINDINGS)
 
 
-def _save_cells(output: Output, client: Client, found: list[Measurement], folder: Path | None) -> None:
+def _save_each(
+    output: Output,
+    found: list[Measurement],
+    folder: Path | None,
+    suffix: str,
+    save: Callable[[str, Path], Path],
+) -> None:
     if folder is None:
         return
     folder.mkdir(parents=True, exist_ok=True)
     for one in found:
-        for suffix in ("csv", "geojson") if "grid" in one.raw else ():
-            name = f"{PurePath(one.filename).stem}-{one.id}.{suffix}"
-            output.note(str(client.save_cells(one.id, folder / name)))
+        output.note(str(save(one.id, folder / f"{PurePath(one.filename).stem}-{one.id}.{suffix}")))
 
 
 def _save_maps(output: Output, client: Client, found: list[Measurement], folder: Path, *, stac: bool) -> None:

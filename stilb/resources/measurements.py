@@ -126,6 +126,13 @@ class Measurements(Jobs):
         self._transport.download(call, path)
         return path
 
+    def save_report(self, measurement_id: str, path: PathLike) -> Path:
+        """Save the two-page report of a luminance measurement as PDF."""
+        path = Path(path)
+        call = Call(method="GET", path=address("measurements", measurement_id, "report.pdf"))
+        self._transport.download(call, path)
+        return path
+
     def stac_item(self, measurement_id: str) -> dict[str, Any]:
         """Return a measurement's map as a STAC item."""
         return self._get(address("measurements", measurement_id, "stac.json"))

@@ -5,11 +5,15 @@ import io
 import json
 
 import numpy as np
+import pypdf
 import pytest
 import tifffile
 from jsonschema import Draft202012Validator
 from PIL import Image
 
+from service.certificate import find_pdf, render_pdf
+from service.certificate.figures import in_step
+from service.certificate.report import tabulate_cells, tabulate_flags
 from store.tables import FrameRow
 from tests.support.blobs import zero
 from tests.support.campaigns import K_TRUE, ROI, calibrate, calibrated_campaign, published_campaign
@@ -132,11 +136,46 @@ def test_a_lit_surface(house):
     assert [name for name, _ in ends] == ["road_m", "pixel"]
     assert np.array([corner for _, corner in ends]) == pytest.approx(np.array([[2.4, 3.5 / 3], [12, 24]]))
     assert house.get(f"/v1/measurements/{found['id']}/cells.geojson")["coordinates_in"] == "pixel"
+    check_report(house, measure(house, frame, grid=grid, products=["map"]))
+    bare = read_pages(house.http.get(f"/v1/measurements/{whole['id']}/report.pdf").content)
+    assert (len(bare), "Measured without a map" in bare[0]) == (2, True)
     # half of the rectangle, which is not seen in perspective
     assert (field["rows"], field["columns"]) == (3, 10)
     assert np.array(field["corners"]) == pytest.approx(np.array([[8, 8], [48, 8], [48, 56], [8, 56]]))
     assert (field["lanes"]["along_m"], field["lanes"]["points_m"][0][1][0]) == pytest.approx((2.4, 3.6))
     assert field["cells"][0][0]["value"] * k == pytest.approx(ROAD[0][0], rel=0.02)
+
+
+def check_report(house, found):
+    """Two pages, whatever is on them: with every figure, and with many flags and cells."""
+    path = f"/v1/measurements/{found['id']}/report.pdf"
+    with pytest.MonkeyPatch.context() as patch:
+        laid = []
+        patch.setattr(
+            "service.routes.certificates.find_pdf",
+            lambda context, sheets: laid.append(sheets) or find_pdf(context, sheets),
+        )
+        answer = house.http.get(path)
+    assert (answer.status_code, answer.headers["Content-Type"]) == (200, "application/pdf")
+    first, second = read_pages(answer.content)
+    u_o = " ".join(in_step(found["u_o"]["value"], found["u_o"]["standard_uncertainty"]))
+    for said in (f"Overall uniformity U_o {u_o}", "road.DNG", "Seen from above", "0.266"):
+        assert said in first
+    for said in ("meter calibration", found["content_sha256"], "from 2026-04-01", "spring"):
+        assert said in second
+    assert laid[0]["picture"]["svg"].count("<polygon") == 16
+    cell = found["grid"]["cells"][0][0]
+    for rows, columns in ((6, 14), (14, 6), (40, 30)):
+        grid = found["grid"] | {"rows": rows, "columns": columns, "cells": [[cell] * columns] * rows}
+        cells = tabulate_cells(grid)
+        flags = tabulate_flags([{"flag": "roi_elsewhere", "where": "", "detail": "long " * 60}] * 8)
+        assert len(read_pages(render_pdf(laid[0] | {"cells": cells, "flags": flags}))) == 2
+    assert "16 of 40 rows and 16 of 30 columns" in cells["caption"]
+
+
+def read_pages(pdf):
+    pages = pypdf.PdfReader(io.BytesIO(pdf)).pages
+    return ["".join(" ".join(page.extract_text().split()).split("\u200b")) for page in pages]
 
 
 @pytest.mark.usefixtures("version")

@@ -99,9 +99,17 @@ def test_measure_a_frame_and_save_its_map(command, calibrated, tmp_path):
     grid = command("measure", field.id, "--grid", "2x3 10,10 80,10 80,50 10,50", "--json").json["items"][0]
     assert [len(row) for row in grid["grid"]["cells"]] == [3, 3]
     assert (item["region_origin"], grid["region_origin"]) == ("campaign", "grid")
-    laid = ("--lanes", "1x3.5x40 10,10 80,10 80,50 10,50", "--cells", tmp_path / "cells")
+    laid = (
+        "--lanes",
+        "1x3.5x40 10,10 80,10 80,50 10,50",
+        "--cells",
+        tmp_path / "cells",
+        "--report",
+        tmp_path,
+    )
     lanes = command("measure", field.id, *laid, "--json").json["items"]
     assert sorted(path.suffix for path in (tmp_path / "cells").iterdir()) == [".csv", ".geojson"]
+    assert (tmp_path / f"field-{lanes[0]['id']}.pdf").read_bytes().startswith(b"%PDF-")
     assert [len(row) for row in lanes[0]["grid"]["cells"]] == [14, 14, 14]
     assert "lanes x width x spacing" in command("measure", field.id, "--lanes", "1x3.5 10,10 80,10").err
     refused = command("compare", item["id"], grid["id"])

@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from radiometry.drawing.maps import BAR_PX, find_step
 from worker.maps.colours import COLOURS, make_colours
 
-WIDEST_PX: Final = 1600
-_BAR_PX: Final = 200  # of the width: the bar and its labels
 _MARGIN_PX: Final = 16
-_FONT_PX: Final = 18
+_FONT_PX: Final = 26
 _LOW_PERCENTILE, _HIGH_PERCENTILE = 0.5, 99.9
 _SATURATED: Final = (0, 200, 255)  # no colour of the scale
 _INK: Final = (20, 20, 20)
@@ -43,7 +42,7 @@ class Reduction:
     """
 
     def __init__(self, height_px: int, width_px: int, *, counts: bool = True) -> None:
-        self.factor = max(1, math.ceil(width_px / (WIDEST_PX - _BAR_PX)))
+        self.factor = find_step(width_px)
         self.shape = max(1, height_px // self.factor), max(1, width_px // self.factor)
         self._sums = np.zeros(self.shape, np.float64)
         self._counts = counts
@@ -154,7 +153,7 @@ def draw_picture(means: NDArray[np.float64], caption: str, style: Style = LUMINA
     pixels = table[scale.place(np.where(unknown, scale.low, means))]
     pixels[unknown] = _SATURATED
     tall = max(height, 240)
-    image = Image.new("RGB", (width + _BAR_PX, tall + 3 * _FONT_PX), _PAPER)
+    image = Image.new("RGB", (width + BAR_PX, tall + 3 * _FONT_PX), _PAPER)
     image.paste(Image.fromarray(pixels), (0, 0))
     draw = ImageDraw.Draw(image)
     font = ImageFont.load_default(_FONT_PX)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from radiometry.drawing.maps import WIDEST_PX
 from radiometry.frame import Frame
 from radiometry.specification.application import PictureApplication
 from store.applied import read_applied
@@ -16,7 +17,6 @@ from store.codec import decode_exposure
 from store.measuring.record import Products
 from store.software import read_version
 from worker.maps.packet import write_packet
-from worker.maps.picture import WIDEST_PX
 from worker.maps.strips import cut_strips
 from worker.maps.tiff import MapFacts, Samples, write_picture
 from worker.measuring.task import Task, keep, keep_file

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from radiometry.drawing.maps import WIDEST_PX
 from worker.maps.colours import COLOURS, make_colours
-from worker.maps.picture import WIDEST_PX, Reduction, Scale, choose_scale, draw_picture
+from worker.maps.picture import Reduction, Scale, choose_scale, draw_picture
 
 
 def to_lightness(colours):

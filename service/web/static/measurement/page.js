@@ -52,6 +52,7 @@ function withoutMap(found) {
 function offer(found) {
   fill(
     byId("go-on"),
+    found.seen_from ? h("a", { class: "button", href: `/v1/measurements/${id}/report.pdf` }, "Report (PDF)") : null,
     h("a", { class: "button", href: `/measurements?camera_id=${found.camera_id}&compare=${found.id}` }, "Compare with…"),
     may("upload") ? h("a", { class: "button", href: `/measurements/new?frame=${found.frame_id}` }, "Measure again") : null,
   );
