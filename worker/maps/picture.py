@@ -98,7 +98,7 @@ class Style:
     ends: tuple[float, float] | None = None
 
 
-LUMINANCE: Final = Style(unit="cd/m²")
+LUMINANCE: Final = Style(unit="cd/m2")  # the font that Pillow brings along has no ²
 REFLECTANCE: Final = Style(unit="R", ends=(0.0, 1.0))
 
 
@@ -181,7 +181,11 @@ def _draw_bar(
     shown = table[(COLOURS - 1) - rows * COLOURS // len(rows)]
     image.paste(Image.fromarray(np.repeat(shown[:, None], 2 * _MARGIN_PX, axis=1)), (left, top))
     draw.rectangle((left, top, left + 2 * _MARGIN_PX, bottom), outline=_INK)
+    lowest = math.inf
     for tick in scale.ticks():
         y = bottom - float(scale.share(tick)) * (bottom - top)
         draw.line((left + 2 * _MARGIN_PX, y, left + 2 * _MARGIN_PX + 6, y), fill=_INK)
-        draw.text((left + 2 * _MARGIN_PX + 10, y), f"{tick:g}", fill=_INK, font=font, anchor="lm")
+        # a text that would lie over the one before is left out
+        if lowest - y >= _FONT_PX:
+            draw.text((left + 2 * _MARGIN_PX + 10, y), f"{tick:g}", fill=_INK, font=font, anchor="lm")
+            lowest = y
