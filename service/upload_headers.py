@@ -36,10 +36,18 @@ class UploadHeaders:
         Header(alias="Upload-Complete", description="Of the IETF's draft: `?1` with the last byte."),
     ] = None
     offset: Annotated[
-        str | None, Header(alias="Upload-Offset", description="Where the piece begins [bytes].")
+        str | None,
+        Header(
+            alias="Upload-Offset",
+            description="Where the piece begins [bytes], in digits; needed with a piece.",
+        ),
     ] = None
     length: Annotated[
-        str | None, Header(alias="Upload-Length", description="Size of the whole file [bytes].")
+        str | None,
+        Header(
+            alias="Upload-Length",
+            description="Size of the whole file [bytes], in digits; needed unless the body is all of it.",
+        ),
     ] = None
     metadata: Annotated[
         str | None,

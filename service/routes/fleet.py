@@ -92,7 +92,7 @@ def get_drift(
     context: UsesContext,
     method: Annotated[Method, Query()],
     tolerance: Annotated[
-        PositiveText | None, Query(description="A share such as 0.04; of geometry px.")
+        PositiveText | None, Query(description="A share below 1 such as 0.04; of geometry px.")
     ] = None,
 ) -> Response:
     """How each coefficient of a camera changes from version to version, and when to calibrate it again."""

@@ -36,7 +36,9 @@ class FrameOptics(Form):
 class CampaignOptics(FrameOptics):
     """The same for a campaign's frames, and how the aircraft flew, which no file says."""
 
-    ground_speed_m_s: Annotated[float | None, Field(ge=0, le=1e5)] = None
+    ground_speed_m_s: Annotated[
+        float | None, Field(ge=0, le=1e5, description="With distance_m, and only then.")
+    ] = None
     ground_speed_km_h: Annotated[
         float | None, Field(ge=0, le=1e5, description="In place of ground_speed_m_s, never with it.")
     ] = None

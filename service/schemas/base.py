@@ -5,7 +5,18 @@ import re
 import types
 from collections.abc import Mapping
 from datetime import date, datetime
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, Union, get_args, get_origin, get_type_hints
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    Final,
+    Literal,
+    Self,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 from fastapi.responses import JSONResponse
 from pydantic import (
@@ -18,8 +29,10 @@ from pydantic import (
     PlainSerializer,
     Strict,
     StringConstraints,
+    WithJsonSchema,
     model_validator,
 )
+from pydantic.config import JsonDict
 from pydantic_core import PydanticCustomError
 from sqlalchemy.orm import Mapped
 
@@ -45,12 +58,17 @@ ClearableLong = Annotated[
 """A correction: "" takes away what was written."""
 # as a camera, a data sheet or a person writes it
 BandName = Annotated[Text, AfterValidator(name_band)]
+EACH_ONCE: Final[JsonDict] = {"uniqueItems": True}
 Sha256 = Annotated[str, StringConstraints(pattern=SHA256)]
 
 
 # in a body a number is a number: neither true nor "5"
 Number = Annotated[float, Strict()]
 Flag = Annotated[bool, Strict()]
+WHOLE: Final = BeforeValidator(
+    lambda sent: int(sent) if isinstance(sent, float) and sent.is_integer() else sent
+)
+"""Of a strict int, after its range: JSON Schema counts 5.0 among the whole numbers."""
 Positive = Annotated[Number, Field(gt=0, lt=1e9)]
 PositiveText = Annotated[float, Field(gt=0, lt=1e9)]
 """The same in an address, where everything is text."""
@@ -89,6 +107,10 @@ Instant = Annotated[
     BeforeValidator(_is_written_out),
     AfterValidator(_year_is_plausible),
     PlainSerializer(rfc3339, when_used="json"),
+    WithJsonSchema(
+        {"type": "string", "format": "date-time", "pattern": "^(19[0-9]{2}|[2-8][0-9]{3}|9000)-"},
+        mode="validation",
+    ),
 ]
 Day = Annotated[date, BeforeValidator(_is_written_out)]
 

@@ -22,7 +22,7 @@ State = Literal["draft", "published", "superseded", "revoked"]
 
 class NewPublication(Form):
     valid_from: Instant
-    valid_to: Instant | None = None
+    valid_to: Instant | None = Field(default=None, description="After `valid_from`.")
     reason: LongText
 
     @model_validator(mode="after")

@@ -6,6 +6,7 @@ from pydantic import AfterValidator, ConfigDict, Field, create_model, model_vali
 
 from radiometry.methods import METHODS
 from service.schemas.base import (
+    EACH_ONCE,
     Answer,
     Clearable,
     ClearableLong,
@@ -133,6 +134,20 @@ class NamedRegion(Form):
     polygon: Annotated[list[Point], Field(min_length=3, max_length=1000)]
 
 
+_GAP = r"[ \t\n]*"
+_NUMBER = rf"{_GAP}[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?{_GAP}"
+_PAIR = f"{_NUMBER},{_NUMBER}"
+_POLYGON = rf"makePolygon{_GAP}\({_PAIR}(,{_PAIR}){{2,}}\)"
+_SIZE = _PAIR.replace("[-+]", "[+]")
+_RECTANGLE = rf"makeRectangle{_GAP}\({_PAIR},{_SIZE}\)"
+_MACRO = f"{_GAP}({_POLYGON}|{_RECTANGLE}){_GAP};?{_GAP}"
+_JSON_NUMBER = rf"{_GAP}-?(0|[1-9][0-9]*)(\.[0-9]+)?([eE][-+]?[0-9]+)?{_GAP}"
+_CORNER = rf"{_GAP}\[{_JSON_NUMBER},{_JSON_NUMBER}\]{_GAP}"
+_JSON = rf"{_GAP}\[{_CORNER}(,{_CORNER}){{2,}}\]{_GAP}"
+REGION_PATTERN = f"^({_MACRO}|{_JSON})$"
+"""A region as an address or a header holds it."""
+
+
 class NewRoi(Form):
     """A region: its points, ImageJ's own line, or several parts with their names."""
 
@@ -144,14 +159,28 @@ class NewRoi(Form):
 
     polygon: Annotated[
         list[Point] | None,
-        Field(min_length=3, max_length=1000, description="Corners [x, y] in pixels, x right, y down."),
+        Field(
+            min_length=3,
+            max_length=1000,
+            description="Corners [x, y] in pixels of the image, x right, y down, in order around the area: "
+            "the outline does not cross itself.",
+        ),
     ] = None
-    imagej: Annotated[LongText | None, Field(description="A makePolygon(...) call of an ImageJ macro.")] = (
-        None
-    )
-
+    imagej: Annotated[
+        LongText | None,
+        Field(
+            description="A makePolygon(...) or makeRectangle(...) call of an ImageJ macro.",
+            json_schema_extra={"pattern": f"^{_MACRO}$"},
+        ),
+    ] = None
     regions: Annotated[
-        list[NamedRegion] | None, Field(min_length=1, max_length=100, description="For sharpness.")
+        list[NamedRegion] | None,
+        Field(
+            min_length=1,
+            max_length=100,
+            description="For sharpness; each name once.",
+            json_schema_extra=EACH_ONCE,
+        ),
     ] = None
 
     @model_validator(mode="after")
@@ -182,9 +211,18 @@ class RoiAnswer(Answer, restates=Roi, fields="id sha256 created_at"):
 
 
 MOST_READINGS = 10_000
+_UNITS = {"luminance": ["cd/m2", "fL"], "illuminance": ["lx", "fc"]}
 
 
 class NewReading(Form):
+    model_config = ConfigDict(
+        json_schema_extra={
+            "if": {"properties": {"quantity": {"const": "luminance"}}},
+            "then": {"properties": {"unit": {"enum": [*_UNITS["luminance"], "cd/m²"]}}},
+            "else": {"properties": {"unit": {"enum": [*_UNITS["illuminance"]]}}},
+        }
+    )
+
     scene: Text
     quantity: Literal["luminance", "illuminance"]
     value: Annotated[Number, Field(gt=0, lt=1e9)]
@@ -196,8 +234,7 @@ class NewReading(Form):
 
     @model_validator(mode="after")
     def _unit_fits(self) -> "NewReading":
-        fitting = ("cd/m2", "fL") if self.quantity == "luminance" else ("lx", "fc")
-        if self.unit not in fitting:
+        if self.unit not in (fitting := _UNITS[self.quantity]):
             raise ValueError(f"{self.unit} is no unit of {self.quantity}: use {' or '.join(fitting)}")
         return self
 

@@ -10,7 +10,7 @@ from store.tables import Campaign, ChecklistSignature
 
 
 class ItemChange(Form):
-    key: Text
+    key: Annotated[Text, Field(description="One of the items that the campaign's checklist lists.")]
     done: Annotated[bool, Strict()]
     note: LongText | None = None
 

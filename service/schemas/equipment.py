@@ -62,7 +62,7 @@ class Certificate(Form, Answer):
     number: Text
     laboratory: Text
     issued_on: Day
-    due_on: Day
+    due_on: Annotated[Day, Field(description="Not before `issued_on`.")]
     expanded_uncertainty_rel: Annotated[Number, Field(gt=0, lt=1)]
     coverage_factor: Annotated[Number, Field(ge=1, le=10)]
 

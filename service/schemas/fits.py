@@ -21,7 +21,7 @@ from radiometry.specification.method import MethodSpec
 from radiometry.specification.parameters import Parameter
 from service.messages import AS_NUMBER, BY_NAME
 from service.problems import invalid, located
-from service.schemas.base import CurveText, Form, LongText, Text
+from service.schemas.base import WHOLE, CurveText, Form, LongText, Text
 
 NONE = "none"
 """Switches off a parameter that has a default."""
@@ -52,7 +52,10 @@ class FitRequest(Form):
 
 
 class NewCalibration(RootModel[dict[str, Any]]):
-    """How to fit a campaign; the form of its method. What is left out takes the method's default."""
+    """How to fit a campaign: the form of its method and no parameter of another.
+
+    What is left out takes the method's default.
+    """
 
 
 def read_request(body: NewCalibration, spec: MethodSpec) -> FitRequest:
@@ -144,7 +147,9 @@ def _bound(parameter: Parameter) -> Any:  # noqa: ANN401  a type
         "lt" if parameter.below_maximum else "le": high,
     }
     given = {name: limit for name, limit in limits.items() if limit is not None}
-    return _annotate(int if parameter.kind == "integer" else float, Strict(), Field(**given))
+    if parameter.kind == "integer":
+        return _annotate(int, Strict(), Field(**given), WHOLE)
+    return _annotate(float, Strict(), Field(**given))
 
 
 def _refuse_truth(value: Any) -> Any:  # noqa: ANN401  whatever JSON holds

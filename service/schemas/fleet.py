@@ -10,7 +10,7 @@ from radiometry.fleet.determinations import Determination, Key, LeftOut
 from radiometry.fleet.results import Deviation, Effect, FleetVerdict, ParameterVerdict
 from radiometry.fleet.verdicts import Outcome
 from service.messages import AS_NUMBER, BY_NAME
-from service.schemas.base import Answer, Form, Method, Positive, Quantity, Text
+from service.schemas.base import EACH_ONCE, Answer, Form, Method, Positive, Quantity, Text
 from store.tables import Camera
 
 MOST_CAMERAS = 100
@@ -29,7 +29,11 @@ def _form_of_tolerance(value: Any) -> str:  # noqa: ANN401
 
 Tolerance = Annotated[
     Annotated[Positive, Tag(AS_NUMBER)]
-    | Annotated[dict[Text, Positive], Field(min_length=1, max_length=100), Tag(BY_NAME)],
+    | Annotated[
+        dict[Text, Positive],
+        Field(min_length=1, max_length=100, json_schema_extra={"additionalProperties": False}),
+        Tag(BY_NAME),
+    ],
     Discriminator(_form_of_tolerance),
 ]
 
@@ -43,12 +47,14 @@ class LensNamed(Form):
 
 class NewFleetVerdict(Form):
     method: Method
-    camera_ids: Annotated[list[Text], Field(min_length=2, max_length=MOST_CAMERAS)]
+    camera_ids: Annotated[
+        list[Text], Field(min_length=2, max_length=MOST_CAMERAS, json_schema_extra=EACH_ONCE)
+    ]
     tolerance: Annotated[
         Tolerance,
         Field(
             description="The largest accepted deviation from the shared value: one number in the method's "
-            "unit (a share such as 0.04; of geometry px), or one for each parameter by name."
+            "unit (a share below 1 such as 0.04; of geometry px), or one for each parameter by name."
         ),
     ]
     lenses: Annotated[list[LensNamed] | None, Field(max_length=1000)] = None

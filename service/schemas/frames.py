@@ -22,7 +22,7 @@ from service.schemas.base import (
     PositiveText,
     Text,
 )
-from service.schemas.campaigns import Role
+from service.schemas.campaigns import REGION_PATTERN, Role
 from store.blobs import Damage
 from store.codec import decode_header
 from store.queries.frame_columns import FrameColumns
@@ -50,7 +50,9 @@ class Upload(Form):
     roi: Annotated[
         LongText | None,
         Field(
-            description="The frame's own region, where the camera has moved: [[x,y],...] or makePolygon(...)."
+            description="The frame's own region, where the camera has moved: [[x,y],...], or a "
+            "makePolygon(...) or makeRectangle(...) call of an ImageJ macro.",
+            json_schema_extra={"pattern": REGION_PATTERN},
         ),
     ] = None
 

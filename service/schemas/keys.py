@@ -13,7 +13,9 @@ class NewKey(Form):
     name: Text
     scopes: Annotated[list[Scope], Field(min_length=1, max_length=5)]
     expires_at: Instant | None = Field(
-        default=None, description="The key, and sessions opened with it, end then; without it, when revoked."
+        default=None,
+        description="The key, and sessions opened with it, end then; without it, when revoked. "
+        "Not in the past.",
     )
 
 

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, StringConstraints
 
-from service.schemas.base import Answer, Form, Instant, Sha256
+from service.schemas.base import WHOLE, Answer, Form, Instant, Sha256
 from service.schemas.frames import State
 from store.tables import Manifest, SigningKey
 
@@ -14,7 +14,7 @@ MOST_FILES = 10_000
 FileName = Annotated[
     str, StringConstraints(min_length=1, max_length=1000, pattern=r"^[^\x00-\x1f\x7f-\x9f]+$")
 ]
-Size = Annotated[int, Field(ge=0, lt=1 << 50, strict=True)]
+Size = Annotated[int, Field(ge=0, lt=1 << 50, strict=True), WHOLE]
 
 
 class OtherFile(Form):

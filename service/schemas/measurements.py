@@ -2,19 +2,22 @@
 
 from typing import Annotated, Literal
 
-from pydantic import ConfigDict, Field, create_model, model_validator
+from pydantic import ConfigDict, Field, JsonValue, create_model, model_validator
 
 from radiometry.frame.bands import MOST_LETTERS, NAMED_INDICES
 from radiometry.frame.grid import MAX_CELLS_A_SIDE
 from radiometry.methods import METHODS
-from service.schemas.base import Answer, Form, Number, Text
+from service.schemas.base import WHOLE, Answer, Form, Number, Text
 from service.schemas.campaigns import NewRoi, Point, Reflectance
 from service.schemas.fits import make_fields
 from service.schemas.jobs import JobAnswer
 
 MOST_AVERAGED = 32
 
-Side = Annotated[int, Field(ge=1, le=MAX_CELLS_A_SIDE, strict=True)]
+Side = Annotated[int, Field(ge=1, le=MAX_CELLS_A_SIDE, strict=True), WHOLE]
+
+_CELLS: list[JsonValue] = ["rows", "columns"]
+_LANES: list[JsonValue] = ["lanes", "lane_width_m", "spacing_m"]
 
 
 class NewGrid(Form):
@@ -23,8 +26,8 @@ class NewGrid(Form):
     model_config = ConfigDict(
         json_schema_extra={
             "oneOf": [
-                {"required": ["rows", "columns"]},
-                {"required": ["lanes", "lane_width_m", "spacing_m"]},
+                {"required": there, "not": {"anyOf": [{"required": [name]} for name in absent]}}
+                for there, absent in ((_CELLS, _LANES), (_LANES, _CELLS))
             ]
         }
     )
@@ -40,7 +43,7 @@ class NewGrid(Form):
     ]
     rows: Side | None = None
     columns: Side | None = None
-    lanes: Annotated[int, Field(ge=1, le=16, strict=True)] | None = Field(
+    lanes: Annotated[int, Field(ge=1, le=16, strict=True), WHOLE] | None = Field(
         default=None, description="In place of rows and columns: three rows a lane, ten columns or more."
     )
     lane_width_m: Annotated[Number, Field(ge=1, le=20)] | None = None

@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from service.schemas.base import Answer, BandName, Day, Form, Number, Text
+from service.schemas.base import EACH_ONCE, Answer, BandName, Day, Form, Number, Text
 from store.queries.references import Offer
 from store.tables import Panel
 
@@ -28,7 +28,10 @@ class PanelBand(Form, Answer):
 class NewPanel(Form):
     serial: Text
     measured_on: Day
-    bands: Annotated[list[PanelBand], Field(min_length=1, max_length=100)]
+    bands: Annotated[
+        list[PanelBand],
+        Field(min_length=1, max_length=100, description="Each band once.", json_schema_extra=EACH_ONCE),
+    ]
 
     @model_validator(mode="after")
     def _each_band_once(self) -> "NewPanel":

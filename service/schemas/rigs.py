@@ -6,7 +6,7 @@ from pydantic import Field, model_validator
 
 from radiometry.fitting import evidence
 from radiometry.fleet.rigs import RigStability
-from service.schemas.base import Answer, Form, Instant, Quantity, Text
+from service.schemas.base import EACH_ONCE, Answer, Form, Instant, Quantity, Text
 from service.schemas.calibrations import Gap
 from service.schemas.certificates import FlagInWords, Item, Laboratory, Work
 from service.schemas.fleet import VersionLeftOut
@@ -21,7 +21,12 @@ class NewRig(Form):
     name: Text
     camera_ids: Annotated[
         list[Text],
-        Field(min_length=2, max_length=MOST_CAMERAS, description="The reference camera first."),
+        Field(
+            min_length=2,
+            max_length=MOST_CAMERAS,
+            description="The reference camera first.",
+            json_schema_extra=EACH_ONCE,
+        ),
     ]
 
     @model_validator(mode="after")

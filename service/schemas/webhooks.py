@@ -28,7 +28,10 @@ Url = Annotated[
     str,
     StringConstraints(max_length=1000, pattern=r"^https?://[!-~]+$"),
     AfterValidator(_check_url),
-    Field(description="https; http only for a host that the operator lists in STILB_WEBHOOK_HOSTS."),
+    Field(
+        description="https, without a login; http only for a host that the operator lists in "
+        "STILB_WEBHOOK_HOSTS."
+    ),
 ]
 EventNames = Annotated[list[EventName], Field(min_length=1, max_length=20)]
 

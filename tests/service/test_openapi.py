@@ -9,10 +9,16 @@ from threading import Barrier
 
 import pytest
 from jsonschema import Draft202012Validator
+from pydantic import ValidationError
 
 import service.document
 from service.document import resolve
+from service.regions import read_roi
+from service.schemas.campaigns import NewReading, NewRoi
+from service.schemas.measurements import NewGrid
 from service.schemas.methods import describe_versions
+from service.schemas.rigs import NewRig
+from service.schemas.tools.motion import NewMotion
 from store.software import read_version
 
 JSON, PROBLEM = "application/json", "application/problem+json"
@@ -113,6 +119,45 @@ def test_every_json_body_has_an_example_that_validates(document, operations):
             schema = {**media["schema"], "components": document["components"]}
             errors = list(Draft202012Validator(schema).iter_errors(media["example"]))
             assert not errors, (name, status, errors[0].message)
+
+
+def test_the_schema_refuses_what_the_form_refuses(document):
+    """Fields that exclude each other, years, calls of a macro and what stands once."""
+    motion = {"pixel_pitch_um": 4, "focal_length_mm": 35, "exposure_time_s": 0.01, "distance_m": 9}
+    reading = {"scene": "s", "quantity": "luminance", "value": 1, "unit": "cd/m²"}
+    corners = [[0, 0], [9, 0], [9, 9], [0, 9]]
+    lanes = {"lanes": 2.0, "lane_width_m": 3, "spacing_m": 30}
+    cases = [
+        (NewMotion, motion | {"ground_speed_m_s": 5}, {"ground_speed_km_h": 18}),
+        (NewReading, reading | {"taken_at": "1900-01-01T00:00:00Z"}, {"unit": "lx"}),
+        (NewReading, reading | {"quantity": "illuminance", "unit": "fc"}, {"unit": "fL"}),
+        (NewReading, reading | {"taken_at": "9000-12-31T00:00:00Z"}, {"taken_at": "9001-01-01T00:00:00Z"}),
+        (NewReading, reading, {"taken_at": "1899-12-31T23:59:59Z"}),
+        (NewGrid, {"corners": corners} | lanes, {"rows": 2}),
+        (NewGrid, {"corners": corners, "rows": 2.0, "columns": 3}, {"lanes": 2}),
+        (NewRig, {"name": "r", "camera_ids": ["a", "b"]}, {"camera_ids": ["a", "a"]}),
+    ]
+    for form, body, change in cases:
+        schema = Draft202012Validator({**document["components"]["schemas"][form.__name__], **document})
+        assert schema.is_valid(body), body
+        form.model_validate(body)
+        assert not schema.is_valid(body | change), change
+        with pytest.raises(ValidationError):
+            form.model_validate(body | change)
+    call, region = (re.compile(pattern) for pattern in find_region_patterns(document))
+    for text in ("makePolygon(10,10,90,10,90,60)", " makeRectangle (-1, 1e1,80.5,.5) ;\n"):
+        read_roi(NewRoi(imagej=text))
+        assert call.search(text)
+        assert region.search(text)
+    assert region.search("[[0, 0],[9,0], [9,9.5e0]]")
+    assert not any(region.search(text) for text in ("makePolygon(1,2,3,4)", "[[0,0],[9,0],[9,+9]]", "9"))
+
+
+def find_region_patterns(document):
+    schemas, upload = document["components"]["schemas"], "/v1/campaigns/{campaign_id}/frames"
+    yield schemas["NewRoi"]["properties"]["imagej"]["pattern"]
+    parameters = document["paths"][upload]["post"]["parameters"]
+    yield next(each["schema"]["pattern"] for each in parameters if each["name"] == "roi")
 
 
 def test_recorded_examples_hold_the_fields_of_today(document):

@@ -43,15 +43,19 @@ class NewExposureSeries(Form):
 class ExposureTable(Form):
     """Statements that a table does not contain; with JSON none of them, since they are in the body."""
 
-    white_level_dn: Annotated[float | None, _WHITE_LEVELS_DN, Field(description="Needed with a table.")] = (
+    white_level_dn: Annotated[
+        float | None, _WHITE_LEVELS_DN, Field(description="Needed with a table; of JSON in the body.")
+    ] = None
+    dark_dn: Annotated[
+        float | None, _SIGNALS_DN, Field(description="Of a table's rows without one; else 0.")
+    ] = None
+    exposure_time_s: Annotated[
+        float | None, EXPOSURE_TIMES_S, Field(description="Of a table's rows that state none.")
+    ] = None
+    f_number: Annotated[float | None, _F_NUMBERS, Field(description="Of a table's rows that state none.")] = (
         None
     )
-    dark_dn: Annotated[float | None, _SIGNALS_DN, Field(description="Of rows without one; else 0.")] = None
-    exposure_time_s: Annotated[
-        float | None, EXPOSURE_TIMES_S, Field(description="Of rows that state none.")
-    ] = None
-    f_number: Annotated[float | None, _F_NUMBERS, Field(description="Of rows that state none.")] = None
-    iso: Annotated[float | None, _ISOS, Field(description="Of rows that state none.")] = None
+    iso: Annotated[float | None, _ISOS, Field(description="Of a table's rows that state none.")] = None
     signal: Annotated[
         Text | None, Field(description="The column of the signal, where there is one a channel.")
     ] = None

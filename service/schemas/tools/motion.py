@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from radiometry.tools.motion import USUAL_LIMIT_PX, Motion, MotionCase
 from service.schemas.base import Answer, Form, Number, Text
@@ -18,6 +18,10 @@ Limit = Annotated[
 
 class NewMotion(Form):
     """One lens, one exposure, one way of moving. Rates are magnitudes: 0 or more."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"not": {"required": ["ground_speed_m_s", "ground_speed_km_h"]}}
+    )
 
     name: Annotated[Text | None, Field(description="Given back, to find it in a table.")] = None
     pixel_pitch_um: PixelPitch
