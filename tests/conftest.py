@@ -47,6 +47,9 @@ SERVED = {
     "wheel",
 }
 WHOLE = {"bench", "browser", "demo", "faults", "flow"}
+# What the first processes of a run begin with, in this order: such tests wait for much of their time, while
+# other processes compute. Those of one deployment stay in one process, and the longest do not end the run.
+FIRST = (("faults", "flow"), ("bench", "service/test_fuzz.py", "browser", "demo"))
 
 
 # tests of a unit that take longer than this of a processor, their own processes included
@@ -92,6 +95,24 @@ def pytest_collection_modifyitems(items):
         if item.get_closest_marker("either_database"):
             offered[_name_test(item)].add(_read_database(item))
     items[:] = [item for item in items if _is_kept(item, offered.get(_name_test(item)))]
+    if processes := os.environ.get("PYTEST_XDIST_WORKER_COUNT"):
+        items[:] = _order(items, int(processes))
+
+
+def _order(items, processes):
+    """Return the tests so that each of the equal parts into which worksteal cuts them begins with its own."""
+    begun = {place: [] for places in FIRST for place in places}
+    others, ordered = [], []
+    for item in items:
+        path = item.path.relative_to(Path(__file__).parent)
+        begun.get(str(path), begun.get(path.parts[0], others)).append(item)
+    for number, places in enumerate(FIRST, start=1):
+        for place in places:
+            ordered += begun[place]
+        more = max(0, number * len(items) // processes - len(ordered))
+        ordered += others[:more]
+        del others[:more]
+    return ordered + others
 
 
 def pytest_collection_finish():
