@@ -164,7 +164,7 @@ def _measure_series(service: Service, address: str, lookup: str) -> list[bool]:
         for name, (query, plainly) in ways.items():
             before_mb = read_memory_mb(service.pid, "VmRSS")
             forget_peak(service.pid)
-            turns = [(_time_series(service, http, address, query), _time_here(plainly)) for _ in range(3)]
+            turns = [(_time_series(service, http, address, query), _time_here(plainly)) for _ in range(7)]
             ours, plain = ([turn[way] for turn in turns] for way in (0, 1))
             grown_mb = read_memory_mb(service.pid, "VmHWM") - before_mb
             rate = 1e5 * statistics.median(ours) / len(rows)
