@@ -159,7 +159,8 @@ class JobThreads:
         return idle and not lost
 
     def _wake_every(self, seconds: float) -> None:
-        away = self._context.needs.list_away()
+        # what is away before the first look is news, too
+        away: Mapping[Dependency, datetime] = {}
         while not self._ended.wait(seconds):
             if self._is_idle():
                 self._looked()

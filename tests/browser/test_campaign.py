@@ -91,6 +91,8 @@ def move_to_dusk_and_undo(page, frame_id):
         const watch = new MutationObserver(() => (window.shown = grid.innerText));
         watch.observe(grid, {childList: true, subtree: true});
     }""")
+    while not late:
+        page.wait_for_timeout(20)
     ((asked, answer),) = late
     with page.expect_request("**/grid?*"):
         asked.fulfill(response=answer)
