@@ -108,6 +108,8 @@ def test_a_store_that_is_away_is_asked_for_by_few_jobs_and_comes_back_to_all(
         assert store.asked <= 3
         assert worker.needs.list_away().keys() == {Dependency.BLOBS}
         assert set(states(house, frames)) == {"queued"}
+    # for those that begin while it is away, too
+    with working(worker) as noted:
         wait_until(lambda: noted, what="the outage to be noted")
         store.away = False
         wait_until(lambda: set(states(house, frames)) == {"succeeded"}, what="every frame to be read")
