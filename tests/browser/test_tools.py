@@ -31,6 +31,8 @@ def test_calculators_answer_with_units_and_plots_and_lead_into_the_manual(night_
     page.get_by_role("button", name="Blur").click()
     expect(page.locator("#plot text", has_text="blur [px], logarithmic")).to_be_visible()
     settle(page)
+    # no name of the API in its sentences
+    expect(page.locator("main")).not_to_contain_text(re.compile("[a-z]_[a-z]"))
     check_access(page)
     look(page, "tools-motion")
     page.reload()

@@ -12,6 +12,7 @@ import { TOOLS } from "../calculators.js";
 
 const { tool } = document.querySelector("main").dataset;
 const { form: schema, answer: answers, takes_table: takesTable } = TOOLS[tool];
+const KNOWN = { ...schema.properties, ...answers.properties };
 const path = `/v1/tools/${tool}`;
 const EXAMPLE = "exposure_time_s,f_number,iso,signal_dn\n0.001,4,200,410\n0.002,4,200,812\n0.004,4,200,1615\n0.008,4,200,3220";
 
@@ -38,10 +39,15 @@ const kept = new URLSearchParams(location.search);
 for (const { name, input } of inputs) if (kept.has(name)) input.value = kept.get(name);
 if (kept.size && form.checkValidity()) form.requestSubmit();
 
+/** A sentence of the API in the words of this page. */
+function told(sentence) {
+  return prose(sentence?.replace(/`?\b([a-z]+(?:_[a-z0-9]+)+)\b`?/g, (all, name) => (name in KNOWN ? headOf(name)[0] : all)));
+}
+
 /** The schema's sentence, and the range. */
 function hintOf({ description }, { minimum, maximum, type }) {
   const range = type === "string" || minimum === undefined ? "" : `Between ${number(minimum)} and ${number(maximum)}.`;
-  return [description ? [prose(description), " "] : null, range];
+  return [description ? [told(description), " "] : null, range];
 }
 
 function read() {
@@ -70,7 +76,7 @@ async function compute(earlier) {
 function side(found) {
   const names = Object.keys(answers.properties).filter((name) => name !== "name" && name !== "flags" && found.some((each) => each[name] !== undefined));
   const columns = [
-    { head: "Quantity", header: true, cell: (name) => [titleOf(WRITTEN[name] ? [WRITTEN[name][0], ""] : headOf(name)), h("span", { class: "sub" }, prose(answers.properties[name].description))] },
+    { head: "Quantity", header: true, cell: (name) => [titleOf(WRITTEN[name] ? [WRITTEN[name][0], ""] : headOf(name)), h("span", { class: "sub" }, told(answers.properties[name].description))] },
     ...found.map((each, place) => ({ head: each.name ?? (found.length > 1 ? `Case ${place + 1}` : "Value"), class: "number", cell: (name) => say(name, each[name]) })),
   ];
   return table(columns, names, { caption: "Results" });
