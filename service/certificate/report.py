@@ -33,6 +33,7 @@ _HEADLINES: Final = (
 _MOST_CELLS: Final = 16  # along each side
 _WIDE: Final = 8  # columns up to which a cell has its uncertainty beside its value
 _MOST_FLAGS: Final = 10
+_MOST_FRAMES: Final = 4
 _LONGEST: Final = 120  # letters of what people type
 
 
@@ -89,9 +90,14 @@ def lay_out_report(measurement: Node, reported: Reported) -> Node:
             ["Measurement", number],
             ["Software", ", ".join(f"{name} {made}" for name, made in measurement["software"].items())],
             ["Content, SHA-256", measurement["content_sha256"]],
-            ["Frames", "\n".join(measurement.get("frame_ids", [measurement["frame_id"]])[:4])],
+            ["Frames", _list_frames(measurement.get("frame_ids", [measurement["frame_id"]]))],
         ],
     }
+
+
+def _list_frames(frame_ids: Sequence[str]) -> str:
+    more = len(frame_ids) - _MOST_FRAMES
+    return "\n".join([*frame_ids[:_MOST_FRAMES], *([f"and {more} more"] if more > 0 else [])])
 
 
 def _cut(text: str) -> str:
