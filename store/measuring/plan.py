@@ -1,6 +1,6 @@
 """Plan of a measurement for the worker, made from a frame and a request."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -9,7 +9,6 @@ from sqlalchemy.orm import Session
 from radiometry.findings import InputRejected, shared
 from radiometry.frame.grid import Grid
 from radiometry.frame.lanes import LaneGrid, describe_lanes
-from radiometry.frame.proof import Proof
 from radiometry.frame.roi import Polygon, bounding_window
 from radiometry.methods import METHODS, get_method
 from radiometry.specification.application import BandApplication, PictureApplication, SurfaceApplication
@@ -18,12 +17,10 @@ from store.applied import read_applied
 from store.codec import decode, decode_exposure, decode_header, encode
 from store.falloff import find_falloff, read_lens
 from store.measuring.captures import Captures
+from store.measuring.requirements import read_proof, require_read, require_repeat, require_whole
 from store.measuring.version import choose_version
 from store.queries.frames import current_roi, whole_frame_of
 from store.tables import Calibration, Campaign, FrameRow
-
-# what frames must have in common to be averaged, beside their exposure
-_FORMAT = ("width_px", "height_px", "cfa", "white_level_dn", "rendered")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,16 +52,16 @@ def plan_measurement(
     Raises InputRejected or Conflict, saying what to do, for whatever can be known before the pixels are read.
     """
     campaign = session.get_one(Campaign, frame.campaign_id)
-    _require_read(frame, campaign.method)
+    require_read(frame, campaign.method)
     require_whole(frame, read_proof(frame), asked.allow)
     _refuse_foreign_options(campaign.method, asked)
     calibration, chosen, why = choose_version(session, frame, campaign, named)
     polygon, origin = _find_region(session, frame, campaign, asked)
     repeats = [session.get_one(FrameRow, each) for each in (asked.frame_ids or ())[1:]]
     for repeat in repeats:
-        _require_read(repeat, campaign.method)
+        require_read(repeat, campaign.method)
         require_whole(repeat, read_proof(repeat), asked.allow)
-        _require_repeat(repeat, frame)
+        require_repeat(repeat, frame)
         if (
             choose_version(session, repeat, campaign, named)[0] is not calibration
             or _find_region(session, repeat, campaign, asked)[0] != polygon
@@ -101,7 +98,7 @@ def find_subject(session: Session, frame: FrameRow, asked: Asked, captures: Capt
     if asked.index is None:
         return frame
     method = session.get_one(Campaign, frame.campaign_id).method
-    _require_read(frame, method)
+    require_read(frame, method)
     _refuse_foreign_options(method, asked)
     application = get_method(method).application
     if not isinstance(application, BandApplication):
@@ -112,24 +109,6 @@ def find_subject(session: Session, frame: FrameRow, asked: Asked, captures: Capt
 def list_others(parameters: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return the frames of the capture's other bands that a plan names; older plans name one as `other`."""
     return parameters.get("others") or list(filter(None, [parameters.get("other")]))
-
-
-def _require_repeat(repeat: FrameRow, frame: FrameRow) -> None:
-    """Refuse to average two frames that are not repeats of one scene, and name what differs."""
-    header, other = frame.header or {}, repeat.header or {}
-    compared = {
-        "campaign": (frame.campaign_id, repeat.campaign_id),
-        "scene": (frame.scene, repeat.scene),
-        "exposure": (frame.exposure, repeat.exposure),
-        **{name: (header.get(name), other.get(name)) for name in _FORMAT},
-    }
-    differing = [name.replace("_", " ") for name, (here, there) in compared.items() if here != there]
-    if frame.sha256 == repeat.sha256:
-        differing = ["nothing: they are one image"]
-    if differing:
-        raise shared.FRAMES_DIFFER.refuse(
-            f"{repeat.filename} cannot be averaged with {frame.filename}; different: {', '.join(differing)}."
-        )
 
 
 def _refuse_foreign_options(method: str, asked: Asked) -> None:
@@ -282,41 +261,6 @@ def read_request(application: SurfaceApplication, parameters: dict[str, Any]) ->
         grid=decode(Grid, grid) if grid else None,
         reflectance=parameters.get("reflectance"),
         **stated,
-    )
-
-
-def _require_read(frame: FrameRow, method: str) -> None:
-    if frame.state == "refused":
-        raise InputRejected(
-            shared.FRAME_NOT_READ, f"Frame {frame.filename} was refused: {frame.refusal_detail}"
-        )
-    if frame.header is None:
-        raise InputRejected(
-            shared.FRAME_NOT_READ,
-            f"Frame {frame.filename} has not been read yet: wait for its job and ask again.",
-        )
-    application = get_method(method).application
-    if frame.exposure is None and (application is None or application.needs_exposure):
-        raise InputRejected(
-            shared.EXPOSURE_MISSING,
-            f"Frame {frame.filename} states no exposure: type its exposure_time_s, f_number and iso in.",
-        )
-
-
-def read_proof(frame: FrameRow) -> Proof | None:
-    """Return the proof of a frame's pixels; None for one that was never read as a whole."""
-    return decode(Proof, frame.proof) if frame.proof else None
-
-
-def require_whole(frame: FrameRow, proof: Proof | None, allowed: Sequence[str]) -> None:
-    """Refuse a frame with an empty part, unless somebody has asked for it by the flag's name."""
-    if proof is None or not proof.wholeness.empty or shared.IMAGE_PART_EMPTY in allowed:
-        return
-    raise InputRejected(
-        shared.IMAGE_PART_EMPTY,
-        f"Frame {frame.filename}: {proof.describe_doubt(decode_header(frame.header or {}))}. Copy the file "
-        f"from the card again. To measure it as it is, ask with allow=[{shared.IMAGE_PART_EMPTY}]: "
-        "the measurement then carries that flag.",
     )
 
 
