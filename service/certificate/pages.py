@@ -10,7 +10,7 @@ from service.certificate import general
 from service.certificate.evidence import evidence_sections
 from service.certificate.figures import degrees, expanded, in_step, percent, plain, stamp
 from service.certificate.results import result_sections
-from service.certificate.sheet import Node, facts, flow, section, table
+from service.certificate.sheet import Node, facts, flow, section, table, write_json
 
 STAMPS = {
     "draft": "Draft: not authorised",
@@ -28,6 +28,7 @@ def lay_out(certificate: Node, preview: str) -> Node:
     """Return everything that the template sets. ``preview`` : an SVG of a frame with the region, or ""."""
     is_curve = get_method(certificate["method"]).certificate.layout == "curve"
     return {
+        "attached": write_json(certificate),
         "title": certificate["title"],
         "number": certificate["number"],
         "created_at": certificate["created_at"],

@@ -12,7 +12,7 @@ from service.certificate.document import build_certificate
 from service.certificate.figures import in_step, plain, stamp
 from service.certificate.general import LEGEND, tabulate_points
 from service.certificate.pages import STAMPS, list_flag, list_software, list_work
-from service.certificate.sheet import Node, facts, section, table
+from service.certificate.sheet import Node, facts, section, table, write_json
 from service.certificate.words import EXPANDED, RELATES, WHOLE
 from service.schemas.certificates import FlagInWords
 from service.schemas.rigs import (
@@ -82,6 +82,7 @@ def lay_out_rig(certificate: Node) -> Node:
     """Return everything that the template sets."""
     orientation = certificate["orientation"]
     return {
+        "attached": write_json(certificate),
         "title": certificate["title"],
         "number": certificate["number"],
         "created_at": certificate["created_at"],

@@ -1,5 +1,6 @@
 """The few kinds of block that the template can set."""
 
+import json
 from collections.abc import Sequence
 from typing import Any, Final
 
@@ -7,6 +8,11 @@ Node = dict[str, Any]
 
 MOST_ROWS: Final = 200
 """Of a printed table: about five pages."""
+
+
+def write_json(certificate: Node) -> str:
+    """Return a certificate as it is sent, and attached to its own pages."""
+    return json.dumps(certificate, ensure_ascii=False, allow_nan=False)
 
 
 def section(title: str, blocks: list[Node]) -> Node:

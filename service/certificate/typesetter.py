@@ -13,7 +13,7 @@ from typing import Any, Final, Literal
 import typst
 
 _TEMPLATES: Final = Path(__file__).parent
-_STANDARD: Final = "a-2b"  # what archives keep
+_STANDARD: Final = "a-3b"  # what archives keep, and may carry its data
 
 
 def main() -> None:
@@ -27,7 +27,7 @@ def main() -> None:
     sys.stdout.buffer.write(pdf)
 
 
-def _set(request: dict[str, Any], standard: Literal["a-2b"] | None) -> bytes:
+def _set(request: dict[str, Any], standard: Literal["a-3b"] | None) -> bytes:
     # a compiler that has failed does not find its template again
     compiler = typst.Compiler(
         (_TEMPLATES / request["template"]).read_bytes(),

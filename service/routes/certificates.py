@@ -1,7 +1,6 @@
 """The certificate of a version: as JSON, and the same as PDF."""
 
 import hashlib
-import json
 from collections.abc import Callable
 
 from anyio import to_thread
@@ -10,7 +9,7 @@ from sqlalchemy.orm import Session
 
 from service.auth import Caller, Reader
 from service.certificate import build_certificate, draw_region, find_pdf, lay_out
-from service.certificate.sheet import Node
+from service.certificate.sheet import Node, write_json
 from service.context import Context, UsesContext
 from service.immutable import not_modified, standing_headers
 from service.lookup import Id, owned
@@ -38,7 +37,9 @@ def get_certificate(calibration_id: Id, request: Request, caller: Reader, contex
 async def get_certificate_pdf(
     calibration_id: Id, request: Request, caller: Reader, context: UsesContext
 ) -> Response:
-    """The certificate on paper (PDF/A): the very numbers of certificate.json, with plots and the region.
+    """The certificate on paper (PDF/A-3): the very numbers of certificate.json, with plots and the region.
+
+    certificate.json is attached to it, byte for byte.
 
     A table of more than 200 rows ends with a sentence that says so; certificate.json holds all of them.
     """
@@ -53,8 +54,7 @@ async def get_certificate_pdf(
 
 def send_certificate_json(request: Request, certificate: Node) -> Response:
     """Send a certificate as JSON, with an ETag of its content."""
-    content = json.dumps(certificate, ensure_ascii=False, allow_nan=False).encode()
-    return _answer(request, content, "application/json")
+    return _answer(request, write_json(certificate).encode(), "application/json")
 
 
 async def send_certificate_pdf(request: Request, context: Context, lay: Callable[[], Node]) -> Response:

@@ -158,7 +158,7 @@ async def get_rig_certificate_pdf(
     context: UsesContext,
     judging: Judging,
 ) -> Response:
-    """The certificate of a rig on paper (PDF/A): the very numbers of its certificate.json."""
+    """The certificate of a rig on paper (PDF/A-3), with its certificate.json attached."""
     return await send_certificate_pdf(
         request, context, lambda: lay_out_rig(_certify(rig_id, caller, context, judging))
     )

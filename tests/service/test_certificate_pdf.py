@@ -2,6 +2,7 @@
 
 import copy
 import io
+import json
 import re
 from decimal import ROUND_HALF_EVEN, Decimal
 
@@ -149,8 +150,22 @@ def test_tables_go_on_over_pages_with_their_heads_and_long_names_stay_inside(cer
 
 
 @alone
-def test_the_same_certificate_gives_the_same_bytes(certificate):
-    assert render_pdf(lay_out(certificate, "")) == render_pdf(lay_out(copy.deepcopy(certificate), ""))
+def test_the_same_certificate_gives_the_same_bytes_of_pdf_a_3(certificate):
+    pdf = render_pdf(lay_out(certificate, ""))
+    assert pdf == render_pdf(lay_out(copy.deepcopy(certificate), ""))
+    reader = pypdf.PdfReader(io.BytesIO(pdf))
+    root = reader.trailer["/Root"]
+    metadata = root["/Metadata"].get_data()
+    assert (b"<pdfaid:part>3<" in metadata, b"<pdfaid:conformance>B<" in metadata) == (True, True)
+    assert [intent["/S"] for intent in root["/OutputIntents"]] == ["/GTS_PDFA1"]
+    (file,) = (each.get_object() for each in root["/AF"])
+    assert (file["/UF"], file["/AFRelationship"]) == ("certificate.json", "/Source")
+    content = file["/EF"]["/UF"].get_object()
+    assert content["/Subtype"] == "/application/json"
+    assert json.loads(content.get_data()) == certificate
+    fonts = [font for page in reader.pages for font in page["/Resources"]["/Font"].values()]
+    embedded = [font["/DescendantFonts"][0]["/FontDescriptor"].keys() for font in fonts]
+    assert all({"/FontFile2", "/FontFile3"} & keys for keys in embedded)
 
 
 @alone

@@ -149,6 +149,9 @@ def test_every_number_on_paper_is_one_of_the_jsons(sqlite_house, version_of, cer
     assert (answer.status_code, answer.headers["Content-Type"]) == (200, "application/pdf")
     reader = pypdf.PdfReader(io.BytesIO(answer.content))
     pages = [page.extract_text().replace("\u200b", "").replace("\u2212", "-") for page in reader.pages]
+    assert reader.attachments["certificate.json"] == [
+        sqlite_house.http.get(f"{path}/certificate.json").content
+    ]
     certificate = certificate_by(method)
     found = [float(leaf) for leaf in leaves(certificate) if type(leaf) in (int, float)]
     numbers = found + [100 * value for value in found]

@@ -102,7 +102,9 @@ def check_certificate(house, path, pose):
     tag = {"If-None-Match": again.headers["etag"]}
     assert house.http.get(f"{path}/certificate.json", headers=tag).status_code == 304
     pdf = house.http.get(f"{path}/certificate.pdf").content
-    text = "".join(page.extract_text() for page in pypdf.PdfReader(io.BytesIO(pdf)).pages)
+    reader = pypdf.PdfReader(io.BytesIO(pdf))
+    assert json.loads(reader.attachments["certificate.json"][0]) == house.get(f"{path}/certificate.json")
+    text = "".join(page.extract_text() for page in reader.pages)
     assert certificate["number"] in text
     assert "Certificate of orientation" in text
     assert {"R0-geometry-1", "R1-geometry-1", "boresight"} <= set(text.split())
