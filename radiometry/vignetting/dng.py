@@ -103,12 +103,23 @@ def export_dng(
         centre_x=centre_x,
         centre_y=centre_y,
         largest_error_rel=error,
-        opcode_list=_write(found, centre_x, centre_y),
+        opcode_list=write_opcodes([(_FIX_VIGNETTE_RADIAL, struct.pack(">7d", *found, centre_x, centre_y))]),
     )
 
 
-def _write(k: Sequence[float], centre_x: float, centre_y: float) -> bytes:
-    """Write a list of one opcode: count, id, version, flags, size, seven doubles."""
-    parameters = struct.pack(">7d", *k, centre_x, centre_y)
-    header = struct.pack(">5I", 1, _FIX_VIGNETTE_RADIAL, _SINCE_DNG_1_3, _OPTIONAL, len(parameters))
-    return header + parameters
+def write_opcodes(opcodes: Sequence[tuple[int, bytes]]) -> bytes:
+    """Write an opcode list: their count, and of each its number, version, flags, size and content.
+
+    Parameters
+    ----------
+    opcodes : sequence of (int, bytes)
+        Number and parameters of each.
+
+    Returns
+    -------
+    bytes
+        The list, big endian.
+    """
+    head = struct.Struct(">4I")
+    written = [head.pack(number, _SINCE_DNG_1_3, _OPTIONAL, len(held)) + held for number, held in opcodes]
+    return struct.pack(">I", len(opcodes)) + b"".join(written)

@@ -8,7 +8,8 @@ from radiometry.frame.lensfun import list_options, name_for_lensfun
 from radiometry.specification.exports import Export, ExportOption, ExportSubject, Picture
 from radiometry.vignetting.application import select_channels
 from radiometry.vignetting.correction import compute_correction
-from radiometry.vignetting.dng import export_dng
+from radiometry.vignetting.dng import DngVignette, export_dng
+from radiometry.vignetting.gain_map import GainMap, export_gain_map
 from radiometry.vignetting.lensfun import export_lensfun
 from radiometry.vignetting.residuals import read_residuals
 from radiometry.vignetting.results import Fit
@@ -26,12 +27,28 @@ def _write_lensfun(fitted: Fit, subject: ExportSubject, options: dict[str, Any])
 def _write_dng(fitted: Fit, _: ExportSubject, options: dict[str, Any]) -> str:
     channels = select_channels(fitted.coefficients, signal="green")
     found = export_dng(fitted.coefficients, channels=channels, f_number=options["f_number"])
+    centre = {"centre_x_share": found.centre_x, "centre_y_share": found.centre_y}
+    return _state_opcodes(fitted, found, options, k=list(found.k), **centre)
+
+
+def _write_gain_map(fitted: Fit, _: ExportSubject, options: dict[str, Any]) -> str:
+    found = export_gain_map(fitted.coefficients, cfa=fitted.cfa, f_number=options["f_number"])
+    return _state_opcodes(fitted, found, options)
+
+
+def _state_opcodes(
+    fitted: Fit,
+    found: DngVignette | GainMap,
+    options: dict[str, Any],
+    **more: Any,  # noqa: ANN401  JSON
+) -> str:
+    frame = fitted.coefficients[0]
     return json.dumps(
         {
             "f_number": options["f_number"],
-            "k": list(found.k),
-            "centre_x_share": found.centre_x,
-            "centre_y_share": found.centre_y,
+            "width_px": frame.width_px,
+            "height_px": frame.height_px,
+            **more,
             "largest_error_rel": found.largest_error_rel,
             "opcode_list_base64": base64.b64encode(found.opcode_list).decode(),
         }
@@ -76,6 +93,16 @@ EXPORTS: Final = (
         description="The parameters of DNG's FixVignetteRadial at one f-number, and the opcode as "
         "OpcodeList3 holds it.",
         write=_write_dng,
+        options=(_F_NUMBER,),
+    ),
+    Export(
+        filename="gain-map.json",
+        label="DNG gain map",
+        media_type="application/json",
+        operation="get_dng_gain_map",
+        description="DNG's GainMap at one f-number, an opcode for each position of the mosaic, as "
+        "OpcodeList2 holds them.",
+        write=_write_gain_map,
         options=(_F_NUMBER,),
     ),
     Export(

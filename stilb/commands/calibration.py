@@ -113,12 +113,17 @@ def correct(
     files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="DNGs of this camera.")],
     f_number: Annotated[float, typer.Option(help="F-number of the files.")],
     to: Annotated[Path, typer.Option(metavar="FOLDER", help="Folder for the copies.")],
+    *,
+    gain_map: Annotated[bool, typer.Option("--gain-map", help="Gains of each colour, in GainMap.")] = False,
 ) -> None:
     """Copy DNGs with a vignetting version's opcode, which raw converters apply."""
     to.mkdir(parents=True, exist_ok=True)
     with output.client() as client:
         copies = [
-            str(client.save_corrected(calibration, file, to / file.name, f_number=f_number)) for file in files
+            str(
+                client.save_corrected(calibration, file, to / file.name, f_number=f_number, gain_map=gain_map)
+            )
+            for file in files
         ]
     output.answer({"files": copies}, *copies)
 

@@ -1,4 +1,4 @@
-"""A copy of a DNG with one more opcode, which raw converters apply; the raw numbers stay as they are."""
+"""A copy of a DNG with more opcodes, which raw converters apply; the raw numbers stay as they are."""
 
 import shutil
 import struct
@@ -9,9 +9,11 @@ from typing import BinaryIO, Final
 from stilb.problem import Unclear
 
 _SUBFILE_TYPE, _PHOTOMETRIC, _SUB_IFDS, _DNG_VERSION = 254, 262, 330, 50706
+_WIDTH, _HEIGHT, _ACTIVE_AREA = 256, 257, 50829
 _LISTS: Final = (51008, 51009, 51022)
 _RAW: Final = (32803, 34892)  # of a mosaic, and linear
 _BYTE, _SHORT, _UNDEFINED = 1, 3, 7
+_INTEGERS: Final = {_SHORT: "H", 4: "I"}
 _FALLOFF: Final = {3: "FixVignetteRadial", 9: "GainMap"}
 _OPCODES_SINCE: Final = bytes((1, 3, 0, 0))
 
@@ -25,27 +27,31 @@ class _Directory:
     next: bytes
 
 
-def copy_with_opcode(source: Path, target: Path, opcode_list: bytes) -> None:
-    """Copy a DNG, and add the one opcode of a list to its OpcodeList3.
+def copy_with_opcodes(
+    source: Path, target: Path, opcode_list: bytes, *, stage: int, size_px: tuple[int, int]
+) -> None:
+    """Copy a DNG, and add the opcodes of a list to its own of a stage, 1 to 3.
+
+    ``size_px`` : width and height of the frames that they are for.
 
     Raises
     ------
     Unclear
-        It is no DNG, or contains an opcode that corrects the falloff already.
+        It is no DNG, of another size, or contains an opcode that corrects the falloff already.
     """
     if target.exists() and target.samefile(source):
         raise Unclear(f"{target} is the file itself: name another folder")
     shutil.copyfile(source, target)
     try:
         with target.open("r+b") as file:
-            _add(file, opcode_list)
-    except (Unclear, struct.error) as error:
+            _add(file, opcode_list, _LISTS[stage - 1], size_px)
+    except (Unclear, struct.error, ValueError) as error:
         target.unlink()
-        detail = "its directories cannot be read" if isinstance(error, struct.error) else error
+        detail = error if isinstance(error, Unclear) else "its directories cannot be read"
         raise Unclear(f"{source}: {detail}") from error
 
 
-def _add(file: BinaryIO, opcode_list: bytes) -> None:
+def _add(file: BinaryIO, opcode_list: bytes, into: int, size_px: tuple[int, int]) -> None:
     order = {b"II*\0": "<", b"MM\0*": ">"}.get(file.read(4))
     if order is None:
         raise Unclear("no TIFF of 32-bit offsets, which a DNG is")
@@ -55,13 +61,18 @@ def _add(file: BinaryIO, opcode_list: bytes) -> None:
     found = next((each for each in [main, *_list_subs(file, order, main)] if _is_raw(each, order)), None)
     if found is None:
         raise Unclear("it has no raw image")
-    old = b""
-    for tag in _LISTS:
-        old = _value(file, order, found.entries[tag]) if tag in found.entries else b""
-        for number in _list_numbers(old):
-            if number in _FALLOFF:
-                raise Unclear(f"its {_FALLOFF[number]} corrects the falloff already")
-    count = int.from_bytes(old[:4], "big") + 1
+    size = _find_size(file, order, found)
+    if size != size_px:
+        stated = "frames of {} x {} px".format
+        raise Unclear(f"the version is for {stated(*size_px)}, not for {stated(*size)}")
+    held: dict[int, bytes] = {
+        tag: _value(file, order, found.entries[tag]) for tag in _LISTS if tag in found.entries
+    }
+    for number in (number for opcodes in held.values() for number in _list_numbers(opcodes)):
+        if number in _FALLOFF:
+            raise Unclear(f"its {_FALLOFF[number]} corrects the falloff already")
+    old = held.get(into, b"")
+    count = int.from_bytes(old[:4], "big") + int.from_bytes(opcode_list[:4], "big")
     opcodes = count.to_bytes(4, "big") + old[4:] + opcode_list[4:]
     if main.entries[_DNG_VERSION][2] < _OPCODES_SINCE:
         main.entries[_DNG_VERSION] = (_BYTE, 4, _OPCODES_SINCE)
@@ -69,7 +80,7 @@ def _add(file: BinaryIO, opcode_list: bytes) -> None:
         file.write(_OPCODES_SINCE)
     where = _at_end(file)
     file.write(opcodes)
-    found.entries[_LISTS[-1]] = (_UNDEFINED, len(opcodes), struct.pack(f"{order}I", where))
+    found.entries[into] = (_UNDEFINED, len(opcodes), struct.pack(f"{order}I", where))
     _append(file, order, found)
 
 
@@ -112,6 +123,24 @@ def _value(file: BinaryIO, order: str, entry: tuple[int, int, bytes]) -> bytes:
         file.seek(struct.unpack(f"{order}I", value)[0])
         value = file.read(count)
     return value[:count]
+
+
+def _find_size(file: BinaryIO, order: str, raw: _Directory) -> tuple[int, int]:
+    """Return width and height of the active area, or of the image if none is stated."""
+
+    def read(tag: int) -> list[int]:
+        kind, count, value = raw.entries.get(tag, (_SHORT, 0, b""))
+        letter = _INTEGERS.get(kind, "I")
+        size = count * struct.calcsize(letter)
+        held = _value(file, order, (kind, size, value))
+        return list(struct.unpack(f"{order}{count}{letter}", held))
+
+    area = read(_ACTIVE_AREA)
+    if area:
+        top, left, bottom, right = area
+        return right - left, bottom - top
+    (width,), (height,) = read(_WIDTH), read(_HEIGHT)
+    return width, height
 
 
 def _list_numbers(opcodes: bytes) -> list[int]:

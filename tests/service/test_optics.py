@@ -103,6 +103,12 @@ def check_falloff_exports(house, version, lens, within):
     assert struct.unpack(">II", opcodes[:8]) == (1, 3)
     assert struct.unpack(">5d", opcodes[20:60]) == tuple(dng["k"])
     assert dng["centre_x_share"] == pytest.approx(110 / 239, abs=0.02)
+    gains = house.get(f"{base}/gain-map.json", f_number=2.0)
+    assert (gains["width_px"], gains["height_px"], gains["largest_error_rel"] < 1e-3) == (240, 160, True)
+    opcodes = base64.b64decode(gains["opcode_list_base64"])
+    # four opcodes, number 9, the first for the pixels of even rows and columns
+    assert struct.unpack(">II", opcodes[:8]) == (4, 9)
+    assert struct.unpack(">8I", opcodes[20:52]) == (0, 0, 160, 240, 0, 1, 2, 2)
     refused = house.http.get(f"{base}/correction.tif", params={"f_number": 22.0})
     assert (refused.status_code, refused.json()["code"]) == (422, "vignetting_not_calibrated")
     check_residual_map(house, base, version)
