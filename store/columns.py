@@ -30,6 +30,7 @@ Prefix = Literal[
     "man",
     "whk",
     "dlv",
+    "crp",
 ]
 
 

@@ -135,9 +135,7 @@ def map_clipping(frame: Frame, inside: NDArray[np.bool_]) -> Clipping:
     """
     height, width = inside.shape
     cell_px = max(1, math.ceil(max(height, width) / _MOST_CELLS))
-    clipped = np.zeros_like(inside)
-    for _, samples, within, (part, white_dn) in _planes(frame, inside):
-        clipped[part] |= within & (samples >= white_dn)
+    clipped = find_clipped(frame, inside)
     hits, members = _sum_cells(clipped, cell_px), _sum_cells(inside, cell_px)
     rows, cols = np.nonzero(hits)
     return Clipping(
@@ -149,6 +147,28 @@ def map_clipping(frame: Frame, inside: NDArray[np.bool_]) -> Clipping:
             for row, col in zip(rows, cols, strict=True)
         ),
     )
+
+
+def find_clipped(frame: Frame, inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which pixels of a region reach the white level of their own CFA position.
+
+    Parameters
+    ----------
+    frame : Frame
+        Window of the mosaic, (row, col) or (row, col, 3).
+    inside : ndarray of bool
+        Pixels of the region in the same window, (row, col).
+
+    Returns
+    -------
+    ndarray of bool
+        Of the window, (row, col). A pixel of a colour image is clipped if one of its
+        planes is.
+    """
+    clipped = np.zeros_like(inside)
+    for _, samples, within, (part, white_dn) in _planes(frame, inside):
+        clipped[part] |= within & (samples >= white_dn)
+    return clipped
 
 
 _Part = tuple[slice, slice]

@@ -1,14 +1,14 @@
 """Frames: uploaded as a stream, read by a worker, given back byte for byte."""
 
 from collections.abc import Mapping
-from typing import Annotated
+from typing import Annotated, Any
 from urllib.parse import quote
 
 from fastapi import APIRouter, Query, Request, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from radiometry.findings import interface
+from radiometry.findings import interface, shared
 from radiometry.frame.roi import bounding_window
 from radiometry.frame.verdicts import Verdict
 from service.auth import Calibrator, Caller, Reader, Uploader
@@ -219,6 +219,18 @@ def require_preview(frame: FrameRow) -> str:
             retryable=frame.state == "received",
         )
     return frame.preview_sha256
+
+
+def require_header(frame: FrameRow) -> dict[str, Any]:
+    """Return the metadata of a frame whose pixels can be read."""
+    if frame.header is None or frame.state == "refused":
+        raise Problem(
+            shared.FRAME_NOT_READ,
+            f"{frame.filename} has not been read, or cannot be. Look at another frame, or wait for it.",
+            status=409,
+            retryable=frame.state == "received",
+        )
+    return frame.header
 
 
 def _read_again(session: Session, frame: FrameRow, caller: Caller, *, changed: bool) -> Reply:

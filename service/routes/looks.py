@@ -7,7 +7,6 @@ from fastapi import APIRouter, Query, Request, Response
 from pydantic import Field
 from sqlalchemy.orm import Session
 
-from radiometry.findings import shared
 from radiometry.frame.roi import Polygon, bounding_window
 from radiometry.frame.verdicts import Verdict
 from service.auth import Calibrator, Reader
@@ -15,9 +14,8 @@ from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.immutable import not_modified, standing_headers
 from service.lookup import Id, owned
-from service.problems import Problem
 from service.routes import problems, sends_stored_file
-from service.routes.frames import require_preview
+from service.routes.frames import require_header, require_preview
 from service.schemas.base import Answer, Form
 from service.schemas.campaigns import Point
 from service.schemas.frames import VerdictAnswer
@@ -69,14 +67,8 @@ def look_at_region(frame_id: Id, body: NewLook, caller: Calibrator, writing: Wri
 
     def change(session: Session) -> Reply:
         frame = owned(session, FrameRow, frame_id, caller)
-        if frame.header is None or frame.state == "refused":
-            raise Problem(
-                shared.FRAME_NOT_READ,
-                f"{frame.filename} has not been read, or cannot be. Look at another frame, or wait for it.",
-                status=409,
-                retryable=frame.state == "received",
-            )
-        bounding_window(polygon, height_px=frame.header["height_px"], width_px=frame.header["width_px"])
+        header = require_header(frame)
+        bounding_window(polygon, height_px=header["height_px"], width_px=header["width_px"])
         job = jobs.enqueue(
             session,
             kind="extract",

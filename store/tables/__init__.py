@@ -4,6 +4,7 @@ from store.tables.audit import AuditChain, AuditEntry, AuditHead
 from store.tables.base import Audited, Base
 from store.tables.calibration import Calibration, CoefficientRow, Publication, Revocation, Slot
 from store.tables.campaign import Blob, Campaign, ChannelRow, Extraction, FrameRow, Reading, Roi
+from store.tables.crop import Crop
 from store.tables.equipment import Camera, Meter, Panel, Rig
 from store.tables.identity import ApiKey, IdempotentAnswer, Organisation, Usage, WebSession
 from store.tables.job import Job
@@ -31,6 +32,7 @@ __all__ = [
     "ChecklistSignature",
     "ChecklistTick",
     "CoefficientRow",
+    "Crop",
     "Extraction",
     "FrameRow",
     "FrameVerdict",

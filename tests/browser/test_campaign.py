@@ -99,6 +99,29 @@ def move_to_dusk_and_undo(page, frame_id):
     assert "dusk" not in (page.evaluate("window.shown") or "")
 
 
+def see_pixels_and_compare(page, dialog):
+    """The very pixels of two frames at the same place, in the same grey scale, side by side and by turns."""
+    dialog.get_by_role("button", name="100 %").click()
+    expect(dialog.locator(".large .crop[href]")).to_have_count(1)
+    expect(dialog.locator(".pair")).to_contain_text("none is clipped")
+    dialog.get_by_role("button", name="Compare").click()
+    crops = dialog.locator(".large .crop[href]")
+    expect(crops).to_have_count(2)
+    places = [[crop.get_attribute(name) for name in ("x", "y", "width", "height")] for crop in crops.all()]
+    assert places[0] == places[1]
+    assert crops.nth(0).get_attribute("href") != crops.nth(1).get_attribute("href")
+    first, second = dialog.locator(".large").all()
+    first.focus()
+    for key in ("+", "+", "ArrowLeft"):
+        page.keyboard.press(key)
+    assert first.get_attribute("viewBox") == second.get_attribute("viewBox")
+    dialog.get_by_role("button", name="Blink").click()
+    expect(second).to_be_hidden()
+    dialog.get_by_role("button", name="Swap").click()
+    expect(first).to_be_hidden()
+    dialog.get_by_role("button", name="Blink").click()
+
+
 def test_frames_are_walked_moved_left_out_and_restored_by_keys_alone(page, team, service, shots):
     campaign = team.campaign()
     lit = [shot for shot in shots if shot.role == "light"][:6]
@@ -123,8 +146,11 @@ def test_frames_are_walked_moved_left_out_and_restored_by_keys_alone(page, team,
     dialog = page.get_by_role("dialog")
     expect(dialog).to_contain_text("Left out by")
     expect(dialog.locator(".histogram")).to_be_visible()
+    see_pixels_and_compare(page, dialog)
     check_access(page)
     look(page, "campaign-frame")
+    dialog.get_by_role("button", name="Compare").click()
+    dialog.get_by_role("button", name="Fit").click()
     # pressed while the next frame loads, released when it has been drawn
     second = page.locator(".grid .cell").nth(1).get_attribute("data-id")
     held = []

@@ -17,6 +17,9 @@ def make_one_of_each(house: House) -> dict[str, str]:
     with house.with_key(key["secret"]) as browser:
         browser.post("/sign-in", data={"key": key["secret"]}, follow_redirects=False)
     campaign_id, frame_id = version["campaign_id"], version["points"][0]["frame_id"]
+    window = {"row0_px": 0, "col0_px": 0, "height_px": 8, "width_px": 8}
+    drawn = house.post(f"/v1/frames/{frame_id}/crops", window, status=202)
+    house.work()
     other = house.post("/v1/cameras", {"make": "DJI", "model": "FC6520", "serial": "beside"})["id"]
     return {
         "rig_id": house.post("/v1/rigs", {"name": "head", "camera_ids": [version["camera_id"], other]})["id"],
@@ -24,6 +27,7 @@ def make_one_of_each(house: House) -> dict[str, str]:
         "camera_id": version["camera_id"],
         "calibration_id": version["id"],
         "frame_id": frame_id,
+        "crop_id": house.get(f"/v1/jobs/{drawn['id']}")["result"]["crop_id"],
         "job_id": house.get("/v1/jobs")["items"][0]["id"],
         "reading_id": house.get(f"/v1/campaigns/{campaign_id}/readings")["items"][0]["id"],
         "meter_id": house.post("/v1/meters", METER)["id"],

@@ -2,6 +2,7 @@
 
 from store.jobs import Claim
 from worker.context import Context
+from worker.tasks.crop import crop
 from worker.tasks.extract import extract
 from worker.tasks.fit import fit
 from worker.tasks.look import look
@@ -16,6 +17,8 @@ def work(context: Context, claim: Claim) -> Outcome:
     match claim.kind:
         case "extract" if "polygon" in claim.parameters:
             return look(context, claim)
+        case "extract" if "window" in claim.parameters:
+            return crop(context, claim)
         case "extract":
             return extract(context, claim)
         case "fit":

@@ -23,21 +23,23 @@ def look(context: Context, claim: Claim) -> Outcome:
     header = decode_header(frame.header or {})
     polygon = Polygon.from_points(claim.parameters["polygon"])
     window = bounding_window(polygon, height_px=header.height_px, width_px=header.width_px)
-    try:
-        with context.files.local(frame.sha256) as file:
-            pixels = context.decoders.read_window(
-                file, (window.row0, window.col0, window.height, window.width)
-            )
-    except DecoderCrashed as crash:
-        # as in extract: only a whole file is blamed
-        context.files.prove(frame.sha256)
-        raise InputRejected(files.DECODER_CRASHED, crash.message) from crash
+    pixels = read_pixels(context, frame, (window.row0, window.col0, window.height, window.width))
     result = {
         "frame_id": frame.id,
         "polygon": claim.parameters["polygon"],
         **_describe(pixels, polygon, window),
     }
     return Outcome(store=lambda _session: result)
+
+
+def read_pixels(context: Context, frame: FrameRow, window: tuple[int, int, int, int]) -> Frame:
+    """Read a window (row0, col0, height, width) of a frame; only a whole file is blamed for a crash."""
+    try:
+        with context.files.local(frame.sha256) as file:
+            return context.decoders.read_window(file, window)
+    except DecoderCrashed as crash:
+        context.files.prove(frame.sha256)
+        raise InputRejected(files.DECODER_CRASHED, crash.message) from crash
 
 
 def _describe(pixels: Frame, polygon: Polygon, window: Window) -> dict[str, Any]:

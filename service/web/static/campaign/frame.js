@@ -1,7 +1,7 @@
 // One frame over the grid: large picture with its region, verdict with its repair, histogram, exposure, and what can be changed.
 
 import { get, patch } from "../api.js";
-import { fill, h, isPressed, may, svg } from "../dom.js";
+import { fill, h, isPressed, may } from "../dom.js";
 import { bytes, exposureTime, fixed, number, percent, sayTimes, time, words } from "../format.js";
 import { pause } from "../live.js";
 import { mark } from "../marks.js";
@@ -14,6 +14,7 @@ import { lookPart } from "./look.js";
 import { askWhere, changeFrames, leaveOut, withdraw } from "./moves.js";
 import { numberOf } from "./numbers.js";
 import { isRead } from "./state.js";
+import { viewerPart } from "./viewer.js";
 
 const MOST_BESIDE = 24;
 const PRESSED_MS = 50;
@@ -24,6 +25,7 @@ export function openFrame(state, first, { order, back }) {
   let again = 0;
   let drawn;
   const [title, count, look, tell] = [h("h2", { id: "frame-name" }), h("span", { class: "muted small" }), h("div", { class: "look-at" }), h("div", { class: "tell" })];
+  const others = h("div");
   const at = () => order.findIndex((frame) => frame.id === id);
   const go = (by) => {
     const next = order[at() + by];
@@ -34,7 +36,15 @@ export function openFrame(state, first, { order, back }) {
     const next = rest.find((frame) => ["warn", "bad"].includes(kindOf(state.byId.get(frame.id) ?? frame)));
     if (next) show(next.id);
   };
-  const histogram = lookPart(() => {});
+  const viewer = viewerPart(state);
+  const histogram = lookPart((clipping) => viewer.picture.showClipping(clipping));
+  const drawLook = (frame, roi) => {
+    const seen = isRead(frame);
+    if (seen) viewer.show(frame, roi);
+    // the viewer stays where it is: its buttons keep their focus
+    if (!seen || !look.contains(viewer.element)) fill(look, seen ? viewer.element : unread(), others);
+    fill(others, beside(state, state.byId.get(id), show));
+  };
   const button = (text, onclick, attributes = {}) => h("button", { type: "button", class: "small-button", onclick, ...attributes }, text);
   const [before, after, check] = [button("← Previous", () => go(-1)), button("Next →", () => go(1)), button("Next to check →", toCheck)];
   // the same elements for every frame: a press is never lost to a redraw, and acts on the frame that is named
@@ -55,7 +65,7 @@ export function openFrame(state, first, { order, back }) {
   const renew = () => show(id);
   state.on("frames", renew);
   dialog.addEventListener("keydown", (event) => {
-    if (event.target.closest("input, select, textarea") || event.ctrlKey || event.metaKey || event.altKey || event.target.closest("dialog") !== dialog) return;
+    if (event.defaultPrevented || event.target.closest("input, select, textarea") || event.ctrlKey || event.metaKey || event.altKey || event.target.closest("dialog") !== dialog) return;
     const letter = lettersOn() ? event.key.toLowerCase() : "";
     if (event.key === "ArrowLeft") go(-1);
     else if (event.key === "ArrowRight") go(1);
@@ -86,7 +96,7 @@ export function openFrame(state, first, { order, back }) {
     if (walked) {
       // nothing of the frame before is left beside the name of this one
       dialog.querySelectorAll(".act-failed").forEach((old) => old.remove());
-      fill(look, picture(known, null), beside(state, known, show));
+      drawLook(known, null);
       fill(tell, verdict(known), exposure(known));
       drawn = undefined;
     }
@@ -101,7 +111,7 @@ export function openFrame(state, first, { order, back }) {
       if (turn !== again || found === drawn) return;
       drawn = found;
       const unfolded = tell.querySelector("details")?.open;
-      fill(look, picture(frame, roi), beside(state, known, show));
+      drawLook(frame, roi);
       fill(tell, verdict(known, frame), exposure(frame), h("div", {}, h("h3", { class: "panel-title" }, "Raw values in the region [DN]"), histogram.element), may("calibrate") ? change(state, known, frame) : null, file(frame, unfolded));
       keepFocus();
       if (isRead(frame) && may("calibrate")) histogram.look(frame, { points: roi?.polygon ?? wholeOf(frame), closed: true });
@@ -120,13 +130,7 @@ export function openFrame(state, first, { order, back }) {
 const isFilledIn = (place) => [...place.querySelectorAll("input")].some((input) => input.value !== input.defaultValue);
 const wholeOf = ({ width_px: width, height_px: height }) => [[0, 0], [width, 0], [width, height], [0, height]];
 
-function picture(frame, roi) {
-  if (!isRead(frame)) return h("p", { class: "empty" }, "No preview: the frame has not been read, or it was refused.");
-  const outlines = roi ? (roi.regions?.map((each) => each.polygon) ?? [roi.polygon]) : [];
-  const draw = (kind) => outlines.map((points) => svg("polygon", { class: kind, points: points.map((point) => point.join(",")).join(" ") }));
-  const drawing = svg("svg", { viewBox: `0 0 ${frame.width_px} ${frame.height_px}`, "aria-hidden": "true" }, ...draw("under"), ...draw("outline"));
-  return h("div", { class: "large" }, h("img", { src: `/v1/frames/${frame.id}/preview.png`, alt: `Preview of ${frame.filename}`, width: frame.width_px, height: frame.height_px }), drawing);
-}
+const unread = () => h("p", { class: "empty" }, "No preview: the frame has not been read, or it was refused.");
 
 /** The other frames of its row. */
 function beside(state, known, show) {

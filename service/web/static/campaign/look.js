@@ -95,5 +95,20 @@ function histogram({ histogram: { first_dn: first, step_dn: step, channels }, st
       ...marks.map(([name, at]) => svg("line", { class: `mark ${name}`, x1: ((at - first) / (last - first)) * WIDTH, x2: ((at - first) / (last - first)) * WIDTH, y1: 0, y2: HEIGHT })),
     ),
     h("figcaption", {}, h("span", {}, `${number(first, 6)} DN`), h("span", {}, marks.map(([name, at]) => `${name} ${number(at, 6)}`).join(", ") || "counts on a square-root scale"), h("span", {}, `${number(last, 6)} DN`)),
+    rangeStrip(statistics),
   );
+}
+
+/** Where the region's values lie between black and the level at which they clip, a line for each channel. */
+function rangeStrip(statistics) {
+  const rows = statistics.length > 1 ? statistics.filter((row) => row.channel !== "grey") : statistics;
+  const [black, white] = [Math.min(...rows.map((row) => row.black_level_dn)), Math.min(...rows.map((row) => row.white_level_dn))];
+  const x = (dn) => Math.min(Math.max((dn - black) / (white - black), 0), 1) * WIDTH;
+  const line = (row, at) => svg("line", { class: `channel ${row.channel}`, x1: x(row.min_dn), x2: Math.max(x(row.max_dn), x(row.min_dn) + 1), y1: 4 + 5 * at, y2: 4 + 5 * at });
+  const most = Math.max(...rows.map((row) => row.max_dn));
+  const text = `Between black, ${number(black, 6)} DN, and clipping, ${number(white, 6)} DN, the region reaches ${number(most, 6)} DN`;
+  return [
+    svg("svg", { class: "range", viewBox: `0 0 ${WIDTH} ${3 + 5 * rows.length}`, preserveAspectRatio: "none", role: "img", "aria-label": text }, ...rows.map(line)),
+    h("figcaption", {}, h("span", {}, `black ${number(black, 6)} DN`), h("span", {}, `up to ${percent(x(most) / WIDTH)} of the range`), h("span", {}, `clips at ${number(white, 6)} DN`)),
+  ];
 }
