@@ -18,7 +18,7 @@ from stilb.field.campaign import find_planned
 from stilb.field.files import NIGHT_RULES, ROLES, USUAL_RULES, FieldFile, Rule, sort_files
 from stilb.field.journal import Journal
 from stilb.field.plan import FILENAME, read_plan
-from stilb.field.push import Report, as_json, push_files
+from stilb.field.push import Report, Told, as_json, push_files
 from stilb.field.watch import Watch
 from stilb.problem import Problem, Unclear, missing
 from stilb.records import Campaign
@@ -64,7 +64,8 @@ def push(  # noqa: PLR0913  each is an option
         raise typer.BadParameter(f"{role!r} is not a role; use one of {', '.join(ROLES)}")
     if scene is not None and role is None:
         raise typer.BadParameter("--scene needs --role")
-    found = _find_campaign(output, folder, campaign)
+    find = partial(_find_campaign, output, folder, campaign)
+    found = _wait_for_service(output, find, every_s=every) if watch else find()
     list_files, campaign_id = _lister(folder, role, scene, night=found.kind == "measurement"), found.id
     if watch:
         follow(
@@ -145,8 +146,30 @@ def follow(
                     output.note("\n".join(lines(report)))
             sleep(every_s)
     except KeyboardInterrupt:
-        report = transfer(output, folder, campaign_id, list(sent.values()), wait=wait, receipt=receipt)
-        finish(output, replace(report, sent=total + report.sent))
+        unsent = [file for file in list_files() if file.path not in sent]
+        told = tuple(Told.unsent(file.name, "it was not sent: run the same command again") for file in unsent)
+        report = Report(campaign_id=campaign_id, files=(), sent=0)
+        if sent:
+            files = list(sent.values())
+            report = transfer(
+                output, folder, campaign_id, files, wait=wait, receipt=receipt, attest=not unsent
+            )
+        finish(output, replace(report, files=report.files + told, sent=total + report.sent))
+
+
+def _wait_for_service(output: Output, find: Callable[[], Campaign], *, every_s: float) -> Campaign:
+    """Return the campaign as soon as the service answers."""
+    told = False
+    while True:
+        try:
+            return find()
+        except Problem as problem:
+            if not problem.retryable:
+                raise
+            if not told:
+                output.note(f"{problem}; waiting for the service, stop with Ctrl-C")
+            told = True
+        sleep(every_s)
 
 
 def _try_transfer(

@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Self
 
 from stilb.client import Client
 from stilb.field.files import FieldFile
@@ -38,6 +38,10 @@ class Told:
     outcome: str
     reasons: tuple[str, ...] = ()
     codes: tuple[str, ...] = ()
+
+    @classmethod
+    def unsent(cls, name: str, reason: str, sha256: str = "") -> Self:
+        return cls(name=name, sha256=sha256, frame_id="", outcome="not received", reasons=(reason,))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,7 +190,7 @@ def _tell(push: _Push, file: FieldFile, frames: dict[str, Frame]) -> Told:
     frame = frames.get(frame_id)
     if not frame_id:
         reason = push.errors.get(file.name) or push.errors.get(_twin(push, sha256), "it was not sent")
-        return Told(name=file.name, sha256=sha256, frame_id="", outcome="not received", reasons=(reason,))
+        return Told.unsent(file.name, reason, sha256)
     reasons: tuple[Reason, ...] = () if frame is None else frame.reasons
     note = push.notes.get(file.name)
     return Told(

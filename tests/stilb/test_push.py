@@ -11,6 +11,7 @@ from contextlib import contextmanager
 import pytest
 
 import stilb
+from stilb.commands import push as commands
 from stilb.commands.exits import Exit
 from stilb.commands.push import transfer
 from tests.support.cards import write_card, write_plan
@@ -268,10 +269,7 @@ def test_watching_sends_what_has_settled(signed_in, campaign, card, tmp_path, mo
         seen.append(dict(uploads))
         (watched / "dark" / second.name).write_bytes(second.read_bytes())
 
-    def end():
-        raise KeyboardInterrupt
-
-    moments = iter([copy_half, copy_rest, lambda: None, copy_second, lambda: None, lambda: None, end])
+    moments = iter([copy_half, copy_rest, lambda: None, copy_second, lambda: None, lambda: None, _end])
     monkeypatch.setattr("stilb.commands.push.sleep", lambda _: next(moments)())
     ended = signed_in("push", watched, "--campaign", campaign.id, "--watch", "--json")
     assert [len(each) for each in seen] == [0, 1]
@@ -280,20 +278,41 @@ def test_watching_sends_what_has_settled(signed_in, campaign, card, tmp_path, mo
 
 
 def test_a_network_that_is_lost_while_watching_comes_back(signed_in, campaign, card, monkeypatch):
-    """The first attempt finds no network; nobody has to start again."""
-    lost = iter([stilb.Problem(status=0, code="unreachable", detail="no network", retryable=True)])
+    """The service is away at the start and once more at the first file; nobody has to start again."""
+    away = stilb.Problem(status=0, code="unreachable", detail="no network", retryable=True)
+    find = vars(commands)["_find_campaign"]
+    asked, sent = iter([away, away]), iter([away])
 
-    def unlucky(*given, **more):
-        for problem in lost:
-            raise problem
-        return transfer(*given, **more)
+    def unlucky(problems, act):
+        def lose(*given, **more):
+            for problem in problems:
+                raise problem
+            return act(*given, **more)
 
-    def end():
-        raise KeyboardInterrupt
+        return lose
 
-    moments = iter([lambda: None, lambda: None, lambda: None, end])
-    monkeypatch.setattr("stilb.commands.push.sleep", lambda _: next(moments)())
-    monkeypatch.setattr("stilb.commands.push.transfer", unlucky)
+    moments = iter([*[lambda: None] * 5, _end])
+    monkeypatch.setattr(commands, "sleep", lambda _: next(moments)())
+    monkeypatch.setattr(commands, "_find_campaign", unlucky(asked, find))
+    monkeypatch.setattr(commands, "transfer", unlucky(sent, transfer))
     ended = signed_in("push", card, "--campaign", campaign.id, "--watch", "--json")
+    assert ended.err.count("waiting for the service, stop with Ctrl-C") == 1
     assert "these files are sent again at the next check" in ended.err
     assert (ended.code, ended.json["received"], ended.json["sent"]) == (Exit.DONE, 10, 10)
+
+
+def test_a_watch_that_ends_without_a_network_tells_what_was_not_sent(signed_in, card, campaign, monkeypatch):
+    def lose(*_, **__):
+        raise stilb.Problem(status=0, code="unreachable", detail="no network", retryable=True)
+
+    moments = iter([*[lambda: None] * 2, _end])
+    monkeypatch.setattr(commands, "sleep", lambda _: next(moments)())
+    monkeypatch.setattr(commands, "transfer", lose)
+    ended = signed_in("push", card, "--campaign", campaign.id, "--watch", "--json")
+    assert (ended.code, ended.json["expected"], ended.json["received"]) == (Exit.FINDINGS, 10, 0)
+    assert "run the same command again" in ended.json["files"][0]["reasons"][0]
+    assert "receipt" not in ended.json
+
+
+def _end():
+    raise KeyboardInterrupt
