@@ -3,6 +3,7 @@
 import asyncio
 from collections import Counter
 from collections.abc import AsyncIterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
@@ -64,6 +65,7 @@ class JobWatch:
         self._database = database
         self._waiting: dict[str, set[asyncio.Future[None]]] = {}
         self._followers: set[_Follower] = set()
+        self._newcomer = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
         self._released = False
 
@@ -99,6 +101,7 @@ class JobWatch:
             return
         follower = _Follower(kind=kind, subject_id=subject_id, who=who, seen=seen)
         self._followers.add(follower)
+        self._newcomer.set()
         self._begin()
         try:
             while not self._released:
@@ -130,6 +133,7 @@ class JobWatch:
     async def _look(self) -> None:
         tick_s = _TICK_S
         while self._waiting or self._followers:
+            self._newcomer.clear()
             jobs = {*self._waiting, *(each.subject_id for each in self._followers if each.kind == "job")}
             campaigns = {each.subject_id for each in self._followers if each.kind == "campaign"}
             callers = {each.who for each in self._followers}
@@ -143,7 +147,9 @@ class JobWatch:
             except SQLAlchemyError:
                 # Whoever waits is told when it is back; every other request says meanwhile that it is away.
                 tick_s = min(2 * tick_s, _LONGEST_TICK_S)
-            await asyncio.sleep(tick_s)
+            with suppress(TimeoutError):
+                # who begins to follow is told the first state at once
+                await asyncio.wait_for(self._newcomer.wait(), tick_s)
 
     def _tell(self, job_ids: list[str]) -> None:
         for job_id in job_ids:

@@ -47,7 +47,8 @@ def frame_path(frame: Mapping[str, Any]) -> str:
         raise ValueError(f"not a SHA-256: {sha256!r}")
     name = re.sub(r"[^A-Za-z0-9._-]", "_", _TOLD_APART.sub("", str(frame["frame"])))
     stem, dot, extension = name.rpartition(".")
-    return f"frames/{sha256[:12]}-{stem[: _LONGEST_NAME - len(extension)]}{dot}{extension[:_LONGEST_NAME]}"
+    named = f"{stem[: max(0, _LONGEST_NAME - len(extension))]}{dot}{extension[:_LONGEST_NAME]}"
+    return f"frames/{sha256[:12]}-{named.rstrip('.')}"
 
 
 def export(transport: Transport, calibration_id: str, folder: Path, on_progress: OnExport | None) -> Path:

@@ -4,6 +4,7 @@ import hashlib
 import json
 import random
 import threading
+import time
 import uuid
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -19,10 +20,13 @@ from stilb.version import read_version
 
 _REPEATABLE = frozenset({"GET", "HEAD", "PUT", "DELETE"})
 _LONGEST_PAUSE_S = 60.0
+_LOOK_EVERY_S = 1.0
 _SILENCE_S = 45.0  # of a stream, three heartbeats
 _PATIENCE_S = 600.0
 _FULL = frozenset({429, 507})
 """Too much at once, or no room left: the service says when to come back."""
+_AWAY = frozenset({0, 502, 504})
+"""No answer at all, or a gateway's in the service's place."""
 _KEY = "Idempotency-Key"
 _CHUNK_BYTES = 1 << 20
 
@@ -127,7 +131,7 @@ class Transport:
         """
         path = path.resolve()
         special = path.exists() and not path.is_file()  # a device or a pipe
-        beside = path if special else path.with_name(f".{path.name[:200]}.{uuid.uuid4().hex[:8]}.part")
+        beside = path if special else path.with_name(f".{uuid.uuid4().hex}.part")
 
         def save(call: Call, headers: Mapping[str, str]) -> None:
             with beside.open("wb") as file:
@@ -146,7 +150,7 @@ class Transport:
     def _repeat(self, call: Call, once: Callable[[Call, Mapping[str, str]], Answer]) -> Answer:
         headers = call.sent_headers()
         repeatable = call.method in _REPEATABLE or _KEY in headers
-        attempt, waited_s = 0, 0.0
+        attempt, waited_s, paused_until = 0, 0.0, 0.0
         while True:
             try:
                 return once(call, headers)
@@ -154,17 +158,23 @@ class Transport:
                 given_up = found.code == problem.UNREACHABLE and not call.repeated_if_cut
                 if given_up or not (self.retries and repeatable and found.retryable):
                     raise
-                pause_s = self._pause_s(attempt, found.retry_after_s)
-                # Who is told to wait has not failed: it is one of the tries only when the time is up.
-                told_to_wait = found.status in _FULL and found.retry_after_s is not None
-                waited_s += pause_s if told_to_wait else 0.0
-                if attempt >= self.retries or waited_s > _PATIENCE_S:
+                if time.monotonic() >= paused_until:
+                    pause_s = self._pause_s(attempt, found.retry_after_s)
+                    # Who is told to wait has not failed: it is one of the tries only when the time is up.
+                    told_to_wait = found.status in _FULL and found.retry_after_s is not None
+                    waited_s += pause_s if told_to_wait else 0.0
+                    if attempt >= self.retries or waited_s > _PATIENCE_S:
+                        raise
+                    if self._on_retry is not None:
+                        self._on_retry(found, pause_s)
+                    attempt += not told_to_wait
+                    paused_until = time.monotonic() + pause_s
+                left_s = max(0.0, paused_until - time.monotonic())
+                if found.status in _AWAY and found.retry_after_s is None:
+                    # A service that is not there cannot be overrun; once it is back, it is found soon.
+                    left_s = min(left_s, _LOOK_EVERY_S * random.uniform(0.5, 1.0))  # noqa: S311
+                if self._halted.wait(left_s):
                     raise
-                if self._on_retry is not None:
-                    self._on_retry(found, pause_s)
-                if self._halted.wait(pause_s):
-                    raise
-                attempt += not told_to_wait
 
     def json(self, call: Call) -> dict[str, Any]:
         """Send a call whose answer is one JSON object."""

@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections import Counter
 from collections.abc import Sequence
 from difflib import get_close_matches
 from http import HTTPStatus
@@ -117,6 +118,10 @@ def correct(
     gain_map: Annotated[bool, typer.Option("--gain-map", help="Gains of each colour, in GainMap.")] = False,
 ) -> None:
     """Copy DNGs with a vignetting version's opcode, which raw converters apply."""
+    twins = {name for name, count in Counter(file.name.casefold() for file in files).items() if count > 1}
+    if twins:
+        names = ", ".join(sorted(file.name for file in files if file.name.casefold() in twins))
+        raise typer.BadParameter(f"these files would become one in {to}: {names}")
     to.mkdir(parents=True, exist_ok=True)
     with output.client() as client:
         copies = [

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import Annotated, Any, cast
 
 import typer
@@ -19,6 +19,7 @@ from stilb.commands.push import send_night
 from stilb.commands.tables import figure, show_scope, table
 from stilb.details import Grid, MeasureDetails
 from stilb.field.plan import read_spreadsheet
+from stilb.names import plain_stem
 from stilb.records import Measurement
 
 _GRID = re.compile(r"(\d+)x(\d+)")
@@ -177,13 +178,13 @@ def _save_each(
         return
     folder.mkdir(parents=True, exist_ok=True)
     for one in found:
-        output.note(str(save(one.id, folder / f"{PurePath(one.filename).stem}-{one.id}.{suffix}")))
+        output.note(str(save(one.id, folder / f"{plain_stem(one.filename)}-{one.id}.{suffix}")))
 
 
 def _save_maps(output: Output, client: Client, found: list[Measurement], folder: Path, *, stac: bool) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for one in found:
-        path = client.save_map(one.id, folder / f"{PurePath(one.filename).stem}-{one.id}.tif")
+        path = client.save_map(one.id, folder / f"{plain_stem(one.filename)}-{one.id}.tif")
         output.note(f"{path} {one.raw.get('place', {}).get('detail', '')}".rstrip())
         if stac:
             output.note(str(client.save_stac(one.id, path)))

@@ -127,3 +127,20 @@ def test_a_stream_ends_with_the_right_to_it(house):
     assert (first.kind, first.data["id"]) == ("campaign", campaign["id"])
     assert second.data["revision"] > first.data["revision"]
     assert [event.data for event in rest] == [{"code": "unauthenticated"}]
+
+
+def test_a_first_event_does_not_wait_for_the_next_look(house, monkeypatch):
+    monkeypatch.setattr("service.job_watch._FOLLOWING_TICK_S", 60.0)
+    campaign_id = house.campaign()["id"]
+    who = Who(house.post("/v1/keys", {"name": "board", "scopes": ["read"]})["id"], None)
+
+    async def follow():
+        watch = JobWatch(house.database)
+        streams = [watch.follow("campaign", campaign_id, who) for _ in range(2)]
+        found = [await asyncio.wait_for(anext(each), 20) for each in streams]
+        for each in streams:
+            await each.aclose()
+        watch._task.cancel()
+        return found
+
+    assert [event.data["id"] for event in asyncio.run(follow())] == [campaign_id] * 2

@@ -7,6 +7,7 @@ import pytest
 import stilb
 from stilb.details import as_text
 from stilb.export import frame_path
+from stilb.names import plain_stem
 
 CALIBRATION = {
     "id": "k-1",
@@ -290,6 +291,35 @@ def test_a_refused_or_broken_download_leaves_the_file_as_it_was(service, client,
     assert [each.name for each in tmp_path.iterdir()] == ["map.tif"]
 
 
+@pytest.mark.parametrize("name", ["a" * 255, "ä" * 127, "CON.tif"])
+def test_a_download_may_have_the_longest_name_that_there_is(service, client, tmp_path, name):
+    service.will_answer(b"map", headers={"Content-Type": "image/tiff"})
+    assert client.save_map("m-1", tmp_path / name).read_bytes() == b"map"
+    assert [each.name for each in tmp_path.iterdir()] == [name]
+
+
+@pytest.mark.parametrize(
+    ("filename", "stem"),
+    [
+        ("DJI_0001.DNG", "DJI_0001"),
+        ("Straße 3.dng", "Straße 3"),
+        ("no extension", "no extension"),
+        ("NUL", "_NUL"),
+        ("con.dng", "_con"),
+        ("com¹.tar.gz", "_com¹.tar"),
+        ("console.dng", "console"),
+        ("12:30*?.DNG", "12_30__"),
+        ("..\\..\\evil.DNG", "_.._evil"),
+        ("dots . . .DNG", "dots"),
+        (".DNG", "DNG"),
+        ("...", "_"),
+        ("ä" * 200 + ".DNG", "ä" * 90),
+    ],
+)
+def test_a_name_of_others_becomes_one_that_windows_takes(filename, stem):
+    assert plain_stem(filename) == stem
+
+
 @pytest.mark.parametrize(
     ("frame", "name"),
     [
@@ -298,6 +328,11 @@ def test_a_refused_or_broken_download_leaves_the_file_as_it_was(service, client,
         ("a (1).dng", "a__1_.dng"),
         (f"{'x' * 200}.DNG (abababab)", f"{'x' * 97}.DNG"),
         ("no extension", "no_extension"),
+        ("CON.DNG", "CON.DNG"),  # the hash before it makes it no device
+        ("a:b*c?. .", "a_b_c_._"),
+        ("ends in a dot.", "ends_in_a_dot"),
+        ("Straße.dng", "Stra_e.dng"),
+        (f"{'x' * 150}.{'y' * 150}", f".{'y' * 100}"),
     ],
 )
 def test_an_exported_frame_keeps_its_extension(frame, name):

@@ -98,6 +98,19 @@ def test_retry_after_is_respected(service, client):
     assert time.monotonic() - began >= 1.0
 
 
+def test_a_service_that_is_back_is_found_before_a_long_pause_is_over(service, monkeypatch):
+    monkeypatch.setattr("stilb.transport._LOOK_EVERY_S", 0.01)
+    told = []
+    for _ in range(5):
+        service.will_answer(cut_after=0)
+    service.will_answer(CAMERA)
+    with stilb.Client(
+        service.url, "k", retries=1, backoff_s=600, on_retry=lambda *each: told.append(each)
+    ) as client:
+        assert client.camera("cam-1").serial == "S1"
+    assert (len(service.asked), len(told)) == (6, 1)
+
+
 @pytest.mark.parametrize("status", [429, 507])
 def test_who_is_told_to_wait_goes_on_however_often(service, client, monkeypatch, status):
     for _ in range(12):

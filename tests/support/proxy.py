@@ -3,7 +3,8 @@
 import asyncio
 import socket
 import threading
-from collections.abc import Awaitable, Iterator
+import time
+from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Literal
@@ -11,6 +12,9 @@ from typing import Literal
 Mode = Literal["open", "silent", "slow", "failing", "away"]
 SLOW_S = 0.2
 """How much later each piece of what a slow peer says comes."""
+_MOST_READ = 65536
+_HEAD_BYTES = 1500
+_TICK_S = 0.05
 _RESET = (1).to_bytes(4, "little") + bytes(4)  # linger 0: the close is a reset
 
 
@@ -20,14 +24,19 @@ class Proxy:
     ``silent``: nothing passes, either way, and nothing is refused, as behind a firewall that drops packets.
     ``slow``: each piece comes ``SLOW_S`` later. ``failing``: every connection that says something gets
     ``failure`` and its end; a reset where that is empty. ``away``: connections are refused, open ones reset.
-    ``struck`` counts what was swallowed, delayed, failed or cut.
+    ``struck`` counts what was swallowed, delayed, failed or cut. ``rate`` [bytes/s] is that of each
+    connection and direction; ``passed`` counts bytes that went to the server, and ``piece_at`` is when the
+    last did that are more than a request's head.
     """
 
-    def __init__(self, upstream: tuple[str, int] | Path, *, failure: bytes = b""):
+    def __init__(self, upstream: tuple[str, int] | Path, *, failure: bytes = b"", rate: float | None = None):
         self._upstream = upstream
         self._failure = failure
+        self._rate = rate
         self._mode: Mode = "open"
         self.struck = 0
+        self.passed = 0
+        self.piece_at = 0.0
         self._writers: set[asyncio.StreamWriter] = set()
         self._changed = asyncio.Event()
         self._loop = asyncio.new_event_loop()
@@ -54,6 +63,10 @@ class Proxy:
             yield
         finally:
             self.become("open")
+
+    def cut(self) -> None:
+        """Reset all connections; the next ones pass."""
+        self._loop.call_soon_threadsafe(self._cut_all)
 
     def __enter__(self):
         self._thread.start()
@@ -101,15 +114,19 @@ class Proxy:
         self._writers.add(writer)
         ahead: asyncio.StreamWriter | None = None
         try:
-            first = await reader.read(65536)
+            first = await reader.read(_MOST_READ)
             await self._gate()
             if self._mode == "failing":
                 await self._fail(writer)
                 return
             back, ahead = await self._connect()
             self._writers.add(ahead)
+            self._count(first)
             ahead.write(first)
-            ways = [asyncio.create_task(self._pass(*way)) for way in ((reader, ahead), (back, writer))]
+            ways = [
+                asyncio.create_task(self._pass(reader, ahead, self._count)),
+                asyncio.create_task(self._pass(back, writer, lambda _: None)),
+            ]
             _, others = await asyncio.wait(ways, return_when=asyncio.FIRST_EXCEPTION)
             for other in others:
                 other.cancel()
@@ -126,9 +143,22 @@ class Proxy:
             return asyncio.open_unix_connection(str(self._upstream))
         return asyncio.open_connection(*self._upstream)
 
-    async def _pass(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        while chunk := await reader.read(65536):
+    def _count(self, chunk: bytes) -> None:
+        self.passed += len(chunk)
+        if len(chunk) > _HEAD_BYTES:
+            self.piece_at = time.monotonic()
+
+    async def _pass(
+        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, count: Callable[[bytes], None]
+    ) -> None:
+        most = _MOST_READ if self._rate is None else max(_HEAD_BYTES + 1, int(self._rate * _TICK_S))
+        while chunk := await reader.read(most):
             await self._gate()
+            if self._rate is not None:
+                await asyncio.sleep(len(chunk) / self._rate)
+            if writer.is_closing():  # it was cut meanwhile
+                return
+            count(chunk)
             writer.write(chunk)
             await writer.drain()
         if writer.can_write_eof():
