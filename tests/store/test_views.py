@@ -16,6 +16,7 @@ COLUMNS = {
     "measurements": {
         *("organisation", "measurement_id", "camera_id", "campaign_id", "frame_id", "filename", "method"),
         *("calibration_id", "calibration_version", "value", "standard_uncertainty", "unit", "created_at"),
+        *("taken_at", "taken_from", "taken_to"),
     },
     "cameras": {
         *("organisation", "camera_id", "make", "model_name", "serial", "lens_make", "lens_model"),
@@ -46,6 +47,9 @@ def test_the_views_say_what_the_api_says(house):
     assert row["value"] == measured["mean"]["value"]
     assert row["standard_uncertainty"] == measured["mean"]["standard_uncertainty"]
     assert row["unit"] == "cd/m2"
+    (said,) = house.get("/v1/series/measurements")["rows"]
+    assert (row["camera_id"], row["taken_at"]) == (said["camera_id"], said["taken_at"])
+    assert str(row["taken_from"])[:19].replace(" ", "T") == said["taken_at"][:19]
     assert [row["serial"] for row in found["cameras"]] == ["0K1XE8"]
     assert {row["state"] for row in found["jobs"]} == {"succeeded"}
 
