@@ -210,7 +210,15 @@ def _survey(stage: Stage, http: httpx.Client, version: stilb.Calibration) -> Non
     old, new = measured[0].id, measured[1].id
     http.get(f"/v1/measurements/{new}/comparison", params={"old": old}).raise_for_status()
     window = {"step": 64, "height": 256, "width": 256}
-    http.get(f"/v1/measurements/{old}/map.json", params=window).raise_for_status()
+    line = {"line": " ".join(f"{x},{y}" for x, y in corners[:2]), "most": 4}
+    queries: tuple[tuple[str, dict[str, Any]], ...] = (
+        ("map.json", window),
+        ("profile.json", line),
+        ("histogram.json", {"area": "grid", "bins": 4}),
+        ("isolines.geojson", {"area": "grid"}),
+    )
+    for name, query in queries:
+        http.get(f"/v1/measurements/{old}/{name}", params=query).raise_for_status()
     known = {"sha256": [frames[0].sha256, "0" * 64]}
     _post(http, f"campaigns/{survey}/frames/known", known)
     _post(http, f"frames/{frames[0].id}/region", {"polygon": corners})

@@ -1,7 +1,8 @@
 """Numbers out of a map: a window of it, pixel by pixel or as means over squares, tile by tile."""
 
+import json
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,6 +37,11 @@ class Layout:
     description: str
 
     @property
+    def unit(self) -> str:
+        """Unit of the values, as the file states it."""
+        return str(json.loads(self.description)["unit"])
+
+    @property
     def across(self) -> int:
         """Tiles in a row."""
         return -(-self.width_px // self.tile_px)
@@ -68,14 +74,21 @@ def read_values(path: Path, layout: Layout, window: Window, *, step: int) -> Val
         top=window.top, left=window.left, bottom=window.top + rows * step, right=window.left + cols * step
     )
     sums = np.zeros((rows, cols), np.float64)
-    with path.open("rb") as file:
-        for index, tile in _tiles_of(layout, inner):
-            file.seek(layout.offsets[index])
-            plane = _decode(zlib.decompress(file.read(layout.sizes[index])), layout)
-            top, left = (index // layout.across) * layout.tile_px, (index % layout.across) * layout.tile_px
-            part = plane[tile.top - top : tile.bottom - top, tile.left - left : tile.right - left]
-            _add(sums, part, row=tile.top - inner.top, col=tile.left - inner.left, step=step)
+    touched = dict(_tiles_of(layout, inner))
+    for index, plane in read_tiles(path, layout, touched):
+        tile = touched[index]
+        top, left = (index // layout.across) * layout.tile_px, (index % layout.across) * layout.tile_px
+        part = plane[tile.top - top : tile.bottom - top, tile.left - left : tile.right - left]
+        _add(sums, part, row=tile.top - inner.top, col=tile.left - inner.left, step=step)
     return (sums / step**2).astype(np.float32)
+
+
+def read_tiles(path: Path, layout: Layout, indices: Iterable[int]) -> Iterator[tuple[int, Values]]:
+    """Read tiles of a map one after the other, each with its index."""
+    with path.open("rb") as file:
+        for index in indices:
+            file.seek(layout.offsets[index])
+            yield index, _decode(zlib.decompress(file.read(layout.sizes[index])), layout)
 
 
 def _decode(tile: bytes, layout: Layout) -> Values:

@@ -4,6 +4,7 @@ from stilb.resources.calibrations import Calibrations
 from stilb.resources.campaigns import Campaigns
 from stilb.resources.coefficients import Coefficients
 from stilb.resources.frames import Frames
+from stilb.resources.maps import Maps
 from stilb.resources.measurements import Measurements
 from stilb.resources.organisation import Organisation
 from stilb.resources.receipts import Receipts
@@ -18,6 +19,7 @@ class Client(
     Calibrations,
     Campaigns,
     Frames,
+    Maps,
     Measurements,
     Organisation,
     Receipts,

@@ -1,6 +1,5 @@
 """Numbers of a map, for drawing it and pointing at it."""
 
-import json
 import math
 from typing import Annotated, Any, Literal
 
@@ -64,7 +63,7 @@ class MapValuesAnswer(Answer):
         cls, row: Measurement, layout: Layout, window: Window, values: Values, *, step: int
     ) -> "MapValuesAnswer":
         return cls(
-            unit=json.loads(layout.description)["unit"],
+            unit=layout.unit,
             height_px=layout.height_px,
             width_px=layout.width_px,
             top=window.top,

@@ -14,6 +14,7 @@ from stilb.commands import (
     doctor,
     jobs,
     keys,
+    maps,
     measurements,
     motion,
     push,
@@ -67,6 +68,7 @@ app.command("publish")(calibration.publish)
 app.command("correct")(calibration.correct)
 app.command("k")(coefficients.k)
 app.command("measure")(measurements.measure)
+app.command("map")(maps.read_map)
 app.command("compare")(measurements.compare)
 app.command("motion")(motion.motion)
 app.command("rig")(rig.rig)

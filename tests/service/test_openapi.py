@@ -44,6 +44,8 @@ NUMBERS_WITHOUT_UNIT = {
     *("saturated_share", "zero_share", "variance_share", "reflectance"),
     *("f_statistic", "f_p_value", "equivalence_p_value", "exceedance_p_value", "slope_p_value"),
     *("u_constant", "u_pixel"),  # of a map, whose unit stands beside them
+    *("common_uncertainty", "own_uncertainty", "low", "high", "smallest", "largest", "level"),  # likewise
+    *("min_to_max", "share", "unknown_share"),
     *("lamp_modulation", "flicker_modulation", "glare_share", "factor"),
     "limit",  # of a tolerance, whose unit stands beside it
     *("u_o", "average_to_min", "max_to_min", "index_value", "effective_dof"),

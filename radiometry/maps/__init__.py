@@ -1,0 +1,1 @@
+"""Readings of a finished map of any quantity: profiles along lines, isolines and histograms."""

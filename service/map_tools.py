@@ -1,0 +1,221 @@
+"""Readings of a measurement's map: pixels along a line, counted values and squares of an area."""
+
+import hashlib
+import itertools
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radiometry.findings import interface
+from radiometry.frame import roi
+from radiometry.frame.roi import Polygon
+from radiometry.maps.histogram import ValueCounts
+from radiometry.maps.profile import Trace
+from radiometry.maps.uncertainty import PixelUncertainty, find_likeness, read_uncertainty
+from radiometry.methods import get_method
+from radiometry.specification.application import PictureApplication, SurfaceApplication
+from service.auth import Caller
+from service.context import Context
+from service.lookup import owned
+from service.map_values import Layout, Values, Window, read_layout, read_tiles, read_values
+from service.problems import Problem
+from service.schemas.maps import uncertainty_of
+from store.blobs import prove_file
+from store.codec import decode_exposure
+from store.falloff import read_lens
+from store.tables import Calibration, FrameRow, Measurement
+
+Area = Literal["region", "grid", "frame"]
+
+MOST_SQUARES: Final = 250_000
+_LENS_PLACES: Final = 65
+
+DISTORTION: Final = (
+    "Lens distortion is not corrected: what is straight on the ground is slightly curved in the picture."
+)
+NO_VIGNETTING: Final = (
+    "Vignetting is not corrected: towards the corners the map is too dark, by more than its uncertainty."
+)
+REGIONS_VIGNETTING: Final = (
+    "The vignetting correction has the uncertainty of the measured region; in the corners it is larger."
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OpenMap:
+    """A measurement's map, ready to be read."""
+
+    row: Measurement
+    frame: FrameRow
+    calibration: Calibration
+    path: Path
+    layout: Layout
+    unit: str
+    uncertainty: PixelUncertainty | None
+
+    @property
+    def is_light(self) -> bool:
+        """Return True for a map whose values are above zero where there is light, not a ratio."""
+        return self.unit != "1"
+
+    @property
+    def vignetting(self) -> str:
+        return str(self.row.result.get("vignetting", "file"))
+
+    def tag(self, asked: str) -> str:
+        digest = hashlib.sha256(asked.encode()).hexdigest()[:16]
+        return f"{self.row.map_tif_sha256}-{self.row.content_sha256[:16]}-{digest}"
+
+    def find_polygon(self, area: Area) -> Polygon | None:
+        """Return the outline of an area, None for the whole frame."""
+        if area == "frame":
+            return None
+        if area == "region":
+            return Polygon.from_points(self.row.parameters["polygon"])
+        if not self.row.parameters.get("grid"):
+            raise Problem(interface.NOT_FOUND, "This measurement has no grid: its map has a region only.")
+        return Polygon.from_points(self.row.parameters["grid"]["corners"])
+
+    def list_notes(self, *, is_along_a_line: bool = False) -> list[str]:
+        """Return sentences on what the uncertainty of a place does not contain."""
+        spec = get_method(self.row.method)
+        notes = [DISTORTION]
+        if isinstance(spec.application, SurfaceApplication):
+            if self.vignetting == "none":
+                notes.append(NO_VIGNETTING)
+            elif not is_along_a_line:
+                notes.append(REGIONS_VIGNETTING)
+        return notes
+
+
+@contextmanager
+def open_map(context: Context, measurement_id: str, caller: Caller) -> Iterator[OpenMap]:
+    """Open the map of a measurement; refuse one that was made without, and a picture."""
+    with context.database.reading() as session:
+        row = owned(session, Measurement, measurement_id, caller)
+        if row.map_tif_sha256 is None:
+            detail = 'This measurement was made without a map: ask for one with "products": ["map"].'
+            raise Problem(interface.NOT_FOUND, detail)
+        if isinstance(get_method(row.method).application, PictureApplication):
+            detail = "An undistorted image is not a map of values: use its map.tif."
+            raise Problem(interface.NOT_FOUND, detail)
+        frame = session.get_one(FrameRow, row.frame_id)
+        calibration = session.get_one(Calibration, row.calibration_id)
+    with context.files.local(row.map_tif_sha256) as file:
+        prove_file(file)
+        layout = read_layout(file.path)
+        likeness = find_likeness((frame.header or {}).get("cfa", ""), row.result.get("channel", ""))
+        yield OpenMap(
+            row=row,
+            frame=frame,
+            calibration=calibration,
+            path=file.path,
+            layout=layout,
+            unit=layout.unit,
+            uncertainty=read_uncertainty(
+                uncertainty_of(row.result),
+                reference=row.result.get("mean", {}).get("value", 0.0),
+                likeness=likeness,
+            ),
+        )
+
+
+def read_trace(found: OpenMap, trace: Trace) -> NDArray[np.float64]:
+    """Return the values of a line's pixels, each tile read once; NaN where unknown or outside."""
+    size, across = found.layout.tile_px, found.layout.across
+    tiles = np.where(trace.rows >= 0, trace.rows // size * across + trace.cols // size, -1)
+    values = np.full(tiles.shape, np.nan)
+    for index, plane in read_tiles(found.path, found.layout, np.unique(tiles[tiles >= 0]).tolist()):
+        here = tiles == index
+        values[here] = plane[trace.rows[here] % size, trace.cols[here] % size]
+    return values
+
+
+def weigh_lens(found: OpenMap, xy_px: NDArray[np.float64]) -> PixelUncertainty | None:
+    """Return the uncertainty with that of the vignetting correction at each place instead of the region's."""
+    known, application = found.uncertainty, get_method(found.row.method).application
+    lens = read_lens(found.calibration, decode_exposure(found.frame.exposure or {})) if known else None
+    if known is None or lens is None or not isinstance(application, SurfaceApplication):
+        return known
+    channels = application.name_channels(
+        (found.frame.header or {}).get("cfa", ""), channel=found.row.result["channel"]
+    )
+    chosen = np.unique(np.linspace(0, len(xy_px) - 1, min(_LENS_PLACES, len(xy_px))).astype(int))
+    shares = [lens.at(int(y), int(x), channels=channels) for x, y in xy_px[chosen]]
+    at_places = [share.standard_uncertainty / share.value for share in shares]
+    mean = found.row.result["mean"]["value"]
+    of_region = sum(
+        (share["standard_uncertainty_cd_m2"] / mean) ** 2
+        for share in found.row.result["budget"]
+        if share["source"] == "vignetting"
+    )
+    rest = max(0.0, known.relative**2 - of_region)
+    relative = np.sqrt(rest + np.interp(np.arange(len(xy_px)), chosen, at_places) ** 2)
+    return replace(known, relative=relative)
+
+
+def count_area(found: OpenMap, polygon: Polygon | None) -> ValueCounts:
+    """Count every value of an area, a band of rows at a time."""
+    counted = ValueCounts()
+    for window, inside in _list_bands(found.layout, polygon):
+        values = read_values(found.path, found.layout, window, step=1)
+        counted.add(values if inside is None else values[inside])
+    return counted
+
+
+def read_squares(found: OpenMap, window: Window, polygon: Polygon | None, *, step: int) -> tuple[Values, int]:
+    """Return the means over the squares of a window, and how many of them have their centre in the area.
+
+    A mean is NaN where a pixel of it is unknown, or its centre is outside.
+    """
+    values = read_values(found.path, found.layout, window, step=step)
+    if polygon is None:
+        return values, values.size
+    rows, cols = (np.arange(size) * step + step // 2 for size in values.shape)
+    inside = _mask(polygon, window)[np.ix_(rows, cols)]
+    values[~inside] = np.nan
+    return values, int(inside.sum())
+
+
+def frame_window(layout: Layout, polygon: Polygon | None) -> Window:
+    """Return the smallest window that holds an area."""
+    if polygon is None:
+        return Window(top=0, left=0, bottom=layout.height_px, right=layout.width_px)
+    part = roi.bounding_window(polygon, height_px=layout.height_px, width_px=layout.width_px)
+    return Window(top=part.row0, left=part.col0, bottom=part.row0 + part.height, right=part.col0 + part.width)
+
+
+def _list_bands(layout: Layout, polygon: Polygon | None) -> Iterator[tuple[Window, NDArray[np.bool_] | None]]:
+    whole, rows = frame_window(layout, polygon), layout.tile_px
+    # a band begins where tiles do, so that each is read once
+    ends = [whole.top, *range((whole.top // rows + 1) * rows, whole.bottom, rows), whole.bottom]
+    for top, bottom in itertools.pairwise(ends):
+        window = replace(whole, top=top, bottom=bottom)
+        yield window, None if polygon is None else _mask(polygon, window)
+
+
+def _mask(polygon: Polygon, window: Window) -> NDArray[np.bool_]:
+    part = roi.Window(
+        row0=window.top,
+        col0=window.left,
+        height=window.bottom - window.top,
+        width=window.right - window.left,
+    )
+    return roi.mask(polygon, part)
+
+
+def read_points(text: str) -> list[tuple[float, float]]:
+    """Read `x,y` pairs separated by blanks.
+
+    Raises
+    ------
+    ValueError
+        A pair is not two numbers.
+    """
+    pairs: Sequence[Any] = [pair.split(",") for pair in text.split()]
+    return [(float(x), float(y)) for x, y in pairs]
