@@ -24,6 +24,7 @@ from store.tables import (
     Recall,
     Rig,
     Webhook,
+    WebhookDelivery,
     WebSession,
 )
 
@@ -48,6 +49,7 @@ _WORDS: dict[type[Base], str] = {
     Rig: "rig",
     WebSession: "session",
     Webhook: "webhook",
+    WebhookDelivery: "delivery",
 }
 
 
@@ -66,5 +68,7 @@ def owned(
 def _organisation_of(session: Session, row: Base) -> str:
     if isinstance(row, FrameRow | Reading):
         return session.get_one(Campaign, row.campaign_id).organisation_id
+    if isinstance(row, WebhookDelivery):
+        return session.get_one(Webhook, row.webhook_id).organisation_id
     organisation_id: str = row.organisation_id  # type: ignore[attr-defined]
     return organisation_id

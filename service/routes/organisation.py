@@ -17,7 +17,9 @@ from store.usage import Quotas, Used, read_usage
 
 
 class OrganisationChange(Form):
-    address: ClearableLong | None = None
+    address: ClearableLong | None = Field(
+        default=None, description="Of your laboratory, as certificates print it."
+    )
     refuses_incomplete_certificates: bool | None = Field(
         default=None,
         description="Publishing answers 409 `certificate_incomplete` while a certificate has gaps.",

@@ -14,7 +14,7 @@ from service.changes import Reply, Writes
 from service.context import Context, UsesContext
 from service.lookup import Id, owned
 from service.paging import Page, UsesPaging
-from service.problems import Problem, invalid
+from service.problems import Problem, invalid, not_found
 from service.routes import problems
 from service.schemas.webhooks import DeliveryAnswer, NewWebhook, WebhookAnswer, WebhookChange
 from store.columns import utc_now
@@ -106,6 +106,29 @@ def list_deliveries(webhook_id: Id, paging: UsesPaging, caller: Admin, context: 
 
 
 @router.post(
+    "/{webhook_id}/deliveries/{delivery_id}/retry",
+    status_code=202,
+    response_model=DeliveryAnswer,
+    responses=problems(404, 409),
+)
+def retry_delivery(webhook_id: Id, delivery_id: Id, caller: Admin, writing: Writes) -> Response:
+    """Send a delivery again at once, under the same `webhook-id`; if it fails, the attempts start over."""
+
+    def change(session: Session) -> Reply:
+        hook = owned(session, Webhook, webhook_id, caller)
+        delivery = owned(session, WebhookDelivery, delivery_id, caller, for_update=True)
+        if delivery.webhook_id != hook.id:
+            raise not_found("delivery")
+        _require_enabled(hook)
+        delivery.state, delivery.ended_at = "queued", None
+        delivery.attempts, delivery.due_at = 0, utc_now()
+        session.flush()
+        return Reply(status=202, body=_log(delivery))
+
+    return writing.run(caller, change)
+
+
+@router.post(
     "/{webhook_id}/test", status_code=202, response_model=DeliveryAnswer, responses=problems(404, 409)
 )
 def check_webhook(webhook_id: Id, caller: Admin, writing: Writes) -> Response:
@@ -113,14 +136,18 @@ def check_webhook(webhook_id: Id, caller: Admin, writing: Writes) -> Response:
 
     def change(session: Session) -> Reply:
         hook = owned(session, Webhook, webhook_id, caller)
-        if hook.disabled_at is not None:
-            raise Problem(interface.CONFLICT, "This webhook is disabled. Enable it first.")
+        _require_enabled(hook)
         delivery = WebhookDelivery(webhook_id=hook.id, event=TEST, data={"webhook_id": hook.id})
         session.add(delivery)
         session.flush()
         return Reply(status=202, body=_log(delivery))
 
     return writing.run(caller, change)
+
+
+def _require_enabled(hook: Webhook) -> None:
+    if hook.disabled_at is not None:
+        raise Problem(interface.CONFLICT, "This webhook is disabled. Enable it first.")
 
 
 def _answer(hook: Webhook) -> WebhookAnswer:

@@ -21,9 +21,11 @@ State = Literal["draft", "published", "superseded", "revoked"]
 
 
 class NewPublication(Form):
-    valid_from: Instant
-    valid_to: Instant | None = Field(default=None, description="After `valid_from`.")
-    reason: LongText
+    valid_from: Instant = Field(description="Frames taken from then on are measured with this version.")
+    valid_to: Instant | None = Field(
+        default=None, description="After `valid_from`; without it, until another version replaces it."
+    )
+    reason: LongText = Field(description="Who reviewed the version, and on what grounds; on the record.")
 
     @model_validator(mode="after")
     def _in_order(self) -> "NewPublication":
@@ -33,7 +35,9 @@ class NewPublication(Form):
 
 
 class NewRevocation(Form):
-    reason: LongText
+    reason: LongText = Field(
+        description="What is wrong with the version; shown with every measurement made with it."
+    )
 
 
 class Coefficient(

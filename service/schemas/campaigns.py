@@ -46,15 +46,29 @@ class CampaignDetails(create_model("Stated", __base__=Form, **make_fields(STATED
             "become one."
         ),
     ] = None
-    project_number: Text | None = None
-    recorder: Text | None = None
-    customer: Text | None = None
-    place: Text | None = None
+    project_number: Text | None = Field(
+        default=None,
+        description="Number or name under which the work is found again; the campaign and its "
+        "certificates carry it.",
+    )
+    recorder: Text | None = Field(
+        default=None, description="Who took the frames and the readings; on the certificate."
+    )
+    customer: Text | None = Field(
+        default=None, description="For whom the camera is calibrated; on the certificate."
+    )
+    place: Text | None = Field(default=None, description="Where the frames were taken; on the certificate.")
     conditions: Annotated[
-        LongText | None, Field(description="What surrounded the work: temperature, light.")
+        LongText | None,
+        Field(description="What surrounded the work: temperature, lamp, daylight; on the certificate."),
     ] = None
-    started_at: Instant | None = None
-    comments: LongText | None = None
+    started_at: Instant | None = Field(
+        default=None,
+        description="Beginning of the work in UTC; on the certificate. Campaigns are ordered by it.",
+    )
+    comments: LongText | None = Field(
+        default=None, description="Free text; on the certificate. It changes no result."
+    )
     panel_id: Annotated[
         Text | None,
         Field(
@@ -80,8 +94,8 @@ class CampaignDetails(create_model("Stated", __base__=Form, **make_fields(STATED
 
 
 class NewCampaign(CampaignDetails):
-    camera_id: Text
-    method: Method
+    camera_id: Text = Field(description="The camera that took the frames: frames of another one are refused.")
+    method: Method = Field(description="What is calibrated; it cannot be changed later.")
 
 
 class CampaignChange(CampaignDetails):
@@ -223,14 +237,25 @@ class NewReading(Form):
         }
     )
 
-    scene: Text
-    quantity: Literal["luminance", "illuminance"]
-    value: Annotated[Number, Field(gt=0, lt=1e9)]
+    scene: Text = Field(description="The light level that was read: that of the frames with this scene.")
+    quantity: Literal["luminance", "illuminance"] = Field(description="What the meter showed.")
+    value: Annotated[
+        Number,
+        Field(
+            gt=0, lt=1e9, description="As the meter showed it. Several readings of a scene give their spread."
+        ),
+    ]
     unit: Annotated[
         Literal["cd/m2", "cd/m²", "fL", "lx", "fc"], AfterValidator(lambda unit: unit.replace("²", "2"))
-    ]
-    meter_id: Text | None = None
-    taken_at: Instant | None = None
+    ] = Field(description="As the meter showed it; 1 fL is 3.426 cd/m², 1 fc is 10.764 lx.")
+    meter_id: Text | None = Field(
+        default=None,
+        description="The meter that was read: without it, u(K) does not include its calibration.",
+    )
+    taken_at: Instant | None = Field(
+        default=None,
+        description="When it was read, in UTC: shows whether the lamp drifted between reading and frames.",
+    )
 
     @model_validator(mode="after")
     def _unit_fits(self) -> "NewReading":

@@ -11,8 +11,10 @@ from store.tables import Campaign, ChecklistSignature
 
 class ItemChange(Form):
     key: Annotated[Text, Field(description="One of the items that the campaign's checklist lists.")]
-    done: Annotated[bool, Strict()]
-    note: LongText | None = None
+    done: Annotated[bool, Strict()] = Field(description="false takes the tick away.")
+    note: LongText | None = Field(
+        default=None, description="What was done, and with which equipment; recorded with the item."
+    )
 
 
 class NewSignature(Form):

@@ -63,8 +63,13 @@ class Upload(Form):
 class FrameChange(Form):
     """A correction of what was said of a frame; it is then read again, except for scene and left_out."""
 
-    role: Role | None = None
-    scene: Annotated[Clearable | None, Field(description='"" for a frame without one.')] = None
+    role: Role | None = Field(
+        default=None, description="What the frame shows: it decides what it is used for."
+    )
+    scene: Annotated[
+        Clearable | None,
+        Field(description='The light level that it shows; "" for a frame without one.'),
+    ] = None
     left_out: Annotated[
         Flag | None, Field(description="Keep the frame, and leave it out of every fit and batch measurement.")
     ] = None
@@ -72,9 +77,9 @@ class FrameChange(Form):
     withdrawn: Annotated[
         Flag | None, Field(description="Take the frame out of its campaign; false restores it.")
     ] = None
-    exposure_time_s: Positive | None = None
-    f_number: Positive | None = None
-    iso: Positive | None = None
+    exposure_time_s: Positive | None = Field(default=None, description="For a file that does not say it.")
+    f_number: Positive | None = Field(default=None, description="For a file that does not say it.")
+    iso: Positive | None = Field(default=None, description="For a file that does not say it.")
 
 
 class FramesChange(FrameChange):

@@ -10,8 +10,13 @@ from store.tables import ApiKey, Organisation, WebSession
 
 
 class NewKey(Form):
-    name: Text
-    scopes: Annotated[list[Scope], Field(min_length=1, max_length=5)]
+    name: Text = Field(
+        description="Of the person, device or program that uses the key; the audit trail names it."
+    )
+    scopes: Annotated[
+        list[Scope],
+        Field(min_length=1, max_length=5, description="What the key may do; it cannot be changed later."),
+    ]
     expires_at: Instant | None = Field(
         default=None,
         description="The key, and sessions opened with it, end then; without it, when revoked. "

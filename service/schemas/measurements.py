@@ -41,12 +41,14 @@ class NewGrid(Form):
             "bottom-left; of lanes the first two along them, the field beginning at the first.",
         ),
     ]
-    rows: Side | None = None
-    columns: Side | None = None
+    rows: Side | None = Field(default=None, description="Of cells, from the top edge to the bottom edge.")
+    columns: Side | None = Field(default=None, description="Of cells, from the left edge to the right edge.")
     lanes: Annotated[int, Field(ge=1, le=16, strict=True), WHOLE] | None = Field(
         default=None, description="In place of rows and columns: three rows a lane, ten columns or more."
     )
-    lane_width_m: Annotated[Number, Field(ge=1, le=20)] | None = None
+    lane_width_m: Annotated[Number, Field(ge=1, le=20)] | None = Field(
+        default=None, description="Of each lane, on the road."
+    )
     spacing_m: Annotated[Number, Field(ge=5, le=150)] | None = Field(
         default=None, description="Of the luminaires: the length of the field."
     )
@@ -80,9 +82,12 @@ class MeasurementOptions(create_model("Conditions", __base__=Form, **make_fields
         NewRoi | None,
         Field(description="Else the outline of `grid`, else the frame's region, else the campaign's."),
     ] = None
-    grid: NewGrid | None = None
+    grid: NewGrid | None = Field(default=None, description="Cells of the surface, each with its own value.")
     reflectance: Annotated[
-        Reflectance | None, Field(description="rho of the surface: gives E = pi L / rho.")
+        Reflectance | None,
+        Field(
+            description="Of the surface, for the illuminance E = pi L / reflectance; asphalt has about 0.08."
+        ),
     ] = None
     incidence_angle_deg: Annotated[
         Number | None,

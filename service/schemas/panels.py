@@ -26,8 +26,8 @@ class PanelBand(Form, Answer):
 
 
 class NewPanel(Form):
-    serial: Text
-    measured_on: Day
+    serial: Text = Field(description="As printed on the panel, or in its code.")
+    measured_on: Day = Field(description="When its reflectance was measured: panels age.")
     bands: Annotated[
         list[PanelBand],
         Field(min_length=1, max_length=100, description="Each band once.", json_schema_extra=EACH_ONCE),

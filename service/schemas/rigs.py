@@ -18,7 +18,7 @@ MOST_CAMERAS = 20
 
 
 class NewRig(Form):
-    name: Text
+    name: Text = Field(description="Under which the rig is found again; its exports carry it.")
     camera_ids: Annotated[
         list[Text],
         Field(

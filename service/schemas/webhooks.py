@@ -38,7 +38,7 @@ EventNames = Annotated[list[EventName], Field(min_length=1, max_length=20)]
 
 class NewWebhook(Form):
     url: Url
-    events: EventNames
+    events: EventNames = Field(description="Of which the address is told.")
 
 
 class WebhookChange(Form):

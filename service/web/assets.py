@@ -1,7 +1,8 @@
 """The pages' static files, under addresses that change with their content and are therefore kept for ever.
 
-Two of them are made here: `specification.js`, the methods as `GET /v1/methods` answers them, and
-`calculators.js`, the schemas of what the calculators take and answer.
+Three of them are made here: `specification.js`, the methods as `GET /v1/methods` answers them;
+`calculators.js`, the schemas of what the calculators take and answer; and `fields.js`, the descriptions of
+the fields of forms.
 """
 
 import gzip
@@ -20,6 +21,7 @@ from service.immutable import not_modified
 from service.problems import Problem
 from service.schemas.methods import describe_methods
 from service.schemas.tools import describe_tools
+from service.web.fields import describe_fields
 
 _OWN: Final = Path(__file__).parent / "static"
 _PUBLIC: Final = "public, max-age=31536000, immutable"
@@ -38,6 +40,7 @@ class Assets:
             path.relative_to(_OWN).as_posix(): path.read_bytes() for path in sorted(_OWN.rglob("*.*"))
         } | {
             "specification.js": f"export const METHODS = {methods};\n".encode(),
+            "fields.js": f"export const FIELDS = {json.dumps(describe_fields())};\n".encode(),
             "calculators.js": f"export const TOOLS = {json.dumps(describe_tools())};\n".encode(),
         }
         digest = hashlib.sha256()

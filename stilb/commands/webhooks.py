@@ -80,6 +80,17 @@ def log(output: Output, webhook: Id) -> None:
     output.answer({"items": found}, table(("at", "event", "state", "attempts", "error", "delivery"), rows))
 
 
+@app.command("retry")
+@command
+def retry(
+    output: Output, webhook: Id, delivery: Annotated[str, typer.Argument(help="Its id, from the log.")]
+) -> None:
+    """Send a delivery again at once."""
+    with output.client() as client:
+        sent = client.retry_delivery(webhook, delivery)
+    output.answer(sent, f"{sent['id']} queued: stilb webhook log {webhook}")
+
+
 def _describe(hook: dict[str, str]) -> str:
     if "disabled_at" in hook:
         return f"disabled: {hook['disabled_reason']}"

@@ -39,6 +39,10 @@ class Webhooks(Connection):
         """Send an event ``webhook.test``; return its delivery."""
         return self._post(f"{address('webhooks', webhook_id)}/test", {})
 
+    def retry_delivery(self, webhook_id: str, delivery_id: str) -> dict[str, Any]:
+        """Send a delivery again at once; return it."""
+        return self._post(f"{address('webhooks', webhook_id, 'deliveries', delivery_id)}/retry", {})
+
     def deliveries(self, webhook_id: str) -> Iterator[dict[str, Any]]:
         """Return what was sent, newest first, with the answers."""
         return self._transport.items(f"{address('webhooks', webhook_id)}/deliveries")

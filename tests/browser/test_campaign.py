@@ -180,6 +180,22 @@ def test_frames_are_walked_moved_left_out_and_restored_by_keys_alone(page, team,
     assert {frame.scene for frame in team.client.frames(campaign.id)} == {"dawn"}
 
 
+def see_in_time(page, team, campaign):
+    """Brackets of the scenes on the time axis, and the reading that has a time among them."""
+    said = {"scene": "level-1", "quantity": "luminance", "value": 40.2, "unit": "cd/m2"}
+    team.client.add_readings(campaign.id, [said | {"taken_at": "2026-05-01T20:05:00Z"}])
+    page.get_by_text("In time").click()
+    shown = page.locator(".in-time")
+    expect(shown.locator(".lane")).to_have_count(3)
+    page.reload()
+    settle(page)
+    page.get_by_text("In time").click()
+    expect(shown.get_by_role("img")).to_have_accessible_name(re.compile("3 frames and 1 reading"))
+    expect(shown).to_contain_text("Readings without a time")
+    check_access(page)
+    look(page, "campaign-in-time")
+
+
 def test_a_frame_is_dragged_and_readings_are_typed_in_the_grid(page, team, service, shots):
     campaign = team.client.create_campaign(team.client.create_camera("DJI", "FC6520", "0K1XE8").id)
     team.client.set_roi(campaign.id, polygon=[[8, 8], [88, 8], [88, 56], [8, 56]])
@@ -204,6 +220,7 @@ def test_a_frame_is_dragged_and_readings_are_typed_in_the_grid(page, team, servi
     dialog.get_by_role("button", name="Restore 44 cd/m² of level-1").click()
     expect(dialog.get_by_role("button", name="Withdraw 44 cd/m² of level-1")).to_be_visible()
     dialog.get_by_role("button", name="Close").click()
+    see_in_time(page, team, campaign)
     moved = page.locator(".cell", has=page.locator("img")).nth(1)
     name = moved.get_attribute("aria-label").split(":")[0]
     moved.drag_to(page.get_by_role("rowheader").filter(has_text="level-1"))

@@ -109,6 +109,22 @@ def test_proposal_follows_folders_pauses_exposure_and_names(page):
     assert seventh["campaign"] == ["night", "luminance"]
 
 
+REGROUP = """async ([rows]) => {
+    const own = document.querySelector("script[type=module]").src;
+    const { bracketsOf, timeline } = await import(own.replace("pages/home.js", "timeline.js"));
+    const sceneOf = (each) => (Number.parseInt(each.name) < 4 ? "Scene 1" : "Scene 2");
+    const frames = rows.map((each) => ({ ...each, role: "light", scene: sceneOf(each) }));
+    const draw = () => {
+        const scenes = bracketsOf(frames);
+        window.counts = Object.fromEntries(scenes.map(each => [each.scene, each.frames.length]));
+        const regroup = (some, scene) => (some.forEach(each => (each.scene = scene ?? "fresh")), draw());
+        document.querySelector("#main").replaceChildren(timeline({ scenes, frames }, { regroup }));
+        return window.counts;
+    };
+    return draw();
+}"""
+
+
 READ = """async () => {
     const own = document.querySelector("script[type=module]").src;
     const { readHeader } = await import(own.replace("pages/home.js", "card/headers.js"));
@@ -214,6 +230,31 @@ def test_wrong_camera_is_seen_before_the_first_byte_with_keys_alone(page, team, 
     page.get_by_role("button", name="Change the campaign to DJI FC6520 0K1XE8").press("Enter")
     page.get_by_role("button", name="Send 1 file").press("Enter")
     expect(page.get_by_text("1 of 1 received")).to_be_visible()
+
+
+def test_brackets_of_the_timeline_are_split_and_joined(page):
+    """By the pointer, and with the arrows; the focus stays on the edge."""
+    page.goto("/")
+    counts = page.evaluate(REGROUP, [[row(f"{n}.DNG", n / 10 + 5 * (n // 4)) for n in range(8)]])
+    page.locator(".lanes").scroll_into_view_if_needed()
+    assert counts == {"Scene 1": 4, "Scene 2": 4}
+    edge = page.get_by_role("button", name="End of Scene 1")
+    edge.focus()
+    page.keyboard.press("ArrowRight")
+    assert page.evaluate("window.counts") == {"Scene 1": 5, "Scene 2": 3}
+    page.get_by_role("button", name="End of Scene 2").focus()
+    page.keyboard.press("ArrowLeft")
+    assert page.evaluate("window.counts") == {"Scene 1": 5, "Scene 2": 2, "fresh": 1}
+    box = edge.bounding_box()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 20)
+    page.mouse.down()
+    page.mouse.move(
+        page.locator(".lanes").bounding_box()["x"] + page.locator(".lanes").bounding_box()["width"],
+        box["y"] + 20,
+        steps=3,
+    )
+    page.mouse.up()
+    assert page.evaluate("window.counts") == {"Scene 1": 8}
 
 
 def test_card_without_raw_frames_says_what_to_set(page):

@@ -7,6 +7,7 @@ from urllib.parse import urljoin
 
 import pytest
 
+from service.web.fields import describe_fields
 from tests.support.house import KEY
 
 STATIC = Path(__file__).parents[2] / "service" / "web" / "static"
@@ -146,3 +147,10 @@ def test_our_own_fault_is_a_page_too(visitor, monkeypatch):
     assert "on purpose" not in answer.text
     assert "<h1>Internal error</h1>" in answer.text
     assert 'href="/jobs">Try again' in answer.text
+
+
+def test_every_field_of_a_form_that_a_page_shows_has_a_sentence():
+    silent = [
+        (form, name) for form, said in describe_fields().items() for name, text in said.items() if not text
+    ]
+    assert silent == []

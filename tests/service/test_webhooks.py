@@ -179,3 +179,17 @@ def test_others_do_not_see_it_and_a_bad_address_is_refused(house, receiver, add,
     assert stranger.get("/v1/webhooks").json()["items"] == []
     for url in ("http://example.org/", "ftp://127.0.0.1/", "https://user:key@example.org/", "https://"):
         house.post("/v1/webhooks", {"url": url, "events": EVENTS}, status=422)
+
+
+def test_a_delivery_is_sent_again_on_request(house, receiver, add):
+    hook = add(receiver.url)
+    receiver.answers = [500, 204]
+    sent = house.post(f"/v1/webhooks/{hook['id']}/test", {}, status=202)
+    send(house)
+    place = f"/v1/webhooks/{hook['id']}/deliveries/{sent['id']}/retry"
+    assert house.post(place, {}, status=202)["attempts"] == 0
+    send(house)
+    (again,) = log(house, hook)
+    assert (again["id"], again["state"], again["status"]) == (sent["id"], "delivered", 204)
+    house.http.patch(f"/v1/webhooks/{hook['id']}", json={"enabled": False})
+    assert house.post(place, {}, status=409)["code"] == "conflict"

@@ -1,11 +1,13 @@
 // A question in a dialog: the browser's own element keeps the focus in it and Escape closes it.
 
+import { about, field } from "./campaign/forms.js";
 import { h } from "./dom.js";
 import { act } from "./states.js";
 
 /**
- * ask({title, body?, fields: [{name, label, type?, hint?, value?, required?, options?}], after?, submit: "Publish",
+ * ask({title, body?, fields: [{name, label, type?, hint?, of?, value?, required?, options?}], after?, submit: "Publish",
  *      danger?, action: async (values) => ...}) shows a form; the action runs on submit, and its problem is shown in the dialog.
+ * `of`: the API's form, or [form, name of the field in it], whose sentence about the field opens behind a question mark.
  * Answers what the action gave, or undefined when it was closed.
  */
 export function ask({ title, body, fields = [], after, submit, danger = false, action }) {
@@ -17,7 +19,7 @@ export function ask({ title, body, fields = [], after, submit, danger = false, a
       { method: "dialog" },
       h("h2", {}, title),
       body,
-      fields.map(field),
+      fields.map(ofField),
       after,
       h("div", { class: "actions" }, h("button", { type: "button", onclick: () => dialog.close() }, "Cancel"), button),
     );
@@ -36,14 +38,12 @@ export function ask({ title, body, fields = [], after, submit, danger = false, a
   });
 }
 
-function field({ name, label, type = "text", hint, value, required = true, options, ...more }) {
-  const id = `ask-${name}`;
-  const described = hint ? `${id}-hint` : null;
-  const common = { id, name, required, "aria-describedby": described, ...more };
+function ofField({ name, label, type = "text", hint, of, value, required = true, options, ...more }) {
+  const common = { id: `ask-${name}`, name, required, ...more };
   const control = options
     ? h("select", common, options.map(([key, text]) => h("option", { value: key, selected: key === value }, text)))
     : type === "textarea"
       ? h("textarea", common, value)
       : h("input", { ...common, type, value });
-  return h("p", { class: "field" }, h("label", { for: id }, label), control, hint ? h("span", { class: "hint", id: described }, hint) : null);
+  return field(label, control, hint, of && about(...[of, name].flat().slice(0, 2)));
 }

@@ -40,9 +40,9 @@ async function publish(button, calibration, decided) {
     title: `Publish version ${calibration.version}`,
     body: [gaps, impact],
     fields: [
-      { name: "valid_from", label: "In force from (UTC)", type: "datetime-local", value: from, hint: "Frames taken from then on are measured with this version." },
-      { name: "valid_to", label: "Until (UTC)", type: "datetime-local", required: false, hint: "If empty: until another version replaces it." },
-      { name: "reason", label: "Reason", type: "textarea", value: signature ? `Checklist signed by ${signature.name}` : "", hint: "Who reviewed the version, and on what grounds." },
+      { name: "valid_from", label: "In force from (UTC)", of: "NewPublication", type: "datetime-local", value: from },
+      { name: "valid_to", label: "Until (UTC)", of: "NewPublication", type: "datetime-local", required: false },
+      { name: "reason", label: "Reason", of: "NewPublication", type: "textarea", value: signature ? `Checklist signed by ${signature.name}` : "" },
     ],
     submit: "Publish",
     action: ({ valid_from, valid_to, reason }) =>
@@ -89,7 +89,7 @@ async function revoke(calibration, decided) {
   const answer = await ask({
     title: `Revoke version ${calibration.version}`,
     body: touched,
-    fields: [{ name: "reason", label: "Reason", type: "textarea", hint: "What is wrong with the version. Shown with every measurement made with it." }],
+    fields: [{ name: "reason", label: "Reason", type: "textarea", of: "NewRevocation" }],
     submit: "Revoke permanently",
     danger: true,
     action: (values) => post(`/v1/calibrations/${calibration.id}/revoke`, values),

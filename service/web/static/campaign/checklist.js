@@ -40,7 +40,7 @@ export function checklistSection(state) {
     ask({
       title: "The list is signed",
       body: h("p", {}, "A change needs a new signature, which then applies to the changed list."),
-      fields: [{ name: "name", label: "Operator" }],
+      fields: [{ name: "name", label: "Operator", of: "NewSignature" }],
       submit: "Change and sign",
       action: async ({ name }) => draw(await patch(`${state.path}/checklist`, { ...said, signature: { name } })),
     });
@@ -99,7 +99,7 @@ function line(item, change) {
     ask({
       title: "Note",
       body: h("p", { class: "muted" }, item.text),
-      fields: [{ name: "note", label: "What was done, and with which equipment", type: "textarea", value: item.note ?? "" }],
+      fields: [{ name: "note", label: "What was done, and with which equipment", of: "ItemChange", type: "textarea", value: item.note ?? "" }],
       submit: "Save",
       action: (said) => change({ items: [{ key: item.key, done: box.checked, note: said.note }] }),
     });

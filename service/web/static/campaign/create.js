@@ -6,7 +6,8 @@ import { cameraName } from "../format.js";
 import { inOrder } from "../groups.js";
 import { METHODS, methodOf } from "../methods.js";
 import { act, load } from "../states.js";
-import { choices, field, filled, select } from "./forms.js";
+import { DETAILS, sent } from "./details.js";
+import { about, choices, field, filled, select } from "./forms.js";
 import { numberOf } from "./numbers.js";
 import { statedPart, withManual } from "./parameters.js";
 import { panelPart } from "./panel.js";
@@ -19,6 +20,8 @@ let night = false;
 let target = null;
 let stated = null;
 let camera = { read: () => ({}) };
+fill(byId("details"), DETAILS.map(({ name, label, type }) => field(label, type === "textarea" ? h("textarea", { id: name, name, rows: "2" }) : h("input", { id: name, name, type, autocomplete: "off" }), null, about("NewCampaign", name))));
+
 let panel = { read: () => undefined };
 
 fill(byId("kinds"), choices("kind", [["calibration", "Calibration", "Frames and readings that a version is fitted from."], ["measurement", "Measuring night", "Field frames that are measured with a published version; never used to calibrate."]], turn));
@@ -63,9 +66,8 @@ function needsPanel() {
 
 async function create() {
   const said = filled(form);
-  const names = ["project_number", "recorder", "customer", "place", "conditions", "comments"];
-  const body = { method: method.name, kind: night ? "measurement" : "calibration", ...Object.fromEntries(names.filter((name) => said[name]).map((name) => [name, said[name]])) };
-  if (said.started_at) body.started_at = new Date(said.started_at).toISOString();
+  const details = DETAILS.filter(({ name }) => said[name]).map(({ name }) => [name, sent(name, said[name])]);
+  const body = { method: method.name, kind: night ? "measurement" : "calibration", ...Object.fromEntries(details) };
   Object.assign(body, stated.read());
   if (target) body.target = target.read(); // left out where there is no form
   if (needsPanel()) body.panel_id = await panel.read();
@@ -92,12 +94,12 @@ function cameraPart(cameras) {
     h(
       "div",
       { class: "fields" },
-      field("Make", make, "As in the files: DJI"),
-      field("Model", model, "As in the files: FC6520"),
-      field("Serial number", serial, "Of the camera body. Frames of another body are refused."),
-      field("Lens make", lens[0]),
-      field("Lens model", lens[1]),
-      field("Pixel pitch [µm]", pitch),
+      field("Make", make, null, about("NewCamera", "make")),
+      field("Model", model, null, about("NewCamera", "model")),
+      field("Serial number", serial, null, about("NewCamera", "serial")),
+      field("Lens make", lens[0], null, about("Lens", "make")),
+      field("Lens model", lens[1], null, about("Lens", "model")),
+      field("Pixel pitch [µm]", pitch, null, about("NewCamera", "pixel_pitch_um")),
     ),
   );
   const show = () => {
@@ -106,7 +108,7 @@ function cameraPart(cameras) {
   };
   chosen.addEventListener("change", show);
   show();
-  const element = h("div", {}, known.length ? field("Camera", chosen) : null, fresh);
+  const element = h("div", {}, known.length ? field("Camera", chosen, null, about("NewCampaign", "camera_id")) : null, fresh);
   const read = async () => {
     if (chosen.value !== NEW) return chosen.value;
     const body = { make: make.value.trim(), model: model.value.trim(), serial: serial.value.trim(), pixel_pitch_um: numberOf(pitch) };

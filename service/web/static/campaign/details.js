@@ -7,24 +7,26 @@ import { cameraName } from "../format.js";
 import { inOrder } from "../groups.js";
 import { done } from "../undo.js";
 
-const FIELDS = [
+/** What a person writes on a campaign. */
+export const DETAILS = [
   { name: "project_number", label: "Project number" },
   { name: "customer", label: "Customer" },
   { name: "place", label: "Place" },
   { name: "recorder", label: "Recorded by" },
   { name: "started_at", label: "Start (UTC)", type: "datetime-local" },
-  { name: "conditions", label: "Conditions", type: "textarea", hint: "Temperature, lamp, daylight." },
+  { name: "conditions", label: "Conditions", type: "textarea" },
   { name: "comments", label: "Comments", type: "textarea" },
 ];
 
 const typed = (campaign, name) => (name === "started_at" ? campaign.started_at?.slice(0, 16) : campaign[name]) ?? "";
-const sent = (name, value) => (name === "started_at" ? new Date(`${value}Z`).toISOString() : value);
+/** As the API takes it. */
+export const sent = (name, value) => (name === "started_at" ? new Date(`${value}Z`).toISOString() : value);
 
 /** Correct a campaign; fields that are emptied are taken away. `only` names the fields that are asked for. */
 export async function editDetails(campaign, { only, cameras } = {}) {
-  const fields = FIELDS.filter((each) => !only || only.includes(each.name)).map((each) => ({ ...each, required: false, value: typed(campaign, each.name) }));
+  const fields = DETAILS.filter((each) => !only || only.includes(each.name)).map((each) => ({ ...each, of: "NewCampaign", required: false, value: typed(campaign, each.name) }));
   const known = cameras ?? (only ? [] : await all("/v1/cameras"));
-  const camera = known.length ? [{ name: "camera_id", label: "Camera", options: inOrder(known, cameraName).map((each) => [each.id, cameraName(each)]), value: campaign.camera_id, hint: "Frames are checked against another camera; nothing is sent again." }] : [];
+  const camera = known.length ? [{ name: "camera_id", label: "Camera", of: "NewCampaign", options: inOrder(known, cameraName).map((each) => [each.id, cameraName(each)]), value: campaign.camera_id, hint: "Frames are checked against another camera; nothing is sent again." }] : [];
   return ask({
     title: only ? "Add what the certificate lacks" : "Edit details",
     fields: [...camera, ...fields],

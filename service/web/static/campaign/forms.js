@@ -1,17 +1,37 @@
 // Fields of the campaign's forms.
 
-import { h } from "../dom.js";
+import { h, prose } from "../dom.js";
+import { FIELDS } from "../fields.js";
 
 let count = 0;
 
 /** The place of a field in the manual, behind a question mark; in a tab of its own, as a form is not to be lost. */
 export const manualLink = (address, label) => h("a", { class: "help", href: address, target: "_blank" }, h("span", { "aria-hidden": "true" }, "?"), h("span", { class: "hidden" }, `${label} in the manual, in a new tab`));
 
-/** field("Columns", h("input"), "hint"): with its label and its hint; `help` is its place in the manual. */
+/** What the API says of a field of one of its forms: about("NewCamera", "serial"). */
+export function about(form, name) {
+  const text = FIELDS[form]?.[name];
+  if (!text) throw new Error(`nothing is said of ${name} of ${form}`);
+  return text;
+}
+
+/**
+ * field("Columns", h("input"), "hint"): with its label and its hint. `help` opens behind a question mark: its place in the
+ * manual, or the sentence about it, which a screen reader has without opening it.
+ */
 export function field(label, control, hint, help) {
   control.id ||= `field-${(count += 1)}`;
-  if (hint) control.setAttribute("aria-describedby", `${control.id}-hint`);
-  return h("p", { class: "field" }, help ? h("span", { class: "label-row" }, h("label", { for: control.id }, label), manualLink(help, label)) : h("label", { for: control.id }, label), control, hint ? h("span", { class: "hint", id: `${control.id}-hint` }, hint) : null);
+  const parts = { hint: hint && h("span", { class: "hint", id: `${control.id}-hint` }, hint), about: help && !help.startsWith("/") && h("span", { class: "hint about", id: `${control.id}-about`, hidden: true }, prose(help)) };
+  const described = Object.values(parts).filter(Boolean).map((part) => part.id);
+  if (described.length) control.setAttribute("aria-describedby", described.join(" "));
+  const asked = parts.about ? aboutButton(label, parts.about) : help ? manualLink(help, label) : null;
+  const named = h("label", { for: control.id }, label);
+  return h("p", { class: "field" }, asked ? h("span", { class: "label-row" }, named, asked) : named, parts.about, control, parts.hint);
+}
+
+function aboutButton(label, text) {
+  const button = h("button", { type: "button", class: "help", "aria-expanded": "false", "aria-controls": text.id, onclick: () => button.setAttribute("aria-expanded", String(!(text.hidden = !text.hidden))) }, h("span", { "aria-hidden": "true" }, "?"), h("span", { class: "hidden" }, `About ${label}`));
+  return button;
 }
 
 export const select = (options, attributes = {}, chosen = undefined) =>

@@ -7,7 +7,7 @@ import { pause } from "../live.js";
 import { mark } from "../marks.js";
 import { act, failed } from "../states.js";
 import { frameCell, kindOf, sayState } from "./cells.js";
-import { decimal, field, select } from "./forms.js";
+import { about, decimal, field, select } from "./forms.js";
 import { holdingFor, originOf } from "./holding.js";
 import { lettersOn } from "./keys.js";
 import { lookPart } from "./look.js";
@@ -168,7 +168,7 @@ function change(state, known, frame) {
     "div",
     {},
     h("h3", { class: "panel-title" }, "Change"),
-    scene ? field("Scene", scene) : null,
+    scene ? field("Scene", scene, null, about("FrameChange", "scene")) : null,
     frame.exposure_time_s === undefined ? typedExposure(state, frame) : null,
     h("p", { class: "hint" }, `Left out: kept, not ${state.method.measures ? "measured with the others" : "fitted"}. Withdrawn: hidden from the campaign. Both can be undone.`),
   );
@@ -183,7 +183,7 @@ function typedExposure(state, frame) {
     for (const [, , input] of inputs) input.defaultValue = input.value;
     await state.touch();
   };
-  return h("form", { onsubmit: (event) => (event.preventDefault(), act(event.submitter, save)) }, h("div", { class: "fields" }, inputs.map(([, label, input]) => field(label, input, "Not in the file."))), h("p", { class: "actions" }, h("button", { type: "submit" }, "Read again")));
+  return h("form", { onsubmit: (event) => (event.preventDefault(), act(event.submitter, save)) }, h("div", { class: "fields" }, inputs.map(([name, label, input]) => field(label, input, null, about("FrameChange", name)))), h("p", { class: "actions" }, h("button", { type: "submit" }, "Read again")));
 }
 
 function file(frame, open = false) {

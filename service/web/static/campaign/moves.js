@@ -46,8 +46,8 @@ export function askWhere(state, ids) {
   return ask({
     title: `Move ${name(state, ids)}`,
     fields: [
-      { name: "role", label: "Role", options: roleOptions(state.method), value: first.role },
-      ...(scenes ? [{ name: "scene", label: "Scene", value: first.scene ?? "", required: false, list: "scenes", autocomplete: "off", hint: `In use: ${state.scenes.slice(0, 12).join(", ") || "none"}` }] : []),
+      { name: "role", label: "Role", of: "FrameChange", options: roleOptions(state.method), value: first.role },
+      ...(scenes ? [{ name: "scene", label: "Scene", of: "FrameChange", value: first.scene ?? "", required: false, list: "scenes", autocomplete: "off", hint: `In use: ${state.scenes.slice(0, 12).join(", ") || "none"}` }] : []),
     ],
     submit: "Move",
     action: ({ role, scene }) => changeFrames(state, ids, { role, ...(scenes ? { scene: scene?.trim() ?? "" } : {}) }, (named) => `${named} moved to ${scene?.trim() || `${roleLabel(role)} frames`}.`),

@@ -7,6 +7,7 @@ import { calibrateSection } from "./calibrate.js";
 import { checklistSection } from "./checklist.js";
 import { detailsPart } from "./details.js";
 import { gridSection } from "./grid.js";
+import { inTimePart } from "./in-time.js";
 import { nightSection } from "./night.js";
 import { overview } from "./overview.js";
 import { readingsSection } from "./readings.js";
@@ -20,6 +21,7 @@ const state = new CampaignState(campaignId, kind === "measurement" ? atNight(met
 
 const parts = [
   ["details-buttons", detailsPart],
+  ["in-time", inTimePart],
   ["target-form", targetSection],
   ["region-tool", regionSection],
   ["reading-list", readingsSection],

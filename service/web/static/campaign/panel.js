@@ -2,7 +2,7 @@
 
 import { post } from "../api.js";
 import { h } from "../dom.js";
-import { decimal, field, select } from "./forms.js";
+import { about, decimal, field, select } from "./forms.js";
 import { readNumber, wrong } from "./numbers.js";
 
 /** {element, read()}: the form, and the id of the panel; undefined leaves the choice to the files. */
@@ -16,7 +16,7 @@ export function panelPart(panels) {
     "fieldset",
     { hidden: true },
     h("legend", {}, "New panel"),
-    h("div", { class: "fields" }, field("Serial number", serial), field("Measured on", measured)),
+    h("div", { class: "fields" }, field("Serial number", serial, null, about("NewPanel", "serial")), field("Measured on", measured, null, about("NewPanel", "measured_on"))),
     field("Reflectance", bands, "One line per band: green 0.69 0.005 (band, reflectance, and its standard uncertainty if known)."),
   );
   chosen.addEventListener("change", () => {
@@ -28,7 +28,7 @@ export function panelPart(panels) {
     const body = { serial: serial.value.trim(), measured_on: measured.value, bands: readBands(bands.value) };
     return (await post("/v1/panels", body)).id;
   };
-  return { element: h("div", {}, field("Panel", chosen), fresh), read };
+  return { element: h("div", {}, field("Panel", chosen, null, about("NewCampaign", "panel_id")), fresh), read };
 }
 
 function readBands(text) {

@@ -4,7 +4,7 @@ import { all, post } from "../api.js";
 import { byId, fill, h, may, toast } from "../dom.js";
 import { counted, number } from "../format.js";
 import { act } from "../states.js";
-import { field, select } from "./forms.js";
+import { about, field, select } from "./forms.js";
 import { askForMeter, nameOfMeter } from "./meters.js";
 import { wrong } from "./numbers.js";
 import { UNITS, readSheet } from "./sheet.js";
@@ -67,7 +67,7 @@ function entryPart(state, book) {
     h("h3", {}, "Add readings"),
     field("Lines", text, "One reading per line, typed or pasted from a spreadsheet: scene, value, and optionally unit and time. With a header line the columns may be in any order."),
     told,
-    h("div", { class: "fields" }, field("Unit if none is given", unit), field("Meter", meter)),
+    h("div", { class: "fields" }, field("Unit if none is given", unit, null, about("NewReading", "unit")), field("Meter", meter, null, about("NewReading", "meter_id"))),
     h("p", { class: "actions" }, h("button", { class: "primary", type: "submit" }, "Add"), h("button", { type: "button", class: "quiet", onclick: async () => {
       const made = await askForMeter();
       if (!made) return;

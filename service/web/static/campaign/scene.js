@@ -8,7 +8,7 @@ import { Turns } from "../live.js";
 import { mark } from "../marks.js";
 import { done } from "../undo.js";
 import { act } from "../states.js";
-import { decimal, field, select } from "./forms.js";
+import { about, decimal, field, select } from "./forms.js";
 import { nameOfMeter } from "./meters.js";
 import { readNumber, wrong } from "./numbers.js";
 import { UNITS } from "./sheet.js";
@@ -111,7 +111,7 @@ function openReadings(scene, book) {
   const draw = () => fill(list, rowsOf(book, book.readings.filter((each) => each.scene === scene)));
   const add = () => book.add(scene, value, { unit: unit.value, meter_id: meter.value, taken_at: taken.value ? `${taken.value}:00Z` : "" }).then((made) => made && (value.value = ""));
   const form = may("calibrate")
-    ? h("form", { onsubmit: (event) => (event.preventDefault(), act(event.submitter, add)) }, h("div", { class: "fields" }, field("Value", value), field("Unit", unit), field("Meter", meter), field("Time (UTC)", taken)), h("div", { class: "actions" }, h("button", { type: "button", onclick: () => dialog.close() }, "Close"), h("button", { class: "primary", type: "submit" }, "Add reading")))
+    ? h("form", { onsubmit: (event) => (event.preventDefault(), act(event.submitter, add)) }, h("div", { class: "fields" }, field("Value", value, null, about("NewReading", "value")), field("Unit", unit, null, about("NewReading", "unit")), field("Meter", meter, null, about("NewReading", "meter_id")), field("Time (UTC)", taken, null, about("NewReading", "taken_at"))), h("div", { class: "actions" }, h("button", { type: "button", onclick: () => dialog.close() }, "Close"), h("button", { class: "primary", type: "submit" }, "Add reading")))
     : null;
   const dialog = h("dialog", { "aria-labelledby": "readings-of", onclose: () => (book.removeEventListener("change", draw), dialog.remove()) }, h("h2", { id: "readings-of" }, `Readings of ${scene}`), list, form);
   book.addEventListener("change", draw);

@@ -1,7 +1,7 @@
 // What a card holds and what is proposed for it, with everything that can be changed before sending.
 
 import { causeList, small } from "../causes.js";
-import { field, select } from "../campaign/forms.js";
+import { about, field, select } from "../campaign/forms.js";
 import { titleOf } from "../campaign/named.js";
 import { fill, figure, h } from "../dom.js";
 import { bytes, counted, exposureTime, number, percent, span, tag } from "../format.js";
@@ -9,7 +9,7 @@ import { mark } from "../marks.js";
 import { kindOf, labelOf, roleLabel, roleOptions } from "../methods.js";
 import { LIMITS, nameOf } from "./propose.js";
 import { drawPicture } from "./picture.js";
-import { timeline } from "./timeline.js";
+import { timeline } from "../timeline.js";
 
 const LINK_MBIT = 20;
 
@@ -142,8 +142,8 @@ function scenes(card, tell) {
   return h(
     "section",
     { class: "tight", "aria-labelledby": "scenes" },
-    h("div", { class: "section-head" }, h("h2", { id: "scenes" }, "Scenes"), h("p", {}, "From folders, pauses and exposure. The same name twice joins two scenes.")),
-    timeline(found, checked),
+    h("div", { class: "section-head" }, h("h2", { id: "scenes" }, "Scenes"), h("p", {}, "From folders, pauses and exposure. Drag the edge of a bracket to split or join, or give two scenes one name.")),
+    timeline(found, { checked, regroup: (frames, scene) => (move(choice, frames, { scene: scene ?? freshName(found) }), tell.changed()) }),
     h(
       "div",
       { class: "table scenes", role: "group", tabindex: "0", "aria-label": "Scenes" },
@@ -178,12 +178,16 @@ function sceneRow({ found, choice }, scene, at, checked, tell) {
   );
 }
 
+/** A name that no scene has. */
+function freshName(found) {
+  const names = scenesOf(found).map((each) => each.scene);
+  for (let count = names.length + 1; ; count += 1) if (!names.includes(`Scene ${count}`)) return `Scene ${count}`;
+}
+
 /** The frames of a scene: each can be moved or left out, and a scene can be split at one. */
 function showFrames(found, scene, choice, tell) {
   const names = scenesOf(found).map((each) => each.scene);
-  const fresh = (() => {
-    for (let count = names.length + 1; ; count += 1) if (!names.includes(`Scene ${count}`)) return `Scene ${count}`;
-  })();
+  const fresh = freshName(found);
   const body = h("div", { class: "table" });
   const dialog = h("dialog", { class: "frame-dialog", "aria-label": "Frames of the scene", onclose: () => (dialog.remove(), tell.changed()) }, h("div", { class: "section-head" }, h("h2", {}, `${scene.scene ?? roleLabel(scene.role)}: ${counted(scene.frames.length, "frame")}`), h("button", { type: "button", class: "quiet", onclick: () => dialog.close() }, "Close")), body);
   const sceneOf = (frame) => choice.said.get(frame.key)?.scene ?? frame.scene;
@@ -236,7 +240,7 @@ function campaignCard({ found, choice, project }, tell) {
     h("p", { class: "panel-title", "aria-hidden": "true" }, "Campaign"),
     h("div", { class: "pickers" }, pickers, picker("Something else", list(others.map((offer) => labelOf(offer.method))), campaign.kind === "other", "other", () => pick(others[0].key))),
     campaign.kind === "other" ? field("Method", select(others.map((offer) => [offer.key, labelOf(offer.method)]), { "data-keep": "method", onchange: (event) => pick(event.target.value) }, campaign.key)) : null,
-    campaign.kind === "add" ? null : field("Project number", h("input", { value: project.number, autocomplete: "off", "data-keep": "project", oninput: (event) => (project.number = event.target.value) })),
+    campaign.kind === "add" ? null : field("Project number", h("input", { value: project.number, autocomplete: "off", "data-keep": "project", oninput: (event) => (project.number = event.target.value) }), null, about("NewCampaign", "project_number")),
   );
 }
 

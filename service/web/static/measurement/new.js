@@ -8,7 +8,7 @@ import { groupBy } from "../groups.js";
 import { followJob } from "../live.js";
 import { labelOf, methodOf } from "../methods.js";
 import { act, empty, failed, load } from "../states.js";
-import { decimal, field, select } from "../campaign/forms.js";
+import { about, decimal, field, select } from "../campaign/forms.js";
 import { numberOf } from "../campaign/numbers.js";
 import { statedPart } from "../campaign/parameters.js";
 import { titleOf } from "../campaign/named.js";
@@ -102,11 +102,11 @@ function offerSettings(versions) {
   chosen.conditions = statedPart(methodOf(chosen.campaign.method).conditions);
   fill(
     settings,
-    field("Calibration", chosen.calibration),
-    options.includes("reflectance") ? field("Reflectance ρ of the surface", chosen.number, "For the illuminance E = π L / ρ; asphalt has about 0.08. Optional.") : null,
-    options.includes("index") ? field("Quantity", chosen.index) : null,
+    field("Calibration", chosen.calibration, null, about("MeasurementOptions", "calibration_id")),
+    options.includes("reflectance") ? field("Reflectance ρ of the surface", chosen.number, "Optional.", about("MeasurementOptions", "reflectance")) : null,
+    options.includes("index") ? field("Quantity", chosen.index, null, about("MeasurementOptions", "index")) : null,
     options.includes("index") ? field("Formula", chosen.formula, "Another index of the capture’s bands: names of bands, numbers, + - * / ** and parentheses. Optional.") : null,
-    options.includes("incidence_angle_deg") ? field("Incidence angle [°]", chosen.number, "Between the surface’s normal and the light. Empty: that of the fit.") : null,
+    options.includes("incidence_angle_deg") ? field("Incidence angle [°]", chosen.number, "Optional.", about("MeasurementOptions", "incidence_angle_deg")) : null,
     h("p", { class: "field" }, h("span", { class: "label" }, "Map"), h("span", { class: "check" }, chosen.map, h("label", { for: "with-map", class: "check" }, "of every pixel"))),
     options.includes("index") ? h("p", { class: "field" }, h("span", { class: "label" }, "Bands"), h("span", { class: "check" }, chosen.bands, h("label", { for: "with-bands", class: "check" }, "all of the capture, aligned in one file"))) : null,
     methodOf(chosen.campaign.method).conditions.length ? h("details", { class: "fold wide" }, h("summary", {}, options.includes("index") ? "Place on the ground" : "Light and surroundings"), chosen.conditions.element) : null,

@@ -1,7 +1,7 @@
 // Region of a measurement: as set before, drawn here, or a rectangle on the ground with cells.
 
 import { fill, h } from "../dom.js";
-import { choices, decimal, field } from "../campaign/forms.js";
+import { about, choices, decimal, field } from "../campaign/forms.js";
 import { RegionCanvas } from "../campaign/canvas.js";
 import { RegionEditor } from "../campaign/editor.js";
 import { numberOf, readNumber, wrong } from "../campaign/numbers.js";
@@ -22,13 +22,13 @@ export function regionPart() {
   let before = [];
   const rows = h("input", { type: "number", min: 1, max: 50, value: 3 });
   const columns = h("input", { type: "number", min: 1, max: 50, value: 5 });
-  const cells = h("div", { class: "fields" }, field("Rows of cells", rows), field("Columns of cells", columns));
+  const cells = h("div", { class: "fields" }, field("Rows of cells", rows, null, about("NewGrid", "rows")), field("Columns of cells", columns, null, about("NewGrid", "columns")));
   const [lanes, width, spacing, length] = [h("input", { type: "number", min: 1, max: 16, value: 2 }), decimal({ value: "3.5" }), decimal({ value: "30" }), decimal()];
-  const road = h("div", { class: "fields" }, field("Lanes", lanes), field("Lane width [m]", width), field("Spacing of luminaires [m]", spacing), field("Length of the rectangle [m]", length, "Along the lanes. Empty: the spacing."));
+  const road = h("div", { class: "fields" }, field("Lanes", lanes, null, about("NewGrid", "lanes")), field("Lane width [m]", width, null, about("NewGrid", "lane_width_m")), field("Spacing of luminaires [m]", spacing, null, about("NewGrid", "spacing_m")), field("Length of the rectangle [m]", length, "Empty: the spacing.", about("NewGrid", "length_m")));
   const button = (text, onclick) => h("button", { type: "button", onclick }, text);
   const tools = h("div", { class: "roi-toolbar", role: "toolbar", "aria-label": "Drawing" }, button("Rectangle", () => editor.rectangle()), button("Redraw", () => editor.clear()), button("Undo", () => editor.undo()), button("Fit to view", () => canvas.fit()));
   const typed = h("input", { autocomplete: "off", spellcheck: "false", onchange: () => take(typed.value) });
-  const corners = field("Corners", typed, "x,y pairs in pixels, separated by blanks, from the top left of the image.");
+  const corners = field("Corners", typed, "x,y pairs in pixels, separated by blanks, from the top left of the image.", about("NewRoi", "polygon"));
   const note = h("p", { class: "hint" });
   const drawing = h("div", { class: "region-drawing" }, canvas.element, tools, corners, cells, road);
   const kinds = h("div", { class: "choices", role: "radiogroup", "aria-label": "Region" }, choices("region", KINDS, turn, kind));

@@ -38,8 +38,8 @@ byId("edit").addEventListener("click", async () => {
   const changed = await ask({
     title: "Edit details",
     fields: [
-      { name: "address", label: "Address on certificates", type: "textarea", value: found.address ?? "", required: false },
-      { name: "refuses", label: "Incomplete certificates", options: [["no", "Publish, with their gaps named"], ["yes", "Do not publish"]], value: found.refuses_incomplete_certificates ? "yes" : "no", hint: "A certificate is complete if it has what ISO/IEC 17025 asks for." },
+      { name: "address", label: "Address on certificates", of: "OrganisationChange", type: "textarea", value: found.address ?? "", required: false },
+      { name: "refuses", label: "Incomplete certificates", of: ["OrganisationChange", "refuses_incomplete_certificates"], options: [["no", "Publish, with their gaps named"], ["yes", "Do not publish"]], value: found.refuses_incomplete_certificates ? "yes" : "no", hint: "A certificate is complete if it has what ISO/IEC 17025 asks for." },
     ],
     submit: "Save",
     action: ({ address, refuses }) => patch("/v1/organisation", { address: address ?? "", refuses_incomplete_certificates: refuses === "yes" }),

@@ -8,6 +8,7 @@ import { ago, day, tag, time } from "../format.js";
 import { inOrder } from "../groups.js";
 import { mark } from "../marks.js";
 import { empty, load } from "../states.js";
+import { tellSecret } from "./secret.js";
 import { showSessions } from "./sessions.js";
 
 const DAY_MS = 86400000;
@@ -60,8 +61,8 @@ async function make() {
   const key = await ask({
     title: "New key",
     fields: [
-      { name: "name", label: "Name", hint: "Of the person, device or program that uses it. The history names it.", maxlength: 200 },
-      { name: "expires_on", label: "Last day (UTC)", type: "date", value: inAYear, required: false, hint: "Empty: valid until it is revoked." },
+      { name: "name", label: "Name", of: "NewKey", maxlength: 200 },
+      { name: "expires_on", label: "Last day (UTC)", of: ["NewKey", "expires_at"], type: "date", value: inAYear, required: false, hint: "Empty: valid until it is revoked." },
     ],
     after: h("fieldset", {}, h("legend", {}, "Permissions"), Object.entries(SCOPES).map(box)),
     submit: "Make key",
@@ -71,23 +72,9 @@ async function make() {
     },
   });
   if (!key) return;
-  tellSecret(key);
+  tellSecret(key.secret, `Key “${key.name}” is made.`);
   shown = "active";
   await show();
-}
-
-/** The only time that the secret is there. */
-function tellSecret(key) {
-  const secret = h("code", { tabindex: "0" }, key.secret);
-  const copy = small("Copy", async () => {
-    getSelection().selectAllChildren(secret);
-    // without https there is no clipboard: what is selected can be copied by hand
-    await navigator.clipboard?.writeText(key.secret);
-    toast(navigator.clipboard ? "Copied." : "Selected: copy it with the keyboard.");
-  });
-  const box = h("div", { class: "note good" }, h("p", {}, h("strong", {}, `Key “${key.name}” is made.`), " Copy it now; it is not shown again."), h("p", { class: "secret" }, secret, copy, small("I have saved it", () => fill(byId("made")), { quiet: true })));
-  fill(byId("made"), box);
-  copy.focus();
 }
 
 async function revoke(key) {

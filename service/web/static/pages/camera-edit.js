@@ -14,10 +14,10 @@ export async function editCamera(id) {
   return ask({
     title: "Edit camera",
     fields: [
-      ...TEXTS.map(([name, label]) => ({ name, label, value: camera[name], hint: name === "serial" ? "With other names the frames of its campaigns are checked again." : undefined })),
-      ...LENS.map(([name, label]) => ({ name: `lens_${name}`, label, value: camera.lens?.[name] ?? "", required: false })),
-      ...NUMBERS.map(([name, label]) => ({ name, label, value: camera[name] ?? "", required: false, inputmode: "decimal" })),
-      { name: "note", label: "Note", type: "textarea", value: camera.note ?? "", required: false },
+      ...TEXTS.map(([name, label]) => ({ name, label, of: "NewCamera", value: camera[name], hint: name === "serial" ? "With other names the frames of its campaigns are checked again." : undefined })),
+      ...LENS.map(([name, label]) => ({ name: `lens_${name}`, label, of: ["Lens", name], value: camera.lens?.[name] ?? "", required: false })),
+      ...NUMBERS.map(([name, label]) => ({ name, label, of: "NewCamera", value: camera[name] ?? "", required: false, inputmode: "decimal" })),
+      { name: "note", label: "Note", of: "NewCamera", type: "textarea", value: camera.note ?? "", required: false },
     ],
     submit: "Save",
     action: (values) => {

@@ -4,6 +4,7 @@ import { all, get, post } from "../api.js";
 import { byId, h, may, table } from "../dom.js";
 import { day, time } from "../format.js";
 import { inOrder } from "../groups.js";
+import { about, field } from "../campaign/forms.js";
 import { wrong } from "../campaign/numbers.js";
 import { act, empty, load } from "../states.js";
 
@@ -58,7 +59,7 @@ function form(campaigns, known) {
   return h(
     "form",
     { class: "card", onsubmit: (event) => (event.preventDefault(), act(button, () => register(new FormData(event.target), campaigns, name.value))) },
-    h("p", { class: "field" }, h("label", { for: "rig-name" }, "Name"), name),
+    field("Name", name, null, about("NewRig", "name")),
     table(columns, campaigns, { caption: "Campaigns to choose from" }),
     h("p", { class: "small muted" }, "Pictures of one trigger have one scene; without scenes, times that agree within 1 s."),
     h("p", { class: "actions" }, button),

@@ -1,0 +1,121 @@
+// Frames on the axis of their time, in the brackets of their scenes, with a shape and a colour per ISO value; readings below them.
+
+import { h, svg } from "./dom.js";
+import { counted } from "./format.js";
+import { natural } from "./groups.js";
+import { roleLabel } from "./methods.js";
+
+const [WIDE, NARROW, TOP, LEFT] = [860, 330, 22, 20];
+const [LANE, READINGS] = [66, 18];
+const LETTER = 6.5;
+const SHAPES = [
+  (x, y) => svg("circle", { cx: x, cy: y, r: 4, class: "f1" }),
+  (x, y) => svg("rect", { x: x - 3.6, y: y - 3.6, width: 7.2, height: 7.2, class: "f2" }),
+  (x, y) => svg("path", { d: `M${x} ${y - 5}l4.6 8h-9.2z`, class: "f3" }),
+  (x, y) => svg("path", { d: `M${x} ${y - 5}l5 5-5 5-5-5z`, class: "f4" }),
+];
+const dark = (x, y) => svg("circle", { cx: x, cy: y, r: 4, class: "dark" });
+const readingMark = (x, y) => svg("path", { d: `M${x - 4} ${y - 4}l8 8m0-8l-8 8`, class: "reading-at" });
+const STEPS_S = [1, 5, 15, 60, 300, 900, 3600, 14400, 86400];
+
+/**
+ * `scenes` [{scene, role, frames, from, to}] of `frames` [{header: {taken, iso}, role, key}]; nothing where they state no times,
+ * or one alone. `checked`: keys of frames to check. `readings` [{at, text}]. `regroup(frames, scene)` moves frames to a scene,
+ * without a name to a new one: then the edges of brackets are moved.
+ */
+export function timeline({ scenes, frames }, { checked = new Set(), readings = [], regroup } = {}) {
+  const times = [...frames.map((frame) => frame.header.taken), ...readings.map((each) => each.at)].filter(Boolean);
+  const [first, last] = times.reduce(([low, high], each) => [Math.min(low, each), Math.max(high, each)], [Infinity, -Infinity]);
+  if (!(last > first) || !frames.some((frame) => frame.header.taken)) return null;
+  const width = innerWidth < 640 ? NARROW : WIDE;
+  const isos = [...new Set(frames.map((frame) => frame.header.iso ?? 0))].sort((a, b) => a - b);
+  const x = (time) => LEFT + ((time - first) / (last - first)) * (width - 2 * LEFT);
+  const timeAt = (across) => first + ((across - LEFT) / (width - 2 * LEFT)) * (last - first);
+  const row = (iso) => TOP + 12 + (isos.indexOf(iso ?? 0) * 42) / Math.max(1, isos.length - 1);
+  const shape = (frame) => (frame.role === "dark" ? dark : SHAPES[Math.min(isos.indexOf(frame.header.iso ?? 0), SHAPES.length - 1)]);
+  const bottom = TOP + LANE + (readings.length ? READINGS : 0) + 8;
+  const drawing = svg("svg", { class: "lanes", viewBox: `0 0 ${width} ${bottom + 22}`, role: regroup ? "group" : "img", "aria-label": `${counted(frames.length, "frame")}${readings.length ? ` and ${counted(readings.length, "reading")}` : ""} on a time axis from ${clock(first, 1)} to ${clock(last, 1)}` });
+  const timed = scenes.filter((scene) => scene.from);
+  // thousands that fall on each other are drawn once
+  const drawn = new Set();
+  for (const scene of timed) {
+    const [from, to] = [x(scene.from) - 9, x(scene.to) + 9];
+    drawing.append(svg("rect", { x: from, y: TOP, width: to - from, height: LANE, rx: 5, class: "lane" }));
+    const name = scene.scene ?? roleLabel(scene.role);
+    // a name that would run into the next is left to the table
+    if (name.length * LETTER < Math.max(40, to - from)) drawing.append(svg("text", { class: "strong", x: (from + to) / 2, y: 14, "text-anchor": "middle" }, name));
+    for (const frame of scene.frames) {
+      if (!frame.header.taken) continue;
+      const [at, down] = [x(frame.header.taken), row(frame.header.iso)];
+      if (checked.has(frame.key)) drawing.append(svg("circle", { cx: at, cy: down, r: 8.5, class: "to-check" }));
+      const place = `${Math.round(2 * at)} ${down} ${frame.role === "dark"}`;
+      if (!drawn.has(place)) drawing.append(shape(frame)(at, down));
+      drawn.add(place);
+    }
+  }
+  for (const { at, text } of readings) {
+    const drawnReading = readingMark(x(at), TOP + LANE + 10);
+    drawnReading.append(svg("title", {}, text));
+    drawing.append(drawnReading);
+  }
+  drawing.append(svg("path", { class: "axis strong", d: `M${LEFT} ${bottom}H${width - LEFT}` }));
+  const step = 1000 * (STEPS_S.find((each) => (last - first) / 1000 / each <= width / 96) ?? STEPS_S.at(-1));
+  const mostTicks = Math.ceil(width / 64);
+  for (let at = Math.ceil(first / step) * step, ticks = 0; at <= last && ticks < mostTicks; at += step, ticks += 1) drawing.append(svg("path", { class: "axis strong", d: `M${x(at)} ${bottom}v4` }), svg("text", { x: x(at), y: bottom + 17, "text-anchor": "middle" }, clock(at, step)));
+  if (regroup) for (const scene of timed.filter((each) => each.scene !== undefined)) drawing.append(edgeOf(scene, { x, timeAt, drawing, regroup, others: timed }));
+  const key = isos.slice(0, SHAPES.length).map((iso, at) => h("li", {}, sample(SHAPES[at]), `ISO ${iso || "not stated"}${at === SHAPES.length - 1 && isos.length > SHAPES.length ? " and above" : ""}`));
+  return h("div", { class: "card lanes-card" }, drawing, h("ul", { class: "key" }, key, frames.some((frame) => frame.role === "dark") ? h("li", {}, sample(dark), "Dark") : null, readings.length ? h("li", {}, sample(readingMark), "Meter reading") : null));
+}
+
+/** Where a bracket ends: dragged, or moved with the arrows by a frame. It takes the frames that it passes, and leaves those behind it to a new scene. */
+function edgeOf(scene, { x, timeAt, drawing, regroup, others }) {
+  const at = x(scene.to) + 9;
+  const own = scene.frames.filter((frame) => frame.header.taken).sort(byTime);
+  const next = others.filter((each) => each !== scene && each.scene !== undefined && each.role === scene.role).flatMap((each) => each.frames).filter((frame) => frame.header.taken > scene.to).sort(byTime);
+  const label = `End of ${scene.scene}, ${counted(own.length, "frame")}: right takes the next frame, left begins a new scene with the last`;
+  const edge = svg("g", { class: "edge", tabindex: "0", role: "button", "aria-label": label, "data-keep": `edge ${scene.scene}` }, svg("rect", { x: at - 8, y: TOP, width: 16, height: LANE }), svg("path", { d: `M${at} ${TOP + 6}v${LANE - 12}` }));
+  const end = (time) => {
+    const taken = next.filter((frame) => frame.header.taken <= time);
+    const left = own.filter((frame) => frame.header.taken > time);
+    if (taken.length) regroup(taken, scene.scene);
+    else if (left.length && left.length < own.length) regroup(left);
+  };
+  const timeOf = (event) => timeAt(new DOMPoint(event.clientX, event.clientY).matrixTransform(drawing.getScreenCTM().inverse()).x);
+  edge.addEventListener("pointerdown", (event) => {
+    edge.setPointerCapture(event.pointerId);
+    const moved = (now) => edge.setAttribute("transform", `translate(${x(timeOf(now)) - at} 0)`);
+    const over = new AbortController();
+    edge.addEventListener("pointermove", moved, { signal: over.signal });
+    for (const name of ["pointerup", "pointercancel"])
+      edge.addEventListener(name, (last) => {
+        over.abort();
+        edge.removeAttribute("transform");
+        if (name === "pointerup" && Math.abs(last.clientX - event.clientX) > 3) end(timeOf(last));
+      }, { signal: over.signal });
+  });
+  edge.addEventListener("keydown", (event) => {
+    if (event.key === "ArrowRight" && next.length) end(next[0].header.taken);
+    else if (event.key === "ArrowLeft" && own.length > 1) end(own.at(-2).header.taken);
+    else return;
+    event.preventDefault();
+  });
+  return edge;
+}
+
+/** Frames by role and scene, as the axis takes them. */
+export function bracketsOf(frames) {
+  const groups = new Map();
+  for (const frame of frames) {
+    const name = `${frame.role} ${frame.scene ?? ""}`;
+    if (!groups.has(name)) groups.set(name, []);
+    groups.get(name).push(frame);
+  }
+  return [...groups.values()].map((some) => {
+    const times = some.map((frame) => frame.header.taken).filter(Boolean).sort((a, b) => a - b);
+    return { role: some[0].role, scene: some[0].scene ?? undefined, frames: some, from: times[0], to: times.at(-1) };
+  });
+}
+
+const byTime = (a, b) => a.header.taken - b.header.taken || natural(String(a.key), String(b.key));
+const sample = (draw) => svg("svg", { class: "m", viewBox: "0 0 12 12", "aria-hidden": "true" }, draw(6, 6));
+const clock = (instant, step) => new Date(instant).toISOString().slice(11, step < 60000 ? 19 : 16);
