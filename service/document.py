@@ -14,6 +14,7 @@ from service.routes import problems
 from service.schemas.fits import NewCalibration, describe_requests
 from service.schemas.methods import describe_versions
 from service.tabular import write_csv
+from service.upload_headers import PIECES
 
 _EXAMPLES = Path(__file__).with_name("examples.json")
 """What `make examples` recorded, by the name of the schema."""
@@ -40,6 +41,7 @@ _EXAMPLES_OF = {
 _PROBLEM = "application/problem+json"
 ALSO_ACCEPTS = "x-also-accepts"
 """Media types of a request's body beside those of `content`, and as they are stated there."""
+_OTHER_FORMS = {"application/json": "text/csv", PIECES[0]: PIECES[1]}
 
 Node = dict[str, Any]
 
@@ -69,13 +71,14 @@ def build_document(app: FastAPI) -> Node:
             _show_problems(operation)
             _register_forms(document, operation.get("requestBody", {}))
             _show_examples(document, operation, recorded)
-            _set_tables_apart(operation)
+            _set_other_forms_apart(operation)
             _state_headers(operation)
         for name in ("HTTPValidationError", "ValidationError"):
             document["components"]["schemas"].pop(name, None)
         for name, schema in document["components"]["schemas"].items():
             if name in recorded:
                 schema["examples"] = [recorded[name]]
+            _set_conditions_apart(schema)
         _absent_is_not_null(document)
         app.openapi_schema = document
     return app.openapi_schema
@@ -151,11 +154,19 @@ def _register_forms(document: Node, node: Any) -> Any:  # noqa: ANN401
     return {"$ref": f"#/components/schemas/{node['title']}"}
 
 
-def _set_tables_apart(operation: Node) -> None:
-    """Keep a CSV form of a body in an extension: openapi-python-client drops operations that state one."""
+def _set_other_forms_apart(operation: Node) -> None:
+    """Keep one form of a body in an extension: of two, openapi-python-client drops or sends the wrong one."""
     body = operation.get("requestBody", {})
-    if "application/json" in body.get("content", {}) and "text/csv" in body["content"]:
-        body[ALSO_ACCEPTS] = {"text/csv": body["content"].pop("text/csv")}
+    for kind, other in _OTHER_FORMS.items():
+        if {kind, other} <= body.get("content", {}).keys():
+            body[ALSO_ACCEPTS] = {other: body["content"].pop(other)}
+
+
+def _set_conditions_apart(schema: Node) -> None:
+    """Keep in `allOf` which fields go together: generators take alternatives for types of their own."""
+    for word in ("oneOf", "anyOf"):
+        if "properties" in schema and word in schema:
+            schema["allOf"] = [{word: schema.pop(word)}]
 
 
 def _state_headers(operation: Node) -> None:

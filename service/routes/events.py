@@ -20,15 +20,10 @@ router = APIRouter(prefix="/v1", tags=["events"])
 
 _STREAM: Final = "text/event-stream"
 _RETRY_MS: Final = 3000
-_EVENT: Final = {
-    "type": "object",
-    "properties": {name: {"type": "string"} for name in ("id", "event", "data")},
-    "required": ["event", "data"],
-}
 _RESPONSES: Final[dict[int | str, dict[str, Any]]] = {
     200: {
-        "description": "Events, each of these fields, as they happen; `data` is JSON.",
-        "content": {_STREAM: {"schema": _EVENT}},
+        "description": "Events with the fields `id`, `event` and `data`, which is JSON, as they happen.",
+        "content": {_STREAM: {"schema": {"type": "string"}}},
     },
     **problems(404),
 }

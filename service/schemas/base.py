@@ -111,6 +111,7 @@ Instant = Annotated[
         {"type": "string", "format": "date-time", "pattern": "^(19[0-9]{2}|[2-8][0-9]{3}|9000)-"},
         mode="validation",
     ),
+    WithJsonSchema({"type": "string", "format": "date-time"}, mode="serialization"),
 ]
 Day = Annotated[date, BeforeValidator(_is_written_out)]
 

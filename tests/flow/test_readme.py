@@ -11,24 +11,11 @@ import pytest
 
 from tests.support.campaigns import ISOS, K_TRUE, LEVELS
 from tests.support.compose import ROOT
-from tests.support.fieldwork import write_campaign
+from tests.support.fieldwork import write_field_folder
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 HTTP_PAGE = (ROOT / "docs" / "http.md").read_text(encoding="utf-8")
 PAGES = (ROOT / "docs" / "pages.md").read_text(encoding="utf-8")
-
-
-def write_field_folder(folder) -> None:
-    """Write the folder of the page: a folder per light level, one of dark frames, the readings."""
-    raw = folder / "raw"
-    raw.mkdir(parents=True)
-    for shot in write_campaign(raw):
-        target = folder / (shot.scene or "dark")
-        target.mkdir(exist_ok=True)
-        shot.path.rename(target / shot.path.name)
-    raw.rmdir()
-    lines = [f"{scene},luminance,{value},cd/m2" for scene, value in LEVELS.items()]
-    (folder / "readings.csv").write_text("\n".join(["scene,quantity,value,unit", *lines]) + "\n")
 
 
 @pytest.mark.skipif(shutil.which("curl") is None, reason="the commands are curl's")

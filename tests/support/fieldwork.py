@@ -41,6 +41,19 @@ def write_campaign(folder: Path) -> list[Shot]:
     return shots
 
 
+def write_field_folder(folder: Path) -> None:
+    """Write the folder of docs/http.md: a folder per light level, one of dark frames, the readings."""
+    raw = folder / "raw"
+    raw.mkdir(parents=True)
+    for shot in write_campaign(raw):
+        target = folder / (shot.scene or "dark")
+        target.mkdir(exist_ok=True)
+        shot.path.rename(target / shot.path.name)
+    raw.rmdir()
+    lines = [f"{scene},luminance,{value},cd/m2" for scene, value in LEVELS.items()]
+    (folder / "readings.csv").write_text("\n".join(["scene,quantity,value,unit", *lines]) + "\n")
+
+
 class Team:
     """One organisation's client. What another team has sent or computed is of no use to this one."""
 
