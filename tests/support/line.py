@@ -21,7 +21,7 @@ class Line:
         self.cut_after: int | None = None
         self.stays_cut = False
         self.cuts = 0
-        self._passed = 0
+        self.passed = 0
 
     def serve(self) -> None:
         carriers = []
@@ -47,7 +47,7 @@ class Line:
     def _ask(self, client: socket.socket, service: socket.socket) -> None:
         with suppress(OSError):
             while chunk := client.recv(65536):
-                self._passed += len(chunk)
+                self.passed += len(chunk)
                 if self._breaks():
                     client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)
                     break
@@ -55,7 +55,7 @@ class Line:
         _end(service)
 
     def _breaks(self) -> bool:
-        if self.cut_after is None or self._passed <= self.cut_after:
+        if self.cut_after is None or self.passed <= self.cut_after:
             return False
         self.cuts += 1
         if not self.stays_cut:
