@@ -6,12 +6,11 @@ may ends it, and when its key is revoked or expires.
 
 import hashlib
 import hmac
-import os
 import secrets
 import time
-from pathlib import Path
 from typing import Final
 
+from store.kept_secrets import keep_secret
 from store.settings import Settings
 
 SESSION_S: Final = 12 * 3600
@@ -59,26 +58,6 @@ def sessions_of(settings: Settings) -> Sessions:
     """The secret is the given one, else the one kept in the data folder, made at the first start."""
     given = settings.session_secret.get_secret_value()
     return Sessions(given.encode() if given else keep_secret(settings.data / "session-secret"))
-
-
-def keep_secret(path: Path) -> bytes:
-    """Read 32 random bytes that only this user may read; made at the first call."""
-    if not path.exists():
-        path.parent.mkdir(parents=True, exist_ok=True)
-        draft = path.with_name(f"{path.name}.{os.getpid()}")
-        fd = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
-        with os.fdopen(fd, "wb") as file:
-            file.write(secrets.token_bytes(32))
-            file.flush()
-            os.fsync(file.fileno())
-        try:
-            # never half a secret; and of two processes that start at once, the first one's is kept by both
-            path.hardlink_to(draft)
-        except FileExistsError:
-            pass
-        finally:
-            draft.unlink()
-    return path.read_bytes()
 
 
 def _same(given: str, expected: str) -> bool:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Final
 from sqlalchemy.exc import IntegrityError
 
 from service.launch.refusal import Refusal
-from service.sessions import keep_secret
 from store.database import Database
+from store.kept_secrets import keep_secret
 from store.settings import Settings
 from store.tables import SigningKey
 

@@ -40,6 +40,7 @@ class Settings(BaseSettings):
     key: SecretStr = SecretStr("")
     session_secret: SecretStr = SecretStr("")
     signing_key: SecretStr = SecretStr("")
+    webhook_key: SecretStr = SecretStr("")
     cors_origins: str = ""
     allowed_hosts: str = ""
     database_url: str = ""

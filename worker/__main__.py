@@ -90,7 +90,7 @@ def start_chores(settings: Settings, context: Context, presence: Presence) -> No
     sweep_floor(context.blobs, Partials.of(settings))
     Renewal(context.database, leads=presence.leads).start()
     Scrub(context.database, context.files, days=settings.scrub_days, leads=presence.leads).start()
-    Deliveries(context.database, settings.private_webhook_hosts, leads=presence.leads).start()
+    Deliveries(context.database, settings, leads=presence.leads).start()
 
 
 def listen(settings: Settings, threads: JobThreads) -> None:

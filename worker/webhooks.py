@@ -16,8 +16,11 @@ from urllib.parse import urlsplit
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
+from store.audit import digest_value
 from store.chores import repeat
 from store.database import Database, summarise
+from store.kept_secrets import derive_webhook_secret
+from store.settings import Settings
 from store.software import read_version
 from store.tables import Webhook, WebhookDelivery
 from store.webhooks import claim_due, forget_old, is_any_due, note_outcome
@@ -33,7 +36,7 @@ _NAT64: Final = ipaddress.ip_network("64:ff9b::/96")
 
 
 class Unreachable(Exception):  # noqa: N818  it is what was found
-    """An address that is not sent to."""
+    """An address that is not sent to, or not from here."""
 
 
 def sign(secret: str, delivery_id: str, timestamp: int, body: bytes) -> str:
@@ -73,13 +76,13 @@ class Deliveries:
     def __init__(
         self,
         database: Database,
-        private_hosts: frozenset[str],
+        settings: Settings,
         *,
         leads: Callable[[Session], bool] = lambda _session: True,
     ) -> None:
         """``leads``: whether this process is the one of several that sends."""
         self._database = database
-        self._private_hosts = private_hosts
+        self._settings = settings
         self._leads = leads
         self._forget_at = time.monotonic() + _FORGET_EVERY_S
         self._at_work: dict[str, Future[None]] = {}
@@ -128,7 +131,8 @@ class Deliveries:
         host = (parts.hostname or "").lower()
         port = parts.port or (443 if parts.scheme == "https" else 80)
         try:
-            address = find_address(host, port, self._private_hosts)
+            secret = self._find_secret(hook)
+            address = find_address(host, port, self._settings.private_webhook_hosts)
             # the very address that was checked: asked again, the name could lead elsewhere
             url = httpx.URL(hook.url).copy_with(host=address, port=port)
             headers = {
@@ -137,7 +141,7 @@ class Deliveries:
                 "User-Agent": f"stilb/{read_version()}",
                 "webhook-id": delivery.id,
                 "webhook-timestamp": str(timestamp),
-                "webhook-signature": sign(hook.secret, delivery.id, timestamp, body),
+                "webhook-signature": sign(secret, delivery.id, timestamp, body),
             }
             # no proxy of the environment, no redirect, and nothing is read of the answer but its status
             with (
@@ -150,3 +154,12 @@ class Deliveries:
         except (Unreachable, httpx.HTTPError, httpx.InvalidURL, ValueError, OSError) as error:
             return None, f"{error}"[:300] or type(error).__name__
         return status, None if 200 <= status < 300 else f"It answered {status}."
+
+    def _find_secret(self, hook: Webhook) -> str:
+        secret = derive_webhook_secret(self._settings, hook.id)
+        if digest_value(secret) != hook.secret_sha256:
+            raise Unreachable(
+                "This worker has another STILB_WEBHOOK_KEY than the service that added the webhook. "
+                "Give both the same, or add the webhook anew."
+            )
+        return secret

@@ -1,7 +1,5 @@
 """Webhooks of an organisation, for its administrators."""
 
-import base64
-import secrets
 from urllib.parse import urlsplit
 
 from fastapi import APIRouter, Response
@@ -17,7 +15,9 @@ from service.paging import Page, UsesPaging
 from service.problems import Problem, invalid, not_found
 from service.routes import problems
 from service.schemas.webhooks import DeliveryAnswer, NewWebhook, WebhookAnswer, WebhookChange
-from store.columns import utc_now
+from store.audit import digest_value
+from store.columns import new_id, utc_now
+from store.kept_secrets import derive_webhook_secret
 from store.tables import Webhook, WebhookDelivery
 from store.webhooks import TEST
 
@@ -39,13 +39,18 @@ def create_webhook(body: NewWebhook, caller: Admin, context: UsesContext, writin
         owns = select(func.count()).where(Webhook.organisation_id == caller.organisation_id)
         if (session.scalar(owns) or 0) >= _MOST:
             raise Problem(interface.CONFLICT, f"Your organisation has {_MOST} webhooks. Remove one first.")
-        secret = f"whsec_{base64.b64encode(secrets.token_bytes(32)).decode()}"
+        hook_id = new_id("whk")
+        secret = derive_webhook_secret(context.settings, hook_id)
         hook = Webhook(
-            organisation_id=caller.organisation_id, url=body.url, events=list(body.events), secret=secret
+            id=hook_id,
+            organisation_id=caller.organisation_id,
+            url=body.url,
+            events=list(body.events),
+            secret_sha256=digest_value(secret),
         )
         session.add(hook)
         session.flush()
-        return Reply(status=201, body=WebhookAnswer.restate(hook))
+        return Reply(status=201, body=WebhookAnswer.restate(hook, secret=secret))
 
     return writing.run(caller, change)
 
@@ -151,7 +156,7 @@ def _require_enabled(hook: Webhook) -> None:
 
 
 def _answer(hook: Webhook) -> WebhookAnswer:
-    return WebhookAnswer.restate(hook, secret=None)
+    return WebhookAnswer.restate(hook)
 
 
 def _log(row: WebhookDelivery) -> DeliveryAnswer:

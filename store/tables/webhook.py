@@ -17,6 +17,8 @@ class Webhook(Audited, Base):
     ----------
     events : list of str
         Names of the events that it is told of.
+    secret_sha256 : str
+        Hash of the secret, as the audit trail has it; the secret itself follows from the installation's key.
     failing_since : datetime or None
         Since when no delivery has succeeded.
     disabled_at : datetime or None
@@ -26,14 +28,13 @@ class Webhook(Audited, Base):
     """
 
     __tablename__ = "webhook"
-    __audit_digests__: ClassVar[frozenset[str]] = frozenset({"secret"})
     __audit_without__: ClassVar[frozenset[str]] = frozenset({"failing_since"})
 
     id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("whk"))
     organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"), index=True)
     url: Mapped[str]
     events: Mapped[list[str]]
-    secret: Mapped[str]
+    secret_sha256: Mapped[str]
     created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
     failing_since: Mapped[datetime | None] = mapped_column(UtcDateTime, default=None)
     disabled_at: Mapped[datetime | None] = mapped_column(UtcDateTime, default=None)

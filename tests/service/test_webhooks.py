@@ -10,6 +10,7 @@ from datetime import timedelta
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
+from pydantic import SecretStr
 from sqlalchemy import update
 
 from store.columns import utc_now
@@ -73,9 +74,10 @@ def add(house):
         house.http.delete(f"/v1/webhooks/{hook['id']}")
 
 
-def send(house, hosts=frozenset({"127.0.0.1"})):
+def send(house, **settings):
     """Send what is due, to its end."""
-    sender = Deliveries(house.database, hosts)
+    given = house.app.state.context.settings
+    sender = Deliveries(house.database, given.model_copy(update={"webhook_hosts": "127.0.0.1"} | settings))
     sender.send_due()
     for future in list(sender._at_work.values()):
         future.result(30)
@@ -152,11 +154,26 @@ def test_the_last_attempt_gives_up(house, add):
 def test_private_addresses_are_not_sent_to(house, receiver, add):
     hook = add(receiver.url)
     house.post(f"/v1/webhooks/{hook['id']}/test", {}, status=202)
-    send(house, frozenset())
+    send(house, webhook_hosts="")
     assert "private address" in log(house, hook)[0]["error"]
     assert receiver.got == []
     with pytest.raises(Unreachable):
         find_address("localhost", 80, frozenset())
+
+
+def test_the_database_cannot_sign_and_a_worker_with_another_key_says_so(house, receiver, add):
+    hook = add(receiver.url)
+    key = base64.b64decode(hook["secret"][6:])
+    with house.database.reading() as session:
+        row = session.get_one(Webhook, hook["id"])
+        assert not any(word in str(vars(row)) for word in (hook["secret"], key.hex()))
+    house.post(f"/v1/webhooks/{hook['id']}/test", {}, status=202)
+    send(house, webhook_key=SecretStr("another"))
+    assert "another STILB_WEBHOOK_KEY" in log(house, hook)[0]["error"]
+    assert receiver.got == []
+    make_due(house)
+    send(house)
+    assert log(house, hook)[0]["state"] == "delivered"
 
 
 @pytest.mark.parametrize(
