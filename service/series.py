@@ -10,13 +10,14 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import chain, repeat
+from itertools import chain
 from typing import Annotated, Any, Final, Literal, get_args
 
 from fastapi import Request, Response
 from fastapi.responses import StreamingResponse
 from isal import isal_zlib
 from pydantic import Field
+from pydantic_core import to_json
 
 from service.arrow import Kind, write_arrow
 from service.auth import Caller
@@ -216,31 +217,47 @@ def _write_json(pages: Iterator[Page], columns: Sequence[Column], following: str
     for page in pages:
         # what every row has, and between it the cells that differ
         text = ",{"
-        parts: list[Iterable[str]] = []
+        texts: list[str] = []
+        cells: list[Sequence[str]] = []
         for column, read in zip(columns, page, strict=True):
-            found, texts, end = read, column.kind in {"text", "instant"}, ","
+            found, quoted, end = read, column.kind in {"text", "instant"}, ","
             text += f'"{column.name}":'
             if is_empty(found):
                 text += column.empty
-            elif texts and found[0] == found[-1] and len(different := set(found)) == 1:
+            elif quoted and found[0] == found[-1] and len(different := set(found)) == 1:
                 text += quote(*different)
             else:
-                if texts and _is_plain(found, '"\\') and (column.empty == '""' or "" not in found):
+                if quoted and _is_plain(found, '"\\') and (column.empty == '""' or "" not in found):
                     text, end = text + '"', '",'
-                elif texts:
+                elif quoted:
                     found = [quote(cell) if cell else column.empty for cell in found]
                 elif not is_text(found):
-                    found = [column.empty if cell is None else repr(cell) for cell in found]
+                    found = write_numbers(found, column.empty)
                 elif "" in found:
                     found = [cell or column.empty for cell in found]
-                parts += [repeat(text), found]
+                texts.append(text)
+                cells.append(found)
                 text = ""
             text += end
-        rows = zip(*parts, [f"{text[:-1]}}}"] * len(page[0]), strict=False)
-        lines = "".join(chain.from_iterable(rows))
-        yield (lines if is_later else lines[1:]).encode()
+        # by slices: a list for each row takes twice as long
+        width = 2 * len(cells) + 1
+        lines = [*chain.from_iterable((each, "") for each in texts), f"{text[:-1]}}}"] * len(page[0])
+        for place, found in enumerate(cells):
+            lines[2 * place + 1 :: width] = found
+        joined = "".join(lines)
+        yield (joined if is_later else joined[1:]).encode()
         is_later = True
     yield f'],"next":{json.dumps(following)}}}'.encode() if following else b"]}"
+
+
+def write_numbers(cells: Sequence[float | None], empty: str) -> list[str]:
+    """Write numbers as `repr` does, which takes several times as long."""
+    text = to_json(cells)[1:-1].decode()
+    if "e-" in text or "0.0000" in text:
+        # pydantic writes 1e-6 and 0.00001 where Python has 1e-06 and 1e-05
+        return [empty if cell is None else repr(cell) for cell in cells]
+    written = text.split(",")
+    return [empty if each == "null" else each for each in written] if None in cells else written
 
 
 def write_csv(pages: Iterator[Page], columns: Sequence[Column]) -> Iterator[bytes]:
@@ -251,7 +268,7 @@ def write_csv(pages: Iterator[Page], columns: Sequence[Column]) -> Iterator[byte
     for page in pages:
         for place, column in enumerate(columns):
             if not is_text(page[place]):
-                page[place] = ["" if cell is None else repr(cell) for cell in page[place]]
+                page[place] = write_numbers(page[place], "")
             elif column.kind == "text" and not _STARTS.isdisjoint({text[:1] for text in page[place]}):
                 page[place] = [
                     f"'{text}" if text.startswith(FORMULA_STARTS) else text for text in page[place]

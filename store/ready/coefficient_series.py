@@ -20,7 +20,7 @@ from store.ready.series import PAGE, Asked, Key, Page
 from store.tables import Camera, CoefficientRow, ReadyRow
 
 _MOST_PLACES = 1 << 31
-_VERSIONS = 200
+_VERSIONS = 1000
 _ARRANGED = 25
 """Versions that are written at once: their cells stay in the processor's cache."""
 
@@ -53,7 +53,7 @@ class CoefficientSeries:
 
     def find_end(self, session: Session, *, after: Key | None, limit: int) -> Key | None:
         known = self._read_known(session)
-        total, more = 0, self._select(known, after)
+        total, more = 0, self._select(known, after, None)
         # most series end within the limit: one sum, instead of each version's place
         whole = more.with_only_columns(func.sum(ReadyRow.coefficients)).order_by(None)
         if (session.scalar(whole) or 0) <= limit:
@@ -72,15 +72,13 @@ class CoefficientSeries:
             known = self._read_known(session)
         while True:
             with self._database.reading() as session:
-                found = list(session.execute(self._select(known, after).limit(_VERSIONS)))
+                found = list(session.execute(self._select(known, after, until).limit(_VERSIONS)))
             for some in _group(found):
                 yield from self._read_values(some, after, until)
             if len(found) < _VERSIONS:
                 return
             last = found[-1]
             after = [last.camera_id, write_instant(last.valid_from), last.method, last.publication_id, None]
-            if until is not None and self._parse(after) >= self._parse(until):
-                return
 
     def _read_known(self, session: Session) -> datetime:
         """Return now, or the last instant of knowledge if a clock that has been set back recorded that."""
@@ -90,7 +88,7 @@ class CoefficientSeries:
         ).one()
         return max([utc_now(), *filter(None, last)])
 
-    def _select(self, known: datetime, after: Key | None) -> Select[Any]:
+    def _select(self, known: datetime, after: Key | None, until: Key | None) -> Select[Any]:
         asked, row = self._asked, ReadyRow
         where = [
             row.organisation_id == asked.organisation_id,
@@ -107,6 +105,8 @@ class CoefficientSeries:
             place = series.bind_place(self._parse(after), self._KEY)
             # a version of which rows are missing comes again
             where.append(tuple_(*self._KEY) > place if after[4] is None else tuple_(*self._KEY) >= place)
+        if until is not None:
+            where.append(tuple_(*self._KEY) <= series.bind_place(self._parse(until), self._KEY))
         columns: tuple[Any, ...] = (
             *(row.publication_id, row.camera_id, Camera.make, Camera.model.label("model_name")),
             *(Camera.serial, row.method, row.version, row.calibration_id, row.campaign_id),
@@ -122,41 +122,34 @@ class CoefficientSeries:
         return after[4] + 1 if after and after[4] is not None and self._parse(after)[3] == key[3] else 0
 
     def _read_values(self, versions: list[Any], after: Key | None, until: Key | None) -> Iterator[Page]:
-        ids = {version.calibration_id for version in versions}
-        for found, first in _read_coefficients(self._database, ids):
-            parts: list[tuple[Any, list[Any]]] = []
-            for version in versions:
-                key = [version.camera_id, version.valid_from, version.method, version.publication_id]
-                if until is not None and tuple(key) > self._parse(until):
-                    break
-                begin = max(0, self._done(after, key) - first)
-                is_last = until is not None and until[4] is not None and until[3] == version.publication_id
-                end = max(0, until[4] + 1 - first) if until is not None and is_last else None
-                rows = found.get(version.calibration_id, [])[begin:end]
-                if rows:
-                    parts.append((version, rows))
+        for found, first in _read_coefficients(self._database, {each.calibration_id for each in versions}):
+            parts = [(version, found.get(version.calibration_id, [])) for version in versions]
+            # a series ends within its last version, and begins within its first one
+            for which, key in ((-1, until), (0, after)):
+                version, rows = parts[which]
+                if key is not None and key[3] == version.publication_id and key[4] is not None:
+                    count = max(0, key[4] + 1 - first)
+                    parts[which] = (version, rows[count:] if key is after else rows[:count])
+            parts = [part for part in parts if part[1]]
             for place in range(0, len(parts), _ARRANGED):
                 yield _arrange(parts[place : place + _ARRANGED])
 
 
 def _arrange(parts: list[tuple[Any, list[Any]]]) -> Page:
     """Arrange the coefficients of versions in columns."""
-    heads = [
-        (
-            *(version.camera_id, version.make, version.model_name, version.serial, version.method),
-            *(version.version, version.calibration_id),
-            *(write_instant(version.valid_from), write_instant(version.valid_to) if version.valid_to else ""),
-            *(version.campaign_id, write_instant(version.computed_at)),
-        )
-        for version, _ in parts
-    ]
+    heads = []
+    for (_, *head, valid_from, valid_to, computed_at, _), _ in parts:
+        ended = write_instant(valid_to) if valid_to else ""
+        heads.append((*head, write_instant(valid_from), ended, write_instant(computed_at)))
     counts = [len(rows) for _, rows in parts]
     same = [list(chain.from_iterable(map(repeat, texts, counts))) for texts in zip(*heads, strict=True)]
+    *of, campaign_id, valid_from, valid_to, computed_at = same
     _, _, name, value, u, unit, iso, f_number, band, channel, model, flags = zip(
         *chain.from_iterable(rows for _, rows in parts), strict=True
     )
     words = [[each or "" for each in column] for column in (band, channel)]
-    return [*same[:7], name, value, u, unit, iso, f_number, *words, model, [*map(_join, flags)], *same[7:]]
+    told = [*of, name, value, u, unit, iso, f_number, *words, model, [*map(_join, flags)]]
+    return [*told, valid_from, valid_to, campaign_id, computed_at]
 
 
 def _group(versions: Sequence[Any]) -> Iterator[list[Any]]:
