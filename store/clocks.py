@@ -21,7 +21,7 @@ from store.webhooks import announce
 QUARANTINE_AFTER = 3
 FURTHEST_DUE = timedelta(minutes=5)
 """Further ahead than any pause before a job is tried again."""
-_LEASES_AHEAD = 3
+LEASES_AHEAD = 3
 """Workers may have different leases in their settings."""
 _JUMP_S = 5.0
 
@@ -43,15 +43,6 @@ class ClockWatch:
         return jumped_s if abs(jumped_s) > _JUMP_S else 0.0
 
 
-def needs_sweep(session: Session, *, lease_s: float) -> bool:
-    """Return True if a lease has run out, or a time lies further ahead than any rule sets."""
-    now = utc_now()
-    latest = now + _LEASES_AHEAD * timedelta(seconds=lease_s)
-    wrong = (Job.state == "running") & ~Job.lease_until.between(now, latest)
-    ahead = IS_QUEUED & (Job.due_at > now + FURTHEST_DUE)
-    return any(session.scalar(select(Job.id).where(each).limit(1)) for each in (wrong, ahead))
-
-
 def mend_times(session: Session, *, lease_s: float, jumped: bool) -> None:
     """Bring times that no rule set within their rules, and renew every lease after a jump.
 
@@ -59,7 +50,7 @@ def mend_times(session: Session, *, lease_s: float, jumped: bool) -> None:
     """
     now = utc_now()
     lease = timedelta(seconds=lease_s)
-    too_long = true() if jumped else Job.lease_until > now + _LEASES_AHEAD * lease
+    too_long = true() if jumped else Job.lease_until > now + LEASES_AHEAD * lease
     session.execute(update(Job).where(Job.state == "running", too_long).values(lease_until=now + lease))
     session.execute(update(Job).where(IS_QUEUED, Job.due_at > now + FURTHEST_DUE).values(due_at=now))
 

@@ -275,12 +275,6 @@ def dismiss(session: Session, chosen: ColumnElement[bool], *, dismissed: bool) -
     return update_where(session, given_up, dismissed_at=utc_now() if dismissed else None)
 
 
-def is_any_due(session: Session) -> bool:
-    """Return True if a job could be claimed."""
-    due = select(Job.id).where(IS_QUEUED, Job.due_at <= utc_now()).limit(1)
-    return session.scalar(due) is not None
-
-
 def _announce_end(session: Session, held: Claim, event: EventName, **more: Any) -> None:  # noqa: ANN401
     data = {"job_id": held.job_id, "kind": held.kind, "subject_id": held.subject_id, **more}
     announce(session, held.organisation_id, event, data)

@@ -68,19 +68,15 @@ class Reviews:
         with self._computing[campaign_id], self._database.reading() as own:
             return _find_kept(own, campaign_id, verdicts_of) or self._compute(own, campaign_id)
 
-    def find_stale(self, session: Session) -> str | None:
-        """Return a campaign whose review is stale and computed by no worker."""
-        return session.scalar(select(CampaignReview.campaign_id).where(_is_stale(utc_now())).limit(1))
-
     def renew_next(self) -> bool:
         """Compute one review that is stale and that no other worker computes; whether there was one."""
         now = utc_now()
         with self._database.reading() as session:
-            campaign_id = self.find_stale(session)
+            campaign_id = session.scalar(select(CampaignReview.campaign_id).where(is_stale(now)).limit(1))
         if campaign_id is None:
             return False
         with self._database.writing("review") as session:
-            mine = (CampaignReview.campaign_id == campaign_id) & _is_stale(now)
+            mine = (CampaignReview.campaign_id == campaign_id) & is_stale(now)
             if not _update(session, mine, not_before=now + _CLAIM):
                 return True
         with self._computing[campaign_id], self._database.reading() as session:
@@ -115,7 +111,8 @@ class Reviews:
         return found
 
 
-def _is_stale(now: datetime) -> ColumnElement[bool]:
+def is_stale(now: datetime | ColumnElement[datetime]) -> ColumnElement[bool]:
+    """Match a review that is stale and computed by no worker."""
     free = or_(CampaignReview.not_before.is_(None), CampaignReview.not_before < now)
     return (CampaignReview.kept_revision < CampaignReview.revision) & free
 

@@ -9,9 +9,10 @@ from datetime import datetime
 
 from sqlalchemy.exc import SQLAlchemyError
 
-from store.clocks import ClockWatch, mend_times, needs_sweep, sweep
+from store.clocks import ClockWatch, mend_times, sweep
 from store.database import summarise
-from store.jobs import Claim, Dependency, Turn, is_any_due
+from store.jobs import Claim, Dependency, Turn
+from store.looks import look
 from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers, require_own_schema
 from worker.context import Context
 from worker.needs import DATABASE_AWAY
@@ -143,8 +144,8 @@ class JobThreads:
         try:
             with database.reading() as session:
                 require_own_schema(session)
-                idle = not (is_any_due(session) or self._context.reviews.find_stale(session))
-                lost = self._renews or needs_sweep(session, lease_s=lease_s)
+                found = look(session, lease_s=lease_s)
+            lost = self._renews or found.lost
             if lost:
                 # what this worker works on is not lost, however late it is
                 self._context.leases.renew()
@@ -156,7 +157,7 @@ class JobThreads:
             self._renews = True
             return False
         self._renews = False
-        return idle and not lost
+        return not (found.due or found.stale or lost)
 
     def _wake_every(self, seconds: float) -> None:
         # what is away before the first look is news, too
