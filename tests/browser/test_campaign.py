@@ -192,6 +192,8 @@ def see_in_time(page, team, campaign):
     page.get_by_text("In time").click()
     expect(shown.get_by_role("img")).to_have_accessible_name(re.compile("3 frames and 1 reading"))
     expect(shown).to_contain_text("Readings without a time")
+    # frames of one moment lie on all of their brackets
+    assert shown.locator(".lanes > :is(.lane, .f1)").last.get_attribute("class") == "f1"
     check_access(page)
     look(page, "campaign-in-time")
 
@@ -220,6 +222,10 @@ def test_a_frame_is_dragged_and_readings_are_typed_in_the_grid(page, team, servi
     dialog.get_by_role("button", name="Restore 44 cd/m² of level-1").click()
     expect(dialog.get_by_role("button", name="Withdraw 44 cd/m² of level-1")).to_be_visible()
     dialog.get_by_role("button", name="Close").click()
+    expect(page.locator(".grid")).to_have_css("position", "relative")  # nothing in it widens the page
+    # each line that blocks the fit says so, and units are written for people
+    expect(page.locator("#before .tag.warn")).to_have_count(2)
+    expect(page.locator("#before")).not_to_contain_text("cd/m2")
     see_in_time(page, team, campaign)
     moved = page.locator(".cell", has=page.locator("img")).nth(1)
     name = moved.get_attribute("aria-label").split(":")[0]

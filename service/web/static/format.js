@@ -74,8 +74,8 @@ export function time(instant) {
 /** A camera as lists name and order it. */
 export const cameraName = ({ make, model, serial }) => `${make} ${model} ${serial}`;
 
-/** The service's own sentences write times for machines: 2026-05-01T08:00:00Z becomes 2026-05-01 08:00 UTC. */
-export const sayTimes = (text) => text.replace(/(\d{4}-\d\d-\d\d)T(\d\d:\d\d)(?::\d\d(?:\.\d+)?)?(?:Z|\+00:00)/g, "$1 $2 UTC");
+/** The service's own sentences write for machines: 2026-05-01T08:00:00Z becomes 2026-05-01 08:00 UTC, and cd/m2 cd/m². */
+export const typeset = (text) => text.replace(/(\d{4}-\d\d-\d\d)T(\d\d:\d\d)(?::\d\d(?:\.\d+)?)?(?:Z|\+00:00)/g, "$1 $2 UTC").replaceAll("cd/m2", "cd/m²");
 
 /** How long ago: "3 days ago". */
 export function ago(instant, now = Date.now()) {

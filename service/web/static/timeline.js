@@ -35,23 +35,26 @@ export function timeline({ scenes, frames }, { checked = new Set(), readings = [
   const shape = (frame) => (frame.role === "dark" ? dark : SHAPES[Math.min(isos.indexOf(frame.header.iso ?? 0), SHAPES.length - 1)]);
   const bottom = TOP + LANE + (readings.length ? READINGS : 0) + 8;
   const drawing = svg("svg", { class: "lanes", viewBox: `0 0 ${width} ${bottom + 22}`, role: regroup ? "group" : "img", "aria-label": `${counted(frames.length, "frame")}${readings.length ? ` and ${counted(readings.length, "reading")}` : ""} on a time axis from ${clock(first, 1)} to ${clock(last, 1)}` });
-  const timed = scenes.filter((scene) => scene.from);
-  // thousands that fall on each other are drawn once
-  const drawn = new Set();
+  const timed = scenes.filter((scene) => scene.from).sort((a, b) => a.from - b.from);
+  let named = -LEFT;
   for (const scene of timed) {
     const [from, to] = [x(scene.from) - 9, x(scene.to) + 9];
     drawing.append(svg("rect", { x: from, y: TOP, width: to - from, height: LANE, rx: 5, class: "lane" }));
     const name = scene.scene ?? roleLabel(scene.role);
-    // a name that would run into the next is left to the table
-    if (name.length * LETTER < Math.max(40, to - from)) drawing.append(svg("text", { class: "strong", x: (from + to) / 2, y: 14, "text-anchor": "middle" }, name));
-    for (const frame of scene.frames) {
-      if (!frame.header.taken) continue;
-      const [at, down] = [x(frame.header.taken), row(frame.header.iso)];
-      if (checked.has(frame.key)) drawing.append(svg("circle", { cx: at, cy: down, r: 8.5, class: "to-check" }));
-      const place = `${Math.round(2 * at)} ${down} ${frame.role === "dark"}`;
-      if (!drawn.has(place)) drawing.append(shape(frame)(at, down));
-      drawn.add(place);
-    }
+    const start = (from + to - name.length * LETTER) / 2;
+    // a name that would run into the one before is left to the table
+    if (start < named) continue;
+    named = start + name.length * LETTER + LETTER;
+    drawing.append(svg("text", { class: "strong", x: (from + to) / 2, y: 14, "text-anchor": "middle" }, name));
+  }
+  // thousands that fall on each other are drawn once
+  const drawn = new Set();
+  for (const frame of timed.flatMap((scene) => scene.frames).filter((each) => each.header.taken)) {
+    const [at, down] = [x(frame.header.taken), row(frame.header.iso)];
+    if (checked.has(frame.key)) drawing.append(svg("circle", { cx: at, cy: down, r: 8.5, class: "to-check" }));
+    const place = `${Math.round(2 * at)} ${down} ${frame.role === "dark"}`;
+    if (!drawn.has(place)) drawing.append(shape(frame)(at, down));
+    drawn.add(place);
   }
   for (const { at, text } of readings) {
     const drawnReading = readingMark(x(at), TOP + LANE + 10);
@@ -102,18 +105,17 @@ function edgeOf(scene, { x, timeAt, drawing, regroup, others }) {
   return edge;
 }
 
-/** Frames by role and scene, as the axis takes them. */
+/** Frames in the order of their time, in a bracket for each run of one role and scene: a scene that is returned to has several. */
 export function bracketsOf(frames) {
-  const groups = new Map();
-  for (const frame of frames) {
-    const name = `${frame.role} ${frame.scene ?? ""}`;
-    if (!groups.has(name)) groups.set(name, []);
-    groups.get(name).push(frame);
+  const runs = [];
+  for (const frame of frames.filter((each) => each.header.taken).sort(byTime)) {
+    const run = runs.at(-1);
+    const same = run && run.role === frame.role && run.scene === (frame.scene ?? undefined);
+    if (same) run.frames.push(frame);
+    else runs.push({ role: frame.role, scene: frame.scene ?? undefined, frames: [frame], from: frame.header.taken });
+    runs.at(-1).to = frame.header.taken;
   }
-  return [...groups.values()].map((some) => {
-    const times = some.map((frame) => frame.header.taken).filter(Boolean).sort((a, b) => a - b);
-    return { role: some[0].role, scene: some[0].scene ?? undefined, frames: some, from: times[0], to: times.at(-1) };
-  });
+  return runs;
 }
 
 const byTime = (a, b) => a.header.taken - b.header.taken || natural(String(a.key), String(b.key));

@@ -1,7 +1,7 @@
 // One cell of the grid: a frame with its verdict, or a gap with what to photograph.
 
 import { h } from "../dom.js";
-import { exposureTime, number, words } from "../format.js";
+import { exposureTime, number, typeset, words } from "../format.js";
 import { OUTCOMES, mark } from "../marks.js";
 import { isRead } from "./state.js";
 
@@ -51,7 +51,7 @@ export function frameCell(frame, { place, chosen, compact, later = false }) {
 const suggest = (seconds) => (seconds < 0.3 ? `1/${Number((1 / seconds).toPrecision(2))} s` : `${Number(seconds.toPrecision(2))} s`);
 
 export function gapCell(gap, { place, compact }) {
-  const how = [gap.exposure_time_s && suggest(gap.exposure_time_s), gap.text].filter(Boolean).join(": ");
+  const how = typeset([gap.exposure_time_s && suggest(gap.exposure_time_s), gap.text].filter(Boolean).join(": "));
   return h(
     "button",
     { type: "button", class: "cell-gap", tabindex: "-1", title: how, "aria-label": `${["To photograph", place, how].filter(Boolean).join(", ")}` },

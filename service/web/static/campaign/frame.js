@@ -2,7 +2,7 @@
 
 import { get, patch } from "../api.js";
 import { fill, h, isPressed, may } from "../dom.js";
-import { bytes, exposureTime, fixed, number, percent, sayTimes, time, words } from "../format.js";
+import { bytes, exposureTime, fixed, number, percent, time, typeset, words } from "../format.js";
 import { pause } from "../live.js";
 import { mark } from "../marks.js";
 import { act, failed } from "../states.js";
@@ -152,7 +152,7 @@ function verdict(known, frame) {
   const kind = kindOf(known);
   const reasons = frame ? (frame.verdict?.reasons ?? []) : known.code ? [known] : [];
   const said = frame?.left_out ? [`Left out by ${frame.left_out.by}: ${frame.left_out.reason}`] : [];
-  return h("div", { class: `verdict-words ${kind}` }, mark(kind), h("h3", {}, sayState(known)), [...said, ...reasons.map((each) => sayTimes(each.detail))].map((text) => h("p", {}, text)), !frame || said.length + reasons.length ? null : h("p", {}, "No problems found."));
+  return h("div", { class: `verdict-words ${kind}` }, mark(kind), h("h3", {}, sayState(known)), [...said, ...reasons.map((each) => typeset(each.detail))].map((text) => h("p", {}, text)), !frame || said.length + reasons.length ? null : h("p", {}, "No problems found."));
 }
 
 function exposure(frame) {

@@ -109,6 +109,6 @@ function rangeStrip(statistics) {
   const text = `Between black, ${number(black, 6)} DN, and clipping, ${number(white, 6)} DN, the region reaches ${number(most, 6)} DN`;
   return [
     svg("svg", { class: "range", viewBox: `0 0 ${WIDTH} ${3 + 5 * rows.length}`, preserveAspectRatio: "none", role: "img", "aria-label": text }, ...rows.map(line)),
-    h("figcaption", {}, h("span", {}, `black ${number(black, 6)} DN`), h("span", {}, `up to ${percent(x(most) / WIDTH)} of the range`), h("span", {}, `clips at ${number(white, 6)} DN`)),
+    h("figcaption", {}, h("span", {}, `black ${number(black, 6)}`), h("span", {}, `up to ${percent(x(most) / WIDTH)}`), h("span", {}, `clips at ${number(white, 6)} DN`)),
   ];
 }

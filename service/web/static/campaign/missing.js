@@ -38,8 +38,8 @@ export function missingCauses(sentences) {
 export function beforeTheFit({ missing, advice }, title) {
   if (!missing.length && !advice.length) return null;
   const needed = new Set(missing.map(causeOf));
-  const line = (mark, tag) => ({ title, where, part, button }) => ({ mark: part ? mark : "wait", title, where, tag, actions: part && may(part === "frames" ? "upload" : "calibrate") ? [smallLink(button, `#${part}`)] : [] });
-  const lines = [...missingCauses(missing).map(line("warn", h("span", { class: "tag warn" }, "needed"))), ...missingCauses(advice.filter((each) => !needed.has(causeOf(each)))).map(line("gap"))];
+  const line = (mark, tag) => ({ title, where, part, button }) => ({ mark: part ? mark : "wait", title, where, tag: tag?.(), actions: part && may(part === "frames" ? "upload" : "calibrate") ? [smallLink(button, `#${part}`)] : [] });
+  const lines = [...missingCauses(missing).map(line("warn", () => h("span", { class: "tag warn" }, "needed"))), ...missingCauses(advice.filter((each) => !needed.has(causeOf(each)))).map(line("gap"))];
   const [shown, more] = [lines.slice(0, 6), lines.slice(6)];
   return h(
     "section",

@@ -41,7 +41,7 @@ function stages(state) {
   return h("ol", { class: "stages", "aria-label": "Stages" }, [
     stage("frames", !received ? "gap" : counts.fail ? "bad" : counts.warn ? "warn" : counts.pending ? "wait" : "good", "Frames", [received ? `${number(received, 6)} received` : "none yet", ...told]),
     region(state),
-    method.reference === "meter" && !method.measures ? stage("readings", campaign.readings ? (lacks(/reading/) ? "warn" : "good") : "gap", "Readings", [campaign.readings ? `${number(campaign.readings, 6)} of ${counted(scenes.length, "scene")}` : "none yet"]) : null,
+    method.reference === "meter" && !method.measures ? stage("readings", campaign.readings ? (lacks(/reading/) ? "warn" : "good") : "gap", "Readings", [campaign.readings ? `${counted(campaign.readings, "reading")}, ${counted(scenes.length, "scene")}` : "none yet"]) : null,
     method.has_checklist && !method.measures ? stage("checklist", list?.signature && !list.signature.changed ? "good" : "wait", "Checklist", [list?.signature ? (list.signature.changed ? "changed since it was signed" : "signed") : list ? `${list.done} of ${list.done + list.open} done` : "by section"]) : null,
     method.measures ? stage("measure", "good", "Measured", [`${number(campaign.measured)} field frames`, "never used to calibrate"]) : stage("calibrate", fitted ? "good" : needed ? "warn" : "wait", "Fit", [fitted ? counted(fitted, "version") : needed ? `${needed} missing` : "ready"]),
   ]);

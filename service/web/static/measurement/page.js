@@ -4,7 +4,7 @@ import { get } from "../api.js";
 import { bars } from "../bars.js";
 import { byId, fill, h, may, prose } from "../dom.js";
 import { drawFlags, explainFlags } from "../flags.js";
-import { number, percent, sayTimes, tag, time, words } from "../format.js";
+import { number, percent, tag, time, typeset, words } from "../format.js";
 import { labelOf } from "../methods.js";
 import { empty, load } from "../states.js";
 import { drawFigures } from "./figures.js";
@@ -81,7 +81,7 @@ function drawCalibration([{ calibration, signal, vignetting, method, corrections
     "div",
     { class: "card" },
     h("p", {}, h("a", { href: `/calibrations/${calibration.id}` }, `${labelOf(method)} version ${calibration.version}`), " ", tag(calibration.state)),
-    h("p", { class: "small muted" }, sayTimes(calibration.why)),
+    h("p", { class: "small muted" }, typeset(calibration.why)),
     h("dl", { class: "facts small" }, h("dt", {}, "Signal"), h("dd", {}, words(signal)), h("dt", {}, "Vignetting correction"), h("dd", {}, lens), corrections.map(drawCorrection)),
   );
 }
