@@ -13,6 +13,7 @@ from radiometry.maps.isolines import (
     Isoline,
     choose_levels,
     choose_step,
+    is_ragged,
     trace_isolines,
 )
 from service.map_tools import MOST_SQUARES, OpenMap, frame_window, read_squares
@@ -29,6 +30,7 @@ from service.schemas.map_tools import (
 
 Array = NDArray[np.float64]
 
+_FEWEST_SQUARES = 16  # along a side of the area, for the sake of noise
 _LEVEL_ENDS = (1.0, 99.0)
 
 
@@ -53,7 +55,9 @@ def answer_isolines(found: OpenMap, asked: LevelsOfMap) -> IsolinesAnswer:
             raise invalid([{"type": "step", "loc": ("query", "step"), "msg": message}])
         lines = trace_isolines(plane, levels, step=step, left_px=window.left, top_px=window.top)
         vertices = sum(len(line) for each in lines for line in each.lines)
-        if vertices <= MOST_VERTICES:
+        if vertices <= MOST_VERTICES and (asked.step or not is_ragged(lines, found.uncertainty, step=step)):
+            break
+        if vertices <= MOST_VERTICES and 2 * step > math.isqrt(pixels) // _FEWEST_SQUARES:
             break
         if asked.step is not None:
             message = f"the lines have {vertices} points: take a larger step, or fewer levels"

@@ -137,6 +137,26 @@ def trace_isolines(
     return tuple(_draw(lines, level, slopes, (left_px, top_px, step)) for level, lines in found)
 
 
+def is_ragged(isolines: Sequence[Isoline], uncertainty: PixelUncertainty | None, *, step: int) -> bool:
+    """Return True if noise moves the lines of most levels by more than a square, or draws mostly rings.
+
+    Parameters
+    ----------
+    isolines : sequence of Isoline
+        Lines of each level.
+    uncertainty : PixelUncertainty or None
+        Noise of the pixels, if it is known.
+    step : int
+        Side of a square [px].
+    """
+    ragged = 0
+    for each in isolines:
+        noise = 0.0 if uncertainty is None else float(uncertainty.own(np.array(each.level), float(step**2)))
+        is_moved = each.slope_per_px is not None and noise > each.slope_per_px * step
+        ragged += is_moved or each.rings_left_out > len(each.lines)
+    return 2 * ragged > len(isolines)
+
+
 def _draw(found: Sequence[Line], level: float, slopes: Array, grid: tuple[float, float, int]) -> Isoline:
     left, top, step = grid
     kept, steep, rings = [], [], 0

@@ -63,6 +63,30 @@ def test_the_map_is_read_with_the_keys_alone(shown, plane):
     assert np.float32(said.get_attribute("data-value")) == plane[row, col]
 
 
+def test_a_line_isolines_and_a_histogram_of_the_map_with_the_keys_alone(shown, plane):
+    expect(shown.locator("#histogram .chart")).to_be_visible()
+    shown.get_by_role("button", name="Draw a line").press("Enter")
+    over = shown.locator(".map-over")
+    over.focus()
+    for key in ("Enter", *["Shift+ArrowRight"] * 5, "Enter"):
+        over.press(key)
+    row, col = SHAPE[0] // 2, SHAPE[1] // 2
+    expect(shown.get_by_label("Corners")).to_have_value(f"{col + 0.5},{row + 0.5} {col + 50.5},{row + 0.5}")
+    mean = plane[row, col : col + 51].mean(dtype=float)
+    expect(shown.locator("#line dl div", has_text="Mean")).to_contain_text(f"{mean:.1f}"[:3])
+    expect(shown.locator("#line .chart")).to_be_visible()
+    shown.get_by_label("Corners").fill("20,180 130,100 280,90")
+    shown.keyboard.press("Enter")
+    isolines = shown.get_by_role("button", name="Isolines")
+    isolines.press("Enter")
+    expect(shown.locator(".map-isolines path").first).to_be_attached()
+    expect(shown.locator("#isolines")).to_contain_text("place ±")
+    expect(shown.locator("#line .chart")).to_be_visible()
+    settle(shown)
+    look(shown, "map-tools")
+    check_access(shown)
+
+
 def test_a_large_map_asks_for_the_pixels_that_are_pointed_at(shown, plane):
     """In squares first: then the readout is of the pixel all the same."""
     read = shown.evaluate(

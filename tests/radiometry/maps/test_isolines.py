@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from radiometry.maps.isolines import choose_levels, choose_step, trace_isolines
+from radiometry.maps.isolines import choose_levels, choose_step, is_ragged, trace_isolines
 from radiometry.maps.uncertainty import PixelUncertainty
 
 ROWS, COLS = np.mgrid[0:40, 0:60] + 0.5
@@ -70,6 +70,16 @@ def test_a_ring_around_one_square_is_noise_and_counted():
     plane[5, 5] = plane[12, 12] = plane[12, 13] = plane[13, 12] = plane[13, 13] = 1.0
     (line,) = trace(plane, [0.4])
     assert (len(line.lines), line.rings_left_out) == (1, 1)
+
+
+def test_lines_of_noise_are_ragged_and_of_a_slope_are_not():
+    """A slope of .1 a pixel: noise of .05 moves a line by half a pixel, noise of .2 by two."""
+    (line,) = trace(0.1 * COLS, [3.0])
+    known = {"relative": 0.0, "constant": 0.0, "reference": 10.0}
+    assert not is_ragged([line], PixelUncertainty(**known, pixel=0.05), step=1)
+    assert is_ragged([line], PixelUncertainty(**known, pixel=0.2), step=1)
+    noise = np.random.default_rng(3).normal(0.0, 1.0, (40, 60))
+    assert is_ragged(trace(noise, [2.5]), None, step=1)
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,9 @@ import { labelOf } from "../methods.js";
 import { empty, load } from "../states.js";
 import { drawFigures } from "./figures.js";
 import { drawGrid } from "./grid.js";
+import { showHistogram } from "./histogram.js";
+import { isolineTool } from "./isolines.js";
+import { lineTool } from "./line.js";
 import { MapView } from "./map.js";
 import { scaleTools } from "./tools.js";
 import { loadMap } from "./values.js";
@@ -38,7 +41,9 @@ async function drawableMap() {
   if (!found.links.map_tif) return withoutMap(found);
   const values = await loadMap(found, await get(found.links.frame));
   const view = new MapView(values, { region: found.region, grid: found.grid, name: `Map of ${found.filename}` });
-  fill(byId("map-tools"), scaleTools([view]), h("a", { class: "button", href: found.links.map_tif, download: "" }, "TIFF"), h("a", { class: "button", href: found.links.stac, download: "" }, "STAC item"));
+  showHistogram(found, { isLight: values.unit !== "1" });
+  const tools = h("div", { class: "segments", role: "group", "aria-label": "Tools" }, lineTool(view, id), isolineTool(view, id));
+  fill(byId("map-tools"), scaleTools([view]), tools, h("a", { class: "button", href: found.links.map_tif, download: "" }, "TIFF"), h("a", { class: "button", href: found.links.stac, download: "" }, "STAC item"));
   return view.element;
 }
 
