@@ -1,5 +1,6 @@
 """The certificate of a calibration, or of a rig: one document, given as JSON and typeset as PDF."""
 
+from service.certificate.dcc import write_dcc
 from service.certificate.document import build_certificate
 from service.certificate.pages import lay_out
 from service.certificate.pdf import draw_region, find_pdf, render_pdf
@@ -17,4 +18,5 @@ __all__ = [
     "lay_out_rig",
     "render_pdf",
     "warn_of_gaps",
+    "write_dcc",
 ]

@@ -2,24 +2,35 @@
 
 import hashlib
 from collections.abc import Callable
+from typing import Annotated
 
 from anyio import to_thread
-from fastapi import APIRouter, Request, Response
+from fastapi import APIRouter, Query, Request, Response
+from pydantic import Field
 from sqlalchemy.orm import Session
 
+from radiometry.findings import interface
 from service.auth import Caller, Reader
-from service.certificate import build_certificate, draw_region, find_pdf, lay_out
+from service.certificate import build_certificate, draw_region, find_pdf, lay_out, write_dcc
 from service.certificate.sheet import Node, write_json
 from service.context import Context, UsesContext
 from service.immutable import not_modified, standing_headers
 from service.lookup import Id, owned
-from service.routes import UNCHANGED, problems, sends_stored_file
+from service.problems import Problem
+from service.routes import UNCHANGED, problems, sends_file, sends_stored_file
+from service.schemas.base import Form
 from service.schemas.certificates import CertificateAnswer
 from store.files import Files
 from store.queries.calibration_record import CalibrationRecord, read_calibration_record
 from store.tables import Calibration
 
 router = APIRouter(prefix="/v1/calibrations/{calibration_id}", tags=["certificates"])
+
+
+class DccOptions(Form):
+    """What a DCC states beyond the certificate."""
+
+    country: str = Field(pattern="^[A-Z]{2}$", description="Of the laboratory: two letters of ISO 3166.")
 
 
 @router.get("/certificate.json", response_model=CertificateAnswer, responses={**UNCHANGED, **problems(404)})
@@ -50,6 +61,28 @@ async def get_certificate_pdf(
         return lay_out(build_certificate(record).dump(), _draw_preview(record, context.files))
 
     return await send_certificate_pdf(request, context, lay)
+
+
+@router.get("/certificate.xml", response_class=Response, responses=sends_file("application/xml"))
+def get_certificate_dcc(
+    calibration_id: Id,
+    query: Annotated[DccOptions, Query()],
+    request: Request,
+    caller: Reader,
+    context: UsesContext,
+) -> Response:
+    """The certificate as a Digital Calibration Certificate (DCC 3.1.2).
+
+    certificate.json is its document. A DCC needs a customer and the days of the work: 422 without.
+    """
+    with context.database.reading() as session:
+        certificate = build_certificate(_gather(context, session, calibration_id, caller)).dump()
+    missing = {"customer": "customer", "first_day": "started_at"}
+    lacking = [name for member, name in missing.items() if member not in certificate["work"]]
+    if lacking:
+        detail = f"A DCC needs more of the campaign: PATCH /v1/campaigns/{{id}} with {' and '.join(lacking)}."
+        raise Problem(interface.VALIDATION_FAILED, detail)
+    return _answer(request, write_dcc(certificate, country=query.country), "application/xml")
 
 
 def send_certificate_json(request: Request, certificate: Node) -> Response:

@@ -76,6 +76,11 @@ class Calibrations(Campaigns, Jobs):
         """Return what is handed out with a version, and all that is needed to compute it again."""
         return self._get(address("calibrations", calibration_id, "certificate.json"))
 
+    def certificate_dcc(self, calibration_id: str, *, country: str) -> str:
+        """Return the certificate as DCC XML; ``country`` : of the laboratory, two letters of ISO 3166."""
+        path = address("calibrations", calibration_id, "certificate.xml")
+        return self._transport.send(Call(method="GET", path=path, query={"country": country})).text
+
     def export(self, calibration_id: str, folder: PathLike, *, on_progress: OnExport | None = None) -> Path:
         """Put everything that a version rests on into a folder; see ``stilb.export``. Safe to call again."""
         return export(self._transport, calibration_id, Path(folder), on_progress)

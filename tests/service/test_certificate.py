@@ -1,6 +1,8 @@
 """What is on a certificate: who, what, with what, how sure; its gaps; its tag; publishing with it."""
 
+import base64
 import copy
+import json
 import math
 import re
 
@@ -13,6 +15,7 @@ from service.certificate.pages import lay_out
 from service.schemas.certificates import CertificateAnswer
 from tests.support.campaigns import LEVELS, ROI, SETTINGS, calibrate, calibrated_campaign
 from tests.support.certificates import METER, WORK, certificate_of, complete_version
+from tests.support.dcc import read_dcc
 
 pytestmark = pytest.mark.either_database
 
@@ -78,6 +81,21 @@ def test_a_lens_need_not_have_a_serial_number(house):
     assert certificate_of(house, version)["item"]["lens"] == {"make": "DJI", "model": "MFT 15mm F1.7 ASPH"}
     assert publish(house, version, status=200)["state"] == "published"
     assert house.http.get(f"/v1/calibrations/{version['id']}/certificate.pdf").content.startswith(b"%PDF-")
+
+
+def test_its_dcc_says_the_same(house, version):
+    certificate = certificate_of(house, version)
+    answer = house.http.get(f"/v1/calibrations/{version['id']}/certificate.xml", params={"country": "US"})
+    assert (answer.status_code, answer.headers["Content-Type"]) == (200, "application/xml")
+    root = read_dcc(answer.content)
+    assert json.loads(base64.b64decode(root.findtext("document/dataBase64"))) == certificate
+    values = [float(each.text) for each in root.iterfind(".//real/value")]
+    assert values == [row["value"] for row in certificate["coefficients"]]
+    said = [each.text for each in root.iterfind(".//measuringEquipment//value")]
+    assert said == [meter["serial"] for meter in certificate["meters"]]
+    for country in ("Germany", "de"):
+        answer = house.http.get(f"/v1/calibrations/{version['id']}/certificate.xml?country={country}")
+        assert answer.status_code == 422
 
 
 def test_its_figures_are_the_versions(house, version):

@@ -10,11 +10,12 @@ from jsonschema import Draft202012Validator
 
 from radiometry import methods
 from radiometry.fitting.curve import coverage_factor
-from service.certificate import lay_out, render_pdf
+from service.certificate import dcc, lay_out, render_pdf, write_dcc
 from service.certificate.gaps import list_gaps
 from service.schemas.certificates import CertificateAnswer
 from tests.support.campaigns import calibrate
 from tests.support.certificates import certificate_of
+from tests.support.dcc import read_dcc
 from tests.support.every_method import (
     BOARD,
     PANEL_REFLECTANCE,
@@ -110,6 +111,43 @@ def test_its_coefficients_are_the_versions_with_their_coverage(version_of, certi
         else:
             assert row["standard_uncertainty"] == 0.0 or method == "reflectance"
     assert methods.get_method(method).certificate.headlines & {row["name"] for row in stated}
+
+
+@pytest.mark.parametrize("method", OTHERS)
+def test_a_dcc_has_its_coefficients_in_units_of_d_si(sqlite_house, version_of, certificate_by, method):
+    path = f"/v1/calibrations/{version_of(method)['id']}/certificate.xml"
+    refused = sqlite_house.http.get(path, params={"country": "DE"})
+    assert (refused.status_code, "with customer" in refused.json()["detail"]) == (422, True)
+    certificate = certificate_by(method)
+    certificate["work"] |= {"customer": "A & <B>\x01", "first_day": "2026-05-01", "last_day": "2026-05-02"}
+    root = read_dcc(write_dcc(certificate, country="DE"))
+    assert root.findtext("administrativeData/customer/name/content") == "A & <B>\ufffd"
+    stated = [
+        [each.findtext(f"data/quantity/real/{name}") for name in ("value", "expandedUnc/uncertainty")]
+        for each in root.iter("result")
+    ]
+    rows = certificate["coefficients"]
+    assert stated == [[repr(row["value"]), repr(row["expanded_uncertainty"])] for row in rows]
+    names = [each.findtext("name/content") for each in root.iter("result")]
+    assert len(set(names)) == len(names)
+
+
+@pytest.mark.parametrize(
+    ("unit", "written"),
+    [
+        ("DN*m2/(cd*s)", r"\metre\tothe{2}\candela\tothe{-1}\second\tothe{-1}"),
+        ("m2*sr*nm/W", r"\metre\tothe{2}\steradian\nano\metre\watt\tothe{-1}"),
+        ("lp/mm", r"\milli\metre\tothe{-1}"),
+        ("LW/PH", r"\one"),
+    ],
+)
+def test_a_unit_is_written_as_d_si_has_it(unit, written):
+    assert dcc.write_unit(unit) == written
+
+
+def test_every_unit_of_a_coefficient_is_written():
+    units = {unit for spec in methods.METHODS for each in spec.coefficients for unit in each.units}
+    assert all(dcc.write_unit(unit) for unit in units)
 
 
 def test_a_panel_takes_the_place_of_meters(certificate_by):
