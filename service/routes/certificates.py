@@ -28,7 +28,7 @@ router = APIRouter(prefix="/v1/calibrations/{calibration_id}", tags=["certificat
 
 
 class DccOptions(Form):
-    """What a DCC states beyond the certificate."""
+    """Entries of a DCC that the certificate lacks."""
 
     country: str = Field(pattern="^[A-Z]{2}$", description="Of the laboratory: two letters of ISO 3166.")
 
