@@ -64,7 +64,7 @@ def crop(context: Context, claim: Claim) -> Outcome:
 
 
 def _choose_range(pixels: Frame, low_dn: float | None, high_dn: float | None) -> tuple[float, float]:
-    """From the black level, or what is darker, to the brightest but a thousandth of the window."""
+    """Return the values shown black, the black level or a darker one, and white, near the brightest."""
     dark, bright = (float(value) for value in np.percentile(pixels.samples_dn, _PERCENTILES))
     low = min(dark, float(np.mean(pixels.black_level_dn))) if low_dn is None else low_dn
     return low, max(bright, low + 1.0) if high_dn is None else high_dn
