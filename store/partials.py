@@ -24,6 +24,7 @@ from store.settings import Settings
 
 LASTS_S: Final = 7 * 24 * 3600
 _HEAD_BYTES: Final = 64 << 10
+_READ_BYTES: Final = (4 << 10, *(_HEAD_BYTES,) * 9)
 _STATE: Final = struct.Struct("<Q16sI")
 _MOST_READ: Final = 1 << 20
 _DONE: Final = "done"
@@ -159,8 +160,13 @@ class Partial:
 
     def read_facts(self) -> Facts:
         with self._open() as file:
-            _, _, length = _STATE.unpack(file.read(_STATE.size))
-            return Facts(**json.loads(file.read(length)))
+            for most in _READ_BYTES:
+                head = os.pread(file.fileno(), most, 0)
+                _, _, length = _STATE.unpack(head[: _STATE.size])
+                # longer than was read, or it becomes a frame at this moment
+                with suppress(ValueError):
+                    return Facts(**json.loads(head[_STATE.size : _STATE.size + length]))
+        raise RuntimeError(f"the head of {self._path} cannot be read")
 
     def read_offset(self) -> int:
         """Return how many bytes are durable."""

@@ -13,6 +13,7 @@ from sqlalchemy import func, select
 from tusclient.client import TusClient
 
 import stilb
+from bench.cuts import Cuts, run
 from store.tables import Blob, FrameRow
 from tests.support.blobs import files
 from tests.support.fieldwork import Team
@@ -162,6 +163,19 @@ def test_what_has_arrived_before_a_cut_is_not_sent_again(team, campaign, tmp_pat
     # of one MiB each, where begun anew each time they would be three times as many
     assert pieces <= path.stat().st_size // MEGABYTE + 2 * cuts
     assert frame.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+# tuspy leaves the closing of its connections to the collector
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_files_arrive_whole_through_lines_that_break(embedded, tmp_path):
+    """The benchmark, at a size where its seconds mean nothing."""
+    few = Cuts(
+        resets=3, silences=0, kills=0, file_bytes=2 * MEGABYTE, rate=8.0 * MEGABYTE, lines=2, at_once=2,
+        slowest=1e5, fastest=4e5, lasts_s=(1.0, 1.5), every_s=(0.3, 0.6),
+    )  # fmt: skip
+    found = run(few, embedded, tmp_path)
+    assert [(each.wrong, each.cuts > 0) for each in found] == [(0, True)] * 3
+    assert found[-1].files == 2
 
 
 class StoppedError(Exception):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from store.partials import LASTS_S, Facts, OtherOffset, Partials, Superseded
+from store.partials import _STATE, LASTS_S, Facts, OtherOffset, Partials, Superseded
 
 FACTS = Facts(
     organisation_id="org_1",
@@ -85,3 +85,23 @@ def test_what_has_expired_is_not_found_and_is_swept(partials, monkeypatch):
 def test_what_another_organisation_has_begun_is_not_found(partials):
     partials.begin("token", FACTS)
     assert partials.find("token", "org_2") is None
+
+
+def test_who_reads_while_it_becomes_a_frame_reads_one_state_or_the_other(partials, monkeypatch):
+    begun = partials.begin("token", FACTS)
+
+    class Interrupted:
+        """The file becomes a frame as soon as its head has been looked at."""
+
+        size, pack, told = _STATE.size, _STATE.pack, False
+
+        def unpack(self, head):
+            found = _STATE.unpack(head)
+            if not self.told:
+                self.told = True
+                begun.become("frm_1")
+            return found
+
+    monkeypatch.setattr("store.partials._STATE", Interrupted())
+    assert begun.read_facts().frame_id in {"", "frm_1"}
+    assert begun.read_facts().frame_id == "frm_1"
