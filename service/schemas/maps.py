@@ -40,7 +40,8 @@ class ValueUncertainty(Answer):
     u_constant: float = Field(description="Of the dark signal and of stray light: the same in every pixel.")
     u_pixel: float = Field(
         description="A single pixel's own, as it was found in the measured region; a mean over a square "
-        "of n x n pixels has about 1/n of it."
+        "of n x n pixels has 1/n of it, up to 1.5/n for `green` and 2.7/n for `grey` of a mosaic, whose "
+        "pixels share raw values."
     )
 
 
