@@ -1,5 +1,6 @@
 """The certificate of a calibration, or of a rig: one document, given as JSON and typeset as PDF."""
 
+from service.certificate.dataset import describe_dataset
 from service.certificate.dcc import write_dcc
 from service.certificate.document import build_certificate
 from service.certificate.pages import lay_out
@@ -11,6 +12,7 @@ from service.certificate.rig import build_rig_certificate, lay_out_rig
 __all__ = [
     "build_certificate",
     "build_rig_certificate",
+    "describe_dataset",
     "draw_region",
     "find_pdf",
     "lay_out",

@@ -11,9 +11,10 @@ from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
 from service.auth import Caller, Reader
-from service.certificate import build_certificate, draw_region, find_pdf, lay_out, write_dcc
+from service.certificate import build_certificate, describe_dataset, draw_region, find_pdf, lay_out, write_dcc
 from service.certificate.sheet import Node, write_json
 from service.context import Context, UsesContext
+from service.hosts import absolute
 from service.immutable import not_modified, standing_headers
 from service.lookup import Id, owned
 from service.problems import Problem
@@ -83,6 +84,17 @@ def get_certificate_dcc(
         detail = f"A DCC needs more of the campaign: PATCH /v1/campaigns/{{id}} with {' and '.join(lacking)}."
         raise Problem(interface.VALIDATION_FAILED, detail)
     return _answer(request, write_dcc(certificate, country=query.country), "application/xml")
+
+
+@router.get("/dataset.jsonld", response_class=Response, responses=sends_file("application/ld+json"))
+def get_dataset_jsonld(
+    calibration_id: Id, request: Request, caller: Reader, context: UsesContext
+) -> Response:
+    """The certificate as a schema.org Dataset with Dublin Core terms (JSON-LD), for a catalogue."""
+    with context.database.reading() as session:
+        certificate = build_certificate(_gather(context, session, calibration_id, caller)).dump()
+    described = describe_dataset(certificate, address=absolute(request, f"/v1/calibrations/{calibration_id}"))
+    return _answer(request, write_json(described).encode(), "application/ld+json")
 
 
 def send_certificate_json(request: Request, certificate: Node) -> Response:
