@@ -89,7 +89,7 @@ release: $(VENV)/dev  ## check version, change log, tree and both wheels for a r
 
 lock: $(VENV)/uv  ## resolve the dependencies again, with hashes; needs npm
 	uv pip compile -q -U --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 --extra server pyproject.toml -o requirements.lock
-	uv pip compile -q -U --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 --extra dev -c requirements.lock pyproject.toml -o requirements-dev.lock
+	uv pip compile -q -U --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 --extra dev --extra otel -c requirements.lock pyproject.toml -o requirements-dev.lock
 	echo openapi-python-client | uv pip compile -q -U --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 - -o tests/flow/clients/requirements.lock
 	npm --prefix tests/flow/clients update --package-lock-only --omit-lockfile-registry-resolved --no-audit --no-fund
 

@@ -59,6 +59,7 @@ def describe(root: Path) -> str:
             **{key: project[key] for key in ("license", "license-files")},
             "dependencies": project["optional-dependencies"]["server"],
         },
+        "project.optional-dependencies": {"otel": project["optional-dependencies"]["otel"]},
         "project.scripts": {"stilb-server": "service.command:main"},
         "tool.uv.build-backend": {"module-name": list(ROOMS), "module-root": "", "namespace": True},
     }

@@ -39,6 +39,7 @@ from store.pulse import Pulse
 from store.queries.keys import ensure_operator
 from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers
 from store.settings import Settings, read_settings
+from store.tracing import configure_tracing
 from store.usage import recount_all
 
 gc.freeze()
@@ -68,6 +69,7 @@ def build_context(settings: Settings) -> Context:
 def main() -> int:
     settings = read_settings()
     configure_logging(settings.log)
+    configure_tracing("service")
     secret = settings.key.get_secret_value()
     try:
         close_to_others(settings.data.absolute(), report)

@@ -21,6 +21,7 @@ from service.job_watch import JobWatch
 from service.metrics import Metrics
 from service.problems import Problem
 from store.logs import fields
+from store.tracing import span
 
 log = logging.getLogger("stilb.request")
 
@@ -30,6 +31,7 @@ _PLAIN = re.compile(r"[\w.:-]{1,64}", re.ASCII)
 # what machines ask for every few seconds, and what a page loads
 _UNLOGGED = ("/livez", "/readyz", "/metrics", "/static/")
 _LINGER_S = 1.0
+_OURS = 500
 _METHODS = frozenset(HTTPMethod)
 
 
@@ -76,7 +78,10 @@ class Traffic:
         self._open.add(exchange)
         self._empty.clear()
         began = monotonic()
-        with fields(request_id=exchange.request_id):
+        known, parent = {"request_id": exchange.request_id}, Headers(scope=scope).get("traceparent")
+        wanted = not scope["path"].startswith(_UNLOGGED)
+        traced = span("request", kind="SERVER", parent=parent, known=known, wanted=wanted)
+        with fields(**known), traced as note:
             try:
                 await app(scope, receive, exchange.send)
             except asyncio.CancelledError:
@@ -92,8 +97,9 @@ class Traffic:
                 method = scope["method"] if scope["method"] in _METHODS else "other"
                 took_s = monotonic() - began
                 self.metrics.requests.labels(method, route, exchange.status).observe(took_s)
+                told = {"method": method, "route": route, "status": exchange.status}
+                note(told, name=f"{method} {route}", failed=exchange.status >= _OURS)
                 if not route.startswith(_UNLOGGED):
-                    told = {"method": method, "route": route, "status": exchange.status}
                     log.info("request", extra={"fields": told | {"duration_s": round(took_s, 4)}})
                 self._open.discard(exchange)
                 if not self._open:

@@ -61,6 +61,7 @@ class Claim:
     parameters: dict[str, Any]
     created_by: str
     faulty_since: datetime | None
+    traceparent: str | None
 
 
 @dataclass

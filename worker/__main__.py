@@ -18,6 +18,7 @@ from store.parts import Presence
 from store.pulse import Pulse
 from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers
 from store.settings import Settings, read_settings
+from store.tracing import configure_tracing
 from worker.context import Context
 from worker.decode.malloc import keep_memory, share_one_arena
 from worker.decode.pool import DecoderPool, DecoderUnavailable
@@ -118,6 +119,7 @@ def main() -> int:
     keep_memory()
     settings = read_settings()
     configure_logging(settings.log)
+    configure_tracing("worker")
     context = build_context(settings)
     try:
         context.database.guard_schema()

@@ -18,6 +18,7 @@ from store.files import describe_damage
 from store.jobs import Claim, Dependency, LeaseLost, Turn
 from store.logs import fields
 from store.schema import SchemaDiffers
+from store.tracing import span
 from worker.context import Context
 from worker.decode.pool import DecoderKilled
 from worker.needs import DATABASE_AWAY, find_dependency
@@ -50,7 +51,9 @@ def run(context: Context, claim: Claim) -> None:
     """Do a job and end it, unless another worker holds it by then."""
     began = time.monotonic()
     told = {"kind": claim.kind, "subject_id": claim.subject_id, "attempt": claim.attempt}
-    with context.leases.hold(claim), fields(job_id=claim.job_id, **told):
+    known = {"job_id": claim.job_id, **told}
+    traced = span(f"job {claim.kind}", kind="CONSUMER", parent=claim.traceparent, known=known)
+    with context.leases.hold(claim), fields(**known), traced as note:
         ending = _work(context, claim)
         try:
             try:
@@ -68,6 +71,7 @@ def run(context: Context, claim: Claim) -> None:
             took_s = time.monotonic() - began
             context.durations.observe(claim.kind, took_s)
             log.info("job", extra={"fields": {**ended, "duration_s": round(took_s, 4)}})
+            note(ended, failed=ended["state"] == "failed")
 
 
 def problem(code: str, detail: str) -> dict[str, Any]:

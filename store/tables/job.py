@@ -7,6 +7,7 @@ from sqlalchemy.orm import Mapped, mapped_column
 
 from store.columns import UtcDateTime, new_id, utc_now
 from store.tables.base import Base, Json
+from store.tracing import present_traceparent
 
 KINDS = ("extract", "fit", "measure")
 
@@ -21,6 +22,8 @@ class Job(Base):
     ----------
     result : dict or None
         Ids and links of what was made.
+    traceparent : str or None
+        The trace of the request that queued it, by W3C Trace Context.
     dismissed_at : datetime or None
         When a person dismissed its failure: it is no longer listed as one to mend.
     """
@@ -78,6 +81,7 @@ class Job(Base):
     lease_until: Mapped[datetime | None] = mapped_column(UtcDateTime)
     due_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
     faulty_since: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    traceparent: Mapped[str | None] = mapped_column(default=present_traceparent)
     """When something that it needs first did not answer: it is tried again for a day from then."""
     waits_for: Mapped[str | None]
     """What did not answer at the last attempt; None for a job that waits for its turn alone."""

@@ -1,0 +1,96 @@
+"""OpenTelemetry traces, if OTEL_EXPORTER_OTLP_ENDPOINT is set: one from a request to what its jobs make.
+
+Without the variable nothing is imported here; FastAPI itself brings the API, which then does nothing. The
+libraries are the extra `stilb-server[otel]`.
+"""
+
+import logging
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, Protocol
+
+from store.software import read_version
+
+log = logging.getLogger(__name__)
+
+
+class Note(Protocol):
+    """Adds attributes to a span, and names it better."""
+
+    def __call__(
+        self, known: Mapping[str, Any], *, name: str | None = None, failed: bool = False
+    ) -> None: ...
+
+
+_EXPORTED_EVERY_MS = 1000
+_EXPORT_WITHIN_S = 5.0
+_tracers: list[Any] = []
+"""The process's tracer, once traces are configured."""
+
+
+def configure_tracing(part: str) -> None:
+    """Send the spans of this process to the endpoint; what cannot be sent is dropped."""
+    if not os.environ.get("OTEL_EXPORTER_OTLP_ENDPOINT"):
+        return
+    try:
+        from opentelemetry.exporter.otlp.proto.http.trace_exporter import OTLPSpanExporter  # noqa: PLC0415
+        from opentelemetry.sdk.resources import Resource  # noqa: PLC0415
+        from opentelemetry.sdk.trace import TracerProvider  # noqa: PLC0415
+        from opentelemetry.sdk.trace.export import BatchSpanProcessor  # noqa: PLC0415
+    except ImportError:
+        log.warning("OTEL_EXPORTER_OTLP_ENDPOINT is set, but stilb-server[otel] is not installed: no traces")
+        return
+    # an endpoint that is away is reported by its library with each attempt; one line of its own is enough
+    logging.getLogger("opentelemetry").setLevel(logging.CRITICAL)
+    told = {"service.namespace": "stilb", "service.name": f"stilb-{part}", "service.version": read_version()}
+    # at the end of the process, an endpoint that is away would hold it up
+    provider = TracerProvider(resource=Resource.create(told), shutdown_on_exit=False)
+    exporter = OTLPSpanExporter(timeout=_EXPORT_WITHIN_S)
+    provider.add_span_processor(BatchSpanProcessor(exporter, schedule_delay_millis=_EXPORTED_EVERY_MS))
+    _tracers[:] = [provider.get_tracer("stilb")]
+
+
+@contextmanager
+def span(
+    name: str, *, kind: str, parent: str | None, known: Mapping[str, Any], wanted: bool = True
+) -> Iterator[Note]:
+    """Trace what happens meanwhile, below the `traceparent` of a request or job if there is one."""
+    if not (_tracers and wanted):
+        yield _forget
+        return
+    from opentelemetry.propagate import extract  # noqa: PLC0415
+    from opentelemetry.trace import SpanKind, StatusCode  # noqa: PLC0415
+
+    above = extract({"traceparent": parent} if parent else {})
+    with _tracers[0].start_as_current_span(
+        name, context=above, kind=SpanKind[kind], attributes=_label(known)
+    ) as begun:
+
+        def note(known: Mapping[str, Any], *, name: str | None = None, failed: bool = False) -> None:
+            begun.set_attributes(_label(known))
+            if name:
+                begun.update_name(name)
+            if failed:
+                begun.set_status(StatusCode.ERROR)
+
+        yield note
+
+
+def present_traceparent() -> str | None:
+    """Return what joins a job to the trace of the present request, as W3C Trace Context writes it."""
+    if not _tracers:
+        return None
+    from opentelemetry.propagate import inject  # noqa: PLC0415
+
+    carrier: dict[str, str] = {}
+    inject(carrier)
+    return carrier.get("traceparent")
+
+
+def _forget(known: Mapping[str, Any], *, name: str | None = None, failed: bool = False) -> None:
+    """Drop what is noted: nothing is traced."""
+
+
+def _label(known: Mapping[str, Any]) -> dict[str, Any]:
+    return {name if "." in name else f"stilb.{name}": value for name, value in known.items()}
