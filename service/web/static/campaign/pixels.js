@@ -27,6 +27,7 @@ export class LargePicture extends PictureView {
     if (this.frame?.id !== frame.id) {
       this.forget();
       this.frame = frame;
+      for (const [name, text] of Object.entries({ role: "img", "aria-label": `Preview of ${frame.filename}` })) this.picture.setAttribute(name, text);
       super.show({ url: `/v1/frames/${frame.id}/preview.png`, width: frame.width_px, height: frame.height_px });
     }
     const draw = (kind) => outlines.map((points) => svg("polygon", { class: kind, points: points.map((point) => point.join(",")).join(" ") }));
