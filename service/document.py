@@ -30,6 +30,7 @@ _EXAMPLES_OF = {
         interface.UPLOAD_VERSION,
         interface.UPLOAD_TOO_LARGE,
         interface.UPLOAD_TYPE,
+        interface.RANGE_OUTSIDE,
         interface.UPLOAD_CHECKSUM_DIFFERS,
         interface.VALIDATION_FAILED,
         interface.STORED_FILE_DAMAGED,

@@ -162,6 +162,12 @@ UPLOAD_VERSION = _refusal(
     "(`Upload-Complete`).",
     "Use a client of one of the two.",
 )
+RANGE_OUTSIDE = _refusal(
+    416,
+    "range_outside",
+    "The header `Range` asks for bytes behind the end of the file.",
+    "Ask for bytes within the size that `Content-Range` states; the file may be complete already.",
+)
 UPLOAD_TYPE = _refusal(
     415,
     "upload_type",

@@ -18,6 +18,7 @@ _MEANINGS = {
     413: "The body is too large.",
     500: "The stored file is damaged or missing; the same upload heals it.",
     415: "The body has another media type than is taken here.",
+    416: "The range lies behind the end of the file.",
     422: "A field is wrong, or what was sent cannot be used; the problem says what and why.",
     429: "Too much at once, or more than your organisation may have; wait as `Retry-After` says.",
     460: "A piece of a file is not the one that was announced.",
@@ -48,7 +49,12 @@ def sends_file(media_type: str) -> dict[int | str, dict[str, Any]]:
 
 def sends_stored_file(media_type: str) -> dict[int | str, dict[str, Any]]:
     """Document a route that sends what the file store keeps, which a disk may have lost."""
-    return {**sends_file(media_type), **problems(404, 500)}
+    part = {media_type: {"schema": {"type": "string", "format": "binary"}}}
+    return {
+        **sends_file(media_type),
+        206: {"description": "The part that `Range` asks for.", "content": part},
+        **problems(404, 416, 500),
+    }
 
 
 def include_routes(app: FastAPI) -> None:

@@ -285,3 +285,49 @@ def test_cells_that_a_spreadsheet_would_run_are_made_text(house):
     for point in negative:
         for value in point.values():
             assert not isinstance(value, float) or f"'{value!r}" not in text
+
+
+@pytest.mark.parametrize(
+    ("asked", "first", "end"),
+    [
+        ("bytes=0-9", 0, 10),
+        ("bytes=1048570-1048585", 1048570, 1048586),  # over the border of a proven piece
+        ("bytes=1100000-", 1100000, 1200000),
+        ("bytes=-5", 1199995, 1200000),
+        ("bytes=1199999-9999999", 1199999, 1200000),
+        ("bytes=0-1,10-11", None, None),
+        ("bytes=9-1", None, None),
+        ("bytes=-", None, None),
+        ("lines=0-1", None, None),
+        ("bytes=1200000-", 0, 0),
+        ("bytes=-0", 0, 0),
+    ],
+)
+def test_a_part_of_a_file_may_be_asked_for(house, large, asked, first, end):
+    place, content = large
+    answer = house.http.get(place, headers={"Range": asked})
+    if first is None:
+        assert (answer.status_code, answer.content) == (200, content)
+    elif first == end:
+        assert (answer.status_code, answer.json()["code"]) == (416, "range_outside")
+        assert answer.headers["Content-Range"] == "bytes */1200000"
+    else:
+        assert (answer.status_code, answer.content) == (206, content[first:end])
+        assert answer.headers["Content-Range"] == f"bytes {first}-{end - 1}/1200000"
+        assert answer.headers["Content-Length"] == str(end - first)
+
+
+def test_a_part_of_another_file_is_not_taken_for_one_of_this(house, large):
+    place, content = large
+    tag = house.http.get(place).headers["ETag"]
+    for condition, status in ((tag, 206), ('"another"', 200), (f"W/{tag}", 200)):
+        headers = {"Range": "bytes=0-9", "If-Range": condition}
+        answer = house.http.get(place, headers=headers)
+        assert (answer.status_code, len(answer.content)) == (status, 10 if status == 206 else len(content))
+
+
+@pytest.fixture
+def large(house):
+    content = bytes(range(256)) * 4687 + bytes(128)
+    frame = house.upload(house.campaign(), content, role="light")
+    return f"/v1/frames/{frame['id']}/content", content
