@@ -24,6 +24,7 @@ class Campaign(Audited, Base):
 
     __tablename__ = "campaign"
     __table_args__ = (
+        CheckConstraint("kind IN ('calibration', 'measurement')", "kind_known"),
         CheckConstraint("surface_reflectance > 0 AND surface_reflectance <= 1", "surface_reflectance_share"),
     )
 

@@ -7,7 +7,8 @@ import pytest
 from alembic import command
 from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
-from sqlalchemy import inspect, select, text
+from sqlalchemy import CheckConstraint, inspect, select, text
+from sqlalchemy.exc import IntegrityError
 
 from store.database import Database
 from store.migrate import NewerSchema, alembic_config, migrate
@@ -38,6 +39,26 @@ def test_the_migrations_make_exactly_the_tables(empty):
     with empty.engine.connect() as connection:
         context = MigrationContext.configure(connection, opts={"compare_type": True})
         assert compare_metadata(context, Base.metadata) == []
+    made = inspect(empty.engine)
+    for table in Base.metadata.sorted_tables:
+        prefix = f"ck_{table.name}_"  # which some names have twice
+        stated = {each.name for each in table.constraints if isinstance(each, CheckConstraint)}
+        found = {each["name"].removeprefix(prefix) for each in made.get_check_constraints(table.name)}
+        assert {each.removeprefix(prefix) for each in found} == {each.removeprefix(prefix) for each in stated}
+
+
+def test_kinds_of_campaigns_are_kept_and_no_other_is_taken(empty):
+    migrate(empty)
+    add_versions(empty, 1)
+    renamed = "UPDATE campaign SET kind = :kind"
+    with empty.engine.begin() as connection:
+        connection.execute(text(renamed), {"kind": "measurement"})
+    downgrade(empty, "0031")
+    migrate(empty)
+    with empty.engine.connect() as connection:
+        assert connection.scalar(text("SELECT kind FROM campaign")) == "measurement"
+    with pytest.raises(IntegrityError), empty.engine.begin() as connection:
+        connection.execute(text(renamed), {"kind": "other"})
 
 
 def test_up_down_and_up_again(empty):
