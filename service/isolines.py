@@ -40,7 +40,7 @@ def answer_isolines(found: OpenMap, asked: LevelsOfMap) -> IsolinesAnswer:
     polygon = found.find_polygon(area)
     window = frame_window(found.layout, polygon)
     pixels = (window.bottom - window.top) * (window.right - window.left)
-    levels = asked.list_levels()
+    levels = asked.read_levels()
     coarse = choose_step((), pixels=pixels, most=MOST_SQUARES, uncertainty=None)
     if not levels:
         levels = _find_levels(found, read_squares(found, window, polygon, step=max(coarse, 4))[0])

@@ -1,4 +1,4 @@
-"""Look of a worker without a job: one statement, since it is asked every two seconds."""
+"""Question of a worker without a job: one statement, since it is asked every two seconds."""
 
 from datetime import timedelta
 from functools import cache
@@ -15,7 +15,7 @@ from store.tables import CampaignReview, Job
 
 
 class Look(NamedTuple):
-    """What there is to do.
+    """Work that waits.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class Look(NamedTuple):
 
 
 def look(session: Session, *, lease_s: float) -> Look:
-    """Return what there is to do."""
+    """Return which work waits."""
     now = utc_now()
     instants = {
         "now": now,

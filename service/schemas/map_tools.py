@@ -92,7 +92,7 @@ class LevelsOfMap(Form):
         ),
     ] = None
 
-    def list_levels(self) -> list[float]:
+    def read_levels(self) -> list[float]:
         return sorted({float(level) for level in (self.levels or "").replace(",", " ").split()})
 
 
