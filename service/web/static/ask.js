@@ -1,7 +1,7 @@
 // A question in a dialog: the browser's own element keeps the focus in it and Escape closes it.
 
 import { about, field } from "./campaign/forms.js";
-import { h } from "./dom.js";
+import { h, openDialog } from "./dom.js";
 import { act } from "./states.js";
 
 /**
@@ -23,7 +23,7 @@ export function ask({ title, body, fields = [], after, submit, danger = false, a
       after,
       h("div", { class: "actions" }, h("button", { type: "button", onclick: () => dialog.close() }, "Cancel"), button),
     );
-    const dialog = h("dialog", { "aria-label": title, onclose: () => (dialog.remove(), done(result)) }, form);
+    const dialog = h("dialog", { "aria-label": title, onclose: () => done(result) }, form);
     form.addEventListener("submit", async (event) => {
       event.preventDefault();
       // what is left empty is left out: the API knows no null
@@ -33,8 +33,7 @@ export function ask({ title, body, fields = [], after, submit, danger = false, a
         dialog.close();
       });
     });
-    document.body.append(dialog);
-    dialog.showModal();
+    openDialog(dialog);
   });
 }
 

@@ -20,10 +20,39 @@ export function svg(tag, attributes = {}, ...children) {
   return element;
 }
 
-/** Put these children in place of what an element holds. */
+/** Put these children in place of what an element holds. What is alike takes the focus of what had it, else the element does. */
 export function fill(element, ...children) {
+  const held = document.activeElement;
+  const holds = held !== element && element.contains(held);
   element.replaceChildren(...present(children));
+  if (holds && document.activeElement !== held) {
+    const same = [...element.querySelectorAll(STOPS)].filter((each) => nameOf(held) && nameOf(each) === nameOf(held));
+    focusOn(same.find((each) => each.localName === held.localName) ?? same[0] ?? element);
+  }
   return element;
+}
+
+const STOPS = "a, button, input, select, textarea, summary, [tabindex]";
+
+/** By which a control is known again: data-keep where neither label nor text stay the same. */
+const nameOf = (control) => control.dataset.keep || control.getAttribute("aria-label") || control.name || control.textContent;
+
+function focusOn(place) {
+  if (!place.matches(STOPS)) place.tabIndex = -1;
+  place.focus({ preventScroll: true });
+}
+
+/** Show a dialog over all else until it is closed; then the focus is where it was, or as near to it as there is anything left. */
+export function openDialog(dialog) {
+  const before = [];
+  for (let each = document.activeElement; each && each !== document.body; each = each.parentElement) before.push(each);
+  dialog.addEventListener("close", () => {
+    dialog.remove();
+    const left = before.find((each) => each.isConnected);
+    if (left && document.activeElement === document.body) focusOn(left);
+  });
+  document.body.append(dialog);
+  dialog.showModal();
 }
 
 /** A sentence as nodes: what stands between backticks is a name. */

@@ -49,12 +49,13 @@ export function failed(error, again) {
   );
 }
 
-/** Run what a button or a form starts: once at a time, with its problem shown beside it. */
+/** Run what a button or a form starts: once at a time, with its problem shown beside it. The button keeps the focus. */
 export async function act(button, action) {
+  if (button.ariaDisabled) return undefined;
   const scope = button.closest("form, dialog, .card, tr, section") ?? button.parentElement;
   scope.querySelectorAll(".act-failed").forEach((old) => old.remove());
-  button.disabled = true;
-  button.setAttribute("aria-busy", "true");
+  if (button.matches("button")) button.ariaDisabled = "true";
+  button.ariaBusy = "true";
   try {
     return await action();
   } catch (error) {
@@ -63,7 +64,6 @@ export async function act(button, action) {
     (button.closest(".actions, td") ?? button).after(said);
     return undefined;
   } finally {
-    button.disabled = false;
-    button.removeAttribute("aria-busy");
+    button.ariaDisabled = button.ariaBusy = null;
   }
 }

@@ -26,10 +26,7 @@ export function checklistSection(state) {
   };
   async function change(said, button) {
     try {
-      const list = await patch(`${state.path}/checklist`, said);
-      const focused = document.activeElement?.dataset.key;
-      draw(list);
-      if (focused) element.querySelector(`[data-key="${focused}"]`)?.focus();
+      draw(await patch(`${state.path}/checklist`, said));
     } catch (error) {
       if (button) button.checked = !button.checked;
       if (error.code === "checklist_signed") await signAgain(said);
@@ -77,12 +74,12 @@ function group(section, items, opened, change) {
   const details = h(
     "details",
     { open: opened.has(section), ontoggle: () => (details.open ? opened.add(section) : opened.delete(section)) },
-    h("summary", {}, h("span", {}, section), h("span", { class: `tag ${done === items.length ? "good" : ""}` }, `${done} of ${items.length}`)),
+    h("summary", { "data-keep": section }, h("span", {}, section), h("span", { class: `tag ${done === items.length ? "good" : ""}` }, `${done} of ${items.length}`)),
     h("ul", { class: "plain" }, items.map((item) => line(item, change))),
   );
   // what the record shows undone is not ticked with the others
   const open = items.filter((item) => !item.done_by && !item.missing);
-  const all = open.length && may("calibrate") ? h("button", { type: "button", class: "small-button", "data-key": section, onclick: () => change({ items: open.map(({ key }) => ({ key, done: true })) }) }, `Tick ${open.length}`, h("span", { class: "hidden" }, ` open items of ${section}`)) : null;
+  const all = open.length && may("calibrate") ? h("button", { type: "button", class: "small-button", "data-keep": section, onclick: () => change({ items: open.map(({ key }) => ({ key, done: true })) }) }, `Tick ${open.length}`, h("span", { class: "hidden" }, ` open items of ${section}`)) : null;
   return h("div", { class: "section" }, details, all);
 }
 
@@ -92,7 +89,7 @@ function line(item, change) {
     type: "checkbox",
     checked: Boolean(item.done_by),
     disabled: !may("calibrate"),
-    "data-key": item.key,
+    "data-keep": item.key,
     onchange: (event) => change({ items: [{ key: item.key, done: event.target.checked }] }, event.target),
   });
   const note = () =>

@@ -1,7 +1,7 @@
 // One frame over the grid: large picture with its region, verdict with its repair, histogram, exposure, and what can be changed.
 
 import { get, patch } from "../api.js";
-import { fill, h, isPressed, may } from "../dom.js";
+import { fill, h, isPressed, may, openDialog } from "../dom.js";
 import { bytes, exposureTime, fixed, number, percent, time, typeset, words } from "../format.js";
 import { pause } from "../live.js";
 import { mark } from "../marks.js";
@@ -57,7 +57,7 @@ export function openFrame(state, first, { order, back }) {
   const download = h("a", { class: "button quiet small-button" }, "Download");
   const dialog = h(
     "dialog",
-    { class: "frame-sheet", tabindex: "-1", "aria-labelledby": "frame-name", onclose: () => (state.removeEventListener("frames", renew), dialog.remove(), back(id)) },
+    { class: "frame-sheet", tabindex: "-1", "aria-labelledby": "frame-name", onclose: () => (state.removeEventListener("frames", renew), back(id)) },
     h("div", { class: "sheet-head" }, h("div", { class: "title-line" }, title, count), h("p", { class: "actions" }, before, after, button(["Close ", h("kbd", {}, "Esc")], () => dialog.close(), { class: "quiet small-button" }))),
     h("div", { class: "sheet-body" }, look, tell),
     h("div", { class: "sheet-foot" }, h("p", { class: "actions" }, may("calibrate") ? [move, out, gone, region] : null, download), h("span", { class: "small muted" }, h("kbd", {}, "←"), " ", h("kbd", {}, "→"), " walk  ", h("kbd", {}, "M"), " move  ", h("kbd", {}, "X"), " leave out  ", h("kbd", {}, "Z"), " undo"), check),
@@ -122,9 +122,8 @@ export function openFrame(state, first, { order, back }) {
     }
   }
 
-  document.body.append(dialog);
   show(first);
-  dialog.showModal();
+  openDialog(dialog);
 }
 
 const isFilledIn = (place) => [...place.querySelectorAll("input")].some((input) => input.value !== input.defaultValue);

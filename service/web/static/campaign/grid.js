@@ -346,18 +346,19 @@ export function gridSection(state) {
   function drawCounts() {
     const count = (outcome) => state.frames.filter((frame) => (outcome === "out" ? frame.left_out !== null : frame.left_out === null && frame.outcome === outcome)).length;
     const options = [["", "All", null, state.frames.length], ...Object.entries(OUTCOMES).map(([outcome, [kind, said]]) => [outcome, said, kind, count(outcome)]), ["out", "Left out", "out", count("out")], ["gap", "Gaps", "gap", state.gaps.length]];
-    const focused = outcomes.contains(document.activeElement) ? document.activeElement.dataset.outcome : undefined;
     fill(outcomes, options.filter(([name, , , of]) => name === "" || of || view.outcome === name).map(([name, said, kind, of]) =>
-      h("button", { type: "button", "aria-pressed": String(view.outcome === name), "data-outcome": name, onclick: () => ((view.outcome = name), draw()) }, kind ? mark(kind) : null, " ", said, " ", h("small", {}, number(of, 6)))));
-    if (focused !== undefined) outcomes.querySelector(`[data-outcome="${focused}"]`)?.focus();
+      h("button", { type: "button", "aria-pressed": String(view.outcome === name), "data-keep": `outcome ${name}`, onclick: () => ((view.outcome = name), draw()) }, kind ? mark(kind) : null, " ", said, " ", h("small", {}, number(of, 6)))));
   }
 
   function drawBulk() {
+    const held = bulk.contains(document.activeElement);
     for (const id of chosen) if (!state.byId.has(id)) chosen.delete(id);
     bulk.hidden = chosen.size === 0;
     if (chosen.size && !bulk.firstChild) fill(bulk, bulkForm(state, chosen, () => (chosen.clear(), update(), drawBulk())));
-    if (!chosen.size) fill(bulk);
-    else bulk.querySelector(".bulk-count").textContent = `${number(chosen.size, 6)} selected`;
+    if (!chosen.size) {
+      fill(bulk);
+      if (held) body.querySelector("td > [tabindex='0']")?.focus();
+    } else bulk.querySelector(".bulk-count").textContent = `${number(chosen.size, 6)} selected`;
   }
 
   const meters = async () => book.refresh(await all("/v1/meters"));

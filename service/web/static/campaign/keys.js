@@ -1,6 +1,6 @@
 // The keys of the grid. Letters can be switched off, for those whose speech or switch types them by accident.
 
-import { h } from "../dom.js";
+import { h, openDialog } from "../dom.js";
 
 const KEPT = "stilb-letter-keys";
 const KEYS = [
@@ -21,12 +21,11 @@ export const lettersOn = () => localStorage.getItem(KEPT) !== "off";
 export function showKeys() {
   const dialog = h(
     "dialog",
-    { "aria-labelledby": "keys", onclose: () => dialog.remove() },
+    { "aria-labelledby": "keys" },
     h("h2", { id: "keys" }, "Keys"),
     h("dl", { class: "facts" }, KEYS.map(([key, does]) => [h("dt", {}, h("kbd", {}, key)), h("dd", {}, does)])),
     h("label", { class: "check" }, h("input", { type: "checkbox", checked: lettersOn(), onchange: (event) => localStorage.setItem(KEPT, event.target.checked ? "on" : "off") }), "Letter keys"),
     h("p", { class: "actions" }, h("button", { type: "button", onclick: () => dialog.close() }, "Close")),
   );
-  document.body.append(dialog);
-  dialog.showModal();
+  openDialog(dialog);
 }

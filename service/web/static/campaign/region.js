@@ -120,6 +120,7 @@ function build(state, drawable) {
   state.on("draw-on", (event) => {
     take(event.detail);
     byId("region").scrollIntoView();
+    canvas.element.focus({ preventScroll: true });
   });
   const element = h(
     "div",

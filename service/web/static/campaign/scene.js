@@ -1,7 +1,7 @@
 // The head of a scene's row: its reading is typed in place, all its readings and their spread stand beside it.
 
 import { post, send } from "../api.js";
-import { fill, h, may, svg, table, toast } from "../dom.js";
+import { fill, h, may, openDialog, svg, table, toast } from "../dom.js";
 import { counted, number, percent, time } from "../format.js";
 import { inOrder } from "../groups.js";
 import { Turns } from "../live.js";
@@ -113,11 +113,10 @@ function openReadings(scene, book) {
   const form = may("calibrate")
     ? h("form", { onsubmit: (event) => (event.preventDefault(), act(event.submitter, add)) }, h("div", { class: "fields" }, field("Value", value, null, about("NewReading", "value")), field("Unit", unit, null, about("NewReading", "unit")), field("Meter", meter, null, about("NewReading", "meter_id")), field("Time (UTC)", taken, null, about("NewReading", "taken_at"))), h("div", { class: "actions" }, h("button", { type: "button", onclick: () => dialog.close() }, "Close"), h("button", { class: "primary", type: "submit" }, "Add reading")))
     : null;
-  const dialog = h("dialog", { "aria-labelledby": "readings-of", onclose: () => (book.removeEventListener("change", draw), dialog.remove()) }, h("h2", { id: "readings-of" }, `Readings of ${scene}`), list, form);
+  const dialog = h("dialog", { "aria-labelledby": "readings-of", onclose: () => book.removeEventListener("change", draw) }, h("h2", { id: "readings-of" }, `Readings of ${scene}`), list, form);
   book.addEventListener("change", draw);
   draw();
-  document.body.append(dialog);
-  dialog.showModal();
+  openDialog(dialog);
 }
 
 /** Readings as a table, each with its way out and back. */

@@ -60,7 +60,7 @@ export function uploadSection(state) {
     waiting = false;
     panel.hidden = queue.items.length === 0;
     if (panel.hidden) return;
-    fillKept(head, summary(state, queue, given));
+    fill(head, summary(state, queue, given));
     patterns.element.hidden = !queue.items.some((item) => !item.armed && !item.edited && EDITABLE.includes(item.state));
     list.show([...queue.items]);
   };
@@ -275,13 +275,6 @@ function progressOf(state, item) {
 function judgeAgain(queue, judgeName) {
   for (const item of queue.items) if (!item.edited && !item.armed && EDITABLE.includes(item.state)) Object.assign(item, { scene: undefined, upload: undefined, once: undefined }, judgeName(item.name));
   queue.changed();
-}
-
-/** As fill, but a button that has the focus keeps it. */
-function fillKept(element, children) {
-  const kept = element.contains(document.activeElement) ? document.activeElement.dataset.keep : undefined;
-  fill(element, children);
-  if (kept) element.querySelector(`[data-keep="${kept}"]`)?.focus();
 }
 
 function debounce(work, ms) {

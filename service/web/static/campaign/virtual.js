@@ -23,6 +23,7 @@ export function virtualTable({ columns, rowHeight, caption, draw, keyOf, markOf,
   let items = [];
   let drawn = new Map();
   let waiting = false;
+  let walked;
 
   function update() {
     waiting = false;
@@ -31,7 +32,12 @@ export function virtualTable({ columns, rowHeight, caption, draw, keyOf, markOf,
     const to = Math.min(items.length, Math.ceil((element.scrollTop + seen) / rowHeight) + MARGIN);
     const next = new Map();
     for (let index = from; index < to; index += 1) next.set(keyOf(items[index]), rowOf(items[index], index));
-    for (const [key, row] of drawn) if (!next.has(key)) row.element.remove();
+    let left;
+    for (const [key, row] of drawn) {
+      if (next.has(key)) continue;
+      if (row.element.contains(document.activeElement)) left = row.element.rowIndex;
+      row.element.remove();
+    }
     let place = above;
     for (const row of next.values()) {
       // moved only where it must be: a row that stays keeps its focus
@@ -43,7 +49,30 @@ export function virtualTable({ columns, rowHeight, caption, draw, keyOf, markOf,
     below.firstChild.style.height = `${(items.length - to) * rowHeight}px`;
     above.hidden = from === 0;
     below.hidden = to === items.length;
+    setStops();
+    // the row that follows takes the focus of one that is gone
+    if (left) controlsOf(grid.rows[Math.min(left, next.size + 1)] ?? below).at(-1)?.focus({ preventScroll: true });
   }
+
+  // ---- walking: the controls of one row alone are in the order of Tab, up and down lead to the others
+
+  const controlsOf = (row) => [...row.querySelectorAll("button, input, select")];
+  function setStops() {
+    const rows = [...drawn.values()].map((row) => row.element);
+    const active = rows.find((row) => row === walked) ?? rows[0];
+    for (const row of rows) for (const control of controlsOf(row)) control.tabIndex = row === active ? 0 : -1;
+  }
+  body.addEventListener("focusin", (event) => {
+    walked = event.target.closest("tr");
+    setStops();
+  });
+  body.addEventListener("keydown", (event) => {
+    const way = { ArrowDown: "nextElementSibling", ArrowUp: "previousElementSibling" }[event.key];
+    if (!way || event.target.matches("select")) return;
+    const at = controlsOf(walked).indexOf(event.target) - controlsOf(walked).length;
+    controlsOf(walked[way] ?? above).at(at)?.focus();
+    event.preventDefault();
+  });
 
   function rowOf(item, index) {
     const mark = markOf(item);

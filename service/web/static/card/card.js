@@ -49,10 +49,9 @@ export function startCard(zone, place, rest) {
   }
 
   function look(card) {
-    const focused = place.contains(document.activeElement) ? document.activeElement.dataset.keep : undefined;
     card.found = propose(card.rows, { methods: METHODS, ...card.known }, card.choice);
     show(cardView(card, { changed: () => look(card), cancel, send: (button) => act(button, () => send(card)) }));
-    (place.querySelector(`[data-keep="${CSS.escape(focused ?? "")}"]`) ?? (card.looked ? null : place.querySelector("h1")))?.focus();
+    if (!card.looked) place.querySelector("h1")?.focus();
     card.looked = true;
   }
 

@@ -3,7 +3,7 @@
 import { causeList, small } from "../causes.js";
 import { about, field, select } from "../campaign/forms.js";
 import { titleOf } from "../campaign/named.js";
-import { fill, figure, h } from "../dom.js";
+import { fill, figure, h, openDialog } from "../dom.js";
 import { bytes, counted, exposureTime, number, percent, span, tag } from "../format.js";
 import { mark } from "../marks.js";
 import { kindOf, labelOf, roleLabel, roleOptions } from "../methods.js";
@@ -189,7 +189,7 @@ function showFrames(found, scene, choice, tell) {
   const names = scenesOf(found).map((each) => each.scene);
   const fresh = freshName(found);
   const body = h("div", { class: "table" });
-  const dialog = h("dialog", { class: "frame-dialog", "aria-label": "Frames of the scene", onclose: () => (dialog.remove(), tell.changed()) }, h("div", { class: "section-head" }, h("h2", {}, `${scene.scene ?? roleLabel(scene.role)}: ${counted(scene.frames.length, "frame")}`), h("button", { type: "button", class: "quiet", onclick: () => dialog.close() }, "Close")), body);
+  const dialog = h("dialog", { class: "frame-dialog", "aria-label": "Frames of the scene", onclose: tell.changed }, h("div", { class: "section-head" }, h("h2", {}, `${scene.scene ?? roleLabel(scene.role)}: ${counted(scene.frames.length, "frame")}`), h("button", { type: "button", class: "quiet", onclick: () => dialog.close() }, "Close")), body);
   const sceneOf = (frame) => choice.said.get(frame.key)?.scene ?? frame.scene;
   const draw = () =>
     fill(body, h("table", {}, h("thead", {}, h("tr", {}, ["Frame", "Taken", "Exposure", "Scene", "Send", ""].map((text) => h("th", { scope: "col" }, text || h("span", { class: "hidden" }, "Split"))))), h("tbody", {}, scene.frames.map((frame, at) =>
@@ -204,8 +204,7 @@ function showFrames(found, scene, choice, tell) {
         h("td", {}, scene.scene !== undefined && at > 0 ? small("Split here", () => (move(choice, scene.frames.slice(at), { scene: fresh }), draw()), { quiet: true, "aria-label": `Split here: ${shortName(frame.name)} starts ${fresh}` }) : null),
       )))));
   draw();
-  document.body.append(dialog);
-  dialog.showModal();
+  openDialog(dialog);
 }
 
 function cameraCard({ found: { camera, cameras, frames }, inForce }) {
