@@ -23,8 +23,6 @@ def test_the_list_says_what_is_in_force_and_leads_on(page, cameras):
     expect(newest).to_contain_text("2026-05-03")
     expect(newest).to_contain_text("1 flag")
     expect(rows.filter(has_text=SERIALS[2])).to_contain_text("none")
-    check_access(page)
-    look(page, "cameras")
     newest.get_by_role("link", name="DJI FC6520").click()
     expect(page).to_have_url(re.compile(f"/cameras/{cameras[0]}$"))
 
@@ -165,7 +163,6 @@ def test_what_is_wrong_is_told_in_the_dialog_and_nothing_is_lost(page):
 def test_the_fleet_is_judged_and_the_answer_is_said_in_words(page):
     page.goto("/fleet")
     settle(page)
-    check_access(page)
     page.get_by_role("checkbox", name=SERIALS[2]).uncheck()
     page.get_by_label("Accepted deviation").fill("5")
     page.get_by_role("button", name="Compare").click()

@@ -11,7 +11,7 @@ from sqlalchemy import select
 from store.columns import new_id
 from store.tables import Blob, FrameRow
 from tests.service.test_found_panels import state_panel
-from tests.support.browser import check_access, look, settle, sign_in, visit
+from tests.support.browser import DIALOG, check_access, look, settle, sign_in, visit
 from tests.support.data import data_file
 from tests.support.fieldwork import write_campaign
 from tests.support.frames import write_frame
@@ -78,6 +78,14 @@ def test_patterns_say_what_the_camera_s_files_are(page, shots):
 
 def move_to_dusk_and_undo(page, frame_id):
     """What the service answered before the undo arrives after it, and is not shown."""
+    page.keyboard.press("?")
+    expect(page.get_by_role("dialog", name="Keys")).to_be_visible()
+    check_access(page, DIALOG)
+    page.keyboard.press("Escape")
+    expect(page.locator(f'[data-id="{frame_id}"]')).to_be_focused()
+    page.keyboard.press("m")
+    check_access(page, DIALOG)
+    page.get_by_role("dialog").get_by_label("Scene").fill("dusk")
     late = []
     page.route("**/grid?*", lambda route: late.append((route, route.fetch())), times=1)
     page.keyboard.press("Enter")
@@ -138,8 +146,6 @@ def test_frames_are_walked_moved_left_out_and_restored_by_keys_alone(page, team,
     check_access(page)
     look(page, "campaign-grid")
     page.locator(f'[data-id="{first}"]').focus()
-    page.keyboard.press("m")
-    page.get_by_role("dialog").get_by_label("Scene").fill("dusk")
     move_to_dusk_and_undo(page, first)
     expect(page.locator(f'[data-id="{first}"]')).to_be_focused()
     page.keyboard.press("Enter")
@@ -386,12 +392,14 @@ def test_the_checklist_is_ticked_noted_and_signed(page, team):
     expect(page.locator("#checklist summary", has_text="Equipment")).to_contain_text("1 of")
     page.get_by_role("button", name="Note on: A dimmable lamp").click()
     page.get_by_label("What was done").fill("40 W halogen")
+    check_access(page, DIALOG)
     page.get_by_role("button", name="Save").click()
     expect(page.get_by_text("“40 W halogen”")).to_be_visible()
     page.evaluate("scrollTo(0, 0)")
     check_access(page)
     page.get_by_role("button", name="Sign the checklist").click()
     page.get_by_label("Operator").fill("A. Meier")
+    check_access(page, DIALOG)
     page.get_by_role("button", name="Sign", exact=True).click()
     expect(page.get_by_text("Signed by A. Meier")).to_be_visible()
 
@@ -418,6 +426,7 @@ def test_a_campaign_and_its_camera_are_edited_and_the_campaign_archived(page, te
     page.get_by_role("button", name="Edit camera").click()
     page.get_by_label("Serial number", exact=True).fill("0K1XE8")
     page.get_by_label("Lens make").fill("DJI")
+    check_access(page, DIALOG)
     page.get_by_label("Lens model").fill("MFT 15 mm")
     page.get_by_role("button", name="Save").click()
     expect(page.get_by_text("DJI MFT 15 mm")).to_be_visible()

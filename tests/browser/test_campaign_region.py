@@ -85,9 +85,12 @@ def test_a_region_that_was_found_says_so_and_gives_way_to_a_drawn_one(page, team
     assert team.client.frame(sent.id).raw["roi_origin"] == "drawn"
 
 
-def test_edges_that_cross_are_told_and_not_sent(page, team, service, frame):
+def test_edges_that_cross_or_leave_the_frame_are_told_and_not_sent(page, team, service, frame):
     open_region(page, team, service, frame)
     page.get_by_text("ImageJ: macro and .roi").click()
+    page.get_by_label("ImageJ macro").fill("makePolygon(10,10,500,10,10,50);")
+    page.get_by_role("button", name="Use this macro").click()
+    expect(page.get_by_role("alert")).to_contain_text("(500, 10) lies outside the frame of 96")
     page.get_by_label("ImageJ macro").fill("makePolygon(10,10,50,50,50,10,10,50);")
     page.get_by_role("button", name="Use this macro").click()
     expect(page.get_by_text("The edges cross").first).to_be_visible()

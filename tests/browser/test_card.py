@@ -4,7 +4,7 @@ import zipfile
 
 from playwright.sync_api import expect
 
-from tests.support.browser import check_access, look, settle
+from tests.support.browser import DIALOG, check_access, drop, look, settle
 from tests.support.data import data_file
 from tests.support.frames import write_frame
 from worker.decode.metadata import read_metadata
@@ -201,6 +201,9 @@ def test_wrong_camera_is_seen_before_the_first_byte_with_keys_alone(page, team, 
     expect(page.get_by_role("heading", level=1)).to_have_text("1 frame, 1 scene, 2 cameras")
     check_access(page)
     look(page, "card-two-cameras")
+    page.get_by_role("button", name="1 frame of scene 1: show").press("Enter")
+    check_access(page, DIALOG)
+    page.keyboard.press("Escape")
     page.get_by_label("Name of scene 1").press("ControlOrMeta+a")
     page.keyboard.type("dusk")
     page.keyboard.press("Tab")
@@ -257,10 +260,9 @@ def test_brackets_of_the_timeline_are_split_and_joined(page):
     assert page.evaluate("window.counts") == {"Scene 1": 8}
 
 
-def test_card_without_raw_frames_says_what_to_set(page):
-    page.get_by_label("Files to read").set_input_files(
-        {"name": "DJI_1.JPG", "mimeType": "image/jpeg", "buffer": b"\xff\xd8"}
-    )
+def test_dropped_card_without_raw_frames_says_what_to_set(page, tmp_path):
+    (tmp_path / "DJI_1.JPG").write_bytes(b"\xff\xd8")
+    drop(page, page.locator("#card-drop"), [tmp_path])
     expect(page.get_by_role("alert")).to_contain_text("set the camera to RAW or JPEG + RAW")
     page.get_by_role("button", name="Choose another folder").click()
     expect(page.get_by_role("heading", name="Start with a card")).to_be_visible()

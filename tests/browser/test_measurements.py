@@ -131,8 +131,6 @@ def test_figures_cells_and_what_to_know_stand_there(shown, night):
     expect(shown.locator("#budget")).to_contain_text("f-number")
     expect(shown.locator("#better").get_by_role("listitem").first).to_be_visible()
     expect(shown.locator("#flags")).to_contain_text("not at the observer's position of EN 13201")
-    check_access(shown)
-    look(shown, "measurement")
     shown.get_by_role("button", name="Linear").click()
     expect(shown.get_by_role("button", name="Linear")).to_have_attribute("aria-pressed", "true")
 
@@ -141,8 +139,6 @@ def test_two_dates_are_chosen_and_compared(night_page, night):
     night_page.goto("/measurements")
     settle(night_page)
     expect(night_page.get_by_role("row").filter(has_text="road-june.DNG").first).to_contain_text("version 1")
-    check_access(night_page)
-    look(night_page, "measurements")
     for name in ("road-may.DNG", "road-june.DNG"):
         night_page.get_by_role("checkbox", name=f"Compare {name}").first.check()
     night_page.get_by_role("region", name="Chosen to compare").get_by_role("link", name="Compare").click()
@@ -231,8 +227,6 @@ def test_a_frame_is_measured_from_the_page(night_page, night):
 def test_all_frames_of_a_night_are_measured_once_a_region_is_drawn(night_page, night):
     night_page.goto(f"/campaigns/{night.measured_id}")
     settle(night_page)
-    check_access(night_page)
-    look(night_page, "night")
     night_page.get_by_role("link", name="Measure all frames").click()
     expect(night_page.get_by_label("Frame", exact=True)).to_have_value("all")
     settle(night_page)

@@ -2,11 +2,9 @@
 
 import re
 
-import pytest
 from playwright.sync_api import expect
 
-from tests.support.browser import check_access, look, settle, sign_in, visit
-from tests.support.furnishing import furnish, set_aside
+from tests.support.browser import check_access, look, settle, sign_in
 
 
 def test_who_is_not_signed_in_signs_in_and_goes_on_where_they_wanted(stranger_context, team):
@@ -76,23 +74,3 @@ def test_the_documents_are_readable_without_a_key(stranger_context):
     for name, heading in (("docs", "stilb API"), ("docs/errors", "Errors")):
         page.goto(f"/{name}")
         expect(page.get_by_role("heading", level=1).first).to_contain_text(heading)
-        check_access(page)
-        look(page, name.replace("/", "-"))
-
-
-@pytest.mark.parametrize("width", ["desktop", "phone"])
-def test_in_the_dark_everything_can_be_read_too(browser, service, team, width):
-    furnish(service.database, team.key)
-    set_aside(service.database, team.key)
-    with visit(browser, service.url, width=width, color_scheme="dark") as context:
-        page = sign_in(context, team.key)
-        for address in ("/", "/cameras", "/jobs", "/fleet"):
-            page.goto(address)
-            settle(page)
-            check_access(page)
-            look(page, f"dark-{address.strip('/') or 'home'}")
-        page.goto("/cameras")
-        page.get_by_role("link", name="DJI FC6520").first.click()
-        settle(page)
-        check_access(page)
-        look(page, "dark-camera")

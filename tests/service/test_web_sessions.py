@@ -51,10 +51,17 @@ def test_a_key_opens_a_session_and_the_cookie_holds_nothing_of_it(house, visitor
     assert visitor.get("/v1/cameras").status_code == 200
 
 
-def test_a_browser_keeps_the_sessions_of_two_services_on_one_host_apart(tmp_path):
+def test_a_browser_keeps_the_sessions_of_two_services_on_one_host_apart(house, visitor, tmp_path):
     here, there = (sessions_of(Settings(data=tmp_path / each)) for each in ("here", "there"))
     assert here.cookie != there.cookie
     assert here.cookie == sessions_of(Settings(data=tmp_path / "here")).cookie
+    # it sends the cookies of both to either
+    visitor.cookies.set(there.cookie, "ses_of_the_other")
+    sign_in(visitor)
+    assert visitor.get("/v1/cameras").status_code == 200
+    token = token_of(house, visitor)
+    visitor.post("/sign-out", data={"csrf_token": token}, headers=PAGE, follow_redirects=False)
+    assert dict(visitor.cookies) == {there.cookie: "ses_of_the_other"}
 
 
 def test_over_https_the_cookie_is_secure(house):

@@ -20,13 +20,18 @@ _ARGUMENTS = [
 ]
 # a loaded machine is slow, and not wrong: this passes as soon as what is expected is there
 _PATIENCE_MS = 30_000
+DIALOG = "dialog[open]"
 _LINES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
 
 expect.set_options(timeout=_PATIENCE_MS)
 
 
 def launch(playwright: Playwright) -> Browser:
-    return playwright.chromium.launch(executable_path=CHROMIUM, args=_ARGUMENTS, headless=True)
+    """Start a browser in which scroll bars take room; where pictures are taken, they would cut them off."""
+    shown = [] if ILLUSTRATIONS or PICTURES else ["--hide-scrollbars"]
+    return playwright.chromium.launch(
+        executable_path=CHROMIUM, args=_ARGUMENTS, headless=True, ignore_default_args=shown
+    )
 
 
 @contextmanager
@@ -59,6 +64,16 @@ def sign_in(context: BrowserContext, key: str) -> Page:
     return page
 
 
+# those in which a scroll bar takes room
+SCROLL_BARS = """elements => elements
+    .filter(each => {
+        const { borderTopWidth, borderBottomWidth, display } = getComputedStyle(each);
+        const borders = parseFloat(borderTopWidth) + parseFloat(borderBottomWidth);
+        return display !== "inline" && each.offsetHeight - each.clientHeight > borders + 1;
+    })
+    .map(each => each.outerHTML.slice(0, 80))"""
+
+
 def settle(page: Page) -> None:
     """Wait until nothing on the page says that it loads."""
     expect(page.locator("[aria-busy=true]")).to_have_count(0)
@@ -73,8 +88,11 @@ def look(page: Page, name: str, folder: Path | None = None) -> None:
     before = page.viewport_size
     for label, (width, height) in WIDTHS.items():
         page.set_viewport_size({"width": width, "height": height})
-        across = page.evaluate("document.documentElement.scrollWidth")
-        assert across <= width, f"{name} is {across} px wide at {width} px"
+        across, room = page.evaluate(
+            "(({ scrollWidth, clientWidth }) => [scrollWidth, clientWidth])(document.documentElement)"
+        )
+        assert across <= room, f"{name} is {across} px wide in {room} px"
+        assert page.locator("header.top, header.top *, .tabs").evaluate_all(SCROLL_BARS) == [], name
         if into is not None:
             into.mkdir(parents=True, exist_ok=True)
             page.screenshot(path=into / f"{name}-{label}.png", full_page=True)
@@ -103,16 +121,20 @@ def drop(page: Page, place: Locator, paths: list[Path]) -> None:
     session.detach()
 
 
-def check_access(page: Page) -> None:
-    """Axe has no finding, in light and in dark."""
+def check_access(page: Page, part: str | None = None) -> None:
+    """Axe has no finding, in light and in dark, on the page or a part; the page stays in what it was in."""
+    kept = "dark" if page.evaluate("matchMedia('(prefers-color-scheme: dark)').matches") else "light"
+    page.emulate_media(color_scheme="light", reduced_motion="reduce")
     # what it would load before it looks, it would load in ways that the page's policy refuses
     options = {"resultTypes": ["violations"], "preload": False}
-    found = [("light", Axe().run(page, options={**options, "runOnly": _LINES}).response)]
+    found = [("light", Axe().run(page, part, options={**options, "runOnly": _LINES}).response)]
     # of all rules one depends on the colours
     dark = {**options, "runOnly": {"type": "rule", "values": ["color-contrast"]}}
     page.emulate_media(color_scheme="dark", reduced_motion="reduce")
-    found.append(("dark", page.evaluate("options => axe.run(document, options)", dark)))
-    page.emulate_media(color_scheme="light", reduced_motion="reduce")
+    found.append(
+        ("dark", page.evaluate("([part, options]) => axe.run(part ?? document, options)", [part, dark]))
+    )
+    page.emulate_media(color_scheme=kept, reduced_motion="reduce")
     told = [
         (scheme, each["id"], [node["html"][:200] for node in each["nodes"]])
         for scheme, answer in found

@@ -1,0 +1,59 @@
+"""Every page that has an address, as the application lists them: on a phone, in the dark, for everyone."""
+
+from string import Formatter
+
+import pytest
+from fastapi import FastAPI
+from fastapi.routing import iter_route_contexts
+from playwright.sync_api import expect
+
+from service.web.pages import include_pages
+from tests.support.browser import DIALOG, check_access, look, settle, sign_in, visit
+
+NO_PAGES = ("/static/", "/plots/", "/docs/pictures/")
+# what must be registered first, and what nobody sees who is signed in: their own tests look at them
+ELSEWHERE = {"/rigs/{rig_id}", "/sign-in"}
+
+
+def list_pages() -> list[str]:
+    app = FastAPI(openapi_url=None)
+    include_pages(app)
+    paths = {each.path for each in iter_route_contexts(app.routes) if "GET" in (each.methods or ())}
+    return sorted(path for path in paths - ELSEWHERE if not path.startswith(NO_PAGES))
+
+
+def list_addresses(path, night) -> list[str]:
+    """The page of everything that its path can name; a new name fails until it is known here."""
+    known = {
+        "camera_id": [night.camera_id],
+        "campaign_id": [night.campaign_id, night.measured_id],
+        "calibration_id": [night.version.id],
+        "measurement_id": [night.new.id],
+        "tool": ["motion", "coverage", "exposure"],
+        "name": ["errors"],
+    }
+    query = f"?old={night.old.id}&new={night.new.id}" if path.endswith("/comparison") else ""
+    names = [name for _, name, _, _ in Formatter().parse(path) if name]
+    values = known[names[0]] if names else [""]
+    return [path.format(**dict.fromkeys(names, value)) + query for value in values]
+
+
+@pytest.fixture(scope="module")
+def phone(browser, service, night):
+    """Signed in once, in the dark."""
+    with visit(browser, service.url, width="phone", color_scheme="dark") as context:
+        yield sign_in(context, night.team.key)
+
+
+@pytest.mark.parametrize("path", list_pages())
+def test_page_is_accessible_on_a_phone_and_in_the_dark(phone, night, path):
+    for address in list_addresses(path, night):
+        phone.goto(address)
+        expect(phone.get_by_role("heading", level=1).first).to_be_visible()
+        settle(phone)
+        check_access(phone)
+        look(phone, f"every{address.partition('?')[0].replace('/', '-')}")
+    if path.endswith("/coefficients"):
+        phone.get_by_role("button", name="A measurement…").click()
+        expect(phone.get_by_role("dialog", name="A measurement")).to_be_visible()
+        check_access(phone, DIALOG)
