@@ -132,8 +132,6 @@ def draw_the_region(keys: Keyboard) -> None:
     keys.press(lacking.filter(has_text="no region").get_by_role("link", name="Draw region"))
     keys.press(page.get_by_role("button", name="Rectangle"))
     expect(page.get_by_role("button", name="Corner 1 of 4")).to_be_focused()
-    for key in ("Shift+ArrowLeft", "Shift+ArrowUp"):
-        page.keyboard.press(key)
     expect(page.get_by_text("from raw values")).to_be_visible(timeout=PATIENCE_MS)
     expect(page.get_by_role("img", name="Histogram")).to_be_visible()
     illustrate(page, "region", page.locator("section#region"))
@@ -161,7 +159,10 @@ def paste_the_readings(keys: Keyboard) -> None:
     expect(page.locator("#readings-note")).to_have_text(f"{2 * len(LEVELS)} readings of {len(LEVELS)} scenes")
     expect(page.get_by_role("button", name=f"Passes {FRAMES}", exact=True)).to_be_visible(timeout=PATIENCE_MS)
     passed(page, "procedure-5-readings")
+    # higher than the grid, or the header would lie across it
+    page.set_viewport_size({"width": 1440, "height": 1400})
     illustrate(page, "grid", page.locator("#frame-list"))
+    page.set_viewport_size({"width": 1440, "height": 900})
 
 
 def look_at_the_spoilt_frame(page: Page) -> None:

@@ -99,10 +99,19 @@ def look(page: Page, name: str, folder: Path | None = None) -> None:
     page.set_viewport_size(before)
 
 
+# every picture in a place has come, and every chart has the width that its place has
+ALL_DRAWN = """place => [...place.querySelectorAll("img")].every(img => img.complete && img.naturalWidth)
+    && [...place.querySelectorAll(".chart")].every(chart =>
+        Math.abs(chart.getAttribute("width") - chart.parentElement.clientWidth) < 60)"""
+
+
 def illustrate(page: Page, name: str, what: Locator | None = None) -> None:
     """With STILB_ILLUSTRATIONS, a folder: keep what is seen, or one part of it, small enough to ship."""
     if ILLUSTRATIONS is None:
         return
+    page.wait_for_function(
+        ALL_DRAWN, arg=what.element_handle() if what else page.locator("body").element_handle()
+    )
     shown = Image.open(BytesIO((what or page).screenshot()))
     shown.thumbnail((1100, 1100))
     Path(ILLUSTRATIONS).mkdir(parents=True, exist_ok=True)
