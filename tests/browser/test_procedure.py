@@ -7,6 +7,7 @@ import re
 from contextlib import contextmanager
 from pathlib import Path
 
+import pytest
 from playwright.sync_api import Page, expect
 
 from tests.support.browser import check_access, drop, illustrate, look, settle
@@ -46,6 +47,7 @@ RESTORE = """async (known) => {
 MOST_PRESSED, MOST_TYPED = 25 - 4, 3
 
 
+@pytest.mark.timeout(900)
 def test_the_whole_procedure(context, team, tmp_path):
     page = context.new_page()
     keys = Keyboard(page)
