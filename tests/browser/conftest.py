@@ -30,11 +30,16 @@ def service():
 
 
 @pytest.fixture(scope="package")
-def browser():
-    with sync_playwright() as playwright:
-        opened = launch(playwright)
-        yield opened
-        opened.close()
+def playwright():
+    with sync_playwright() as started:
+        yield started
+
+
+@pytest.fixture(scope="package")
+def browser(playwright):
+    opened = launch(playwright)
+    yield opened
+    opened.close()
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from fastapi.routing import iter_route_contexts
 from playwright.sync_api import expect
 
 from service.web.pages import include_pages
-from tests.support.browser import DIALOG, check_access, look, settle, sign_in, visit
+from tests.support.browser import DIALOG, check_access, launch, look, settle, sign_in, visit
 
 NO_PAGES = ("/static/", "/plots/", "/docs/pictures/")
 # what must be registered first, and what nobody sees who is signed in: their own tests look at them
@@ -39,10 +39,12 @@ def list_addresses(path, night) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def phone(browser, service, night):
-    """Signed in once, in the dark."""
+def phone(playwright, service, night):
+    """Signed in once, in the dark, where scroll bars take room."""
+    browser = launch(playwright, scroll_bars=True)
     with visit(browser, service.url, width="phone", color_scheme="dark") as context:
         yield sign_in(context, night.team.key)
+    browser.close()
 
 
 @pytest.mark.parametrize("path", list_pages())

@@ -26,9 +26,9 @@ _LINES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice
 expect.set_options(timeout=_PATIENCE_MS)
 
 
-def launch(playwright: Playwright) -> Browser:
-    """Start a browser in which scroll bars take room; where pictures are taken, they would cut them off."""
-    shown = [] if ILLUSTRATIONS or PICTURES else ["--hide-scrollbars"]
+def launch(playwright: Playwright, *, scroll_bars: bool = False) -> Browser:
+    """Start a browser; with ``scroll_bars`` they take room, except in pictures, which they would cut."""
+    shown = ["--hide-scrollbars"] if scroll_bars and not PICTURES else []
     return playwright.chromium.launch(
         executable_path=CHROMIUM, args=_ARGUMENTS, headless=True, ignore_default_args=shown
     )
