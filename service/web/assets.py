@@ -26,6 +26,7 @@ from service.web.fields import describe_fields
 _OWN: Final = Path(__file__).parent / "static"
 _PUBLIC: Final = "public, max-age=31536000, immutable"
 _IMPORT: Final = re.compile(r'^(?:import|export|\}) .*?"(\..*?\.js)";$', re.MULTILINE)
+_LATER: Final = re.compile(r'await import\("(\..*?\.js)"\)')
 _TEXT: Final = {".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
 
 router = APIRouter(include_in_schema=False)
@@ -57,15 +58,25 @@ class Assets:
 
     def imported(self, name: str) -> list[str]:
         """The addresses of all that a module imports, and that those import in turn."""
-        found = [name]
+        return [self.url(each) for each in self._follow([name])[1:]]
+
+    def later(self, name: str) -> list[str]:
+        """The addresses of what a module and its imports ask for only when they run."""
+        first = self._follow([name])
+        named = [other for each in first for other in self._named(_LATER, each)]
+        return [self.url(each) for each in self._follow(named) if each not in first]
+
+    def _follow(self, names: list[str]) -> list[str]:
+        found = list(names)
         for each in found:
-            text = self._own[each].decode()
-            named = (
-                posixpath.normpath(posixpath.join(posixpath.dirname(each), other))
-                for other in _IMPORT.findall(text)
-            )
-            found += dict.fromkeys(other for other in named if other not in found)
-        return [self.url(each) for each in found[1:]]
+            found += dict.fromkeys(other for other in self._named(_IMPORT, each) if other not in found)
+        return found
+
+    def _named(self, pattern: re.Pattern[str], module: str) -> list[str]:
+        """What a module names, by its own way from it."""
+        folder = posixpath.dirname(module)
+        text = self._own[module].decode()
+        return [posixpath.normpath(posixpath.join(folder, other)) for other in pattern.findall(text)]
 
     def find(self, release: str, name: str) -> bytes | None:
         """The file at an address; a page of an earlier release finds what it asks for no more."""

@@ -38,6 +38,7 @@ def build_environment(assets: Assets) -> Environment:
     environment.globals["asset"] = assets.url
     environment.globals["scope_words"] = SCOPE_WORDS
     environment.globals["imported"] = cache(assets.imported)
+    environment.globals["imported_later"] = cache(assets.later)
     return environment
 
 

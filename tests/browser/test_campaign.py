@@ -235,7 +235,9 @@ def test_a_frame_is_dragged_and_readings_are_typed_in_the_grid(page, team, servi
     see_in_time(page, team, campaign)
     moved = page.locator(".cell", has=page.locator("img")).nth(1)
     name = moved.get_attribute("aria-label").split(":")[0]
-    moved.drag_to(page.get_by_role("rowheader").filter(has_text="level-1"))
+    target = page.get_by_role("rowheader").filter(has_text="level-1")
+    target.scroll_into_view_if_needed()  # a page that scrolls under the pointer drags nothing
+    moved.drag_to(target)
     expect(page.get_by_text("moved to level-1")).to_be_visible()
     (frame,) = [each for each in team.client.frames(campaign.id) if each.filename == name]
     assert frame.scene == "level-1"

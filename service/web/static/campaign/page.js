@@ -3,44 +3,28 @@
 import { byId, fill, may } from "../dom.js";
 import { atNight, methodOf } from "../methods.js";
 import { failed } from "../states.js";
-import { calibrateSection } from "./calibrate.js";
-import { checklistSection } from "./checklist.js";
-import { detailsPart } from "./details.js";
 import { gridSection } from "./grid.js";
-import { inTimePart } from "./in-time.js";
-import { nightSection } from "./night.js";
 import { overview } from "./overview.js";
-import { readingsSection } from "./readings.js";
-import { regionSection } from "./region.js";
 import { CampaignState } from "./state.js";
-import { targetSection } from "./target.js";
-import { uploadSection } from "./upload.js";
 
 const { campaignId, method, kind } = document.querySelector("main").dataset;
 const state = new CampaignState(campaignId, kind === "measurement" ? atNight(methodOf(method)) : methodOf(method));
 
-const parts = [
-  ["details-buttons", detailsPart],
-  ["in-time", inTimePart],
-  ["target-form", targetSection],
-  ["region-tool", regionSection],
-  ["reading-list", readingsSection],
-  ["checklist-items", checklistSection],
-  ["calibrate-tool", calibrateSection],
-  ["night-tool", nightSection],
-].filter(([id]) => byId(id)); // a method that has no readings has no such part; the form is there where no target is
-
-if (may("upload")) fill(byId("upload"), uploadSection(state));
 start();
 
 async function start() {
   // the frames are there first, and are drawn before anything else is asked
   const known = (await drawn("frame-list", () => state.open(), gridSection)) && (await drawn("overview", () => state.know(), overview));
+  // all that a slow line brings after them
+  const { PARTS, uploadSection } = await import("./parts.js");
+  if (state.left) return;
+  if (may("upload")) fill(byId("upload"), uploadSection(state));
   if (!known) {
     for (const place of document.querySelectorAll("main .region[aria-busy]")) fill(place).removeAttribute("aria-busy");
     return;
   }
-  for (const [id, part] of parts) await drawn(id, () => {}, part);
+  // a method that has no readings has no such part; the form is there where no target is
+  for (const [id, part] of PARTS) if (byId(id)) await drawn(id, () => {}, part);
   // what the address names has only now got its place
   if (location.hash) document.querySelector(`section${CSS.escape(location.hash).replace("\\#", "#")}`)?.scrollIntoView();
 }
