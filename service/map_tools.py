@@ -217,5 +217,8 @@ def read_points(text: str) -> list[tuple[float, float]]:
     ValueError
         A pair is not two numbers.
     """
-    pairs: Sequence[Any] = [pair.split(",") for pair in text.split()]
-    return [(float(x), float(y)) for x, y in pairs]
+    try:
+        pairs: Sequence[Any] = [pair.split(",") for pair in text.split()]
+        return [(float(x), float(y)) for x, y in pairs]
+    except ValueError:
+        raise ValueError("each corner is two numbers with a comma between, as in `20.5,40.5`") from None

@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from typing import Any
 
 SHA256 = r"^[0-9a-f]{64}$"
+COUNTRY = r"^[A-Z]{2}$"
+ADDRESS = r"^https?://[!-~]+$"
 
 _OBJECT = "must be a JSON object"
 _INSTANT = "must be a time such as 2026-05-01T08:00:00Z"
@@ -33,7 +35,11 @@ _WORDS = {
     "date_from_datetime_parsing": "must be a date such as 2026-05-01",
     "date_from_datetime_inexact": "must be a date such as 2026-05-01",
 }
-_PATTERNS = {SHA256: "must be a SHA-256: 64 digits, each 0 to 9 or a to f"}
+_PATTERNS = {
+    SHA256: "must be a SHA-256: 64 digits, each 0 to 9 or a to f",
+    COUNTRY: "must be two capital letters of ISO 3166, such as DE",
+    ADDRESS: "must be an address such as https://example.org/hook",
+}
 
 AS_NUMBER, BY_NAME = "as a number", "by name"
 """Two forms of one field. Pydantic puts the form into the field's place, where nobody has sent one."""

@@ -43,7 +43,11 @@ UNCHANGED: dict[int | str, dict[str, Any]] = {304: {"description": "You have it 
 
 def sends_file(media_type: str) -> dict[int | str, dict[str, Any]]:
     """Document a route that sends a file with an ETag."""
-    schema = {"type": "string"} if media_type.startswith("text/") else {"type": "string", "format": "binary"}
+    schema = {"type": "string", "format": "binary"}
+    if media_type.startswith("text/"):
+        schema = {"type": "string"}
+    elif media_type.endswith("json"):
+        schema = {"type": "object"}
     return {200: {"content": {media_type: {"schema": schema}}}, **UNCHANGED, **problems(404)}
 
 

@@ -17,6 +17,7 @@ from service.context import Context, UsesContext
 from service.hosts import absolute
 from service.immutable import not_modified, standing_headers
 from service.lookup import Id, owned
+from service.messages import COUNTRY
 from service.problems import Problem
 from service.routes import UNCHANGED, problems, sends_file, sends_stored_file
 from service.schemas.base import Form
@@ -31,7 +32,9 @@ router = APIRouter(prefix="/v1/calibrations/{calibration_id}", tags=["certificat
 class DccOptions(Form):
     """Entries of a DCC that the certificate lacks."""
 
-    country: str = Field(pattern="^[A-Z]{2}$", description="Of the laboratory: two letters of ISO 3166.")
+    country: str = Field(
+        pattern=COUNTRY, description="Of the laboratory: two letters of ISO 3166.", examples=["DE"]
+    )
 
 
 @router.get("/certificate.json", response_model=CertificateAnswer, responses={**UNCHANGED, **problems(404)})

@@ -23,7 +23,7 @@ _RETRY_MS: Final = 3000
 _RESPONSES: Final[dict[int | str, dict[str, Any]]] = {
     200: {
         "description": "Events with the fields `id`, `event` and `data`, which is JSON, as they happen.",
-        "content": {_STREAM: {"schema": {"type": "string"}}},
+        "content": {_STREAM: {"schema": {}}},
     },
     **problems(404),
 }

@@ -6,6 +6,7 @@ from urllib.parse import urlsplit
 from pydantic import AfterValidator, Field, StringConstraints
 from pydantic_core import PydanticCustomError
 
+from service.messages import ADDRESS
 from service.schemas.base import Answer, Flag, Form, Instant
 from store.tables import Webhook, WebhookDelivery
 from store.webhooks import EventName
@@ -26,7 +27,7 @@ def _check_url(url: str) -> str:
 
 Url = Annotated[
     str,
-    StringConstraints(max_length=1000, pattern=r"^https?://[!-~]+$"),
+    StringConstraints(max_length=1000, pattern=ADDRESS),
     AfterValidator(_check_url),
     Field(
         description="https, without a login; http only for a host that the operator lists in "

@@ -32,7 +32,7 @@ def smallest_query(operation):
     asked = [p for p in operation.get("parameters", ()) if p["in"] == "query" and p.get("required")]
     schemas = {parameter["name"]: parameter["schema"] for parameter in asked}
     return {
-        name: schema["enum"][0] if "enum" in schema else schema.get("maximum", "1")
+        name: (schema.get("enum") or schema.get("examples") or [schema.get("maximum", "1")])[0]
         for name, schema in schemas.items()
     }
 

@@ -72,6 +72,26 @@ def test_a_wrong_field_is_named(house, change, field, message):
     assert problem["errors"] == [{"field": field, "message": message}]
 
 
+@pytest.mark.parametrize(
+    ("request_", "message"),
+    [
+        (
+            ("get", "/v1/calibrations/x/certificate.xml?country=1", None),
+            "must be two capital letters of ISO 3166, such as DE",
+        ),
+        (("post", "/v1/webhooks", {"url": "ftp://x"}), "must be an address such as https://example.org/hook"),
+        (
+            ("get", "/v1/measurements/x/profile.json?line=5", None),
+            "each corner is two numbers with a comma between, as in `20.5,40.5`",
+        ),
+    ],
+)
+def test_text_of_another_form_is_told_its_form(house, request_, message):
+    method, path, body = request_
+    problem = house.http.request(method, path, json=body).json()
+    assert message in [error["message"] for error in problem["errors"]]
+
+
 def test_every_null_is_named(house):
     problem = send(house, json.dumps(CAMERA | {"lens": None, "note": None}).encode())
     assert [error["field"] for error in problem["errors"]] == ["body.lens", "body.note"]
