@@ -149,9 +149,9 @@ def test_a_line_that_breaks_in_the_middle_of_a_file(browser, service, team, tmp_
         assert http.get(f"/v1/frames/{frame['id']}/content").content == large.read_bytes()
 
 
-def test_a_tab_that_was_closed_goes_on_where_it_was(page, team, campaign, files):
+def test_a_reload_goes_on_where_it_was(page, team, campaign, files):
     held = []
-    page.context.route(
+    page.route(
         UPLOADS, lambda route: held.append(route) if route.request.method == "POST" else route.continue_()
     )
     choose(page, files)
@@ -159,13 +159,10 @@ def test_a_tab_that_was_closed_goes_on_where_it_was(page, team, campaign, files)
     page.get_by_label(f"Scene of {files[2].name}").blur()
     page.get_by_role("button", name="Send 3 files").click()
     page.wait_for_function(KEPT, arg=len(files))
-    address, context = page.url, page.context
-    page.close()
-    page = context.new_page()
-    page.goto(address)
+    page.reload()
     expect(page.get_by_text("Resuming 3 files of an earlier session")).to_be_visible()
     # what is held goes on its way
-    context.unroute_all()
+    page.unroute_all()
     expect(page.get_by_text("3 of 3 received")).to_be_visible()
     with team.http() as http:
         items = http.get(f"/v1/campaigns/{campaign.id}/frames").json()["items"]
