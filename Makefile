@@ -20,7 +20,7 @@ up: $(VENV)/run  ## the whole service in the foreground, on ./stilb-data
 
 test quick: export OPENBLAS_NUM_THREADS = 1
 test: $(VENV)/dev chromium  ## every test, on SQLite and on PostgreSQL (FILE="tests/radiometry -k gls" runs some)
-	@$(if $(FILE),pytest -q $(FILE),pytest -q -n $$(($$(nproc) + 1)) --maxprocesses 8 --dist worksteal)
+	@$(if $(FILE),pytest -q $(FILE),pytest -q -n $$(($$(nproc) + 2)) --maxprocesses 8 --dist worksteal)
 
 quick: lint  ## what a change needs in a minute: lint, types, and the tests of the science and of single units
 	@pytest -q -m "unit and not slow" -n $$(nproc) --maxprocesses 8 --dist worksteal
@@ -31,9 +31,9 @@ faults: $(VENV)/dev  ## drill every fault on both deployments and write docs/fau
 
 # Debian's, for the tests of the pages, where it may be installed; where not, they say so and skip.
 chromium:
-	@[ -n "$$STILB_CHROMIUM" ] || command -v chromium >/dev/null || [ "$$(id -u)" != 0 ] || ! command -v apt-get >/dev/null \
+	@[ -n "$$STILB_CHROMIUM" ] || command -v chromium-headless-shell >/dev/null || command -v chromium >/dev/null || [ "$$(id -u)" != 0 ] || ! command -v apt-get >/dev/null \
 	|| timeout 600 sh -c 'export DEBIAN_FRONTEND=noninteractive; apt-get -qq -o Acquire::http::Timeout=20 update \
-	&& apt-get -qq -o Acquire::http::Timeout=20 install -y --no-install-recommends chromium' >/dev/null 2>&1 || true
+	&& apt-get -qq -o Acquire::http::Timeout=20 install -y --no-install-recommends chromium-headless-shell' >/dev/null 2>&1 || true
 
 audit: $(VENV)/run  ## is the audit trail whole, and every row as it says? (HEAD=seq:hash compares a head noted before)
 	@python -m store.audit_check $(HEAD)

@@ -47,7 +47,8 @@ def run(scale: Scale, service: Service, worker: Context, folder: Path) -> list[b
 
 
 def find_chromium() -> str | None:
-    return os.environ.get("STILB_CHROMIUM") or shutil.which("chromium")
+    named = os.environ.get("STILB_CHROMIUM")
+    return named or shutil.which("chromium-headless-shell") or shutil.which("chromium")
 
 
 def _open_pages(browser: Browser, address: str, service: Service, rounds: int) -> Seconds:

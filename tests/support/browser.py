@@ -1,7 +1,6 @@
 """A browser that looks at the pages as people do: its console is quiet, its pictures are kept, axe asked."""
 
 import os
-import shutil
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
@@ -10,8 +9,10 @@ from axe_playwright_python.sync_playwright import Axe
 from PIL import Image
 from playwright.sync_api import Browser, BrowserContext, Locator, Page, Playwright, expect
 
+from bench.pages import find_chromium
+
 WIDTHS = {"desktop": (1440, 900), "phone": (390, 844)}
-CHROMIUM = os.environ.get("STILB_CHROMIUM") or shutil.which("chromium") or "/usr/bin/chromium"
+CHROMIUM = find_chromium() or "/usr/bin/chromium-headless-shell"
 PICTURES = os.environ.get("STILB_PICTURES")
 ILLUSTRATIONS = os.environ.get("STILB_ILLUSTRATIONS")
 _ARGUMENTS = [
