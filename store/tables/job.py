@@ -81,8 +81,8 @@ class Job(Base):
     lease_until: Mapped[datetime | None] = mapped_column(UtcDateTime)
     due_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
     faulty_since: Mapped[datetime | None] = mapped_column(UtcDateTime)
-    traceparent: Mapped[str | None] = mapped_column(default=present_traceparent)
     """When something that it needs first did not answer: it is tried again for a day from then."""
+    traceparent: Mapped[str | None] = mapped_column(default=present_traceparent)
     waits_for: Mapped[str | None]
     """What did not answer at the last attempt; None for a job that waits for its turn alone."""
     error: Mapped[Json | None] = mapped_column(default=None)
