@@ -2,12 +2,13 @@
 .DEFAULT_GOAL := help
 PYTHON ?= python3
 VENV := .venv
+CLIENTS := tests/flow/test_generated_clients.py
 BIN := $(VENV)/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 # an image may forbid it: each process would then compile every module again, and `make up` take twice as long
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: help demo up test quick faults chromium audit export verify verify-backup lint format fuzz bench docs architecture tables api pictures examples release lock clean
+.PHONY: help demo up test clients quick faults chromium audit export verify verify-backup lint format fuzz bench docs architecture tables api pictures examples release lock clean
 
 help:  ## what can be made
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 15
@@ -19,8 +20,11 @@ up: $(VENV)/run  ## the whole service in the foreground, on ./stilb-data
 	@exec python -m service.up
 
 test quick: export OPENBLAS_NUM_THREADS = 1
-test: $(VENV)/dev chromium  ## every test, on SQLite and on PostgreSQL (FILE="tests/radiometry -k gls" runs some)
-	@$(if $(FILE),pytest -q $(FILE),pytest -q -n $$(($$(nproc) + 2)) --maxprocesses 8 --dist worksteal)
+test: $(VENV)/dev chromium  ## every test but those of clients, on SQLite and on PostgreSQL (FILE="tests/radiometry -k gls" runs some)
+	@$(if $(FILE),pytest -q $(FILE),pytest -q -n $$(($$(nproc) + 1)) --maxprocesses 8 --dist worksteal --ignore $(CLIENTS))
+
+clients: $(VENV)/dev  ## the clients that generators make of the OpenAPI document: each is built, typed and calibrates
+	@pytest -q $(CLIENTS)
 
 quick: lint  ## what a change needs in a minute: lint, types, and the tests of the science and of single units
 	@pytest -q -m "unit and not slow" -n $$(nproc) --maxprocesses 8 --dist worksteal

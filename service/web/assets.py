@@ -73,7 +73,7 @@ class Assets:
         return found
 
     def _named(self, pattern: re.Pattern[str], module: str) -> list[str]:
-        """What a module names, by its own way from it."""
+        """Return the modules that one names, from its own folder."""
         folder = posixpath.dirname(module)
         text = self._own[module].decode()
         return [posixpath.normpath(posixpath.join(folder, other)) for other in pattern.findall(text)]

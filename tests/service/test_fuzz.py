@@ -8,7 +8,7 @@ from service.upload_headers import PIECES
 from tests.support.everything import make_one_of_each
 from tests.support.house import KEY
 
-EXAMPLES = 7
+EXAMPLES = 4
 
 
 @pytest.fixture

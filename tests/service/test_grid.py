@@ -5,6 +5,8 @@ import pytest
 from tests.service.test_frames import patch, set_roi
 from tests.support.campaigns import ROI
 
+pytestmark = pytest.mark.either_database
+
 SETTINGS = {"iso": 3200, "exposure_time_s": 0.05}
 
 

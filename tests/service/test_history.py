@@ -6,6 +6,8 @@ from tests.support.campaigns import K_TRUE, calibrate
 from tests.support.measuring import field_frame, measure
 from tests.support.meters import enter_meter, metered_campaign
 
+pytestmark = pytest.mark.either_database
+
 APRIL, MAY, TAKEN = "2026-04-01T00:00:00Z", "2026-05-10T00:00:00Z", "2026-05-01T20:00:00Z"
 PERIODS = ("in_force", "revoked_from")
 

@@ -6,6 +6,8 @@ import pytest
 
 from service.schemas.known import MOST_HASHES
 
+pytestmark = pytest.mark.either_database
+
 OTHER = hashlib.sha256(b"not there").hexdigest()
 
 

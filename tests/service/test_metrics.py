@@ -20,6 +20,8 @@ from store.tables import Job
 from tests.support.compose import ROOT
 from worker.runner import claim_next
 
+pytestmark = pytest.mark.either_database
+
 
 def test_metrics_count_what_the_database_holds(house):
     campaign = house.campaign()

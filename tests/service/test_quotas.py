@@ -17,6 +17,8 @@ from tests.support.house import KEY
 from tests.support.live import serving
 from tests.support.resumable import begin_upload, describe
 
+pytestmark = pytest.mark.either_database
+
 
 @pytest.fixture
 def limit(house):

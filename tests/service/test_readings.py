@@ -4,6 +4,8 @@ import pytest
 
 from service.limits import MAX_BODY_BYTES
 
+pytestmark = pytest.mark.either_database
+
 FIRST = {"scene": "level-1", "quantity": "luminance", "value": 54.4, "unit": "cd/m2"}
 SECOND = {"scene": "level-1", "quantity": "illuminance", "value": 120, "unit": "lx"}
 CD_M2_PER_FL = 3.4262590996

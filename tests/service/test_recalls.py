@@ -8,6 +8,8 @@ from tests.support.campaigns import calibrate
 from tests.support.measuring import field_frame, measure
 from tests.support.meters import add_readings, enter_meter, metered_campaign
 
+pytestmark = pytest.mark.either_database
+
 APRIL = {"valid_from": "2026-04-01T00:00:00Z", "reason": "r"}
 
 

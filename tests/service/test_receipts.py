@@ -11,6 +11,8 @@ from cryptography.hazmat.primitives.serialization import load_pem_public_key
 
 from service.signing import Signer
 
+pytestmark = pytest.mark.either_database
+
 
 @pytest.fixture(scope="module")
 def house(shared_house):

@@ -9,6 +9,8 @@ from store.tables import Camera, Campaign, FrameRow, Meter, Reading
 from tests.support.campaigns import ROI, calibrated_campaign
 from tests.support.house import CAMERA
 
+pytestmark = pytest.mark.either_database
+
 METER = {"kind": "luminance", "make": "Gossen", "model": "Starlite", "serial": "1"}
 READING = {"scene": "s", "quantity": "luminance", "value": 1, "unit": "cd/m2"}
 KEY = {"Idempotency-Key": "visit 7, page 3"}

@@ -10,6 +10,8 @@ import pytest
 from store.partials import Partials
 from tests.support.resumable import PIECE, TUS, begin_upload, describe, metadata
 
+pytestmark = pytest.mark.either_database
+
 CONTENT = bytes(range(256)) * 40
 
 

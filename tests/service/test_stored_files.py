@@ -14,6 +14,8 @@ from store.tables import AuditEntry, Blob
 from tests.support.blobs import put, spoil, zero
 from tests.support.live import serving
 
+pytestmark = pytest.mark.either_database
+
 REGION = [[8, 8], [60, 8], [60, 40]]
 
 

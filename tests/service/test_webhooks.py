@@ -17,6 +17,8 @@ from store.columns import utc_now
 from store.tables import Webhook, WebhookDelivery
 from worker.webhooks import Deliveries, Unreachable, find_address, is_public
 
+pytestmark = pytest.mark.either_database
+
 EVENTS = ["job.succeeded", "job.failed"]
 
 
