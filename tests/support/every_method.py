@@ -94,7 +94,7 @@ def _geometry(house: House) -> dict:
 
 def _noise(house: House) -> dict:
     camera = change(COUNTING_SENSOR, cfa="RGGB", height_px=64, width_px=64)
-    campaign = begin(house, "noise", CAMERA)
+    campaign = begin(house, "noise", CAMERA | {"lens": LENS})
     random, times = np.random.default_rng(2), (0.002, 0.008, 0.03, 0.05)
     light = {"light_e_per_s": 500_000.0, "times_s": times, "dark_times_s": times, "role": "light"}
     for shot in plan_series(camera, **light):
