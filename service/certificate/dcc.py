@@ -44,7 +44,7 @@ def write_dcc(certificate: Node, *, country: str) -> bytes:
     _add_contact(contact, laboratory["name"], laboratory.get("address"), country)
     person = _add(_add(administrative, "respPersons"), "respPerson")
     _say(_add(person, "person"), "name", _find_person(certificate))
-    _add(person, "mainSigner", "true")
+    _add(person, "mainSigner", "true" if "signature" in certificate["checklist"] else "false")
     _add_contact(_add(administrative, "customer"), certificate["work"]["customer"], None, None)
     statements = _add(administrative, "statements")
     stamp = STAMPS[certificate["validity"]["state"]]

@@ -91,6 +91,7 @@ def test_its_dcc_says_the_same(house, version):
     assert json.loads(base64.b64decode(root.findtext("document/dataBase64"))) == certificate
     values = [float(each.text) for each in root.iterfind(".//real/value")]
     assert values == [row["value"] for row in certificate["coefficients"]]
+    assert root.findtext(".//respPerson/mainSigner") == "true"
     said = [each.text for each in root.iterfind(".//measuringEquipment//value")]
     assert said == [meter["serial"] for meter in certificate["meters"]]
     for country in ("Germany", "de"):

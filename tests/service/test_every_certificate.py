@@ -121,6 +121,7 @@ def test_a_dcc_has_its_coefficients_in_units_of_d_si(sqlite_house, version_of, c
     certificate = certificate_by(method)
     certificate["work"] |= {"customer": "A & <B>\x01", "first_day": "2026-05-01", "last_day": "2026-05-02"}
     root = read_dcc(write_dcc(certificate, country="DE"))
+    assert root.findtext(".//respPerson/mainSigner") == "false"  # nobody has signed the checklist
     assert root.findtext("administrativeData/customer/name/content") == "A & <B>\ufffd"
     stated = [
         [each.findtext(f"data/quantity/real/{name}") for name in ("value", "expandedUnc/uncertainty")]
