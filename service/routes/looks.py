@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session
 
 from radiometry.frame.roi import Polygon, bounding_window
 from radiometry.frame.verdicts import Verdict
-from service.auth import Calibrator, Reader
+from service.auth import Reader
 from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.immutable import not_modified, standing_headers
@@ -57,7 +57,7 @@ router = APIRouter(prefix="/v1", tags=["frames"])
 @router.post(
     "/frames/{frame_id}/region", status_code=202, response_model=JobAnswer, responses=problems(404, 409)
 )
-def look_at_region(frame_id: Id, body: NewLook, caller: Calibrator, writing: Writes) -> Response:
+def look_at_region(frame_id: Id, body: NewLook, caller: Reader, writing: Writes) -> Response:
     """Preview a region without setting it. The job's result holds its statistics, histogram and clipping.
 
     `histogram`: counts per channel, bin i from first_dn + i * step_dn. `clipping`: the cells of cell_px

@@ -114,7 +114,7 @@ export function openFrame(state, first, { order, back }) {
       drawLook(frame, roi);
       fill(tell, verdict(known, frame), exposure(frame), h("div", {}, h("h3", { class: "panel-title" }, "Raw values in the region [DN]"), histogram.element), may("calibrate") ? change(state, known, frame) : null, file(frame, unfolded));
       keepFocus();
-      if (isRead(frame) && may("calibrate")) histogram.look(frame, { points: roi?.polygon ?? wholeOf(frame), closed: true });
+      if (isRead(frame)) histogram.look(frame, { points: roi?.polygon ?? wholeOf(frame), closed: true });
     } catch (error) {
       if (turn === again) fill(tell, failed(error, () => show(id)));
     } finally {

@@ -78,7 +78,7 @@ function build(state, drawable) {
     undo.disabled = editor.past.length === 0;
     redo.disabled = editor.future.length === 0;
     saving.classList.toggle("dirty", editor.dirty);
-    if (seen && may("calibrate")) look.look(frame, editor.region);
+    if (seen) look.look(frame, editor.region);
   }
 
   const button = (text, label, onclick) => h("button", { type: "button", title: label, "aria-label": label, onclick }, text);
