@@ -1,11 +1,12 @@
 """Line profiles, isolines and histograms of a measurement's map."""
 
+from collections.abc import Callable
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
 
-from service.auth import Reader
-from service.context import UsesContext
+from service.auth import Caller, Reader
+from service.context import Context, UsesContext
 from service.immutable import immutable_headers, not_modified
 from service.isolines import answer_isolines
 from service.lookup import Id
@@ -29,8 +30,17 @@ router = APIRouter(prefix="/v1/measurements/{measurement_id}", tags=["measuremen
 _CSV: dict[int | str, dict[str, Any]] = {200: {"content": {"text/csv": {"schema": {"type": "string"}}}}}
 
 
-def _find_tag(found: OpenMap, request: Request) -> str:
-    return found.tag(f"{request.url.path}?{request.url.query}")
+def _answer(
+    measurement_id: str,
+    request: Request,
+    caller: Caller,
+    context: Context,
+    make: Callable[[OpenMap, dict[str, str]], Response],
+) -> Response:
+    """Answer from the map, unless who asks has the answer."""
+    with open_map(context, measurement_id, caller) as found:
+        tag = found.tag(f"{request.url.path}?{request.url.query}")
+        return not_modified(request, tag) or make(found, immutable_headers(tag))
 
 
 @router.get("/profile.json", response_model=ProfileAnswer, responses={**UNCHANGED, **problems(404, 500)})
@@ -46,9 +56,13 @@ def get_measurement_profile(
     Each point is the pixel in which it lies, a pixel apart, or the mean of those across and along. Points
     that are saturated have no value; points not distinguished from zero have one and are marked.
     """
-    with open_map(context, measurement_id, caller) as found:
-        tag = _find_tag(found, request)
-        return not_modified(request, tag) or answer_profile(found, asked).respond(immutable_headers(tag))
+    return _answer(
+        measurement_id,
+        request,
+        caller,
+        context,
+        lambda found, headers: answer_profile(found, asked).respond(headers),
+    )
 
 
 @router.get("/profile.csv", response_class=Response, responses={**_CSV, **UNCHANGED, **problems(404, 500)})
@@ -60,17 +74,13 @@ def get_measurement_profile_csv(
     asked: Annotated[LineOfMap, Query()],
 ) -> Response:
     """The points of a line profile, a line each."""
-    with open_map(context, measurement_id, caller) as found:
-        tag = _find_tag(found, request)
-        unchanged = not_modified(request, tag)
-        if unchanged is not None:
-            return unchanged
+
+    def make(found: OpenMap, headers: dict[str, str]) -> Response:
         answer = answer_profile(found, asked)
-    rows = [{**point.model_dump(), "unit": answer.unit} for point in answer.points]
-    names = [
-        name for name in rows[0] if any(row[name] is not None for row in rows) or name in {"value", "gap"}
-    ]
-    return Response(write_csv(rows, names), media_type=MEDIA_TYPES["csv"], headers=immutable_headers(tag))
+        rows = [{**point.model_dump(), "unit": answer.unit} for point in answer.points]
+        return Response(write_csv(rows, list(rows[0])), media_type=MEDIA_TYPES["csv"], headers=headers)
+
+    return _answer(measurement_id, request, caller, context, make)
 
 
 @router.get("/histogram.json", response_model=HistogramAnswer, responses={**UNCHANGED, **problems(404, 500)})
@@ -86,9 +96,13 @@ def get_measurement_histogram(
     Saturated pixels and those that are not distinguished from zero are counted apart, and rank highest and
     lowest in the percentiles.
     """
-    with open_map(context, measurement_id, caller) as found:
-        tag = _find_tag(found, request)
-        return not_modified(request, tag) or answer_histogram(found, asked).respond(immutable_headers(tag))
+    return _answer(
+        measurement_id,
+        request,
+        caller,
+        context,
+        lambda found, headers: answer_histogram(found, asked).respond(headers),
+    )
 
 
 @router.get("/histogram.csv", response_class=Response, responses={**_CSV, **UNCHANGED, **problems(404, 500)})
@@ -103,27 +117,21 @@ def get_measurement_histogram_csv(
 
     `kind` is `bin`, `too_dark`, `below`, `above` or `unknown`: together they are all pixels of the area.
     """
-    with open_map(context, measurement_id, caller) as found:
-        tag = _find_tag(found, request)
-        unchanged = not_modified(request, tag)
-        if unchanged is not None:
-            return unchanged
+
+    def make(found: OpenMap, headers: dict[str, str]) -> Response:
         answer = answer_histogram(found, asked)
-    bins = [{"kind": "bin", **each.model_dump(), "unit": answer.unit} for each in answer.bins]
-    others = [
-        {"kind": kind, "pixels": count, "share": count / answer.pixels, "unit": answer.unit}
-        for kind, count in (
-            ("too_dark", answer.too_dark),
-            ("below", answer.below),
-            ("above", answer.above),
-            ("unknown", answer.unknown),
-        )
-    ]
-    return Response(
-        write_csv([*bins, *others], list(bins[0])),
-        media_type=MEDIA_TYPES["csv"],
-        headers=immutable_headers(tag),
-    )
+        counts = {kind: getattr(answer, kind) for kind in ("too_dark", "below", "above", "unknown")}
+        rows = [
+            *({"kind": "bin", **each.model_dump()} for each in answer.bins),
+            *(
+                {"kind": kind, "pixels": count, "share": count / answer.pixels}
+                for kind, count in counts.items()
+            ),
+        ]
+        told = [{**row, "unit": answer.unit} for row in rows]
+        return Response(write_csv(told, list(told[0])), media_type=MEDIA_TYPES["csv"], headers=headers)
+
+    return _answer(measurement_id, request, caller, context, make)
 
 
 @router.get(
@@ -143,9 +151,10 @@ def get_measurement_isolines(
 
     Rings around a single square are left out and counted. No line crosses a square with a saturated pixel.
     """
-    with open_map(context, measurement_id, caller) as found:
-        tag = _find_tag(found, request)
-        unchanged = not_modified(request, tag)
-        if unchanged is not None:
-            return unchanged
-        return GeoJson(answer_isolines(found, asked).dump(), headers=immutable_headers(tag))
+    return _answer(
+        measurement_id,
+        request,
+        caller,
+        context,
+        lambda found, headers: GeoJson(answer_isolines(found, asked).dump(), headers=headers),
+    )

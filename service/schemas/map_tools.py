@@ -154,8 +154,8 @@ class ProfileAnswer(Answer):
     scale: Scale | None = Field(default=None, description="Source of the metres.")
     gaps: dict[Gap, int] = Field(description="Number of points of each kind of gap.")
     mean: Quantity | None = Field(default=None, description="Of the points with a value.")
-    min: Quantity | None = None
-    max: Quantity | None = None
+    min: Quantity | None = Field(default=None, description="Smallest point: noise lowers it.")
+    max: Quantity | None = Field(default=None, description="Largest point: noise raises it.")
     min_to_max: float | None = Field(
         default=None,
         description="Smallest over largest point: of a line along a lane, its longitudinal uniformity as "

@@ -213,6 +213,7 @@ def test_averages_have_less_noise_and_say_their_number(house, measured):
 def test_profiles_and_histograms_as_csv(house, measured):
     rows = rows_of(house, measured, "profile.csv", line="0.5,40.5 95.5,40.5")
     assert len(rows) == 96
+    assert {"distance_m", "longitude_deg", "x_m"} <= rows[0].keys()  # also where the map has no place
     assert (rows[60]["value"], rows[60]["gap"]) == ("", "saturated")
     assert float(rows[1]["distance_px"]) == 1.0
     bins = rows_of(house, measured, "histogram.csv", area="frame", bins=10)
