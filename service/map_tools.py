@@ -221,4 +221,6 @@ def read_points(text: str) -> list[tuple[float, float]]:
         pairs: Sequence[Any] = [pair.split(",") for pair in text.split()]
         return [(float(x), float(y)) for x, y in pairs]
     except ValueError:
-        raise ValueError("each corner is two numbers with a comma between, as in `20.5,40.5`") from None
+        raise ValueError(
+            "must have two numbers in each corner, with a comma between: `20.5,40.5 300,40`"
+        ) from None

@@ -21,14 +21,17 @@ Coordinates = Literal["pixel", "road_m", "wgs84"]
 def _check_points(text: str) -> str:
     points = read_points(text)
     if len(points) < 2 or not all(math.isfinite(value) for point in points for value in point):
-        raise ValueError("two corners or more, each of two finite numbers")
+        raise ValueError("must be two corners or more, each of two finite numbers")
     return text
 
 
 def _check_levels(text: str) -> str:
-    levels = [float(level) for level in text.replace(",", " ").split()]
+    try:
+        levels = [float(level) for level in text.replace(",", " ").split()]
+    except ValueError:
+        levels = []
     if not 1 <= len(levels) <= MOST_LEVELS or not all(map(math.isfinite, levels)):
-        raise ValueError(f"1 to {MOST_LEVELS} finite numbers")
+        raise ValueError(f"must be 1 to {MOST_LEVELS} finite numbers with commas between, as in `0.5,1,2`")
     return text
 
 
