@@ -1,8 +1,6 @@
 # One image for every process of ours, from the wheel of stilb-server; docker-compose.yml says which one a container runs.
-# A tag may change what it names. To build on the very image that you examined:
-#   docker buildx imagetools inspect python:3.11-slim     # its digest
-#   docker compose build --build-arg PYTHON=python:3.11-slim@sha256:<digest>
-ARG PYTHON=python:3.11-slim
+# A tag may name another image tomorrow, a digest never does; docs/install.md has how to renew them.
+ARG PYTHON=python:3.11-slim@sha256:9c900dea9e8fb7e16277c179b555cc72d29a352dbc33cff48ad5a0412fd5bfc7
 
 FROM ${PYTHON} AS environment
 WORKDIR /build
@@ -22,6 +20,8 @@ FROM ${PYTHON}
 RUN useradd --uid 10001 --no-create-home --shell /usr/sbin/nologin stilb \
  && install -d -o stilb -g stilb -m 700 /data
 COPY --from=environment /environment /environment
+# The bill of materials of its Python packages; those of Debian are in /var/lib/dpkg/status.
+COPY --from=environment /dist/*.cdx.json /usr/share/doc/stilb-server/
 ENV PATH=/environment/bin:$PATH PYTHONUNBUFFERED=1 PYTHONDONTWRITEBYTECODE=1 STILB_DATA=/data
 USER stilb
 VOLUME /data

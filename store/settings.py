@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self
 from urllib.parse import quote
 
 from pydantic import Field, SecretStr, ValidationError, model_validator
@@ -14,11 +14,36 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from store.pulse import HANG_S
 
+if TYPE_CHECKING:
+    from obstore.store import S3Config
+
 _PREFIX = "STILB_"
 _IN_FILE = "_FILE"
 # of the command line, and of the tests
 _OTHERS = re.compile("URL|CHROMIUM|PICTURES|ILLUSTRATIONS|TEST_.*")
 _CANNOT_START_EXIT = 2
+# of whole names, which begin alike
+_ALIKE = 0.7
+_BUCKET_SECRETS: Final = ("access_key_id", "secret_access_key", "session_token")
+_DAY_S = 86_400.0
+_ADDRESSES = {
+    "DATABASE_URL": (
+        r"postgresql\+psycopg://|sqlite:///",
+        "must begin with postgresql+psycopg:// or sqlite:///",
+    ),
+    "BROKER_URL": (
+        r"rediss?://|redis\+socket://|sentinel://",
+        "must begin with redis://, rediss://, redis+socket:// or sentinel://",
+    ),
+    "BLOBS_URL": (
+        r"(?!\w+://)|file:///|s3://[^/?#]+(/[^?#]*)?$",
+        "must be a folder, file:///folder or s3://bucket/prefix",
+    ),
+}
+
+# No infinity: it passes a lower limit, and no clock takes it.
+Seconds = Annotated[float, Field(gt=0, le=_DAY_S)]
+Grace = Annotated[float, Field(ge=0, le=_DAY_S)]
 
 
 class SettingsWrong(Exception):  # noqa: N818 (it says what was found)
@@ -45,30 +70,30 @@ class Settings(BaseSettings):
     allowed_hosts: str = ""
     database_url: str = ""
     database_password: SecretStr = SecretStr("")
-    database_timeout_s: float = Field(default=30.0, gt=0)
+    database_timeout_s: Seconds = 30.0
     webhook_hosts: str = ""
     broker_url: str = ""
     blobs_url: str = ""
     max_upload_bytes: int = Field(default=2 * 1024**3, gt=0)
-    headers_within_s: float = Field(default=15.0, gt=0)
+    headers_within_s: Seconds = 15.0
     connections_per_peer: int = Field(default=512, ge=0)
     quota_bytes: int = Field(default=0, ge=0)
     quota_frames: int = Field(default=0, ge=0)
     quota_jobs_waiting: int = Field(default=50_000, ge=0)
     quota_requests_per_minute: int = Field(default=30_000, ge=0)
-    stop_grace_s: float = Field(default=15.0, ge=0)
-    stop_notice_s: float = Field(default=0.0, ge=0)
+    stop_grace_s: Grace = 15.0
+    stop_notice_s: Grace = 0.0
     worker_threads: int = Field(default=2, ge=1, le=64)
-    lease_s: float = Field(default=30.0, gt=0)
-    sweep_interval_s: float = Field(default=2.0, gt=0)
-    scrub_days: float = Field(default=30.0, ge=0)
-    stall_s: float = Field(default=60.0, gt=0)
-    hang_s: float = Field(default=HANG_S, gt=0)
+    lease_s: Seconds = 30.0
+    sweep_interval_s: Seconds = 2.0
+    scrub_days: float = Field(default=30.0, ge=0, le=36_500)
+    stall_s: Seconds = 60.0
+    hang_s: Seconds = HANG_S
     pulse: str = ""
     log: Literal["text", "json"] = "text"
     decoder_memory_bytes: int = Field(default=3 * 1024**3, ge=256 * 1024**2)
-    decoder_cpu_s: int = Field(default=60, ge=1)
-    decoder_wall_s: float = Field(default=120.0, gt=0)
+    decoder_cpu_s: int = Field(default=60, ge=1, le=86_400)
+    decoder_wall_s: Seconds = 120.0
     decoder_sandbox: Literal["auto", "require"] = "auto"
 
     @property
@@ -80,6 +105,13 @@ class Settings(BaseSettings):
         if password := self.database_password.get_secret_value():
             return self.database_url.replace("@", f":{quote(password, safe='')}@", 1)
         return self.database_url or f"sqlite:///{self.data.absolute() / 'stilb.sqlite'}"
+
+    @model_validator(mode="after")
+    def _know_addresses(self) -> Self:
+        for name, (form, words) in _ADDRESSES.items():
+            if (address := getattr(self, name.lower())) and not re.match(form, address):
+                raise ValueError(f"{_PREFIX}{name}: {words}")
+        return self
 
     @model_validator(mode="after")
     def _place_password(self) -> Self:
@@ -114,13 +146,12 @@ def _read_all() -> Settings:
     SettingsWrong
         A name that is no setting, a value out of its range, an unreadable file, or a setting given twice.
     """
-    given = {
-        name.upper().removeprefix(_PREFIX): value
-        for name, value in os.environ.items()
-        if name.upper().startswith(_PREFIX)
-    }
-    if wrong := list(_misspelt(given)):
+    if wrong := list(_misspelt(os.environ)):
         raise SettingsWrong(*wrong)
+    read_bucket_secrets()
+    given = {
+        name.removeprefix(_PREFIX): value for name, value in os.environ.items() if name.startswith(_PREFIX)
+    }
     read: dict[str, Any] = {
         field: _read(field.upper(), path, given)
         for field in Settings.model_fields
@@ -131,28 +162,61 @@ def _read_all() -> Settings:
     except ValidationError as error:
         raise SettingsWrong(
             *(
-                f"{_PREFIX}{'_'.join(map(str, each['loc'])).upper()}: {each['msg']}".removeprefix(
-                    f"{_PREFIX}: "
-                )
+                f"{_PREFIX}{str(each['loc'][0]).upper()}: {each['msg']}"
+                if each["loc"]
+                else each["msg"].removeprefix("Value error, ")
                 for each in error.errors()
             )
         ) from error
 
 
-def _misspelt(given: Mapping[str, str]) -> Iterator[str]:
-    known = [name.upper() for name in Settings.model_fields]
+def _misspelt(environment: Mapping[str, str]) -> Iterator[str]:
+    known = [f"{_PREFIX}{name.upper()}" for name in Settings.model_fields]
     known += [f"{name}{_IN_FILE}" for name in known]
-    for name in given:
-        if name not in known and not _OTHERS.fullmatch(name):
-            alike = get_close_matches(name, known, n=1)
-            nearest = f"; did you mean {_PREFIX}{alike[0]}?" if alike else "; docs/settings.md lists them."
-            yield f"{_PREFIX}{name}: there is no such setting{nearest}"
+    for name in environment:
+        meant = name.upper()
+        if not meant.startswith(_PREFIX) or name in known or _OTHERS.fullmatch(name.removeprefix(_PREFIX)):
+            continue
+        if meant in known:
+            # the same setting in two spellings could have two values
+            yield f"{name}: write {meant}: its name is in capitals"
+        else:
+            alike = get_close_matches(meant, known, n=1, cutoff=_ALIKE)
+            nearest = f"did you mean {alike[0]}?" if alike else "docs/settings.md lists them."
+            yield f"{name}: there is no such setting; {nearest}"
 
 
 def _read(name: str, path: str, given: Mapping[str, str]) -> str:
     if given.get(name):
         raise SettingsWrong(f"{_PREFIX}{name}: also given as {_PREFIX}{name}{_IN_FILE}; remove one of them")
+    return read_secret(f"{_PREFIX}{name}{_IN_FILE}", path)
+
+
+def read_secret(name: str, path: str) -> str:
+    """Return what the file of this variable holds, without the spaces and line breaks around it.
+
+    Raises
+    ------
+    SettingsWrong
+        The file cannot be read or is empty.
+    """
     try:
-        return Path(path).read_text(encoding="utf-8").strip()
-    except (OSError, UnicodeDecodeError) as error:
-        raise SettingsWrong(f"{_PREFIX}{name}{_IN_FILE}: {error}") from error
+        text = Path(path).read_text(encoding="utf-8").strip()
+    except OSError as error:
+        raise SettingsWrong(f"{name}: {error}") from error
+    except UnicodeDecodeError as error:
+        raise SettingsWrong(f"{name}: {path}: {error}") from error
+    if not text:
+        # an empty setting stands for the embedded part, which would silently take the place of what was meant
+        raise SettingsWrong(f"{name}: {path}: the file is empty")
+    return text
+
+
+def read_bucket_secrets() -> "S3Config":
+    """Return what the files of ``AWS_<NAME>_FILE`` hold, by the names of the S3 client's options."""
+    secrets: S3Config = {}
+    for name in _BUCKET_SECRETS:
+        variable = f"AWS_{name.upper()}{_IN_FILE}"
+        if path := os.environ.get(variable):
+            secrets[name] = read_secret(variable, path)
+    return secrets

@@ -6,7 +6,6 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from datetime import timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
 from urllib.parse import urlsplit
 
 import obstore
@@ -19,9 +18,7 @@ from store.blobs.proof import StoredBlob, StoredFile, prove_pieces, prove_whole
 from store.blobs.spool import BlobWriter, sweep
 from store.blobs.surface import checked_name
 from store.digests import PIECE_BYTES
-
-if TYPE_CHECKING:
-    from obstore.store import S3Config
+from store.settings import read_bucket_secrets
 
 CACHE_BYTES = 8 << 30
 _CONNECT_WITHIN_S = 5.0
@@ -29,7 +26,6 @@ _CHECK_WITHIN_S = 2.0
 _ONE_REQUEST = timedelta(hours=1)
 _ASKED_AT_ONCE = 16
 _ENDPOINTS = ("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT")
-_SECRETS: Final = ("access_key_id", "secret_access_key", "session_token")
 
 
 class ObjectBlobs:
@@ -176,10 +172,13 @@ def _s3_store(url: str, endpoint: str | None, *, retry_for_s: float, silence_s: 
         raise ValueError(f"the blob store's address must read s3://bucket/prefix, not {url!r}")
     # The same order in which the AWS clients look; without any of these it is AWS itself.
     endpoint = endpoint or next((os.environ[name] for name in _ENDPOINTS if os.environ.get(name)), None)
+    config = read_bucket_secrets()
+    if endpoint:
+        config["endpoint"] = endpoint
     return S3Store(
         parts.netloc,
         prefix=parts.path.strip("/") or None,
-        config=_read_secrets() | ({"endpoint": endpoint} if endpoint else {}),
+        config=config,
         client_options={
             "allow_http": (endpoint or "").startswith("http://"),
             "connect_timeout": timedelta(seconds=min(_CONNECT_WITHIN_S, silence_s)),
@@ -192,11 +191,3 @@ def _s3_store(url: str, endpoint: str | None, *, retry_for_s: float, silence_s: 
             **({} if retry_for_s else {"max_retries": 0}),
         },
     )
-
-
-def _read_secrets() -> "S3Config":
-    secrets: S3Config = {}
-    for name in _SECRETS:
-        if path := os.environ.get(f"AWS_{name.upper()}_FILE"):
-            secrets[name] = Path(path).read_text(encoding="utf-8").strip()
-    return secrets

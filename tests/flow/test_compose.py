@@ -15,6 +15,7 @@ from tests.support.compose import OURS, ROOT, S3, TLS, command_of, compose, envi
 
 OPERATOR = {"STILB_BLOBS_URL": "s3://bucket/raw", "DOMAIN": "calib.example"}
 FILES = ["docker-compose.yml", S3, TLS]
+PINNED = re.compile(r"[\w/]+:[\w.-]+@sha256:[0-9a-f]{64}$", re.MULTILINE)
 
 
 @pytest.mark.parametrize("path", FILES)
@@ -48,7 +49,8 @@ def test_one_service_builds_the_image_and_each_is_limited():
     assert [name for name, service in compose()["services"].items() if "build" in service] == ["migrate"]
     for service in (compose()["services"] | {"caddy": services["caddy"]}).values():
         assert service["cap_drop"] == ["ALL"]
-        assert {"mem_limit", "pids_limit"} <= service.keys()
+        assert {"mem_limit", "cpus", "pids_limit"} <= service.keys()
+        assert service["image"] == "stilb:local" or PINNED.search(service["image"])
         assert {"max-size", "max-file"} <= service["logging"]["options"].keys()
         assert all("size=" in each for each in service.get("tmpfs", []))
         assert "healthcheck" in service or service["restart"] == "no"
@@ -110,6 +112,8 @@ def test_ours_can_write_nowhere_but_to_their_data_and_run_as_nobody_special():
 def test_the_image_is_built_from_the_wheel_and_sees_no_more_than_it_needs():
     dockerfile = (ROOT / "Dockerfile").read_text()
     assert "python .ci/server_wheel.py /dist" in dockerfile
+    assert "COPY --from=environment /dist/*.cdx.json " in dockerfile
+    assert PINNED.search(re.search("^ARG PYTHON=(.+)$", dockerfile, re.MULTILINE)[1])
     assert dockerfile.count("FROM ${PYTHON}") == len(re.findall("^FROM", dockerfile, re.MULTILINE)) == 2
     allowed = {line[1:] for line in (ROOT / ".dockerignore").read_text().splitlines() if line[0] == "!"}
     others = {"requirements.lock", "requirements-bootstrap.lock", "pyproject.toml", "LICENSE", "README.md"}

@@ -26,16 +26,38 @@ def refused(monkeypatch, capsys):
         ("STILB_DATABSE_URL", "there is no such setting; did you mean STILB_DATABASE_URL?"),
         ("STILB_KEYFILE", "there is no such setting; did you mean STILB_KEY_FILE?"),
         ("STILB_ZZZ", "there is no such setting; docs/settings.md lists them."),
+        ("stilb_prot", "there is no such setting; did you mean STILB_PORT?"),
+        ("stilb_port", "write STILB_PORT: its name is in capitals"),
     ],
 )
 def test_a_name_that_is_no_setting_is_refused_with_the_nearest_one(refused, name, line):
-    assert refused(**{name: "x"}) == f"stilb: {name}: {line}\n"
+    assert refused(**{name: "1"}) == f"stilb: {name}: {line}\n"
 
 
 def test_a_value_out_of_range_is_named(refused):
-    told = refused(STILB_WORKER_THREADS="0", STILB_PORT="x")
+    told = refused(STILB_WORKER_THREADS="0", STILB_PORT="x", STILB_LEASE_S="inf", STILB_STOP_GRACE_S="1e9")
     assert "STILB_WORKER_THREADS: Input should be greater than or equal to 1" in told
     assert "STILB_PORT: Input should be a valid integer" in told
+    assert "STILB_LEASE_S: Input should be less than or equal to 86400" in told
+    assert "STILB_STOP_GRACE_S: Input should be less than or equal to 86400" in told
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "line"),
+    [
+        ("DATABASE_URL", "postgres://a@b/c", "must begin with postgresql+psycopg:// or sqlite:///"),
+        ("DATABASE_URL", "/data/stilb.sqlite", "must begin with postgresql+psycopg:// or sqlite:///"),
+        (
+            "BROKER_URL",
+            "localhost:6379",
+            "must begin with redis://, rediss://, redis+socket:// or sentinel://",
+        ),
+        ("BLOBS_URL", "s3://bucket?x", "must be a folder, file:///folder or s3://bucket/prefix"),
+        ("BLOBS_URL", "gs://bucket", "must be a folder, file:///folder or s3://bucket/prefix"),
+    ],
+)
+def test_an_address_of_another_kind_is_refused_without_what_it_holds(refused, name, value, line):
+    assert refused(**{f"STILB_{name}": value}) == f"stilb: STILB_{name}: {line}\n"
 
 
 def test_a_secret_is_read_from_the_file_that_is_named(monkeypatch, tmp_path):
@@ -46,8 +68,15 @@ def test_a_secret_is_read_from_the_file_that_is_named(monkeypatch, tmp_path):
     assert read_settings().key.get_secret_value() == "abc"
 
 
-def test_a_secret_that_is_given_twice_or_cannot_be_read_is_refused(refused, tmp_path):
+def test_a_secret_that_is_given_twice_or_cannot_be_read_is_refused(refused, tmp_path, monkeypatch):
     assert "No such file" in refused(STILB_KEY_FILE=str(tmp_path / "none"))
+    (tmp_path / "empty").write_text(" \n", encoding="utf-8")
+    assert "empty: the file is empty" in refused(STILB_KEY_FILE=str(tmp_path / "empty"))
+    monkeypatch.delenv("STILB_KEY_FILE")
+    assert "AWS_SESSION_TOKEN_FILE: " in refused(AWS_SESSION_TOKEN_FILE=str(tmp_path / "empty"))
+    monkeypatch.delenv("AWS_SESSION_TOKEN_FILE")
+    (tmp_path / "binary").write_bytes(b"\xff")
+    assert "binary: 'utf-8' codec" in refused(STILB_KEY_FILE=str(tmp_path / "binary"))
     assert refused(STILB_KEY="a") == "stilb: STILB_KEY: also given as STILB_KEY_FILE; remove one of them\n"
 
 
