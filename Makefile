@@ -21,7 +21,7 @@ up: $(VENV)/run  ## the whole service in the foreground, on ./stilb-data
 
 test quick: export OPENBLAS_NUM_THREADS = 1
 test: $(VENV)/dev chromium  ## every test but those of clients, on SQLite and on PostgreSQL (FILE="tests/radiometry -k gls" runs some)
-	@$(if $(FILE),pytest -q $(FILE),pytest -q -n $$(($$(nproc) + 1)) --maxprocesses 8 --dist worksteal --ignore $(CLIENTS))
+	@$(if $(FILE),pytest -q $(FILE),pytest -q -n $$(($$(nproc) + 2)) --maxprocesses 8 --dist worksteal --ignore $(CLIENTS))
 
 clients: $(VENV)/dev  ## the clients that generators make of the OpenAPI document: each is built, typed and calibrates
 	@pytest -q $(CLIENTS)

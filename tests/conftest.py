@@ -131,7 +131,8 @@ def _name_test(item):
 
 def _read_database(item):
     params = item.callspec.params if hasattr(item, "callspec") else {}
-    return params.get("database_url", params.get("shared_house"))
+    given = params.keys() & {"database_url", "shared_house", "deployment"}
+    return params[given.pop()] if given else None
 
 
 @pytest.fixture(scope="session")

@@ -62,9 +62,9 @@ FAULTS: tuple[Fault, ...] = (
         name="Valkey is killed", strike=strikes.killed("valkey"), goes_on_within_s=10.0, in_tests=_COMPOSED
     ),
     Fault(name="decoders are killed", strike=strikes.decoders_killed, in_tests=_EMBEDDED),
-    Fault(name="the broker is flushed", strike=strikes.broker_flushed, in_tests=_EMBEDDED),
+    Fault(name="the broker is flushed", strike=strikes.broker_flushed),
     Fault(name="the broker is stopped", strike=strikes.frozen_valkey, lasts_s=20.0, livez=True),
-    Fault(name="every message comes three times", strike=strikes.messages_three_times, in_tests=_COMPOSED),
+    Fault(name="every message comes three times", strike=strikes.messages_three_times),
     Fault(name="the worker is frozen past its lease", strike=strikes.frozen_past_its_lease(LEASE_S)),
     Fault(name="all processes are killed twice", strike=strikes.tree_killed_twice),
     Fault(name="the database is locked", strike=strikes.database_locked, lasts_s=40.0, livez=True),

@@ -15,6 +15,8 @@ from store.tables import FrameRow
 from tests.support.campaigns import ROI
 from tests.support.fieldwork import figures_of
 
+pytestmark = pytest.mark.either_database
+
 QUEUE = "celery"
 
 

@@ -4,8 +4,11 @@ import asyncio
 from pathlib import Path
 
 import httpx
+import pytest
 
 from tests.support.deployments import wait_for
+
+pytestmark = pytest.mark.either_database
 
 WAITERS = 200
 
