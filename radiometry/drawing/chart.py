@@ -1,17 +1,23 @@
 """Figures as SVG, for pages and for print."""
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from html import escape
 from typing import Final
 
 from radiometry.drawing.figure import Axis, Figure, Mark, Series
 from radiometry.drawing.svg import Panel, Scale, span
+from radiometry.drawing.text import shorten
 
 _BOTTOM_PX, _LINE_PX = 48, 22
 _MONTHS: Final = (1, 2, 3, 6, 12, 24, 60, 120, 240)
 _DAY_S, _HALF_HOUR_S = 86_400.0, 1800.0
+_LETTER_PX, _LEAST_LETTERS = 7, 8
+# of more points, those that would lie over one of their series are drawn when a part is magnified
+_MOST_MARKS: Final = 2000
 # steps of time below a month, with the form of a tick
 _TIMES: Final = tuple(
     (60.0 * minutes, "%H:%M") for minutes in (1, 2, 5, 10, 15, 30, 60, 120, 180, 360, 720)
@@ -21,24 +27,25 @@ _SYMBOLS: Final = (
     *("M-4.5 0a4.5 4.5 0 1 0 9 0a4.5 4.5 0 1 0-9 0Z", "M-4-4H4V4H-4Z", "M0-5L5 4H-5Z"),
     *("M0-5.5L5 0L0 5.5L-5 0Z", "M0 5L5-4H-5Z", "M-5-2H-2V-5H2V-2H5V2H2V5H-2V2H-5Z"),
 )
-# Okabe and Ito, Color Universal Design: told apart by eyes that confuse red with green; in grey by dashes
+# Okabe and Ito, Color Universal Design: told apart by eyes that confuse red with green; in grey by dashes.
+# After six the colours come again with other dashes and symbols.
 _COLOURS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 _DASHES: Final = ("none", "7 3", "2 3", "9 3 2 3", "4 2", "12 4")
 # of a picture that is printed or saved; in a page stilb.css has the colours
 STYLE: Final = (
     ".band{fill:#0b5f6b;opacity:.07}.unknown{fill:#bbb}.note{font-size:10.5px}"
     + "".join(
-        f".line.s{n}{{fill:none;stroke:{colour};stroke-width:1.6;stroke-dasharray:{dash}}}"
+        f".line.s{n}{{fill:none;stroke:{colour};stroke-width:1.6}}"
         f".point.s{n}{{fill:{colour};stroke:{colour};stroke-width:1.2}}"
         f".cell.s{n}{{fill:{colour}}}.swath.s{n}{{fill:{colour};opacity:.18}}"
-        for n, (colour, dash) in enumerate(zip(_COLOURS, _DASHES, strict=True))
+        for n, colour in enumerate(_COLOURS)
     )
-    + ".line.bar{stroke-width:1.2;stroke-dasharray:none}.point.out{fill:#fff}"
+    + ".line.bar{stroke-width:1.2}.point.out{fill:#fff}"
 )
 
 
 class _Dates(Scale):
-    """Time in seconds since 1970, in UTC; a tick at the beginnings of months, or of shorter spans."""
+    """Time in seconds since 1970, in UTC; ticks at the beginnings of months, or of shorter spans."""
 
     def ticks(self) -> list[float]:
         step = self._step()
@@ -54,6 +61,8 @@ class _Dates(Scale):
     def label(self, tick: float) -> str:
         step = self._step()
         form = next((form for size, form in _TIMES if size == step), "%Y-%m")
+        if step and step < _DAY_S and tick % _DAY_S == 0.0:
+            form = "%m-%d"
         return datetime.fromtimestamp(tick, UTC).strftime(form)
 
     def _step(self) -> float | None:
@@ -86,20 +95,30 @@ def place_figure(
             [middle - per_px * size / 2.0, middle + per_px * size / 2.0]
             for middle, size in zip(middles, (right - left, bottom - top), strict=True)
         )
-    x, y = _scale(figure.x, xs, left, right), _scale(figure.y, ys, bottom, top)
+    # names share the width, and none is wider than the axes
+    most_x = max(_LEAST_LETTERS, int((right - left) / _LETTER_PX / max(1, len(figure.x.ticks or ()))))
+    most_y = max(_LEAST_LETTERS, int(left / _LETTER_PX) - 1)
+    x = _scale(_name_shortly(figure.x, most_x), xs, left, right)
+    y = _scale(_name_shortly(figure.y, most_y), ys, bottom, top)
     return Panel(x=x, y=y, title=title, x_label=figure.x.label, y_label=figure.y.label)
+
+
+def _name_shortly(axis: Axis, most: int) -> Axis:
+    if axis.ticks is None:
+        return axis
+    return replace(axis, ticks=tuple((at, shorten(text, most)) for at, text in axis.ticks))
 
 
 def _scale(axis: Axis, values: Sequence[float], start_px: float, end_px: float) -> Scale:
     low, high = span(values, logarithmic=axis.logarithmic)
-    if axis.is_time:
+    if axis.is_time and values:
         # frames of one minute need a scale, too
         middle, half = (
             (min(values) + max(values)) / 2.0,
             max(0.53 * (max(values) - min(values)), _HALF_HOUR_S),
         )
         low, high = middle - half, middle + half
-    elif axis.ticks and not axis.logarithmic:
+    elif axis.ticks and not axis.logarithmic and values:
         low, high = min(values), max(values)
     return (_Dates if axis.is_time else Scale)(
         low=low,
@@ -134,7 +153,9 @@ def draw_figure(figure: Figure, panel: Panel, *, in_print: bool) -> tuple[list[s
     """
     parts = [*panel.frame(), *_draw_ground(panel, figure, in_print=in_print)]
     for n, each in enumerate(figure.series):
-        parts += _draw_series(panel, figure, each, _place(each, n), in_print=in_print)
+        place = _place(each, n)
+        drawn = "".join(_draw_series(panel, figure, each, place, in_print=in_print))
+        parts.append(f'<g class="series" data-series="{place}">{drawn}</g>' if drawn else "")
     legend, bottom = _draw_legend(panel, figure, in_print=in_print)
     return [*parts, *legend], bottom
 
@@ -167,10 +188,11 @@ def _draw_ground(panel: Panel, figure: Figure, *, in_print: bool) -> Iterator[st
         yield panel.line([(upright, y.low), (upright, y.high)], "limit")
     foot, top, middle = (y.low + share * (y.high - y.low) for share in (0.02, 0.06, 0.08))
     # at most one a pixel
-    for moment in {round(x(each)): each for each in figure.moments}.values():
+    moments = [each for each in figure.moments if x.low <= each <= x.high]
+    for moment in {round(x(each)): each for each in moments}.values():
         yield panel.line([(moment, foot), (moment, top)], "box")
-    if figure.moments:
-        yield panel.write(min(figure.moments), middle, figure.moments_are, "note")
+    if moments:
+        yield panel.write(min(moments), middle, figure.moments_are, "note")
 
 
 def _cut(scale: Scale, ends: tuple[float, float]) -> tuple[float, float]:
@@ -178,19 +200,39 @@ def _cut(scale: Scale, ends: tuple[float, float]) -> tuple[float, float]:
     return low, high
 
 
+def _cut_swath(swath: Sequence[tuple[float, float, float]], panel: Panel) -> list[tuple[float, float, float]]:
+    """Return the part of a band between the limits of x, with its edges at them."""
+    x = panel.x
+    known = [each for each in swath if x.shows(each[0]) and all(map(math.isfinite, each))]
+    ends = [
+        (end, a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2]))
+        for end in (x.low, x.high)
+        for a, b in itertools.pairwise(known)
+        if a[0] < end < b[0]
+        for share in ((end - a[0]) / (b[0] - a[0]),)
+    ]
+    return sorted([*(each for each in known if x.low <= each[0] <= x.high), *ends])
+
+
 def _draw_series(panel: Panel, figure: Figure, each: Series, place: int, *, in_print: bool) -> Iterator[str]:
     across = bool(figure.y.ticks)
     ends = panel.x if across else panel.y
-    inside = [point for point in each.swath if panel.x.low <= point[0] <= panel.x.high]
-    if inside:
+    inside = _cut_swath(each.swath, panel)
+    if len(inside) > 1:
         edges = [(panel.x(x), *_cut(panel.y, (low, high))) for x, low, high in inside]
         there = [f"{x:.1f},{low:.1f}" for x, low, _ in edges]
         back = [f"{x:.1f},{high:.1f}" for x, _, high in reversed(edges)]
         yield f'<polygon class="swath {_colour(place)}" points="{" ".join([*there, *back])}"/>'
     for points in (each.model, each.line):
         if points:
-            yield panel.line(points, f"line {_colour(place)}")
+            yield panel.line(points, f"line {_colour(place)}", dash=_dash(place))
+    taken: set[tuple[int, int, bool]] = set()
     for mark in each.marks:
+        if len(each.marks) > _MOST_MARKS and panel.holds(mark.x, mark.y):
+            at_px = (round(panel.x(mark.x)), round(panel.y(mark.y)), bool(mark.left_out))
+            if at_px in taken:
+                continue
+            taken.add(at_px)
         if mark.low is not None and mark.high is not None:
             low, high = max(mark.low, ends.low), min(mark.high, ends.high)
             if low <= high:
@@ -228,10 +270,11 @@ def _draw_legend(panel: Panel, figure: Figure, *, in_print: bool) -> tuple[list[
         y = top + _LINE_PX * (n // columns) + 8
         at = f'transform="translate({x:.1f} {y:.1f})"'
         symbol = f'<path class="point {_colour(place)}" {at} d="{_symbol(place)}"/>'
-        line = f'<path class="line {_colour(place)}" {at} d="M-12 0H12"/>'
+        line = f'<path class="line {_colour(place)}" stroke-dasharray="{_dash(place)}" {at} d="M-12 0H12"/>'
         lined = bool(each.line or each.model)
         shown = (line if lined else "") + (symbol if each.marks or not lined else "")
-        text = f'<text x="{x + 16:.1f}" y="{y + 4:.1f}">{escape(each.name)}</text>'
+        name = shorten(each.name, max(_LEAST_LETTERS, int((inner - 40) / _LETTER_PX)))
+        text = f'<text x="{x + 16:.1f}" y="{y + 4:.1f}">{escape(name)}</text>'
         legend.append(f'<g class="legend" data-series="{place}">{shown}{text}</g>')
     bottom = top + _LINE_PX * -(-len(named) // columns)
     if in_print and figure.note:
@@ -247,4 +290,8 @@ def _colour(place: int) -> str:
 
 
 def _symbol(place: int) -> str:
-    return _SYMBOLS[place % len(_SYMBOLS)]
+    return _SYMBOLS[(place + place // len(_COLOURS)) % len(_SYMBOLS)]
+
+
+def _dash(place: int) -> str:
+    return _DASHES[(place + place // len(_COLOURS)) % len(_DASHES)]

@@ -1,5 +1,6 @@
 """Figures as data: what a method plots, before print or a page draws it."""
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -160,7 +161,7 @@ class Figure:
     is_to_scale: bool = False
 
     def find_limits(self, *, in_print: bool) -> tuple[list[float], list[float]]:
-        """Return the values that lie within the limits of the axes: those of x, those of y.
+        """Return the values that lie within the limits of the axes: those of x and of y, all finite.
 
         On a page, points that are left out may lie anywhere; they count only where all are left out.
 
@@ -177,7 +178,9 @@ class Figure:
         xs = [*self._along(marks, lines, 0), *(end for cell in self.cells for end in cell.x)]
         ys = [*self._along(marks, lines, 1), *(end for cell in self.cells for end in cell.y)]
         (xs if self.y.ticks else ys).extend(ends)
-        return [*xs, *self.x.include], [*ys, *self.y.include]
+        both = ([*xs, *self.x.include], [*ys, *self.y.include])
+        xs, ys = ([value for value in values if math.isfinite(value)] for values in both)
+        return xs, ys
 
     @staticmethod
     def _along(marks: list[Mark], lines: list[tuple[float, float]], axis: int) -> Iterator[float]:

@@ -1,13 +1,17 @@
 """A panel with two axes in SVG: enough for a calibration's plots, and nothing that runs."""
 
+import itertools
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from html import escape
-from typing import Self
+from typing import Final, Self
+
+from radiometry.drawing.text import write_tick
 
 _STEPS = (1.0, 2.0, 5.0, 10.0)
 _LEAST_TICKS, _MOST_TICKS = 3, 8
+_ROUNDING_PX: Final = 1e-6
 _STYLE = (
     "text{font:12px system-ui,sans-serif;fill:#222}.title{font-weight:600}.mid{text-anchor:middle}"
     ".end{text-anchor:end}.box{fill:none;stroke:#555}.tick{stroke:#ddd}"
@@ -93,7 +97,8 @@ class Scale:
         """
         if self.named is not None:
             return dict(self.named)[tick]
-        return f"{abs(tick) if self.is_downward else tick:g}"
+        step = 0.0 if self.logarithmic else self._even_step()
+        return write_tick(abs(tick) if self.is_downward else tick, step=step)
 
     def ticks(self) -> list[float]:
         """Return the named ticks, else round values: 1, 2 and 5 in a power of ten, or even steps.
@@ -112,11 +117,24 @@ class Scale:
                     break
             if len(figures) >= _LEAST_TICKS:
                 return figures[:: math.ceil(len(figures) / _MOST_TICKS)]
-        rough = (self.high - self.low) / 6
-        power = 10.0 ** math.floor(math.log10(rough))
-        step = next(s * power for s in _STEPS if s * power >= rough * 0.999)
+        step = self._even_step()
         first = math.ceil(self.low / step - 1e-9)
         return [step * i for i in range(first, math.floor(self.high / step + 1e-9) + 1)]
+
+    def _even_step(self) -> float:
+        rough = (self.high - self.low) / 6
+        power = 10.0 ** math.floor(math.log10(rough))
+        return next(s * power for s in _STEPS if s * power >= rough * 0.999)
+
+    def shows(self, value: float) -> bool:
+        """Return True if a value has a place on the axis, within the limits or beyond.
+
+        Parameters
+        ----------
+        value : float
+            Value; nothing that is not finite has a place, on a logarithmic axis nothing that is not positive.
+        """
+        return math.isfinite(value) and (value > 0.0 or not self.logarithmic)
 
 
 def span(
@@ -133,7 +151,7 @@ def span(
     include : sequence of float, optional
         Further values within the limits.
     """
-    known = [*values, *include]
+    known = [value for value in (*values, *include) if math.isfinite(value)]
     if logarithmic:
         known = [value for value in known if value > 0] or [1.0]
         return min(known) / 1.5, max(known) * 1.5
@@ -181,8 +199,8 @@ class Panel:
             )
         return parts
 
-    def line(self, points: Iterable[tuple[float, float]], css: str) -> str:
-        """Return a polyline through those points that lie within the limits.
+    def line(self, points: Iterable[tuple[float, float]], css: str, *, dash: str = "none") -> str:
+        """Return a line through points, cut at the limits; a point without a place on the axes breaks it.
 
         Parameters
         ----------
@@ -190,9 +208,50 @@ class Panel:
             x and y.
         css : str
             Class.
+        dash : str, optional
+            Lengths of dashes and gaps [px].
         """
-        shown = [f"{self.x(x):.1f},{self.y(y):.1f}" for x, y in points if self.holds(x, y)]
-        return f'<polyline class="{css}" points="{" ".join(shown)}"/>'
+        dashes = "" if dash == "none" else f' stroke-dasharray="{dash}"'
+        return "".join(
+            f'<polyline class="{css}"{dashes} points="{" ".join(f"{x:.1f},{y:.1f}" for x, y in run)}"/>'
+            for run in self._cut(points)
+        )
+
+    def _cut(self, points: Iterable[tuple[float, float]]) -> Iterator[list[tuple[float, float]]]:
+        """Yield the parts of a line that lie within the limits [px]."""
+        places = [(self.x(x), self.y(y)) if self.x.shows(x) and self.y.shows(y) else None for x, y in points]
+        run: list[tuple[float, float]] = []
+        for start, end in itertools.pairwise(places):
+            part = self._cut_segment(start, end) if start and end else None
+            if run and (part is None or run[-1] != part[0]):
+                yield run
+                run = []
+            if part is not None:
+                run += part[1:] if run else part
+        if run:
+            yield run
+
+    def _cut_segment(
+        self, start: tuple[float, float], end: tuple[float, float]
+    ) -> tuple[tuple[float, float], tuple[float, float]] | None:
+        """Return the part of a segment that lies within the limits (Liang and Barsky), None if none does."""
+        low, high = 0.0, 1.0
+        for scale, a, b in zip((self.x, self.y), start, end, strict=True):
+            least, most = sorted((scale.start_px, scale.end_px))
+            least, most = least - _ROUNDING_PX, most + _ROUNDING_PX
+            if a == b:
+                if not least <= a <= most:
+                    return None
+                continue
+            first, last = sorted(((least - a) / (b - a), (most - a) / (b - a)))
+            low, high = max(low, first), min(high, last)
+        if low > high:
+            return None
+        (x0, y0), (x1, y1) = start, end
+        return (
+            start if low == 0.0 else (x0 + low * (x1 - x0), y0 + low * (y1 - y0)),
+            end if high == 1.0 else (x0 + high * (x1 - x0), y0 + high * (y1 - y0)),
+        )
 
     def write(self, x: float, y: float, text: str, css: str = "mid note") -> str:
         """Return a text at a point.

@@ -1,7 +1,88 @@
 """Names and numbers as plots write them."""
 
+import math
 import re
 from collections.abc import Iterable
+from typing import Final
+
+_PLAIN: Final = (1e-4, 1e7)
+_THIN: Final = "\N{THIN SPACE}"
+_RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def in_step(value: float, uncertainty: float) -> tuple[str, str]:
+    """Return a value and its uncertainty, this to two significant digits, the value to the same place.
+
+    By JCGM 100:2008, 7.2.6.
+
+    Parameters
+    ----------
+    value, uncertainty : float
+        In one unit. An uncertainty that is not positive and finite rounds nothing.
+    """
+    if not 0.0 < uncertainty < math.inf:
+        return f"{value:.5g}", f"{uncertainty:.5g}"
+    place = 1 - math.floor(math.log10(uncertainty))
+    if round(uncertainty, place) >= 10.0 ** (2 - place):
+        place -= 1  # 0.0996 rounds to 0.10
+    decimals = max(place, 0)
+    return f"{round(value, place):.{decimals}f}", f"{round(uncertainty, place):.{decimals}f}"
+
+
+def write_quantity(value: float, uncertainty: float, unit: str = "1") -> str:
+    """Return a value with its uncertainty and unit: 32.31 ± 0.44 DN·m²/(cd·s), 1.20 ± 0.10 %.
+
+    Parameters
+    ----------
+    value, uncertainty : float
+        In ``unit``.
+    unit : str, optional
+        Unit as it is typed; "1" for a pure number.
+    """
+    said = "" if unit == "1" else f" {write_unit(unit)}"
+    return f"{' ± '.join(in_step(value, uncertainty))}{said}"
+
+
+def write_tick(value: float, *, step: float = 0.0) -> str:
+    """Return a number beside an axis: 0.25, 20 000, a power of ten beyond 10⁷.
+
+    Parameters
+    ----------
+    value : float
+        Number.
+    step : float, optional
+        Distance to the next; so many digits are written that both can be told apart.
+    """
+    if value == 0.0:
+        return "0"
+    digits = 6
+    if step > 0.0:
+        digits = max(digits, math.floor(math.log10(abs(value))) - math.floor(math.log10(step)) + 1)
+    if not _PLAIN[0] <= abs(value) < _PLAIN[1]:
+        mantissa, power = f"{value:.{min(digits, 15) - 1}e}".split("e")
+        return f"{float(mantissa):.15g} \N{MULTIPLICATION SIGN} 10{str(int(power)).translate(_RAISED)}"
+    decimals = max(0, min(digits, 15) - 1 - math.floor(math.log10(abs(value))))
+    whole, _, part = f"{value:.{decimals}f}".partition(".")
+    if len(whole.lstrip("-")) > 4:
+        whole = f"{int(whole):,}".replace(",", _THIN)
+    part = part.rstrip("0")
+    return f"{whole}.{part}" if part else whole
+
+
+def shorten(text: str, most: int) -> str:
+    """Return a text of at most so many characters; serial numbers differ at their end, so the middle goes.
+
+    Parameters
+    ----------
+    text : str
+        Text.
+    most : int
+        Characters, at least 3.
+    """
+    if len(text) <= most:
+        return text
+    end = (most - 1) // 2
+    return f"{text[: most - 1 - end]}…{text[-end:]}"
 
 
 def write_exposure(seconds: float) -> str:
@@ -50,3 +131,14 @@ def write_unit(unit: str) -> str:
         Unit, such as DN*m2/(cd*s).
     """
     return unit.replace("*", "·").replace("m2", "m²")
+
+
+def label_axis(quantity: str, unit: str) -> str:
+    """Return a quantity with its unit in brackets, without one for a pure number.
+
+    Parameters
+    ----------
+    quantity, unit : str
+        Name, and unit as it is typed.
+    """
+    return quantity if unit == "1" else f"{quantity} [{write_unit(unit)}]"

@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from radiometry.drawing.figure import Axis, Figure, Mark, Plot, Series
-from radiometry.drawing.text import sort_naturally, write_exposure, write_unit
+from radiometry.drawing.text import label_axis, sort_naturally, write_exposure, write_quantity
 from radiometry.fitting.models import predict
 
 Node = dict[str, Any]
@@ -104,28 +104,30 @@ def _build_f_number_residuals(result: Node, _: Rows) -> tuple[Figure, ...]:
 
 def _build_time_residuals(result: Node, rows: Rows) -> tuple[Figure, ...]:
     times = {row.frame: at for row in rows() if (at := _read_time(row)) is not None}
-    return _draw_residuals(result, Axis(label="time taken", is_time=True), lambda p: times.get(p["frame"]))
+    return _draw_residuals(
+        result, Axis(label="time taken, UTC", is_time=True), lambda p: times.get(p["frame"])
+    )
 
 
 def _build_apertures(result: Node, _: Rows) -> tuple[Figure, ...]:
     """One line per K: at each f-number, then of the ISO value."""
     series: list[Series] = []
     names: list[str] = []
+    unit = result["iso_fits"][0]["coefficient"]["luminance_k_unit"]
     for place, (c, _points) in enumerate(_by_iso(result)):
         marks = []
         of = [*((f"f/{a['f_number']:g}", a) for a in c.get("apertures") or ()), ("all", c)]
         for name, each in of:
             k, u = each["luminance_k"], each["expanded_uncertainty"]
-            told = f"{name if name != 'all' else 'all f-numbers'}: {k:.5g} ± {u:.2g} (95 %)"
+            told = f"{name if name != 'all' else 'all f-numbers'}: {write_quantity(k, u, unit)} (95 %)"
             marks.append(Mark(x=k, y=-float(len(names)), low=k - u, high=k + u, name=_name(c), told=(told,)))
             names.append(f"ISO {c['iso']:g} {name}")
         series.append(Series(name=_name(c), marks=tuple(marks), place=place))
     if len(names) == len(series):
         return ()
-    unit = result["iso_fits"][0]["coefficient"]["luminance_k_unit"]
     ticks = tuple((-float(n), name) for n, name in enumerate(names))
     y = Axis(label="", ticks=ticks, include=(0.5, 0.5 - len(names)))
-    return (Figure(x=Axis(label=f"K [{write_unit(unit)}]"), y=y, series=tuple(series)),)
+    return (Figure(x=Axis(label=label_axis("K", unit)), y=y, series=tuple(series)),)
 
 
 def _draw_dark(result: Node, rows: Rows, x: Axis, place: Callable[[Any], float | None]) -> tuple[Figure, ...]:
@@ -143,7 +145,7 @@ def _draw_dark(result: Node, rows: Rows, x: Axis, place: Callable[[Any], float |
             u = 2.0 * signal.standard_uncertainty_dn
             told = (
                 f"{write_exposure(row.exposure.exposure_time_s)}, ISO {row.exposure.iso:g}",
-                f"{signal.value_dn:.2f} ± {u:.2f} DN (95 %)",
+                f"{write_quantity(signal.value_dn, u, 'DN')} (95 %)",
             )
             mean = signal.value_dn
             marks.append(Mark(x=at, y=mean, low=mean - u, high=mean + u, name=row.frame, told=told))
@@ -165,7 +167,7 @@ def _build_dark_by_exposure(result: Node, rows: Rows) -> tuple[Figure, ...]:
 
 
 def _build_dark_by_time(result: Node, rows: Rows) -> tuple[Figure, ...]:
-    return _draw_dark(result, rows, Axis(label="time taken", is_time=True), _read_time)
+    return _draw_dark(result, rows, Axis(label="time taken, UTC", is_time=True), _read_time)
 
 
 def _read_time(row: Any) -> float | None:  # noqa: ANN401  a row of the fit

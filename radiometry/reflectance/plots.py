@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from radiometry.drawing.figure import MOST, Axis, Figure, Mark, Plot, Series
-from radiometry.drawing.text import write_unit
+from radiometry.drawing.text import label_axis, write_quantity, write_unit
 from radiometry.reflectance.evaluation import HALF_HOUR_S, USUAL_DRIFT_REL, KAtTime, interpolate
 from radiometry.reflectance.results import Knot
 
@@ -44,7 +44,7 @@ def _build_visits(result: Node, _: Any) -> Iterator[Figure]:  # noqa: ANN401  no
         series.append(Series(name=c["band"], marks=marks, line=_join(c, timed=timed)))
     if any(each.marks for each in series):
         yield Figure(
-            x=Axis(label="time taken" if timed else "visit to the panel", is_time=timed),
+            x=Axis(label="time taken, UTC" if timed else "visit to the panel", is_time=timed),
             y=Axis(label="K / K of the band [% difference]", include=(-1.0, 1.0)),
             levels=(0.0,),
             series=tuple(series),
@@ -134,13 +134,13 @@ def _build_bands(result: Node, _: Any) -> Iterator[Figure]:  # noqa: ANN401
     air = 30.0 if known else 0.5
     series = []
     for x, c in zip(xs, coefficients, strict=True):
-        k, u, unit = c["reflectance_k"], c["expanded_uncertainty"], write_unit(c["reflectance_k_unit"])
-        told = (f"{k:.5g} ± {u:.2g} {unit} (95 %)",)
+        k, u = c["reflectance_k"], c["expanded_uncertainty"]
+        told = (f"{write_quantity(k, u, c['reflectance_k_unit'])} (95 %)",)
         mark = Mark(x=x, y=k, low=k - u, high=k + u, name=f"band {c['band']}", told=told)
         series.append(Series(name=c["band"], marks=(mark,)))
     yield Figure(
         x=Axis(label="wavelength [nm]" if known else "band, in turn", include=(min(xs) - air, max(xs) + air)),
-        y=Axis(label=f"K [{write_unit(coefficients[0]['reflectance_k_unit'])}]", include=(0.0,)),
+        y=Axis(label=label_axis("K", coefficients[0]["reflectance_k_unit"]), include=(0.0,)),
         series=tuple(series),
     )
 

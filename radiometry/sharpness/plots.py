@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Any, Final
 
 from radiometry.drawing.figure import MOST, Axis, Figure, Mark, Plot, Series
-from radiometry.drawing.text import write_exposure
+from radiometry.drawing.text import write_exposure, write_quantity
 from radiometry.specification.key_figures import choose_channel
 
 Node = dict[str, Any]
@@ -106,7 +106,7 @@ def _build_blooming(result: Node, _: Any) -> Iterator[Figure]:  # noqa: ANN401
                 marks = []
                 for p in each["added"]:
                     y, u = 100.0 * p["added_rel"], 200.0 * p["standard_uncertainty_rel"]
-                    told = (f"{p['distance_px']:g} px: {y:.3g} ± {u:.2g} % of saturation",)
+                    told = (f"{p['distance_px']:g} px: {write_quantity(y, u)} % of saturation",)
                     marks.append(Mark(x=p["distance_px"], y=y, low=y - u, high=y + u, name=name, told=told))
                 line = tuple((mark.x, mark.y) for mark in marks)
                 series.append(Series(name=name, marks=tuple(marks), line=line))
@@ -131,8 +131,8 @@ def _name_position(position: Node) -> str:
 
 
 def _tell(found: Node) -> str:
-    value, u = found["quantity"]["value"], found["quantity"]["standard_uncertainty"]
-    return f"{value:.3g} ± {u:.2g} {found['quantity']['unit']}"
+    quantity = found["quantity"]
+    return write_quantity(quantity["value"], quantity["standard_uncertainty"], quantity["unit"])
 
 
 def _channels(result: Node) -> list[str]:

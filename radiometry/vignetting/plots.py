@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.drawing.figure import MOST, Axis, Cell, Figure, Mark, Plot, Series
+from radiometry.drawing.text import write_quantity
 from radiometry.frame.packing import Packed, unpack
 from radiometry.specification.key_figures import choose_channel
 
@@ -75,7 +76,7 @@ def _build_corner(result: Node, _: Any) -> Iterator[Figure]:  # noqa: ANN401
         for c in _list(result):
             if c["channel"] == channel:
                 y, u = 100.0 * c["corner_falloff"], 200.0 * c["corner_falloff_standard_uncertainty"]
-                told = (f"{y:.2f} ± {u:.2g} %, two standard uncertainties",)
+                told = (f"{write_quantity(y, u, '%')}, two standard uncertainties",)
                 name = f"{channel}, f/{c['f_number']:g}"
                 marks.append(Mark(x=c["f_number"], y=y, low=y - u, high=y + u, name=name, told=told))
         line = tuple((mark.x, mark.y) for mark in marks)

@@ -2,8 +2,8 @@
 
 from collections import defaultdict
 
-from radiometry.drawing.text import natural_key, write_unit
-from service.certificate.figures import in_step, optional, percent, plain, stamp
+from radiometry.drawing.text import in_step, natural_key, write_unit
+from service.certificate.figures import optional, percent, plain, stamp
 from service.certificate.regions import region_blocks
 from service.certificate.sheet import Node, flow, section, table
 

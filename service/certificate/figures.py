@@ -4,19 +4,7 @@ import math
 from datetime import datetime
 from typing import Any
 
-
-def in_step(value: float, uncertainty: float) -> tuple[str, str]:
-    """A value and its uncertainty: two significant digits of the uncertainty, the value to the same place.
-
-    By JCGM 100:2008, 7.2.6.
-    """
-    if uncertainty <= 0.0:
-        return plain(value), plain(uncertainty)
-    place = 1 - math.floor(math.log10(uncertainty))
-    if round(uncertainty, place) >= 10.0 ** (2 - place):
-        place -= 1  # 0.0996 rounds to 0.10
-    decimals = max(place, 0)
-    return f"{round(value, place):.{decimals}f}", f"{round(uncertainty, place):.{decimals}f}"
+from radiometry.drawing.text import in_step
 
 
 def expanded(certificate: dict[str, Any], value: float, row: dict[str, Any]) -> tuple[str, str]:

@@ -4,11 +4,11 @@ import math
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 
-from radiometry.drawing.text import write_unit
+from radiometry.drawing.text import in_step, write_unit
 from radiometry.methods import get_method
 from radiometry.specification.certificate import Column
 from radiometry.specification.method import MethodSpec
-from service.certificate.figures import in_step, optional, percent, plain
+from service.certificate.figures import optional, percent, plain
 from service.certificate.regions import region_blocks
 from service.certificate.sheet import Node, facts, figure, flow, section, table
 

@@ -4,11 +4,11 @@ Everything printed comes from the dictionary that is served as certificate.json.
 per ISO value has pages of its own; all others share theirs.
 """
 
-from radiometry.drawing.text import write_unit
+from radiometry.drawing.text import in_step, write_unit
 from radiometry.methods import get_method
 from service.certificate import general
 from service.certificate.evidence import evidence_sections
-from service.certificate.figures import degrees, expanded, in_step, percent, plain, stamp
+from service.certificate.figures import degrees, expanded, percent, plain, stamp
 from service.certificate.results import result_sections
 from service.certificate.sheet import Node, facts, flow, section, table, write_json
 

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from radiometry.drawing.text import write_exposure, write_unit
+from radiometry.drawing.text import in_step, write_exposure, write_unit
 from radiometry.methods.findings import FINDINGS
-from service.certificate.figures import in_step, percent, plain, stamp
+from service.certificate.figures import percent, plain, stamp
 from service.certificate.sheet import Node, table
 from store.queries.calibrations import VersionStatus
 from store.tables import Calibration, Camera

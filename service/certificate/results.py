@@ -1,8 +1,8 @@
 """Result sections of a luminance certificate: fit, budget and range per ISO value, models and points."""
 
-from radiometry.drawing.text import write_unit
+from radiometry.drawing.text import in_step, write_unit
 from radiometry.methods import get_method
-from service.certificate.figures import degrees, expanded, extent, in_step, percent, plain
+from service.certificate.figures import degrees, expanded, extent, percent, plain
 from service.certificate.sheet import Node, facts, figure, section, table
 
 

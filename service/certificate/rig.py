@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from datetime import datetime
 from typing import Any
 
-from radiometry.drawing.text import write_unit
+from radiometry.drawing.text import in_step, write_unit
 from radiometry.methods.findings import FINDINGS
 from service.certificate.document import build_certificate
-from service.certificate.figures import in_step, plain, stamp
+from service.certificate.figures import plain, stamp
 from service.certificate.general import LEGEND, tabulate_points
 from service.certificate.pages import STAMPS, list_flag, list_software, list_work
 from service.certificate.sheet import Node, facts, section, table, write_json

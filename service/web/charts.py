@@ -16,6 +16,7 @@ from radiometry.drawing.svg import document
 Share = Annotated[float, Query(ge=-1, le=2)]
 
 _LEFT_PX, _RIGHT_PX, _TOP_PX, _NAME_PX = 66, 20, 14, 24
+_NAMES_SHARE: Final = 0.4
 _HEIGHT_PX: Final = {False: 188, True: 338}
 
 
@@ -42,7 +43,9 @@ def draw_figure(
     height = _NAME_PX * len(names) if names else _HEIGHT_PX[is_wide]
     # figures of one time above each other have one margin
     shares_margin = figure.x.is_time or not names
-    left = max(_LEFT_PX if shares_margin else 0, 14 + 7 * max((len(text) for _, text in names), default=0))
+    # names have the room that they need, up to a share of the width
+    longest = min(14 + 7 * max((len(text) for _, text in names), default=0), int(_NAMES_SHARE * view.width))
+    left = max(_LEFT_PX if shares_margin else 0, longest)
     panel = chart.place_figure(figure, (left, _TOP_PX, view.width - _RIGHT_PX, _TOP_PX + height))
     panel = replace(panel, x=panel.x.part(view.x0, view.x1), y=panel.y.part(view.y0, view.y1))
     drawn, bottom = chart.draw_figure(figure, panel, in_print=False)

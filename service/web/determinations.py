@@ -5,9 +5,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
 from radiometry.drawing.figure import Axis, Figure, Mark, Series
-from radiometry.drawing.text import sort_naturally, write_unit
+from radiometry.drawing.text import label_axis, sort_naturally, write_quantity
 from radiometry.fleet.determinations import Determination, Key
-from service.certificate.figures import in_step
 
 _DAY_S: Final = 86_400.0
 _ROOM: Final = 1.15
@@ -37,8 +36,8 @@ def build_drift(found: Sequence[Determination], versions: Mapping[str, int], *, 
         line = tuple((mark.x, mark.y) for mark in marks)
         series.append(Series(name=name if len(rows) > 1 else "", marks=marks, line=line))
     return Figure(
-        x=Axis(label="determined", is_time=True, include=(middle - half, middle + half)),
-        y=Axis(label=f"{quantity} [{write_unit(found[0].key.unit)}]"),
+        x=Axis(label="determined, UTC", is_time=True, include=(middle - half, middle + half)),
+        y=Axis(label=label_axis(quantity, found[0].key.unit)),
         series=tuple(series),
     )
 
@@ -64,7 +63,7 @@ def build_fleet(found: Sequence[Determination], label: Callable[[str], str]) -> 
                 high=row.value + 2.0 * row.standard_uncertainty,
                 name=row.source.camera,
                 told=(
-                    f"{' ± '.join(in_step(row.value, row.standard_uncertainty))} {write_unit(key.unit)}",
+                    write_quantity(row.value, row.standard_uncertainty, key.unit),
                     row.source.at.strftime("%Y-%m-%d"),
                 ),
             )
@@ -76,7 +75,7 @@ def build_fleet(found: Sequence[Determination], label: Callable[[str], str]) -> 
         figures.append(
             Figure(
                 part=", ".join(part for part in (name, where) if part),
-                x=Axis(label=name if key.unit == "1" else f"{name} [{write_unit(key.unit)}]"),
+                x=Axis(label=label_axis(name, key.unit)),
                 y=Axis(label="", ticks=ticks, include=(0.6, 0.4 - len(ticks))),
                 series=(Series(marks=marks),),
                 uprights=(sum(mark.x for mark in marks) / len(marks),),
@@ -87,7 +86,6 @@ def build_fleet(found: Sequence[Determination], label: Callable[[str], str]) -> 
 
 
 def _determine(row: Determination, versions: Mapping[str, int], shift_s: float) -> Mark:
-    value, uncertainty = in_step(row.value, row.standard_uncertainty)
     where = _where(row.key)
     return Mark(
         x=row.source.at.timestamp() + shift_s,
@@ -95,7 +93,10 @@ def _determine(row: Determination, versions: Mapping[str, int], shift_s: float) 
         low=row.value - row.standard_uncertainty,
         high=row.value + row.standard_uncertainty,
         name=f"version {versions[row.source.version]}" + (f", {where}" if where else ""),
-        told=(f"{value} ± {uncertainty} {write_unit(row.key.unit)}", row.source.at.strftime("%Y-%m-%d")),
+        told=(
+            write_quantity(row.value, row.standard_uncertainty, row.key.unit),
+            row.source.at.strftime("%Y-%m-%d"),
+        ),
     )
 
 

@@ -5,8 +5,7 @@ from datetime import datetime
 from typing import Final
 
 from radiometry.drawing.figure import Axis, Cell, Figure, Mark, Series
-from radiometry.drawing.text import write_unit
-from service.certificate.figures import in_step
+from radiometry.drawing.text import label_axis, write_quantity
 from store.queries.validity import Lifetime
 from store.tables import CoefficientRow, Publication
 
@@ -26,8 +25,8 @@ def build_values(
     for place, name in ((_HOLDS, "in force"), (_REVOKED, "revoked")):
         if any(each.place == place for each in series):
             series.append(Series(name=name, place=place))
-    unit = f" [{write_unit(shown[0][1].unit)}]" if shown and shown[0][1].unit != "1" else ""
-    return Figure(x=_time(found, until), y=Axis(label=label + unit), series=tuple(series))
+    y = Axis(label=label_axis(label, shown[0][1].unit if shown else "1"))
+    return Figure(x=_time(found, until), y=y, series=tuple(series))
 
 
 def find(lifetime: Lifetime, where: dict[str, str | float | None]) -> CoefficientRow | None:
@@ -40,12 +39,11 @@ def find(lifetime: Lifetime, where: dict[str, str | float | None]) -> Coefficien
 
 def _draw_value(lifetime: Lifetime, row: CoefficientRow, until: datetime) -> Iterator[Series]:
     low, high = (row.value + sign * 2.0 * row.standard_uncertainty for sign in (-1, 1))
-    value, u = in_step(row.value, row.standard_uncertainty)
     for place, rows in ((_HOLDS, lifetime.in_force), (_REVOKED, lifetime.revoked_from)):
         for n, period in enumerate(rows):
             start, end = _ends(period, until)
             told = [
-                f"{value} ± {u} {'' if row.unit == '1' else write_unit(row.unit)}".rstrip(),
+                write_quantity(row.value, row.standard_uncertainty, row.unit),
                 _write(period),
             ]
             if lifetime.revocation:

@@ -9,8 +9,8 @@ from decimal import ROUND_HALF_EVEN, Decimal
 import pypdf
 import pytest
 
+from radiometry.drawing.text import in_step
 from service.certificate import draw_region, find_pdf, lay_out, render_pdf
-from service.certificate.figures import in_step
 from tests.support.certificates import certificate_of, complete_version
 
 pytestmark = pytest.mark.either_database

@@ -11,8 +11,8 @@ import tifffile
 from jsonschema import Draft202012Validator
 from PIL import Image
 
+from radiometry.drawing.text import in_step
 from service.certificate import find_pdf, render_pdf
-from service.certificate.figures import in_step
 from service.certificate.report import tabulate_cells, tabulate_flags
 from store.tables import FrameRow
 from tests.support.blobs import zero

@@ -90,7 +90,7 @@ function offerSeries(chart) {
   for (const name of chart.querySelectorAll(".legend")) {
     name.addEventListener("click", () => {
       const off = name.classList.toggle("off");
-      for (const each of chart.querySelectorAll(`:scope > .s${name.dataset.series % 6}`)) each.classList.toggle("off", off);
+      for (const each of chart.querySelectorAll(`.series[data-series="${name.dataset.series}"]`)) each.classList.toggle("off", off);
     });
   }
 }
