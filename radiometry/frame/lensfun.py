@@ -93,7 +93,7 @@ def name_for_lensfun(
     width_px, height_px : int
         Size of the frame [px].
     """
-    pitch_mm = (subject.pixel_pitch_um or 0.0) / 1000.0
+    pitch_mm = subject.pitch_um / 1000.0
     return LensfunNames(
         camera_make=subject.make,
         camera_model=subject.model,

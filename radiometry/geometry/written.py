@@ -12,6 +12,7 @@ from radiometry.geometry.exports import (
     export_ros,
 )
 from radiometry.geometry.lensfun import export_lensfun
+from radiometry.geometry.pix4d import export_pix4d, export_xmp
 from radiometry.geometry.results import Fit
 from radiometry.specification.exports import Export, ExportOption, ExportSubject
 
@@ -52,6 +53,27 @@ EXPORTS: Final = (
         operation="get_metashape_xml",
         description="The camera as Agisoft Metashape's calibration XML.",
         write=lambda fitted, *_: export_metashape(fitted),
+    ),
+    Export(
+        filename="pix4d.cam",
+        label="Pix4D",
+        media_type="text/plain",
+        operation="get_cam_file",
+        description="The camera as Pix4D's calibration file. It has one focal length for both axes; its last "
+        "line states the error of that. The pixel pitch must be registered with the camera.",
+        write=lambda fitted, subject, _: export_pix4d(fitted.camera, pixel_pitch_um=subject.pitch_um),
+        needs_pixel_pitch=True,
+    ),
+    Export(
+        filename="geometry.xmp",
+        label="XMP sidecar",
+        media_type="application/rdf+xml",
+        operation="get_geometry_xmp",
+        description="The camera as an XMP sidecar, as MicaSense cameras state it. In Pix4D's namespace: "
+        "PrincipalPoint, PerspectiveFocalLength, one for both axes with the error of that in the "
+        "description, and PerspectiveDistortion. The pixel pitch must be registered with the camera.",
+        write=lambda fitted, subject, _: export_xmp(fitted.camera, pixel_pitch_um=subject.pitch_um),
+        needs_pixel_pitch=True,
     ),
     Export(
         filename="cameras.json",

@@ -30,6 +30,13 @@ class ExportSubject:
     lens_model: str | None
     pixel_pitch_um: float | None
 
+    @property
+    def pitch_um(self) -> float:
+        """Registered pixel pitch [um], for an export that needs it."""
+        if self.pixel_pitch_um is None:
+            raise ValueError("an export without `needs_pixel_pitch` has used the pixel pitch")
+        return self.pixel_pitch_um
+
 
 @dataclass(frozen=True, kw_only=True)
 class Picture:

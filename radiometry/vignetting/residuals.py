@@ -27,9 +27,21 @@ def read_residuals(
         `vignetting_not_calibrated` where no flat was fitted: residuals are not
         interpolated.
     """
+    fit = find_fit(fits, f_number=f_number, channel=channel)
+    return fit, unpack(fit.residuals).astype(np.float32)
+
+
+def find_fit(fits: Sequence[ChannelFit], *, f_number: float, channel: str) -> ChannelFit:
+    """Return the fit of one f-number and channel.
+
+    Raises
+    ------
+    InputRejected
+        `vignetting_not_calibrated` where no flat was fitted.
+    """
     for fit in fits:
         if (fit.coefficient.f_number, fit.coefficient.channel) == (f_number, channel):
-            return fit, unpack(fit.residuals).astype(np.float32)
+            return fit
     known = ", ".join(f"f/{each.coefficient.f_number:g} {each.coefficient.channel}" for each in fits)
     raise InputRejected(
         shared.VIGNETTING_NOT_CALIBRATED,

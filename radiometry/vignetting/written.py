@@ -11,10 +11,12 @@ from radiometry.vignetting.correction import compute_correction
 from radiometry.vignetting.dng import DngVignette, export_dng
 from radiometry.vignetting.gain_map import GainMap, export_gain_map
 from radiometry.vignetting.lensfun import export_lensfun
-from radiometry.vignetting.residuals import read_residuals
+from radiometry.vignetting.residuals import find_fit, read_residuals
 from radiometry.vignetting.results import Fit
+from radiometry.vignetting.xmp import export_xmp
 
 _F_NUMBER: Final = ExportOption(name="f_number", kind="number")
+_CHANNEL: Final = ExportOption(name="channel", kind="text")
 
 
 def _write_lensfun(fitted: Fit, subject: ExportSubject, options: dict[str, Any]) -> str:
@@ -116,6 +118,16 @@ EXPORTS: Final = (
         options=(_F_NUMBER,),
     ),
     Export(
+        filename="vignetting.xmp",
+        label="XMP sidecar",
+        media_type="application/rdf+xml",
+        operation="get_vignetting_xmp",
+        description="The falloff as an XMP sidecar, as MicaSense cameras state it. VignettingCenter and "
+        "VignettingPolynomial of one f-number and channel.",
+        write=lambda fitted, _, asked: export_xmp(find_fit(fitted.channel_fits, **asked).coefficient),
+        options=(_F_NUMBER, _CHANNEL),
+    ),
+    Export(
         filename="residuals.tif",
         label="Residual map",
         media_type="image/tiff",
@@ -124,6 +136,6 @@ EXPORTS: Final = (
         "each block.\n\nNaN where a block did not count. The description says how many pixels of the frame a "
         "block is wide.",
         write=_write_residuals,
-        options=(_F_NUMBER, ExportOption(name="channel", kind="text")),
+        options=(_F_NUMBER, _CHANNEL),
     ),
 )

@@ -88,9 +88,11 @@ class Calibrations(Campaigns, Jobs):
     def save_form(self, calibration_id: str, path: PathLike, **query: str | float) -> Path:
         """Save a version in the form that another program reads; the file's name says which.
 
-        Of vignetting `lensfun.xml`, `dng.json`, `gain-map.json`, `correction.tif`, `residuals.tif`; of
-        geometry `opencv.yaml`, `ros.yaml`, `cameras.txt`, `metashape.xml`, `cameras.json`,
-        `lensfun-distortion.xml`, `camera.json`. ``query`` is what the form needs, such as ``f_number=2.8``.
+        Of vignetting `lensfun.xml`, `dng.json`, `gain-map.json`, `correction.tif`, `vignetting.xmp`,
+        `residuals.tif`; of geometry `opencv.yaml`, `ros.yaml`, `cameras.txt`, `metashape.xml`, `pix4d.cam`,
+        `geometry.xmp`, `cameras.json`, `lensfun-distortion.xml`, `camera.json`.
+
+        ``query`` is what the form needs, such as ``f_number=2.8``.
         """
         path = Path(path)
         where = address("calibrations", calibration_id, "exports", path.name)

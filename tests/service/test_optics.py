@@ -111,6 +111,8 @@ def check_falloff_exports(house, version, lens, within):
     assert struct.unpack(">8I", opcodes[20:52]) == (0, 0, 160, 240, 0, 1, 2, 2)
     refused = house.http.get(f"{base}/correction.tif", params={"f_number": 22.0})
     assert (refused.status_code, refused.json()["code"]) == (422, "vignetting_not_calibrated")
+    sidecar = house.http.get(f"{base}/vignetting.xmp", params={"f_number": 2.0, "channel": "G1"})
+    assert "f/2, channel G1;" in sidecar.text
     check_residual_map(house, base, version)
     check_lensfun(house, base)
     other = house.http.get(f"{base}/ros.yaml")
@@ -185,6 +187,10 @@ def test_the_board_of_opencv(house):
     assert distorted.status_code == 422, "no pixel pitch is registered"
     camera = house.get(f"{base}/camera.json")
     assert camera["parameters"]["k1"]["value"] == rows["k1"]["value"]
+    assert house.http.get(f"{base}/pix4d.cam").json()["code"] == "validation_failed"
+    house.camera(**EDGE_CAMERA, pixel_pitch_um=8.2)
+    assert f"\nK1 {rows['k1']['value']!r}\n" in house.http.get(f"{base}/pix4d.cam").text
+    assert "<Camera:PerspectiveDistortion>" in house.http.get(f"{base}/geometry.xmp").text
 
 
 def check_that_frames_wait_for_their_board(house, campaign):

@@ -21,6 +21,7 @@ from radiometry.geometry.written import EXPORTS
 from radiometry.specification.exports import ExportSubject
 from tests.radiometry.geometry.boards import CAMERA, FREE, SQUARE
 
+PITCH_MM = 4.65 / 1000.0
 SMALL = dataclasses.replace(CAMERA, height_px=120, width_px=160, fx_px=130, fy_px=128, cx_px=83, cy_px=57)
 
 
@@ -104,38 +105,70 @@ def project_published(read, points):
     return np.stack([read["u0"] + read["fu"] * along, read["v0"] + read["fv"] * down], axis=-1)
 
 
-def read_colmap(text):
+def read_colmap(text, width, height):
     (line,) = [line.split() for line in text.splitlines() if not line.startswith("#")]
-    assert line[:4] == ["1", "FULL_OPENCV", "640", "480"]
+    assert line[:4] == ["1", "FULL_OPENCV", str(width), str(height)]
     fu, fv, u0, v0, k1, k2, p1, p2, k3, *rational = map(float, line[4:])
     assert rational == [0, 0, 0]
     return {"k1": k1, "k2": k2, "k3": k3, "px": p2, "py": p1, "fu": fu, "fv": fv, "u0": u0, "v0": v0}, 0.5
 
 
-def read_metashape(text):
+def read_metashape(text, width, height):
     root = ET.fromstring(text)
     assert (root.tag, root.findtext("projection")) == ("calibration", "frame")
     named = {each.tag: float(each.text) for each in root if each.tag != "projection"}
-    assert (named["width"], named["height"]) == (640, 480)
+    assert (named["width"], named["height"]) == (width, height)
     read = {name: named[name] for name in ("k1", "k2", "k3")} | {"px": named["p1"], "py": named["p2"]}
     read |= {"fu": named["f"] + named["b1"], "fv": named["f"]}
-    return read | {"u0": 320 + named["cx"], "v0": 240 + named["cy"]}, 0.5
+    return read | {"u0": width / 2 + named["cx"], "v0": height / 2 + named["cy"]}, 0.5
 
 
-def read_odm(text):
+def read_odm(text, width, height):
     ((name, named),) = json.loads(text).items()
     assert len(name.split(" ")) >= 6, "OpenDroneMap refuses such a name"
-    assert (named["projection_type"], named["width"], named["height"]) == ("brown", 640, 480)
+    assert (named["projection_type"], named["width"], named["height"]) == ("brown", width, height)
     read = {each: named[each] for each in ("k1", "k2", "k3")} | {"px": named["p2"], "py": named["p1"]}
-    read |= {"fu": 640 * named["focal_x"], "fv": 640 * named["focal_y"]}
-    return read | {"u0": 640 * named["c_x"] + 639 / 2, "v0": 640 * named["c_y"] + 479 / 2}, 0.0
+    side = max(width, height)
+    read |= {"fu": side * named["focal_x"], "fv": side * named["focal_y"]}
+    middle = (width - 1) / 2, (height - 1) / 2
+    return read | {"u0": side * named["c_x"] + middle[0], "v0": side * named["c_y"] + middle[1]}, 0.0
 
 
+def read_cam(text, width, height):
+    """Read Pix4D's file, whose pixels are of 4.65 um."""
+    lines = [line.split() for line in text.splitlines() if not line.startswith("#")]
+    assert lines.pop(0) == ["Pix4D", "camera", "calibration", "file", "0"]
+    named = {name: float(value) for name, value in lines}
+    assert f"sensor width of {width * PITCH_MM!r}x{height * PITCH_MM!r}mm" in text
+    read = {"k1": named["K1"], "k2": named["K2"], "k3": named["K3"], "px": named["T2"], "py": named["T1"]}
+    read |= {"fu": named["F"] / PITCH_MM, "fv": named["F"] / PITCH_MM}
+    return read | {"u0": named["Px"] / PITCH_MM, "v0": named["Py"] / PITCH_MM}, 0.5
+
+
+def read_xmp(text, width, height):
+    """Read the sidecar as MicaSense's library does: lengths times the pixels per millimetre."""
+    named = {each.tag.partition("}")[2]: each for each in ET.fromstring(text).iter()}
+    assert f">{width} x {height} px of 4.65 um" in text
+    x, y = (float(each) / PITCH_MM for each in named["PrincipalPoint"].text.split(","))
+    assert named["PerspectiveFocalLengthUnits"].text == "mm"
+    focal_px = float(named["PerspectiveFocalLength"].text) / PITCH_MM
+    k1, k2, k3, p1, p2 = (float(each.text) for each in named["PerspectiveDistortion"][0])
+    read = {"k1": k1, "k2": k2, "k3": k3, "px": p2, "py": p1, "fu": focal_px, "fv": focal_px}
+    return read | {"u0": x, "v0": y}, 0.0
+
+
+@pytest.mark.parametrize("size", [(640, 480), (481, 639)])
 @pytest.mark.parametrize(
     ("filename", "read"),
-    [("cameras.txt", read_colmap), ("metashape.xml", read_metashape), ("cameras.json", read_odm)],
+    [
+        ("cameras.txt", read_colmap),
+        ("metashape.xml", read_metashape),
+        ("cameras.json", read_odm),
+        ("pix4d.cam", read_cam),
+        ("geometry.xmp", read_xmp),
+    ],
 )
-def test_other_programs_project_points_where_the_camera_sees_them(fit, filename, read):
+def test_other_programs_project_points_where_the_camera_sees_them(fit, filename, read, size):
     subject = ExportSubject(
         calibration_id="cal",
         make="Canon",
@@ -143,30 +176,38 @@ def test_other_programs_project_points_where_the_camera_sees_them(fit, filename,
         serial="1",
         lens_make=None,
         lens_model=None,
-        pixel_pitch_um=None,
+        pixel_pitch_um=4.65,
     )
     # a camera in which no two parameters can be taken for each other
-    uneven = dataclasses.replace(
-        fit.camera, fx_px=540.0, fy_px=531.0, cx_px=333.3, cy_px=227.7, p1=2e-3, p2=-7e-4
-    )
+    width, height = size
+    size_px = {"width_px": width, "height_px": height}
+    inner = {"fx_px": 540.0, "fy_px": 531.0, "cx_px": 0.52 * width, "cy_px": 0.474 * height}
+    uneven = dataclasses.replace(fit.camera, **size_px, **inner, p1=2e-3, p2=-7e-4)
     (export,) = (each for each in EXPORTS if each.filename == filename)
     text = export.write(dataclasses.replace(fit, camera=uneven), subject, {"camera_id": None})
-    points = np.stack(np.meshgrid(np.linspace(-0.55, 0.55, 12), np.linspace(-0.4, 0.4, 9)), -1).reshape(-1, 2)
+    rows, cols = np.meshgrid(np.linspace(0.0, height - 1.0, 9), np.linspace(0.0, width - 1.0, 12))
+    points = find_directions(uneven, np.stack([rows, cols], -1).reshape(-1, 2))
     spatial = np.concatenate([points, np.ones((len(points), 1))], axis=1)
     seen, _ = cv2.projectPoints(spatial, np.zeros(3), np.zeros(3), uneven.matrix, uneven.distortion)
-    named, first_pixel = read(text)
-    deviation = np.abs(project_published(named, points) - first_pixel - seen.reshape(-1, 2)).max()
-    assert deviation < 1e-9
+    named, first_pixel = read(text, *size)
+    deviation = np.linalg.norm(project_published(named, points) - first_pixel - seen.reshape(-1, 2), axis=1)
+    stated = re.search(r"one focal length: ([\d.]+) px", text)
+    assert deviation.max() == pytest.approx(
+        float(stated[1]) if stated else 0.0, abs=0.006 if stated else 1e-9
+    )
 
 
 @pytest.mark.parametrize(
-    ("changes", "allowed_px"),
+    ("changes", "size", "allowed_px"),
     [
-        ({"fy_px": 530.0, "cx_px": 319.5, "cy_px": 239.5, "k3": 0.0, "p1": 0.0, "p2": 0.0}, 0.01),
-        ({"fy_px": 530.0, "cx_px": 342.3, "cy_px": 235.6, "p1": 2e-3, "p2": -7e-4}, 2.0),
+        ({"fy_px": 530.0, "cx_px": 319.5, "cy_px": 239.5, "k3": 0.0, "p1": 0.0, "p2": 0.0}, (640, 480), 0.01),
+        ({"fy_px": 530.0, "cx_px": 342.3, "cy_px": 235.6, "p1": 2e-3, "p2": -7e-4}, (640, 480), 2.0),
+        ({"fy_px": 530.0, "cx_px": 235.6, "cy_px": 342.3, "p1": 2e-3, "p2": -7e-4}, (481, 639), 2.2),
     ],
 )
-def test_liblensfun_corrects_by_the_camera(fit, changes, allowed_px):
+def test_liblensfun_corrects_by_the_camera(fit, changes, size, allowed_px):
+    width, height = size
+    changes = {"width_px": width, "height_px": height} | changes
     camera = dataclasses.replace(fit.camera, fx_px=530.0, k1=-0.27, k2=0.04, **changes)
     subject = ExportSubject(
         calibration_id="cal",
@@ -183,10 +224,12 @@ def test_liblensfun_corrects_by_the_camera(fit, changes, allowed_px):
     database = lensfunpy.Database(xml=text, load_common=False, load_bundled=False)
     (found,) = database.find_cameras("Canon", "EOS 5D")
     (lens,) = database.find_lenses(found, "L", "Lens 15mm f/1.4")
-    modifier = lensfunpy.Modifier(lens, found.crop_factor, 640, 480)
+    modifier = lensfunpy.Modifier(lens, found.crop_factor, width, height)
     modifier.initialize(15.0, 4.0, 1000.0, scale=1.0, pixel_format=np.float32)
     seen = modifier.apply_geometry_distortion()[::20, ::20].reshape(-1, 2).astype(float)
-    places = np.stack(np.meshgrid(np.arange(640.0), np.arange(480.0)), -1)[::20, ::20].reshape(-1, 2)
+    places = np.stack(np.meshgrid(np.arange(0.0 + width), np.arange(0.0 + height)), -1)[::20, ::20].reshape(
+        -1, 2
+    )
     # the corrected picture may have any focal length and principal point: both are fitted
     directions = find_directions(camera, seen[:, ::-1])
     ones, zeros = np.ones(len(places)), np.zeros(len(places))

@@ -13,6 +13,7 @@ from radiometry.findings import InputRejected
 from radiometry.vignetting import application, dng, gain_map
 from radiometry.vignetting import lensfun as vignetting_lensfun
 from radiometry.vignetting.correction import compute_correction
+from radiometry.vignetting.xmp import export_xmp
 from simulation.flats import FALLOFFS
 from tests.radiometry.vignetting.flats import coefficient
 
@@ -72,6 +73,16 @@ def test_opcode_undoes_the_falloff_as_the_specification_reads_it():
     error = np.abs(gain * share(LENS) - 1).max()
     assert error == pytest.approx(found.largest_error_rel, rel=0.05)
     assert error < 0.006  # with 63 % of the light lost in the farthest corner
+
+
+def test_sidecar_is_the_curve_of_its_channel_as_micasense_reads_it():
+    named = {each.tag.partition("}")[2]: each for each in ET.fromstring(export_xmp(WIDE)).iter()}
+    x0, y0 = (float(each.text) for each in named["VignettingCenter"][0])
+    terms = [float(each.text) for each in named["VignettingPolynomial"][0]]
+    x, y = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
+    r = np.hypot(x - x0, y - y0)
+    read = np.polyval([*reversed(terms), 1.0], r)
+    assert np.abs(read / share((WIDE,)) - 1).max() < 1e-12
 
 
 def test_opcode_between_f_numbers_and_outside_of_what_it_can_say():
