@@ -4,6 +4,7 @@ import itertools
 import re
 
 from markdown_it import MarkdownIt
+from markdown_it.token import Token
 
 _PAGE = re.compile(r"^([a-z-]+)\.md(#.*)?$")
 
@@ -12,7 +13,8 @@ def render_markdown(text: str) -> str:
     """HTML of a page of docs/; ``## some_code`` becomes the place #some_code.
 
     So does a name where it first stands in a table, and a link to another page is one to where the service
-    shows it. Comments are left out; other HTML in the text stays text.
+    shows it. What follows a further ``# title`` is one level lower: a page has one title. Comments are left
+    out; other HTML in the text stays text.
     """
     parser = MarkdownIt("commonmark", {"html": False}).enable("table")
     tokens = parser.parse(re.sub(r"^<!--.*-->\n", "", text, flags=re.MULTILINE))
@@ -21,6 +23,7 @@ def render_markdown(text: str) -> str:
         if token.type == "heading_open":
             places.add(place := inline.content.strip("`").lower().replace(" ", "-"))
             token.attrSet("id", place)
+    _keep_one_title(tokens)
     for opened, inline, closed in zip(tokens, tokens[1:], tokens[2:], strict=False):
         if opened.type == "th_open" and not inline.content:
             opened.tag = closed.tag = "td"  # heads nothing
@@ -36,3 +39,11 @@ def render_markdown(text: str) -> str:
                 part.attrSet("src", f"/docs/{part.attrGet('src')}")
     html: str = parser.renderer.render(tokens, parser.options, {})
     return html
+
+
+def _keep_one_title(tokens: list[Token]) -> None:
+    """Put all headings after the first title one level lower, where there are further titles."""
+    titles = [place for place, token in enumerate(tokens) if token.tag == "h1"]
+    for token in tokens[titles[1] + 1 :] if len(titles) > 2 else ():
+        if token.type.startswith("heading"):
+            token.tag = f"h{int(token.tag[1]) + 1}"

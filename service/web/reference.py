@@ -40,9 +40,9 @@ def _operation(method: str, path: str, operation: Node) -> Iterator[str]:
     yield from _parameters(operation.get("parameters", []))
     body = operation.get("requestBody", {})
     for kind, media in {**body.get("content", {}), **body.get(ALSO_ACCEPTS, {})}.items():
-        yield f"<h4>Send {escape(kind)}</h4>{_sample(media)}"
+        yield f"<h3>Send {escape(kind)}</h3>{_sample(media)}"
     for status, answer in operation["responses"].items():
-        yield f"<h4>{status} {escape(answer['description'])}</h4>"
+        yield f"<h3>{status} {escape(answer['description'])}</h3>"
         if int(status) < 400:
             for kind, media in answer.get("content", {}).items():
                 yield f"<p>{escape(kind)}</p>{_sample(media)}"

@@ -1,5 +1,6 @@
 """The published document keeps the contract's rules, for every route there is."""
 
+import itertools
 import json
 import re
 from collections import Counter
@@ -19,6 +20,7 @@ from service.schemas.measurements import NewGrid
 from service.schemas.methods import describe_versions
 from service.schemas.rigs import NewRig
 from service.schemas.tools.motion import NewMotion
+from service.web.markdown import render_markdown
 from store.software import read_version
 
 JSON, PROBLEM = "application/json", "application/problem+json"
@@ -278,6 +280,11 @@ def test_the_reference_shows_every_route_and_loads_nothing(open_http, document):
         assert f" {path}</code>" in page.text
     assert not re.search(r"<script|(src|href)=[\"']?(https?:)?//|@import|url\(", page.text)
     assert "default-src 'none'" in page.headers["content-security-policy"]
+    pages = {path.name: render_markdown(path.read_text("utf-8")) for path in Path("docs").glob("*.md")}
+    for name, html in {"reference": page.text, **pages}.items():
+        levels = [int(level) for level in re.findall(r"<h([1-6])", html)]
+        assert levels.count(1) == 1, name
+        assert all(below <= above + 1 for above, below in itertools.pairwise(levels)), name
 
 
 def test_the_type_of_a_problem_leads_to_its_explanation(open_http, monkeypatch, tmp_path):
