@@ -61,7 +61,7 @@ def sweep(session: Session) -> int:
     expired = (Job.state == "running") & (Job.lease_until < now)
     lost_error = {
         "code": str(interface.WORKER_LOST),
-        "detail": f"Its worker was lost {QUARANTINE_AFTER} times while it ran; it is set aside for a look.",
+        "detail": f"Its worker was lost {QUARANTINE_AFTER} times while it ran.",
         "retryable": False,
     }
     update_where(

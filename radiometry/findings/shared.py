@@ -257,7 +257,7 @@ CALIBRATION_NOT_PUBLISHED = flag(
 )
 CALIBRATION_SUPERSEDED = flag(
     "calibration_superseded",
-    "The calibration version that the measurement used has been superseded since.",
+    "The calibration version that the measurement used has been replaced since.",
     "Measure the frame again: another version is in force now.",
     "measurement",
 )

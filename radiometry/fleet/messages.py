@@ -1,5 +1,6 @@
 """Sentences of verdicts on a fleet, for the person who decides."""
 
+from radiometry.drawing.text import in_step
 from radiometry.fitting.evidence import Quantity
 from radiometry.fleet.determinations import Key
 from radiometry.fleet.power import POWER
@@ -60,7 +61,8 @@ def format_decision(
         As in `results.ParameterVerdict`.
     """
     limit = f"{tolerance.limit:.3g} {tolerance.unit} {tolerance.of}"
-    shown = f"{cost.value:.3g} {cost.unit} (u = {cost.standard_uncertainty:.2g} {cost.unit})"
+    value, u = in_step(cost.value, cost.standard_uncertainty)
+    shown = f"{value} {cost.unit} (u = {u} {cost.unit})"
     match outcome:
         case "shared":
             said = (

@@ -2,6 +2,7 @@
 
 from pydantic import Field
 
+from radiometry.drawing.text import in_step
 from radiometry.fitting.comparison import Comparison
 from service.schemas.base import Answer, Quantity
 from store.measuring.comparison import SURE, MeasurementComparison, Side
@@ -67,9 +68,8 @@ def _format_verdict(found: MeasurementComparison) -> str:
     mean = found.mean
     if mean.in_standard_uncertainties is None:
         return "Both are exactly equal." if mean.difference.value == 0.0 else "Neither has an uncertainty."
-    by = f"{abs(mean.difference.value):.3g}"
-    if mean.change is not None:
-        by = f"{abs(mean.change.value):.3g} %"
+    shown, unit = (mean.difference, "") if mean.change is None else (mean.change, " %")
+    by = in_step(abs(shown.value), shown.standard_uncertainty)[0] + unit
     moved = "rose" if mean.difference.value > 0.0 else "fell"
     times = f"{mean.in_standard_uncertainties:.2g} times the uncertainty of the difference"
     verdict = "a significant change" if found.is_significant else "not a significant change"

@@ -280,11 +280,11 @@ def test_two_people_see_what_each_other_does(page, team, browser, service, shots
         other.get_by_role("button", name="Add", exact=True).click()
         expect(page.get_by_role("button", name="Readings of level-1: 1 reading")).to_be_visible()
         both_draw(page, other)
-        page.get_by_role("button", name="Set for the campaign").click()
+        page.get_by_role("button", name="Use for all frames").click()
         expect(page.get_by_text("The region is set")).to_be_visible()
         # what the other is drawing is not taken away
         expect(other.get_by_text("Another user has set a region meanwhile")).to_be_visible()
-        other.get_by_role("button", name="Set for the campaign").click()
+        other.get_by_role("button", name="Use for all frames").click()
         expect(other.get_by_text("The region is set")).to_be_visible()
         expect(page.get_by_role("button", name=re.compile("^Corner 1 of 4: x 39, y 26"))).to_be_attached()
 

@@ -56,7 +56,7 @@ def test_keys_alone_draw_a_region(page, team, service, frame):
     page.evaluate("scrollTo(0, 0)")
     check_access(page)
     look(page, "campaign-region")
-    page.get_by_role("button", name="Set for the campaign").click()
+    page.get_by_role("button", name="Use for all frames").click()
     expect(page.get_by_text("The region is set")).to_be_visible()
     assert roi_of(team, campaign_id)["polygon"] == [[28, 25], [58, 26], [58, 38], [38, 38]]
 
@@ -80,7 +80,7 @@ def test_a_region_that_was_found_says_so_and_gives_way_to_a_drawn_one(page, team
     check_access(page)
     look(page, "campaign-found")
     page.get_by_role("button", name="Rectangle").click()
-    page.get_by_role("button", name="Only for this frame").click()
+    page.get_by_role("button", name="Use for this frame").click()
     expect(region).to_contain_text("own region is shown. To replace it")
     assert team.client.frame(sent.id).raw["roi_origin"] == "drawn"
 
@@ -94,7 +94,7 @@ def test_edges_that_cross_or_leave_the_frame_are_told_and_not_sent(page, team, s
     page.get_by_label("ImageJ macro").fill("makePolygon(10,10,50,50,50,10,10,50);")
     page.get_by_role("button", name="Use this macro").click()
     expect(page.get_by_text("The edges cross").first).to_be_visible()
-    page.get_by_role("button", name="Set for the campaign").click()
+    page.get_by_role("button", name="Use for all frames").click()
     expect(page.get_by_role("alert")).to_contain_text("The edges cross")
 
 
@@ -112,7 +112,7 @@ def test_a_roi_file_goes_in_and_out(page, team, service, frame, tmp_path):
         {"name": "b.roi", "mimeType": "application/octet-stream", "buffer": b"Iout" + bytes(90)}
     )
     expect(page.get_by_role("alert")).to_contain_text("incomplete")
-    page.get_by_role("button", name="Set for the campaign").click()
+    page.get_by_role("button", name="Use for all frames").click()
     expect(page.get_by_text("The region is set")).to_be_visible()
     assert roi_of(team, campaign_id)["polygon"] == [[10, 5], [60, 8], [40, 50]]
 
@@ -149,7 +149,7 @@ def test_the_parts_of_a_chart_have_names(page, team, service, frame):
     page.evaluate("scrollTo(0, 0)")
     check_access(page)
     look(page, "campaign-parts")
-    page.get_by_role("button", name="Set for the campaign").click()
+    page.get_by_role("button", name="Use for all frames").click()
     expect(page.get_by_text("The region is set")).to_be_visible()
     parts = roi_of(team, campaign_id)["regions"]
     assert [part["name"] for part in parts] == ["centre", "corner"]

@@ -137,7 +137,7 @@ def draw_the_region(keys: Keyboard) -> None:
     expect(page.get_by_text("from raw values")).to_be_visible(timeout=PATIENCE_MS)
     expect(page.get_by_role("img", name="Histogram")).to_be_visible()
     illustrate(page, "region", page.locator("section#region"))
-    keys.press(page.get_by_role("button", name="Set for the campaign"))
+    keys.press(page.get_by_role("button", name="Use for all frames"))
     # every frame has its numbers now; of the light ones it is said that their readings are missing
     expect(page.get_by_role("button", name="Waiting 20", exact=True)).to_be_visible(timeout=PATIENCE_MS)
 
@@ -202,7 +202,7 @@ def sign_the_checklist(keys: Keyboard) -> None:
 def calibrate(keys: Keyboard) -> None:
     page = keys.page
     expect(page.get_by_text("Nothing is missing.")).to_be_visible()
-    keys.press(page.get_by_role("button", name="Calibrate", exact=True))
+    keys.press(page.get_by_role("button", name="Fit K"))
     keys.press(page.get_by_role("link", name="Open the version"))
     page.wait_for_url(re.compile("/calibrations/"))
     settle(page)
@@ -221,7 +221,7 @@ def leave_the_spoilt_frame_out(page: Page) -> None:
     dialog.get_by_role("button", name="Refit").click()
     page.wait_for_url(lambda url: "/calibrations/" in url and url != before)
     settle(page)
-    expect(verdict).to_contain_text("Both ISO values pass")
+    expect(verdict).to_contain_text("Passes at both ISO values")
     page.get_by_role("button", name=re.compile("Show all")).click()
     spoilt = page.locator("#points").get_by_role("row").filter(has_text=SPOILT)
     expect(spoilt).to_contain_text("somebody walked through the light")

@@ -67,7 +67,7 @@ def set_aside(database, key: str) -> str:
             parameters={},
         )
         job.state, job.lost = "quarantined", 3
-        detail = "Its worker was lost 3 times while it ran; it is set aside for a look."
+        detail = "Its worker was lost 3 times while it ran."
         job.error = {"code": "worker_lost", "detail": detail, "retryable": False}
         return job.id
 

@@ -111,10 +111,13 @@ export const words = (name) => name.replaceAll("_", " ");
 
 /** A state as a coloured word; the colour never says it alone. */
 export function tag(word, kind = KINDS[word] ?? "") {
-  return h("span", { class: `tag ${kind}` }, SAID[word] ?? words(word));
+  return h("span", { class: `tag ${kind}` }, stateWords(word));
 }
 
-const SAID = { quarantined: "quarantined" };
+/** A state of the API as people name it. */
+export const stateWords = (state) => SAID[state] ?? words(state);
+
+const SAID = { quarantined: "stopped after 3 attempts", superseded: "replaced", pass: "passes", fail: "fails", warn: "check", pending: "waiting" };
 
 const KINDS = {
   succeeded: "good", published: "good", extracted: "good", pass: "good", in_force: "good",

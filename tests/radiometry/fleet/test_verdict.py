@@ -41,7 +41,7 @@ def test_a_shared_set_says_what_it_costs_whom():
     assert found.cost.unit == "%"
     assert "one set serves all 3 cameras" in found.said
     assert "4 % of the luminance" in found.said
-    assert "B the most, 0.168 %" in found.said
+    assert "B the most, 0.17 % (u = 0.17 %)" in found.said
 
 
 def test_cameras_that_differ_beyond_the_tolerance_need_their_own():
@@ -49,7 +49,7 @@ def test_cameras_that_differ_beyond_the_tolerance_need_their_own():
     assert found.outcome == "per_camera"
     assert found.effects[0].f_p_value < 1e-6
     assert {each.label for each in found.effects[0].deviations} == {"A", "B", "C"}
-    assert "one set does not serve all 3 cameras. A lies 9.2 %" in found.said
+    assert "one set does not serve all 3 cameras. A lies 9.20 % (u = 0.17 %)" in found.said
 
 
 def test_a_certain_difference_within_the_tolerance_is_shared():

@@ -25,6 +25,12 @@ export function drawModels({ diagnostics, method }) {
   return table(columns, rows, { caption: "Models of each ISO value", row: (each) => ({ class: each.first ? "group" : null }) });
 }
 
+/** "Reported: proportional", of each ISO value where they differ. */
+export function reportedModel({ diagnostics, method }) {
+  const names = (diagnostics.iso_fits ?? []).map(({ coefficient }) => choiceLabel(method, "model", coefficient.model).toLowerCase());
+  return `Reported: ${[...new Set(names)].join(", ")}`;
+}
+
 const PARAMETERS = { luminance_k: "K", offset_dn: "offset [DN]", slope_dn: "slope [DN]" };
 const errorOf = (share) => (share === null || share === undefined ? "–" : percent(share));
 

@@ -5,7 +5,7 @@ import { byId, fill, h } from "../dom.js";
 import { labelOf } from "../methods.js";
 import { empty, failed, load } from "../states.js";
 import { drawFlags, explainFlags } from "../flags.js";
-import { drawBudget, drawModels } from "./detail.js";
+import { drawBudget, drawModels, reportedModel } from "./detail.js";
 import { offerDecisions } from "./decide.js";
 import { drawStatus, drawVerdict } from "./result.js";
 import { drawHistory, drawMade, drawSiblings } from "./record.js";
@@ -29,6 +29,7 @@ async function start() {
   try {
     const found = await calibration;
     show("models", drawModels(found));
+    fill(byId("models-note"), reportedModel(found));
     show("budget", drawBudget(found));
     choice.offer(found);
     drawPlots(found, choice);

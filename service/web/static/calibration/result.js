@@ -13,7 +13,7 @@ export function drawStatus([calibration, successor]) {
   const facts = [
     ["State", stillHolds(calibration) ? h("span", {}, tag(state), h("span", { class: "sub" }, `from ${day(to)} on; in force until then`)) : tag(state)],
     from ? ["In force", h("span", { class: "nowrap" }, `${day(from)} – ${to ? day(to) : "open"}`)] : null,
-    by ? ["Superseded by", h("a", { href: `/calibrations/${by}` }, successor ? `version ${successor.version}` : "another version")] : null,
+    by ? ["Replaced by", h("a", { href: `/calibrations/${by}` }, successor ? `version ${successor.version}` : "another version")] : null,
     calibration.revoked_reason ? ["Revoked because", calibration.revoked_reason] : null,
     ["Fitted", time(calibration.created_at)],
     ["Campaign", h("a", { href: `/campaigns/${calibration.campaign_id}` }, methodOf(calibration.method).reference === "meter" ? "frames and readings" : "its frames")],
@@ -69,7 +69,7 @@ function curves({ method, diagnostics, coefficients: rows, parameters, uncertain
   ];
   const note = failing.length
     ? h("p", { class: "note bad" }, h("strong", {}, `${failing.length} of ${fits.length} ISO values exceed the tolerance of ${tolerance}. `), "Check the residuals. Do not exclude a point without a reason.")
-    : h("p", { class: "note good" }, h("strong", {}, ["", "Passed. ", "Both ISO values pass. "][fits.length] ?? `All ${fits.length} ISO values pass. `), `The largest residual is ${percent(Math.max(...fits.map((fit) => fit.largest_residual_rel)))} of L; the tolerance is ${tolerance}.`);
+    : h("p", { class: "note good" }, h("strong", {}, `Passes${["", "", " at both ISO values"][fits.length] ?? ` at all ${fits.length} ISO values`}. `), `The largest residual is ${percent(Math.max(...fits.map((fit) => fit.largest_residual_rel)))} of L; the tolerance is ${tolerance}.`);
   return [[note, conditions(diagnostics, parameters, method)], [table(columns, fits, { caption: "K of each ISO value" }), apertures(fits, scope)]];
 }
 

@@ -4,7 +4,7 @@ import { all, patch, post } from "../api.js";
 import { fill, h, may, table } from "../dom.js";
 import { ago, counted, number, quantity, tag } from "../format.js";
 import { followJob } from "../live.js";
-import { coefficientLabel } from "../methods.js";
+import { coefficientLabel, headlineOf } from "../methods.js";
 import { act, empty, load } from "../states.js";
 import { capital, missingCauses } from "./missing.js";
 import { parametersFold, statedPart, withManual } from "./parameters.js";
@@ -16,13 +16,16 @@ export function calibrateSection(state) {
   return h("div", { class: "columns calibrate" }, may("calibrate") ? starter(state, show) : null, versions);
 }
 
+/** "Fit K" of a method whose first coefficient is a K. */
+const fitLabel = ({ name }) => (coefficientLabel(name, headlineOf(name)).endsWith(" K") ? "Fit K" : "Fit");
+
 function starter(state, show) {
   const parameters = parametersFold(state.method, state.campaign.camera_id);
   const given = state.method.parameters.filter((each) => each.given_by === "campaign");
   const stated = statedPart(withManual(given, state.method), Object.fromEntries(given.map((each) => [each.field, state.campaign[each.name]])));
   const progress = h("div", { role: "status" });
   const lacking = h("div");
-  const button = h("button", { class: "primary", type: "submit" }, "Calibrate");
+  const button = h("button", { class: "primary", type: "submit" }, fitLabel(state.method));
   const draw = () => {
     const count = missingCauses(state.campaign.missing).length;
     fill(lacking, h("p", { class: "muted small" }, count ? h("a", { href: "#before" }, `${counted(count, "thing")} needed before the fit`) : "Nothing is missing."));

@@ -54,7 +54,7 @@ function rows(campaigns, cameras, caption) {
       { head: "Project", header: true, cell: (each) => h("a", { href: `/campaigns/${each.id}` }, each.project_number ?? nameOf(each, cameras)) },
       { head: "Method", cell: (each) => h("span", { class: "tag" }, labelOf(each.method)) },
       { head: "Camera", cell: (each) => h("a", { class: "nowrap", href: `/cameras/${each.camera_id}` }, cameraOf(each, cameras)) },
-      { head: "Recorder", cell: (each) => each.recorder ?? "–" },
+      { head: "Recorded by", cell: (each) => each.recorder ?? "–" },
       { head: "Place", cell: (each) => each.place ?? "–" },
       { head: "Started", class: "nowrap", cell: (each) => day(each.started_at ?? each.created_at) },
     ],

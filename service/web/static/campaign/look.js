@@ -66,7 +66,7 @@ function rows(statistics) {
     [
       { head: h("span", { class: "hidden" }, "Channel"), header: true, cell: (row) => h("span", { class: `channel ${row.channel}` }, row.channel) },
       { head: "Mean", class: "number", cell: (row) => fixed(row.mean_dn, 1) },
-      { head: "Std", class: "number", cell: (row) => fixed(row.std_dn, 1) },
+      { head: "Pixel scatter", class: "number", cell: (row) => fixed(row.std_dn, 1) },
       { head: "Min", class: "number", cell: (row) => number(row.min_dn, 6) },
       { head: "Max", class: "number", cell: (row) => number(row.max_dn, 6) },
       { head: "Clipped", class: "number", cell: (row) => h("span", { class: row.saturated_share > 0.001 ? "bad-figure" : "" }, row.saturated_share ? percent(row.saturated_share) : "0") },

@@ -2,7 +2,7 @@
 
 import { all } from "../api.js";
 import { h } from "../dom.js";
-import { day } from "../format.js";
+import { day, stateWords } from "../format.js";
 import { load } from "../states.js";
 import { decimal, field, manualLink, select } from "./forms.js";
 import { isFraction, unitOf } from "../parameter.js";
@@ -181,7 +181,7 @@ function versionPart(parameter, versions, value) {
   const former = value && (versions.find((each) => each.content_sha256 === value)?.id ?? value);
   const options = versions
     .filter((each) => each.state !== "revoked" || each.id === former)
-    .map((each) => [each.id, `Version ${each.version}, ${each.state}${each.valid_from ? ` from ${day(each.valid_from)}` : ""}`]);
+    .map((each) => [each.id, `Version ${each.version}, ${stateWords(each.state)}${each.valid_from ? ` from ${day(each.valid_from)}` : ""}`]);
   const missing = former && !options.some(([id]) => id === former) ? [[former, "A version that is not there"]] : [];
   const none = sentence(parameter.default_text || NONE);
   const control = select([["", none], [IN_FORCE, "In force when the frames were taken"], ...options, ...missing], {}, former ?? "");

@@ -194,6 +194,6 @@ function savePart(state, editor, frameOf) {
   return h(
     "div",
     { class: "roi-save" },
-    h("p", { class: "actions" }, h("button", { type: "button", class: "primary", onclick: (event) => act(event.target, forAll) }, "Set for the campaign"), h("button", { type: "button", onclick: (event) => act(event.target, forOne) }, "Only for this frame")),
+    h("p", { class: "actions" }, h("button", { type: "button", class: "primary", onclick: (event) => act(event.target, forAll) }, "Use for all frames"), h("button", { type: "button", onclick: (event) => act(event.target, forOne) }, "Use for this frame")),
   );
 }

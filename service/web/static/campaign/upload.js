@@ -204,14 +204,14 @@ function refusalOf(queue) {
   return h("div", { class: "failed", role: "alert" }, h("p", { class: "failed-title" }, title), h("p", {}, `${refusal.item.name.split("/").at(-1)}: ${refusal.detail} ${refusal.left === 1 ? "The other file was" : `The other ${refusal.left} were`} not sent.`), h("p", { class: "actions" }, go));
 }
 
-/** What a frame waits for, by the code of its verdict; by none of these it is being read. */
+/** What a frame waits for, by the code of its verdict; by none of these a worker reads it. */
 const WAITS = { no_region: "waiting for a region", reading_missing: "waiting for a reading" };
 
 /** "pass", or what a received frame waits for. */
 function standingOf(state, item) {
   const verdict = state.verdicts.get(item.frameId);
   if (verdict && verdict.outcome !== "pending") return { pass: "pass", warn: "to check", fail: "fail" }[verdict.outcome];
-  return WAITS[verdict?.reasons.find((reason) => WAITS[reason.code])?.code] ?? "being read";
+  return WAITS[verdict?.reasons.find((reason) => WAITS[reason.code])?.code] ?? "in progress";
 }
 
 const waitsForRegion = (state, sent) => sent.some((item) => standingOf(state, item) === WAITS.no_region);

@@ -12,7 +12,7 @@ export function jobCause({ count, newest: { kind, state, error, campaign_id: id,
   return {
     mark: "bad",
     title: `${what}${why}`,
-    where: [about, error?.detail].filter(Boolean).join(": ") + (state === "quarantined" ? " Not retried automatically." : ""),
+    where: [about, error?.detail].filter(Boolean).join(": ") + (state === "quarantined" ? " Stopped after 3 attempts." : ""),
     actions: [id ? smallLink(filename ? "Show frames" : "Show campaign", `/campaigns/${id}${filename ? "#frames" : ""}`) : smallLink("Show jobs", "/jobs")],
   };
 }

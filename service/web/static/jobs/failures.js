@@ -24,7 +24,7 @@ function buttons({ newest: { state, kind, error, campaign_id } }, title, changed
   const dismiss = (dismissed) => post("/v1/jobs/dismiss", { ...chosen, dismissed });
   const retry = small("Retry", () => act(retry, async () => {
     const { retried } = await post("/v1/jobs/retry", chosen);
-    toast(retried === 1 ? "The job is queued again." : `${counted(retried, "job")} are queued again.`);
+    toast(`Retrying ${counted(retried, "job")}.`);
     await changed();
   }), { "aria-label": `Retry: ${title}` });
   const away = small("Dismiss", () => act(away, async () => {

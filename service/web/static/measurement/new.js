@@ -37,7 +37,7 @@ form.addEventListener("submit", (event) => {
 });
 
 async function begin() {
-  if (!may("upload")) return empty("Your key may not measure", "It needs the scope upload. An administrator of your organisation can create such a key.");
+  if (!may("upload")) return empty("You cannot measure with this key", "Ask an admin for the permission “send”.");
   const [campaigns, wanted] = await Promise.all([all("/v1/campaigns"), asked.has("frame") ? get(`/v1/frames/${asked.get("frame")}`) : undefined]);
   if (!campaigns.length) return empty("No campaigns yet", "First send a frame to a campaign of its camera.", h("a", { class: "button", href: "/campaigns" }, "Campaigns"));
   const able = campaigns.filter((each) => methodOf(each.method).measured_quantity).reverse();

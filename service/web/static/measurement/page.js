@@ -25,6 +25,7 @@ load(byId("figures"), () => measurement, (found) => {
   warn(found);
   const grid = drawGrid(found);
   byId("grid-section").hidden = !grid;
+  if (found.grid?.lanes) [byId("grid-title").textContent, byId("grid-note").textContent] = ["Lane grid", "In driving direction; value ± standard uncertainty"];
   const file = (name, text) => h("a", { class: "button quiet", href: `/v1/measurements/${id}/${name}`, download: "" }, text);
   if (grid) fill(byId("grid"), grid, h("p", { class: "actions" }, file("cells.csv", "CSV"), file("cells.geojson", "GeoJSON"), found.links.map_png ? file("map.png", "Picture") : null));
   return drawFigures(found);
@@ -50,7 +51,7 @@ async function drawableMap() {
 function withoutMap(found) {
   return [
     h("img", { class: "map-preview", src: `${found.links.frame}/preview.png`, alt: `Preview of ${found.filename}` }),
-    empty("No map", "The values are those of the region. Measure again with a map to read every pixel.", may("upload") ? h("a", { class: "button", href: `/measurements/new?frame=${found.frame_id}` }, "Measure again") : null),
+    empty("No map", "The values are those of the region. Remeasure with a map to read every pixel.", may("upload") ? h("a", { class: "button", href: `/measurements/new?frame=${found.frame_id}` }, "Remeasure") : null),
   ];
 }
 
@@ -59,15 +60,15 @@ function offer(found) {
     byId("go-on"),
     found.seen_from ? h("a", { class: "button", href: `/v1/measurements/${id}/report.pdf` }, "Report (PDF)") : null,
     h("a", { class: "button", href: `/measurements?camera_id=${found.camera_id}&compare=${found.id}` }, "Compare with…"),
-    may("upload") ? h("a", { class: "button", href: `/measurements/new?frame=${found.frame_id}` }, "Measure again") : null,
+    may("upload") ? h("a", { class: "button", href: `/measurements/new?frame=${found.frame_id}` }, "Remeasure") : null,
   );
 }
 
 /** What makes the figure unfit for use stands above everything. */
 function warn({ calibration }) {
   const said = {
-    revoked: ["bad", "The calibration used has been revoked. Do not use these values; measure again.", calibration.revoked_reason],
-    superseded: ["warn", "The calibration used has been superseded. Measure again if the values are still in use."],
+    revoked: ["bad", "The calibration used has been revoked. Do not use these values; remeasure.", calibration.revoked_reason],
+    superseded: ["warn", "The calibration used has been replaced. Remeasure if the values are still in use."],
     draft: ["warn", "The calibration used is a draft and has not been published."],
   }[calibration.state];
   if (said) fill(byId("warning"), h("p", { class: `note ${said[0]}` }, h("strong", {}, said[1]), said[2] ? ` Because: ${said[2]}` : null));

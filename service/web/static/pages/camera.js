@@ -1,6 +1,6 @@
 import { all, get } from "../api.js";
 import { byId, fill, h, may, table } from "../dom.js";
-import { ago, day, quantity, relative, tag, time } from "../format.js";
+import { ago, day, quantity, relative, tag, time, unit } from "../format.js";
 import { holdsFor, inForce, named } from "../coefficients.js";
 import { coefficientLabel, headlineOf, labelOf, methodOf, readTolerance } from "../methods.js";
 import { empty, load } from "../states.js";
@@ -40,9 +40,9 @@ load(byId("drift"), () => series, ({ rows }) => {
   const names = [...new Map(rows.map((row) => [`${row.method}/${row.name}`, row])).values()];
   if (!names.length) {
     byId("drift-choice").hidden = true;
-    return empty("No drift yet", "The plot appears with the second published version.");
+    return empty("No history yet", "The plot appears with the second published version.");
   }
-  fill(choice, names.map((row) => h("option", { value: `${row.method}/${row.name}`, selected: row.name === headlineOf(row.method) }, `${coefficientLabel(row.method, row.name)}${row.unit === "1" ? "" : ` [${row.unit}]`} (${labelOf(row.method)})`)));
+  fill(choice, names.map((row) => h("option", { value: `${row.method}/${row.name}`, selected: row.name === headlineOf(row.method) }, `${coefficientLabel(row.method, row.name)}${row.unit === "1" ? "" : ` [${unit(row.unit)}]`} (${labelOf(row.method)})`)));
   choice.disabled = false;
   choice.addEventListener("change", drawDrift);
   tolerance.addEventListener("change", () => tolerance.reportValidity() && drawDrift());

@@ -195,7 +195,7 @@ function drawVersions() {
     { head: "Version", header: true, cell: (each) => h("span", { class: "nowrap" }, mark(...kind(each)), " ", named(each)) },
     { head: "Valid", cell: ({ in_force: held, revoked_from: lost }) => (held.length + lost.length ? [...held, ...lost].map((each) => h("div", { class: "nowrap" }, `${day(each.valid_from)} – ${each.valid_to ? day(each.valid_to) : "open"}`)) : "replaced") },
     { head: versions.some((each) => rowOf(each)?.unit !== "1") ? `Value [${unit(versions.map(rowOf).find(Boolean)?.unit ?? "1")}]` : "Value", class: "number", cell: (each) => (rowOf(each) ? quantity({ ...rowOf(each), unit: "1" }) : "–") },
-    { head: "Decided", cell: (each) => h("span", { class: "nowrap" }, each.revoked_at ? `revoked ${day(each.revoked_at)}` : `published ${day(each.published_at.at(-1))}`, h("span", { class: "sub" }, each.revoked_at ? (each.revoked_by_name ?? each.revoked_by) : (each.published_by_name ?? each.published_by))) },
+    { head: "Decided", cell: (each) => h("span", {}, each.revoked_at ? `revoked ${day(each.revoked_at)}` : `published ${day(each.published_at.at(-1))}`, h("span", { class: "sub" }, each.revoked_at ? (each.revoked_by_name ?? each.revoked_by) : (each.published_by_name ?? each.published_by))) },
   ];
   return table(columns, versions, { caption: "Versions", stack: true, row: (each) => ({ "aria-current": each === current ? "true" : null }) });
 }
