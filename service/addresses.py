@@ -2,7 +2,6 @@
 
 import re
 from dataclasses import dataclass
-from functools import cached_property
 
 from fastapi import FastAPI
 from fastapi.routing import iter_route_contexts
@@ -16,10 +15,18 @@ class _Template:
 
 
 class Addresses:
-    """The templates of an application's routes, its pages' too."""
+    """The templates of an application's routes, its pages' too.
+
+    Made of a whole application: the framework then builds its routes, which takes a third of a second of a
+    processor, before the first request and not within it.
+    """
 
     def __init__(self, app: FastAPI) -> None:
-        self._app = app
+        self._templates = [
+            _Template(context.path, context.path_regex, frozenset(context.methods or ()))
+            for context in iter_route_contexts(app.routes)
+            if context.path is not None
+        ]
         self._rivals: dict[str, list[_Template]] = {}
 
     def methods_of(self, address: str) -> list[str]:
@@ -39,11 +46,3 @@ class Addresses:
     def _is_narrower(self, template: _Template, path: str) -> bool:
         own = next(each for each in self._templates if each.path == path)
         return bool(own.pattern.match(template.path)) and not template.pattern.match(path)
-
-    @cached_property
-    def _templates(self) -> list[_Template]:
-        return [
-            _Template(context.path, context.path_regex, frozenset(context.methods or ()))
-            for context in iter_route_contexts(self._app.routes)
-            if context.path is not None
-        ]

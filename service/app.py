@@ -58,7 +58,6 @@ def build_app(context: Context) -> FastAPI:
     app.add_middleware(CarriesTraffic)
     app.state.context = context
     app.state.operations = {}
-    app.state.addresses = Addresses(app)
     app.state.assets = Assets()
     app.state.templates = build_environment(app.state.assets)
     problems.install(app)
@@ -66,6 +65,7 @@ def build_app(context: Context) -> FastAPI:
     problem_pages.install(app)
     include_routes(app)
     include_pages(app)
+    app.state.addresses = Addresses(app)
     _publish_document(app)
     return app
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from fastapi import Request
+from fastapi.openapi.utils import get_openapi
 from fastapi.routing import APIRoute
 from starlette.exceptions import HTTPException
 
@@ -55,18 +56,26 @@ def _find_fault(kind: str | None, text: str) -> str | None:
 
 
 def _describe(request: Request, route: APIRoute) -> _Operation:
+    """Describe one route when it is first asked: the whole document takes seconds of a busy processor."""
     known: dict[str, _Operation] = request.app.state.operations
     if route.name not in known:
-        document: dict[str, Any] = request.app.openapi()
-        known |= {
-            operation["operationId"]: _Operation(
-                types={p["name"]: p["schema"].get("type", "") for p in operation.get("parameters", ())},
-                takes_json="application/json" in operation.get("requestBody", {}).get("content", {}),
-            )
-            for path in document["paths"].values()
-            for operation in path.values()
-        }
+        ((operation,),) = (path.values() for path in _build_paths(route).values())
+        known[route.name] = _Operation(
+            types={each["name"]: _find_type(each["schema"]) for each in operation.get("parameters", ())},
+            takes_json="application/json" in operation.get("requestBody", {}).get("content", {}),
+        )
     return known[route.name]
+
+
+def _build_paths(route: APIRoute) -> dict[str, dict[str, Any]]:
+    paths: dict[str, dict[str, Any]] = get_openapi(title="", version="", routes=[route])["paths"]
+    return paths
+
+
+def _find_type(schema: dict[str, Any]) -> str:
+    """Return the type of a parameter, which may be left out, but is never null."""
+    kinds = [each.get("type", "") for each in schema.get("anyOf", [schema]) if each.get("type") != "null"]
+    return kinds[0] if len(kinds) == 1 else ""
 
 
 class _Twice(Exception):  # noqa: N818  it is what was found

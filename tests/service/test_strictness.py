@@ -18,6 +18,13 @@ def house(sqlite_house):
     return sqlite_house
 
 
+def test_first_request_does_not_wait_for_the_whole_document(house, monkeypatch):
+    monkeypatch.setattr(house.app, "openapi", None)
+    house.app.state.operations.clear()
+    assert house.http.get("/v1/cameras?limit=1").status_code == 200
+    assert house.http.head(f"/v1/uploads/upl_1_{'0' * 64}").status_code == 404
+
+
 @pytest.mark.parametrize("text", NO_NUMBERS)
 def test_what_only_a_programmer_reads_as_a_number_is_none_in_a_table(house, text):
     path = f"/v1/campaigns/{house.campaign()['id']}/readings"
