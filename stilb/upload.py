@@ -22,6 +22,8 @@ _CHUNK_BYTES = 1 << 20
 _WHOLE_BYTES = 1 << 20
 """A smaller file goes in one request; only if that is cut it is sent as what can go on."""
 _LARGEST_PIECE_BYTES, _SMALLEST_PIECE_BYTES = 16 << 20, 16 << 10
+_LONGEST_BACKOFF = 3
+"""Doublings of the pause before the next piece."""
 _TUS = {"Tus-Resumable": "1.0.0"}
 _OF_ONE_FILE = frozenset({400, 413, 422})
 
@@ -193,7 +195,8 @@ def _send_resumably(
                 tried, most = tried + 1, max(length // 4, _SMALLEST_PIECE_BYTES)
             if tried > transport.retries:
                 raise
-            transport.pause(tried, problem)
+            # it has answered: it is back, and it is the line that breaks
+            transport.pause(min(tried, _LONGEST_BACKOFF), problem)
     return transport.json(Call(method="GET", path=told["Content-Location"]))
 
 

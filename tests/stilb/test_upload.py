@@ -84,14 +84,23 @@ def test_a_connection_lost_in_mid_upload_goes_on_from_what_has_arrived(service, 
     assert (last.files_done, last.bytes_sent, last.bytes_total) == (1, dng.stat().st_size, dng.stat().st_size)
 
 
-def test_an_upload_that_comes_no_further_ends(service, client, dng):
+def test_an_upload_that_comes_no_further_ends(service, dng):
     service.will_answer(cut_after=1000)
     service.will_answer(status=201, **place(0))
     for _ in range(10):
         service.will_answer(cut_after=10)
         service.will_answer(**place(10))
-    with pytest.raises(stilb.Problem, match="does not answer"):
+    pauses_s = []
+    with (
+        stilb.Client(
+            service.url, "k", retries=8, backoff_s=0.001, on_retry=lambda _, pause_s: pauses_s.append(pause_s)
+        ) as client,
+        pytest.raises(stilb.Problem, match="does not answer"),
+    ):
         client.push("c-1", dng, role="light")
+    assert len(pauses_s) == 10
+    # who has been answered again does not wait as long as for a service that is away
+    assert max(pauses_s) <= 0.008
 
 
 def test_pieces_get_smaller_behind_a_proxy_that_holds_them_back(service, client, dng):
