@@ -114,6 +114,15 @@ class Settings(BaseSettings):
         return self
 
     @model_validator(mode="after")
+    def _outlast_database(self) -> Self:
+        if self.hang_s <= self.database_timeout_s:
+            limits = (
+                f"{self.hang_s:g} s must be above STILB_DATABASE_TIMEOUT_S, {self.database_timeout_s:g} s"
+            )
+            raise ValueError(f"STILB_HANG_S: {limits}")
+        return self
+
+    @model_validator(mode="after")
     def _place_password(self) -> Self:
         if self.database_password.get_secret_value() and not re.match(r"[^:]+://[^:@/]+@", self.database_url):
             raise ValueError("STILB_DATABASE_PASSWORD needs a STILB_DATABASE_URL with a user and no password")

@@ -175,7 +175,9 @@ def test_a_child_that_does_not_stay_alive_ends_all_and_names_its_log(tmp_path):
 
 
 def test_a_part_that_hangs_is_killed_and_started_again(tmp_path):
-    with launched(tmp_path, parts=("serve", "beat", "hang"), STILB_HANG_S="1") as process:
+    with launched(
+        tmp_path, parts=("serve", "beat", "hang"), STILB_HANG_S="1", STILB_DATABASE_TIMEOUT_S="0.5"
+    ) as process:
         ready(process)
         (hung,) = children_named(process, "hang")
         (beating,) = children_named(process, "beat")
@@ -191,7 +193,8 @@ def test_a_part_that_hangs_is_killed_and_started_again(tmp_path):
 
 def test_nobody_is_killed_for_the_time_in_which_everything_was_stopped(tmp_path):
     hang_s = 5.0
-    with launched(tmp_path, parts=("serve", "beat"), STILB_HANG_S=str(hang_s)) as process:
+    limits = {"STILB_HANG_S": str(hang_s), "STILB_DATABASE_TIMEOUT_S": "1"}
+    with launched(tmp_path, parts=("serve", "beat"), **limits) as process:
         ready(process)
         (beating,) = children_named(process, "beat")
         for sig, lasts_s in ((signal.SIGSTOP, hang_s + 2), (signal.SIGCONT, 2)):
