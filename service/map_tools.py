@@ -2,7 +2,7 @@
 
 import hashlib
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,7 +16,7 @@ from radiometry.frame import roi
 from radiometry.frame.roi import Polygon
 from radiometry.maps.histogram import ValueCounts
 from radiometry.maps.profile import Trace
-from radiometry.maps.uncertainty import PixelUncertainty, find_likeness, read_uncertainty
+from radiometry.maps.uncertainty import COVERAGE, PixelUncertainty, find_likeness, read_uncertainty
 from radiometry.methods import get_method
 from radiometry.specification.application import PictureApplication, SurfaceApplication
 from service.auth import Caller
@@ -34,6 +34,7 @@ Area = Literal["region", "grid", "frame"]
 
 MOST_SQUARES: Final = 250_000
 _LENS_PLACES: Final = 65
+_LENS_NODES: Final = 9
 
 DISTORTION: Final = (
     "Lens distortion is not corrected: what is straight on the ground is slightly curved in the picture."
@@ -138,25 +139,64 @@ def read_trace(found: OpenMap, trace: Trace) -> NDArray[np.float64]:
 
 def weigh_lens(found: OpenMap, xy_px: NDArray[np.float64]) -> PixelUncertainty | None:
     """Return the uncertainty with that of the vignetting correction at each place instead of the region's."""
+    known, weigh = found.uncertainty, _open_lens(found)
+    if known is None or weigh is None:
+        return known
+    chosen = np.unique(np.linspace(0, len(xy_px) - 1, min(_LENS_PLACES, len(xy_px))).astype(int))
+    return replace(known, relative=np.interp(np.arange(len(xy_px)), chosen, weigh(xy_px[chosen])))
+
+
+def map_uncertainty(found: OpenMap, window: Window, values: Values, *, step: int) -> Values:
+    """Return the relative expanded uncertainty of the means over the squares of a window.
+
+    It is NaN where a mean is not known, or not above zero.
+    """
+    known, weigh = found.uncertainty, _open_lens(found)
+    if known is None:
+        detail = "The uncertainty of this map's values follows no rule: its map.tif may have it as a plane."
+        raise Problem(interface.NOT_FOUND, detail)
+    if weigh is not None:
+        rows, cols = (
+            first + (np.arange(size) + 0.5) * step
+            for first, size in zip((window.top, window.left), values.shape, strict=True)
+        )
+        nodes = [
+            places[np.unique(np.linspace(0, len(places) - 1, _LENS_NODES).astype(int))]
+            for places in (rows, cols)
+        ]
+        x, y = np.meshgrid(nodes[1], nodes[0])
+        at_nodes = weigh(np.stack([x.ravel(), y.ravel()], axis=1)).reshape(x.shape)
+        along = np.array([np.interp(cols, nodes[1], line) for line in at_nodes])
+        known = replace(known, relative=np.array([np.interp(rows, nodes[0], line) for line in along.T]).T)
+    positive = np.where(values > 0.0, values, np.nan).astype(np.float64)
+    u = np.hypot(known.common(positive), known.own(positive, float(step**2)))
+    return (COVERAGE * u / positive).astype(np.float32)
+
+
+def _open_lens(found: OpenMap) -> Callable[[NDArray[np.float64]], NDArray[np.float64]] | None:
+    """Return the shared relative uncertainty at places, with that of the vignetting correction there."""
     known, application = found.uncertainty, get_method(found.row.method).application
     lens = read_lens(found.calibration, decode_exposure(found.frame.exposure or {})) if known else None
     if known is None or lens is None or not isinstance(application, SurfaceApplication):
-        return known
+        return None
     channels = application.name_channels(
         (found.frame.header or {}).get("cfa", ""), channel=found.row.result["channel"]
     )
-    chosen = np.unique(np.linspace(0, len(xy_px) - 1, min(_LENS_PLACES, len(xy_px))).astype(int))
-    shares = [lens.at(int(y), int(x), channels=channels) for x, y in xy_px[chosen]]
-    at_places = [share.standard_uncertainty / share.value for share in shares]
     mean = found.row.result["mean"]["value"]
     of_region = sum(
         (share["standard_uncertainty_cd_m2"] / mean) ** 2
         for share in found.row.result["budget"]
         if share["source"] == "vignetting"
     )
-    rest = max(0.0, known.relative**2 - of_region)
-    relative = np.sqrt(rest + np.interp(np.arange(len(xy_px)), chosen, at_places) ** 2)
-    return replace(known, relative=relative)
+    rest = max(0.0, float(known.relative) ** 2 - of_region)
+
+    def weigh(xy_px: NDArray[np.float64]) -> NDArray[np.float64]:
+        shares = [lens.at(int(y), int(x), channels=channels) for x, y in xy_px]
+        at_places = np.array([share.standard_uncertainty / share.value for share in shares])
+        relative: NDArray[np.float64] = np.sqrt(rest + at_places**2)
+        return relative
+
+    return weigh
 
 
 def count_area(found: OpenMap, polygon: Polygon | None) -> ValueCounts:

@@ -1,7 +1,9 @@
 """Grid of equal cells on a rectangular surface, by the image of its corners."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
+
+from radiometry.specification.stored import LATER
 
 MAX_CELLS_A_SIDE: Final = 50
 
@@ -18,8 +20,16 @@ class Grid:
         image.
     rows, columns : int
         Number of cells along the surface's sides.
+    aspect : float or None, default: None
+        Length of the surface along its rows over that along its columns; None if it
+        is not stated.
+    corner_u_px : float or None, default: None
+        Standard uncertainty of each coordinate of a corner [px]; None of older
+        measurements, which do not contain it.
     """
 
     corners: tuple[tuple[float, float], ...]
     rows: int
     columns: int
+    aspect: float | None = field(default=None, metadata=LATER)
+    corner_u_px: float | None = field(default=None, metadata=LATER)

@@ -94,7 +94,14 @@ def lay_lanes(lanes: LaneGrid) -> Grid:
             far = _project(h, np.array([(share, 0.0), (share, 1.0)]))
             corners = (corners[0], (far[0, 0], far[0, 1]), (far[1, 0], far[1, 1]), corners[3])
     plain = tuple((float(x), float(y)) for x, y in corners)
-    return Grid(corners=plain, rows=POINTS_ACROSS * lanes.lanes, columns=lanes.columns)
+    return Grid(
+        corners=plain,
+        rows=POINTS_ACROSS * lanes.lanes,
+        columns=lanes.columns,
+        aspect=lanes.spacing_m / (lanes.lanes * lanes.lane_width_m),
+        # beyond the marked rectangle a corner errs by more than those that were picked
+        corner_u_px=lanes.corner_u_px * max(1.0, lanes.spacing_m / lanes.length_m),
+    )
 
 
 def describe_lanes(lanes: LaneGrid) -> dict[str, Any]:

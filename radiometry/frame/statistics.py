@@ -74,6 +74,8 @@ class Signal:
     rounding_dn : float, default: 0.0
         Part of the standard uncertainty that is the error of rounding [DN], which
         repeated frames do not average out.
+    skew_dn : float, default: 0.0
+        Mean less median [DN].
     """
 
     value_dn: float
@@ -82,6 +84,7 @@ class Signal:
     black_level_dn: float
     white_level_dn: float
     rounding_dn: float = 0.0
+    skew_dn: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -191,6 +194,7 @@ def measure_signal(statistics: Sequence[ChannelStatistics], *, channel: str = "g
         black_level_dn=sum(row.black_level_dn for row in rows) / count,
         white_level_dn=min(row.white_level_dn for row in rows),
         rounding_dn=math.sqrt(rounding),
+        skew_dn=sum(row.mean_dn - row.median_dn for row in rows) / count,
     )
 
 

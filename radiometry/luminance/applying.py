@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from radiometry.luminance import application, change, codes, lens, maps, measurement, surface
+from radiometry.luminance import application, change, codes, corners, lens, maps, measurement, surface
 from radiometry.luminance.conditions import FieldConditions
 from radiometry.specification.application import SurfaceApplication
 
@@ -17,6 +17,7 @@ APPLICATION: Final = SurfaceApplication(
     request=measurement.Request,
     correction=measurement.Vignetting,
     outline=surface.outline,
+    check_grid=corners.check_grid,
     find_window=measurement.find_window,
     find_map_scale=maps.find_map_scale,
     needs_scale=measurement.needs_scale,

@@ -177,6 +177,42 @@ STRAY_LIGHT_UNKNOWN = flag(
     "`glare_share`.",
     "measurement",
 )
+MIXED_SURFACE = flag(
+    "mixed_surface",
+    "Mean and median differ as over unlike parts, such as a kerb, a road marking, a lamp, its reflection or "
+    "the light of a passing car: the mean is that of none of them.",
+    "Look at the map, draw the region on one surface, or measure a frame without traffic.",
+    "measurement",
+)
+CORNERS_IMPLAUSIBLE = flag(
+    "corners_implausible",
+    "No camera sees a rectangle of the stated sides with these corners: cells and points are not where they "
+    "are said to be.",
+    "Check the order of the corners, of lanes the first two along them, and the lengths in metres.",
+    "measurement",
+)
+GRID_MIRRORED = flag(
+    "grid_mirrored",
+    "The corners run counterclockwise: rows are counted from the other side, so that the cells are the "
+    "surface's mirror image. Values and uniformities are not affected.",
+    "Give the corners clockwise as the surface is seen from above.",
+    "measurement",
+)
+CELLS_SMALL = flag(
+    "cells_small",
+    "Cells are narrower than 4 px: the blur of the lens mixes neighbours, so that minimum and uniformity may "
+    "be too large.",
+    "Take fewer rows or columns, fly lower, or use a longer lens.",
+    "measurement",
+)
+DIFFUSE_ASSUMED = flag(
+    "diffuse_assumed",
+    "The illuminance takes the surface as matt and its reflectance as exact: its uncertainty is that of the "
+    "luminance alone.",
+    "Measure the reflectance of this surface, dry, and add its relative uncertainty; of a wet or polished "
+    "surface, measure the illuminance with a meter.",
+    "measurement",
+)
 ISO_NOT_CALIBRATED = error(
     "iso_not_calibrated",
     "The frame was taken at an ISO value for which this calibration has no K; K is not interpolated.",

@@ -10,7 +10,7 @@ from radiometry.fitting import models
 from radiometry.frame.exposure import Settings
 from radiometry.frame.statistics import Signal
 from radiometry.luminance.coefficient import Aperture, Coefficient, Rows
-from radiometry.luminance.measured import Effect
+from radiometry.luminance.measured import AppliedLuminance, Effect, Share
 from radiometry.vignetting.lens import LensShare
 
 NOISE = "pixel noise"
@@ -57,6 +57,35 @@ def list_source_effects(
         source=NOISE, shared=False, effect_cd_m2=by_signal * signal.standard_uncertainty_dn / through * scale
     )
     return (*(Effect(source=name, shared=True, effect_cd_m2=effect) for name, effect in shared), noise)
+
+
+def share_out(applied: AppliedLuminance) -> tuple[Share, ...]:
+    """Add up the effects of each source; the variance shares add up to one.
+
+    Parameters
+    ----------
+    applied : AppliedLuminance
+        Luminance with its effects.
+
+    Returns
+    -------
+    tuple of Share
+        Sources in the order of the effects.
+    """
+    total = applied.luminance_cd_m2.standard_uncertainty
+    names = dict.fromkeys((effect.source, effect.shared) for effect in applied.effects)
+    shares = []
+    for source, shared in names:
+        u = math.hypot(*(e.effect_cd_m2 for e in applied.effects if e.source == source))
+        shares.append(
+            Share(
+                source=source,
+                shared=shared,
+                standard_uncertainty_cd_m2=u,
+                variance_share=(u / total) ** 2 if total > 0.0 else 0.0,
+            )
+        )
+    return tuple(shares)
 
 
 def _split_known(

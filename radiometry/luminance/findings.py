@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from radiometry.findings import Raised, shared
 from radiometry.frame import Frame
 from radiometry.frame.roi import Polygon
+from radiometry.frame.statistics import Signal
 from radiometry.luminance import codes
 from radiometry.luminance.measured import AppliedLuminance
 
@@ -13,6 +14,11 @@ Corners = Sequence[tuple[float, float]]
 
 # As well as a hand draws the same region twice, of the frame's diagonal.
 _NEAR_SHARE = 0.02
+# Mean over median, of a region and of a cell. Light that rises by three times over a cell as an exponential,
+# more than a lamp's pool does within 3 m, has 5 %; pools of light in a region of the road have 25 %.
+_MIXED_REGION, _MIXED_CELL = 0.25, 0.05
+# Three standard errors of mean less median of a normal distribution, in those of its mean; and of rounding.
+_SKEW_ERRORS, _ROUNDING_DN = 3.0 * math.sqrt(math.pi / 2.0 - 1.0), 0.5
 _OF_CELLS = {
     shared.SATURATED: "Saturated",
     shared.BELOW_DETECTION: "Below detection",
@@ -96,6 +102,55 @@ def summarise_cells(applied: Iterable[Iterable[AppliedLuminance]]) -> tuple[Rais
         for finding, what in _OF_CELLS.items()
         if (cells := found[finding.code])
     )
+
+
+def find_mixed(
+    region: Signal, cells: Sequence[Sequence[Signal]], *, dark_signal_dn: float
+) -> tuple[Raised, ...]:
+    """Return `mixed_surface` where a mean is that of unlike parts: a kerb, a lamp, a passing car's light.
+
+    Parameters
+    ----------
+    region : Signal
+        Signal of the region.
+    cells : sequence of sequence of Signal
+        Signals of the cells, row by row; empty without a grid. A region around cells is not tested, as
+        the light of a road differs from place to place.
+    dark_signal_dn : float
+        Dark signal D [DN].
+
+    Returns
+    -------
+    tuple of Raised
+        At most one flag.
+    """
+    if not cells:
+        share = _measure_skew(region, dark_signal_dn)
+        detail = f"The mean differs from the median by {share:+.0%} of it."
+        return (codes.MIXED_SURFACE.at("", detail),) if abs(share) > _MIXED_REGION else ()
+    shares = {
+        (row, column): _measure_skew(signal, dark_signal_dn)
+        for row, line in enumerate(cells, start=1)
+        for column, signal in enumerate(line, start=1)
+    }
+    found = [place for place, share in shares.items() if abs(share) > _MIXED_CELL]
+    if not found:
+        return ()
+    worst = max(found, key=lambda place: abs(shares[place]))
+    detail = (
+        f"{len(found)} of the cells; most in row {worst[0]}, column {worst[1]}, whose mean differs from its "
+        f"median by {shares[worst]:+.0%} of it."
+    )
+    return (codes.MIXED_SURFACE.at("grid", detail),)
+
+
+def _measure_skew(signal: Signal, dark_signal_dn: float) -> float:
+    """Compute mean less median beyond noise, relative to the median; 0 where it is not above dark."""
+    median = signal.value_dn - signal.skew_dn - dark_signal_dn
+    if median <= 0.0:
+        return 0.0
+    allowed = _SKEW_ERRORS * signal.standard_uncertainty_dn + _ROUNDING_DN
+    return math.copysign(max(0.0, abs(signal.skew_dn) - allowed), signal.skew_dn) / median
 
 
 def _farthest_px(measured: Sequence[Corners], calibrated: Sequence[Polygon]) -> float:

@@ -12,18 +12,20 @@ from radiometry.frame.exposure import Exposure
 from radiometry.frame.grid import Grid
 from radiometry.frame.roi import Polygon, Window, bounding_window
 from radiometry.frame.statistics import Signal
-from radiometry.luminance import method
+from radiometry.luminance import codes, method
 from radiometry.luminance.application import choose_coefficient
 from radiometry.luminance.averaging import SCATTER, add_signal, flag_scatter
 from radiometry.luminance.camera import CalibratedCamera, add_up
 from radiometry.luminance.cells import illuminate, measure_surface
 from radiometry.luminance.coefficient import Coefficient
 from radiometry.luminance.conditions import FieldConditions, measure_colour
+from radiometry.luminance.corners import check_grid
 from radiometry.luminance.corrections import correct_focus, correct_spectrum, correct_stray_light
-from radiometry.luminance.findings import find_flags
+from radiometry.luminance.effects import share_out
+from radiometry.luminance.findings import find_flags, find_mixed
 from radiometry.luminance.flicker import correct_flicker
 from radiometry.luminance.maps import average_map, find_map_scale, sum_signal
-from radiometry.luminance.measured import AppliedLuminance, Measured, Percentile, Share
+from radiometry.luminance.measured import Measured, Percentile
 from radiometry.luminance.pixels import PERCENTILES, Correction, PixelSignal, order_pixels
 from radiometry.luminance.surface import lay_grid
 from radiometry.vignetting.lens import Lens
@@ -172,7 +174,8 @@ def measure(
     Measured
         Luminances and flags: those of `application.apply_coefficient`,
         `no_vignetting_correction`, `roi_elsewhere`, `observer_differs`, `rendered`,
-        `frames_disagree`, and of the conditions `spectral_mismatch_unknown`,
+        `frames_disagree`, `mixed_surface`, `diffuse_assumed`, those of
+        `corners.check_grid`, and of the conditions `spectral_mismatch_unknown`,
         `flicker_unknown`, `stray_light_unknown`.
 
     Raises
@@ -221,10 +224,22 @@ def measure(
         signal=summed,
     )
     surface, cell_flags = (
-        measure_surface(of_cells, camera, reflectance=request.reflectance) if cells else (None, ())
+        measure_surface(of_cells, camera, request.grid, reflectance=request.reflectance)
+        if request.grid
+        else (None, ())
     )
     measured = [request.polygon.points, *([request.grid.corners] if request.grid else [])]
     own = find_flags(frame, measured, calibrated, rendered=rendered, corrected=lens is not None)
+    shown = find_mixed(
+        signals[0][0],
+        [[signal for signal, _ in line] for line in of_cells[0]],
+        dark_signal_dn=coefficient.dark_signal_dn,
+    )
+    if request.grid:
+        shown += check_grid(request.grid, height_px=frame.height_px, width_px=frame.width_px)
+    if request.reflectance is not None:
+        detail = "An error of 10 % of the reflectance is one of 10 % of the illuminance."
+        shown += (codes.DIFFUSE_ASSUMED.at("illuminance", detail),)
 
     def luminance(pixel: PixelSignal) -> Quantity:
         signal = Signal(
@@ -255,12 +270,12 @@ def measure(
             Percentile(percent=percent, luminance=luminance(pixel))
             for percent, pixel in zip(PERCENTILES, pixels.percentiles, strict=True)
         ),
-        budget=_share_out(region),
+        budget=share_out(region),
         surface=surface,
         illuminance_lx=illuminate(region.luminance_cd_m2, request.reflectance),
         saturated_share=max(signal.saturated_share for signal, _ in signals),
         vignetting=correction.name if correction else "none",
-        flags=(*region.flags, *raised, *cell_flags, *disagreement, *own),
+        flags=(*region.flags, *raised, *cell_flags, *shown, *disagreement, *own),
         lens_share=region.lens_share,
         corrections=corrections,
     )
@@ -292,21 +307,3 @@ def _find_corrections(
         if each.u_rel > _ROUNDING or each.u_cd_m2 or each.offset_cd_m2 or each.factor != 1.0
     )
     return made, tuple(itertools.chain.from_iterable(flags for _, flags in pairs))
-
-
-def _share_out(applied: AppliedLuminance) -> tuple[Share, ...]:
-    """Add up the effects of each source; the variance shares add up to one."""
-    total = applied.luminance_cd_m2.standard_uncertainty
-    names = dict.fromkeys((effect.source, effect.shared) for effect in applied.effects)
-    shares = []
-    for source, shared in names:
-        u = math.hypot(*(e.effect_cd_m2 for e in applied.effects if e.source == source))
-        shares.append(
-            Share(
-                source=source,
-                shared=shared,
-                standard_uncertainty_cd_m2=u,
-                variance_share=(u / total) ** 2 if total > 0.0 else 0.0,
-            )
-        )
-    return tuple(shares)

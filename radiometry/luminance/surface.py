@@ -30,11 +30,15 @@ class Cells:
     shared_cd_m2 : ndarray of float64
         Effect of one standard uncertainty of m independent sources, each of which
         errs alike in all cells [cd/m2], (m, rows, columns).
+    local_cd_m2 : ndarray of float64
+        The same of sources that may err alike in all cells, or in each cell on its
+        own [cd/m2], (l, rows, columns).
     """
 
     values_cd_m2: Matrix
     noise_cd_m2: Matrix
     shared_cd_m2: NDArray[np.float64]
+    local_cd_m2: NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,7 +119,7 @@ def lay_grid(grid: Grid) -> tuple[tuple[Polygon, ...], ...]:
     .. [1] R. Hartley, A. Zisserman, Multiple View Geometry in Computer Vision,
            Cambridge 2004, section 2.3, doi:10.1017/CBO9780511811685
     """
-    points = _lattice(grid)
+    points = lay_lattice(grid)
     return tuple(
         tuple(
             Polygon.from_points(
@@ -144,8 +148,24 @@ def outline(grid: Grid) -> Polygon:
     return Polygon.from_points(grid.corners)
 
 
-def _lattice(grid: Grid) -> Lattice:
-    """Compute the lattice (x, y), (rows + 1, columns + 1, 2); neighbours share points to the last bit."""
+def lay_lattice(grid: Grid) -> Lattice:
+    """Compute the images of the lattice points between the cells of a grid.
+
+    Parameters
+    ----------
+    grid : Grid
+        Corners of the surface, rows and columns.
+
+    Returns
+    -------
+    ndarray of float64
+        Points (x, y) [px], (rows + 1, columns + 1, 2); neighbouring cells share them to the last bit.
+
+    Raises
+    ------
+    InputRejected
+        `grid_invalid`.
+    """
     if not (1 <= grid.rows <= MAX_CELLS_A_SIDE and 1 <= grid.columns <= MAX_CELLS_A_SIDE):
         raise InputRejected(
             codes.GRID_INVALID, f"A grid has 1 to {MAX_CELLS_A_SIDE} rows and as many columns of cells."
@@ -198,11 +218,15 @@ def judge_uniformity(cells: Cells) -> Uniformity:
     and e_ki the effect of shared source k on it [2]_::
 
         u^2 = sum_i (g_i n_i)^2 + sum_k (sum_i g_i e_ki)^2
+            + sum_l max((sum_i g_i e_li)^2, sum_i (g_i e_li)^2)
 
     A source that scales all luminances (K, t, f, ISO) has e_ki ~ L_i. A ratio does
     not change with scale, sum_i g_i L_i = 0, so such a source cancels
     automatically. The dark signal, which is subtracted, does not: it has more
-    weight in a dark cell. Of equal cells the first is the smallest or the largest.
+    weight in a dark cell. A local source l is one of which it is not known whether all
+    cells have its error: flicker, as lamps hang on three phases and a rolling shutter
+    exposes rows one after the other. It is taken as what errs more, so that it neither
+    averages nor cancels. Of equal cells the first is the smallest or the largest.
 
     References
     ----------
@@ -250,4 +274,7 @@ def _ratio(cells: Cells, above: tuple[float, Matrix], below: tuple[float, Matrix
 def _figure(cells: Cells, value: float, gradient: Matrix) -> Estimate:
     noise = float(np.sum((gradient * cells.noise_cd_m2) ** 2))
     shared = np.einsum("rc,krc->k", gradient, cells.shared_cd_m2)
-    return Estimate(value=value, standard_uncertainty=math.sqrt(noise + float(shared @ shared)))
+    alike = np.einsum("rc,krc->k", gradient, cells.local_cd_m2) ** 2
+    apart = np.sum((gradient * cells.local_cd_m2) ** 2, axis=(1, 2))
+    local = float(np.maximum(alike, apart).sum())
+    return Estimate(value=value, standard_uncertainty=math.sqrt(noise + float(shared @ shared) + local))

@@ -86,6 +86,8 @@ class SurfaceApplication(Application):
 
     Attributes
     ----------
+    check_grid : callable
+        ``(grid, *, height_px, width_px) -> flags``, what is wrong with a grid before it is measured.
     foresee : callable
         ``(coefficients, *, iso) -> float``, the standard uncertainty of the headline coefficient at an
         f-number that was not calibrated, in its unit.
@@ -102,6 +104,7 @@ class SurfaceApplication(Application):
     request: Function
     correction: Function
     outline: Function
+    check_grid: Function
     find_window: Function
     find_map_scale: Function
     needs_scale: Function

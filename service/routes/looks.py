@@ -7,21 +7,29 @@ from fastapi import APIRouter, Query, Request, Response
 from pydantic import Field
 from sqlalchemy.orm import Session
 
+from radiometry.findings import InputRejected, shared
+from radiometry.frame.lanes import describe_lanes
 from radiometry.frame.roi import Polygon, bounding_window
 from radiometry.frame.verdicts import Verdict
+from radiometry.methods import get_method
+from radiometry.specification.application import SurfaceApplication
 from service.auth import Reader
 from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.immutable import not_modified, standing_headers
 from service.lookup import Id, owned
+from service.regions import read_grid
 from service.routes import problems, sends_stored_file
 from service.routes.frames import require_header, require_preview
 from service.schemas.base import Answer, Form
 from service.schemas.campaigns import Point
 from service.schemas.frames import VerdictAnswer
 from service.schemas.jobs import JobAnswer
+from service.schemas.measured_parts import FlagAnswer
+from service.schemas.measurements import NewGrid
 from service.thumbnails import WIDEST_PX, draw_thumbnail, tag_of
 from store import jobs
+from store.codec import encode
 from store.queries.frames import current_roi
 from store.tables import Campaign, FrameRow
 
@@ -33,6 +41,18 @@ class NewLook(Form):
         list[Point],
         Field(min_length=3, max_length=1000, description="Corners [x, y] in pixels, x right, y down."),
     ]
+
+
+class GridLook(Answer):
+    """A grid as it would be measured."""
+
+    corners: list[list[float]] = Field(description="[x, y] in pixels of the field between two luminaires.")
+    rows: int
+    columns: int
+    point_u_m: float | None = Field(
+        default=None, description="Of lanes: largest standard uncertainty of a point's place on the road."
+    )
+    flags: list[FlagAnswer]
 
 
 class FrameVerdict(VerdictAnswer):
@@ -84,6 +104,27 @@ def look_at_region(frame_id: Id, body: NewLook, caller: Reader, writing: Writes)
         )
 
     return writing.run(caller, change)
+
+
+@router.post("/frames/{frame_id}/grid", response_model=GridLook, responses=problems(404))
+def look_at_grid(frame_id: Id, body: NewGrid, caller: Reader, context: UsesContext) -> Response:
+    """Preview a grid without measuring it, with the flags that its corners would raise."""
+    with context.database.reading() as session:
+        frame = owned(session, FrameRow, frame_id, caller)
+        application = get_method(session.get_one(Campaign, frame.campaign_id).method).application
+    if not isinstance(application, SurfaceApplication):
+        raise InputRejected(shared.OPTION_NOT_OF_METHOD, "Frames of this method are measured without a grid.")
+    grid, lanes = read_grid(body)
+    header = require_header(frame)
+    size = {"height_px": header["height_px"], "width_px": header["width_px"]}
+    bounding_window(application.outline(grid), **size)
+    return GridLook(
+        corners=[list(corner) for corner in grid.corners],
+        rows=grid.rows,
+        columns=grid.columns,
+        point_u_m=describe_lanes(lanes)["point_u_m"] if lanes else None,
+        flags=[FlagAnswer.model_validate(encode(flag)) for flag in application.check_grid(grid, **size)],
+    ).respond()
 
 
 @router.get("/campaigns/{campaign_id}/verdicts", response_model=VerdictsAnswer, responses=problems(404))

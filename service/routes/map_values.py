@@ -6,14 +6,13 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request, Response
 
 from radiometry.findings import interface
-from radiometry.methods import get_method
-from radiometry.specification.application import PictureApplication
 from service.auth import Caller, Reader
 from service.context import Context, UsesContext
 from service.hosts import absolute
 from service.immutable import immutable_headers, not_modified
 from service.lookup import Id, owned
-from service.map_values import MOST_VALUES, Layout, Window, read_layout, read_values
+from service.map_tools import map_uncertainty, open_map
+from service.map_values import MOST_VALUES, Layout, Window, read_values
 from service.problems import Problem, invalid
 from service.routes import UNCHANGED, problems
 from service.routes.measurement_lists import GeoJson
@@ -37,21 +36,21 @@ def get_measurement_map_values(
     context: UsesContext,
     asked: Annotated[MapWindow, Query()],
 ) -> Response:
-    """A window of the map: with step 1 the very values of map.tif, else the means of squares."""
-    row, sha256 = _require_map(context, measurement_id, caller)
-    if isinstance(get_method(row.method).application, PictureApplication):
-        detail = "An undistorted image is not a map of values: use its map.tif."
-        raise Problem(interface.NOT_FOUND, detail)
-    tag = f"{sha256}-{row.content_sha256[:16]}-{asked.tag}"
-    unchanged = not_modified(request, tag)
-    if unchanged is not None:
-        return unchanged
-    with context.files.local(sha256) as file:
-        prove_file(file)
-        layout = read_layout(file.path)
+    """A window of the map: with step 1 the very values of map.tif, else the means of squares.
+
+    With `layer` their relative expanded uncertainty in place of the values.
+    """
+    with open_map(context, measurement_id, caller) as found:
+        tag = found.tag(asked.tag)
+        unchanged = not_modified(request, tag)
+        if unchanged is not None:
+            return unchanged
+        layout = found.layout
         window = _cut(layout, asked)
-        values = read_values(file.path, layout, window, step=asked.step)
-    answer = MapValuesAnswer.of(row, layout, window, values, step=asked.step)
+        values = read_values(found.path, layout, window, step=asked.step)
+        if asked.layer == "expanded_uncertainty_rel":
+            values = map_uncertainty(found, window, values, step=asked.step)
+        answer = MapValuesAnswer.of(found.row, layout, window, values, asked, notes=found.list_notes())
     return answer.respond(immutable_headers(tag))
 
 

@@ -10,8 +10,6 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected, interface
-from radiometry.frame.grid import Grid
-from radiometry.frame.lanes import LaneGrid, lay_lanes
 from service.auth import Caller, Reader, Uploader
 from service.changes import Reply, Writes
 from service.context import Context, UsesContext
@@ -20,7 +18,7 @@ from service.lookup import Id, owned
 from service.measurements import OfCalibration, answer_measurements
 from service.paging import Page, UsesPaging
 from service.problems import Problem
-from service.regions import read_roi
+from service.regions import read_grid, read_roi
 from service.routes import UNCHANGED, problems, sends_stored_file
 from service.schemas.base import Answer, Text
 from service.schemas.jobs import JobAnswer
@@ -234,24 +232,10 @@ def get_measurement_picture(
 
 
 def _read_asked(body: MeasurementOptions) -> Asked:
-    grid = lanes = None
-    if body.grid is not None:
-        asked = body.grid
-        corners = tuple((corner[0], corner[1]) for corner in asked.corners)
-        if asked.lanes and asked.lane_width_m and asked.spacing_m:
-            lanes = LaneGrid(
-                corners=corners,
-                lanes=asked.lanes,
-                lane_width_m=asked.lane_width_m,
-                spacing_m=asked.spacing_m,
-                length_m=asked.length_m or asked.spacing_m,
-                corner_u_px=asked.corner_u_px,
-            )
-        else:
-            grid = Grid(corners=corners, rows=asked.rows or 0, columns=asked.columns or 0)
+    grid, lanes = read_grid(body.grid) if body.grid is not None else (None, None)
     return Asked(
         polygon=read_roi(body.roi).polygon if body.roi is not None else None,
-        grid=lay_lanes(lanes) if lanes else grid,
+        grid=grid,
         lanes=lanes,
         reflectance=body.reflectance,
         incidence_angle_deg=body.incidence_angle_deg,

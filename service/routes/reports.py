@@ -8,15 +8,17 @@ from radiometry.drawing.maps import find_step
 from radiometry.findings import interface
 from radiometry.methods import get_method
 from radiometry.specification.application import SurfaceApplication
-from service.auth import Reader
+from service.auth import Caller, Reader
 from service.cells import list_outlines
 from service.certificate import draw_region, lay_out_report
 from service.certificate.report import Reported
 from service.certificate.sheet import Node
-from service.context import UsesContext
+from service.context import Context, UsesContext
 from service.lookup import Id, owned
+from service.map_tools import open_map
 from service.measurements import answer_measurements
 from service.problems import Problem
+from service.report_figures import draw_readings
 from service.routes import sends_stored_file
 from service.routes.certificates import send_certificate_pdf
 from store.files import Files
@@ -34,10 +36,12 @@ async def get_measurement_report(
 ) -> Response:
     """The measurement of a surface on two pages of A4 (PDF/A): figures, map, cells, budget and flags.
 
-    A measurement without a map shows the frame's preview. Long tables end with a sentence that says so.
+    With a map, also a profile along the row of cells with the lowest U_l, and a histogram; else the frame's
+    preview. Long tables end with a sentence that says so.
     """
 
     def lay() -> Node:
+        readings = _read_map(context, measurement_id, caller)
         with context.database.reading() as session:
             row = owned(session, Measurement, measurement_id, caller)
             spec = get_method(row.method)
@@ -57,10 +61,20 @@ async def get_measurement_report(
                 status=read_version_statuses(session, [version.id])[version.id],
                 picture=_draw(row, frame, context.files),
                 has_map=row.map_png_sha256 is not None,
+                readings=readings,
             )
             return lay_out_report(answer_measurements(session, [row])[0].dump(), reported)
 
     return await send_certificate_pdf(request, context, lay)
+
+
+def _read_map(context: Context, measurement_id: str, caller: Caller) -> tuple[str, str] | None:
+    """Return profile and histogram with their caption; None without a map of values."""
+    with context.database.reading() as session:
+        if owned(session, Measurement, measurement_id, caller).map_tif_sha256 is None:
+            return None
+    with open_map(context, measurement_id, caller) as found:
+        return draw_readings(found) if found.uncertainty is not None else None
 
 
 def _draw(row: Measurement, frame: FrameRow, files: Files) -> str:

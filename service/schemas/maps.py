@@ -15,9 +15,19 @@ _Pixel = Annotated[int, Field(ge=0, lt=1_000_000)]
 _Size = Annotated[int | None, Field(ge=1, lt=1_000_000, description="Left out: up to the border.")]
 
 
+Layer = Literal["value", "expanded_uncertainty_rel"]
+
+
 class MapWindow(Form):
     """Which part of a map."""
 
+    layer: Annotated[
+        Layer,
+        Field(
+            description="`value`: those of map.tif. `expanded_uncertainty_rel`: the expanded uncertainty "
+            "(k = 2) of each mean over that mean."
+        ),
+    ] = "value"
     step: Annotated[int, Field(ge=1, le=4096, description="The side of the squares, in pixels.")] = 1
     top: _Pixel = 0
     left: _Pixel = 0
@@ -26,7 +36,7 @@ class MapWindow(Form):
 
     @property
     def tag(self) -> str:
-        return f"{self.step}-{self.top}-{self.left}-{self.height}-{self.width}"
+        return f"{self.layer}-{self.step}-{self.top}-{self.left}-{self.height}-{self.width}"
 
 
 # here null is a value: that of a pixel which was saturated
@@ -46,7 +56,8 @@ class ValueUncertainty(Answer):
 
 
 class MapValuesAnswer(Answer):
-    unit: str = Field(description='As in map.tif: "cd/m2", or "1" of a reflectance or an index.')
+    layer: Layer
+    unit: str = Field(description='As in map.tif: "cd/m2", or "1" of a reflectance, an index or a share.')
     height_px: int = Field(description="Of the whole map.")
     width_px: int
     top: int
@@ -56,22 +67,35 @@ class MapValuesAnswer(Answer):
         description="Rows of columns; the mean of `step` x `step` pixels. null: saturated, or not defined."
     )
     uncertainty: ValueUncertainty | None = Field(
-        default=None, description="Absent of an index, whose uncertainty follows no such rule."
+        default=None,
+        description="Of values; absent of an index, whose uncertainty follows no such rule, and of other "
+        "layers.",
     )
+    notes: list[str] = Field(description="What the uncertainty of a place does not contain.")
 
     @classmethod
     def of(
-        cls, row: Measurement, layout: Layout, window: Window, values: Values, *, step: int
+        cls,
+        row: Measurement,
+        layout: Layout,
+        window: Window,
+        values: Values,
+        asked: MapWindow,
+        *,
+        notes: list[str],
     ) -> "MapValuesAnswer":
+        is_value = asked.layer == "value"
         return cls(
-            unit=layout.unit,
+            layer=asked.layer,
+            unit=layout.unit if is_value else "1",
             height_px=layout.height_px,
             width_px=layout.width_px,
             top=window.top,
             left=window.left,
-            step=step,
+            step=asked.step,
             values=_plain(values),
-            uncertainty=uncertainty_of(row.result),
+            uncertainty=uncertainty_of(row.result) if is_value else None,
+            notes=notes,
         )
 
 

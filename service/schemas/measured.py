@@ -233,7 +233,7 @@ def _surface(row: Measurement) -> dict[str, Any]:
     lines = surface["u_l"]
     return {
         "grid": GridAnswer(
-            **grid,
+            **{name: value for name, value in grid.items() if name != "aspect"},
             cell_model=surface["cell_model"],
             cells=surface["cells"],
             lanes=row.parameters.get("lanes"),

@@ -151,8 +151,7 @@ class LanesAnswer(Answer):
         description="[x, y] of each point along and across from the first corner, row by row."
     )
     point_u_m: float = Field(
-        description="Largest standard uncertainty of a point's place on the road from that of the corners. "
-        "It is not part of the luminances' uncertainties."
+        description="Largest standard uncertainty of a point's place on the road from that of the corners."
     )
 
 
@@ -162,6 +161,11 @@ class GridAnswer(Answer):
     corners: list[list[float]]
     rows: int
     columns: int
+    corner_u_px: float | None = Field(
+        default=None,
+        description="Standard uncertainty of each coordinate of a corner, whose effect is part of the cells' "
+        "uncertainties; absent of measurements of older releases, where it is not.",
+    )
     cell_model: str = Field(description="`projective`: equal cells of the surface, not of its image.")
     cells: list[list[Quantity]]
     lanes: LanesAnswer | None = None

@@ -1,11 +1,15 @@
 """Measurements as people see them: the map's numbers under the pointer, cells, two dates, a new one."""
 
+import csv
 import io
+import json
 import re
 
 import numpy as np
+import pypdf
 import pytest
 import tifffile
+from PIL import Image
 from playwright.sync_api import expect
 
 from tests.support.browser import check_access, look, settle
@@ -71,11 +75,12 @@ def test_a_line_isolines_and_a_histogram_of_the_map_with_the_keys_alone(shown, p
     for key in ("Enter", *["Shift+ArrowRight"] * 5, "Enter"):
         over.press(key)
     row, col = SHAPE[0] // 2, SHAPE[1] // 2
-    expect(shown.get_by_label("Corners")).to_have_value(f"{col + 0.5},{row + 0.5} {col + 50.5},{row + 0.5}")
+    corners = shown.locator("#line").get_by_label("Corners")
+    expect(corners).to_have_value(f"{col + 0.5},{row + 0.5} {col + 50.5},{row + 0.5}")
     mean = plane[row, col : col + 51].mean(dtype=float)
     expect(shown.locator("#line dl div", has_text="Mean")).to_contain_text(f"{mean:.1f}"[:3])
     expect(shown.locator("#line .chart")).to_be_visible()
-    shown.get_by_label("Corners").fill("20,180 130,100 280,90")
+    corners.fill("20,180 130,100 280,90")
     shown.keyboard.press("Enter")
     isolines = shown.get_by_role("button", name="Isolines")
     isolines.press("Enter")
@@ -189,11 +194,6 @@ def test_a_frame_is_measured_from_the_page(night_page, night):
     expect(night_page.get_by_role("radio", name="New region")).to_be_checked()
     expect(night_page.get_by_role("textbox", name="Corners")).to_have_value("")
     night_page.get_by_label("Average with").select_option(label="road-june.DNG")
-    night_page.get_by_role("radio", name="Lane grid").check()
-    night_page.get_by_role("button", name="Rectangle", exact=True).click()
-    # ten columns of six cells: nine lines and the end, and five
-    expect(night_page.locator(".roi-cells")).to_have_attribute("d", re.compile("^(M[^M]+){15}$"))
-    look(night_page, "measurement-lanes")
     night_page.get_by_role("radio", name="Surface with cells").check()
     night_page.get_by_role("button", name="Rectangle", exact=True).click()
     corners = night_page.get_by_role("textbox", name="Corners")
@@ -222,6 +222,101 @@ def test_a_frame_is_measured_from_the_page(night_page, night):
         "2.00% of the frame's mean",
     ):
         expect(night_page.locator("#with")).to_contain_text(said)
+
+
+# the far end of the road is twice as far as the near one, and half as wide
+LANES = "88,160 116,40 172,40 200,160"
+
+
+def average_lanes(plane):
+    """Mean of the map's green pixels in 6 x 10 cells, by hand: u along from the near end, v across."""
+    row, col = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    up = (160.0 - (row + 0.5)) / 120.0
+    u = up / (2.0 - up)
+    v = ((col + 0.5 - 144.0) * (1.0 + u) / 56.0 + 1.0) / 2.0
+    inside = (u > 0) & (u < 1) & (v > 0) & (v < 1)
+
+    def average(site):
+        cell = np.where(inside & site, np.floor(6 * v) * 10 + np.floor(10 * u), -1)
+        return np.array([plane[cell == n].mean(dtype=float) for n in range(60)]).reshape(6, 10)
+
+    # both greens have the same weight
+    return np.mean(
+        [average((row % 2 == 0) & (col % 2 == 1)), average((row % 2 == 1) & (col % 2 == 0))], axis=0
+    )
+
+
+def test_lanes_are_drawn_on_the_map_measured_and_saved(shown, plane, night):
+    """With the keys alone; cells, their places and every file against values found by hand."""
+    shown.get_by_role("button", name="Uncertainty").press("Enter")
+    expect(shown.locator(".map-bar")).to_contain_text("expanded uncertainty of the value, k = 2")
+    expect(shown.locator("#layer-notes")).to_contain_text("Vignetting is not corrected")
+    shown.get_by_role("button", name="Draw a region").press("Enter")
+    # the cells that were measured are there to be moved
+    corners = shown.locator("#region").get_by_role("textbox", name="Corners")
+    expect(corners).to_have_value("40,24 250,24 276,168 12,168")
+    handle = shown.locator(".map-stage .roi-handle").first
+    handle.focus()
+    handle.press("Shift+ArrowLeft")
+    handle.press("ArrowDown")
+    expect(corners).to_have_value("30,25 250,24 276,168 12,168")
+    look(shown, "map-region")
+    shown.get_by_role("radio", name="Lane grid").check()
+    shown.get_by_role("button", name="Rectangle", exact=True).press("Enter")
+    # ten columns of six cells: nine lines and the end, and five
+    expect(shown.locator(".roi-cells")).to_have_attribute("d", re.compile("^(M[^M]+){15}$"))
+    shown.get_by_label("Spacing of luminaires [m]").fill("24")
+    first, rest = LANES.split(" ", 1)
+    corners.fill(f"{rest} {first}")
+    corners.press("Tab")
+    checked = shown.locator(".region-checked")
+    expect(checked).to_contain_text("No camera sees a rectangle of the stated sides with these corners")
+    corners.fill(LANES)
+    corners.press("Tab")
+    expect(checked.locator(".note")).to_have_count(0)
+    expect(checked).to_contain_text("Points are known to")
+    look(shown, "map-lanes")
+    check_access(shown)
+    shown.locator("#region").get_by_role("button", name="Measure").press("Enter")
+    shown.wait_for_url(lambda url: "/measurements/msr_" in url and night.new.id not in url)
+    settle(shown)
+    expect(shown.locator("#grid").get_by_role("row")).to_have_count(1 + 6)
+    look(shown, "measured-lanes")
+    check_files(shown, average_lanes(plane))
+
+
+def check_files(shown, cells):
+    """Each file of the page of a measurement of lanes."""
+    grid = shown.locator("#grid")
+    rows = list(csv.DictReader(io.StringIO(save(shown, grid, "CSV").decode())))
+    assert np.array([float(row["luminance_cd_m2"]) for row in rows]) == pytest.approx(cells.ravel(), rel=2e-3)
+    first = [float(rows[0][name]) for name in ("x_m", "y_m", "x_px", "y_px")]
+    # u = 1/20, v = 1/12: 160 - 120 (2 u / (1 + u)), 144 - 5/6 56 / (1 + u)
+    assert first == pytest.approx([1.2, 7 / 12, 144 - 56 / 1.05 * 5 / 6, 160 - 120 * 0.1 / 1.05], abs=1e-6)
+    told = json.loads(save(shown, grid, "GeoJSON"))
+    assert told["coordinates_in"] == "road_m"
+    last = np.array(told["features"][-1]["geometry"]["coordinates"][0])
+    outline = [[21.6, 35 / 6], [24, 35 / 6], [24, 7], [21.6, 7], [21.6, 35 / 6]]
+    assert last == pytest.approx(np.array(outline))
+    with Image.open(io.BytesIO(save(shown, grid, "Picture"))) as picture:
+        assert picture.size[0] > SHAPE[1]
+    first, second = read_pages(save(shown, shown.locator("#go-on"), "Report (PDF)"))
+    u_o = f"{cells.min() / cells.mean():.2f}"
+    for said in ("Seen from above", "1.43°", "Neither values nor ratios carry over", f"U_o {u_o}"[:-1]):
+        assert said.lower() in first.lower(), said
+    assert "distance on the road" in second
+    assert "share of area" in second
+
+
+def save(page, place, name):
+    with page.expect_download() as caught:
+        place.get_by_role("link", name=name).click()
+    return caught.value.path().read_bytes()
+
+
+def read_pages(pdf):
+    pages = pypdf.PdfReader(io.BytesIO(pdf)).pages
+    return ["".join(" ".join(page.extract_text().split()).split("\u200b")) for page in pages]
 
 
 def test_all_frames_of_a_night_are_measured_once_a_region_is_drawn(night_page, night):

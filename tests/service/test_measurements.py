@@ -101,8 +101,8 @@ def test_a_lit_surface(house):
     path = write_frame(house.folder / "road.dng", signal_dn=samples, noise_dn=2.0, **SETTINGS)
     frame = house.upload(field_campaign(house), path.read_bytes(), role="field", filename="road.DNG")
     house.work()
-    grid = {"corners": CORNERS, "rows": 3, "columns": 5}
-    found = measure(house, frame, grid=grid, reflectance=0.25)
+    grid = {"corners": CORNERS, "rows": 3, "columns": 5, "corner_u_px": 0.01}
+    found = measure(house, frame, grid=grid, reflectance=0.25, mains_frequency_hz=50)
     k = np.mean(ROAD) / found["l_av_cd_m2"]["value"]
     cells = np.array([[cell["value"] for cell in line] for line in found["grid"]["cells"]])
     assert cells * k == pytest.approx(ROAD, rel=0.01)
@@ -117,9 +117,16 @@ def test_a_lit_surface(house):
     assert found["grid"]["cell_model"] == "projective"
     assert found["illuminance"]["value"] == pytest.approx(np.pi * found["mean"]["value"] / 0.25)
     assert found["grid_illuminance"]["unit"] == "lx"
+    assert {"diffuse_assumed"} == flags(found) & {"diffuse_assumed", "mixed_surface", "grid_mirrored"}
     lanes = {"corners": CORNERS, "lanes": 1, "lane_width_m": 3.5, "spacing_m": 24, "length_m": 48}
     assert house.post("/v1/measurements", {"frame_id": frame["id"], "grid": lanes | {"rows": 3}}, status=422)
+    foreseen = house.post(f"/v1/frames/{frame['id']}/grid", lanes, status=200)
     whole = measure(house, frame, grid=lanes)
+    assert foreseen["point_u_m"] == whole["grid"]["lanes"]["point_u_m"]
+    # cells half on another brightness; a rectangle 24 m by 3.5 m looks longer
+    told = {"mixed_surface", "corners_implausible"}
+    assert told <= flags(whole)
+    assert [each["flag"] for each in foreseen["flags"]] == ["corners_implausible"]
     field = whole["grid"]
     path = f"/v1/measurements/{whole['id']}/cells"
     rows = list(csv.DictReader(io.StringIO(house.http.get(f"{path}.csv").text)))

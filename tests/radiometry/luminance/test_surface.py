@@ -17,13 +17,17 @@ SQUARE = ((0.0, 0.0), (80.0, 0.0), (80.0, 60.0), (0.0, 60.0))
 TRAPEZOID = ((30.0, 10.0), (70.0, 10.0), (95.0, 60.0), (5.0, 60.0))
 
 
-def cells_of(values, noise=0.0, shared=()):
+def cells_of(values, noise=0.0, shared=(), local=()):
     values = np.array(values)
-    effects = np.array([np.broadcast_to(effect, values.shape) for effect in shared])
+    effects, apart = (
+        np.array([np.broadcast_to(effect, values.shape) for effect in each]).reshape(-1, *values.shape)
+        for each in (shared, local)
+    )
     return Cells(
         values_cd_m2=values,
         noise_cd_m2=np.broadcast_to(noise, values.shape),
-        shared_cd_m2=effects.reshape(-1, *values.shape),
+        shared_cd_m2=effects,
+        local_cd_m2=apart,
     )
 
 
@@ -52,6 +56,13 @@ def test_an_error_of_the_dark_signal_does_not_cancel_in_a_ratio():
     assert found.u_o.standard_uncertainty == pytest.approx(0.01 * (average - 0.45) / average**2)
     assert found.max_to_min.standard_uncertainty == pytest.approx(0.01 * (1.2 - 0.45) / 0.45**2)
     assert found.u_l[1].standard_uncertainty == pytest.approx(0.01 * (1.0 - 0.6) / 1.0**2)
+
+
+def test_flicker_neither_averages_nor_cancels():
+    """10 % of each cell: whole in the average, and in ratios as of cells that err on their own."""
+    found = judge_uniformity(cells_of(ROAD, local=[0.1 * np.array(ROAD)]))
+    assert found.average_cd_m2.standard_uncertainty == pytest.approx(0.0786667, rel=1e-5)
+    assert found.max_to_min.standard_uncertainty == pytest.approx(0.1 * np.sqrt(2) * 1.2 / 0.45)
 
 
 def test_noise_averages_down_and_the_smallest_cell_is_part_of_the_average():

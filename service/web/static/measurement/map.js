@@ -4,6 +4,7 @@ import { fill, h, svg } from "../dom.js";
 import { number, unit, withUncertainty } from "../format.js";
 import { cellLines } from "./surface.js";
 
+const HIGHEST = "75vh";
 const STEPS = { ArrowUp: [-1, 0], ArrowDown: [1, 0], ArrowLeft: [0, -1], ArrowRight: [0, 1] };
 
 export class MapView {
@@ -21,17 +22,34 @@ export class MapView {
     );
     this.said = h("output", { class: "map-said", "aria-live": "polite" }, "Point at the map to read a value.");
     this.bar = h("div", { class: "map-bar" });
-    this.element = h("div", { class: "map" }, h("div", { class: "map-stage" }, this.canvas, this.over), this.said, this.bar);
-    this.canvas.parentElement.style.aspectRatio = `${map.width} / ${map.height}`;
+    this.stage = h("div", { class: "map-stage" }, this.canvas, this.over);
+    this.element = h("div", { class: "map" }, this.stage, this.said, this.bar);
+    this.stage.style.aspectRatio = `${map.width} / ${map.height}`;
+    // a low window makes it narrower, and not flatter: what lies over it stays in its place
+    this.stage.style.width = `min(100%, ${HIGHEST} * ${map.width / map.height})`;
     this.listen();
   }
 
-  show(scale) {
+  /** Lay what is drawn on over the map, hidden. */
+  cover(element) {
+    this.cloth = element;
+    element.toggleAttribute("hidden", true);
+    this.stage.append(element);
+  }
+
+  uncover(on) {
+    this.cloth.toggleAttribute("hidden", !on);
+    this.over.toggleAttribute("hidden", on);
+    if (on) fill(this.said, "Click corners on the map, or start with a rectangle and move its corners with Tab and the arrow keys.");
+  }
+
+  /** Paint the squares, or another layer of as many, in the colours of a scale. */
+  show(scale, squares = this.map.squares, label = this.map.unit === "1" ? "" : unit(this.map.unit)) {
     const { canvas, map } = this;
     const painter = canvas.getContext("2d");
     const picture = painter.createImageData(canvas.width, canvas.height);
     let at = 0;
-    for (const line of map.squares) {
+    for (const line of squares) {
       for (const value of line) {
         const [red, green, blue] = scale.colour(value);
         picture.data.set([red, green, blue, 255], at);
@@ -40,7 +58,12 @@ export class MapView {
     }
     painter.putImageData(picture, 0, 0);
     canvas.classList.toggle("coarse", map.width < 800);
-    fill(this.bar, drawBar(scale, map));
+    fill(this.bar, drawBar(scale, squares, label, map));
+    canvas.toBlob((blob) => {
+      URL.revokeObjectURL(this.picture);
+      this.picture = URL.createObjectURL(blob);
+      this.onpaint?.();
+    });
   }
 
   listen() {
@@ -100,7 +123,7 @@ function outlines(region, grid) {
   return shapes;
 }
 
-function drawBar(scale, map) {
+function drawBar(scale, squares, label, map) {
   const strip = h("canvas", { width: 256, height: 1, "aria-hidden": "true" });
   const painter = strip.getContext("2d");
   const picture = painter.createImageData(256, 1);
@@ -115,10 +138,10 @@ function drawBar(scale, map) {
     label.style.left = `${100 * scale.share(tick)}%`;
     return label;
   });
-  const unknown = map.squares.some((line) => line.includes(null));
+  const unknown = squares.some((line) => line.includes(null));
   return [
     h("div", { class: "map-strip" }, strip, h("div", { class: "map-ticks" }, ticks)),
-    h("span", { class: "muted small" }, map.unit === "1" ? "" : unit(map.unit)),
-    unknown ? h("span", { class: "small nowrap" }, h("span", { class: "map-unknown", "aria-hidden": "true" }), map.unit === "1" ? "no value" : "saturated") : null,
+    h("span", { class: "muted small" }, label),
+    unknown ? h("span", { class: "small nowrap" }, h("span", { class: "map-unknown", "aria-hidden": "true" }), map.unit === "1" || squares !== map.squares ? "no value" : "saturated") : null,
   ];
 }

@@ -1,6 +1,6 @@
 // Measure a frame, or all of a night: which, where on it, with what.
 
-import { all, get, post, Problem } from "../api.js";
+import { all, get, post } from "../api.js";
 import { byId, fill, h, may } from "../dom.js";
 import { causeList } from "../causes.js";
 import { counted, day } from "../format.js";
@@ -14,6 +14,7 @@ import { statedPart } from "../campaign/parameters.js";
 import { titleOf } from "../campaign/named.js";
 import { isRead } from "../campaign/state.js";
 import { regionPart } from "./region.js";
+import { measureOne } from "./start.js";
 
 const LOOKED_AT = 6;
 const MOST_NAMED = 5;
@@ -130,13 +131,10 @@ async function measure() {
     ...(options.includes("index") ? quantityOf(chosen.formula.value.trim() || chosen.index.value) : {}),
     ...(chosen.bands.checked ? { products: ["bands"] } : chosen.map.checked ? { products: ["map"] } : {}),
   };
+  if (!chosen.all) return measureOne(body, progress);
   try {
     progress.textContent = "Asking…";
-    if (chosen.all) return void (await measureAll(body, progress));
-    const started = await post("/v1/measurements", body);
-    const job = await followJob(started.id, (each) => (progress.textContent = each.state === "queued" ? "Queued…" : `Measuring, ${Math.round(100 * each.progress)} %`));
-    if (job.state !== "succeeded") throw new Problem(job.error);
-    location.assign(`/measurements/${job.result.measurement_id}`);
+    await measureAll(body, progress);
   } finally {
     progress.textContent = "";
   }

@@ -7,6 +7,7 @@ import { drawFlags, explainFlags } from "../flags.js";
 import { number, percent, tag, time, typeset, words } from "../format.js";
 import { labelOf } from "../methods.js";
 import { empty, load } from "../states.js";
+import { regionTool } from "./draw.js";
 import { drawFigures } from "./figures.js";
 import { drawGrid } from "./grid.js";
 import { showHistogram } from "./histogram.js";
@@ -40,10 +41,11 @@ load(byId("made"), () => measurement, drawRecord);
 async function drawableMap() {
   const found = await measurement;
   if (!found.links.map_tif) return withoutMap(found);
-  const values = await loadMap(found, await get(found.links.frame));
+  const frame = await get(found.links.frame);
+  const values = await loadMap(found, frame);
   const view = new MapView(values, { region: found.region, grid: found.grid, name: `Map of ${found.filename}` });
   showHistogram(found, { isLight: values.unit !== "1" });
-  const tools = h("div", { class: "segments", role: "group", "aria-label": "Tools" }, lineTool(view, id), isolineTool(view, id));
+  const tools = h("div", { class: "segments", role: "group", "aria-label": "Tools" }, lineTool(view, id), isolineTool(view, id), may("upload") ? regionTool(view, found, frame) : null);
   fill(byId("map-tools"), scaleTools([view]), tools, h("a", { class: "button", href: found.links.map_tif, download: "" }, "TIFF"), h("a", { class: "button", href: found.links.stac, download: "" }, "STAC item"));
   return view.element;
 }

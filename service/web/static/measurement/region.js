@@ -1,6 +1,9 @@
 // Region of a measurement: as set before, drawn here, or a rectangle on the ground with cells.
 
+import { post } from "../api.js";
 import { fill, h } from "../dom.js";
+import { explainFlags } from "../flags.js";
+import { number } from "../format.js";
 import { about, choices, decimal, field } from "../campaign/forms.js";
 import { RegionCanvas } from "../campaign/canvas.js";
 import { RegionEditor } from "../campaign/editor.js";
@@ -15,11 +18,16 @@ const KINDS = [
   ["lanes", "Lane grid", "Lanes between two luminaires with the points of EN 13201-3: four road points, the first two along the lanes, around all lanes."],
 ];
 
-export function regionPart() {
+const PAUSE_MS = 250;
+
+/** `place(canvas)`: where the canvas goes, if not into the part itself; `kinds`: those offered. */
+export function regionPart({ place = null, kinds: offered = KINDS.map(([name]) => name) } = {}) {
   const editor = new RegionEditor();
   const canvas = new RegionCanvas(editor);
   let kind = "drawn";
   let before = [];
+  let frameId;
+  let waiting;
   const rows = h("input", { type: "number", min: 1, max: 50, value: 3 });
   const columns = h("input", { type: "number", min: 1, max: 50, value: 5 });
   const cells = h("div", { class: "fields" }, field("Rows of cells", rows, null, about("NewGrid", "rows")), field("Columns of cells", columns, null, about("NewGrid", "columns")));
@@ -30,8 +38,10 @@ export function regionPart() {
   const typed = h("input", { autocomplete: "off", spellcheck: "false", onchange: () => take(typed.value) });
   const corners = field("Corners", typed, "x,y pairs in pixels, separated by blanks, from the top left of the image.", about("NewRoi", "polygon"));
   const note = h("p", { class: "hint" });
-  const drawing = h("div", { class: "region-drawing" }, canvas.element, tools, corners, cells, road);
-  const kinds = h("div", { class: "choices", role: "radiogroup", "aria-label": "Region" }, choices("region", KINDS, turn, kind));
+  const checked = h("div", { class: "region-checked", "aria-live": "polite" });
+  const drawing = h("div", { class: "region-drawing" }, place ? null : canvas.element, tools, corners, cells, road, checked);
+  const kinds = h("div", { class: "choices", role: "radiogroup", "aria-label": "Region", hidden: offered.length < 2 }, choices("region", KINDS.filter(([name]) => offered.includes(name)), turn, kind));
+  place?.(canvas);
   const element = h("div", { class: "region-part" }, kinds, note, drawing);
   editor.addEventListener("settled", () => (typed.value = editor.points.map((point) => point.join(",")).join(" ")));
   for (const event of ["change", "settled"]) editor.addEventListener(event, drawCells);
@@ -42,9 +52,37 @@ export function regionPart() {
   function drawCells() {
     const points = editor.points;
     const ready = ["grid", "lanes"].includes(kind) && points.length === 4 && !faultOf(points);
-    const [down, across, number, far, whole] = [rows, columns, lanes, spacing, length.value.trim() ? length : spacing].map((input) => readNumber(input.value));
-    const grid = !ready ? null : kind === "grid" ? { corners: points, rows: down, columns: across } : laneGrid(points, { lanes: number, spacing: far, length: whole });
-    canvas.showCells(grid && [grid.rows, grid.columns].every((count) => count >= 1 && count <= 50) ? cellLines(grid) : []);
+    const [down, across, side, far, whole] = [rows, columns, lanes, spacing, length.value.trim() ? length : spacing].map((input) => readNumber(input.value));
+    const laid = !ready ? null : kind === "grid" ? { corners: points, rows: down, columns: across } : laneGrid(points, { lanes: side, spacing: far, length: whole });
+    canvas.showCells(laid && [laid.rows, laid.columns].every((count) => count >= 1 && count <= 50) ? cellLines(laid) : []);
+    clearTimeout(waiting);
+    if (ready && frameId) waiting = setTimeout(check, PAUSE_MS);
+    else fill(checked);
+  }
+
+  /** What the corners would be flagged for, before anything is measured. */
+  async function check() {
+    const asked = editor.points.join(" ");
+    let answer;
+    try {
+      answer = await post(`/v1/frames/${frameId}/grid`, grid());
+    } catch (error) {
+      if (!error.code) throw error;
+      return fill(checked, h("p", { class: "note warn" }, error.message));
+    }
+    const flags = await explainFlags(answer.flags);
+    if (asked !== editor.points.join(" ")) return;
+    fill(
+      checked,
+      flags.map(({ sentence, remedy, found: [{ detail }] }) => h("p", { class: "note warn" }, h("strong", {}, sentence), ` ${detail} ${remedy}`)),
+      answer.point_u_m === undefined ? null : h("p", { class: "small muted" }, `Points are known to ${number(answer.point_u_m, 2)} m on the road, from the corners alone.`),
+    );
+  }
+
+  function grid() {
+    const points = editor.points;
+    if (kind === "lanes") return { corners: points, lanes: numberOf(lanes, { integer: true }), lane_width_m: numberOf(width), spacing_m: numberOf(spacing), length_m: numberOf(length) };
+    return { corners: points, rows: numberOf(rows, { integer: true }), columns: numberOf(columns, { integer: true }) };
   }
 
   /** Start a kind; a new drawing starts empty, since what the campaign's region shows in this frame is another place. */
@@ -66,11 +104,21 @@ export function regionPart() {
   return {
     element,
     /** Show a frame with the region that holds for it; one of the frame's own is offered first. */
-    show(frame, polygon) {
+    show(frame, polygon, url = `/v1/frames/${frame.id}/preview.png`) {
       before = polygon ?? [];
-      canvas.show({ url: `/v1/frames/${frame.id}/preview.png`, width: frame.width_px, height: frame.height_px });
-      turn(frame.roi_id ? "set" : kind);
-      for (const each of kinds.querySelectorAll("input")) each.checked = each.value === kind;
+      frameId = frame.id;
+      canvas.show({ url, width: frame.width_px, height: frame.height_px });
+      begin(frame.roi_id && offered.includes("set") ? "set" : kind);
+    },
+    /** Another picture of the same place. */
+    paint: (url) => canvas.picture.setAttribute("href", url),
+    /** Begin with corners that were measured before, so that they can be moved. */
+    take(points, grid = null) {
+      const { lanes: road = null } = grid ?? {};
+      if (road) for (const [input, value] of [[lanes, road.lanes], [width, road.lane_width_m], [spacing, road.spacing_m], [length, road.length_m]]) input.value = value;
+      else if (grid) for (const [input, value] of [[rows, grid.rows], [columns, grid.columns]]) input.value = value;
+      begin(road ? "lanes" : grid ? "grid" : "drawn");
+      editor.take([{ points: road?.marked ?? grid?.corners ?? points }]);
     },
     /** `roi` or `grid` of the request; throws what is wrong with it. */
     read() {
@@ -80,11 +128,12 @@ export function regionPart() {
       if (fault) throw wrong(fault);
       if (kind === "drawn") return { roi: { polygon: points } };
       if (points.length !== 4) throw wrong(`A surface has four corners; ${points.length} are drawn.`);
-      if (kind === "lanes") {
-        const grid = { corners: points, lanes: numberOf(lanes, { integer: true }), lane_width_m: numberOf(width), spacing_m: numberOf(spacing), length_m: numberOf(length) };
-        return { grid };
-      }
-      return { grid: { corners: points, rows: numberOf(rows, { integer: true }), columns: numberOf(columns, { integer: true }) } };
+      return { grid: grid() };
     },
   };
+
+  function begin(chosen) {
+    turn(chosen);
+    for (const each of kinds.querySelectorAll("input")) each.checked = each.value === kind;
+  }
 }

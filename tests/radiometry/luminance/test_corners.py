@@ -1,0 +1,85 @@
+"""Corners of a grid: those that no rectangle has, and what picked corners do to the figures of its cells."""
+
+import numpy as np
+import pytest
+
+from radiometry.frame.grid import Grid
+from radiometry.frame.lanes import LaneGrid, find_homography, lay_lanes
+from radiometry.luminance.corners import check_grid, displace_cells
+from radiometry.luminance.surface import Cells, judge_uniformity
+
+SIZE = {"height_px": 3000, "width_px": 4000}
+ROAD_M = np.array([(0.0, 0.0), (30.0, 0.0), (30.0, 7.0), (0.0, 7.0)])
+
+
+def photograph(points_m, *, tilt_deg, turn_deg, focal_px=3000.0, height_m=25.0):
+    """Image of points of level ground by a camera above the origin, turned about its vertical and tilted."""
+    tilt, turn = np.radians([tilt_deg, turn_deg])
+    about = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1.0]])
+    up = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]])
+    middle = points_m - points_m.mean(axis=0)
+    seen = np.column_stack([middle, np.zeros(len(middle))]) @ about.T @ up.T + (0.0, 0.0, height_m)
+    return seen[:, :2] / seen[:, 2:] * focal_px + (2000.0, 1500.0)
+
+
+def lanes_of(corners, **said):
+    given = {"lanes": 2, "lane_width_m": 3.5, "spacing_m": 30.0, "length_m": 30.0, "corner_u_px": 2.0} | said
+    return lay_lanes(LaneGrid(corners=tuple(map(tuple, np.array(corners).tolist())), **given))
+
+
+def flags(grid):
+    return {raised.flag for raised in check_grid(grid, **SIZE)}
+
+
+@pytest.mark.parametrize("tilt", [0, 20, 45])
+@pytest.mark.parametrize("turn", [0, 30, 80])
+def test_a_photographed_road_is_a_rectangle_and_one_of_other_lengths_or_order_is_none(tilt, turn):
+    random = np.random.default_rng(tilt + turn)
+    corners = photograph(ROAD_M, tilt_deg=tilt, turn_deg=turn) + random.normal(0.0, 2.0, (4, 2))
+    assert flags(lanes_of(corners)) == set()
+    if tilt and turn % 90:  # seen along or across, another focal length explains other lengths
+        assert "corners_implausible" in flags(lanes_of(corners, lane_width_m=7.0))
+        # the first two across the lanes
+        assert "corners_implausible" in flags(lanes_of(np.roll(corners, 1, axis=0)))
+    assert flags(lanes_of(corners[::-1])) >= {"grid_mirrored"}
+
+
+def test_a_skew_quadrilateral_and_narrow_cells_are_named():
+    skew = ((1000.0, 1000.0), (2000.0, 1000.0), (2600.0, 1400.0), (1600.0, 1400.0))
+    (raised,) = check_grid(Grid(corners=skew, rows=3, columns=5, corner_u_px=2.0), **SIZE)
+    assert (raised.flag, "in place of 90°" in raised.detail) == ("corners_implausible", True)
+    square = ((1000.0, 1000.0), (1100.0, 1000.0), (1100.0, 1009.0), (1000.0, 1009.0))
+    (raised,) = check_grid(Grid(corners=square, rows=3, columns=5), **SIZE)
+    assert (raised.flag, raised.detail) == ("cells_small", "The narrowest cell is 3.0 px wide.")
+
+
+def test_figures_have_the_error_of_picked_corners():
+    """U_o and L_av of a slope of light, measured again with 400 draws of the corners."""
+    corners, random = photograph(ROAD_M, tilt_deg=30, turn_deg=20), np.random.default_rng(2)
+    u_px = 8.0
+
+    def light(x, y):
+        return 10.0 + 6.0 * np.sin(x / 7.0) + 0.4 * y
+
+    def measure(picked):
+        """Light at the cells' middles, where the true homography has them on the road."""
+        u, v = np.meshgrid((np.arange(10) + 0.5) / 10, (np.arange(6) + 0.5) / 6)
+        seen = find_homography(picked.tolist()) @ np.stack([u.ravel(), v.ravel(), np.ones(60)])
+        x, y, w = np.linalg.inv(find_homography(corners.tolist())) @ seen
+        return light(30.0 * x / w, 7.0 * y / w).reshape(6, 10)
+
+    def judge(values, shared):
+        none = np.zeros((0, 6, 10))
+        cells = Cells(
+            values_cd_m2=values, noise_cd_m2=np.zeros((6, 10)), shared_cd_m2=shared, local_cd_m2=none
+        )
+        return judge_uniformity(cells)
+
+    values = measure(corners)
+    told = judge(values, displace_cells(lanes_of(corners, corner_u_px=u_px), values))
+    drawn = [
+        judge(measure(corners + random.normal(0.0, u_px, (4, 2))), np.zeros((0, 6, 10))) for _ in range(400)
+    ]
+    for name, loose in (("average_cd_m2", 0.15), ("u_o", 0.5), ("max_to_min", 0.5)):
+        scatter = np.std([getattr(each, name).value for each in drawn])
+        assert getattr(told, name).standard_uncertainty == pytest.approx(scatter, rel=loose), name
