@@ -179,9 +179,9 @@ STRAY_LIGHT_UNKNOWN = flag(
 )
 MIXED_SURFACE = flag(
     "mixed_surface",
-    "Mean and median differ as over unlike parts, such as a kerb, a road marking, a lamp, its reflection or "
-    "the light of a passing car: the mean is that of none of them.",
-    "Look at the map, draw the region on one surface, or measure a frame without traffic.",
+    "Mean and median differ: the light changes steeply within the area, or it covers unlike parts, such as a "
+    "kerb, a road marking, a lamp, its reflection or the light of a passing car.",
+    "Look at the map, draw on one surface, take more cells, or measure a frame without traffic.",
     "measurement",
 )
 CORNERS_IMPLAUSIBLE = flag(

@@ -111,6 +111,19 @@ def test_the_shared_part_does_not_average_down_and_single_pixels_carry_their_noi
     assert [p.percent for p in large.percentiles] == [5, 10, 90, 95]
 
 
+def test_the_trail_of_a_car_is_named_and_a_slope_of_light_is_not():
+    """One of a cell's 16 rows at ten times its light is +56 % of its mean; light may double over it."""
+    slope = noisy(0.0) + 500.0 * 2.0 ** (np.arange(96) / 16)
+    grid = Grid(corners=CORNERS, rows=3, columns=5)
+    assert "mixed_surface" not in flags(measured(make_frame(np.minimum(slope, 3900.0)), grid=grid))
+    road = noisy(300.0)
+    road[20, 10:26] += 2700.0  # one row of the first cell's sixteen, every other pixel of a row is green
+    (raised,) = (each for each in measured(make_frame(road), grid=grid).flags if each.flag == "mixed_surface")
+    assert raised.detail.startswith("1 of the cells; most in row 1, column 1")
+    road[10:58, 66:] += 1500.0
+    assert "mixed_surface" in flags(measured(make_frame(road)))
+
+
 def test_the_interval_of_the_mean_holds_the_truth():
     """Every source drawn from its stated uncertainty, 600 frames: 95 % within 1.96 u, +- 1.8 % of them."""
     random = np.random.default_rng(5)
