@@ -32,7 +32,8 @@ class Addresses:
     def methods_of(self, address: str) -> list[str]:
         """Return every method of an address; the framework names those of the first route that it finds."""
         fitting = [each for each in self._templates if self.is_of(each.path, address)]
-        return sorted({method for each in fitting for method in each.methods})
+        methods = {method for each in fitting for method in each.methods}
+        return sorted(methods | {"HEAD"} if "GET" in methods else methods)
 
     def is_of(self, path: str, address: str) -> bool:
         """Return whether an address is one of this template: `/keys/own` is none of `/keys/{key_id}`."""

@@ -15,13 +15,14 @@ from radiometry.findings import interface
 from service import problems
 from service.addresses import Addresses
 from service.context import Context
+from service.deprecated import Deprecations
 from service.digests import ContentDigests
 from service.document import build_document
+from service.heads import Heads
 from service.hosts import KnownHosts
 from service.limits import BodyLimit
 from service.overridden import OverriddenMethods
 from service.problems import Problem
-from service.renamed import RenamedAddresses
 from service.routes import include_routes
 from service.shutdown import CarriesTraffic
 from service.web import problem_pages
@@ -50,7 +51,8 @@ def build_app(context: Context) -> FastAPI:
     app.add_middleware(BodyLimit)
     app.add_middleware(ContentDigests)
     _let_dashboards_read(app, context.settings.cors_origins)
-    app.add_middleware(RenamedAddresses)
+    app.add_middleware(Heads)
+    app.add_middleware(Deprecations)
     app.add_middleware(OverriddenMethods)
     app.add_middleware(KnownHosts)
     app.add_middleware(SecurityHeaders)

@@ -326,6 +326,27 @@ def test_a_part_of_another_file_is_not_taken_for_one_of_this(house, large):
         assert (answer.status_code, len(answer.content)) == (status, 10 if status == 206 else len(content))
 
 
+def test_head_answers_as_get_without_a_body(house, large):
+    place, content = large
+    head = house.http.head(place)
+    assert (head.status_code, head.content) == (200, b"")
+    assert head.headers["Content-Length"] == str(len(content))
+    assert head.headers["Accept-Ranges"] == "bytes"
+    part = house.http.head(place, headers={"Range": "bytes=0-9"})
+    assert (part.status_code, part.headers["Content-Length"]) == (206, "10")
+    assert house.http.head(place, headers={"If-None-Match": head.headers["ETag"]}).status_code == 304
+    campaign = house.get(place.removesuffix("/content"))["campaign_id"]
+    for path in (place, "/v1/cameras", f"/v1/campaigns/{campaign}/frames", "/v1/frames/x/content", "/docs"):
+        answers = house.http.get(path), house.http.head(path)
+        heads = [
+            {name: each.headers[name] for name in each.headers if name not in CHANGING} for each in answers
+        ]
+        assert (answers[0].status_code, heads[0]) == (answers[1].status_code, heads[1]), path
+
+
+CHANGING = {"x-request-id", "date"}
+
+
 @pytest.fixture
 def large(house):
     content = bytes(range(256)) * 4687 + bytes(128)

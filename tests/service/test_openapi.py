@@ -96,6 +96,11 @@ def test_the_first_requests_may_all_come_at_once(built_app):
         assert len({id(document) for document in pool.map(ask, range(4))}) == 1
 
 
+def test_deprecated_operations_state_since_when(operations):
+    for name, operation in operations:
+        assert operation.get("deprecated", False) == ("x-deprecated-since" in operation), name
+
+
 def test_every_route_has_an_id_of_its_own_and_a_summary(operations):
     ids = [operation["operationId"] for _, operation in operations]
     assert len(ids) == len(set(ids)) > 25

@@ -156,8 +156,8 @@ def test_an_unknown_address_and_a_wrong_method(house):
     assert "/docs" in lost["detail"]
     answer = house.http.put("/v1/cameras", json=CAMERA)
     assert (answer.status_code, answer.json()["code"]) == (405, "method_not_allowed")
-    assert answer.headers["allow"] == "GET, POST"
-    assert answer.json()["detail"] == "This address does not accept PUT; it accepts GET, POST."
+    assert answer.headers["allow"] == "GET, HEAD, POST"
+    assert answer.json()["detail"] == "This address does not accept PUT; it accepts GET, HEAD, POST."
 
 
 def test_a_misspelt_filter_does_not_answer_with_everything(house):

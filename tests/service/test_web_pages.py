@@ -212,7 +212,7 @@ def test_a_browser_gets_a_problem_as_a_page_and_a_program_as_json(visitor):
 
 def test_what_is_not_taken_says_what_is(visitor):
     answer = visitor.post("/docs", headers=PAGE)
-    assert (answer.status_code, answer.headers["allow"]) == (405, "GET")
+    assert (answer.status_code, answer.headers["allow"]) == (405, "GET, HEAD")
     assert "<h1>Method not allowed</h1>" in answer.text
 
 

@@ -13,6 +13,10 @@ def test_a_campaign_is_followed_and_a_job_to_its_end(team, signed_in, tmp_path):
     campaign = team.campaign()
     events = team.client.campaign_events(campaign.id)
     first = next(events)
+    with team.http() as http:  # for the head alone, which does not wait for a change
+        assert (
+            http.head(f"/v1/campaigns/{campaign.id}/events").headers["Content-Type"].startswith("text/event")
+        )
     frame = team.client.push(campaign.id, write_frame(tmp_path / "a.DNG"), role="dark")
     assert next(events)["revision"] > first["revision"]
     states = [event["state"] for event in team.client.job_events(frame.job_id)]
