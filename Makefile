@@ -8,7 +8,7 @@ export PATH := $(CURDIR)/$(BIN):$(PATH)
 # an image may forbid it: each process would then compile every module again, and `make up` take twice as long
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: help demo up test clients quick faults chromium audit export verify verify-backup lint format fuzz bench docs architecture tables api pictures examples release lock clean
+.PHONY: help demo up test clients quick faults chromium audit export verify verify-backup lint format fuzz bench docs architecture tables api pictures examples release wheels lock clean
 
 help:  ## what can be made
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 15
@@ -90,6 +90,9 @@ examples: $(VENV)/dev  ## record the examples of the OpenAPI document from the d
 
 release: $(VENV)/dev  ## check version, change log, tree and both wheels for a release, and build into dist/
 	@python .ci/release.py
+
+wheels: $(VENV)/uv  ## build both distributions into dist/, to install them elsewhere
+	@uv build -q --offline --wheel -o dist . && python .ci/server_wheel.py dist && ls dist/stilb-*.whl
 
 lock: $(VENV)/uv  ## resolve the dependencies again, with hashes; needs npm
 	uv pip compile -q -U --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 --extra server pyproject.toml -o requirements.lock

@@ -15,10 +15,10 @@ import uvicorn
 from fastapi import FastAPI
 
 from service.app import build_app
-from service.auth import SCOPES
 from service.connections import Connections, guarding, raise_file_limit
 from service.context import Context
 from service.forking import serve_forked, share_metrics
+from service.founding import found
 from service.health import Health
 from service.job_watch import JobWatch
 from service.launch.folder import close_to_others
@@ -36,11 +36,9 @@ from store.logs import configure_logging
 from store.partials import Partials
 from store.parts import Presence
 from store.pulse import Pulse
-from store.queries.keys import ensure_operator
 from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers
 from store.settings import Settings, read_settings
 from store.tracing import configure_tracing
-from store.usage import recount_all
 
 gc.freeze()
 gc.enable()
@@ -87,11 +85,7 @@ def main() -> int:
     except SchemaDiffers as error:
         log.error("%s: nothing is served", error)  # noqa: TRY400  expected: no traceback
         return OTHER_SCHEMA_EXIT
-    if secret:
-        with context.database.writing("service") as session:
-            ensure_operator(session, secret, list(SCOPES))
-    with context.database.writing("service") as session:
-        recount_all(session)
+    found(context.database, secret)
     app = build_app(context)
     # What is loaded by now stays: collecting garbage need not walk through it in the middle of answers.
     gc.collect()

@@ -2,18 +2,20 @@
 
 from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
+from threading import Barrier
 
 import pytest
 from alembic import command
 from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
-from sqlalchemy import CheckConstraint, inspect, select, text
+from sqlalchemy import CheckConstraint, func, inspect, select, text
 from sqlalchemy.exc import IntegrityError
 
+from service.founding import found
 from store.database import Database
 from store.migrate import NewerSchema, alembic_config, migrate
 from store.publications import publish
-from store.tables import Base, Calibration, ReadyAnswer, ReadyRow
+from store.tables import ApiKey, Base, Calibration, ReadyAnswer, ReadyRow
 from tests.support.versions import add_versions
 
 
@@ -87,16 +89,21 @@ def test_a_newer_database_is_refused_and_left_alone(empty):
         assert connection.scalar(text("SELECT version_num FROM alembic_version")) == "9999"
 
 
-def test_several_that_start_at_once_migrate_once(postgres):
-    url = postgres.new_database()
+def test_several_that_start_at_once_migrate_and_make_the_first_key_once(postgres):
+    url, together = postgres.new_database(), Barrier(4)
 
     def start(_):
         database = Database(url)
         migrate(database)
+        together.wait(60)
+        found(database, "first")
+        with database.reading() as session:
+            keys = session.scalar(select(func.count()).select_from(ApiKey))
         database.dispose()
+        return keys
 
     with ThreadPoolExecutor(4) as threads:
-        list(threads.map(start, range(4)))
+        assert list(threads.map(start, range(4))) == [1] * 4
 
 
 def test_ready_rows_are_written_for_what_was_published_before(empty):
