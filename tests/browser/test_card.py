@@ -2,6 +2,7 @@
 
 import zipfile
 
+from PIL import Image
 from playwright.sync_api import expect
 
 from tests.support.browser import DIALOG, check_access, drop, look, settle
@@ -70,7 +71,10 @@ def test_proposal_follows_folders_pauses_exposure_and_names(page):
     twice = [row("a.DNG"), row("b.DNG"), row("c.DNG", serial="0K1XF2")]
     renamed = {"cameras": [known | {"model": "X5S"}]}
     page.goto("/")
-    first, second, third, fourth, fifth, sixth, seventh = page.evaluate(
+    # JPEG alone: of a chart, as nothing else may be a picture; one without EXIF is skipped
+    charts = [row(f"{n}.JPG") | {"kind": "picture", "centre": None} for n in range(3)]
+    charts.append({**other, "name": "4.JPG", "kind": "picture"})
+    first, second, third, fourth, fifth, sixth, seventh, eighth = page.evaluate(
         PROPOSE,
         [
             [
@@ -81,6 +85,7 @@ def test_proposal_follows_folders_pauses_exposure_and_names(page):
                 (night, held, {}),
                 (bands, {}, {}),
                 (twice, renamed, {"campaign": "night"}),
+                (charts, {}, {}),
             ],
             None,
         ],
@@ -107,12 +112,15 @@ def test_proposal_follows_folders_pauses_exposure_and_names(page):
     assert sixth["campaign"] == ["new", "reflectance"]
     assert seventh["cameras"] == [["0K1XE8", 2, False, True], ["0K1XF2", 1, False, False]]
     assert seventh["campaign"] == ["night", "luminance"]
+    assert eighth["campaign"] == ["new", "sharpness"]
+    assert eighth["scenes"] == [["chart", None, 3]]
+    assert (eighth["skipped"], eighth["checks"]) == ([0, 1, 0, 0], [])
 
 
 REGROUP = """async ([rows]) => {
     const own = document.querySelector("script[type=module]").src;
     const { bracketsOf, timeline } = await import(own.replace("pages/home.js", "timeline.js"));
-    const sceneOf = (each) => (Number.parseInt(each.name) < 4 ? "Scene 1" : "Scene 2");
+    const sceneOf = (each) => each.header.scene ?? (Number.parseInt(each.name) < 4 ? "Scene 1" : "Scene 2");
     const frames = rows.map((each) => ({ ...each, role: "light", scene: sceneOf(each) }));
     const draw = () => {
         const scenes = bracketsOf(frames);
@@ -140,7 +148,7 @@ CARDS = [
 ]
 
 
-def test_browser_reads_headers_as_the_worker_does(page):
+def test_browser_reads_headers_as_the_worker_does(page, tmp_path):
     paths = [data_file(name) for name in CARDS]
     page.goto("/")
     page.evaluate(
@@ -158,6 +166,20 @@ def test_browser_reads_headers_as_the_worker_does(page):
         assert seen.get("taken") == (stated.taken_at and stated.taken_at[:19]), path
     bands = [seen.get("band") for seen in page.evaluate(READ)]
     assert bands == ["Green", "Blue", "Blue", None, None]
+    # in a JPEG the same tags, after a segment that is not theirs
+    tags = Image.Exif()
+    tags.update({271: "DJI", 272: "FC6520"})
+    tags.get_ifd(0x8769).update(
+        {33434: 0.004, 33437: 5.6, 34855: 200, 36867: "2026:05:01 22:00:00", 42033: "0K1XE8"}
+    )
+    picture = tmp_path / "DJI_1.JPG"
+    Image.new("RGB", (64, 48), "grey").save(picture, exif=tags, comment=b"a chart")
+    page.locator("#probe").set_input_files([picture])
+    (seen,) = page.evaluate(READ)
+    assert [
+        seen[name] for name in ("make", "model", "serial", "exposure_time_s", "f_number", "iso", "taken")
+    ] == [*("DJI", "FC6520", "0K1XE8", 0.004, 5.6, 200, "2026-05-01T22:00:00")]
+    assert seen["preview"] == {"at": 0, "size": picture.stat().st_size}
 
 
 def write_cards(folder):
@@ -258,6 +280,34 @@ def test_brackets_of_the_timeline_are_split_and_joined(page):
     )
     page.mouse.up()
     assert page.evaluate("window.counts") == {"Scene 1": 8}
+
+    # the other end: outwards it takes frames of the scene before, inwards it leaves its first
+    page.evaluate(REGROUP, [[row(f"{n}.DNG", n / 10 + 5 * (n // 4)) for n in range(8)]])
+    start = page.get_by_role("button", name="Start of Scene 2")
+    start.focus()
+    page.keyboard.press("ArrowLeft")
+    assert page.evaluate("window.counts") == {"Scene 1": 3, "Scene 2": 5}
+    page.get_by_role("button", name="Start of Scene 1").focus()
+    page.keyboard.press("ArrowRight")
+    assert page.evaluate("window.counts") == {"Scene 1": 2, "Scene 2": 5, "fresh": 1}
+    box = start.bounding_box()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 20)
+    page.mouse.down()
+    page.mouse.move(page.locator(".lanes").bounding_box()["x"], box["y"] + 20, steps=3)
+    page.mouse.up()
+    assert page.evaluate("window.counts") == {"Scene 2": 8}
+
+    # many short brackets beside each other: all are named, no name lies over another
+    page.evaluate(REGROUP, [[row(f"{n}.DNG", n / 10, scene=f"Scene {n + 1}") for n in range(24)]])
+    boxes = [each.bounding_box() for each in page.locator(".lanes text.strong").all()]
+    assert len(boxes) == 24
+    apart = [
+        a["x"] + a["width"] <= b["x"] or b["x"] + b["width"] <= a["x"] or abs(a["y"] - b["y"]) > 8
+        for n, a in enumerate(boxes)
+        for b in boxes[n + 1 :]
+    ]
+    assert all(apart)
+    assert page.locator(".lanes .lane title").first.text_content() == "Scene 1, 1 frame"
 
 
 def test_dropped_card_without_raw_frames_says_what_to_set(page, tmp_path):

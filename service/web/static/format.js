@@ -24,6 +24,9 @@ export function number(value, digits = 4) {
 /** "1 frame", "3 frames" */
 export const counted = (count, noun) => `${count} ${noun}${count === 1 ? "" : "s"}`;
 
+/** A text of at most so many characters; names differ at their ends, so the middle goes. */
+export const shortly = (text, most) => (text.length <= most ? text : `${text.slice(0, Math.ceil((most - 1) / 2))}…${text.slice(-Math.floor((most - 1) / 2))}`);
+
 /** A number with a fixed count of decimals. */
 export const fixed = (value, decimals) => grouped(value.toFixed(decimals));
 

@@ -1,13 +1,13 @@
 // Frames on the axis of their time, in the brackets of their scenes, with a shape and a colour per ISO value; readings below them.
 
 import { h, svg } from "./dom.js";
-import { counted } from "./format.js";
+import { counted, shortly } from "./format.js";
 import { natural } from "./groups.js";
 import { roleLabel } from "./methods.js";
 
-const [WIDE, NARROW, TOP, LEFT] = [860, 330, 22, 20];
+const [WIDE, NARROW, LEFT] = [860, 330, 20];
 const [LANE, READINGS] = [66, 18];
-const LETTER = 6.5;
+const [LETTER, NAME, MOST_ROWS, MOST_LETTERS] = [6.5, 14, 3, 24];
 const SHAPES = [
   (x, y) => svg("circle", { cx: x, cy: y, r: 4, class: "f1" }),
   (x, y) => svg("rect", { x: x - 3.6, y: y - 3.6, width: 7.2, height: 7.2, class: "f2" }),
@@ -31,22 +31,20 @@ export function timeline({ scenes, frames }, { checked = new Set(), readings = [
   const isos = [...new Set(frames.map((frame) => frame.header.iso ?? 0))].sort((a, b) => a - b);
   const x = (time) => LEFT + ((time - first) / (last - first)) * (width - 2 * LEFT);
   const timeAt = (across) => first + ((across - LEFT) / (width - 2 * LEFT)) * (last - first);
-  const row = (iso) => TOP + 12 + (isos.indexOf(iso ?? 0) * 42) / Math.max(1, isos.length - 1);
-  const shape = (frame) => (frame.role === "dark" ? dark : SHAPES[Math.min(isos.indexOf(frame.header.iso ?? 0), SHAPES.length - 1)]);
-  const bottom = TOP + LANE + (readings.length ? READINGS : 0) + 8;
-  const drawing = svg("svg", { class: "lanes", viewBox: `0 0 ${width} ${bottom + 22}`, role: regroup ? "group" : "img", "aria-label": `${counted(frames.length, "frame")}${readings.length ? ` and ${counted(readings.length, "reading")}` : ""} on a time axis from ${clock(first, 1)} to ${clock(last, 1)}` });
   const timed = scenes.filter((scene) => scene.from).sort((a, b) => a.from - b.from);
-  let named = -LEFT;
-  for (const scene of timed) {
+  const names = placeNames(timed, { x, width });
+  const top = 8 + NAME * (1 + Math.max(0, ...names.map((each) => each.row)));
+  const row = (iso) => top + 12 + (isos.indexOf(iso ?? 0) * 42) / Math.max(1, isos.length - 1);
+  const shape = (frame) => (frame.role === "dark" ? dark : SHAPES[Math.min(isos.indexOf(frame.header.iso ?? 0), SHAPES.length - 1)]);
+  const bottom = top + LANE + (readings.length ? READINGS : 0) + 8;
+  const drawing = svg("svg", { class: "lanes", viewBox: `0 0 ${width} ${bottom + 22}`, role: regroup ? "group" : "img", "aria-label": `${counted(frames.length, "frame")}${readings.length ? ` and ${counted(readings.length, "reading")}` : ""} on a time axis from ${clock(first, 1)} to ${clock(last, 1)}` });
+  timed.forEach((scene, at) => {
+    const { name, text, middle, row: above } = names[at];
     const [from, to] = [x(scene.from) - 9, x(scene.to) + 9];
-    drawing.append(svg("rect", { x: from, y: TOP, width: to - from, height: LANE, rx: 5, class: "lane" }));
-    const name = scene.scene ?? roleLabel(scene.role);
-    const start = (from + to - name.length * LETTER) / 2;
-    // a name that would run into the one before is left to the table
-    if (start < named) continue;
-    named = start + name.length * LETTER + LETTER;
-    drawing.append(svg("text", { class: "strong", x: (from + to) / 2, y: 14, "text-anchor": "middle" }, name));
-  }
+    drawing.append(svg("rect", { x: from, y: top, width: to - from, height: LANE, rx: 5, class: "lane" }, svg("title", {}, `${name}, ${counted(scene.frames.length, "frame")}`)));
+    if (above > 0) drawing.append(svg("path", { class: "axis", d: `M${(from + to) / 2} ${top}v${4 - NAME * above}` }));
+    if (above >= 0) drawing.append(svg("text", { class: "strong", x: middle, y: top - 8 - NAME * above, "text-anchor": "middle" }, text));
+  });
   // thousands that fall on each other are drawn once
   const drawn = new Set();
   for (const frame of timed.flatMap((scene) => scene.frames).filter((each) => each.header.taken)) {
@@ -57,7 +55,7 @@ export function timeline({ scenes, frames }, { checked = new Set(), readings = [
     drawn.add(place);
   }
   for (const { at, text } of readings) {
-    const drawnReading = readingMark(x(at), TOP + LANE + 10);
+    const drawnReading = readingMark(x(at), top + LANE + 10);
     drawnReading.append(svg("title", {}, text));
     drawing.append(drawnReading);
   }
@@ -65,21 +63,48 @@ export function timeline({ scenes, frames }, { checked = new Set(), readings = [
   const step = 1000 * (STEPS_S.find((each) => (last - first) / 1000 / each <= width / 96) ?? STEPS_S.at(-1));
   const mostTicks = Math.ceil(width / 64);
   for (let at = Math.ceil(first / step) * step, ticks = 0; at <= last && ticks < mostTicks; at += step, ticks += 1) drawing.append(svg("path", { class: "axis strong", d: `M${x(at)} ${bottom}v4` }), svg("text", { x: x(at), y: bottom + 17, "text-anchor": "middle" }, clock(at, step)));
-  if (regroup) for (const scene of timed.filter((each) => each.scene !== undefined)) drawing.append(edgeOf(scene, { x, timeAt, drawing, regroup, others: timed }));
+  if (regroup) for (const scene of timed.filter((each) => each.scene !== undefined)) drawing.append(...["Start", "End"].map((side) => edgeOf(scene, side, { x, top, timeAt, drawing, regroup, others: timed })));
   const key = isos.slice(0, SHAPES.length).map((iso, at) => h("li", {}, sample(SHAPES[at]), `ISO ${iso || "not stated"}${at === SHAPES.length - 1 && isos.length > SHAPES.length ? " and above" : ""}`));
   return h("div", { class: "card lanes-card" }, drawing, h("ul", { class: "key" }, key, frames.some((frame) => frame.role === "dark") ? h("li", {}, sample(dark), "Dark") : null, readings.length ? h("li", {}, sample(readingMark), "Meter reading") : null));
 }
 
-/** Where a bracket ends: dragged, or moved with the arrows by a frame. It takes the frames that it passes, and leaves those behind it to a new scene. */
-function edgeOf(scene, { x, timeAt, drawing, regroup, others }) {
-  const at = x(scene.to) + 9;
-  const own = scene.frames.filter((frame) => frame.header.taken).sort(byTime);
-  const next = others.filter((each) => each !== scene && each.scene !== undefined && each.role === scene.role).flatMap((each) => each.frames).filter((frame) => frame.header.taken > scene.to).sort(byTime);
-  const label = `End of ${scene.scene}, ${counted(own.length, "frame")}: right takes the next frame, left begins a new scene with the last`;
-  const edge = svg("g", { class: "edge", tabindex: "0", role: "button", "aria-label": label, "data-keep": `edge ${scene.scene}` }, svg("rect", { x: at - 8, y: TOP, width: 16, height: LANE }), svg("path", { d: `M${at} ${TOP + 6}v${LANE - 12}` }));
+/**
+ * Where the name of each bracket is written: over its middle, in the lowest row that is free there. A bracket without
+ * room in any row is named where it is pointed at, and in the table.
+ */
+function placeNames(timed, { x, width }) {
+  const ends = Array(MOST_ROWS).fill(0);
+  return timed.map((scene) => {
+    const name = scene.scene ?? roleLabel(scene.role);
+    const text = shortly(name, MOST_LETTERS);
+    const half = (text.length * LETTER) / 2;
+    const middle = Math.min(width - half, Math.max(half, (x(scene.from) + x(scene.to)) / 2));
+    const row = ends.findIndex((end) => middle - half >= end);
+    if (row >= 0) ends[row] = middle + half + LETTER;
+    return { name, text, middle, row };
+  });
+}
+
+/**
+ * The start or the end of a bracket: dragged, or moved with the arrows by a frame. Outwards it takes the frames that it
+ * passes, inwards it leaves those behind it to a new scene.
+ */
+function edgeOf(scene, side, { x, top, timeAt, drawing, regroup, others }) {
+  const ends = side === "End";
+  const beyond = (time, other) => (ends ? time > other : time < other);
+  const inTurn = (some) => (ends ? some.sort(byTime) : some.sort(byTime).reverse());
+  const at = ends ? x(scene.to) + 9 : x(scene.from) - 9;
+  const own = inTurn(scene.frames.filter((frame) => frame.header.taken));
+  const limit = ends ? scene.to : scene.from;
+  const near = inTurn(others.filter((each) => each !== scene && each.scene !== undefined && each.role === scene.role).flatMap((each) => each.frames).filter((frame) => beyond(frame.header.taken, limit)));
+  const [outward, inward] = ends ? ["right takes the next frame", "left begins a new scene with the last"] : ["left takes the frame before", "right begins a new scene with the first"];
+  const label = `${side} of ${scene.scene}, ${counted(own.length, "frame")}: ${outward}, ${inward}`;
+  // the end in the upper half, the start in the lower: those of neighbours do not cover each other
+  const foot = ends ? top : top + LANE / 2;
+  const edge = svg("g", { class: "edge", tabindex: "0", role: "button", "aria-label": label, "data-keep": `${side} ${scene.scene}` }, svg("rect", { x: at - 12, y: foot, width: 24, height: LANE / 2 }), svg("path", { d: `M${at} ${foot + 5}v${LANE / 2 - 10}` }));
   const end = (time) => {
-    const taken = next.filter((frame) => frame.header.taken <= time);
-    const left = own.filter((frame) => frame.header.taken > time);
+    const taken = near.filter((frame) => !beyond(frame.header.taken, time));
+    const left = own.filter((frame) => beyond(frame.header.taken, time));
     if (taken.length) regroup(taken, scene.scene);
     else if (left.length && left.length < own.length) regroup(left);
   };
@@ -97,8 +122,8 @@ function edgeOf(scene, { x, timeAt, drawing, regroup, others }) {
       }, { signal: over.signal });
   });
   edge.addEventListener("keydown", (event) => {
-    if (event.key === "ArrowRight" && next.length) end(next[0].header.taken);
-    else if (event.key === "ArrowLeft" && own.length > 1) end(own.at(-2).header.taken);
+    if (event.key === (ends ? "ArrowRight" : "ArrowLeft") && near.length) end(near[0].header.taken);
+    else if (event.key === (ends ? "ArrowLeft" : "ArrowRight") && own.length > 1) end(own.at(-2).header.taken);
     else return;
     event.preventDefault();
   });

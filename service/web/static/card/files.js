@@ -10,16 +10,21 @@ const AT_ONCE = 8;
 export async function readCard(files, { onProgress = () => {}, signal, centres = true }) {
   const entries = (await Promise.all(files.map(openZip))).flat();
   const rows = entries.map((entry) => ({ key: `${entry.name} ${entry.size}`, kind: kindOf(entry.name), ...entry }));
-  const waiting = rows.filter((row) => row.kind === "raw");
-  let read = rows.length - waiting.length;
-  const readNext = async () => {
-    for (let row = waiting.pop(); row && !signal?.aborted; row = waiting.pop()) {
-      await readRow(row, centres);
-      onProgress((read += 1), rows.length);
-    }
+  const readAll = async (kind) => {
+    const waiting = rows.filter((row) => row.kind === kind);
+    let read = rows.length - waiting.length;
+    const readNext = async () => {
+      for (let row = waiting.pop(); row && !signal?.aborted; row = waiting.pop()) {
+        await readRow(row, centres);
+        onProgress((read += 1), rows.length);
+      }
+    };
+    await Promise.all(Array.from({ length: AT_ONCE }, readNext));
+    signal?.throwIfAborted();
   };
-  await Promise.all(Array.from({ length: AT_ONCE }, readNext));
-  signal?.throwIfAborted();
+  await readAll("raw");
+  // without raw frames, pictures may be of a chart
+  if (!rows.some((row) => row.kind === "raw" && row.header)) await readAll("picture");
   return rows;
 }
 

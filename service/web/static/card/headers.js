@@ -1,9 +1,11 @@
-// Headers of raw frames (TIFF and DNG), read in the browser. Directories may lie anywhere in a file: pieces are read
+// Headers of raw frames (TIFF and DNG) and of JPEG pictures, read in the browser. Directories may lie anywhere in a file: pieces are read
 // where the pointers lead. Tags take precedence as in the service's own reader (worker/decode/metadata.py).
 
 const FIRST = 256 << 10;
 const MORE = 64 << 10;
 const MOST_DIRECTORIES = 16;
+const MOST_SEGMENTS = 64;
+const [START, EXIF_SEGMENT, SCAN] = [0xd8, 0xe1, 0xda]; // of a JPEG
 const ROWS = 8; // of the centre, measured
 const SIZES = { 1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4 };
 const [SUB_IFDS, EXIF, XMP] = [330, 34665, 700];
@@ -13,10 +15,11 @@ const CFA = 32803;
 
 /**
  * {make, model, serial, lens, band, taken (ms; a local time is read as UTC), zoned, exposure_time_s, f_number, iso, image,
- * preview} of a TIFF or DNG; null for another file. What the file does not state is undefined.
+ * preview} of a TIFF, DNG or JPEG with EXIF; null for another file. What the file does not state is undefined.
  */
 export async function readHeader(file) {
   const bytes = new Bytes(file);
+  if ((await bytes.number(0, 1)) === 0xff && (await bytes.number(1, 1)) === START) return readJpeg(file, bytes);
   const order = await bytes.text(0, 2);
   if (order !== "II" && order !== "MM") return null;
   bytes.little = order === "II";
@@ -60,6 +63,21 @@ export async function readHeader(file) {
     iso: await positive(...ISO_TAGS),
     ...(await picturesOf(bytes, main)),
   };
+}
+
+/** The EXIF of a JPEG is a TIFF in one of its segments. */
+async function readJpeg(file, bytes) {
+  bytes.little = false;
+  for (let at = 2, count = 0; count < MOST_SEGMENTS; count += 1) {
+    const [mark, kind, size] = [await bytes.number(at, 1), await bytes.number(at + 1, 1), await bytes.number(at + 2, 3)];
+    if (mark !== 0xff || kind === SCAN) return null;
+    if (kind === EXIF_SEGMENT && (await bytes.text(at + 4, 6)) === "Exif\0\0") {
+      const header = await readHeader(file.slice(at + 10, at + 2 + size));
+      return header && { ...header, image: undefined, preview: { at: 0, size: file.size } };
+    }
+    at += 2 + size;
+  }
+  return null;
 }
 
 /** The numbers themselves, where a file has one strip of 16-bit words, and an embedded JPEG preview. */

@@ -15,6 +15,7 @@ export const LIMITS = {
   recentDays: 3, // campaigns of the camera that are offered
 };
 export const FIELD = "field";
+const CHART = "chart"; // the role whose frames may be pictures
 const DAY_MS = 864e5;
 const RAW = /\.(dng|tiff?)$/i;
 const PICTURE = /\.(jpe?g|png|heic)$/i;
@@ -35,12 +36,14 @@ export const differs = (header, camera) => ["serial", "model", "make"].some((nam
 export function propose(rows, { methods, cameras = [], campaigns = [], inForce = [] }, choice = {}) {
   const { said = new Map(), leftOut = new Set(), kept = new Set() } = choice;
   const raw = rows.filter((row) => row.kind === "raw" && row.header);
-  const bodies = [...groupBy(raw, ({ header }) => [header.make, header.model, header.serial].map(plain).join("|")).values()]
+  const pictures = raw.length ? [] : rows.filter((row) => row.kind === "picture" && row.header);
+  const able = pictures.length ? methods.filter((each) => each.roles.every((role) => role.name === CHART)) : methods;
+  const bodies = [...groupBy([...raw, ...pictures], ({ header }) => [header.make, header.model, header.serial].map(plain).join("|")).values()]
     .map((frames) => describeCamera(frames, cameras))
     .sort((a, b) => b.frames.length - a.frames.length);
   const camera = bodies.find((each) => each.key === choice.camera) ?? bodies[0] ?? null;
   const own = camera?.frames ?? [];
-  const offers = camera ? listOffers(own, camera, { methods, campaigns, inForce }) : [];
+  const offers = camera ? listOffers(own, camera, { methods: able, campaigns, inForce }) : [];
   const campaign = offers.find((each) => each.key === choice.campaign) ?? offers.find((each) => each.proposed) ?? null;
   const method = campaign && methods.find((each) => each.name === campaign.method);
   const frames = method ? assign(own, method, campaign, said) : [];
@@ -57,7 +60,8 @@ export function propose(rows, { methods, cameras = [], campaigns = [], inForce =
     scenes,
     frames: sent,
     darks,
-    skipped: splitSkipped(rows),
+    pictures: pictures.length > 0,
+    skipped: splitSkipped(rows.filter((row) => !pictures.includes(row))),
     checks: method ? listChecks(sent, darks, method, campaign).filter((check) => !kept.has(check.key)) : [],
   };
 }
@@ -86,7 +90,7 @@ function listOffers(frames, camera, { methods, campaigns, inForce }) {
   const night = measuring.find((method) => held.has(method.name)) ?? measuring.find((method) => (method.reference === "panel") === bands > 1) ?? measuring[0];
   const looksLikeNight = named.length > 0 ? named.every((role) => role === FIELD) : held.has(night?.name) && !foldersOf(frames).length && !frames.some(isDark);
   const [from] = frames.map((frame) => frame.header.taken).filter(Boolean).sort((a, b) => a - b);
-  const near = campaigns.filter((each) => each.camera_id === camera.known?.id && Math.abs(Date.parse(each.started_at ?? each.created_at) - (from ?? Date.now())) < LIMITS.recentDays * DAY_MS);
+  const near = campaigns.filter((each) => methods.some(({ name }) => name === each.method) && each.camera_id === camera.known?.id && Math.abs(Date.parse(each.started_at ?? each.created_at) - (from ?? Date.now())) < LIMITS.recentDays * DAY_MS);
   return [
     { key: "new", kind: "new", method: best.name, proposed: !looksLikeNight },
     ...near.slice(-2).reverse().map((each) => ({ key: each.id, kind: "add", method: each.method, campaign: each, measures: isNight(each) })),
@@ -168,7 +172,7 @@ export function splitSkipped(rows) {
 function listChecks(frames, darks, method, campaign) {
   const found = [];
   const lacking = frames.filter(({ header }) => !(header.exposure_time_s && header.f_number && header.iso));
-  if (lacking.length && lacking.some((frame) => frame.role !== "chart")) found.push({ key: "exposure", code: "no_exposure", mark: "warn", frames: lacking });
+  if (lacking.length && lacking.some((frame) => frame.role !== CHART)) found.push({ key: "exposure", code: "no_exposure", mark: "warn", frames: lacking });
   const white = frames.filter((frame) => frame.role !== "dark" && frame.centre?.clipped > LIMITS.clipped);
   if (white.length) found.push({ key: `clipped ${white.map((frame) => frame.key)}`, code: "overexposed", mark: "warn", frames: white });
   found.push(...findMisplaced(frames, method));

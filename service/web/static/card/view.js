@@ -57,7 +57,7 @@ function figures(found) {
   return h(
     "dl",
     { class: "figures" },
-    figure("Raw frames", number(found.frames.length, 6), list([bytes(size), kinds.size === 1 && `all ${[...kinds][0]}`])),
+    figure(found.pictures ? "Pictures" : "Raw frames", number(found.frames.length, 6), list([bytes(size), kinds.size === 1 && `all ${[...kinds][0]}`])),
     figure(role.length === 1 ? `${roleLabel(role[0])} frames` : "Other frames", number(lit.length, 6), list([scenesOf(found).length && counted(scenesOf(found).length, "scene"), isos.length && counted(isos.length, "ISO value")])),
     figure("Dark frames", number(darks.length, 6), darks.length ? list([counted(isosOf(darks).length, "ISO value"), exposuresOf(darks)]) : "none found"),
     figure("Skipped", number(skipped.length, 6), skipped.length ? [list([twins.length && counted(twins.length, "JPEG twin"), pictures.length && counted(pictures.length, "picture"), videos.length && counted(videos.length, "video"), others.length && counted(others.length, "other")]), skippedList(skipped)] : "nothing"),
@@ -95,7 +95,8 @@ function cameraTrouble({ found, choice }, tell) {
     `Registered is ${nameOf(camera.renamed)}. ${camera.frames.length === 1 ? "The file says" : `All ${camera.frames.length} files say`} ${nameOf(camera)}. The campaigns of ${nameOf(camera.renamed)} refuse these files; a new campaign registers the name that the files state. Nothing has been sent.`,
   );
   const incomplete = !camera.complete && box("bad", "These files do not name their camera", `They state ${nameOf(camera)}. Make, model and serial number are needed: choose the camera of these frames, or create the campaign without files.`, campaign ? cameraChooser(found, choice, tell) : null);
-  return [several, renamed, incomplete].filter(Boolean);
+  const lossy = found.pictures && box("warn", "These are JPEG pictures", "They have lost the sensor values: the sharpness and the geometry of a lens can be found in pictures of a chart, light cannot. To measure light, set the camera to RAW or JPEG + RAW.");
+  return [lossy, several, renamed, incomplete].filter(Boolean);
 }
 
 function cameraChooser({ camera }, choice, tell) {
@@ -238,7 +239,7 @@ function campaignCard({ found, choice, project }, tell) {
     h("legend", { class: "hidden" }, "Campaign"),
     h("p", { class: "panel-title", "aria-hidden": "true" }, "Campaign"),
     h("div", { class: "pickers" }, pickers, picker("Something else", list(others.map((offer) => labelOf(offer.method))), campaign.kind === "other", "other", () => pick(others[0].key))),
-    campaign.kind === "other" ? field("Method", select(others.map((offer) => [offer.key, labelOf(offer.method)]), { "data-keep": "method", onchange: (event) => pick(event.target.value) }, campaign.key)) : null,
+    campaign.kind === "other" ? field("Method", select(others.map((offer) => [offer.key, labelOf(offer.method)]), { "data-keep": "method", onchange: (event) => pick(event.target.value) }, campaign.key), null, about("NewCampaign", "method")) : null,
     campaign.kind === "add" ? null : field("Project number", h("input", { value: project.number, autocomplete: "off", "data-keep": "project", oninput: (event) => (project.number = event.target.value) }), null, about("NewCampaign", "project_number")),
   );
 }
