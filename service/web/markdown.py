@@ -21,7 +21,7 @@ def render_markdown(text: str) -> str:
     places = set()
     for token, inline in itertools.pairwise(tokens):
         if token.type == "heading_open":
-            places.add(place := inline.content.strip("`").lower().replace(" ", "-"))
+            places.add(place := re.sub(r"[^\w -]", "", inline.content.lower()).replace(" ", "-"))
             token.attrSet("id", place)
     _keep_one_title(tokens)
     for opened, inline, closed in zip(tokens, tokens[1:], tokens[2:], strict=False):

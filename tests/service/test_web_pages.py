@@ -107,6 +107,15 @@ def test_pages_use_the_words_of_the_glossary():
     assert found == []
 
 
+def test_question_marks_lead_to_places_that_the_manual_has(visitor):
+    texts = [path.read_text(encoding="utf-8") for path in (*STATIC.rglob("*.js"), *TEMPLATES.rglob("*.html"))]
+    named = {found for text in texts for found in re.findall(r"/docs/([a-z-]+)#([\w-]+)[\"'`]", text)}
+    assert len(named) > 15
+    for page in {page for page, _ in named}:
+        places = set(re.findall(r' id="([^"]+)"', visitor.get(f"/docs/{page}", headers=PAGE).text))
+        assert {place for of, place in named if of == page} <= places, page
+
+
 def test_files_are_kept_for_ever_under_the_address_of_their_release(visitor):
     (style,) = re.findall(r'rel="stylesheet" href="([^"]+)"', visitor.get("/jobs", headers=PAGE).text)
     answer = visitor.get(style)

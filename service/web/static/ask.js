@@ -5,9 +5,10 @@ import { h, openDialog } from "./dom.js";
 import { act } from "./states.js";
 
 /**
- * ask({title, body?, fields: [{name, label, type?, hint?, of?, value?, required?, options?}], after?, submit: "Publish",
+ * ask({title, body?, fields: [{name, label, type?, hint?, of?, help?, value?, required?, options?}], after?, submit: "Publish",
  *      danger?, action: async (values) => ...}) shows a form; the action runs on submit, and its problem is shown in the dialog.
- * `of`: the API's form, or [form, name of the field in it], whose sentence about the field opens behind a question mark.
+ * `of`: the API's form, or [form, name of the field in it], whose sentence about the field opens behind a question mark;
+ * `help`: another sentence, or a place in the manual.
  * Answers what the action gave, or undefined when it was closed.
  */
 export function ask({ title, body, fields = [], after, submit, danger = false, action }) {
@@ -37,12 +38,12 @@ export function ask({ title, body, fields = [], after, submit, danger = false, a
   });
 }
 
-function ofField({ name, label, type = "text", hint, of, value, required = true, options, ...more }) {
+function ofField({ name, label, type = "text", hint, of, help, value, required = true, options, ...more }) {
   const common = { id: `ask-${name}`, name, required, ...more };
   const control = options
     ? h("select", common, options.map(([key, text]) => h("option", { value: key, selected: key === value }, text)))
     : type === "textarea"
       ? h("textarea", common, value)
       : h("input", { ...common, type, value });
-  return field(label, control, hint, of && about(...[of, name].flat().slice(0, 2)));
+  return field(label, control, hint, of ? about(...[of, name].flat().slice(0, 2)) : help);
 }

@@ -59,7 +59,7 @@ function redraw(element, width, again) {
 function choose(parts, chosen = 0, show) {
   if (parts.length < 2) return null;
   const button = (part, place) => h("button", { type: "button", "aria-pressed": String(place === chosen), onclick: () => show(place) }, part);
-  if (parts.length > 6) return h("select", { "aria-label": "Part", onchange: ({ target }) => show(target.selectedIndex) }, parts.map((part, place) => h("option", { selected: place === chosen }, part)));
+  if (parts.length > 6) return h("select", { "aria-label": "Part", title: "Which of the plots is shown", onchange: ({ target }) => show(target.selectedIndex) }, parts.map((part, place) => h("option", { selected: place === chosen }, part)));
   return h("div", { class: "segments", role: "group", "aria-label": "Part" }, parts.map(button));
 }
 

@@ -22,7 +22,7 @@ export async function fitAnew(calibration, chosen = new Map()) {
       said,
     ],
     fields: [
-      chosen.size ? { name: "reason", label: "Reason for exclusion", type: "textarea", hint: "What happened when the frame was taken. Recorded with your name." } : null,
+      chosen.size ? { name: "reason", label: "Reason for exclusion", type: "textarea", hint: "What happened when the frame was taken. Recorded with your name.", help: "The new version lists each excluded frame with its reason, and so does every later version that excludes it." } : null,
     ].filter(Boolean),
     submit: "Refit",
     action: async (values) => {

@@ -122,6 +122,6 @@ function signature(list, change) {
   const { signature: signed } = list;
   const said = signed ? h("p", { class: `note ${signed.changed ? "warn" : "good"}` }, "Signed by ", h("strong", {}, signed.name), ", ", time(signed.signed_at), signed.state_sha256 ? [", for the state ", h("code", { title: signed.state_sha256 }, signed.state_sha256.slice(0, 12))] : null, signed.changed ? ". Details, frames, readings, region or ticks have changed since: check them, and sign again." : ".") : null;
   if (!may("calibrate") || (signed && !signed.changed)) return said;
-  const sign = () => ask({ title: "Sign the checklist", body: list.open ? h("p", {}, `${list.open} items are open. The signature applies to the list as it is.`) : null, fields: [{ name: "name", label: "Operator", hint: "As signed below the printed checklist." }], submit: "Sign", action: ({ name }) => change({ signature: { name } }) });
+  const sign = () => ask({ title: "Sign the checklist", body: list.open ? h("p", {}, `${list.open} items are open. The signature applies to the list as it is.`) : null, fields: [{ name: "name", label: "Operator", of: ["NewSignature", "name"], hint: "As signed below the printed checklist." }], submit: "Sign", action: ({ name }) => change({ signature: { name } }) });
   return [said, h("p", { class: "actions" }, h("button", { type: "button", onclick: sign }, signed ? "Sign again" : "Sign the checklist"))];
 }

@@ -16,17 +16,24 @@ export function about(form, name) {
 }
 
 /**
- * field("Columns", h("input"), "hint"): with its label and its hint. `help` opens behind a question mark: its place in the
- * manual, or the sentence about it, which a screen reader has without opening it.
+ * field("Columns", h("input"), "hint", "/docs/geometry#the-target"): with its label and its hint. `help` opens behind a
+ * question mark: its place in the manual, or the sentence about it, which a screen reader has without opening it.
  */
 export function field(label, control, hint, help) {
+  if (!help) throw new Error(`nothing is said of ${label}`);
   control.id ||= `field-${(count += 1)}`;
-  const parts = { hint: hint && h("span", { class: "hint", id: `${control.id}-hint` }, hint), about: help && !help.startsWith("/") && h("span", { class: "hint about", id: `${control.id}-about`, hidden: true }, prose(help)) };
+  const parts = { hint: hint && h("span", { class: "hint", id: `${control.id}-hint` }, hint), about: !help.startsWith("/") && h("span", { class: "hint about", id: `${control.id}-about`, hidden: true }, prose(help)) };
   const described = Object.values(parts).filter(Boolean).map((part) => part.id);
   if (described.length) control.setAttribute("aria-describedby", described.join(" "));
-  const asked = parts.about ? aboutButton(label, parts.about) : help ? manualLink(help, label) : null;
   const named = h("label", { for: control.id }, label);
-  return h("p", { class: "field" }, asked ? h("span", { class: "label-row" }, named, asked) : named, parts.about, control, parts.hint);
+  const asked = parts.about ? aboutButton(named.textContent, parts.about) : manualLink(help, named.textContent);
+  return h("p", { class: "field" }, h("span", { class: "label-row" }, named, asked), parts.about, control, parts.hint);
+}
+
+/** Boxes to tick under one heading; `help` opens behind a question mark. */
+export function boxes(heading, help, ...ticked) {
+  const text = h("p", { class: "hint about", id: `field-${(count += 1)}-about`, hidden: true }, prose(help));
+  return h("fieldset", {}, h("legend", {}, h("span", { class: "label-row" }, heading, aboutButton(heading, text))), text, ticked);
 }
 
 function aboutButton(label, text) {

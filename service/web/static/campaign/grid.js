@@ -417,8 +417,8 @@ export function gridSection(state) {
 }
 
 function bulkForm(state, chosen, after) {
-  const role = select([["", "keep"], ...roleOptions(state.method)], { "aria-label": "Role of the selected frames" });
-  const scene = h("input", { "aria-label": "Scene of the selected frames", placeholder: "keep", list: "scenes" });
+  const role = select([["", "keep"], ...roleOptions(state.method)], { "aria-label": "Role of the selected frames", title: "What the frames show" });
+  const scene = h("input", { "aria-label": "Scene of the selected frames", title: "The light level or view that the frames show", placeholder: "keep", list: "scenes" });
   const change = async () => {
     const said = { ...(role.value ? { role: role.value } : {}), ...(scene.value.trim() ? { scene: scene.value.trim() } : {}) };
     if (!Object.keys(said).length) return;

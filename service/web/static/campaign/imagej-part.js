@@ -6,7 +6,7 @@ import { readMacro, readRoi, writeMacro, writeRoi } from "./imagej.js";
 import { wrong } from "./numbers.js";
 
 export function imagejPart(editor, frameOf) {
-  const text = h("textarea", { class: "mono", rows: "3", spellcheck: "false", "aria-label": "ImageJ macro", placeholder: "makePolygon(2200,1600,3100,1600,3100,2300,2200,2300);" });
+  const text = h("textarea", { class: "mono", rows: "3", spellcheck: "false", "aria-label": "ImageJ macro", "aria-describedby": "imagej-hint", placeholder: "makePolygon(2200,1600,3100,1600,3100,2300,2200,2300);" });
   const show = () => {
     if (document.activeElement !== text) text.value = writeMacro(editor.regions.filter((region) => region.closed));
   };
@@ -47,6 +47,7 @@ export function imagejPart(editor, frameOf) {
     "details",
     { class: "imagej" },
     h("summary", {}, "ImageJ: macro and .roi"),
+    h("p", { class: "hint", id: "imagej-hint" }, "Lines of ImageJ’s macro recorder, such as makeRectangle, makeOval or makePolygon, in pixels of the frame. A line is a part of the region."),
     text,
     h("p", { class: "actions" }, may("calibrate") ? [h("button", { type: "button", onclick: (event) => act(event.target, async () => inside(told(() => readMacro(text.value)))) }, "Use this macro"), open, files] : null, links),
   );

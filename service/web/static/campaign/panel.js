@@ -17,7 +17,7 @@ export function panelPart(panels) {
     { hidden: true },
     h("legend", {}, "New panel"),
     h("div", { class: "fields" }, field("Serial number", serial, null, about("NewPanel", "serial")), field("Measured on", measured, null, about("NewPanel", "measured_on"))),
-    field("Reflectance", bands, "One line per band: green 0.69 0.005 (band, reflectance, and its standard uncertainty if known)."),
+    field("Reflectance", bands, "One line per band: green 0.69 0.005 (band, reflectance, and its standard uncertainty if known).", about("NewPanel", "bands")),
   );
   chosen.addEventListener("change", () => {
     fresh.hidden = chosen.value !== "new";

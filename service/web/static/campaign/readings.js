@@ -65,7 +65,7 @@ function entryPart(state, book) {
     "form",
     { class: "card", onsubmit: (event) => (event.preventDefault(), act(event.submitter, add)) },
     h("h3", {}, "Add readings"),
-    field("Lines", text, "One reading per line, typed or pasted from a spreadsheet: scene, value, and optionally unit and time. With a header line the columns may be in any order."),
+    field("Lines", text, "One reading per line, typed or pasted from a spreadsheet: scene, value, and optionally unit and time. With a header line the columns may be in any order.", "Lines that cannot be read are listed with the reason; nothing is recorded until all can be read."),
     told,
     h("div", { class: "fields" }, field("Unit if none is given", unit, null, about("NewReading", "unit")), field("Meter", meter, null, about("NewReading", "meter_id"))),
     h("p", { class: "actions" }, h("button", { class: "primary", type: "submit" }, "Add"), h("button", { type: "button", class: "quiet", onclick: async () => {

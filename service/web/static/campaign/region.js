@@ -47,7 +47,7 @@ function build(state, drawable) {
   // dark frames often come first, and nothing can be seen on them
   let chosenByHand = false;
 
-  const frames = select([], { "aria-label": "Frame to draw on", onchange: () => take(frames.value) });
+  const frames = select([], { "aria-label": "Frame to draw on", title: "The frame whose picture is behind the region", onchange: () => take(frames.value) });
   const take = (id) => ((chosenByHand = true), choose(id));
   const step = (by) => take(frames.options[Math.min(Math.max(frames.selectedIndex + by, 0), frames.options.length - 1)].value);
   function offer(some) {

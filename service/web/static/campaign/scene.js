@@ -142,13 +142,13 @@ export function rowsOf(book, readings) {
 
 /** How the values that are typed in the grid were read. */
 export function readingTools(book, registerMeter) {
-  const unit = select(Object.keys(UNITS).map((name) => [name, written(name)]), { "aria-label": "Unit of typed readings", onchange: () => ((book.unit = unit.value), book.dispatchEvent(new Event("change"))) }, book.unit);
-  const meter = h("select", { "aria-label": "Meter of typed readings", onchange: async () => {
+  const unit = select(Object.keys(UNITS).map((name) => [name, written(name)]), { "aria-label": "Unit of typed readings", title: about("NewReading", "unit"), onchange: () => ((book.unit = unit.value), book.dispatchEvent(new Event("change"))) }, book.unit);
+  const meter = h("select", { "aria-label": "Meter of typed readings", title: about("NewReading", "meter_id"), onchange: async () => {
     if (meter.value === "new") await registerMeter();
     else book.meter_id = meter.value;
     draw();
   } });
-  const when = select([["", "time not recorded"], ["now", "read now"]], { "aria-label": "Time of typed readings", onchange: () => (book.now = when.value === "now") });
+  const when = select([["", "time not recorded"], ["now", "read now"]], { "aria-label": "Time of typed readings", title: about("NewReading", "taken_at"), onchange: () => (book.now = when.value === "now") });
   const draw = () => fill(meter, [["", "meter not recorded"], ...book.meters.map((each) => [each.id, nameOfMeter(each)]), ["new", "Register a meter…"]].map(([value, text]) => h("option", { value, selected: value === book.meter_id }, text)));
   book.addEventListener("change", draw);
   draw();

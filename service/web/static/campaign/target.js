@@ -6,6 +6,8 @@ import { act, empty } from "../states.js";
 import { choices, decimal, field, select } from "./forms.js";
 import { numberOf, wrong } from "./numbers.js";
 
+// where the manual has them
+const [BOARD, CHART] = ["/docs/geometry#the-target", "/docs/sharpness#photographing-the-target"];
 const DICTIONARIES = ["DICT_4X4_50", "DICT_4X4_100", "DICT_5X5_50", "DICT_5X5_100", "DICT_6X6_250", "DICT_7X7_250", "DICT_ARUCO_ORIGINAL"];
 
 /** {element, read()}: the form, and the target as the API wants it. */
@@ -41,10 +43,10 @@ function board() {
     marker.required = charuco;
     fill(
       counted,
-      field(`${what} across`, columns, "As counted by the manufacturer."),
-      field(`${what} down`, rows),
-      field("Side of a square [mm]", square, "Measured on the print."),
-      charuco ? [field("Side of a marker [mm]", marker), field("Dictionary", dictionary)] : null,
+      field(`${what} across`, columns, "As counted by the manufacturer.", BOARD),
+      field(`${what} down`, rows, null, BOARD),
+      field("Side of a square [mm]", square, "Measured on the print.", BOARD),
+      charuco ? [field("Side of a marker [mm]", marker, null, BOARD), field("Dictionary", dictionary, null, BOARD)] : null,
     );
   };
   const element = h(
@@ -76,9 +78,9 @@ function chart() {
   const draw = () =>
     fill(
       more,
-      kind === "siemens_star" ? field("Cycles of the star", cycles, "Pairs of a dark and a bright sector.") : null,
-      field("Tone curve to undo", curve),
-      curve.value === "gamma" ? field("Gamma", gamma) : null,
+      kind === "siemens_star" ? field("Cycles of the star", cycles, "Pairs of a dark and a bright sector.", "/docs/sharpness#siemens-star") : null,
+      field("Tone curve to undo", curve, null, CHART),
+      curve.value === "gamma" ? field("Gamma", gamma, null, CHART) : null,
     );
   curve.addEventListener("change", draw);
   const element = h(

@@ -31,7 +31,7 @@ export function viewerPart(state) {
   const whole = press("Fit", () => picture.fit());
   const pixels = press("100 %", () => picture.showPixels(points));
   const beside = press("Compare", () => compare(comparing() ? null : candidates()[0]));
-  const chosen = select([], { "aria-label": "Frame to compare with", onchange: () => compare(state.byId.get(chosen.value)) });
+  const chosen = select([], { "aria-label": "Frame to compare with", title: "Shown at the same place and zoom", onchange: () => compare(state.byId.get(chosen.value)) });
   const blink = press("Blink", () => setBlinking(!blinking));
   const swap = h("button", { type: "button", class: "small-button", onclick: () => turn() }, "Swap");
   const named = [h("figcaption", { class: "small" }), h("figcaption", { class: "small" })];

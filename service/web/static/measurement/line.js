@@ -29,7 +29,7 @@ export function lineTool(view, id) {
     } }, text),
   );
   fill(byId("line-tools"), h("div", { class: "segments", role: "group", "aria-label": "Axis of the profile" }, axes), csv);
-  fill(byId("line"), h("div", { class: "fields" }, field("Corners", typed, "x,y pairs in pixels, separated by blanks. More than two follow a curve."), field("Pixels across", across, "Averaged, against noise.")), told, place);
+  fill(byId("line"), h("div", { class: "fields" }, field("Corners", typed, "x,y pairs in pixels, separated by blanks. More than two follow a curve.", "/docs/measuring#profiles-isolines-and-histograms"), field("Pixels across", across, "Averaged, against noise.", "/docs/measuring#profiles-isolines-and-histograms")), told, place);
   listen();
   return button;
 

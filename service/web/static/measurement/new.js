@@ -3,12 +3,12 @@
 import { all, get, post } from "../api.js";
 import { byId, fill, h, may } from "../dom.js";
 import { causeList } from "../causes.js";
-import { counted, day } from "../format.js";
+import { counted, day, stateWords } from "../format.js";
 import { groupBy } from "../groups.js";
 import { followJob } from "../live.js";
 import { labelOf, methodOf } from "../methods.js";
 import { act, empty, failed, load } from "../states.js";
-import { about, decimal, field, select } from "../campaign/forms.js";
+import { about, decimal, field, manualLink, select } from "../campaign/forms.js";
 import { numberOf } from "../campaign/numbers.js";
 import { statedPart } from "../campaign/parameters.js";
 import { titleOf } from "../campaign/named.js";
@@ -29,7 +29,7 @@ const place = h("fieldset", { class: "card" }, h("legend", { class: "legend" }, 
 const chosen = {};
 const SAME = ["scene", "exposure_time_s", "f_number", "iso"];
 const averaged = h("select", { multiple: true, size: 4 });
-const averagedField = field("Average with", averaged, "Repeats of the same view with the same settings: their noise averages. Optional.");
+const averagedField = field("Average with", averaged, "Repeats of the same view with the same settings: their noise averages. Optional.", "/docs/measuring#averaging");
 
 load(byId("form"), begin, (drawn) => drawn);
 form.addEventListener("submit", (event) => {
@@ -64,7 +64,7 @@ async function begin() {
   const rest = h("div", { class: "stack-wide" }, place, section("With", settings), h("div", { class: "actions" }, h("button", { type: "submit", class: "primary" }, "Measure"), h("span", { class: "muted", role: "status", id: "progress" })), h("div", { id: "outcome" }));
   const ready = offerFrames();
   await ready;
-  return h("div", { class: "stack-wide" }, section("Frame", h("div", { class: "fields" }, field("Campaign", campaign), field("Frame", frame), averagedField), note), rest);
+  return h("div", { class: "stack-wide" }, section("Frame", h("div", { class: "fields" }, field("Campaign", campaign, null, "Campaigns whose method measures; the one with the newest field frames is offered first."), field("Frame", frame, null, "Frames with the role field."), averagedField), note), rest);
 }
 
 const section = (title, ...content) => h("fieldset", { class: "card" }, h("legend", { class: "legend" }, title), content);
@@ -90,7 +90,7 @@ async function choose(id) {
 
 function offerSettings(versions) {
   const usable = versions.filter((each) => each.state !== "revoked");
-  const usual = [["", "In force at the time of the frame"], ...usable.map((each) => [each.id, `Version ${each.version}, ${each.state}${each.valid_from ? ` from ${day(each.valid_from)}` : ""}`])];
+  const usual = [["", "In force at the time of the frame"], ...usable.map((each) => [each.id, `Version ${each.version}, ${stateWords(each.state)}${each.valid_from ? ` from ${day(each.valid_from)}` : ""}`])];
   chosen.calibration = select(usual);
   chosen.map = h("input", { type: "checkbox", checked: true, id: "with-map" });
   const { measurement_options: options } = methodOf(chosen.campaign.method);
@@ -100,16 +100,16 @@ function offerSettings(versions) {
   chosen.formula = h("input", { type: "text", maxlength: 200, placeholder: "(nir - red) / (nir + red)" });
   chosen.bands = h("input", { type: "checkbox", id: "with-bands" });
   chosen.index = select([["", "Reflectance of the band"], ["radiance", "Radiance of the band"], ...document.querySelector("main").dataset.indices.split(" ").map((name) => [name, name.toUpperCase()])]);
-  chosen.conditions = statedPart(methodOf(chosen.campaign.method).conditions);
+  chosen.conditions = statedPart(methodOf(chosen.campaign.method).conditions.map((each) => ({ ...each, manual: `/docs/measuring#${options.includes("index") ? "maps" : each.name}` })));
   fill(
     settings,
     field("Calibration", chosen.calibration, null, about("MeasurementOptions", "calibration_id")),
     options.includes("reflectance") ? field("Reflectance ρ of the surface", chosen.number, "Optional.", about("MeasurementOptions", "reflectance")) : null,
     options.includes("index") ? field("Quantity", chosen.index, null, about("MeasurementOptions", "index")) : null,
-    options.includes("index") ? field("Formula", chosen.formula, "Another index of the capture’s bands: names of bands, numbers, + - * / ** and parentheses. Optional.") : null,
+    options.includes("index") ? field("Formula", chosen.formula, "Another index of the capture’s bands: names of bands, numbers, + - * / ** and parentheses. Optional.", "/docs/reflectance#maps-and-indices") : null,
     options.includes("incidence_angle_deg") ? field("Incidence angle [°]", chosen.number, "Optional.", about("MeasurementOptions", "incidence_angle_deg")) : null,
-    h("p", { class: "field" }, h("span", { class: "label" }, "Map"), h("span", { class: "check" }, chosen.map, h("label", { for: "with-map", class: "check" }, "of every pixel"))),
-    options.includes("index") ? h("p", { class: "field" }, h("span", { class: "label" }, "Bands"), h("span", { class: "check" }, chosen.bands, h("label", { for: "with-bands", class: "check" }, "all of the capture, aligned in one file"))) : null,
+    h("p", { class: "field" }, h("span", { class: "label-row" }, h("span", { class: "label" }, "Map"), manualLink("/docs/measuring#maps", "Map")), h("span", { class: "check" }, chosen.map, h("label", { for: "with-map", class: "check" }, "of every pixel"))),
+    options.includes("index") ? h("p", { class: "field" }, h("span", { class: "label-row" }, h("span", { class: "label" }, "Bands"), manualLink("/docs/measuring#maps", "Bands")), h("span", { class: "check" }, chosen.bands, h("label", { for: "with-bands", class: "check" }, "all of the capture, aligned in one file"))) : null,
     methodOf(chosen.campaign.method).conditions.length ? h("details", { class: "fold wide" }, h("summary", {}, options.includes("index") ? "Place on the ground" : "Light and surroundings"), chosen.conditions.element) : null,
   );
 }

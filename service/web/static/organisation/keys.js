@@ -2,6 +2,7 @@
 
 import { all, get, post, send } from "../api.js";
 import { ask } from "../ask.js";
+import { about, boxes } from "../campaign/forms.js";
 import { small } from "../causes.js";
 import { byId, fill, h, may, table, toast } from "../dom.js";
 import { ago, day, tag, time } from "../format.js";
@@ -64,7 +65,7 @@ async function make() {
       { name: "name", label: "Name", of: "NewKey", maxlength: 200 },
       { name: "expires_on", label: "Last day (UTC)", of: ["NewKey", "expires_at"], type: "date", value: inAYear, required: false, hint: "Empty: valid until it is revoked." },
     ],
-    after: h("fieldset", {}, h("legend", {}, "Permissions"), Object.entries(SCOPES).map(box)),
+    after: boxes("Permissions", about("NewKey", "scopes"), Object.entries(SCOPES).map(box)),
     submit: "Make key",
     action: ({ name, expires_on, ...ticked }) => {
       const scopes = Object.keys(SCOPES).filter((scope) => ticked[`scope-${scope}`]);

@@ -2,6 +2,7 @@
 
 import { all, get, patch, pathOf, post, send } from "../api.js";
 import { ask } from "../ask.js";
+import { about, boxes } from "../campaign/forms.js";
 import { small } from "../causes.js";
 import { byId, fill, h, may, table, toast } from "../dom.js";
 import { ago, counted, day, tag, time, words } from "../format.js";
@@ -61,7 +62,7 @@ const askFor = (title, submit, hook, action) =>
   ask({
     title,
     fields: [{ name: "url", label: "Address", type: "url", value: hook.url, of: "NewWebhook", maxlength: 1000 }],
-    after: h("fieldset", {}, h("legend", {}, "Events"), EVENTS.map((event) => h("label", { class: "check" }, h("input", { type: "checkbox", name: `event-${event}`, checked: hook.events.includes(event) }), eventName(event)))),
+    after: boxes("Events", about("NewWebhook", "events"), EVENTS.map((event) => h("label", { class: "check" }, h("input", { type: "checkbox", name: `event-${event}`, checked: hook.events.includes(event) }), eventName(event)))),
     submit,
     action: ({ url, ...ticked }) => action({ url, events: EVENTS.filter((event) => ticked[`event-${event}`]) }),
   });

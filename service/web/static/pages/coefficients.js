@@ -84,7 +84,7 @@ async function askMeasurement() {
   if (!timed.length) return toast("No measurement with this camera states when its frame was taken.");
   await ask({
     title: "A measurement",
-    fields: [{ name: "measurement", label: "Measurement", options: timed.map((each) => [each.id, `${each.filename}, ${written(Date.parse(each.taken_at))}`]) }],
+    fields: [{ name: "measurement", label: "Measurement", help: "Sets both times: when its frame was taken, and what was known when it was measured.", options: timed.map((each) => [each.id, `${each.filename}, ${written(Date.parse(each.taken_at))}`]) }],
     submit: "Take its times",
     action: ({ measurement }) => {
       const found = timed.find((each) => each.id === measurement);

@@ -1,4 +1,5 @@
 import { all, get, post } from "../api.js";
+import { boxes, field } from "../campaign/forms.js";
 import { byId, fill, h, table } from "../dom.js";
 import { cameraName, counted, number, quantity, tag } from "../format.js";
 import { named } from "../coefficients.js";
@@ -55,18 +56,17 @@ function form(models, rows) {
   model.addEventListener("change", offerMethod);
   method.addEventListener("change", choose);
   offerMethod();
-  const labelled = (id, name, ...control) => h("p", { class: "field" }, h("label", { for: id }, name), control);
   return h(
     "form",
     { class: "card", onsubmit: (event) => (event.preventDefault(), judge(event.target, button, method.value, tolerance)) },
     h(
       "div",
       { class: "fields" },
-      labelled("model", "Model", model),
-      labelled("method", "Method", method),
-      labelled("tolerance", ["Accepted deviation from the shared value [", unit, "]"], tolerance),
+      field("Model", model, null, "/docs/fleet#repeats"),
+      field("Method", method, null, "/docs/fleet#the-model"),
+      field(["Accepted deviation from the shared value [", unit, "]"], tolerance, null, "/docs/fleet#tolerance-and-cost"),
     ),
-    h("fieldset", {}, h("legend", {}, "Cameras"), members, said),
+    boxes("Cameras", "Those without a published version of the method cannot be compared.", members, said),
     h("div", { class: "actions" }, button),
   );
 }
