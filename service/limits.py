@@ -3,10 +3,11 @@
 import re
 from typing import Final
 
+from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from radiometry.findings import interface
-from service.problems import Problem, RefusedBody
+from service.problems import Problem, RefusedBody, answer
 
 MAX_BODY_BYTES: Final = 4 << 20
 _UPLOADS = re.compile(r"/v1/campaigns/[^/]+/frames|/v1/uploads(/upl_[^/]+)?")
@@ -18,16 +19,26 @@ def is_upload(path: str) -> bool:
 
 
 class BodyLimit:
-    """Refuses a body above MAX_BODY_BYTES as soon as that is known; uploads have a limit of their own."""
+    """Refuses a body above MAX_BODY_BYTES as soon as that is known, and one that is compressed.
+
+    Uploads have a limit of their own.
+    """
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http" or is_upload(scope["path"]):
+        if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        announced = dict(scope["headers"]).get(b"content-length", b"")
+        headers = Headers(scope=scope)
+        if headers.get("content-encoding", "identity").strip().lower() != "identity":
+            await answer(_encoded())(scope, receive, send)
+            return
+        if is_upload(scope["path"]):
+            await self._app(scope, receive, send)
+            return
+        announced = headers.get("content-length", "")
         read = 0
 
         async def limited() -> Message:
@@ -46,3 +57,8 @@ class BodyLimit:
 def _too_large() -> RefusedBody:
     detail = f"The body may have at most {MAX_BODY_BYTES} bytes here. Send it in parts."
     return RefusedBody(Problem(interface.UPLOAD_TOO_LARGE, detail))
+
+
+def _encoded() -> Problem:
+    detail = "The body is compressed. Send it as it is, without Content-Encoding."
+    return Problem(interface.CONTENT_ENCODED, detail, headers={"Accept-Encoding": "identity"})

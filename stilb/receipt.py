@@ -4,6 +4,8 @@ import base64
 import hashlib
 import json
 import re
+import unicodedata
+from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -85,15 +87,19 @@ def verify_receipt(signed: Mapping[str, Any], public_keys: list[str]) -> dict[st
 
 def compare_card(receipt: Mapping[str, Any], folder: Path) -> list[str]:
     """Return how a folder differs from a receipt: what would be lost if it were deleted."""
-    listed = {file["name"]: file for file in receipt["files"]}
+    # a copy on another system may put the same letters together in another way
+    listed = defaultdict[str, set[str]](set)
+    for each in receipt["files"]:
+        listed[unicodedata.normalize("NFC", each["name"])].add(each["sha256"])
     found = []
     for path in list_files(folder):
         name = plain_name(path.relative_to(folder).as_posix())
-        if name not in listed:
+        hashes = listed.get(unicodedata.normalize("NFC", name))
+        if hashes is None:
             found.append(f"{name}: not in the receipt")
             continue
         with path.open("rb") as file:
-            if hashlib.file_digest(file, "sha256").hexdigest() != listed[name]["sha256"]:
+            if hashlib.file_digest(file, "sha256").hexdigest() not in hashes:
                 found.append(f"{name}: not the file of the receipt")
     return found
 

@@ -249,6 +249,7 @@ class _Tally:
         # A file that has gone is the matter of whoever opens it.
         self._bytes_total = sum(path.stat().st_size for path in self._paths if path.exists())
         self._sent = [0] * len(uploads)
+        self._bytes_sent = 0
         self._files_done = 0
 
     def file(self, index: int) -> "_FileCount":
@@ -256,6 +257,7 @@ class _Tally:
 
     def set_sent(self, index: int, count: int) -> None:
         with self._lock:
+            self._bytes_sent += count - self._sent[index]
             self._sent[index] = count
             self._report(index)
 
@@ -272,7 +274,7 @@ class _Tally:
                 filename=self._paths[index].name,
                 files_done=self._files_done,
                 files_total=len(self._paths),
-                bytes_sent=sum(self._sent),
+                bytes_sent=self._bytes_sent,
                 bytes_total=self._bytes_total,
             )
         )

@@ -16,7 +16,7 @@ from radiometry.findings import interface
 from store.columns import utc_now
 from store.jobs import IS_QUEUED, update_where
 from store.tables import Job
-from store.webhooks import announce
+from store.webhooks import announce, mend_due
 
 QUARANTINE_AFTER = 3
 FURTHEST_DUE = timedelta(minutes=5)
@@ -53,6 +53,7 @@ def mend_times(session: Session, *, lease_s: float, jumped: bool) -> None:
     too_long = true() if jumped else Job.lease_until > now + LEASES_AHEAD * lease
     session.execute(update(Job).where(Job.state == "running", too_long).values(lease_until=now + lease))
     session.execute(update(Job).where(IS_QUEUED, Job.due_at > now + FURTHEST_DUE).values(due_at=now))
+    mend_due(session)
 
 
 def sweep(session: Session) -> int:

@@ -3,7 +3,7 @@
 from datetime import timedelta
 from typing import Any, Final, Literal
 
-from sqlalchemy import CursorResult, delete, func, select, update
+from sqlalchemy import CursorResult, delete, func, or_, select, update
 from sqlalchemy.orm import Session
 
 from store.columns import utc_now
@@ -75,6 +75,18 @@ def claim_due(session: Session, *, without: set[str], limit: int) -> list[tuple[
             delivery = session.get_one(WebhookDelivery, delivery_id, populate_existing=True)
             claimed.append((delivery, session.get_one(Webhook, delivery.webhook_id)))
     return claimed
+
+
+def mend_due(session: Session) -> None:
+    """Send what was queued before the clock was set back, and would wait longer than any rule says."""
+    now, count = utc_now(), WebhookDelivery.attempts
+    late = or_(
+        *(
+            (count == attempts) & (WebhookDelivery.due_at > now + max(pause, _LEASE))
+            for attempts, pause in enumerate((timedelta(0), *PAUSES))
+        )
+    )
+    session.execute(update(WebhookDelivery).where(WebhookDelivery.state == "queued", late).values(due_at=now))
 
 
 def note_outcome(session: Session, delivery_id: str, *, status: int | None, error: str | None) -> None:

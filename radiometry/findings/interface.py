@@ -175,6 +175,13 @@ UPLOAD_TYPE = _refusal(
     "`application/partial-upload` (IETF).",
     "Send that `Content-Type`.",
 )
+CONTENT_ENCODED = _refusal(
+    415,
+    "content_encoded",
+    "The body is compressed (`Content-Encoding`). A file is stored as it is sent, and its hash is that of "
+    "the file itself.",
+    "Send the body as it is, without `Content-Encoding`.",
+)
 TOO_MANY_UPLOADS = _refusal(
     429,
     "too_many_uploads",

@@ -3,8 +3,10 @@
 import inspect
 import re
 import types
+import unicodedata
 from collections.abc import Mapping
 from datetime import date, datetime
+from functools import partial
 from typing import (
     TYPE_CHECKING,
     Annotated,
@@ -42,8 +44,12 @@ from radiometry.methods import METHODS
 from radiometry.specification.roles import ROLES
 from service.messages import SHA256
 
+COMPOSED: Final = AfterValidator(partial(unicodedata.normalize, "NFC"))
+"""A name is the same however its letters are put together: macOS writes an accent apart, keyboards do not."""
 # a NUL cannot be stored in PostgreSQL, and no honest name holds a control character
-Text = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f-\x9f]+$")]
+Text = Annotated[
+    str, StringConstraints(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f-\x9f]+$"), COMPOSED
+]
 LongText = Annotated[
     str, StringConstraints(min_length=1, max_length=10_000, pattern=r"^[^\x00-\x08\x0b-\x1f\x7f-\x9f]+$")
 ]
@@ -51,7 +57,7 @@ CurveText = Annotated[
     str, StringConstraints(min_length=1, max_length=50_000, pattern=r"^[^\x00-\x08\x0b-\x1f\x7f-\x9f]+$")
 ]
 """A name, or a table of several lines, each ending in a line feed."""
-Clearable = Annotated[str, StringConstraints(max_length=200, pattern=r"^[^\x00-\x1f\x7f-\x9f]*$")]
+Clearable = Annotated[str, StringConstraints(max_length=200, pattern=r"^[^\x00-\x1f\x7f-\x9f]*$"), COMPOSED]
 ClearableLong = Annotated[
     str, StringConstraints(max_length=10_000, pattern=r"^[^\x00-\x08\x0b-\x1f\x7f-\x9f]*$")
 ]

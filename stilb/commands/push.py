@@ -68,9 +68,8 @@ def push(  # noqa: PLR0913  each is an option
     found = _wait_for_service(output, find, every_s=every) if watch else find()
     list_files, campaign_id = _lister(folder, role, scene, night=found.kind == "measurement"), found.id
     if watch:
-        follow(
-            output, folder, campaign_id, lambda: list_files()[0], every_s=every, wait=wait, receipt=receipt
-        )
+        found_files = partial(_list_or_note, output, list_files)
+        follow(output, folder, campaign_id, found_files, every_s=every, wait=wait, receipt=receipt)
         return
     files, left_out = list_files()
     if not files:
@@ -155,6 +154,17 @@ def follow(
                 output, folder, campaign_id, files, wait=wait, receipt=receipt, attest=not unsent
             )
         finish(output, replace(report, files=report.files + told, sent=total + report.sent))
+
+
+def _list_or_note(
+    output: Output, list_files: Callable[[], tuple[list[FieldFile], list[str]]]
+) -> list[FieldFile]:
+    """Return the files of a folder; none while it cannot be read, as a card that was pulled out."""
+    try:
+        return list_files()[0]
+    except OSError as error:
+        output.note(f"{error.strerror or error}: {error.filename}; the folder is looked at again")
+        return []
 
 
 def _wait_for_service(output: Output, find: Callable[[], Campaign], *, every_s: float) -> Campaign:

@@ -1,6 +1,7 @@
 """Which files of a folder are frames, and what each is to its campaign."""
 
 import re
+import unicodedata
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -32,15 +33,16 @@ class Rule:
 
     def match(self, name: str) -> "dict[str, str] | None":
         """Return what the name states, or None where the rule does not concern it."""
+        name = _compose(name)
         own = name.rpartition("/")[2].casefold()
-        if not (self.first or "").casefold() <= own:
+        if not _compose(self.first or "").casefold() <= own:
             return None
-        if self.last is not None and own > self.last.casefold():
+        if self.last is not None and own > _compose(self.last).casefold():
             return None
         if self.pattern is None:
             return {} if is_raw(name) else None
         subject = name if "/" in self.pattern else own
-        found = re.fullmatch(_regular(self.pattern), subject, re.IGNORECASE)
+        found = re.fullmatch(_regular(_compose(self.pattern)), subject, re.IGNORECASE)
         return None if found is None else found.groupdict()
 
 
@@ -100,6 +102,11 @@ def _judge(path: Path, name: str, rules: Sequence[Rule]) -> FieldFile | None:
             scene = rule.scene or said.get("scene")
             return FieldFile(path=path, name=name, role=rule.role, scene=scene, details=rule.details)
     return None
+
+
+def _compose(name: str) -> str:
+    """Return a name as keyboards write it: macOS writes an accent apart from its letter."""
+    return unicodedata.normalize("NFC", name)
 
 
 def _regular(pattern: str) -> str:

@@ -1,6 +1,8 @@
 """What is wrong with a request is said by field, as a problem, in words."""
 
+import gzip
 import json
+import unicodedata
 
 import pytest
 
@@ -148,6 +150,24 @@ def test_a_huge_body_is_refused(house, announced):
         content = body if announced else iter([body[:1000], body[1000:]])
         answer = house.http.post(path, content=content, headers={"Content-Type": "application/json"})
         assert (answer.status_code, answer.json()["code"]) == (413, "upload_too_large")
+
+
+def test_compressed_bodies_are_refused_by_name(house):
+    campaign = house.campaign()["id"]
+    for path in ("/v1/cameras", "/v1/uploads", f"/v1/campaigns/{campaign}/frames?role=dark"):
+        headers = {"Content-Encoding": "gzip", "Content-Type": "application/octet-stream"}
+        answer = house.http.post(path, content=gzip.compress(b"{}"), headers=headers)
+        assert (answer.status_code, answer.json()["code"]) == (415, "content_encoded")
+        assert answer.headers["Accept-Encoding"] == "identity"
+    plain = {"Content-Encoding": "identity"}
+    assert house.http.post("/v1/cameras", json=CAMERA, headers=plain).status_code in {200, 201}
+
+
+def test_names_are_the_same_however_their_letters_are_put_together(house):
+    apart = unicodedata.normalize("NFD", "Dämmerung")
+    campaign = house.campaign()
+    frame = house.upload(campaign, b"of a Mac", role="light", scene=apart)
+    assert frame["scene"] == unicodedata.normalize("NFC", apart)
 
 
 def test_an_unknown_address_and_a_wrong_method(house):

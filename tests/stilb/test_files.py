@@ -2,12 +2,14 @@
 
 import hashlib
 import os
+import unicodedata
 
 import pytest
 
 from stilb.field.files import USUAL_RULES, Rule, sort_files
 from stilb.field.journal import Journal
 from stilb.field.watch import Watch
+from stilb.receipt import compare_card
 
 
 def lay(folder, *names):
@@ -33,6 +35,26 @@ def test_the_usual_folders(tmp_path):
         "field/c.DNG": ("field", None),
     }
     assert left_out == ["level-1/deep/d.DNG", "top.DNG"]
+
+
+def test_letters_put_together_in_two_ways_are_the_same(tmp_path):
+    """macOS writes an accent apart from its letter, keyboards and other systems do not."""
+    lay(tmp_path, *(unicodedata.normalize("NFD", name) for name in ("dunkel/Küste 1.DNG", "Dämmerung/a.DNG")))
+    rules = Rule(role="dark", pattern="küste*"), Rule(role="light", pattern="{scene}/*")
+    found, left_out = said(tmp_path, *rules)
+    assert (sorted(found.values(), key=str), left_out) == ([("dark", None), ("light", "Dämmerung")], [])
+    receipt = {
+        "files": [{"name": name, "sha256": hashlib.sha256(name.encode()).hexdigest()} for name in found]
+    }
+    for file in receipt["files"]:
+        file["name"] = unicodedata.normalize("NFC", file["name"])
+    assert compare_card(receipt, tmp_path) == []
+    assert (
+        Rule(role="dark", first="Küste 1.DNG", last=unicodedata.normalize("NFD", "Küste 1.DNG")).match(
+            unicodedata.normalize("NFD", "Küste 1.DNG")
+        )
+        == {}
+    )
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """A push sends what is missing, goes on where it was, and tells what became of each file."""
 
+import errno
 import hashlib
 import signal
 import subprocess
@@ -299,6 +300,24 @@ def test_a_network_that_is_lost_while_watching_comes_back(signed_in, campaign, c
     assert ended.err.count("waiting for the service, stop with Ctrl-C") == 1
     assert "these files are sent again at the next check" in ended.err
     assert (ended.code, ended.json["received"], ended.json["sent"]) == (Exit.DONE, 10, 10)
+
+
+def test_a_watch_survives_a_card_that_is_pulled_out(signed_in, card, campaign, monkeypatch):
+    """Of a card that is loose the system reads nothing; the next look finds it again."""
+    sort, looks = commands.sort_files, []
+
+    def loose(*given, **more):
+        looks.append(1)
+        if len(looks) == 2:
+            raise OSError(errno.EIO, "Input/output error", str(card))
+        return sort(*given, **more)
+
+    moments = iter([*[lambda: None] * 5, _end])
+    monkeypatch.setattr(commands, "sleep", lambda _: next(moments)())
+    monkeypatch.setattr(commands, "sort_files", loose)
+    ended = signed_in("push", card / "dark", "--campaign", campaign.id, "--role", "dark", "--watch", "--json")
+    assert f"Input/output error: {card}; the folder is looked at again" in ended.err
+    assert (ended.code, ended.json["received"]) == (Exit.DONE, 2)
 
 
 def test_a_watch_that_ends_without_a_network_tells_what_was_not_sent(signed_in, card, campaign, monkeypatch):
