@@ -26,7 +26,7 @@ def main(scale: Scale | None = None) -> int:
             *reflectance.run(scale),
             *_serve(scale),
             *crowd.run(scale, postgres),
-            *lookups.run(scale),
+            *lookups.run(scale, postgres),
             *workers.run(scale, postgres),
             *start.run(scale),
         ]

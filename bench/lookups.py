@@ -26,6 +26,7 @@ from bench.subject import Scale
 from bench.timing import Ratio, Seconds, compare, take_turns
 from bench.upload import KEY, Service, serving
 from store.database import Database
+from tests.support.postgres import PostgresServer
 
 BARE, OURS = "a bare FastAPI route, the same JSON", "look-ups of coefficients in force"
 UNCHANGED = "look-ups with If-None-Match (304)"
@@ -35,11 +36,10 @@ _GROWTH_MB = 30.0
 _HEADERS = {"Authorization": f"Bearer {KEY}"}
 
 
-def run(scale: Scale) -> list[bool]:
-    """Measure on SQLite, and on the empty PostgreSQL database that BENCH_POSTGRES names."""
-    url = os.environ.get("BENCH_POSTGRES")
-    verdicts = _measure(scale, None)
-    return [*verdicts, *(_measure(scale, url) if url else [])]
+def run(scale: Scale, postgres: PostgresServer) -> list[bool]:
+    """Measure on SQLite, and on PostgreSQL: the empty database that BENCH_POSTGRES names, else a new one."""
+    url = os.environ.get("BENCH_POSTGRES") or postgres.new_database()
+    return [*_measure(scale, None), *_measure(scale, url)]
 
 
 def _measure(scale: Scale, url: str | None) -> list[bool]:

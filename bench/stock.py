@@ -7,7 +7,7 @@ from datetime import UTC, datetime, timedelta
 from itertools import islice
 from typing import Any
 
-from sqlalchemy import insert
+from sqlalchemy import insert, text
 from sqlalchemy.orm import Session
 
 from bench.subject import CAMERA
@@ -53,12 +53,15 @@ def fill(database: Database, *, coefficients: int, measurements: int, first: int
         rows = (_measurement(organisation, first, number) for number in range(measurements))
         _insert(session, Measurement, rows)
         write_missing(session)
+        if not database.is_sqlite:
+            # a service's own server does this by itself
+            session.execute(text("ANALYZE"))
     return [f"cam_{camera}" for camera in cameras]
 
 
 def _insert(session: Session, table: type[Base], rows: Iterator[Row]) -> None:
     while page := list(islice(rows, _PAGE)):
-        session.execute(insert(table), page)
+        session.execute(insert(table.__table__), page)
 
 
 def _cameras(organisation: str, camera: int) -> Iterator[Row]:

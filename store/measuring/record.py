@@ -6,16 +6,16 @@ from dataclasses import dataclass
 from importlib.metadata import version as package_version
 from typing import Any
 
-from sqlalchemy import select
+from sqlalchemy import insert, select
 from sqlalchemy.orm import Session
 
 from radiometry.frame.roi import Polygon
 from store.blobs import StoredBlob
 from store.columns import new_id
 from store.files import keep_blob
-from store.ready.measurements import write_measured
+from store.ready.measurements import make_measured
 from store.software import MEASURER, read_version
-from store.tables import Blob, Calibration, Campaign, FrameRow, Measurement
+from store.tables import Blob, Calibration, Camera, Campaign, FrameRow, MeasuredRow, Measurement
 
 RESULT_SCHEMA = 1
 
@@ -94,8 +94,8 @@ def write_measurement(
     )
     session.add(measurement)
     session.flush()
-    write_measured(session, measurement, frame, calibration)
-    session.flush()
+    camera = session.get_one(Camera, calibration.camera_id)
+    session.execute(insert(MeasuredRow), [make_measured(measurement, frame, calibration, camera)])
     return measurement
 
 

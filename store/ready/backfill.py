@@ -1,13 +1,13 @@
 """Ready rows of what was published and measured before there were any."""
 
-from sqlalchemy import select
+from sqlalchemy import insert, select
 from sqlalchemy.orm import Session
 
-from store.ready.measurements import write_measured
+from store.ready.measurements import make_measured
 from store.ready.publications import write_ready
-from store.tables import Calibration, FrameRow, MeasuredRow, Measurement, Publication, ReadyRow
+from store.tables import Calibration, Camera, FrameRow, MeasuredRow, Measurement, Publication, ReadyRow
 
-_PAGE = 100
+_PAGE = 500
 
 
 def write_missing(session: Session) -> None:
@@ -25,9 +25,10 @@ def write_missing(session: Session) -> None:
         write_ready(session, rows)
         session.expunge_all()
     unmeasured = (
-        select(Measurement, FrameRow, Calibration)
+        select(Measurement, FrameRow, Calibration, Camera)
         .join(FrameRow, FrameRow.id == Measurement.frame_id)
         .join(Calibration, Calibration.id == Measurement.calibration_id)
+        .join(Camera, Camera.id == Calibration.camera_id)
         .outerjoin(MeasuredRow, MeasuredRow.measurement_id == Measurement.id)
         .where(MeasuredRow.measurement_id.is_(None))
         .order_by(Measurement.id)
@@ -36,7 +37,5 @@ def write_missing(session: Session) -> None:
     last = ""
     while found := session.execute(unmeasured.where(Measurement.id > last)).all():
         last = found[-1][0].id
-        for measurement, frame, calibration in found:
-            write_measured(session, measurement, frame, calibration)
-        session.flush()
+        session.execute(insert(MeasuredRow), [make_measured(*row) for row in found])
         session.expunge_all()

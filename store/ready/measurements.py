@@ -5,13 +5,11 @@ import io
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from sqlalchemy.orm import Session
-
 from radiometry.methods import get_method
 from radiometry.specification.application import PictureApplication, SurfaceApplication
 from store.queries.frames import read_time
 from store.ready.publications import write_instant
-from store.tables import Calibration, Camera, FrameRow, MeasuredRow, Measurement
+from store.tables import Calibration, Camera, FrameRow, Measurement
 
 _FIGURES = {
     "mean": "cd_m2",
@@ -66,27 +64,28 @@ STATE, FLAGS = COLUMNS.index("calibration_state"), COLUMNS.index("flags")
 """Columns that decisions change: the state is empty in a stored row, and the flags lack those of it."""
 
 
-def write_measured(session: Session, row: Measurement, frame: FrameRow, calibration: Calibration) -> None:
-    """Write the row of a new measurement."""
-    spec, camera = get_method(row.method), session.get_one(Camera, calibration.camera_id)
+def make_measured(
+    row: Measurement, frame: FrameRow, calibration: Calibration, camera: Camera
+) -> dict[str, Any]:
+    """Return the columns of a measurement's row."""
+    spec = get_method(row.method)
     taken = read_time(frame) if (frame.header or {}).get("taken_at") is not None else None
     named = row.parameters.get(spec.corrected_by) if spec.corrected_by else None
     cells = _describe(row, frame, calibration, camera)
     record = io.StringIO()
     csv.writer(record, lineterminator="").writerow([_write_cell(name, cells.get(name)) for name in COLUMNS])
-    measured = MeasuredRow(
-        measurement_id=row.id,
-        organisation_id=row.organisation_id,
-        camera_id=camera.id,
-        campaign_id=row.campaign_id,
-        calibration_id=row.calibration_id,
-        corrector_id=named["calibration_id"] if named else None,
-        taken_from=taken[0] if taken else row.created_at,
-        taken_to=taken[1] if taken else None,
-        created_at=row.created_at,
-        cells=record.getvalue(),
-    )
-    session.add(measured)
+    return {
+        "measurement_id": row.id,
+        "organisation_id": row.organisation_id,
+        "camera_id": camera.id,
+        "campaign_id": row.campaign_id,
+        "calibration_id": row.calibration_id,
+        "corrector_id": named["calibration_id"] if named else None,
+        "taken_from": taken[0] if taken else row.created_at,
+        "taken_to": taken[1] if taken else None,
+        "created_at": row.created_at,
+        "cells": record.getvalue(),
+    }
 
 
 def _describe(row: Measurement, frame: FrameRow, calibration: Calibration, camera: Camera) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from pydantic_core import to_json
-from sqlalchemy import select, update
+from sqlalchemy import insert, select, update
 from sqlalchemy.orm import Session
 
 from radiometry.methods import get_method
@@ -41,30 +41,30 @@ def write_ready(session: Session, publications: list[Publication]) -> None:
     owned = select(CoefficientRow).where(CoefficientRow.calibration_id.in_(ids))
     for each in session.scalars(owned.order_by(CoefficientRow.position)):
         coefficients[each.calibration_id].append(each)
+    ready, answers = [], []
     for row in publications:
-        calibration = versions[row.calibration_id]
-        session.add(
-            ReadyRow(
-                publication_id=row.id,
-                slot_id=row.slot_id,
-                organisation_id=calibration.organisation_id,
-                camera_id=calibration.camera_id,
-                campaign_id=calibration.campaign_id,
-                method=calibration.method,
-                calibration_id=calibration.id,
-                version=calibration.version,
-                computed_at=calibration.created_at,
-                valid_from=row.valid_from,
-                valid_to=row.valid_to,
-                known_from=row.known_from,
-                known_to=row.known_to,
-                coefficients=len(coefficients[calibration.id]),
-            )
+        calibration, mine = versions[row.calibration_id], coefficients[row.calibration_id]
+        ready.append(
+            {
+                "publication_id": row.id,
+                "slot_id": row.slot_id,
+                "organisation_id": calibration.organisation_id,
+                "camera_id": calibration.camera_id,
+                "campaign_id": calibration.campaign_id,
+                "method": calibration.method,
+                "calibration_id": calibration.id,
+                "version": calibration.version,
+                "computed_at": calibration.created_at,
+                "valid_from": row.valid_from,
+                "valid_to": row.valid_to,
+                "known_from": row.known_from,
+                "known_to": row.known_to,
+                "coefficients": len(mine),
+            }
         )
-    session.flush()
-    for row in publications:
-        session.add(_write_answer(row, versions[row.calibration_id], coefficients[row.calibration_id]))
-    session.flush()
+        answers.append(_write_answer(row, calibration, mine))
+    session.execute(insert(ReadyRow), ready)
+    session.execute(insert(ReadyAnswer), answers)
 
 
 def close_ready(session: Session, publication: Publication) -> None:
@@ -75,7 +75,7 @@ def close_ready(session: Session, publication: Publication) -> None:
 
 def _write_answer(
     publication: Publication, calibration: Calibration, coefficients: list[CoefficientRow]
-) -> ReadyAnswer:
+) -> dict[str, Any]:
     why = (
         f"{describe_validity(calibration.version, publication)}, known since "
         f"{show_instant(publication.known_from)}: {publication.reason}"
@@ -97,13 +97,13 @@ def _write_answer(
     content = to_json(items)
     foreseen = _foresee(calibration, coefficients)
     general = {key_of(item) for item in items if "f_number" not in item}
-    return ReadyAnswer(
-        publication_id=publication.id,
-        etag=hashlib.sha256(content + (foreseen or "").encode()).hexdigest()[:32],
-        whole=not any("f_number" in item and key_of(item) in general for item in items),
-        foreseen=foreseen,
-        items=content,
-    )
+    return {
+        "publication_id": publication.id,
+        "etag": hashlib.sha256(content + (foreseen or "").encode()).hexdigest()[:32],
+        "whole": not any("f_number" in item and key_of(item) in general for item in items),
+        "foreseen": foreseen,
+        "items": content,
+    }
 
 
 def key_of(item: dict[str, Any]) -> tuple[object, ...]:

@@ -23,7 +23,7 @@ TINY = Scale(
     frames=30,
     grown=20,
     certificates=1,
-    coefficients=1_000,
+    coefficients=200,
     measurements=20,
     lookups=20,
     starts=1,
@@ -55,7 +55,7 @@ def test_every_benchmark_runs_and_leaves_nothing_behind(short_folder, monkeypatc
     before = family(1)
     assert main(TINY) == 0
     told = capfd.readouterr().out
-    targets = (15 if pages.find_chromium() is None else 16) + 32
+    targets = (15 if pages.find_chromium() is None else 16) + 51
     assert told.count("target:") == targets
     assert f"{targets} targets, " in told
     assert "MB more over" in told
