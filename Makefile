@@ -3,12 +3,13 @@
 PYTHON ?= python3
 VENV := .venv
 CLIENTS := tests/flow/test_generated_clients.py
+CONSUMERS := tests/flow/test_consumers.py
 BIN := $(VENV)/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 # an image may forbid it: each process would then compile every module again, and `make up` take twice as long
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: help demo up test clients quick faults chromium audit export verify verify-backup lint format fuzz bench docs architecture tables api pictures examples release wheels lock clean
+.PHONY: help demo up test clients consumers quick faults chromium audit export verify verify-backup lint format fuzz bench docs architecture tables api pictures examples release wheels lock clean
 
 help:  ## what can be made
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 15
@@ -20,11 +21,14 @@ up: $(VENV)/run  ## the whole service in the foreground, on ./stilb-data
 	@exec python -m service.up
 
 test quick: export OPENBLAS_NUM_THREADS = 1
-test: $(VENV)/dev chromium  ## every test but those of clients, on SQLite and on PostgreSQL (FILE="tests/radiometry -k gls" runs some)
-	@$(if $(FILE),pytest -q $(FILE),pytest -q -n $$(($$(nproc) + 2)) --maxprocesses 8 --dist worksteal --ignore $(CLIENTS))
+test: $(VENV)/dev chromium  ## every test but those of clients and consumers, on SQLite and on PostgreSQL (FILE="tests/radiometry -k gls" runs some)
+	@$(if $(FILE),pytest -q $(FILE),pytest -q -n $$(($$(nproc) + 2)) --maxprocesses 8 --dist worksteal --ignore $(CLIENTS) --ignore $(CONSUMERS))
 
 clients: $(VENV)/dev  ## the clients that generators make of the OpenAPI document: each is built, typed and calibrates
 	@pytest -q $(CLIENTS)
+
+consumers: $(VENV)/dev  ## the programs that others use read back what the service writes (1.3 GB; WRITE=1 publishes)
+	@WRITE="$(WRITE)" pytest -q $(CONSUMERS)
 
 quick: lint  ## what a change needs in a minute: lint, types, and the tests of the science and of single units
 	@pytest -q -m "unit and not slow" -n $$(nproc) --maxprocesses 8 --dist worksteal
@@ -98,6 +102,7 @@ lock: $(VENV)/uv  ## resolve the dependencies again, with hashes; needs npm
 	uv pip compile -q -U --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 --extra server pyproject.toml -o requirements.lock
 	uv pip compile -q -U --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 --extra dev --extra otel -c requirements.lock pyproject.toml -o requirements-dev.lock
 	echo openapi-python-client | uv pip compile -q -U --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 - -o tests/flow/clients/requirements.lock
+	uv pip compile -q -U --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 --overrides tests/flow/consumers/overrides.txt --no-emit-package gdal tests/flow/consumers/requirements.in -o tests/flow/consumers/requirements.lock
 	npm --prefix tests/flow/clients update --package-lock-only --omit-lockfile-registry-resolved --no-audit --no-fund
 
 clean:  ## forget the environment

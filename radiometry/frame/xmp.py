@@ -12,7 +12,7 @@ _NAMESPACES: Final = {
 
 
 def write_sidecar(properties: Mapping[str, str | Sequence[float]], *, description: str) -> str:
-    """Write a sidecar that `exiftool -tagsFromFile` copies into an image.
+    """Write a sidecar, which is also the packet that an image holds.
 
     Parameters
     ----------

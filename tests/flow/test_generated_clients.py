@@ -33,10 +33,10 @@ def install(lock, *commands):
     folder = TOOLS / f"{lock.stem}-{hashlib.sha256(lock.read_bytes()).hexdigest()[:16]}"
     if not (folder / "complete").exists():
         shutil.rmtree(folder, ignore_errors=True)
-        shutil.copytree(LOCKS, folder)
+        shutil.copytree(lock.parent, folder)
         for command in commands:
             done = subprocess.run(
-                command, check=False, cwd=folder, capture_output=True, text=True, timeout=200
+                command, check=False, cwd=folder, capture_output=True, text=True, timeout=600
             )
             if done.returncode and OUT_OF_REACH.search(done.stderr):
                 pytest.skip(f"{command[0]} does not reach its registry: {done.stderr[-300:]}")

@@ -1,0 +1,233 @@
+"""Read what the service wrote with the programs that it is written for: `python read.py PART FOLDER`.
+
+Runs in an environment of those programs. Prints a list of rows: the program with its
+version, the file, what is compared, the largest deviation and its unit.
+"""
+
+import json
+import shutil
+import subprocess
+import sys
+import warnings
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+ROWS = []
+STILL = np.zeros(3)
+
+
+def add(program, file, compared, deviation, unit=""):
+    ROWS.append([program, file, compared, float(deviation), unit])
+
+
+def largest(found, wanted):
+    return np.abs(np.asarray(found, float) - np.asarray(wanted, float)).max()
+
+
+def load_camera(folder):
+    stated = json.loads((folder / "camera.json").read_text())
+    values = {name: each["value"] for name, each in stated["parameters"].items()}
+    size = stated["image_width_px"], stated["image_height_px"]
+    matrix = np.array(
+        [[values["fx_px"], 0, values["cx_px"]], [0, values["fy_px"], values["cy_px"]], [0, 0, 1.0]]
+    )
+    return size, matrix, np.array([values[name] for name in ("k1", "k2", "p1", "p2", "k3")])
+
+
+def geometry(folder):
+    import cv2
+
+    (width, height), matrix, distortion = load_camera(folder)
+    lattice = np.stack(np.meshgrid(np.linspace(0, width - 1, 25), np.linspace(0, height - 1, 19)), -1)
+    places = lattice.reshape(-1, 1, 2)
+    stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 200, 1e-14)
+    directions = cv2.undistortPointsIter(places, matrix, distortion, None, None, stop)[:, 0]
+    spatial = np.column_stack([directions, np.ones(len(directions))])
+    seen = cv2.projectPoints(spatial, STILL, STILL, matrix, distortion)[0][:, 0]
+
+    storage = cv2.FileStorage(str(folder / "opencv.yaml"), cv2.FILE_STORAGE_READ)
+    read = [storage.getNode(name).mat() for name in ("camera_matrix", "distortion_coefficients")]
+    off = max(largest(read[0], matrix), largest(read[1][0], distortion))
+    add(f"OpenCV {cv2.__version__}, FileStorage", "opencv.yaml", "matrix and coefficients", off)
+    colmap(folder, spatial, seen)
+    opendronemap(folder, spatial, seen)
+    ros(folder, matrix, distortion)
+
+
+def colmap(folder, spatial, seen):
+    import pycolmap
+
+    model = folder / "colmap"
+    model.mkdir(exist_ok=True)
+    shutil.copy(folder / "cameras.txt", model)
+    for name in ("images.txt", "points3D.txt", "rigs.txt", "frames.txt"):
+        (model / name).touch()
+    reconstruction = pycolmap.Reconstruction()
+    reconstruction.read_text(str(model))
+    (camera,) = reconstruction.cameras.values()
+    # the centre of the first pixel is at (0.5, 0.5)
+    found = np.array(camera.img_from_cam(spatial)) - 0.5
+    program = f"COLMAP, pycolmap {version('pycolmap')}"
+    add(program, "cameras.txt", "475 points, projected by COLMAP", largest(found, seen), "px")
+
+
+def opendronemap(folder, spatial, seen):
+    from orthority import camera as cameras
+    from orthority import param_io
+
+    ((_, stated),) = param_io.read_osfm_int_param(folder / "cameras.json").items()
+    camera = cameras.create_camera(stated.pop("cam_type"), **stated, xyz=(0, 0, 0), opk=(0, 0, 0))
+    # a camera without rotation looks down, with y up
+    found = camera.world_to_pixel((spatial * (1, -1, -1)).T).T
+    program = f"OpenDroneMap's model, orthority {version('orthority')}"
+    add(program, "cameras.json", "475 points, projected by orthority", largest(found, seen), "px")
+
+
+def ros(folder, matrix, distortion):
+    code = (
+        "import json, sys; from camera_calibration_parsers import readCalibration; "
+        "name, info = readCalibration(sys.argv[1]); "
+        "print(json.dumps([list(info.k if hasattr(info, 'k') else info.K),"
+        " list(info.d if hasattr(info, 'd') else info.D)]))"
+    )
+    python = shutil.which("python3", path="/usr/bin")
+    done = python and subprocess.run(
+        [python, "-c", code, str(folder / "ros.yaml")], check=False, capture_output=True, text=True
+    )
+    if not done or "No module named" in done.stderr:
+        add("ROS, camera_calibration_parsers", "ros.yaml", "not installed here: not read", np.nan)
+        return
+    assert done.returncode == 0, done.stderr
+    k, d = json.loads(done.stdout.splitlines()[-1])
+    off = max(largest(k, matrix.ravel()), largest(d, distortion))
+    add("ROS, camera_calibration_parsers", "ros.yaml", "matrix and coefficients", off)
+
+
+def sidecars(folder):
+    if not shutil.which("exiftool"):
+        add("MicaSense's library", "geometry.xmp, vignetting.xmp", "exiftool is not here: not read", np.nan)
+        return
+    import cv2
+    import micasense.image
+
+    _, matrix, distortion = load_camera(folder)
+    pitch_um = json.loads((folder / "camera.json").read_text())["pixel_pitch_um"]
+    gains = cv2.imread(str(folder / "correction.tif"), cv2.IMREAD_UNCHANGED)
+    read = micasense.image.Image.__new__(micasense.image.Image)
+    read.raw = lambda: gains
+    lens = load_frame(folder, "vignetting.xmp", gains.shape)
+    read.vignette_center, read.vignette_polynomial = lens.vignette_center(), lens.vignette_polynomial()
+    stated = load_frame(folder, "geometry.xmp", gains.shape)
+    read.distortion_parameters, read.principal_point = (
+        stated.distortion_parameters(),
+        stated.principal_point(),
+    )
+    read.focal_length = stated.focal_length_mm()
+    read.focal_plane_resolution_px_per_mm = (1000 / pitch_um,) * 2
+    program = f"MicaSense's library {version('micasense-imageprocessing')}, exiftool"
+    # the gains of one channel, of float32; those of the others are of other curves
+    found = (np.asarray(read.vignette()[0]).T * np.ones_like(gains))[::2, 1::2]
+    off = np.abs(found / gains[::2, 1::2] - 1).max()
+    add(program, "vignetting.xmp", "gain of each pixel of G1 against correction.tif", off, "of the gain")
+    mean = (matrix[0, 0] + matrix[1, 1]) / 2
+    wanted = np.array([[mean, 0, matrix[0, 2]], [0, mean, matrix[1, 2]], [0, 0, 1]])
+    off = largest(read.cv2_camera_matrix(), wanted)
+    add(program, "geometry.xmp", "camera matrix, with the mean of fx and fy", off, "px")
+    off = largest(np.ravel(read.cv2_distortion_coeff()), distortion)
+    add(program, "geometry.xmp", "distortion coefficients", off)
+
+
+def load_frame(folder, sidecar, shape):
+    """Write a frame with a sidecar's XMP for its own, and read it as the library does."""
+    import cv2
+    import micasense.metadata
+
+    image = folder / f"{sidecar}.tif"
+    cv2.imwrite(str(image), np.full(shape, 1000, np.uint16))
+    packet = f"-XMP<={folder / sidecar}"
+    subprocess.run(["exiftool", "-q", "-overwrite_original", packet, str(image)], check=True)
+    return micasense.metadata.Metadata(str(image))
+
+
+def maps(folder):
+    import pystac
+    import rasterio
+    from pystac.validation.local_validator import LocalValidator
+
+    item = json.loads((folder / "map.json").read_text())
+    (asset,) = (each for each in item["assets"].values() if "data" in each["roles"])
+    warnings.simplefilter("ignore")
+    program = f"rasterio {rasterio.__version__}, GDAL {rasterio.__gdal_version__}"
+    with rasterio.open(folder / "map.tif") as file:
+        wanted = np.load(folder / "map.npy").reshape(file.count, *file.shape)
+        same = np.nan_to_num(file.read()) - np.nan_to_num(wanted)
+        add(program, "map.tif", "every pixel of every plane, against tifffile", np.abs(same).max())
+        assert [each["name"] for each in asset["eo:bands"]] == list(file.descriptions)
+        assert [each["unit"] for each in asset["raster:bands"]] == list(file.units)
+        if "proj:transform" in asset:
+            assert file.crs.to_epsg() == asset["proj:epsg"]
+            off = largest(list(file.transform)[:6], asset["proj:transform"])
+            add(program, "map.tif", "place, against its STAC item", off, "degrees")
+    read = pystac.Item.from_file(str(folder / "map.json"))
+    errors = LocalValidator()._validate_from_local(
+        f"https://schemas.stacspec.org/v{pystac.get_stac_version()}/item-spec/json-schema/item.json",
+        read.to_dict(),
+    )
+    assert not list(errors), errors
+    compared = f"the schema of STAC {pystac.get_stac_version()} accepts the item; errors"
+    add(f"pystac {version('pystac')}", "stac.json", compared, len(list(errors)))
+
+
+def certificates(folder):
+    import dcclib.validation.schematron
+    import rdflib
+    from lxml import etree
+
+    wanted = json.loads((folder / "certificate.json").read_text())["coefficients"]
+    graph = rdflib.Graph().parse(folder / "dataset.jsonld", format="json-ld")
+    schema = rdflib.Namespace("https://schema.org/")
+    found = sorted(
+        float(graph.value(each, schema.value)) for each in graph.objects(None, schema.variableMeasured)
+    )
+    off = largest(found, sorted(row["value"] for row in wanted))
+    add(f"rdflib {version('rdflib')}", "dataset.jsonld", f"{len(found)} coefficients", off)
+    path = folder / "certificate.xml"
+    result = dcclib.validation.schematron.SchematronValidator.for_dcc().validate_file(str(path))
+    failed = [each for each in result.failed_assertions if each.role != "warning"]
+    assert not failed, failed
+    program = f"PTB's dcclib {version('dcclib')}"
+    add(program, "certificate.xml", "Schematron rules that fail, without warnings", len(failed))
+    # the only one: there is a later version, whose schema was not to be had
+    assert [each.test for each in result.failed_assertions] == ["@schemaVersion='3.3.0'"]
+    spaces = {"si": "https://ptb.de/si"}
+    values = [float(each.text) for each in etree.parse(path).iterfind(".//si:real/si:value", spaces)]
+    off = largest(values, [row["value"] for row in wanted])
+    add(f"lxml {version('lxml')}", "certificate.xml", f"{len(values)} coefficients", off)
+    if shutil.which("qpdf"):
+        checked = subprocess.run(["qpdf", "--check", str(folder / "certificate.pdf")], check=False)
+        add("qpdf", "certificate.pdf", "faults", checked.returncode)
+
+
+def series(folder):
+    """Compare the frames that the code of docs/dashboards.md made, in `page.py`, with the JSON."""
+    names = {}
+    exec(compile((folder / "page.py").read_text(), "page.py", "exec"), names)
+    rows = json.loads((folder / "coefficients.json").read_text())["rows"]
+    for name, frame in names["frames"].items():
+        for column in ("value", "standard_uncertainty", "iso"):
+            wanted = [np.nan if row[column] is None else row[column] for row in rows]
+            found = frame[column].to_numpy()
+            assert len(found) == len(rows)
+            assert (np.isnan(found.astype(float)) == np.isnan(np.array(wanted, float))).all()
+            np.testing.assert_array_equal(found.astype(float), np.array(wanted, float), name)
+        assert [each or "" for each in frame["serial"].to_list()] == [row["serial"] or "" for row in rows]
+        moments = [str(each)[:19].replace(" ", "T") for each in frame["valid_from"].to_list()]
+        assert moments == [row["valid_from"][:19] for row in rows], name
+        add(name, "series", f"{len(rows)} rows: numbers, names and times", 0)
+
+
+if __name__ == "__main__":
+    globals()[sys.argv[1]](Path(sys.argv[2]))
+    print(json.dumps(ROWS))

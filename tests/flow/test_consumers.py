@@ -1,0 +1,144 @@
+"""Programs that others use read back what a running service writes; docs/consumers.md has the deviations.
+
+`WRITE=1 make consumers` writes them there.
+"""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from math import ceil, isnan, log10
+from pathlib import Path
+
+import httpx
+import numpy as np
+import pytest
+import tifffile
+from rich.console import Console
+
+from demo import geometry, reflectance, vignetting
+from demo.display import Display
+from demo.journey import Stage
+from tests.flow.test_generated_clients import install
+from tests.support.certificates import METER, WORK
+from tests.support.compose import ROOT
+from tests.support.fieldwork import new_team
+
+FOLDER = Path(__file__).parent / "consumers"
+PAGE = ROOT / "docs" / "consumers.md"
+BOARDS = (ROOT / "docs" / "dashboards.md").read_text(encoding="utf-8")
+PARTS = ("geometry", "sidecars", "maps", "certificates", "series")
+
+
+def fetch(team, path, target, **options):
+    answer = httpx.get(
+        f"{team.url}{path}", headers={"Authorization": f"Bearer {team.key}"}, timeout=120, **options
+    )
+    assert answer.status_code == 200, (path, answer.text[:500])
+    target.write_bytes(answer.content)
+
+
+def save_exports(team, version, folder, *names, **query):
+    for name in names:
+        fetch(team, f"/v1/calibrations/{version}/exports/{name}", folder / name, params=query)
+
+
+@pytest.fixture(scope="module")
+def saved(embedded, shots, tmp_path_factory):
+    """The files of a geometry, a vignetting, a luminance and a reflectance version, as a user saves them."""
+    folder = tmp_path_factory.mktemp("saved")
+    with new_team(embedded.url, embedded.key) as team:
+        client = team.client
+        stage = Stage(client=client, folder=folder / "frames", display=Display(Console()), quick=True)
+        for demo in (geometry, vignetting, reflectance):
+            assert demo.run(stage), demo.__name__
+        (campaign, *_) = client.campaigns(method="geometry")
+        # fx and fy that differ, which not every program can say
+        uneven = client.calibrate(campaign.id, fix_aspect_ratio=False)
+        plain = ("opencv.yaml", "ros.yaml", "cameras.txt", "cameras.json", "geometry.xmp", "camera.json")
+        save_exports(team, uneven.id, folder, *plain)
+        (campaign,) = client.campaigns(method="vignetting")
+        (falloff,) = client.calibrations(campaign.id)
+        save_exports(team, falloff.id, folder, "correction.tif", f_number=2.0)
+        save_exports(team, falloff.id, folder, "vignetting.xmp", f_number=2.0, channel="G1")
+        save_luminance(team, embedded, shots, folder)
+        (measured,) = [each for each in client.measurements() if "map_tif" in str(each.raw.get("links"))][:1]
+        client.save_map(measured.id, folder / "map.tif")
+        np.save(folder / "map.npy", tifffile.imread(folder / "map.tif"))
+        client.save_stac(measured.id, folder / "map.tif")
+        fetch(team, "/v1/series/coefficients", folder / "coefficients.json")
+        fetch(team, "/v1/series/coefficients?format=csv", folder / "coefficients.csv")
+        fetch(team, "/v1/series/coefficients?format=arrow", folder / "coefficients.arrows")
+    (folder / "page.py").write_text("\n".join(re.findall(r"(?ms)^```python\n(.*?)^```", BOARDS)))
+    return folder
+
+
+def save_luminance(team, deployment, shots, folder):
+    """A version whose certificate has all that a DCC must have."""
+    client = team.client
+    campaign = team.campaign()
+    meter = {name: METER[name] for name in ("kind", "make", "model", "serial", "certificate")}
+    client.create_meter(**meter)
+    with team.http() as http:
+        answer = http.patch(f"/v1/campaigns/{campaign.id}", json=WORK)
+        assert answer.status_code == 200, answer.text
+        http.patch("/v1/organisation", json={"address": "Main Street 1"})
+    frames = team.push(campaign, shots)
+    deployment.wait_for_jobs([frame.id for frame in frames])
+    version = client.calibrate(campaign.id)
+    client.publish(version.id, valid_from="2026-01-01T00:00:00Z", reason="spring")
+    path = f"/v1/calibrations/{version.id}"
+    fetch(team, f"{path}/certificate.xml", folder / "certificate.xml", params={"country": "DE"})
+    for name in ("certificate.json", "certificate.pdf", "dataset.jsonld"):
+        fetch(team, f"{path}/{name}", folder / name)
+
+
+@pytest.fixture(scope="module")
+def python():
+    lock = FOLDER / "requirements.lock"
+    uv = str(Path(sys.executable).with_name("uv"))
+    into = ["--require-hashes", "--no-deps", "--python", "tools", "-r", lock.name]
+    folder = install(
+        lock, [uv, "venv", "-q", "--python", sys.executable, "tools"], [uv, "pip", "install", "-q", *into]
+    )
+    return folder / "tools" / "bin" / "python"
+
+
+@pytest.mark.timeout(900)
+def test_programs_read_back_what_the_service_writes(saved, python):
+    rows = []
+    for part in PARTS:
+        done = subprocess.run(
+            [python, FOLDER / "read.py", part, saved],
+            check=False,
+            capture_output=True,
+            text=True,
+            cwd=saved,
+            env=os.environ | {"MPLCONFIGDIR": str(saved), "PYTHONPATH": ""},
+            timeout=250,
+        )
+        assert done.returncode == 0, f"{part}\n{done.stdout[-2000:]}{done.stderr[-4000:]}"
+        rows += json.loads(done.stdout.splitlines()[-1])
+    found = render(rows)
+    page = PAGE.read_text(encoding="utf-8")
+    before, table, after = re.split(r"(?s)(?<=<!-- read -->\n)(.*?)(?=\n<!-- end -->)", page)
+    if os.environ.get("WRITE"):
+        PAGE.write_text(before + found + after, encoding="utf-8")
+    else:
+        unread = [line for line in found.splitlines() if line.endswith("| not read |")]
+        assert set(found.splitlines()) - set(unread) <= set(table.splitlines())
+
+
+def render(rows):
+    lines = ["| program | file | compared | largest deviation |", "|---|---|---|---|"]
+    for program, file, compared, deviation, unit in rows:
+        largest = bound(deviation, unit) if unit else f"{deviation:g}"
+        shown = "not read" if isnan(deviation) else largest
+        lines.append(f"| {program} | `{file}` | {compared} | {shown} |")
+    return "\n".join(lines)
+
+
+def bound(deviation, unit):
+    """The next power of ten, 1e-9 at least: the last bits differ from processor to processor."""
+    return f"below {10.0 ** ceil(log10(max(2 * deviation, 1e-9))):g} {unit}"
