@@ -1,5 +1,6 @@
 """Upload of frames from a folder or a card to a campaign."""
 
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -19,7 +20,9 @@ from stilb.field.files import NIGHT_RULES, ROLES, USUAL_RULES, FieldFile, Rule, 
 from stilb.field.journal import Journal
 from stilb.field.plan import FILENAME, read_plan
 from stilb.field.push import Report, Told, as_json, push_files
+from stilb.field.startup import describe_entry
 from stilb.field.watch import Watch
+from stilb.login import read_login
 from stilb.problem import Problem, Unclear, missing
 from stilb.records import Campaign
 
@@ -30,6 +33,13 @@ Folder = Annotated[
     Path, typer.Argument(metavar="FOLDER", exists=True, file_okay=False, help="Folder with the frames.")
 ]
 Wait = Annotated[bool, typer.Option("--wait/--no-wait", help="Wait for the verdicts.")]
+AtLogin = Annotated[
+    bool | None,
+    typer.Option(
+        "--at-login/--no-at-login",
+        help="With --watch: follow it again after each login, as after a reboot; or no longer.",
+    ),
+]
 Every = Annotated[float, typer.Option(min=0.1, help="With --watch: seconds between two checks.")]
 
 
@@ -51,6 +61,7 @@ def push(  # noqa: PLR0913  each is an option
     *,
     watch: Annotated[bool, typer.Option("--watch", help="Follow the folder until Ctrl-C.")] = False,
     every: Every = 2.0,
+    at_login: AtLogin = None,
     wait: Wait = True,
     receipt: Annotated[Path | None, typer.Option(help="Where to write the receipt.")] = None,
 ) -> None:
@@ -64,9 +75,19 @@ def push(  # noqa: PLR0913  each is an option
         raise typer.BadParameter(f"{role!r} is not a role; use one of {', '.join(ROLES)}")
     if scene is not None and role is None:
         raise typer.BadParameter("--scene needs --role")
+    if at_login is not None and not watch:
+        raise typer.BadParameter("--at-login needs --watch")
+    if at_login is False:
+        output.answer(*_end_at_login(folder))
+        return
     find = partial(_find_campaign, output, folder, campaign)
     found = _wait_for_service(output, find, every_s=every) if watch else find()
     list_files, campaign_id = _lister(folder, role, scene, night=found.kind == "measurement"), found.id
+    if watch and at_login:
+        more = ["--role", role, *(["--scene", scene] if scene else [])] if role else []
+        more += [] if wait else ["--no-wait"]
+        more += ["--receipt", str(receipt.resolve())] if receipt else []
+        _begin_at_login(output, folder, ["--campaign", campaign_id, "--every", f"{every:g}", *more])
     if watch:
         found_files = partial(_list_or_note, output, list_files)
         follow(output, folder, campaign_id, found_files, every_s=every, wait=wait, receipt=receipt)
@@ -154,6 +175,22 @@ def follow(
                 output, folder, campaign_id, files, wait=wait, receipt=receipt, attest=not unsent
             )
         finish(output, replace(report, files=report.files + told, sent=total + report.sent))
+
+
+def _begin_at_login(output: Output, folder: Path, options: Sequence[str]) -> None:
+    """Have the system follow the folder after each login, with the stored login."""
+    if output.login() != read_login(config_folder()):
+        raise Unclear("After a login the stored key is used: sign in first with stilb login URL.")
+    command = [sys.executable, "-m", "stilb", "push", str(folder.resolve()), "--watch", *options]
+    entry = describe_entry(folder, command)
+    entry.write()
+    output.note(f"followed again after each login, by {entry.path}; --watch --no-at-login ends that")
+
+
+def _end_at_login(folder: Path) -> tuple[dict[str, bool], str]:
+    ended = describe_entry(folder, []).remove()
+    words = "is not followed after a login any more" if ended else "was not followed after a login"
+    return {"ended": ended}, f"{folder} {words}"
 
 
 def _list_or_note(
