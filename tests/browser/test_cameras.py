@@ -124,7 +124,7 @@ def test_a_point_of_the_drift_tells_its_value_where_it_is_touched(page, cameras)
     expect(tip).to_contain_text("32.25 ± 0.21 DN·m²/(cd·s)")
 
 
-def test_a_camera_is_registered_from_the_page(page):
+def test_a_camera_is_registered_from_the_page(page, service):
     page.goto("/cameras")
     settle(page)
     expect(page.get_by_text("No cameras yet")).to_be_visible()
@@ -142,12 +142,8 @@ def test_a_camera_is_registered_from_the_page(page):
     dialog.get_by_role("button", name="Register").click()
     expect(page.get_by_role("row").filter(has_text="0K1XE8")).to_contain_text("none")
 
-
-def test_what_is_wrong_is_told_in_the_dialog_and_nothing_is_lost(page):
-    page.goto("/cameras")
-    settle(page)
+    # what is wrong is told in the dialog, and nothing that was typed is lost
     page.locator("#add-camera").click()
-    dialog = page.get_by_role("dialog")
     for label in ("Make", "Model", "Serial number of the camera body", "Lens: make"):
         dialog.get_by_label(label, exact=True).fill("x")
     dialog.get_by_role("button", name="Register").click()
@@ -155,7 +151,13 @@ def test_what_is_wrong_is_told_in_the_dialog_and_nothing_is_lost(page):
     expect(dialog.get_by_label("Make", exact=True)).to_have_value("x")
     page.keyboard.press("Escape")
     expect(dialog).to_have_count(0)
-    # the browser itself notes the 422
+
+    # the camera of another organisation is not there
+    with service.team() as other:
+        (foreign, *_) = furnish(service.database, other.key)
+    page.goto(f"/cameras/{foreign}")
+    expect(page.get_by_role("heading", level=1)).to_have_text("Not found")
+    # the browser itself notes the 422 and the 404
     page.context.complaints.clear()
 
 
@@ -178,11 +180,3 @@ def test_the_fleet_is_judged_and_the_answer_is_said_in_words(page):
     settle(page)
     check_access(page)
     look(page, "fleet")
-
-
-def test_another_organisations_camera_is_not_there(page, service):
-    with service.team() as other:
-        (foreign, *_) = furnish(service.database, other.key)
-    page.goto(f"/cameras/{foreign}")
-    expect(page.get_by_role("heading", level=1)).to_have_text("Not found")
-    page.context.complaints.clear()

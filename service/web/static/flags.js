@@ -2,7 +2,7 @@
 
 import { get } from "./api.js";
 import { h, prose } from "./dom.js";
-import { tag } from "./format.js";
+import { tag, typeset } from "./format.js";
 import { groupBy } from "./groups.js";
 
 /** The flags, each with its entry in the registry of findings. */
@@ -23,14 +23,14 @@ export function drawFlags(explained) {
       h(
         "li",
         {},
-        h("div", { class: "todo-head" }, h("strong", {}, prose(sentence)), tag(code, "warn")),
+        h("div", { class: "todo-head" }, h("strong", {}, prose(typeset(sentence))), tag(code, "warn")),
         found.length > 3
           ? h("details", {}, h("summary", {}, `${found.length} places`), h("ul", {}, found.map(place)))
           : h("ul", {}, found.map(place)),
-        h("p", { class: "muted" }, prose(remedy)),
+        h("p", { class: "muted" }, prose(typeset(remedy ?? ""))),
       ),
     ),
   );
 }
 
-const place = ({ where, detail }) => h("li", {}, where ? h("span", { class: "muted" }, `${where.replace(/^iso /, "ISO ")}: `) : null, prose(detail));
+const place = ({ where, detail }) => h("li", {}, where ? h("span", { class: "muted" }, `${where.replace(/^iso /, "ISO ")}: `) : null, prose(typeset(detail ?? "")));

@@ -77,8 +77,8 @@ export function time(instant) {
 /** A camera as lists name and order it. */
 export const cameraName = ({ make, model, serial }) => `${make} ${model} ${serial}`;
 
-/** The service's own sentences write for machines: 2026-05-01T08:00:00Z becomes 2026-05-01 08:00 UTC, and cd/m2 cd/m². */
-export const typeset = (text) => text.replace(/(\d{4}-\d\d-\d\d)T(\d\d:\d\d)(?::\d\d(?:\.\d+)?)?(?:Z|\+00:00)/g, "$1 $2 UTC").replaceAll("cd/m2", "cd/m²");
+/** The service's own sentences write for machines: 2026-05-01T08:00:00Z becomes 2026-05-01 08:00 UTC, cd/m2 cd/m², and 3% 3 %. */
+export const typeset = (text) => text.replace(/(\d{4}-\d\d-\d\d)T(\d\d:\d\d)(?::\d\d(?:\.\d+)?)?(?:Z|\+00:00)/g, "$1 $2 UTC").replaceAll("cd/m2", "cd/m²").replace(/(\d)%/g, "$1 %");
 
 /** How long ago: "3 days ago". */
 export function ago(instant, now = Date.now()) {

@@ -59,7 +59,7 @@ function rows(campaigns, cameras, caption) {
       { head: "Started", class: "nowrap", cell: (each) => day(each.started_at ?? each.created_at) },
     ],
     campaigns,
-    { caption },
+    { caption, stack: true },
   );
 }
 
