@@ -1,4 +1,4 @@
-"""What the database has before a service serves: the operator with the first key, and true counts."""
+"""First contents of a database: the operator with the first key, and true counts."""
 
 from sqlalchemy import func, select
 

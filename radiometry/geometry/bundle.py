@@ -1,7 +1,8 @@
 """The camera and the boards' poses that fit the corners best: a bundle adjustment.
 
-Its own least squares, since OpenCV's sums over threads: the same views give other last digits every time. On
-OpenCV's own set the two agree to eleven digits, standard errors to eight.
+Its own least squares, since OpenCV's takes corners in single precision and states no covariance; it also
+gives other last digits with other numbers of threads. On OpenCV's own set the two agree to eleven digits,
+standard errors to eight.
 """
 
 from collections.abc import Sequence
