@@ -28,7 +28,7 @@ from service.lookup import owned
 from service.problems import invalid
 from service.routes import UNCHANGED
 from service.schemas.base import Answer, Form, Instant, Method, Text
-from service.tabular import FORMULA_STARTS
+from service.tabular import keep_texts, spell_instant, spell_text
 from store.database import Database
 from store.ready.series import Asked, Key, Page, Series, is_empty, is_text
 from store.software import read_version
@@ -39,7 +39,7 @@ if sys.version_info >= (3, 14):
 else:
     from backports import zstd
 
-Shape = Literal["json", "csv", "arrow"]
+Shape = Literal["json", "csv", "arrow", "excel", "excel_semicolon"]
 Coding = Literal["zstd", "gzip", ""]
 
 ROW_LIMIT: Final = 200_000
@@ -48,9 +48,12 @@ MEDIA_TYPES: Final[dict[Shape, str]] = {
     "json": "application/json",
     "csv": "text/csv; charset=utf-8",
     "arrow": "application/vnd.apache.arrow.stream",
+    "excel": "text/csv; charset=utf-8",
+    "excel_semicolon": "text/csv; charset=utf-8",
 }
+_EXCEL: Final[dict[Shape, tuple[str, str]]] = {"excel": (",", "."), "excel_semicolon": (";", ",")}
+"""Separator and decimal sign, as Excel expects them of its country."""
 _CHUNK_BYTES = 1 << 16
-_STARTS = frozenset(FORMULA_STARTS)
 _GZIP = 31
 """The window of zlib's format with the header of gzip."""
 
@@ -72,7 +75,10 @@ class SeriesQuery(Form):
         default=None, description="Taken from the `next` address of the answer before."
     )
     format: Shape | None = Field(
-        default=None, description="Without it, what `Accept` names first of JSON, CSV and Arrow; else JSON."
+        default=None,
+        description="Without it, what `Accept` names first of JSON, CSV and Arrow; else JSON. `excel` is CSV "
+        "that Excel opens by itself where numbers have a decimal point, `excel_semicolon` where they have a "
+        "comma.",
     )
 
 
@@ -136,6 +142,8 @@ def answer_series(
             content = gather(_write_json(pages, columns, following))
         case "csv":
             content = gather(write_csv(pages, columns))
+        case "excel" | "excel_semicolon":
+            content = gather(write_excel(pages, columns, *_EXCEL[shape]))
         case "arrow":
             content = write_arrow(pages, {column.name: column.kind for column in columns})
     if coding:
@@ -269,16 +277,39 @@ def write_csv(pages: Iterator[Page], columns: Sequence[Column]) -> Iterator[byte
         for place, column in enumerate(columns):
             if not is_text(page[place]):
                 page[place] = write_numbers(page[place], "")
-            elif column.kind == "text" and not _STARTS.isdisjoint({text[:1] for text in page[place]}):
-                page[place] = [
-                    f"'{text}" if text.startswith(FORMULA_STARTS) else text for text in page[place]
-                ]
+            elif column.kind == "text":
+                page[place] = keep_texts(page[place])
         rows = zip(*page, strict=True)
         texts = (cells for cells, column in zip(page, columns, strict=True) if column.kind == "text")
         if all(_is_plain(cells, '",') for cells in texts):
             out.writelines(",".join(row) + "\r\n" for row in rows)
         else:
             writer.writerows(rows)
+        yield out.getvalue().encode()
+        out.seek(0)
+        out.truncate()
+    yield out.getvalue().encode()
+
+
+def write_excel(
+    pages: Iterator[Page], columns: Sequence[Column], separator: str, decimal: str
+) -> Iterator[bytes]:
+    """Write rows that Excel takes for what they are: UTF-8 by its mark, times of UTC, numbers, texts."""
+    out = io.StringIO("\ufeff")
+    out.seek(1)
+    writer = csv.writer(out, delimiter=separator, lineterminator="\r\n")
+    writer.writerow([column.name for column in columns])
+    for page in pages:
+        for place, column in enumerate(columns):
+            cells = page[place] if is_text(page[place]) else write_numbers(page[place], "")
+            match column.kind:
+                case "text":
+                    page[place] = [spell_text(cell, decimal) for cell in cells]
+                case "instant":
+                    page[place] = [spell_instant(cell, decimal) for cell in cells]
+                case _:
+                    page[place] = [cell.replace(".", decimal) for cell in cells]
+        writer.writerows(zip(*page, strict=True))
         yield out.getvalue().encode()
         out.seek(0)
         out.truncate()

@@ -2,10 +2,36 @@
 
 import csv
 import io
-from collections.abc import Iterable, Mapping
-from typing import Any
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Final
 
-FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
+_STARTS: Final = "=+-@\t\r\n\uff1d\uff0b\uff0d\uff20"
+"""What a formula begins with; the last four in East Asian spreadsheets."""
+_RUNS: Final = re.compile(rf"(?:^|(?<=[;\t]))(?=[{re.escape(_STARTS)}])")
+"""Where a spreadsheet would begin a formula, also one whose separator is another than ours."""
+_NUMBERLIKE: Final = re.compile(r"[-+]?[\d.,:/ eE+-]*\d[\d.,:/ eE+-]*")
+_LOCAL: Final = re.compile(r"(\d{4}-\d\d-\d\d)T(\d\d:\d\d:\d\d)(?:(\.\d{1,3})\d*)?")
+
+
+def keep_texts(texts: Sequence[str]) -> Sequence[str]:
+    """Return texts of which a spreadsheet runs none as a formula."""
+    joined = "".join(texts)
+    runs = not {text[:1] for text in texts}.isdisjoint(_STARTS) or ";" in joined or "\t" in joined
+    return [_RUNS.sub("'", text) for text in texts] if runs else texts
+
+
+def spell_instant(text: str, decimal: str) -> str:
+    """Return a time as spreadsheets read it, to the millisecond; one that names another zone than Z stays."""
+    found = _LOCAL.fullmatch(text.removesuffix("Z"))
+    return f"{found[1]} {found[2]}{(found[3] or '').replace('.', decimal)}" if found else text
+
+
+def spell_text(text: str, decimal: str) -> str:
+    """Return a text that a spreadsheet leaves one: 0012, which it would count for 12, as ="0012"."""
+    if _NUMBERLIKE.fullmatch(text):
+        return f'="{text}"'
+    return _RUNS.sub("'", text if text.endswith("Z") else spell_instant(text, decimal))
 
 
 def write_csv(
@@ -44,7 +70,7 @@ def _cell(value: Any) -> Any:  # noqa: ANN401
         return ""
     if isinstance(value, bool):
         return str(value).lower()
-    if isinstance(value, str) and value.startswith(FORMULA_STARTS):
-        return f"'{value}"
+    if isinstance(value, str):
+        return _RUNS.sub("'", value)
     # repr gives a float its shortest exact form
     return repr(value) if isinstance(value, float) else value

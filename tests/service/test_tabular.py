@@ -3,13 +3,41 @@
 import csv
 import io
 import json
+import re
+
+import pytest
 
 from service import series
 from service.tabular import write_csv
 from store.ready import measurement_series
 from store.ready.measurements import COLUMNS
 
-TEXTS = ("plain", 'a "b", c', "a, b", "50 %s", "back\\slash", "Zürich", "=SUM(A1)", "", "a\tb")
+EXCEL = {
+    ("text", "0012"): '="0012"',
+    ("text", "1-2"): '="1-2"',
+    ("text", "=HYPERLINK(1)"): "'=HYPERLINK(1)",
+    ("text", "a;=1+1"): "a;'=1+1",
+    ("text", "Zürich"): "Zürich",
+    ("text", "2026-05-01T12:00:00"): "2026-05-01 12:00:00",
+    ("text", "2026-05-01T12:00:00Z"): "2026-05-01T12:00:00Z",
+    ("instant", "2026-05-01T12:00:00.123456Z"): "2026-05-01 12:00:00{}123",
+    ("number", "-1.5e-07"): "-1{}5e-07",
+    ("number", ""): "",
+}
+TEXTS = (
+    "plain",
+    "\uff1d1",
+    "x;=SUM(A1)",
+    "x;-1",
+    'a "b", c',
+    "a, b",
+    "50 %s",
+    "back\\slash",
+    "Zürich",
+    "=SUM(A1)",
+    "",
+    "a\tb",
+)
 
 
 def test_a_list_becomes_its_length_and_members_become_columns():
@@ -26,8 +54,18 @@ def test_series_writes_any_text_in_every_way():
         rows = json.loads(b"".join(series._write_json(iter([page]), columns, None)))["rows"]
         assert rows == [{"a": text or None, "b": 1.5}, {"a": "other", "b": None}]
         written = b"".join(series.write_csv(iter([[*page]]), columns)).decode()
-        shown = f"'{text}" if text.startswith("=") else text
+        shown = re.sub("(^|;)(?=[=\uff1d-])", r"\1'", text)
         assert [*csv.reader(io.StringIO(written, newline=""))] == [["a", "b"], [shown, "1.5"], ["other", ""]]
         record = io.StringIO()
         csv.writer(record, lineterminator="").writerow([text] * len(COLUMNS))
         assert [*measurement_series._split([record.getvalue()] * 2)[1]] == [text] * 2
+
+
+@pytest.mark.parametrize(("separator", "decimal"), [(",", "."), (";", ",")])
+def test_excel_takes_cells_for_what_they_are(separator, decimal):
+    columns = tuple(series.Column(name=f"c{n}", kind=kind, empty="null") for n, (kind, _) in enumerate(EXCEL))
+    page = [[cell] for _, cell in EXCEL]
+    written = b"".join(series.write_excel(iter([page]), columns, separator, decimal))
+    assert written.startswith(b"\xef\xbb\xbfc0" + separator.encode())
+    _, row = csv.reader(io.StringIO(written.decode("utf-8-sig"), newline=""), delimiter=separator)
+    assert row == [shown.format(decimal) for shown in EXCEL.values()]
