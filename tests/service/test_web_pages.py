@@ -242,3 +242,51 @@ def test_every_field_of_a_form_that_a_page_shows_has_a_sentence():
         (form, name) for form, said in describe_fields().items() for name, text in said.items() if not text
     ]
     assert silent == []
+
+
+# how linear sRGB is seen without one kind of cones (Machado and others 2009, doi:10.1109/TVCG.2009.113)
+SEEN = {
+    "all": np.eye(3),
+    "no green": [
+        [0.367322, 0.860646, -0.227968],
+        [0.280085, 0.672501, 0.047413],
+        [-0.01182, 0.04294, 0.968881],
+    ],
+    "no red": [
+        [0.152286, 1.052583, -0.204868],
+        [0.114503, 0.786281, 0.099216],
+        [-0.003882, -0.048116, 1.051998],
+    ],
+    "no blue": [
+        [1.255528, -0.076749, -0.178779],
+        [-0.078411, 0.930809, 0.147602],
+        [0.004733, 0.691367, 0.3039],
+    ],
+}
+XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
+
+
+def linear(colours):
+    parts = np.array([[int(each[at : at + 2], 16) / 255 for at in (1, 3, 5)] for each in colours])
+    return np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+
+
+def lab(rgb):
+    xyz = (np.clip(rgb, 0, 1) @ XYZ.T) / XYZ.sum(axis=1)
+    x, y, z = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16 / 116).T
+    return np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=-1)
+
+
+def test_series_of_a_chart_differ_for_eyes_that_confuse_colours():
+    style = (STATIC / "stilb.css").read_text(encoding="utf-8")
+    surfaces = re.findall(r"--surface: (#\w{6})", style)
+    palettes = [re.findall(r"--s\d: (#\w{6})", line) for line in style.splitlines() if "--s0:" in line]
+    assert [len(each) for each in palettes] == [6, 6]
+    for surface, palette in zip(surfaces, palettes, strict=True):
+        colours, (ground,) = linear(palette), linear([surface]) @ XYZ[1]
+        light = np.sort([colours @ XYZ[1], np.full(6, ground)], axis=0) + 0.05
+        assert min(light[1] / light[0]) > 3, surface
+        for eyes, matrix in SEEN.items():
+            seen = lab(colours @ np.array(matrix).T)
+            apart = np.linalg.norm(seen[:, None] - seen, axis=-1) + 1e3 * np.eye(6)
+            assert apart.min() > 18, (surface, eyes)
