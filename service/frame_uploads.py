@@ -103,6 +103,8 @@ def _add_frames(caller: Caller, session: Session, arrivals: Sequence[_Arrival]) 
     arrived = []
     for each in arrivals:
         campaign = owned(session, Campaign, each.campaign_id, caller)
+        # again: it may have become a night since the upload began
+        require_role(campaign, each.new.role)
         roi = find_or_add_roi(session, caller.organisation_id, each.drawing) if each.drawing else None
         arrived.append((campaign, replace(each.new, roi_id=roi.id if roi else None)))
     replies = []

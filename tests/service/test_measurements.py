@@ -18,6 +18,7 @@ from store.tables import FrameRow
 from tests.support.blobs import zero
 from tests.support.campaigns import K_TRUE, ROI, calibrate, calibrated_campaign, published_campaign
 from tests.support.frames import forget_time, place_frame, write_frame
+from tests.support.resumable import PIECE, begin_upload
 
 pytestmark = pytest.mark.either_database
 
@@ -435,6 +436,10 @@ def test_a_whole_night_in_one_go(house):
         field_frame(house, campaign, 10.0, name="c.DNG", seed=3, iso=100),
     ]
     house.upload(campaign, house.frame_bytes(seed=9), role="light", scene="x", filename="light.DNG")
+    # a region of its own for one frame, that of the campaign for the others
+    corners = [[4.0, 8.0], [34.0, 8.0], [34.0, 56.0], [4.0, 56.0]]
+    house.http.put(f"/v1/frames/{frames[1]['id']}/roi", json={"polygon": corners})
+    house.work()
     started = house.post(f"/v1/campaigns/{campaign['id']}/measurements", {"reflectance": 0.1}, status=202)
     assert [job["subject_id"] for job in started["jobs"]] == [frame["id"] for frame in frames[:2]]
     (left,) = started["not_measured"]
@@ -453,6 +458,9 @@ def test_a_whole_night_in_one_go(house):
     assert first["geometry"] == {"type": "Point", "coordinates": [-70.25, -33.5, 512.5]}
     assert second["geometry"] is None
     assert second["properties"]["calibration_version"] == 1
+    asked = {each["id"]: house.get(f"/v1/measurements/{each['id']}") for each in (first, second)}
+    assert [each["region_origin"] for each in asked.values()] == ["campaign", "frame"]
+    assert asked[second["id"]]["region"] == corners
     document = house.get("/openapi.json")
     media = document["paths"]["/v1/campaigns/{campaign_id}/measurements.geojson"]["get"]["responses"]["200"]
     schema = media["content"]["application/geo+json"]["schema"] | {"components": document["components"]}
@@ -491,8 +499,14 @@ def test_night_of_measurements_feeds_no_fit(house):
     # an older campaign that holds nothing but field frames becomes one
     other = house.campaign(project_number="older")
     field_frame(house, other)
+    late = house.frame_bytes(seed=77)
+    place = begin_upload(house, other["id"], late, scene="a")
     changed = house.http.patch(f"/v1/campaigns/{other['id']}", json={"kind": "measurement"})
     assert (changed.status_code, changed.json()["kind"]) == (200, "measurement")
+    # an upload that began before
+    refused = house.http.patch(place, content=late, headers=PIECE | {"Upload-Offset": "0"})
+    assert (refused.status_code, refused.json()["code"]) == (409, "measurements_only")
+    assert {each["role"] for each in house.get(f"/v1/campaigns/{other['id']}/frames")["items"]} == {"field"}
     third = house.campaign(project_number="third")
     house.upload(third, house.frame_bytes(), role="dark", filename="d.DNG")
     refused = house.http.patch(f"/v1/campaigns/{third['id']}", json={"kind": "measurement"})
