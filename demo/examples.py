@@ -223,6 +223,7 @@ def _survey(stage: Stage, http: httpx.Client, version: stilb.Calibration) -> Non
     known = {"sha256": [frames[0].sha256, "0" * 64]}
     _post(http, f"campaigns/{survey}/frames/known", known)
     _post(http, f"frames/{frames[0].id}/region", {"polygon": corners})
+    _post(http, f"frames/{frames[0].id}/grid", grid)
     window = {"row0_px": 120, "col0_px": 180, "height_px": 256, "width_px": 256}
     _post(http, f"frames/{frames[0].id}/crops", window)
     own = str(version.raw["campaign_id"])

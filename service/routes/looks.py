@@ -21,6 +21,7 @@ from service.lookup import Id, owned
 from service.regions import read_grid
 from service.routes import problems, sends_stored_file
 from service.routes.frames import require_header, require_preview
+from service.routes.tools import stateless
 from service.schemas.base import Answer, Form
 from service.schemas.campaigns import Point
 from service.schemas.frames import VerdictAnswer
@@ -106,7 +107,9 @@ def look_at_region(frame_id: Id, body: NewLook, caller: Reader, writing: Writes)
     return writing.run(caller, change)
 
 
-@router.post("/frames/{frame_id}/grid", response_model=GridLook, responses=problems(404))
+@router.post(
+    "/frames/{frame_id}/grid", response_model=GridLook, responses=problems(404), dependencies=stateless
+)
 def look_at_grid(frame_id: Id, body: NewGrid, caller: Reader, context: UsesContext) -> Response:
     """Preview a grid without measuring it, with the flags that its corners would raise."""
     with context.database.reading() as session:
