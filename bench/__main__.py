@@ -6,7 +6,20 @@ import tempfile
 import time
 from pathlib import Path
 
-from bench import crowd, growth, jobs, lookups, mapping, pages, reading, reflectance, start, upload, workers
+from bench import (
+    crowd,
+    growth,
+    jobs,
+    lookups,
+    mapping,
+    pages,
+    reading,
+    reflectance,
+    scrolling,
+    start,
+    upload,
+    workers,
+)
 from bench.report import describe_machine, say, summarise
 from bench.subject import Scale
 from store.settings import Settings
@@ -44,6 +57,7 @@ def _serve(scale: Scale) -> list[bool]:
             worker = build_context(Settings(data=folder / "data"))
             try:
                 verdicts += pages.run(scale, service, worker, folder)
+                verdicts += scrolling.run(scale, service, worker, folder)
                 verdicts += growth.run(scale, service, worker, folder)
                 return verdicts + jobs.run(scale, service, worker)
             finally:

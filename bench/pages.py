@@ -4,7 +4,7 @@ import os
 import shutil
 from pathlib import Path
 
-from playwright.sync_api import Browser, StorageState, sync_playwright
+from playwright.sync_api import Browser, StorageState, ViewportSize, sync_playwright
 
 import stilb
 from bench.filling import copy_frame, do_jobs
@@ -15,6 +15,8 @@ from bench.upload import KEY, Service
 from worker.context import Context
 
 PAGE = "the campaign's page, nothing cached"
+FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking"]
+SIZE: ViewportSize = {"width": 1440, "height": 900}
 _LIMIT_S = 1.0
 _SMALL = Scale(rows=480, cols=640)
 # The first frame that is drawn is clicked; what the click opens must have been drawn as well.
@@ -38,8 +40,7 @@ def run(scale: Scale, service: Service, worker: Context, folder: Path) -> list[b
         return []
     with sync_playwright() as playwright:
         campaign = _fill_campaign(scale, service, worker, folder)
-        flags = ["--no-sandbox", "--disable-gpu", "--disable-background-networking"]
-        browser = playwright.chromium.launch(executable_path=chromium, args=flags)
+        browser = playwright.chromium.launch(executable_path=chromium, args=FLAGS)
         seconds = _open_pages(browser, f"{service.url}/campaigns/{campaign}", service, scale.rounds)
         browser.close()
     show_times({PAGE: seconds})
@@ -52,11 +53,11 @@ def find_chromium() -> str | None:
 
 
 def _open_pages(browser: Browser, address: str, service: Service, rounds: int) -> Seconds:
-    session = _sign_in(browser, service)
+    session = sign_in(browser, service)
     return [_open_page(browser, address, session) for _ in range(rounds + 1)][1:]
 
 
-def _sign_in(browser: Browser, service: Service) -> StorageState:
+def sign_in(browser: Browser, service: Service) -> StorageState:
     with browser.new_context(base_url=service.url) as context:
         page = context.new_page()
         page.goto("/sign-in")
@@ -67,8 +68,7 @@ def _sign_in(browser: Browser, service: Service) -> StorageState:
 
 
 def _open_page(browser: Browser, address: str, session: StorageState) -> float:
-    size = {"width": 1440, "height": 900}
-    with browser.new_context(storage_state=session, viewport=size) as context:
+    with browser.new_context(storage_state=session, viewport=SIZE) as context:
         page = context.new_page()
         page.goto(address, wait_until="commit")
         return float(page.evaluate(_ANSWERED)) / 1e3

@@ -222,6 +222,7 @@ def _survey(stage: Stage, http: httpx.Client, version: stilb.Calibration) -> Non
         http.get(f"/v1/measurements/{old}/{name}", params=query).raise_for_status()
     known = {"sha256": [frames[0].sha256, "0" * 64]}
     _post(http, f"campaigns/{survey}/frames/known", known)
+    http.get(f"/v1/campaigns/{survey}/thumbnails", params={"of": [frames[0].id]}).raise_for_status()
     _post(http, f"frames/{frames[0].id}/region", {"polygon": corners})
     _post(http, f"frames/{frames[0].id}/grid", grid)
     window = {"row0_px": 120, "col0_px": 180, "height_px": 256, "width_px": 256}

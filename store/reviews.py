@@ -29,6 +29,7 @@ from store.columns import utc_now
 from store.database import Database, summarise
 from store.queries.checklist import RecordState
 from store.queries.memory import Memory
+from store.revisions import stamp_frames
 from store.tables import Campaign, CampaignReview, FrameRow, FrameVerdict
 from store.verdicts import Assessment, assess
 
@@ -200,6 +201,8 @@ def _keep(
         )
     if new:
         session.execute(insert(FrameVerdict), new)
+    changed = {*gone, *(row["frame_id"] for row in new)}
+    stamp_frames(session, [(frame_id, campaign_id, revision) for frame_id in sorted(changed)])
 
 
 _MOST_AT_ONCE = 5000

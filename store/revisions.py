@@ -4,16 +4,18 @@ As with the audit trail, no route and no task can forget it: the flush writes it
 order and late, just before the audit trail's head.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
-from sqlalchemy import ColumnElement, insert, or_, select, update
+from sqlalchemy import ColumnElement, delete, insert, or_, select, update
 from sqlalchemy.orm import Session
 
 from store.tables.calibration import Calibration, Revocation
 from store.tables.campaign import Campaign, Extraction, FrameRow, Reading
 from store.tables.equipment import Camera, Meter, Panel
-from store.tables.kept import CampaignReview
+from store.tables.kept import CampaignReview, FrameChange
+
+_MOST_AT_ONCE = 5000
 
 _OWN: dict[type, Callable[[Any], str]] = {
     Campaign: lambda row: row.id,
@@ -34,9 +36,17 @@ _SHARED: dict[type, Callable[[Any], ColumnElement[bool]]] = {
 }
 
 
+_NOTED = ("changed_campaigns", "changed_of_campaigns", "changed_frames", "campaigns_changed_themselves")
+
+
 def note_changes(session: Session, _context: object) -> None:
     """Note the campaigns that a flush has just changed."""
     rows = [*session.new, *session.deleted, *(row for row in session.dirty if session.is_modified(row))]
+    frames = session.info.setdefault("changed_frames", set())
+    frames |= {row.id for row in rows if isinstance(row, FrameRow)}
+    frames |= {row.frame_id for row in rows if isinstance(row, Extraction)}
+    whole = session.info.setdefault("campaigns_changed_themselves", set())
+    whole |= {row.id for row in rows if isinstance(row, Campaign)}
     own = session.info.setdefault("changed_campaigns", set())
     own |= {_OWN[type(row)](row) for row in rows if type(row) in _OWN}
     shared = {(type(row), row) for row in rows if type(row) in _SHARED}
@@ -59,9 +69,34 @@ def raise_revisions(session: Session) -> None:
         locked = select(CampaignReview.campaign_id).where(chosen).order_by(CampaignReview.campaign_id)
         session.execute(locked.with_for_update())
     session.execute(update(CampaignReview).where(chosen).values(revision=CampaignReview.revision + 1))
+    whole: set[str] = session.info.pop("campaigns_changed_themselves", set())
+    if whole:
+        themselves = update(CampaignReview).where(CampaignReview.campaign_id.in_(whole))
+        session.execute(themselves.values(whole_revision=CampaignReview.revision))
+    frames: set[str] = session.info.pop("changed_frames", set())
+    if frames:
+        found = select(FrameRow.id, FrameRow.campaign_id, CampaignReview.revision).join(
+            CampaignReview, CampaignReview.campaign_id == FrameRow.campaign_id
+        )
+        rows = session.execute(found.where(FrameRow.id.in_(frames)))
+        stamp_frames(session, [(row[0], row[1], row[2]) for row in rows])
+
+
+def stamp_frames(session: Session, stamps: Sequence[tuple[str, str, int]]) -> None:
+    """Keep id, campaign and revision of frames that have changed; the campaign's review is locked by now."""
+    for first in range(0, len(stamps), _MOST_AT_ONCE):
+        some = stamps[first : first + _MOST_AT_ONCE]
+        session.execute(delete(FrameChange).where(FrameChange.frame_id.in_([each[0] for each in some])))
+        names = ("frame_id", "campaign_id", "revision")
+        session.execute(insert(FrameChange), [dict(zip(names, each, strict=True)) for each in some])
 
 
 def forget_changes(session: Session) -> None:
     """Forget what was rolled back."""
-    session.info.pop("changed_campaigns", None)
-    session.info.pop("changed_of_campaigns", None)
+    for noted in (
+        "changed_campaigns",
+        "changed_of_campaigns",
+        "changed_frames",
+        "campaigns_changed_themselves",
+    ):
+        session.info.pop(noted, None)

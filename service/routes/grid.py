@@ -15,7 +15,7 @@ from radiometry.frame.verdicts import Verdict
 from radiometry.specification.grid import Gap
 from service.auth import Calibrator, Reader
 from service.changes import Reply, Writes
-from service.context import UsesContext
+from service.context import Context, UsesContext
 from service.hosts import absolute
 from service.immutable import not_modified, standing_headers
 from service.lookup import Id, owned
@@ -23,8 +23,9 @@ from service.paging import Cursor
 from service.problems import invalid
 from service.routes import UNCHANGED, problems
 from service.routes.frames import apply_change
-from service.schemas.base import Answer
+from service.schemas.base import Answer, Text
 from service.schemas.frames import FramesChange, FramesChanged
+from service.thumbnails import tag_of
 from store.queries.grid import read_grid
 from store.reviews import hash_code
 from store.tables import Campaign, CampaignReview, FrameRow
@@ -63,6 +64,7 @@ class GridColumns(Answer):
     refusal_code: _Texts
     left_out: _Texts = Field(description="Why a person left it out.")
     withdrawn: list[bool]
+    thumbnail: _Texts = Field(description="Changes with the frame's thumbnail; null while there is none.")
 
 
 class GapAnswer(Answer, restates=Gap, without="at"):
@@ -76,6 +78,13 @@ class CampaignGridAnswer(Answer):
 
     frames: GridColumns
     gaps: list[GapAnswer] = Field(description="What to photograph next; of the first page.")
+    partial: bool = Field(
+        description="Only the frames that have changed since `since`; the others are as they were."
+    )
+    since: str | None = Field(
+        description="Of the first page: asks next time for what has changed. Null if that is not known.",
+        json_schema_extra={"nullable_on_purpose": True},
+    )
     next: str | None = Field(json_schema_extra={"nullable_on_purpose": True})
 
 
@@ -92,14 +101,19 @@ def get_campaign_grid(
     context: UsesContext,
     limit: Annotated[int, Query(ge=1, le=_MOST_FRAMES)] = 1000,
     cursor: Cursor = None,
+    since: Annotated[
+        Text | None,
+        Query(description="The `since` of an earlier answer: the frames that have changed are enough."),
+    ] = None,
 ) -> Response:
     """Return a campaign's frames in columns, with the gaps to photograph next.
 
     Frames come in the order in which they were sent, withdrawn ones too. The ETag changes with the campaign.
+    With `since` the answer holds the changed frames alone and says `partial`, unless all may have changed.
     """
     packed = "gzip" in request.headers.get("accept-encoding", "")
     with context.database.reading() as session:
-        campaign = owned(session, Campaign, campaign_id, caller)
+        owned(session, Campaign, campaign_id, caller)
         revision = select(CampaignReview.revision).where(CampaignReview.campaign_id == campaign_id)
         tagged = f"{session.scalar(revision)}-{hash_code()}-{cursor or ''}-{limit}{'-gzip' * packed}"
         tag = hashlib.sha256(tagged.encode()).hexdigest()
@@ -107,16 +121,27 @@ def get_campaign_grid(
         unchanged = not_modified(request, tag, headers)
         if unchanged is not None:
             return unchanged
-        frames = read_grid(session, campaign, after=cursor or "", limit=limit + 1)
+        if since:
+            # which verdicts have changed is known once they are kept
+            context.reviews.find(session, campaign_id)
+    with context.database.reading() as session:
+        campaign = session.get_one(Campaign, campaign_id)
+        reviewed = session.get_one(CampaignReview, campaign_id)
+        known = _read_since(since, reviewed)
+        frames = read_grid(session, campaign, after=cursor or "", limit=limit + 1, since=known)
         more, frames = len(frames) > limit, frames[:limit]
         review = context.reviews.find(session, campaign_id, verdicts_of=[frame["id"] for frame in frames])
     following = request.url.include_query_params(cursor=frames[-1]["id"]) if more else None
     answer = CampaignGridAnswer(
         frames=_shape(frames, review.verdicts),
         gaps=[] if cursor else [GapAnswer.restate(gap, at=dict(gap.at)) for gap in review.gaps],
+        partial=known is not None,
+        since=f"{reviewed.revision}-{hash_code()}" if not cursor and _is_kept(context, reviewed) else None,
         next=absolute(request, f"{following.path}?{following.query}") if following else None,
     )
-    body = json.dumps(answer.dump() | {"next": answer.next}, separators=(",", ":")).encode()
+    body = json.dumps(
+        answer.dump() | {"next": answer.next, "since": answer.since}, separators=(",", ":")
+    ).encode()
     if packed:
         headers["Content-Encoding"] = "gzip"
         body = gzip.compress(body, compresslevel=4, mtime=0)
@@ -142,6 +167,21 @@ def change_frames(campaign_id: Id, body: FramesChange, caller: Calibrator, writi
     return writing.run(caller, change)
 
 
+def _read_since(since: str | None, reviewed: CampaignReview) -> int | None:
+    """Return the revision after which the changes are asked for; None where all frames may have changed."""
+    revision, _, code = (since or "").partition("-")
+    fresh = reviewed.kept_revision == reviewed.revision and reviewed.kept_by == hash_code() == code
+    known = int(revision) if fresh and revision.isdecimal() else -1
+    return known if reviewed.whole_revision <= known <= reviewed.revision else None
+
+
+def _is_kept(context: Context, seen: CampaignReview) -> bool:
+    """Whether the verdicts that were answered are kept: later ones are then told apart from them."""
+    kept = select(CampaignReview.kept_revision).where(CampaignReview.campaign_id == seen.campaign_id)
+    with context.database.reading() as session:
+        return session.scalars(kept).one() >= seen.revision
+
+
 def _shape(frames: list[dict[str, Any]], verdicts: Mapping[str, Verdict]) -> GridColumns:
     for frame in frames:
         verdict = verdicts.get(frame["id"])
@@ -150,4 +190,5 @@ def _shape(frames: list[dict[str, Any]], verdicts: Mapping[str, Verdict]) -> Gri
         frame["code"], frame["detail"] = (str(reason.code), reason.detail) if reason else (None, None)
         frame["left_out"] = (frame["left_out"] or {}).get("reason")
         frame["withdrawn"] = frame["withdrawn_at"] is not None
+        frame["thumbnail"] = tag_of(frame["preview_sha256"], frame["region_id"])
     return GridColumns(**{name: [frame[name] for frame in frames] for name in GridColumns.model_fields})

@@ -154,7 +154,7 @@ def get_frame_thumbnail(
         frame = owned(session, FrameRow, frame_id, caller)
         roi = current_roi(session, frame, session.get_one(Campaign, frame.campaign_id))
     preview_sha256 = require_preview(frame)
-    tag = tag_of(frame, roi, side_px)
+    tag = f"{tag_of(preview_sha256, roi.id if roi else None)}-{side_px}"
     headers = standing_headers(tag)
     unchanged = not_modified(request, tag, headers)
     if unchanged is not None:

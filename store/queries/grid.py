@@ -4,11 +4,11 @@ from collections import defaultdict
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import select
+from sqlalchemy import ColumnElement, select
 from sqlalchemy.orm import Session
 
 from store.queries.frames import extractor_of, region_ids
-from store.tables import Campaign, ChannelRow, Extraction, FrameRow
+from store.tables import Campaign, ChannelRow, Extraction, FrameChange, FrameRow
 
 _HEADER = FrameRow.header
 COLUMNS = {
@@ -16,7 +16,7 @@ COLUMNS = {
         name: getattr(FrameRow, name)
         for name in (
             *("id", "filename", "role", "scene", "state", "exposure_time_s", "f_number", "iso", "roi_id"),
-            *("left_out", "withdrawn_at", "refusal_code"),
+            *("left_out", "withdrawn_at", "refusal_code", "preview_sha256"),
         )
     },
     "width_px": _HEADER["width_px"].as_integer(),
@@ -38,15 +38,24 @@ class _Placed:
     size_px: tuple[int, int] | None
 
 
-def read_grid(session: Session, campaign: Campaign, *, after: str, limit: int) -> list[dict[str, Any]]:
+def read_grid(
+    session: Session, campaign: Campaign, *, after: str, limit: int, since: int | None = None
+) -> list[dict[str, Any]]:
     """Read a page of a campaign's frames in the order in which they came, withdrawn ones too.
 
+    ``since`` : only those that have changed since this revision of the campaign.
+
     ``signal_dn`` is the mean of the green channels, else of all, in the region that holds for the frame;
-    ``clipped_share`` that of the channel with the largest share of pixels at the white level.
+    ``clipped_share`` that of the channel with the largest share of pixels at the white level; ``region_id``
+    is the region that holds.
     """
+    chosen = FrameRow.campaign_id == campaign.id
+    if since is not None:
+        newer = (FrameChange.campaign_id == campaign.id) & (FrameChange.revision > since)
+        chosen &= FrameRow.id.in_(select(FrameChange.frame_id).where(newer))
     rows = session.execute(
         select(*(column.label(name) for name, column in COLUMNS.items()))
-        .where(FrameRow.campaign_id == campaign.id, FrameRow.id > after)
+        .where(chosen, FrameRow.id > after)
         .order_by(FrameRow.id)
         .limit(limit)
     )
@@ -58,9 +67,10 @@ def read_grid(session: Session, campaign: Campaign, *, after: str, limit: int) -
         for f in frames
     ]
     regions = region_ids(session, campaign, placed)
-    measured = _read_signals(session, campaign, frames[0]["id"], frames[-1]["id"])
+    within = chosen & FrameRow.id.between(frames[0]["id"], frames[-1]["id"])
+    measured = _read_signals(session, campaign, within)
     for frame in frames:
-        region = regions[frame["id"]]
+        region = frame["region_id"] = regions[frame["id"]]
         frame["signal_dn"], frame["clipped_share"] = measured.get((frame["id"], region or ""), (None, None))
         found = frame.pop("found") or {}
         own = frame["roi_id"] is not None
@@ -71,9 +81,9 @@ def read_grid(session: Session, campaign: Campaign, *, after: str, limit: int) -
 
 
 def _read_signals(
-    session: Session, campaign: Campaign, first: str, last: str
+    session: Session, campaign: Campaign, chosen: ColumnElement[bool]
 ) -> dict[tuple[str, str], tuple[float, float]]:
-    """Signal and clipping of the frames from one id to another, by frame and region."""
+    """Signal and clipping of some frames, by frame and region."""
     rows: Any = session.execute(
         select(
             *(Extraction.frame_id, Extraction.roi_id),
@@ -81,8 +91,7 @@ def _read_signals(
         )
         .join(Extraction, Extraction.id == ChannelRow.extraction_id)
         .join(FrameRow, FrameRow.id == Extraction.frame_id)
-        .where(FrameRow.campaign_id == campaign.id, FrameRow.id.between(first, last))
-        .where(Extraction.extractor == extractor_of(campaign))
+        .where(chosen, Extraction.extractor == extractor_of(campaign))
     )
     means: dict[tuple[str, str], dict[str, float]] = defaultdict(dict)
     clipped: dict[tuple[str, str], float] = defaultdict(float)

@@ -8,7 +8,7 @@ from store.tables.crop import Crop
 from store.tables.equipment import Camera, Meter, Panel, Rig
 from store.tables.identity import ApiKey, IdempotentAnswer, Organisation, Usage, WebSession
 from store.tables.job import Job
-from store.tables.kept import CampaignReview, FrameVerdict, Rendering
+from store.tables.kept import CampaignReview, FrameChange, FrameVerdict, Rendering, SmallPreview
 from store.tables.measurement import Measurement
 from store.tables.part import PartRow
 from store.tables.ready import MeasuredRow, ReadyAnswer, ReadyRow
@@ -34,6 +34,7 @@ __all__ = [
     "CoefficientRow",
     "Crop",
     "Extraction",
+    "FrameChange",
     "FrameRow",
     "FrameVerdict",
     "IdempotentAnswer",
@@ -56,6 +57,7 @@ __all__ = [
     "Roi",
     "SigningKey",
     "Slot",
+    "SmallPreview",
     "Usage",
     "WebSession",
     "Webhook",

@@ -28,6 +28,8 @@ class CampaignReview(Base):
     campaign_id: Mapped[str] = mapped_column(ForeignKey("campaign.id"), primary_key=True)
     revision: Mapped[int] = mapped_column(BigInteger, default=0)
     """Rises in every transaction that changes what the review depends on (store/revisions.py)."""
+    whole_revision: Mapped[int] = mapped_column(BigInteger, default=0)
+    """Last one at which any of its frames may have changed: that of the campaign itself."""
     kept_revision: Mapped[int] = mapped_column(BigInteger, default=-1)
     """Revision that the rest of this row and the verdicts were computed from."""
     kept_by: Mapped[str | None]
@@ -51,6 +53,28 @@ class FrameVerdict(Base):
     campaign_id: Mapped[str] = mapped_column(index=True)
     reasons: Mapped[str]
     """JSON: code, outcome and detail of each."""
+
+
+class FrameChange(Base):
+    """Revision of the campaign at which a frame, its statistics or the verdict on it last changed."""
+
+    __tablename__ = "frame_change"
+    __table_args__ = (Index("ix_frame_change_campaign_id_revision", "campaign_id", "revision"),)
+
+    # no foreign keys, as for its verdict
+    frame_id: Mapped[str] = mapped_column(primary_key=True)
+    campaign_id: Mapped[str]
+    revision: Mapped[int] = mapped_column(BigInteger)
+
+
+class SmallPreview(Base):
+    """A frame's preview at the size of a grid's cell."""
+
+    __tablename__ = "small_preview"
+
+    # no foreign key: it is kept before the frame that shows it, and holds nothing that its preview does not
+    preview_sha256: Mapped[str] = mapped_column(String(64), primary_key=True)
+    webp: Mapped[bytes]
 
 
 class Rendering(Base):

@@ -307,7 +307,8 @@ def test_the_first_rows_do_not_wait_for_a_thousand(page, team, service, tmp_path
         ).json()
     service.wait_for_jobs([sent["id"]])
     multiply(service.database, sent["id"], 1000)
-    held = []
+    held, pictures = [], []
+    page.on("request", lambda request: "thumbnail" in request.url and pictures.append(request))
 
     def hold(route):
         held.append(route)
@@ -325,6 +326,13 @@ def test_the_first_rows_do_not_wait_for_a_thousand(page, team, service, tmp_path
     page.locator(".grid").evaluate("element => element.scrollTo(0, element.scrollHeight)")
     expect(page.get_by_role("button", name=re.compile(r"^frame-999\.DNG"))).to_be_visible()
     assert page.locator(".grid tbody tr").count() < 60
+    page.wait_for_function(SEEN_HAVE_PICTURES)
+    # whatever the number of cells: the frames around a place come together
+    assert len(pictures) <= 6
+
+
+SEEN_HAVE_PICTURES = """() => [...document.querySelectorAll(".grid img.picture")]
+    .every((img) => img.complete && img.naturalWidth)"""
 
 
 def multiply(database, frame_id, count):

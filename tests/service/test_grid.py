@@ -64,6 +64,47 @@ def test_grid_is_not_sent_again_until_the_campaign_changes(house, campaign):
     assert house.http.get(path, headers=again).json()["frames"]["scene"][0] == "c"
 
 
+def test_what_has_changed_in_the_grid_is_asked_for_alone(house, campaign):
+    held = {row["id"]: row for row in grid(house, campaign)[0]}
+    since = grid(house, campaign)[1]["since"]
+
+    def look():
+        """Read what has changed, and hold it to the whole grid; return the names of what was read."""
+        nonlocal since
+        rows, answer = grid(house, campaign, since=since)
+        if not answer["partial"]:
+            held.clear()
+        held.update((row["id"], row) for row in rows)
+        whole, complete = grid(house, campaign)
+        assert list(held.values()) == whole
+        assert answer["gaps"] == complete["gaps"]
+        since = answer["since"]
+        return {row["filename"] for row in rows}, answer["partial"]
+
+    assert look() == (set(), True)
+    first, second, third = held.values()
+    change(house, campaign, [third], left_out=True, reason="a bird")
+    assert look() == ({"b-4.dng"}, True)
+    said = {"scene": "a", "quantity": "luminance", "value": 54.4, "unit": "cd/m2"}
+    reading = house.post(f"/v1/campaigns/{campaign['id']}/readings", said)
+    assert look() == ({"a-4.dng", "a-5.6.dng", "b-4.dng"}, True)
+    house.http.delete(f"/v1/readings/{reading['id']}")
+    assert look() == ({"a-4.dng", "a-5.6.dng", "b-4.dng"}, True)
+    change(house, campaign, [first], withdrawn=True)
+    change(house, campaign, [second], scene="c")
+    assert look() == ({"a-4.dng", "a-5.6.dng"}, True)
+    house.http.put(f"/v1/frames/{second['id']}/roi", json={"polygon": [[8, 8], [60, 8], [60, 50], [8, 50]]})
+    look()
+    house.work()
+    assert look() == ({"a-5.6.dng"}, True)
+    # a region of the campaign is that of all its frames
+    set_roi(house, campaign, {"polygon": [[8, 8], [50, 8], [50, 40]]})
+    house.work()
+    assert look()[1] is False
+    for never in ("0-0", "999999-x", "x"):
+        assert grid(house, campaign, since=never)[1]["partial"] is False
+
+
 def test_frames_are_moved_left_out_withdrawn_and_restored(house, campaign):
     rows, _ = grid(house, campaign)
     assert change(house, campaign, rows[:2], scene="c") == {"frames": 2, "read_again": 0}

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from service.thumbnails import draw_thumbnail
+from service.thumbnails import draw_light_thumbnail
 from service.web.fields import describe_fields
+from store.small_previews import reduce_preview
 from tests.support.house import KEY
 
 STATIC = Path(__file__).parents[2] / "service" / "web" / "static"
@@ -177,16 +178,16 @@ def test_a_campaign_shows_its_frames_within_three_seconds_on_a_slow_line(house, 
     later = re.findall(r'<link rel="modulepreload" href="([^"]+)" fetchpriority="low">', html)
     assert {"grid.js", "page.js"} <= {path.rpartition("/")[2] for path in first}
     assert {"region.js", "upload.js"} <= {path.rpartition("/")[2] for path in later}
-    noise = np.random.default_rng(1).integers(0, 255, (400, 400), np.uint8)
+    noise = np.random.default_rng(1).integers(0, 255, (1200, 1600), np.uint8)
     preview = io.BytesIO()
     Image.fromarray(noise).save(preview, "PNG")
-    thumbnail = draw_thumbnail(preview.getvalue(), 400, None, 160)
+    thumbnail = draw_light_thumbnail(reduce_preview(preview.getvalue()), 1600, None)
     stages = {
         "connection": 0.15,
         "page": wait_s([len(html.encode())]),
         "modules": wait_s([raw_size(visitor, path) for path in first]),
         "grid": wait_s([raw_size(visitor, f"/v1/campaigns/{campaign['id']}/grid?limit=200")]),
-        "thumbnails": wait_s([len(thumbnail)] * 6),
+        "thumbnails": wait_s([32 * 4 / 3 * len(thumbnail) + 600]),
     }
     assert sum(stages.values()) < 3.0, stages
 

@@ -31,6 +31,7 @@ from store.queries.frames import (
     whole_frame,
     whole_frame_of,
 )
+from store.small_previews import keep_small_previews, reduce_preview
 from store.tables import Blob, Campaign, Extraction, FrameRow, Roi
 from worker.context import Context
 from worker.decode.pool import DecoderCrashed
@@ -60,12 +61,19 @@ class _Extracted:
 
 
 @dataclass(frozen=True, kw_only=True)
+class _Preview:
+    blob: StoredBlob
+    small: bytes
+
+
+@dataclass(frozen=True, kw_only=True)
 class _Found:
     header: FrameHeader
     acceptance: Acceptance
     flags: tuple[str, ...]
     """Of the frame's acceptance, and what the method finds in its metadata."""
-    preview: StoredBlob | None
+    preview: "_Preview | None"
+    """None where one is stored already."""
     proof: Proof
     extracted: _Extracted | None
     region_refused: InputRejected | None
@@ -214,14 +222,14 @@ def _regions(roi: Roi | None, panel: FoundRegion | None, header: FrameHeader) ->
     return [Region(name=part["name"], polygon=Polygon.from_points(part["points"])) for part in roi.parts]
 
 
-def _inspect(context: Context, subject: _Subject, file: StoredFile) -> tuple[StoredBlob | None, Proof]:
+def _inspect(context: Context, subject: _Subject, file: StoredFile) -> tuple[_Preview | None, Proof]:
     """Read all of the frame once: what is found then holds for every later reading of a part."""
     if subject.has_preview and subject.frame.proof:
         return None, decode(Proof, subject.frame.proof)
     preview, proof = context.decoders.inspect(file)
     with context.blobs.writer() as writer:
         writer.write(preview)
-        return writer.commit(), proof
+        return _Preview(blob=writer.commit(), small=reduce_preview(preview)), proof
 
 
 def _store(session: Session, subject: _Subject, found: _Found) -> dict[str, Any]:
@@ -229,8 +237,9 @@ def _store(session: Session, subject: _Subject, found: _Found) -> dict[str, Any]
     frame = session.get_one(FrameRow, subject.frame.id, with_for_update=True)
     campaign = session.get_one(Campaign, frame.campaign_id)
     if found.preview is not None:
-        keep_blob(session, found.preview)
-        frame.preview_sha256 = found.preview.sha256
+        keep_blob(session, found.preview.blob)
+        frame.preview_sha256 = found.preview.blob.sha256
+        keep_small_previews(session, {found.preview.blob.sha256: found.preview.small})
     frame.header, frame.proof = encode(found.header), encode(found.proof)
     _store_acceptance(frame, found)
     roi = subject.roi

@@ -3,9 +3,7 @@
 import { h } from "../dom.js";
 import { exposureTime, number, typeset, words } from "../format.js";
 import { OUTCOMES, mark } from "../marks.js";
-import { isRead } from "./state.js";
-
-const SIDE_PX = 160;
+import { imageOf } from "./pictures.js";
 
 /** The mark of a frame: that of its verdict, unless it was left out. */
 export const kindOf = (frame) => (frame.withdrawn || frame.left_out !== null ? "out" : OUTCOMES[frame.outcome][0]);
@@ -19,29 +17,21 @@ export function sayState(frame) {
 
 export const sayExposure = (frame) => (frame.exposure_time_s ? `${exposureTime(frame.exposure_time_s)}, f/${number(frame.f_number, 3)}, ISO ${frame.iso}` : "no exposure");
 
-/** `later`: its address is set by `loadPictures`, so that none is asked for that only flies past. */
-const thumbnail = (frame, later) =>
-  isRead(frame)
-    ? h("img", { class: "picture", [later ? "data-src" : "src"]: `/v1/frames/${frame.id}/thumbnail.png?side_px=${SIDE_PX}`, alt: "", decoding: "async", width: 76, height: 57, draggable: "false" })
+const thumbnail = (frame) =>
+  frame.thumbnail
+    ? h("img", { class: "picture", ...imageOf(frame), alt: "", decoding: "async", width: 76, height: 57, draggable: "false" })
     : h("span", { class: "picture" }, mark(frame.state === "refused" ? "bad" : "wait"));
 
-export function loadPictures(place) {
-  for (const picture of place.querySelectorAll("img[data-src]")) {
-    picture.src = picture.dataset.src;
-    picture.removeAttribute("data-src");
-  }
-}
-
 /** What changes the look of a frame's cell. */
-export const lookOf = (frame) => [frame.id, frame.state, frame.outcome, frame.code, frame.left_out, frame.withdrawn, frame.signal_dn, frame.exposure_time_s, frame.scene];
+export const lookOf = (frame) => [frame.id, frame.state, frame.outcome, frame.code, frame.left_out, frame.withdrawn, frame.signal_dn, frame.exposure_time_s, frame.scene, frame.thumbnail];
 
-export function frameCell(frame, { place, chosen, compact, later = false }) {
+export function frameCell(frame, { place, chosen, compact }) {
   const kind = kindOf(frame);
   const why = ["warn", "bad"].includes(kind) && frame.code ? words(frame.code) : kind === "out" ? sayState(frame).toLowerCase() : frame.state === "received" ? "received" : "";
   return h(
     "button",
     { type: "button", class: `cell ${kind}${chosen ? " chosen" : ""}`, tabindex: "-1", draggable: "true", "data-id": frame.id, "aria-label": `${frame.filename}: ${[place, sayExposure(frame), sayState(frame).toLowerCase(), why].filter(Boolean).join(", ")}${chosen ? ", selected" : ""}`, title: frame.detail ?? frame.filename },
-    thumbnail(frame, later),
+    thumbnail(frame),
     h("span", { class: "pv" }, mark(kind)),
     compact ? null : h("span", { class: "says" }, h("b", {}, frame.exposure_time_s ? exposureTime(frame.exposure_time_s) : frame.filename), frame.signal_dn === null ? null : `${number(frame.signal_dn, 4)} DN`, why ? h("em", {}, why) : null),
   );

@@ -44,6 +44,7 @@ export function openFrame(state, first, { order, back }) {
     // the viewer stays where it is: its buttons keep their focus
     if (!seen || !look.contains(viewer.element)) fill(look, seen ? viewer.element : unread(), others);
     fill(others, beside(state, state.byId.get(id), show));
+    state.pictures.show();
   };
   const button = (text, onclick, attributes = {}) => h("button", { type: "button", class: "small-button", onclick, ...attributes }, text);
   const [before, after, check] = [button("← Previous", () => go(-1)), button("Next →", () => go(1)), button("Next to check →", toCheck)];

@@ -4,17 +4,18 @@ import { all } from "../api.js";
 import { byId, fill, h, isPressed, may } from "../dom.js";
 import { number } from "../format.js";
 import { OUTCOMES, mark } from "../marks.js";
-import { roleOptions } from "../methods.js";
 import { act, empty } from "../states.js";
 import { undoLast } from "../undo.js";
-import { frameCell, gapCell, loadPictures, lookOf } from "./cells.js";
-import { select } from "./forms.js";
+import { bulkForm } from "./bulk.js";
+import { frameCell, gapCell, lookOf } from "./cells.js";
+import { dragging } from "./dragging.js";
 import { openFrame } from "./frame.js";
 import { lettersOn, showKeys } from "./keys.js";
 import { layOut } from "./matrix.js";
 import { askForMeter } from "./meters.js";
-import { askWhere, changeFrames, leaveOut, moveTo, withdraw } from "./moves.js";
+import { askWhere, leaveOut } from "./moves.js";
 import { ReadingBook, readingTools, sceneHead } from "./scene.js";
+import { walking } from "./walking.js";
 
 const MARGIN = 3;
 /** Heights of a line [px], as in campaign.css: with a reading, without, compact, and on a phone. */
@@ -28,7 +29,7 @@ const TALL_PX = 2000;
 const phone = matchMedia("(max-width: 40rem)");
 
 export function gridSection(state) {
-  const { method } = state;
+  const { method, pictures } = state;
   const chosen = new Set();
   const view = { outcome: "", text: "" };
   const book = new ReadingBook(state);
@@ -36,7 +37,7 @@ export function gridSection(state) {
   let model = { columns: [], lines: [], order: [] };
   let offsets = [0];
   let drawn = new Map();
-  let active = null;
+  let stale = true;
   let waiting = false;
   let resting;
   let scrolled = -Infinity;
@@ -64,6 +65,7 @@ export function gridSection(state) {
     fill(bare, some ? null : empty("No frames yet", may("upload") ? "Drop the camera’s files above, or send a folder with: stilb push." : "No frames have been sent."));
     for (const part of [tools, scroller, caption]) part.hidden = !some;
     model = layOut({ method, frames: state.frames, withdrawn: state.withdrawn, readings: book.readings, gaps: state.gaps, across: phone.matches ? 3 : 6, perCard: phone.matches ? PHONE.cards : 0, shows, showsGaps: !view.text && ["", "gap"].includes(view.outcome) });
+    pictures.arrange(model.order);
     if (view.outcome === "gap") model.lines = model.lines.filter((line) => line.cells.some((cell) => cell?.gap));
     offsets = [0];
     for (const line of model.lines) offsets.push(offsets.at(-1) + heightOf(line));
@@ -73,7 +75,7 @@ export function gridSection(state) {
     table.setAttribute("aria-rowcount", model.lines.length + head.children.length);
     table.setAttribute("aria-colcount", model.columns.length + 1);
     drawHead();
-    if (!model.lines.some((line) => line.key === active?.line)) active = null;
+    stale = true;
     update();
     drawCounts();
     drawBulk();
@@ -126,7 +128,12 @@ export function gridSection(state) {
     const from = Math.max(0, at(top) - MARGIN);
     const to = Math.min(model.lines.length, at(top + height) + MARGIN + 1);
     const next = new Map();
-    for (let index = from; index < to; index += 1) next.set(model.lines[index].key, rowOf(model.lines[index], index));
+    for (let index = from; index < to; index += 1) {
+      const { key } = model.lines[index];
+      // scrolling alone changes no row
+      next.set(key, (!stale && drawn.get(key)) || rowOf(model.lines[index], index));
+    }
+    stale = false;
     for (const [key, row] of drawn) if (!next.has(key)) row.element.remove();
     if (!above.isConnected) body.append(above, below);
     let place = above;
@@ -142,10 +149,11 @@ export function gridSection(state) {
     below.style.height = `${offsets.at(-1) - offsets[to]}px`;
     above.hidden = from === 0;
     below.hidden = to === model.lines.length;
-    setStop();
+    walker.setStop();
     clearTimeout(resting);
-    if (performance.now() - scrolled > REST_MS) loadPictures(body);
-    else resting = setTimeout(() => loadPictures(body), REST_MS);
+    pictures.put();
+    if (performance.now() - scrolled > REST_MS) pictures.show();
+    else resting = setTimeout(() => pictures.show(), REST_MS);
   }
 
   function rowOf(line, index) {
@@ -178,7 +186,7 @@ export function gridSection(state) {
       td.dataset.head = heads.join(" · ");
       if (cell?.frame) td.setAttribute("aria-selected", String(chosen.has(cell.frame.id)));
       else td.removeAttribute("aria-selected");
-      fill(td, cell?.frame ? frameCell(cell.frame, { place, chosen: chosen.has(cell.frame.id), compact: isCompact(), later: true }) : cell?.gap ? gapCell(cell.gap, { place, compact: isCompact() }) : line.row.kind === "role" && heads.length ? h("span", { class: "cell-none" }, h("span", { class: "hidden" }, "not needed"), h("span", { "aria-hidden": "true" }, line.first ? "–" : "")) : null);
+      fill(td, cell?.frame ? frameCell(cell.frame, { place, chosen: chosen.has(cell.frame.id), compact: isCompact() }) : cell?.gap ? gapCell(cell.gap, { place, compact: isCompact() }) : line.row.kind === "role" && heads.length ? h("span", { class: "cell-none" }, h("span", { class: "hidden" }, "not needed"), h("span", { "aria-hidden": "true" }, line.first ? "–" : "")) : null);
       if (focused) td.firstChild?.focus();
     }
     return row;
@@ -193,93 +201,33 @@ export function gridSection(state) {
   function choose(ids, on = !ids.every((id) => chosen.has(id))) {
     for (const id of ids) if (on) chosen.add(id);
     else chosen.delete(id);
+    stale = true;
     update();
     drawBulk();
   }
 
-  // ---- walking: one tab stop; arrows go from cell to cell
-
-  const cellAt = (line, column) => drawn.get(line)?.element.children[column + 1]?.firstElementChild;
-
-  function setStop() {
-    body.querySelectorAll("td > [tabindex='0']").forEach((each) => (each.tabIndex = -1));
-    const stop = (active && cellAt(active.line, active.column)) ?? body.querySelector("td > .cell, td > .cell-gap");
-    if (stop) stop.tabIndex = 0;
-  }
-
-  function walk(lineIndex, column) {
-    const line = model.lines[lineIndex];
-    active = { line: line.key, column };
-    const [top, bottom] = [offsets[lineIndex], offsets[lineIndex + 1]];
-    if (scroller.scrollHeight > scroller.clientHeight + 1) {
-      const room = head.offsetHeight;
-      if (top < scroller.scrollTop) scroller.scrollTop = top;
-      else if (bottom + room > scroller.scrollTop + scroller.clientHeight) scroller.scrollTop = bottom + room - scroller.clientHeight;
-    }
-    update();
-    const cell = cellAt(line.key, column);
-    cell?.focus({ preventScroll: scroller.scrollHeight > scroller.clientHeight + 1 });
-  }
-
-  function step(down, right) {
-    const lines = model.lines;
-    const start = Math.max(0, lines.findIndex((line) => line.key === active?.line));
-    if (right) {
-      for (let [index, column] = [start, active.column + right]; lines[index]; column += right) {
-        if (lines[index].cells[column]) return walk(index, column);
-        if (column >= 0 && column < lines[index].cells.length) continue;
-        index += right;
-        column = right > 0 ? -1 : (lines[index]?.cells.length ?? 0);
-      }
-      return null;
-    }
-    for (let index = start + down; index >= 0 && index < lines.length; index += down) {
-      const near = [...lines[index].cells.keys()].filter((at) => lines[index].cells[at]).sort((a, b) => Math.abs(a - active.column) - Math.abs(b - active.column))[0];
-      if (near !== undefined) return walk(index, near);
-    }
-    return null;
-  }
-
-  function toEnd(last) {
-    const index = model.lines.findIndex((line) => line.key === active?.line);
-    const full = [...model.lines[index].cells.keys()].filter((at) => model.lines[index].cells[at]);
-    walk(index, full.at(last ? -1 : 0));
-  }
-
+  const walker = walking({ body, head, scroller, shown: () => ({ lines: model.lines, offsets, drawn }), update });
+  const { focusOn } = walker;
   const pick = (id) => (chosen.has(id) ? [...chosen] : [id]);
   const open = (id) => openFrame(state, id, { order: model.order, back: (last) => focusOn(last) });
-  function focusOn(id) {
-    const index = model.lines.findIndex((line) => line.cells.some((cell) => cell?.frame?.id === id));
-    if (index >= 0) walk(index, model.lines[index].cells.findIndex((cell) => cell?.frame?.id === id));
-  }
-  function toReading() {
-    const line = model.lines.find((each) => each.key === active?.line);
-    body.querySelector(`[data-reading="${CSS.escape(line?.row.value ?? "")}"]`)?.focus();
-  }
+  const toReading = () => body.querySelector(`[data-reading="${CSS.escape(walker.line()?.row.value ?? "")}"]`)?.focus();
 
-  const ARROWS = { ArrowDown: [1, 0], ArrowUp: [-1, 0], ArrowRight: [0, 1], ArrowLeft: [0, -1] };
-  body.addEventListener("focusin", (event) => {
-    const cell = event.target.closest("td > *");
-    if (!cell) return;
-    const row = [...drawn].find(([, each]) => each.element.contains(cell));
-    active = { line: row[0], column: [...row[1].element.children].indexOf(cell.parentElement) - 1 };
-    setStop();
-  });
   body.addEventListener("keydown", (event) => {
     if (event.target.dataset.reading !== undefined) return typedReading(event);
-    if (!event.target.closest("td") || event.ctrlKey || event.metaKey || event.altKey) return null;
+    if (!event.target.closest("td")) return null;
+    const walked = walker.press(event);
+    if (!walked && (event.ctrlKey || event.metaKey || event.altKey)) return null;
     const { id } = event.target.dataset;
     const letter = lettersOn() ? event.key.toLowerCase() : "";
     const can = may("calibrate");
-    if (ARROWS[event.key]) step(...ARROWS[event.key]);
-    else if (event.key === "Home" || event.key === "End") toEnd(event.key === "End");
+    if (walked);
     else if (event.key === " " && id && can) choose([id]);
     else if (letter === "m" && id && can) askWhere(state, pick(id));
     else if (letter === "x" && id && can) act(scroller, () => leaveOut(state, pick(id)));
     else if (letter === "r" && reads) toReading();
     else return null;
     event.preventDefault();
-    if (event.shiftKey && ARROWS[event.key] && can) {
+    if (walked && event.shiftKey && can) {
       const moved = document.activeElement.dataset.id;
       choose([id, moved].filter(Boolean), true);
     }
@@ -311,34 +259,7 @@ export function gridSection(state) {
     else open(id);
   });
 
-  // ---- dragging: its twins are M and the selection
-
-  const rowAt = (target) => [...drawn.values()].find(({ element }) => element.contains(target))?.line.row;
-  const lifts = (row) => row?.kind === "role";
-  body.addEventListener("dragstart", (event) => {
-    const { id } = event.target.closest?.(".cell")?.dataset ?? {};
-    if (!id || !may("calibrate")) return event.preventDefault();
-    event.dataTransfer.setData("text/x-stilb-frames", JSON.stringify(pick(id)));
-    event.dataTransfer.effectAllowed = "move";
-    return null;
-  });
-  body.addEventListener("dragover", (event) => {
-    if (!event.dataTransfer.types.includes("text/x-stilb-frames")) return;
-    body.querySelectorAll(".over").forEach((each) => each.classList.remove("over"));
-    if (!lifts(rowAt(event.target))) return;
-    event.preventDefault();
-    event.target.closest("tr").classList.add("over");
-  });
-  const stop = () => body.querySelectorAll(".over").forEach((each) => each.classList.remove("over"));
-  body.addEventListener("dragend", stop);
-  body.addEventListener("drop", (event) => {
-    stop();
-    const row = rowAt(event.target);
-    const ids = JSON.parse(event.dataTransfer.getData("text/x-stilb-frames") || "[]");
-    if (!ids.length || !lifts(row)) return;
-    event.preventDefault();
-    act(scroller, () => moveTo(state, ids, row));
-  });
+  dragging(body, { state, pick, rowAt: (target) => [...drawn.values()].find(({ element }) => element.contains(target))?.line.row });
 
   // ---- tools
 
@@ -354,7 +275,7 @@ export function gridSection(state) {
     const held = bulk.contains(document.activeElement);
     for (const id of chosen) if (!state.byId.has(id)) chosen.delete(id);
     bulk.hidden = chosen.size === 0;
-    if (chosen.size && !bulk.firstChild) fill(bulk, bulkForm(state, chosen, () => (chosen.clear(), update(), drawBulk())));
+    if (chosen.size && !bulk.firstChild) fill(bulk, bulkForm(state, chosen, () => choose([...chosen], false)));
     if (!chosen.size) {
       fill(bulk);
       if (held) body.querySelector("td > [tabindex='0']")?.focus();
@@ -389,7 +310,10 @@ export function gridSection(state) {
   addEventListener("scroll", flies, { passive: true });
   new ResizeObserver(soon).observe(scroller);
   phone.addEventListener("change", () => state.left || draw());
-  body.addEventListener("focusout", soon);
+  body.addEventListener("focusout", () => {
+    stale = true;
+    soon();
+  });
   document.addEventListener("keydown", (event) => {
     if (event.target.closest("input, select, textarea, dialog:not(.frame-sheet)") || event.ctrlKey || event.metaKey || event.altKey || !lettersOn()) return;
     if (event.key.toLowerCase() === "z") undoLast();
@@ -414,25 +338,6 @@ export function gridSection(state) {
   draw();
   state.book = book;
   return [bare, tools, bulk, scroller, caption];
-}
-
-function bulkForm(state, chosen, after) {
-  const role = select([["", "keep"], ...roleOptions(state.method)], { "aria-label": "Role of the selected frames", title: "What the frames show" });
-  const scene = h("input", { "aria-label": "Scene of the selected frames", title: "The light level or view that the frames show", placeholder: "keep", list: "scenes" });
-  const change = async () => {
-    const said = { ...(role.value ? { role: role.value } : {}), ...(scene.value.trim() ? { scene: scene.value.trim() } : {}) };
-    if (!Object.keys(said).length) return;
-    await changeFrames(state, [...chosen], said, (named) => `${named} changed.`);
-    after();
-  };
-  const button = (text, work, attributes = {}) => h("button", { type: "button", ...attributes, onclick: (event) => act(event.target, async () => (await work(state, [...chosen]), after())) }, text);
-  return [
-    h("strong", { class: "bulk-count" }),
-    h("label", {}, "Role ", role),
-    h("label", {}, "Scene ", scene),
-    h("datalist", { id: "scenes" }, state.scenes.map((name) => h("option", { value: name }))),
-    h("span", { class: "actions" }, h("button", { type: "button", class: "primary", onclick: (event) => act(event.target, change) }, "Change"), button("Leave out", leaveOut), button("Withdraw", withdraw, { class: "danger" }), h("button", { type: "button", class: "quiet", onclick: after }, "Clear selection")),
-  ];
 }
 
 /** What somebody types is not taken from under their hands. */

@@ -4,7 +4,8 @@ import { h, openDialog } from "../dom.js";
 
 const KEPT = "stilb-letter-keys";
 const KEYS = [
-  ["Arrows, Home, End", "walk the grid"],
+  ["Arrows, Page Up, Page Down", "walk the grid"],
+  ["Home, End", "ends of a row; with Ctrl, of the grid"],
   ["Enter", "open a frame; in a reading: record it and go to the next scene without one"],
   ["Space, Shift + arrows", "select frames"],
   ["M", "move to a scene"],

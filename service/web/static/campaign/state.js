@@ -3,6 +3,7 @@
 import { all, get, getChanged, patch, pathOf } from "../api.js";
 import { natural } from "../groups.js";
 import { Turns, follow } from "../live.js";
+import { Pictures } from "./pictures.js";
 
 const FIRST = 200;
 const REST = 2000;
@@ -18,6 +19,7 @@ export class CampaignState extends EventTarget {
     Object.assign(this, { id, method, path: `/v1/campaigns/${id}`, campaign: null, roi: null });
     Object.assign(this, { frames: [], withdrawn: [], gaps: [], byId: new Map(), complete: false, tag: null });
     this.turns = new Turns();
+    this.pictures = new Pictures(this.path);
     /** The gravest reason of each frame, as {outcome, reasons}. */
     this.verdicts = new Map();
     // another page is shown in this document: what listens has gone
@@ -58,10 +60,10 @@ export class CampaignState extends EventTarget {
     return id === this.roi?.id ? this.roi : get(`${this.path}/roi`);
   }
 
-  /** One request while nothing happens: the tag changes with the campaign. */
+  /** One request while nothing happens: the tag changes with the campaign. What has changed since is read alone. */
   async look() {
     const turn = this.turns.ask();
-    const { tag, body } = await getChanged(`${this.path}/grid?limit=${REST}`, this.tag);
+    const { tag, body } = await getChanged(`${this.path}/grid?limit=${REST}${this.since ? `&since=${this.since}` : ""}`, this.tag);
     if (!body) return;
     const pages = [body];
     for (let next = body.next; next; next = pages.at(-1).next) pages.push(await get(pathOf(next)));
@@ -69,7 +71,7 @@ export class CampaignState extends EventTarget {
     const roi = await this.readRoi(campaign);
     if (!this.turns.take(turn)) return;
     const roiChanged = roi?.id !== this.roi?.id;
-    Object.assign(this, { campaign, roi, tag, complete: true });
+    Object.assign(this, { campaign, roi, tag, since: body.since, complete: true });
     this.take(pages);
     this.tell("campaign");
     if (roiChanged) this.tell("roi");
@@ -81,7 +83,9 @@ export class CampaignState extends EventTarget {
       return frames.id.map((_, at) => Object.fromEntries(columns.map(([name, values]) => [name, values[at]])));
     });
     this.gaps = pages[0].gaps;
-    this.gather(every);
+    const known = new Map(pages[0].partial ? this.byId : []);
+    for (const frame of every) known.set(frame.id, frame);
+    this.gather([...known.values()]);
   }
 
   gather(every) {

@@ -1,0 +1,114 @@
+"""Modules of the pages by themselves: what they make of data, without a service's answer."""
+
+import pytest
+
+LAY_OUT = """async ([base, name, frames, rest]) => {
+    const { layOut } = await import(`${base}/campaign/matrix.js`);
+    const { methodOf } = await import(`${base}/methods.js`);
+    const { columns, lines, order } = layOut({ method: methodOf(name), frames, ...rest });
+    const said = (cell) => cell?.frame?.filename ?? (cell?.gap ? "gap" : null);
+    return {
+        columns: columns.map(({ heads }) => heads.join(" ")),
+        lines: lines.map(({ row, cells }) => [row.label, cells.map(said)]),
+        order: order.map((frame) => frame.filename),
+    };
+}"""
+FORMAT = """async ([base, name, values]) => {
+    const found = await import(`${base}/format.js`);
+    return values.map((value) => found[name](value));
+}"""
+IN_ORDER = """async ([base, names]) => (await import(`${base}/groups.js`)).inOrder(names, (name) => name)"""
+_AXES = ("scene", "iso", "f_number", "exposure_time_s", "band", "capture_id", "taken_at")
+
+
+@pytest.fixture(scope="module")
+def run(browser, service):
+    """Run a script with the address of the modules and its arguments."""
+    with browser.new_context(base_url=service.url) as context:
+        page = context.new_page()
+        page.goto("/sign-in")
+        base = page.locator("link[rel=stylesheet]").first.get_attribute("href").rpartition("/")[0]
+        yield lambda script, *arguments: page.evaluate(script, [base, *arguments])
+
+
+def frame(role, name, **values):
+    return dict.fromkeys(_AXES) | {"id": name, "role": role, "filename": name, "withdrawn": False} | values
+
+
+def test_scenes_stand_in_natural_order_and_gaps_in_their_cells(run):
+    frames = [
+        frame("light", f"{scene}-{f_number}", scene=scene, iso=100, f_number=f_number)
+        for scene in ("level-10", "level-2")
+        for f_number in (11, 5.6)
+    ]
+    gaps = [{"role": "light", "at": {"scene": "level-2", "iso": 100, "f_number": 8}, "text": ""}]
+    found = run(LAY_OUT, "luminance", frames, {"gaps": gaps, "readings": [{"scene": "level-1"}]})
+    assert found["columns"] == ["ISO 100 f/5.6", "ISO 100 f/8", "ISO 100 f/11"]
+    assert found["lines"] == [
+        ["level-1", [None, None, None]],
+        ["level-2", ["level-2-5.6", "gap", "level-2-11"]],
+        ["level-10", ["level-10-5.6", None, "level-10-11"]],
+    ]
+    assert found["order"][0] == "level-2-5.6"
+
+
+def test_a_method_lays_its_frames_out_along_its_own_axes(run):
+    visits = [
+        frame("panel", f"{band}-{n}", band=band, capture_id=n, taken_at=f"2026-05-01T1{n}:00:00")
+        for n in "12"
+        for band in ("red_edge", "blue")
+    ]
+    found = run(LAY_OUT, "reflectance", visits, {})
+    assert found["columns"] == ["blue", "red edge"]
+    assert [line for line in found["lines"] if any(line[1])] == [
+        ["2026-05-01 11:00:00", ["blue-1", "red_edge-1"]],
+        ["2026-05-01 12:00:00", ["blue-2", "red_edge-2"]],
+    ]
+    flats = [frame("flat", f"{f}-{n}", f_number=f) for f in (11, 5.6) for n in (10, 9)]
+    found = run(LAY_OUT, "vignetting", flats, {})
+    assert found["columns"] == [""] * 6
+    assert [(label, cells[:3]) for label, cells in found["lines"]] == [
+        ("f/5.6", ["5.6-9", "5.6-10", None]),
+        ("f/11", ["11-9", "11-10", None]),
+    ]
+    pairs = [frame("flat", f"{t}-{n}", exposure_time_s=t, iso=100) for t in (0.5, 0.001) for n in (1, 2)]
+    found = run(LAY_OUT, "noise", pairs, {})
+    assert (found["columns"], [label for label, _ in found["lines"]]) == (
+        ["ISO 100"],
+        ["1/1000 s", "1/1000 s", "0.5 s", "0.5 s"],
+    )
+    views = [frame("chart", f"view-{n}") for n in range(12, 0, -1)]
+    lines = run(LAY_OUT, "geometry", views, {})["lines"]
+    assert [cells for _, cells in lines] == [
+        [f"view-{n}" for n in row] for row in (range(1, 7), range(7, 13))
+    ]
+
+
+def test_a_campaign_may_be_of_one_scene_or_of_one_frame_a_scene(run):
+    one = [frame("light", f"DJI_{n}", scene="a", iso=100, f_number=4 + n % 40) for n in range(400)]
+    found = run(LAY_OUT, "luminance", one, {})
+    assert (len(found["columns"]), len(found["lines"]), len(found["order"])) == (40, 10, 400)
+    many = [frame("light", f"DJI_{n}", scene=f"{'x' * 290} {n}", iso=100, f_number=4) for n in range(400)]
+    found = run(LAY_OUT, "luminance", many, {"perCard": 12})
+    assert (len(found["lines"]), found["order"]) == (400, [f"DJI_{n}" for n in range(400)])
+    unread = [frame("light", "new", scene="a")]
+    assert run(LAY_OUT, "luminance", unread, {})["lines"][0][0] == "No exposure yet"
+
+
+def test_times_numbers_and_names_are_written_for_people(run):
+    seconds = [0.001, 1 / 8000, 0.0125, 1 / 3, 0.5, 2, 30, None]
+    written = ["1/1000 s", "1/8000 s", "1/80 s", "0.333 s", "0.5 s", "2 s", "30 s", "\u2013"]
+    assert run(FORMAT, "exposureTime", seconds) == written
+    assert run(FORMAT, "number", [1234.5, 12345, -0.25, 0.00001234]) == [
+        "1235",
+        "12\u2009350",
+        "\u22120.25",
+        "1.234 \u00d7 10⁻⁵",
+    ]
+    assert run(FORMAT, "words", ["noise_high"]) == ["noise high"]
+    assert run(IN_ORDER, ["level-10", "level-2", "DJI_10", "DJI_9"]) == [
+        "DJI_9",
+        "DJI_10",
+        "level-2",
+        "level-10",
+    ]
