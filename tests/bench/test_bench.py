@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from bench import imagej, pages, start, timing
+from bench import imagej, pages, scrolling, start, timing
 from bench.__main__ import main
 from bench.report import judge, judge_seconds, summarise
 from bench.subject import ROI_SHARE, Scale, draw_roi
@@ -50,6 +50,8 @@ def short_folder():
 def test_every_benchmark_runs_and_leaves_nothing_behind(short_folder, monkeypatch, capfd):
     monkeypatch.setattr(tempfile, "tempdir", str(short_folder))
     monkeypatch.setattr(imagej, "find_imagej", lambda: None)
+    # a page of a large campaign is opened by another; this one scrolls for seconds, over a slow line too
+    monkeypatch.setattr(scrolling, "run", lambda *_: [])
     # whole services start in other tests
     monkeypatch.setattr(start, "_up", lambda _: nullcontext(os.getpid()))
     before = family(1)
