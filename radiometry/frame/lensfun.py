@@ -7,6 +7,7 @@ from typing import Any, Final
 from xml.sax.saxutils import escape
 
 from radiometry.findings import InputRejected, interface
+from radiometry.frame.xmp import FORBIDDEN_IN_XML
 from radiometry.specification.exports import ExportOption, ExportSubject
 
 FULL_FRAME_DIAGONAL_MM: Final = math.hypot(36.0, 24.0)
@@ -170,7 +171,7 @@ def write_database(
 
 def _text(text: str) -> str:
     """Escape text, without characters that XML cannot hold."""
-    if not text.isprintable():
+    if FORBIDDEN_IN_XML.search(text):
         detail = f"{text!r} holds characters that XML cannot: type the name again."
         raise InputRejected(interface.VALIDATION_FAILED, detail)
     return escape(text)

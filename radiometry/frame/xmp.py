@@ -1,9 +1,11 @@
 """XMP sidecars in the namespace of Pix4D, in which multispectral cameras state their lenses."""
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Final
 from xml.sax.saxutils import escape
 
+FORBIDDEN_IN_XML: Final = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _NAMESPACES: Final = {
     "rdf": "http://www.w3.org/1999/02/22-rdf-syntax-ns#",
     "dc": "http://purl.org/dc/elements/1.1/",

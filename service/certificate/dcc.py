@@ -1,10 +1,10 @@
 """The certificate as a Digital Calibration Certificate (DCC 3.1.2 of PTB), its units as D-SI writes them."""
 
 import base64
-import re
 import xml.etree.ElementTree as ET
 from typing import Final
 
+from radiometry.frame.xmp import FORBIDDEN_IN_XML
 from radiometry.methods import get_method
 from service.certificate.pages import STAMPS
 from service.certificate.sheet import Node, write_json
@@ -24,7 +24,6 @@ _UNITS: Final = {
     "W": r"\watt",
 }
 """What is counted, such as DN, pixels and stops, is of unit one."""
-_FORBIDDEN: Final = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def write_dcc(certificate: Node, *, country: str) -> bytes:
@@ -186,5 +185,5 @@ def _say(parent: ET.Element, tag: str, words: str) -> None:
 
 def _add(parent: ET.Element, tag: str, text: str | None = None) -> ET.Element:
     element = ET.SubElement(parent, f"dcc:{tag}")
-    element.text = None if text is None else _FORBIDDEN.sub("\ufffd", text)
+    element.text = None if text is None else FORBIDDEN_IN_XML.sub("\ufffd", text)
     return element

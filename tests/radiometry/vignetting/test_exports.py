@@ -167,6 +167,12 @@ def test_names_that_the_schema_would_refuse():
         dataclasses.replace(NAMES, mount="")
     with pytest.raises(InputRejected, match="type the name again"):
         export(LENS, dataclasses.replace(NAMES, camera_model="A\x00B"))
+    # an ideographic space, which Python does not count as printable
+    maker = "光学\u3000株式会社"
+    assert (
+        ET.fromstring(export(LENS, dataclasses.replace(NAMES, lens_make=maker))).findtext("lens/maker")
+        == maker
+    )
 
 
 @pytest.mark.parametrize("f_number", [1.4, 4.0])
