@@ -18,6 +18,13 @@ Scale = Literal["road_m", "wgs84"]
 Coordinates = Literal["pixel", "road_m", "wgs84"]
 
 
+_NUMBER = r"[-+]?[0-9]+(\.[0-9]+)?([eE][-+]?[0-9]{1,2})?"
+_CORNER = f"{_NUMBER},{_NUMBER}"
+# schemas only: what is refused is refused by the checks, with their words
+_LINE = {"pattern": f"^{_CORNER}( {_CORNER}){{1,{MOST_CORNERS - 1}}}$"}
+_LEVELS = {"pattern": f"^{_NUMBER}(,{_NUMBER}){{0,{MOST_LEVELS - 1}}}$"}
+
+
 def _check_points(text: str) -> str:
     points = read_points(text)
     if len(points) < 2 or not all(math.isfinite(value) for point in points for value in point):
@@ -52,6 +59,7 @@ class LineOfMap(Form):
             description=f"Two to {MOST_CORNERS} corners: `x,y` pairs in pixels, separated by blanks. Pixel "
             "(row, col) has its centre at (col + 0.5, row + 0.5).",
             examples=["20.5,40.5 300.5,40.5"],
+            json_schema_extra=_LINE,
         ),
     ]
     across_px: Annotated[
@@ -74,6 +82,7 @@ class LevelsOfMap(Form):
             description=f"1 to {MOST_LEVELS} values in the map's unit, separated by commas. Left out: round "
             "ones between the 1st and the 99th percentile of the area.",
             examples=["0.5,1,2"],
+            json_schema_extra=_LEVELS,
         ),
     ] = None
     area: Annotated[Area, Field(description=_AREA)] = "frame"
