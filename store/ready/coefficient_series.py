@@ -101,18 +101,21 @@ class CoefficientSeries:
             where.append(row.valid_to.is_(None) | (row.valid_to > asked.start))
         if asked.end is not None:
             where.append(row.valid_from < asked.end)
+        # of one camera: its rows alone, in the order of their index
+        first = 0 if asked.camera_id is None else 1
+        order = self._KEY[first:]
         if after is not None:
-            place = series.bind_place(self._parse(after), self._KEY)
+            place = series.bind_place(self._parse(after)[first:], order)
             # a version of which rows are missing comes again
-            where.append(tuple_(*self._KEY) > place if after[4] is None else tuple_(*self._KEY) >= place)
+            where.append(tuple_(*order) > place if after[4] is None else tuple_(*order) >= place)
         if until is not None:
-            where.append(tuple_(*self._KEY) <= series.bind_place(self._parse(until), self._KEY))
+            where.append(tuple_(*order) <= series.bind_place(self._parse(until)[first:], order))
         columns: tuple[Any, ...] = (
             *(row.publication_id, row.camera_id, Camera.make, Camera.model.label("model_name")),
             *(Camera.serial, row.method, row.version, row.calibration_id, row.campaign_id),
             *(row.valid_from, row.valid_to, row.computed_at, row.coefficients),
         )
-        return select(*columns).join(Camera, Camera.id == row.camera_id).where(*where).order_by(*self._KEY)
+        return select(*columns).join(Camera, Camera.id == row.camera_id).where(*where).order_by(*order)
 
     def _parse(self, key: Key) -> tuple[Any, ...]:
         return key[0], series.read_instant(key[1]), key[2], key[3]
