@@ -19,7 +19,7 @@ from io import FileIO
 from pathlib import Path
 from typing import Final, Self
 
-from store.blobs.spool import full_disk_named, sync_folder
+from store.blobs.spool import disk_errors_named, sync_folder
 from store.settings import Settings
 
 LASTS_S: Final = 7 * 24 * 3600
@@ -81,7 +81,7 @@ class Partials:
         text = json.dumps(asdict(facts)).encode()
         if len(text) > _HEAD_BYTES - _ROOM_FOR_FRAME - _STATE.size:
             raise FactsTooLong
-        with full_disk_named(self._folder):
+        with disk_errors_named(self._folder):
             path.parent.mkdir(parents=True, exist_ok=True)
             try:
                 draft.touch(mode=0o600)
@@ -236,7 +236,7 @@ class Claim:
 
     def write(self, chunks: Sequence[bytes]) -> None:
         """Append; nothing of it counts before `keep`."""
-        with self._locked(), full_disk_named(self._folder):
+        with self._locked(), disk_errors_named(self._folder):
             self._check()
             for chunk in chunks:
                 rest = memoryview(chunk)
@@ -249,11 +249,17 @@ class Claim:
         """Make all that was written durable: the bytes first, then how many they are."""
         if self.written_bytes == self.durable_bytes:
             return
-        with self._locked(), full_disk_named(self._folder):
+        with self._locked(), disk_errors_named(self._folder):
             self._check()
-            os.fdatasync(self._fd)
-            _write_state(self._fd, self.written_bytes, self._name)
-            os.fdatasync(self._fd)
+            try:
+                os.fdatasync(self._fd)
+                _write_state(self._fd, self.written_bytes, self._name)
+                os.fdatasync(self._fd)
+            except OSError:
+                # the next sync may succeed without these bytes: they are to be sent again
+                _write_state(self._fd, self.durable_bytes, self._name)
+                self.written_bytes = self.durable_bytes
+                raise
         self.durable_bytes = self.written_bytes
 
     def _check(self) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from store.blobs.errors import StorageFull
+from store.blobs.errors import StorageFull, StorageUnavailable
 from store.blobs.proof import StoredBlob
 from store.digests import PieceDigester
 
@@ -19,6 +19,7 @@ PREFIX = "blob-"
 
 # EFBIG is what a file size limit (ulimit -f) answers; to the caller it is the same: there is no room.
 _NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+_BROKEN = {errno.EIO, errno.EROFS, errno.ENODEV, errno.ENXIO, errno.ESTALE, errno.ETIMEDOUT}
 
 
 Place = Callable[[Path, StoredBlob], None]
@@ -38,7 +39,7 @@ class BlobWriter:
         self._path = folder
 
     def __enter__(self) -> Self:
-        with full_disk_named(self._folder):
+        with disk_errors_named(self._folder):
             self._folder.mkdir(parents=True, exist_ok=True)
             self._fd, name = tempfile.mkstemp(prefix=PREFIX, dir=self._folder)
         self._path = Path(name)
@@ -49,7 +50,7 @@ class BlobWriter:
         self._hash.update(rest)
         self._digester.update(rest)
         self._size_bytes += rest.nbytes
-        with full_disk_named(self._folder):
+        with disk_errors_named(self._folder):
             # A nearly full disk takes a part of the bytes before it refuses, so the count must be heeded.
             while rest:
                 rest = rest[os.write(self._fd, rest) :]
@@ -66,7 +67,7 @@ class BlobWriter:
     def commit(self) -> StoredBlob:
         """Make the bytes durable under their name; nobody may be told that they are kept before."""
         stored = StoredBlob(self.sha256, self._size_bytes, self._digester.digests())
-        with full_disk_named(self._folder):
+        with disk_errors_named(self._folder):
             os.fchmod(self._fd, 0o440)
             os.fsync(self._fd)
             self._place(self._path, stored)
@@ -82,13 +83,15 @@ class BlobWriter:
 
 
 @contextmanager
-def full_disk_named(folder: Path) -> Iterator[None]:
-    """Turn the several errors of a full disk into StorageFull."""
+def disk_errors_named(folder: Path) -> Iterator[None]:
+    """Turn the several errors of a full disk into StorageFull, and those of a broken one likewise."""
     try:
         yield
     except OSError as error:
         if error.errno in _NO_ROOM:
             raise StorageFull(f"no room left for blobs below {folder}: {error.strerror}") from error
+        if error.errno in _BROKEN:
+            raise StorageUnavailable(f"nothing can be written below {folder}: {error.strerror}") from error
         raise
 
 

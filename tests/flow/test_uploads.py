@@ -6,6 +6,7 @@ import socket
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -201,17 +202,22 @@ def test_a_push_that_was_stopped_goes_on_with_the_next(team, campaign, tmp_path)
     assert frame.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
 
 
+def open_piece(team: Team, place: str, promised: int) -> socket.socket:
+    """A connection on which the bytes of an upload are to follow, from its beginning."""
+    host, port = team.url.removeprefix("http://").split(":")
+    connection = socket.create_connection((host, int(port)))
+    headers = {"Host": host, "Content-Length": promised} | PIECE | {"Upload-Offset": 0}
+    lines = "".join(f"{name}: {value}\r\n" for name, value in headers.items())
+    connection.sendall(f"PATCH {place} HTTP/1.1\r\n{lines}\r\n".encode())
+    return connection
+
+
 def test_a_connection_that_hangs_is_taken_over_at_once(team, campaign):
     content = campaign.id.encode() * 100_000
     with team.http() as http:
         place = http.post("/v1/uploads", headers=describe(campaign.id, content)).headers["Location"]
-        host, port = team.url.removeprefix("http://").split(":")
-        with socket.create_connection((host, int(port))) as hanging:
-            head = f"PATCH {place} HTTP/1.1\r\nHost: {host}\r\nContent-Length: {len(content)}\r\n"
-            head += "".join(
-                f"{name}: {value}\r\n" for name, value in (PIECE | {"Upload-Offset": "0"}).items()
-            )
-            hanging.sendall(head.encode() + b"\r\n" + content[:MEGABYTE])
+        with open_piece(team, place, len(content)) as hanging:
+            hanging.sendall(content[:MEGABYTE])
             time.sleep(0.5)
             offset = int(http.head(place, headers=TUS).headers["Upload-Offset"])
             assert offset == MEGABYTE
@@ -290,6 +296,28 @@ def test_memory_stays_flat_however_large_the_file(embedded, team, campaign, shot
     assert answer.status_code == 201, answer.text
     assert answer.json()["size_bytes"] == size
     assert resident_peak(proc) - before < 40 * MEGABYTE
+
+
+def test_fifty_slow_uploads_take_little_memory_each(embedded, team, campaign):
+    content = campaign.id.encode() * 200_000
+    proc = Path(f"/proc/{embedded.pid('service')}")
+    with team.http() as http, ExitStack() as stack:
+        begun = [describe(campaign.id, content + bytes([number])) for number in range(50)]
+        places = [http.post("/v1/uploads", headers=each).headers["Location"] for each in begun]
+        (proc / "clear_refs").write_text("5")  # the peak begins anew
+        before = resident_peak(proc)
+        lines = [stack.enter_context(open_piece(team, place, len(content))) for place in places]
+        # in turns, so that all of them are under way at once
+        for at in range(0, 3 * MEGABYTE, MEGABYTE):
+            for line in lines:
+                line.sendall(content[at : at + MEGABYTE])
+        arrived = len(places) * 3 * MEGABYTE
+        uploads = embedded.data / "uploads"
+        embedded.wait_until(lambda: sum(path.stat().st_size for path in files(uploads)) >= arrived)
+        peak = resident_peak(proc)
+        for place in places:
+            http.delete(place, headers=TUS)
+    assert peak - before < len(places) * 4 * MEGABYTE
 
 
 def resident_peak(proc: Path) -> int:

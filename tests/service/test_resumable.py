@@ -1,7 +1,9 @@
 """Uploads that go on where they were cut: what a client of tus, or of the IETF's draft, sees."""
 
 import base64
+import errno
 import hashlib
+import os
 import time
 from functools import partial
 
@@ -69,6 +71,22 @@ def test_pieces_become_a_frame_with_the_last_byte(house, place):
     # who did not hear the answer asks, and sends nothing again
     assert ask(house, place) == len(CONTENT)
     assert append(house, place, len(CONTENT), b"").headers["Content-Location"] == f"/v1/frames/{frame['id']}"
+
+
+def test_what_is_answered_has_been_synced(house, place, monkeypatch):
+    synced, sync = [], os.fdatasync
+
+    def fail_once(_fd):
+        monkeypatch.setattr(os, "fdatasync", sync)  # as Linux does: the next one knows nothing of it
+        raise OSError(errno.EIO, "Input/output error")
+
+    monkeypatch.setattr(os, "fdatasync", lambda fd: (sync(fd), synced.append(fd)))
+    assert append(house, place, 0, CONTENT[:1000]).headers["Upload-Offset"] == "1000"
+    assert len(synced) == 2
+    monkeypatch.setattr(os, "fdatasync", fail_once)
+    refused = append(house, place, 1000, CONTENT[1000:2000], status=503)
+    assert (refused.json()["code"], refused.json()["retryable"]) == ("storage_unavailable", True)
+    assert ask(house, place) == 1000
 
 
 def test_bytes_may_come_with_the_first_request(house):

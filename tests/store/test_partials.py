@@ -1,7 +1,11 @@
 """Uploads in pieces on the disk: what counts, and who may write."""
 
+import errno
+import os
+
 import pytest
 
+from store.blobs import StorageUnavailable
 from store.partials import _STATE, LASTS_S, Facts, OtherOffset, Partials, Superseded
 
 FACTS = Facts(
@@ -32,6 +36,28 @@ def test_only_what_is_kept_counts(partials):
         claim.keep()
     with partial.whole() as (facts, pieces):
         assert (facts, b"".join(pieces)) == (FACTS, b"abCDef")
+
+
+def test_bytes_are_on_the_disk_before_their_count_is(partials, monkeypatch):
+    partial, seen, sync = partials.begin("token", FACTS), [], os.fdatasync
+
+    def record(fd):
+        seen.append((partial.read_offset(), os.pread(fd, 6, os.fstat(fd).st_size - 2)))
+        sync(fd)
+
+    def cut(_fd):
+        raise OSError(errno.EIO, "the disk is gone")
+
+    with partial.claim() as claim:
+        monkeypatch.setattr(os, "fdatasync", record)
+        claim.write([b"ab"])
+        claim.keep()
+        assert seen == [(0, b"ab"), (2, b"ab")]
+        monkeypatch.setattr(os, "fdatasync", cut)
+        claim.write([b"cd"])
+        with pytest.raises(StorageUnavailable, match="gone"):
+            claim.keep()
+    assert partial.read_offset() == 2
 
 
 def test_a_claim_ends_the_one_before(partials):
