@@ -46,6 +46,8 @@ class CampaignDetails(TypedDict, total=False):
     place: str
     conditions: str
     started_at: Moment
+    ended_at: Moment
+    lens: LensDetails  # where it is not the one registered with the camera
     comments: str
     surface_reflectance: float
     lamp: str  # a name of the library, or a table: wavelength in nm and value

@@ -93,7 +93,7 @@ def write_version(
         method=campaign.method,
         version=next_version(session, campaign.camera_id, campaign.method),
         configuration={
-            **_configuration(session.get_one(Camera, campaign.camera_id)),
+            **_configuration(campaign, session.get_one(Camera, campaign.camera_id)),
             **methods.get_method(campaign.method).configure(fit),
         },
         parameters=parameters,
@@ -168,10 +168,11 @@ def read_result(calibration: Calibration) -> Any:  # noqa: ANN401 (the method's 
     return decode(methods.get_method(calibration.method).result, {**calibration.result, "points": points})
 
 
-def _configuration(camera: Camera) -> dict[str, Any]:
-    """Return what else a version holds for: the lens, where it is named."""
-    lens = {"make": camera.lens_make, "model": camera.lens_model, "serial": camera.lens_serial}
-    return {"lens": {name: value for name, value in lens.items() if value}} if camera.lens_model else {}
+def _configuration(campaign: Campaign, camera: Camera) -> dict[str, Any]:
+    """Return what else a version holds for: the campaign's lens, else the camera's, where one is named."""
+    registered = {"make": camera.lens_make, "model": camera.lens_model, "serial": camera.lens_serial}
+    lens = {name: value for name, value in (campaign.lens or registered).items() if value}
+    return {"lens": lens} if "model" in lens else {}
 
 
 def _software(extractor: str) -> dict[str, Any]:

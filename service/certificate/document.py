@@ -72,12 +72,13 @@ def describe_meters(record: CalibrationRecord) -> list[UsedMeter]:
 
 
 def _days(record: CalibrationRecord) -> tuple[list[date], DaysFrom]:
-    """The days of the readings; else the day the campaign began; else those of the frames' own clock."""
+    """The days of the readings; else those of the campaign; else those of the frames' own clock."""
     taken = [reading.taken_at.date() for reading in record.readings if reading and reading.taken_at]
     if taken:
         return taken, "readings"
-    if record.campaign.started_at:
-        return [record.campaign.started_at.date()], "campaign"
+    stated = [record.campaign.started_at, record.campaign.ended_at]
+    if any(stated):
+        return [each.date() for each in stated if each], "campaign"
     headers = [frame.row.header or {} for frame in record.frames.values()]
     return list(_read_days(header.get("taken_at") for header in headers)), "frames"
 
@@ -116,7 +117,7 @@ def build_certificate(record: CalibrationRecord) -> CertificateAnswer:
         equation=text.equation,
         configuration=row.configuration,
         laboratory=Laboratory.restate(record.organisation),
-        item=Item.restate(CameraAnswer.of(record.camera)),
+        item=_item(record),
         work=describe_work(record),
         meters=meters,
         panels=panels,
@@ -144,6 +145,13 @@ def build_certificate(record: CalibrationRecord) -> CertificateAnswer:
     )
     gaps = [Gap(code=found.code, message=found.message) for found in list_gaps(certificate)]
     return certificate.model_copy(update={"gaps": gaps})
+
+
+def _item(record: CalibrationRecord) -> Item:
+    """Return the camera with the lens that the version holds for; one named since, where it names none."""
+    camera = CameraAnswer.of(record.camera)
+    lens = record.calibration.configuration.get("lens") or record.campaign.lens or camera.lens
+    return Item.restate(camera, lens=lens)
 
 
 def _number(record: CalibrationRecord, version: Calibration) -> str:

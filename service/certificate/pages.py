@@ -75,7 +75,7 @@ def list_work(certificate: Node) -> list[list[str]]:
     days = sorted({work[name] for name in ("first_day", "last_day") if name in work})
     source = {
         "readings": "",
-        "campaign": " (start of the campaign)",
+        "campaign": " (as stated for the campaign)",
         "frames": " (camera clock)",
     }[work.get("days_from", "readings")]
     named = [

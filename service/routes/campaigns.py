@@ -19,7 +19,7 @@ from service.paging import Listing, Page, page_own
 from service.problems import Problem, invalid, located
 from service.regions import read_roi
 from service.routes import problems
-from service.schemas.base import Text
+from service.schemas.base import Text, rfc3339
 from service.schemas.campaigns import (
     STATED,
     CampaignAnswer,
@@ -64,6 +64,7 @@ def create_campaign(body: NewCampaign, caller: Calibrator, writing: Writes) -> R
         values = body.model_dump(exclude={"panel_serial"}) | {"kind": kind}
         values["target"] = _read_target(body.method, body.target)
         campaign = Campaign(organisation_id=caller.organisation_id, **values)
+        _require_order(campaign)
         _choose_panel(session, campaign, body.panel_serial, offer=None)
         session.add(campaign)
         session.flush()
@@ -123,6 +124,7 @@ def change_campaign(campaign_id: Id, body: CampaignChange, caller: Calibrator, w
             jobs = renew_extractions(session, campaign, by=caller.key_id)
         for name, value in values.items():
             setattr(campaign, name, value)
+        _require_order(campaign)
         if body.panel_serial is not None:
             _choose_panel(session, campaign, body.panel_serial, offer=find_offer(session, campaign))
         session.flush()
@@ -182,6 +184,12 @@ def _check_stated(method: str, body: CampaignDetails) -> None:
         raise invalid(foreign)
     if stated:
         decode(spec.params, {fields[name]: value for name, value in stated.items()})
+
+
+def _require_order(campaign: Campaign) -> None:
+    if campaign.started_at and campaign.ended_at and campaign.ended_at < campaign.started_at:
+        message = f"is before the beginning of the campaign, {rfc3339(campaign.started_at)}"
+        raise invalid([{"type": "order", "loc": ("body", "ended_at"), "msg": message}])
 
 
 def _require_measurable(method: str) -> None:

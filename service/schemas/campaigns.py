@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, ConfigDict, Field, create_model, model_validator
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, create_model, model_validator
 
 from radiometry.methods import METHODS
 from service.schemas.base import (
@@ -19,6 +19,7 @@ from service.schemas.base import (
     Number,
     Text,
 )
+from service.schemas.equipment import Lens
 from service.schemas.fits import make_fields
 from service.schemas.panels import PanelOffered
 from store.queries.campaigns import Counts
@@ -66,6 +67,14 @@ class CampaignDetails(create_model("Stated", __base__=Form, **make_fields(STATED
         default=None,
         description="Beginning of the work in UTC; on the certificate. Campaigns are ordered by it.",
     )
+    ended_at: Instant | None = Field(
+        default=None, description="End of the work in UTC, not before its beginning; on the certificate."
+    )
+    lens: Lens | None = Field(
+        default=None,
+        description="The lens on the camera, where it is not the one registered with it. Fits from now on "
+        "are valid for this lens.",
+    )
     comments: LongText | None = Field(
         default=None, description="Free text; on the certificate. It changes no result."
     )
@@ -98,6 +107,13 @@ class NewCampaign(CampaignDetails):
     method: Method = Field(description="What is calibrated; it cannot be changed later.")
 
 
+_TAKES_AWAY = BeforeValidator(lambda value: None if value == "" else value)
+
+
+def _or_empty(schema: dict[str, Any]) -> None:
+    schema["anyOf"].append({"type": "string", "maxLength": 0})
+
+
 class CampaignChange(CampaignDetails):
     """Corrections; what is left out stays, and a text of "" is taken away."""
 
@@ -107,6 +123,19 @@ class CampaignChange(CampaignDetails):
     place: Clearable | None = None
     conditions: ClearableLong | None = None
     comments: ClearableLong | None = None
+    ended_at: Annotated[
+        Instant | None,
+        _TAKES_AWAY,
+        Field(description="The end of the work in UTC.", json_schema_extra=_or_empty),
+    ] = None
+    lens: Annotated[
+        Lens | None,
+        _TAKES_AWAY,
+        Field(
+            description='The lens on the camera; "" for the one that is registered with it.',
+            json_schema_extra=_or_empty,
+        ),
+    ] = None
     camera_id: Annotated[
         Text | None,
         Field(description="Another camera: every frame is checked against it again."),
@@ -121,8 +150,8 @@ class FrameCounts(Answer, restates=Counts, fields="received being_read extracted
 class CampaignAnswer(
     Answer,
     restates=Campaign,
-    fields="id camera_id method kind project_number recorder customer place conditions started_at comments "
-    f"{' '.join(STATED)} archived_at panel_id target roi_id created_at",
+    fields="id camera_id method kind project_number recorder customer place conditions started_at "
+    f"ended_at lens comments {' '.join(STATED)} archived_at panel_id target roi_id created_at",
 ):
     method: Method
     kind: Kind

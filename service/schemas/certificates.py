@@ -37,6 +37,7 @@ class Work(Answer):
     place: str | None = None
     conditions: str | None = None
     started_at: Instant | None = None
+    ended_at: Instant | None = None
     first_day: date | None = None
     last_day: date | None = None
     days_from: DaysFrom | None = None

@@ -66,7 +66,7 @@ def _details(client: Client, plan: Plan) -> CampaignDetails:
 
 def _correct(client: Client, campaign: Campaign, details: CampaignDetails) -> Campaign:
     """Correct the details that differ; a time may be written in several ways, so it stays."""
-    said = {name: value for name, value in details.items() if name != "started_at"}
+    said = {name: value for name, value in details.items() if name not in {"started_at", "ended_at"}}
     changed = {name: value for name, value in said.items() if not _holds(campaign.raw.get(name), value)}
     return client.change_campaign(campaign.id, **cast("CampaignDetails", changed)) if changed else campaign
 

@@ -202,9 +202,7 @@ def region(polygon: Polygon) -> dict[str, Any]:
 
 def _written(details: CampaignDetails | CampaignChange) -> dict[str, Any]:
     body = dict[str, Any](details)
-    if "started_at" in details:
-        body["started_at"] = as_text(details["started_at"])
-    return body
+    return body | {name: as_text(body[name]) for name in ("started_at", "ended_at") if name in body}
 
 
 def _idempotent(key: str | None) -> dict[str, str]:

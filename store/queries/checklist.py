@@ -82,7 +82,7 @@ def read_record(session: Session, campaign: Campaign, evidence: Evidence) -> Rec
 
 
 def read_checklist(session: Session, campaign: Campaign, record: RecordState | None) -> list[ChecklistItem]:
-    """Every item in the print's order. What a person says of an item stands before what the record says."""
+    """Every item in the print's order. A tick counts unless the record shows the item undone."""
     if record is None:
         return []
     found, times = record.findings, record.times
@@ -129,7 +129,9 @@ def sign(session: Session, campaign: Campaign, *, name: str, by: str) -> None:
 def hash_state(session: Session, campaign: Campaign) -> str:
     """Return the hash of what a signature signs: details, frames, readings, region and ticks as they are."""
     details = [getattr(campaign, name) for name in _SIGNED_DETAILS]
-    started = campaign.started_at.isoformat() if campaign.started_at else None
+    started, ended = (at.isoformat() if at else None for at in (campaign.started_at, campaign.ended_at))
+    # of what is not stated nothing is signed: a hash from before there was such a field stays what it is
+    stated = {name: value for name, value in (("ended_at", ended), ("lens", campaign.lens)) if value}
     frames = select(
         FrameRow.sha256, FrameRow.role, FrameRow.scene, FrameRow.roi_id, cast(FrameRow.left_out, Text)
     )
@@ -148,7 +150,9 @@ def hash_state(session: Session, campaign: Campaign) -> str:
     )
     # a column of JSON knows two kinds of nothing
     rows = [[[None if v == "null" else v for v in row] for row in session.execute(part)] for part in parts]
-    return hashlib.sha256(json.dumps([details, started, *rows]).encode()).hexdigest()
+    return hashlib.sha256(
+        json.dumps([details, started, *rows, *([stated] if stated else [])]).encode()
+    ).hexdigest()
 
 
 _SIGNED_DETAILS = (
@@ -160,7 +164,8 @@ _SIGNED_DETAILS = (
 def _stand(
     item: Item, finding: Finding | None, tick: ChecklistTick | None, times: Mapping[str, datetime]
 ) -> ChecklistItem:
-    by, at = (tick.done_by, tick.done_at) if tick else (None, None)
+    undone = finding is not None and not finding.done
+    by, at = (tick.done_by, tick.done_at) if tick and not undone else (None, None)
     if tick is None and finding is not None and finding.done:
         by = BY_ITSELF
         at = times.get(item.key) or times[finding.source]

@@ -40,6 +40,9 @@ class Campaign(Audited, Base):
     conditions: Mapped[str | None]
     """What surrounded the work and may bear on it: temperature, warm-up of the lamp, daylight kept out."""
     started_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    ended_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    lens: Mapped[Json | None] = mapped_column(default=None)
+    """Make, model and serial number; None for the lens that is registered with the camera."""
     comments: Mapped[str | None]
     surface_reflectance: Mapped[float | None]
     """rho of the taped rectangle, where known: lets illuminance readings check luminance readings."""

@@ -135,16 +135,16 @@ def test_a_camera_is_registered_from_the_page(page, service):
     for label, value in {
         "Make": "DJI",
         "Model": "FC6520",
-        "Serial number of the camera body": "0K1XE8",
+        "Serial number": "0K1XE8",
     }.items():
         dialog.get_by_label(label, exact=True).fill(value)
-    dialog.get_by_label("Pixel pitch [µm]").fill("3.28")
+    dialog.get_by_label("Pixel pitch [µm]").fill("3,28")
     dialog.get_by_role("button", name="Register").click()
     expect(page.get_by_role("row").filter(has_text="0K1XE8")).to_contain_text("none")
 
     # what is wrong is told in the dialog, and nothing that was typed is lost
     page.locator("#add-camera").click()
-    for label in ("Make", "Model", "Serial number of the camera body", "Lens: make"):
+    for label in ("Make", "Model", "Serial number", "Lens make"):
         dialog.get_by_label(label, exact=True).fill("x")
     dialog.get_by_role("button", name="Register").click()
     expect(dialog.get_by_role("alert")).to_contain_text("lens.model: is missing")

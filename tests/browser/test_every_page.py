@@ -8,7 +8,7 @@ from fastapi.routing import iter_route_contexts
 from playwright.sync_api import expect
 
 from service.web.pages import include_pages
-from tests.support.browser import DIALOG, check_access, launch, look, settle, sign_in, visit
+from tests.support.browser import DIALOG, WIDTHS, check_access, launch, look, settle, sign_in, visit
 
 NO_PAGES = ("/static/", "/plots/", "/docs/pictures/")
 # what must be registered first, and what nobody sees who is signed in: their own tests look at them
@@ -58,6 +58,23 @@ def phone(playwright, service, night):
     browser.close()
 
 
+def check_both(page):
+    """In the dark on a phone, and in the light at the width of a desk."""
+    kept = page.viewport_size
+    for scheme, width in (("dark", "phone"), ("light", "desktop")):
+        page.set_viewport_size(dict(zip(("width", "height"), WIDTHS[width], strict=True)))
+        check_access(page, scheme=scheme)
+    page.set_viewport_size(kept)
+
+
+def test_sign_in_is_accessible_on_a_phone_and_in_the_dark(browser, service):
+    with visit(browser, service.url, color_scheme="dark") as context:
+        page = context.new_page()
+        page.goto("/sign-in")
+        check_both(page)
+        look(page, "every-sign-in")
+
+
 @pytest.mark.parametrize("path", list_pages())
 def test_page_is_accessible_on_a_phone_and_in_the_dark(phone, night, path):
     for address in list_addresses(path, night):
@@ -65,7 +82,7 @@ def test_page_is_accessible_on_a_phone_and_in_the_dark(phone, night, path):
         expect(phone.get_by_role("heading", level=1).first).to_be_visible()
         settle(phone)
         assert phone.evaluate(UNEXPLAINED) == [], address
-        check_access(phone)
+        check_both(phone)
         look(phone, f"every{address.partition('?')[0].replace('/', '-')}")
     if path.endswith("/coefficients"):
         phone.get_by_role("button", name="A measurement…").click()

@@ -10,6 +10,7 @@ from playwright.sync_api import expect
 
 from simulation.heads import draw_boards
 from tests.browser.test_every_method import Afar
+from tests.browser.test_every_page import check_both
 from tests.support.browser import check_access, look, settle
 from tests.support.rigs import BOARD, RIG, photograph
 
@@ -76,7 +77,7 @@ def check_published_rig(page, team, address, made):
     with page.expect_request("**/orientation?*tolerance_deg=0.5*"):
         page.get_by_label("Accepted change [°]").blur()
     settle(page)
-    check_access(page)
+    check_both(page)
     look(page, "rig")
     check_exports(page)
 

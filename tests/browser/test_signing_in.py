@@ -11,8 +11,6 @@ def test_who_is_not_signed_in_signs_in_and_goes_on_where_they_wanted(stranger_co
     page = stranger_context.new_page()
     page.goto("/jobs?state=failed")
     expect(page).to_have_url(re.compile(r"/sign-in\?next="))
-    check_access(page)
-    look(page, "sign-in")
     page.get_by_label("Key").fill(team.key)
     page.keyboard.press("Enter")
     expect(page).to_have_url(re.compile(r"/jobs\?state=failed$"))

@@ -81,6 +81,16 @@ def test_a_lens_need_not_have_a_serial_number(house):
     assert certificate_of(house, version)["item"]["lens"] == {"make": "DJI", "model": "MFT 15mm F1.7 ASPH"}
     assert publish(house, version, status=200)["state"] == "published"
     assert house.http.get(f"/v1/calibrations/{version['id']}/certificate.pdf").content.startswith(b"%PDF-")
+    # another lens on the camera, or in the campaign, is none of the version's
+    other = {"lens": {"make": "Olympus", "model": "M.Zuiko 45mm F1.8"}}
+    campaign = f"/v1/campaigns/{version['campaign_id']}"
+    for path in (f"/v1/cameras/{version['camera_id']}", campaign):
+        assert house.http.patch(path, json=other).json()["lens"] == other["lens"]
+    assert certificate_of(house, version)["item"]["lens"]["make"] == "DJI"
+    assert "lens" not in house.http.patch(campaign, json={"lens": ""}).json()
+    days = {"started_at": "2026-05-02T20:00:00Z", "ended_at": "2026-05-01T23:00:00Z"}
+    refused = house.http.patch(campaign, json=days)
+    assert (refused.status_code, refused.json()["errors"][0]["field"]) == (422, "body.ended_at")
 
 
 def test_its_dcc_says_the_same(house, version):

@@ -22,6 +22,7 @@ _ARGUMENTS = [
 # a loaded machine is slow, and not wrong: this passes as soon as what is expected is there
 _PATIENCE_MS = 30_000
 DIALOG = "dialog[open]"
+_COLOURS = {"type": "rule", "values": ["color-contrast"]}
 _LINES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
 
 expect.set_options(timeout=_PATIENCE_MS)
@@ -131,23 +132,32 @@ def drop(page: Page, place: Locator, paths: list[Path]) -> None:
     session.detach()
 
 
-def check_access(page: Page, part: str | None = None) -> None:
-    """Axe has no finding on the page or a part, in the light and, of a page that is dark, in the dark."""
+def check_access(page: Page, part: str | None = None, *, scheme: str | None = None) -> None:
+    """Axe has no finding on the page or a part, in the light and, of a page that is dark, in the dark.
+
+    A dialog is looked at in both widths. ``scheme`` looks in one scheme alone.
+    """
+    before = page.viewport_size
+    sizes = WIDTHS.values() if part == DIALOG else [(before["width"], before["height"])]
     kept = "dark" if page.evaluate("matchMedia('(prefers-color-scheme: dark)').matches") else "light"
-    page.emulate_media(color_scheme="light", reduced_motion="reduce")
-    # what it would load before it looks, it would load in ways that the page's policy refuses
-    options = {"resultTypes": ["violations"], "preload": False}
-    found = [("light", Axe().run(page, part, options={**options, "runOnly": _LINES}).response)]
-    if kept == "dark":
-        page.emulate_media(color_scheme="dark", reduced_motion="reduce")
-        # of all rules one depends on the colours
-        dark = {**options, "runOnly": {"type": "rule", "values": ["color-contrast"]}}
-        found.append(
-            ("dark", page.evaluate("([part, options]) => axe.run(part ?? document, options)", [part, dark]))
-        )
-    told = [
-        (scheme, each["id"], [node["html"][:200] for node in each["nodes"]])
-        for scheme, answer in found
-        for each in answer["violations"]
-    ]
+    # of all rules one depends on the colours
+    runs = {scheme: _LINES} if scheme else {kept: _COLOURS, "light": _LINES}
+    told = []
+    for width, height in sizes:
+        page.set_viewport_size({"width": width, "height": height})
+        told += [found for each, rules in runs.items() for found in _ask_axe(page, part, each, rules)]
+    page.set_viewport_size(before)
+    page.emulate_media(color_scheme=kept, reduced_motion="reduce")
     assert told == [], told
+
+
+def _ask_axe(
+    page: Page, part: str | None, scheme: str, rules: list[str] | dict[str, object]
+) -> list[tuple[str, str, list[str]]]:
+    page.emulate_media(color_scheme=scheme, reduced_motion="reduce")
+    # what it would load before it looks, it would load in ways that the page's policy refuses
+    options = {"resultTypes": ["violations"], "preload": False, "runOnly": rules}
+    answer = Axe().run(page, part, options=options).response
+    return [
+        (scheme, each["id"], [node["html"][:200] for node in each["nodes"]]) for each in answer["violations"]
+    ]

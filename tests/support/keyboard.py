@@ -71,5 +71,9 @@ class Keyboard:
     def write(self, target: Locator, text: str) -> None:
         """In place of what stands there."""
         self.reach(target)
+        if target.get_attribute("type") == "date":
+            # month, day and year are fields of their own
+            year, month, day = text.split("-")
+            return self.page.keyboard.type(f"{month}{day}{year}")
         self.page.keyboard.press("ControlOrMeta+a")
-        self.page.keyboard.insert_text(text)
+        return self.page.keyboard.insert_text(text)

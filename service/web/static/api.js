@@ -18,8 +18,24 @@ export const OFFLINE = {
   retryable: true,
 };
 
+/** Whether there is a session again after the end of one: asked for over the page, which keeps what was typed. */
+export async function isRenewed(insists) {
+  const { signInAgain } = await import("./session.js");
+  return signInAgain(insists);
+}
+
+/** Go to another page, or load this one again. This never ends: the button that led there stays busy until the page is gone. */
+export function leave(address) {
+  if (address) location.assign(address);
+  else location.reload();
+  // and where the browser kept this page for the way back, it begins again
+  addEventListener("pageshow", (event) => event.persisted && location.reload());
+  return new Promise(() => {});
+}
+
 /** Send a request; `json` becomes its body. Answers the Response, or throws a Problem. */
-export async function send(method, path, { json, body, headers = {}, signal } = {}) {
+export async function send(method, path, options = {}) {
+  const { json, body, headers = {}, signal } = options;
   const all = new Headers({ Accept: "application/json", ...headers });
   if (json !== undefined) all.set("Content-Type", "application/json");
   if (method !== "GET") all.set("X-CSRF-Token", document.querySelector("meta[name=csrf-token]").content);
@@ -32,7 +48,7 @@ export async function send(method, path, { json, body, headers = {}, signal } = 
   }
   if (answer.ok || answer.status === 304) return answer;
   const problem = await problemOf(answer);
-  if (problem.status === 401) location.assign(`/sign-in?ended=true&next=${encodeURIComponent(location.pathname + location.search)}`);
+  if (problem.status === 401 && (await isRenewed(method !== "GET"))) return send(method, path, options);
   throw problem;
 }
 

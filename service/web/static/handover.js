@@ -1,6 +1,6 @@
 // From one page to the next within the same document: files that somebody chose would be lost with it.
 
-import { OFFLINE, Problem } from "./api.js";
+import { OFFLINE, Problem, isRenewed } from "./api.js";
 
 /** Files for the page that comes next: [{file, name, role?, scene?}]; taken once. */
 let handed = null;
@@ -21,6 +21,7 @@ export async function goOn(address, items) {
   const answer = await fetch(address, { headers: { Accept: "text/html" } }).catch(() => {
     throw new Problem(OFFLINE);
   });
+  if (new URL(answer.url).pathname === "/sign-in" && (await isRenewed(true))) return goOn(address, items);
   if (!answer.ok || answer.redirected) {
     location.assign(address);
     return;

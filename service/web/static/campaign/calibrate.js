@@ -1,6 +1,6 @@
 // The fit: its parameters, its progress, and the resulting versions.
 
-import { all, patch, post } from "../api.js";
+import { all, leave, patch, post } from "../api.js";
 import { fill, h, may, table } from "../dom.js";
 import { ago, counted, number, quantity, tag } from "../format.js";
 import { followJob } from "../live.js";
@@ -46,7 +46,8 @@ function starter(state, show) {
       bar.value = each.progress;
       told.textContent = { queued: "Queued", running: "Fitting" }[each.state] ?? "";
     });
-    fill(progress, job.state === "succeeded" ? h("div", { class: "note good" }, "The fit is done. ", h("a", { href: `/calibrations/${job.result.calibration_id}` }, "Open the version")) : h("div", { class: "note bad" }, h("strong", {}, job.error.title), h("p", {}, job.error.detail)));
+    if (job.state === "succeeded") await leave(`/calibrations/${job.result.calibration_id}`);
+    fill(progress, h("div", { class: "note bad" }, h("strong", {}, job.error.title), h("p", {}, job.error.detail)));
     await show();
     state.tell("versions");
   };

@@ -5,7 +5,7 @@ import { ask } from "../ask.js";
 import { byId, fill, h, may, toast } from "../dom.js";
 import { time } from "../format.js";
 import { groupBy } from "../groups.js";
-import { failed, loading } from "../states.js";
+import { act, failed, loading } from "../states.js";
 
 export function checklistSection(state) {
   const element = h("div", {}, loading(3));
@@ -24,13 +24,13 @@ export function checklistSection(state) {
       fill(element, failed(error, read));
     }
   };
-  async function change(said, button) {
+  /** A list that is signed asks for a new signature; what else is wrong is thrown. */
+  async function change(said) {
     try {
       draw(await patch(`${state.path}/checklist`, said));
     } catch (error) {
-      if (button) button.checked = !button.checked;
-      if (error.code === "checklist_signed") await signAgain(said);
-      else toast(error.message);
+      if (error.code !== "checklist_signed") throw error;
+      signAgain(said);
     }
   }
   const signAgain = (said) =>
@@ -42,17 +42,23 @@ export function checklistSection(state) {
       action: async ({ name }) => draw(await patch(`${state.path}/checklist`, { ...said, signature: { name } })),
     });
 
-  // what the record proves follows the frames, but nobody waits for it while files stream in
-  let before = "";
+  // what the record proves follows the frames, but nobody waits for it while files stream in; a signature is told at once
+  // that it no longer holds
+  let seen = "";
+  let stale = false;
   let near = false;
   const refresh = () => {
     const now = JSON.stringify([state.campaign.frames, state.campaign.readings, state.roi?.id]);
-    if (near && now !== before && !element.contains(document.activeElement)) {
-      before = now;
+    // there and back again is a change too: what is shown may be from between
+    stale ||= now !== seen;
+    seen = now;
+    if (stale && (near || state.checklist?.signature) && !element.contains(document.activeElement)) {
+      stale = false;
       read();
     }
   };
   state.on("campaign", refresh);
+  element.addEventListener("focusout", () => requestAnimationFrame(refresh));
   state.on("versions", read);
   new IntersectionObserver((entries) => {
     near = entries.some((entry) => entry.isIntersecting);
@@ -79,7 +85,7 @@ function group(section, items, opened, change) {
   );
   // what the record shows undone is not ticked with the others
   const open = items.filter((item) => !item.done_by && !item.missing);
-  const all = open.length && may("calibrate") ? h("button", { type: "button", class: "small-button", "data-keep": section, onclick: () => change({ items: open.map(({ key }) => ({ key, done: true })) }) }, `Tick ${open.length}`, h("span", { class: "hidden" }, ` open items of ${section}`)) : null;
+  const all = open.length && may("calibrate") ? h("button", { type: "button", class: "small-button", "data-keep": section, onclick: (event) => act(event.target, () => change({ items: open.map(({ key }) => ({ key, done: true })) })) }, `Tick ${open.length}`, h("span", { class: "hidden" }, ` open items of ${section}`)) : null;
   return h("div", { class: "section" }, details, all);
 }
 
@@ -90,7 +96,11 @@ function line(item, change) {
     checked: Boolean(item.done_by),
     disabled: !may("calibrate"),
     "data-keep": item.key,
-    onchange: (event) => change({ items: [{ key: item.key, done: event.target.checked }] }, event.target),
+    onchange: ({ target }) =>
+      change({ items: [{ key: item.key, done: target.checked }] }).catch((error) => {
+        target.checked = !target.checked;
+        toast(error.message);
+      }),
   });
   const note = () =>
     ask({

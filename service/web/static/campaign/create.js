@@ -1,12 +1,12 @@
 // A new campaign: method, camera, target and details.
 
-import { all, post } from "../api.js";
+import { all, leave, post } from "../api.js";
 import { byId, fill, h } from "../dom.js";
 import { cameraName } from "../format.js";
 import { inOrder } from "../groups.js";
 import { METHODS, methodOf } from "../methods.js";
 import { act, load } from "../states.js";
-import { DETAILS, sent } from "./details.js";
+import { DETAILS, detailsOf, isOfLens } from "./details.js";
 import { about, choices, field, filled, select } from "./forms.js";
 import { numberOf } from "./numbers.js";
 import { statedPart, withManual } from "./parameters.js";
@@ -20,7 +20,9 @@ let night = false;
 let target = null;
 let stated = null;
 let camera = { read: () => ({}) };
-fill(byId("details"), DETAILS.map(({ name, label, type }) => field(label, type === "textarea" ? h("textarea", { id: name, name, rows: "2" }) : h("input", { id: name, name, type, autocomplete: "off" }), null, about("NewCampaign", name))));
+/** The lens is asked for with the camera; another one is entered later. */
+const ASKED = DETAILS.filter(({ name }) => !isOfLens(name));
+fill(byId("details"), ASKED.map(({ name, label, type }) => field(label, type === "textarea" ? h("textarea", { id: name, name, rows: "2" }) : h("input", { id: name, name, type, autocomplete: "off" }), null, about("NewCampaign", name))));
 
 let panel = { read: () => undefined };
 
@@ -66,14 +68,14 @@ function needsPanel() {
 
 async function create() {
   const said = filled(form);
-  const details = DETAILS.filter(({ name }) => said[name]).map(({ name }) => [name, sent(name, said[name])]);
-  const body = { method: method.name, kind: night ? "measurement" : "calibration", ...Object.fromEntries(details) };
+  const details = detailsOf(Object.fromEntries(ASKED.filter(({ name }) => said[name]).map(({ name }) => [name, said[name]])));
+  const body = { method: method.name, kind: night ? "measurement" : "calibration", ...details };
   Object.assign(body, stated.read());
   if (target) body.target = target.read(); // left out where there is no form
   if (needsPanel()) body.panel_id = await panel.read();
   body.camera_id = await camera.read();
   const made = await post("/v1/campaigns", body);
-  location.assign(`/campaigns/${made.id}`);
+  await leave(`/campaigns/${made.id}`);
 }
 
 /** Choose a camera, or register one on the spot. */
@@ -112,7 +114,9 @@ function cameraPart(cameras) {
   const read = async () => {
     if (chosen.value !== NEW) return chosen.value;
     const body = { make: make.value.trim(), model: model.value.trim(), serial: serial.value.trim(), pixel_pitch_um: numberOf(pitch) };
-    if (lens[0].value.trim() && lens[1].value.trim()) body.lens = { make: lens[0].value.trim(), model: lens[1].value.trim() };
+    const [lensMake, lensModel] = lens.map((input) => input.value.trim() || undefined);
+    // one without the other is refused, and said so
+    if (lensMake || lensModel) body.lens = { make: lensMake, model: lensModel };
     return (await post("/v1/cameras", body)).id;
   };
   return { element, read };

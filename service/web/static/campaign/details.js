@@ -1,10 +1,11 @@
 // What is written on a campaign: corrected, its camera exchanged, put away.
 
-import { all, patch } from "../api.js";
+import { all, leave, patch } from "../api.js";
 import { ask } from "../ask.js";
 import { h, may } from "../dom.js";
 import { cameraName } from "../format.js";
 import { inOrder } from "../groups.js";
+import { act } from "../states.js";
 import { done } from "../undo.js";
 
 /** What a person writes on a campaign. */
@@ -14,17 +15,30 @@ export const DETAILS = [
   { name: "place", label: "Place" },
   { name: "recorder", label: "Recorded by" },
   { name: "started_at", label: "Start (UTC)", type: "datetime-local" },
+  { name: "ended_at", label: "End (UTC)", type: "datetime-local" },
+  { name: "lens_make", label: "Lens make", of: ["Lens", "make"] },
+  { name: "lens_model", label: "Lens model", of: ["Lens", "model"] },
+  { name: "lens_serial", label: "Lens serial number", of: ["Lens", "serial"] },
   { name: "conditions", label: "Conditions", type: "textarea" },
   { name: "comments", label: "Comments", type: "textarea" },
 ];
 
-const typed = (campaign, name) => (name === "started_at" ? campaign.started_at?.slice(0, 16) : campaign[name]) ?? "";
-/** As the API takes it. */
-export const sent = (name, value) => (name === "started_at" ? new Date(`${value}Z`).toISOString() : value);
+const OF_LENS = /^lens_/;
+export const isOfLens = (name) => OF_LENS.test(name);
+const isTime = (name) => name.endsWith("_at");
+const typed = (campaign, name) => (isOfLens(name) ? campaign.lens?.[name.replace(OF_LENS, "")] : isTime(name) ? campaign[name]?.slice(0, 16) : campaign[name]) ?? "";
+
+/** What was typed, by name, as the API takes it: a lens in one piece, times as instants. */
+export function detailsOf(values) {
+  const own = Object.entries(values).filter(([name]) => !isOfLens(name));
+  const lens = Object.entries(values).filter(([name, text]) => isOfLens(name) && text).map(([name, text]) => [name.replace(OF_LENS, ""), text]);
+  const ofLens = Object.keys(values).some(isOfLens) ? { lens: lens.length ? Object.fromEntries(lens) : "" } : {};
+  return { ...Object.fromEntries(own.map(([name, text]) => [name, isTime(name) && text ? new Date(`${text}Z`).toISOString() : text])), ...ofLens };
+}
 
 /** Correct a campaign; fields that are emptied are taken away. `only` names the fields that are asked for. */
 export async function editDetails(campaign, { only, cameras } = {}) {
-  const fields = DETAILS.filter((each) => !only || only.includes(each.name)).map((each) => ({ ...each, of: "NewCampaign", required: false, value: typed(campaign, each.name) }));
+  const fields = DETAILS.filter((each) => !only || only.includes(each.name)).map((each) => ({ of: "NewCampaign", ...each, required: false, value: typed(campaign, each.name) }));
   const known = cameras ?? (only ? [] : await all("/v1/cameras"));
   const camera = known.length ? [{ name: "camera_id", label: "Camera", of: "NewCampaign", options: inOrder(known, cameraName).map((each) => [each.id, cameraName(each)]), value: campaign.camera_id, hint: "Frames are checked against another camera; nothing is sent again." }] : [];
   return ask({
@@ -34,17 +48,21 @@ export async function editDetails(campaign, { only, cameras } = {}) {
     action: async (values) => {
       const wanted = Object.fromEntries([...camera, ...fields].map(({ name }) => [name, values[name] ?? ""]));
       const changed = Object.keys(wanted).filter((name) => wanted[name] !== (name === "camera_id" ? campaign.camera_id : typed(campaign, name)));
+      const lens = changed.some(isOfLens);
       // a start can be corrected, not taken away
-      const said = Object.fromEntries(changed.filter((name) => name !== "started_at" || wanted[name]).map((name) => [name, sent(name, wanted[name])]));
+      const kept = Object.keys(wanted).filter((name) => (isOfLens(name) ? lens : changed.includes(name) && (name !== "started_at" || wanted[name])));
+      const said = detailsOf(Object.fromEntries(kept.map((name) => [name, wanted[name]])));
       return Object.keys(said).length ? patch(`/v1/campaigns/${campaign.id}`, said) : campaign;
     },
   });
 }
 
+/** Correct a campaign on its page, which then begins again. */
+export const changeDetails = async (state) => (await editDetails(state.campaign)) && leave();
+
 /** The buttons in the head of a campaign's page. */
 export function detailsPart(state) {
   if (!may("calibrate")) return null;
-  const edit = async () => (await editDetails(state.campaign)) && location.reload();
   const archive = async () => {
     const archived = !state.campaign.archived_at;
     state.campaign = await patch(state.path, { archived });
@@ -54,8 +72,8 @@ export function detailsPart(state) {
       draw();
     });
   };
-  const button = h("button", { type: "button", class: "quiet", onclick: archive });
+  const button = h("button", { type: "button", class: "quiet", onclick: () => act(button, archive) });
   const draw = () => (button.textContent = state.campaign.archived_at ? "Take out of the archive" : "Archive");
   draw();
-  return [h("button", { type: "button", onclick: edit }, "Edit details"), button];
+  return [h("button", { type: "button", onclick: (event) => act(event.target, () => changeDetails(state)) }, "Edit details"), button];
 }

@@ -234,6 +234,17 @@ export function gridSection(state) {
     return null;
   });
 
+  const scenesRead = () => model.lines.filter((line) => line.first && reads && line.row.kind === "role" && line.row.value !== null).map((line) => line.row.value);
+
+  /** Cells of a spreadsheet go down the rows; one value is pasted as it is. */
+  body.addEventListener("paste", (event) => {
+    const text = event.clipboardData.getData("text/plain");
+    const { reading } = event.target.dataset;
+    if (reading === undefined || !/[\n\r\t]./.test(text.trimEnd())) return;
+    event.preventDefault();
+    act(event.target, () => book.pasted(text, scenesRead().slice(scenesRead().indexOf(reading))));
+  });
+
   /** Enter records a value and goes to the next scene without one. */
   async function typedReading(event) {
     if (event.key === "Escape") return focusOn(model.lines.find((line) => line.row.value === event.target.dataset.reading)?.cells.find((cell) => cell?.frame)?.frame.id);
@@ -241,7 +252,7 @@ export function gridSection(state) {
     event.preventDefault();
     const scene = event.target.dataset.reading;
     const known = (name) => book.readings.some((each) => each.scene === name && !each.withdrawn_at);
-    const scenes = model.lines.filter((line) => line.first && reads && line.row.kind === "role" && line.row.value !== null).map((line) => line.row.value);
+    const scenes = scenesRead();
     const following = [...scenes.slice(scenes.indexOf(scene) + 1), ...scenes].find((name) => name !== scene && !known(name));
     event.target.blur();
     const index = model.lines.findIndex((line) => line.row.value === following);
@@ -321,6 +332,7 @@ export function gridSection(state) {
   });
   book.addEventListener("change", draw);
   state.on("frames", draw);
+  state.on("open-frame", ({ detail }) => open(detail));
   if (reads) {
     let seen = "";
     state.on("campaign", () => {

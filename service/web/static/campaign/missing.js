@@ -34,17 +34,17 @@ export function missingCauses(sentences) {
   });
 }
 
-/** The list before a fit; what is needed is marked, and what is said there is not said again. */
-export function beforeTheFit({ missing, advice }, title) {
-  if (!missing.length && !advice.length) return null;
+/** The list before a fit: what was refused, what is needed, and what would improve it and is not said there. */
+export function beforeTheFit({ missing, advice }, title, refused = []) {
+  if (!missing.length && !advice.length && !refused.length) return null;
   const needed = new Set(missing.map(causeOf));
   const line = (mark, tag) => ({ title, where, part, button }) => ({ mark: part ? mark : "wait", title, where, tag: tag?.(), actions: part && may(part === "frames" ? "upload" : "calibrate") ? [smallLink(button, `#${part}`)] : [] });
-  const lines = [...missingCauses(missing).map(line("warn", () => h("span", { class: "tag warn" }, "needed"))), ...missingCauses(advice.filter((each) => !needed.has(causeOf(each)))).map(line("gap"))];
+  const lines = [...refused, ...missingCauses(missing).map(line("warn", () => h("span", { class: "tag warn" }, "needed"))), ...missingCauses(advice.filter((each) => !needed.has(causeOf(each)))).map(line("gap"))];
   const [shown, more] = [lines.slice(0, 6), lines.slice(6)];
   return h(
     "section",
     { id: "before", class: "tight", "aria-labelledby": "before-head" },
-    h("div", { class: "section-head" }, h("h2", { id: "before-head" }, title), h("p", {}, missing.length ? "" : "Nothing is needed; these lines would improve it")),
+    h("div", { class: "section-head" }, h("h2", { id: "before-head" }, title), h("p", {}, missing.length || refused.length ? "" : "Nothing is needed; these lines would improve it")),
     causeList(shown),
     more.length ? h("details", { class: "more" }, h("summary", {}, `${more.length} more`), causeList(more)) : null,
   );

@@ -1,8 +1,10 @@
 // Numbers as people type them.
 
-/** A number with a decimal point or comma; NaN for anything else, "1,234.5" too: nobody can tell what that is. */
+const APART = /^[+-]?\d{1,3}([\s’']\d{3})+(?=[.,]|$)/;
+
+/** A number with a decimal point or comma, thousands apart by blanks; NaN for anything else, "1,234.5" too: nobody can tell what that is. */
 export function readNumber(text) {
-  const plain = text.trim().replace("−", "-");
+  const plain = text.trim().replace("−", "-").replace(APART, (whole) => whole.replace(/[\s’']/g, ""));
   return /^[+-]?(\d+([.,]\d*)?|[.,]\d+)(e[+-]?\d+)?$/i.test(plain) ? Number(plain.replace(",", ".")) : NaN;
 }
 

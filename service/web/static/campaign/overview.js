@@ -7,13 +7,14 @@ import { mark } from "../marks.js";
 import { act } from "../states.js";
 import { countOwn } from "./holding.js";
 import { beforeTheFit, missingCauses } from "./missing.js";
+import { refusedCauses } from "./refused.js";
 
 export function overview(state) {
   const element = h("div", { class: "overview" });
   const draw = () => {
     if (isPressed(element)) return void requestAnimationFrame(draw);
     const open = element.querySelector("details")?.open ?? false;
-    fill(element, stages(state), offer(state), beforeTheFit(state.campaign, state.method.measures ? "Before measuring" : "Before the fit"));
+    fill(element, stages(state), offer(state), beforeTheFit(state.campaign, state.method.measures ? "Before measuring" : "Before the fit", refusedCauses(state)));
     element.querySelector("details")?.toggleAttribute("open", open);
   };
   state.on("campaign", draw);

@@ -6,6 +6,8 @@ import { sendFile } from "./sender.js";
 
 const AT_ONCE = 2;
 const LONGEST_PAUSE_MS = 30000;
+const STALLED_MS = 30000;
+const DOUBLE_MS = 500;
 const ASK_AT_MOST = 1000;
 const ASK_TOGETHER = 50;
 export const OPEN = ["hashing", "asking", "waiting", "sending", "retrying"];
@@ -25,6 +27,8 @@ export class UploadQueue extends EventTarget {
     this.refusal = null;
     this.accepted = new Set(); // codes of refusals despite which the rest is sent
     addEventListener("online", () => this.retryNow());
+    // a phone that has slept does not know which of its connections still lead anywhere
+    document.addEventListener("visibilitychange", () => document.hidden || this.retryNow());
   }
 
   /** Files with their paths: [{file, name, role?, scene?}]; `judge(name)` says what each is. Answers how many were new. */
@@ -63,6 +67,7 @@ export class UploadQueue extends EventTarget {
   /** Send everything that is listed: what has been compared at once, the rest as soon as it has been. */
   async send({ again = true } = {}) {
     this.refusal = null;
+    this.pressedAt = performance.now();
     const open = this.items.filter((item) => !item.armed && ["hashing", "asking", "ready", again && "failed"].includes(item.state));
     for (const item of open) {
       if (item.state === "failed" && !item.sha256) this.hash(Object.assign(item, { state: "hashing" }));
@@ -76,7 +81,9 @@ export class UploadQueue extends EventTarget {
   }
 
   /** Send no more; what has not been sent stays listed. */
-  async stop() {
+  async stop({ pressed = false } = {}) {
+    // the second press of a double click on "Send" meets the button that took its place
+    if (pressed && performance.now() - this.pressedAt < DOUBLE_MS) return;
     const held = this.items.filter((item) => item.armed && OPEN.includes(item.state));
     for (const item of held) {
       item.abort?.abort();
@@ -103,7 +110,13 @@ export class UploadQueue extends EventTarget {
   }
 
   retryNow() {
-    for (const item of this.items) if (item.state === "retrying") this.again(item);
+    for (const item of this.items) {
+      if (item.state === "sending" && Date.now() - item.movedAt > STALLED_MS) {
+        item.abort.abort();
+        item.state = "retrying";
+      }
+      if (item.state === "retrying") this.again(item);
+    }
     this.pump();
   }
 
@@ -128,7 +141,7 @@ export class UploadQueue extends EventTarget {
   }
 
   async sendOne(item) {
-    item.state = "sending";
+    Object.assign(item, { state: "sending", movedAt: Date.now() });
     item.abort = new AbortController();
     try {
       const frame = await sendFile(this.path, item, { signal: item.abort.signal, onProgress: (bytes) => this.progress(item, bytes), onBegun: () => this.journal.note(item) });
@@ -166,7 +179,7 @@ export class UploadQueue extends EventTarget {
 
   progress(item, bytes) {
     this.moved.push([Date.now(), bytes - item.sent]);
-    item.sent = bytes;
+    Object.assign(item, { sent: bytes, movedAt: Date.now() });
     this.changed();
   }
 

@@ -1,7 +1,7 @@
 // The meter's readings, pasted from a spreadsheet; single ones are typed in the grid.
 
-import { all, post } from "../api.js";
-import { byId, fill, h, may, toast } from "../dom.js";
+import { all } from "../api.js";
+import { byId, fill, h, may } from "../dom.js";
 import { counted, number } from "../format.js";
 import { act } from "../states.js";
 import { about, field, select } from "./forms.js";
@@ -40,7 +40,7 @@ function entryPart(state, book) {
     meter.value = kept;
   };
   const read = () => readSheet(text.value, { unit: unit.value });
-  const draw = () => fill(told, text.value.trim() ? preview(read()) : null);
+  const draw = () => fill(told, text.value.trim() ? preview(read(), state.scenes) : null);
   text.addEventListener("input", draw);
   unit.addEventListener("change", () => {
     byHand &&= book.meters.find((each) => each.id === meter.value)?.kind === UNITS[unit.value];
@@ -52,20 +52,17 @@ function entryPart(state, book) {
     if (faults.length) throw wrong(faults.map(({ line, text: why }) => `Line ${line}: ${why}`).join(" "));
     if (!lines.length) throw wrong("Type or paste a line such as: level-1 54.4");
     const query = meter.value ? `?meter_id=${encodeURIComponent(meter.value)}` : "";
-    await post(`${state.path}/readings${query}`, lines.map((line) => line.reading)).catch((error) => {
+    await book.record(lines.map((line) => line.reading), query).catch((error) => {
       throw withLines(error, lines);
     });
-    toast(`${counted(lines.length, "reading")} recorded.`);
     text.value = "";
     draw();
-    await book.refresh();
-    await state.touch();
   };
   const element = h(
     "form",
     { class: "card", onsubmit: (event) => (event.preventDefault(), act(event.submitter, add)) },
     h("h3", {}, "Add readings"),
-    field("Lines", text, "One reading per line, typed or pasted from a spreadsheet: scene, value, and optionally unit and time. With a header line the columns may be in any order.", "Lines that cannot be read are listed with the reason; nothing is recorded until all can be read."),
+    field("Lines", text, "One reading per line, typed or pasted from a spreadsheet: scene, value, and optionally unit and time (UTC). With a header line the columns may be in any order.", "Lines that cannot be read are listed with the reason; nothing is recorded until all can be read."),
     told,
     h("div", { class: "fields" }, field("Unit if none is given", unit, null, about("NewReading", "unit")), field("Meter", meter, null, about("NewReading", "meter_id"))),
     h("p", { class: "actions" }, h("button", { class: "primary", type: "submit" }, "Add"), h("button", { type: "button", class: "quiet", onclick: async () => {
@@ -80,10 +77,12 @@ function entryPart(state, book) {
   return { element, offer };
 }
 
-function preview({ rows: lines, faults }) {
+function preview({ rows: lines, faults }, scenes) {
   const good = lines.length ? h("p", { class: "small" }, h("span", { class: "tag good" }, `${lines.length} understood`), " ", lines.slice(0, 3).map(({ reading }) => `${reading.scene}: ${number(reading.value, 6)} ${reading.unit.replace("m2", "m²")}`).join(", "), lines.length > 3 ? ", …" : "") : null;
   const bad = faults.length ? h("ul", { class: "plain faults", role: "alert" }, faults.slice(0, 8).map(({ line, text }) => h("li", {}, h("strong", {}, `Line ${line}: `), text))) : null;
-  return [good, bad];
+  const strange = scenes.length ? [...new Set(lines.map(({ reading }) => reading.scene))].filter((name) => !scenes.includes(name)) : [];
+  const unseen = strange.length ? h("p", { class: "small" }, h("span", { class: "tag warn" }, "no frames"), ` of ${strange.slice(0, 3).join(", ")}${strange.length > 3 ? `, and ${strange.length - 3} more` : ""}. Frames have: ${scenes.slice(0, 12).join(", ")}.`) : null;
+  return [good, bad, unseen];
 }
 
 /** The API names the item by its place in the list; people know the line. */

@@ -10,8 +10,8 @@ import { done } from "../undo.js";
 import { act } from "../states.js";
 import { about, decimal, field, select } from "./forms.js";
 import { nameOfMeter } from "./meters.js";
-import { readNumber, wrong } from "./numbers.js";
-import { UNITS } from "./sheet.js";
+import { wrong } from "./numbers.js";
+import { UNITS, readReading, readSheet } from "./sheet.js";
 
 /** Readings of one scene that differ by more than this are marked. */
 const WIDE = 0.03;
@@ -75,17 +75,36 @@ export class ReadingBook extends EventTarget {
     const typed = input.value.trim();
     const known = summarise(this.readings, scene);
     if (typed === "" || (!said.unit && known.value !== null && typed === number(known.value, 4))) return null;
-    const value = readNumber(typed);
-    if (!(value > 0)) throw wrong(`“${typed}” is not a reading: type a number above 0.`);
-    const unit = said.unit ?? known.unit ?? this.unit;
-    const meter = said.meter_id ?? this.meter_id;
+    return this.record([this.withMeter({ scene, ...readReading(typed, said.unit ?? known.unit ?? this.unit) }, said)]);
+  }
+
+  /** A column of a spreadsheet, from a scene on; of several columns each line names its scene. */
+  pasted(text, scenes) {
+    if (text.includes("\t")) {
+      const { rows, faults } = readSheet(text, this);
+      if (faults.length) throw wrong(`Nothing was recorded. Line ${faults[0].line}: ${faults[0].text}`);
+      return this.record(rows.map(({ reading }) => this.withMeter(reading)));
+    }
+    const lines = text.trimEnd().split(/\r\n|\r|\n/);
+    if (lines.length > scenes.length) throw wrong(`Nothing was recorded: ${lines.length} values were pasted, and ${counted(scenes.length, "scene")} begin here.`);
+    return this.record(lines.map((line, at) => line.trim() && this.withMeter({ scene: scenes[at], ...readReading(line, this.unit) })).filter(Boolean));
+  }
+
+  withMeter({ scene, value, unit, ...more }, { meter_id: meter = more.meter_id ?? this.meter_id, taken_at: taken = more.taken_at ?? (this.now ? new Date().toISOString() : "") } = {}) {
     const fits = this.meters.find((each) => each.id === meter)?.kind === UNITS[unit];
-    const taken = said.taken_at ?? (this.now ? new Date().toISOString() : "");
-    const made = await post(`${this.state.path}/readings`, { scene, quantity: UNITS[unit], value, unit, ...(meter && fits ? { meter_id: meter } : {}), ...(taken ? { taken_at: taken } : {}) });
+    return { scene, quantity: UNITS[unit], value, unit, ...(meter && fits ? { meter_id: meter } : {}), ...(taken ? { taken_at: taken } : {}) };
+  }
+
+  /** Record readings together; they are withdrawn together, too. */
+  async record(readings, query = "") {
+    const { items } = await post(`${this.state.path}/readings${query}`, readings);
     await this.refresh();
     this.state.touch();
-    done(`${number(value, 6)} ${written(unit)} recorded for ${scene}.`, () => this.withdraw(made));
-    return made;
+    const [{ scene, entered_value: value, entered_unit: unit }] = items;
+    done(items.length === 1 ? `${number(value, 6)} ${written(unit)} recorded for ${scene}.` : `${counted(items.length, "reading")} recorded.`, async () => {
+      for (const each of items) await this.withdraw(each);
+    });
+    return items;
   }
 
   async withdraw(reading) {

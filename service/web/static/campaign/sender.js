@@ -1,6 +1,6 @@
 // Upload of one file, with progress: a small one in one request, a larger one by tus 1.0.0, which goes on where it was cut.
 
-import { Problem, newOnce } from "../api.js";
+import { Problem, isRenewed, newOnce } from "../api.js";
 
 /** A smaller file is sent again whole. */
 const WHOLE_BYTES = 1 << 20;
@@ -41,15 +41,20 @@ export async function sendFile(path, item, { onProgress, onBegun, signal }) {
   }
 }
 
-/** A request as it was answered; the browser streams its body. */
-function ask(method, address, headers, { body, onProgress, signal } = {}) {
+/** A request as it was answered; the browser streams its body. Without a session it waits for one. */
+function ask(method, address, headers, options = {}) {
+  const { body, onProgress, signal } = options;
   return new Promise((done, fail) => {
     const request = new XMLHttpRequest();
     request.open(method, address);
     for (const [name, value] of Object.entries({ ...headers, "X-CSRF-Token": document.querySelector("meta[name=csrf-token]").content })) request.setRequestHeader(name, value);
     request.responseType = "json";
     if (onProgress) request.upload.onprogress = (event) => onProgress(event.loaded);
-    request.onload = () => (request.status < 300 ? done(request) : fail(problemOf(request)));
+    request.onload = async () => {
+      if (request.status < 300) done(request);
+      else if (request.status === 401 && (await isRenewed(false))) done(ask(method, address, headers, options));
+      else fail(problemOf(request));
+    };
     request.onerror = () => fail(new Problem({ title: "No connection", detail: "The connection was lost.", code: "offline", status: 0, retryable: true }));
     request.onabort = () => fail(new DOMException("stopped", "AbortError"));
     signal?.addEventListener("abort", () => request.abort());
@@ -58,6 +63,6 @@ function ask(method, address, headers, { body, onProgress, signal } = {}) {
 }
 
 function problemOf({ status, response }) {
-  if (response?.detail) return new Problem({ ...response, status, retryable: response.retryable || status >= 500 });
+  if (response?.detail) return new Problem({ ...response, status, retryable: response.retryable || status >= 500 || status === 401 });
   return new Problem({ title: "Not accepted", detail: `The service answered ${status}.`, code: "unknown", status, retryable: status >= 500 });
 }

@@ -1,10 +1,14 @@
 // Readings from the cells of a spreadsheet; every invalid line is reported.
 
-import { readNumber } from "./numbers.js";
+import { readNumber, wrong } from "./numbers.js";
 
 export const UNITS = { "cd/m2": "luminance", fL: "luminance", lx: "illuminance", fc: "illuminance" };
 const NAMES = ["scene", "quantity", "value", "unit", "meter_id", "taken_at"];
-const GROUPED = /^\d{1,3}([.,]\d{3})+$/;
+/** A comma before three digits may be a decimal one, or one of thousands: except behind a zero. */
+const AMBIGUOUS = /^[1-9]\d{0,2}(?=.*,)([.,]\d{3})+$/;
+const OTHER_NAMES = { "cd/m^2": "cd/m2", nit: "cd/m2", nits: "cd/m2", lux: "lx" };
+const WITH_UNIT = new RegExp(`^(.*?)\\s*\\[?(${[...Object.keys(UNITS), "cd/m²", ...Object.keys(OTHER_NAMES)].map((name) => name.replace("^", "\\^")).join("|")})?\\]?$`, "i");
+const ZONED = /(Z|[+-]\d\d:?\d\d)$/i;
 
 /** {rows: [{line, reading}], faults: [{line, text}]}; `unit` is that of lines that say none. */
 export function readSheet(text, { unit }) {
@@ -51,25 +55,32 @@ function readLine(cells, columns, usual, separator) {
   if (cells.slice(columns.length).some(Boolean)) throw new Error(`${cells.length} cells; expected are ${columns.join(", ")}.`);
   if (!said.scene) throw new Error("the scene is missing.");
   if (!said.value) throw new Error("the value is missing.");
-  if (GROUPED.test(said.value) && said.value.includes(",") && separator !== ";") throw new Error(`“${said.value}” is ambiguous (thousands separator or decimal comma): write ${said.value.replaceAll(",", "")} or ${said.value.replace(",", ".")}.`);
-  const value = readNumber(said.value);
-  if (!Number.isFinite(value)) throw new Error(`“${said.value}” is not a number.`);
-  if (!(value > 0)) throw new Error("a reading must be above 0.");
-  const unit = said.unit ? unitOf(said.unit) : usual;
+  const { value, unit } = readReading(said.value, said.unit ? unitOf(said.unit) : usual, { commas: separator === ";" });
   const quantity = said.quantity ? said.quantity.toLowerCase() : UNITS[unit];
   if (quantity !== UNITS[unit]) throw new Error(`${unit} is not a unit of ${quantity}.`);
   return { scene: said.scene, quantity, value, unit, ...(said.meter_id ? { meter_id: said.meter_id } : {}), ...(said.taken_at ? { taken_at: instantOf(said.taken_at) } : {}) };
 }
 
+/** {value, unit} of a reading as people type it, a unit behind it or not; `commas`: a comma is known to be a decimal one. */
+export function readReading(text, usual, { commas = false } = {}) {
+  const [, figure, unit] = WITH_UNIT.exec(text.trim());
+  if (AMBIGUOUS.test(figure) && !commas) throw wrong(`“${figure}” is ambiguous (thousands separator or decimal comma): write ${figure.replaceAll(",", "")} or ${figure.replace(",", ".")}.`);
+  const value = readNumber(figure);
+  if (!Number.isFinite(value)) throw wrong(`“${text.trim()}” is not a number.`);
+  if (!(value > 0)) throw wrong("A reading must be above 0.");
+  return { value, unit: unit ? unitOf(unit) : usual };
+}
+
 function unitOf(text) {
   const plain = text.replace("²", "2").replace(/^\[|\]$/g, "").toLowerCase();
-  const found = Object.keys(UNITS).find((name) => name.toLowerCase() === plain);
+  const found = OTHER_NAMES[plain] ?? Object.keys(UNITS).find((name) => name.toLowerCase() === plain);
   if (!found) throw new Error(`“${text}” is not a unit; use ${Object.keys(UNITS).join(", ")}.`);
   return found;
 }
 
 function instantOf(text) {
-  const instant = /^\d{4}-\d\d-\d\d/.test(text) ? new Date(text) : new Date(NaN);
+  // the times of the pages are UTC, whatever zone the browser is in
+  const instant = /^\d{4}-\d\d-\d\d/.test(text) ? new Date(ZONED.test(text) || text.length === 10 ? text : `${text.replace(" ", "T")}Z`) : new Date(NaN);
   if (Number.isNaN(instant.getTime())) throw new Error(`“${text}” is not a time; write it as 2026-05-01 20:30.`);
   return instant.toISOString();
 }

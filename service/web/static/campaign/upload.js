@@ -16,6 +16,7 @@ import { select } from "./forms.js";
 import { patternsPart } from "./patterns.js";
 import { titleOf } from "./named.js";
 import { OPEN, UploadQueue } from "./queue.js";
+import { mendButtons } from "./refused.js";
 import { judge } from "./rules.js";
 import { virtualTable } from "./virtual.js";
 
@@ -173,7 +174,7 @@ function summary(state, queue, given) {
     h("div", { class: "section-head" }, h("h3", {}, h("span", { role: "status" }, title)), h("p", {}, rest)),
     moving.length ? h("progress", { max: total || 1, value: done, "aria-label": "Sent" }) : null,
     retrying.length && queue.lostSince ? h("p", { class: "note warn" }, h("strong", {}, `No connection since ${new Date(queue.lostSince).toTimeString().slice(0, 5)}. `), `${sent.length} of ${counted(all.length, "file")} are safe. Sending goes on by itself; you may close this page and come back.`) : null,
-    queue.refusal ? refusalOf(queue) : null,
+    queue.refusal ? refusalOf(state, queue) : null,
     notes.length ? h("p", { class: "muted small" }, notes.join(" · ")) : null,
     h(
       "p",
@@ -182,7 +183,7 @@ function summary(state, queue, given) {
       unmeasured ? h("a", { class: "button primary", href: "#region" }, "Draw region") : null,
       retrying.length ? button("Try now", "now", () => queue.retryNow()) : null,
       sent.length + there.length === queue.items.length ? button("Receipt", "receipt", (event) => act(event.target, () => saveReceipt(state, queue.items, given)), { title: "A signed statement that these files are stored: the card may be formatted" }) : null,
-      moving.length ? button("Stop", "stop", () => queue.stop()) : button("Remove all", "clear", () => queue.drop([...queue.items]), { class: "quiet" }),
+      moving.length ? button("Stop", "stop", () => queue.stop({ pressed: true })) : button("Remove all", "clear", () => queue.drop([...queue.items]), { class: "quiet" }),
     ),
   ];
 }
@@ -197,11 +198,12 @@ async function saveReceipt(state, items, given) {
 }
 
 /** The refusal that stopped the rest, said once for all. */
-function refusalOf(queue) {
+function refusalOf(state, queue) {
   const { refusal } = queue;
   const title = refusal.sent ? `Sending stopped after ${counted(refusal.sent, "file")}` : "Sending stopped after the first file";
+  const refused = state.byId.get(refusal.item.frameId);
   const go = h("button", { type: "button", class: "small-button", "data-keep": "go-on", onclick: (event) => act(event.target, () => queue.goOn()) }, `Send the other ${refusal.left}`);
-  return h("div", { class: "failed", role: "alert" }, h("p", { class: "failed-title" }, title), h("p", {}, `${refusal.item.name.split("/").at(-1)}: ${refusal.detail} ${refusal.left === 1 ? "The other file was" : `The other ${refusal.left} were`} not sent.`), h("p", { class: "actions" }, go));
+  return h("div", { class: "failed", role: "alert" }, h("p", { class: "failed-title" }, title), h("p", {}, `${refusal.item.name.split("/").at(-1)}: ${refusal.detail} ${refusal.left === 1 ? "The other file was" : `The other ${refusal.left} were`} not sent.`), h("p", { class: "actions" }, go, refused ? mendButtons(state, refusal.code, [refused]) : null));
 }
 
 /** What a frame waits for, by the code of its verdict; by none of these a worker reads it. */

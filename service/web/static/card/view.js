@@ -6,6 +6,7 @@ import { titleOf } from "../campaign/named.js";
 import { fill, figure, h, openDialog } from "../dom.js";
 import { bytes, counted, exposureTime, number, percent, span, tag } from "../format.js";
 import { mark } from "../marks.js";
+import { registerCamera } from "../pages/camera-edit.js";
 import { kindOf, labelOf, roleLabel, roleOptions } from "../methods.js";
 import { LIMITS, nameOf } from "./propose.js";
 import { drawPicture } from "./picture.js";
@@ -94,7 +95,7 @@ function cameraTrouble({ found, choice }, tell) {
     "This serial number belongs to a camera of another name",
     `Registered is ${nameOf(camera.renamed)}. ${camera.frames.length === 1 ? "The file says" : `All ${camera.frames.length} files say`} ${nameOf(camera)}. The campaigns of ${nameOf(camera.renamed)} refuse these files; a new campaign registers the name that the files state. Nothing has been sent.`,
   );
-  const incomplete = !camera.complete && box("bad", "These files do not name their camera", `They state ${nameOf(camera)}. Make, model and serial number are needed: choose the camera of these frames, or create the campaign without files.`, campaign ? cameraChooser(found, choice, tell) : null);
+  const incomplete = !camera.complete && box("bad", "These files do not name their camera", `They state ${nameOf(camera)}. Make, model and serial number are needed: choose the camera of these frames, or register it.`, campaign ? cameraChooser(found, choice, tell) : null);
   const lossy = found.pictures && box("warn", "These are JPEG pictures", "They have lost the sensor values: the sharpness and the geometry of a lens can be found in pictures of a chart, light cannot. To measure light, set the camera to RAW or JPEG + RAW.");
   return [lossy, several, renamed, incomplete].filter(Boolean);
 }
@@ -102,7 +103,14 @@ function cameraTrouble({ found, choice }, tell) {
 function cameraChooser({ camera }, choice, tell) {
   const chosen = (event) => ((choice.registered = event.target.value), tell.changed());
   const known = (choice.cameras ?? []).filter((each) => !camera.serial || !each.serial || each.serial === camera.serial);
-  return select([["", "Choose the camera…"], ...known.map((each) => [each.id, nameOf(each)])], { "aria-label": "Camera of these frames", "data-keep": "registered", onchange: chosen }, choice.registered);
+  const register = async () => {
+    const made = await registerCamera(camera);
+    if (!made) return;
+    choice.cameras = [...(choice.cameras ?? []), made];
+    choice.registered = made.id;
+    tell.changed();
+  };
+  return [select([["", "Choose the camera…"], ...known.map((each) => [each.id, nameOf(each)])], { "aria-label": "Camera of these frames", "data-keep": "registered", onchange: chosen }, choice.registered), small("Register a camera…", register, { "data-keep": "register" })];
 }
 
 const SAID = {

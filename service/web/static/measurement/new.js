@@ -1,6 +1,6 @@
 // Measure a frame, or all of a night: which, where on it, with what.
 
-import { all, get, post } from "../api.js";
+import { all, get, leave, post } from "../api.js";
 import { byId, fill, h, may } from "../dom.js";
 import { causeList } from "../causes.js";
 import { counted, day, stateWords } from "../format.js";
@@ -151,7 +151,7 @@ async function measureAll(body, progress) {
     if (job.state === "succeeded") measured += 1;
     else left.push({ filename: begun.filename, code: job.error.code, detail: job.error.detail });
   }
-  if (!left.length) return location.assign(`${path}#measure`);
+  if (!left.length) return leave(`${path}#measure`);
   const causes = [...groupBy(left, (each) => each.code).values()].map((some) => ({
     mark: "warn",
     title: `${counted(some.length, "frame")} not measured`,

@@ -1,9 +1,9 @@
-import { all, get } from "../api.js";
+import { all, get, leave } from "../api.js";
 import { byId, fill, h, may, table } from "../dom.js";
 import { ago, day, quantity, relative, tag, time, unit } from "../format.js";
 import { holdsFor, inForce, named } from "../coefficients.js";
 import { coefficientLabel, headlineOf, labelOf, methodOf, readTolerance } from "../methods.js";
-import { empty, load } from "../states.js";
+import { act, empty, load } from "../states.js";
 import { plot } from "../plots.js";
 import { shorten } from "../shorten.js";
 import { editCamera } from "./camera-edit.js";
@@ -14,7 +14,7 @@ const tolerance = byId("drift-tolerance");
 
 const STABILITY = { stable: "good", drifts: "bad", cannot_tell: "" };
 
-if (may("calibrate")) fill(byId("edit-camera"), h("button", { type: "button", onclick: async () => (await editCamera(id)) && location.reload() }, "Edit camera"));
+if (may("calibrate")) fill(byId("edit-camera"), h("button", { type: "button", onclick: (event) => act(event.target, async () => (await editCamera(id)) && leave()) }, "Edit camera"));
 
 const series = get(`/v1/series/coefficients?camera_id=${id}`);
 

@@ -1,11 +1,11 @@
-import { all, get, post } from "../api.js";
+import { all, get } from "../api.js";
 import { byId, h, may, table, toast } from "../dom.js";
 import { ago, cameraName, counted, day, number, tag } from "../format.js";
-import { ask } from "../ask.js";
 import { empty, load } from "../states.js";
 import { inForce } from "../coefficients.js";
 import { inOrder } from "../groups.js";
 import { coefficientLabel, headlineOf, labelOf } from "../methods.js";
+import { registerCamera } from "./camera-edit.js";
 
 const region = byId("cameras");
 const add = byId("add-camera");
@@ -44,34 +44,10 @@ function linesOf(camera, rows) {
 }
 
 async function register() {
-  const camera = await ask({
-    title: "Register a camera",
-    submit: "Register",
-    fields: [
-      { name: "make", label: "Make", of: "NewCamera" },
-      { name: "model", label: "Model", of: "NewCamera" },
-      { name: "serial", label: "Serial number of the camera body", of: "NewCamera" },
-      { name: "lens_make", label: "Lens: make", of: ["Lens", "make"], required: false },
-      { name: "lens_model", label: "Lens: model", of: ["Lens", "model"], required: false },
-      { name: "lens_serial", label: "Lens: serial number", of: ["Lens", "serial"], required: false },
-      { name: "pixel_pitch_um", label: "Pixel pitch [µm]", of: "NewCamera", type: "number", step: "any", required: false },
-      { name: "sensor_width_mm", label: "Sensor width [mm]", of: "NewCamera", type: "number", step: "any", required: false },
-    ],
-    action: (values) => post("/v1/cameras", cameraOf(values)),
-  });
+  const camera = await registerCamera();
   if (camera === undefined) return;
   toast(`${camera.make} ${camera.model} is registered.`);
   show();
-}
-
-function cameraOf({ lens_make, lens_model, lens_serial, pixel_pitch_um, sensor_width_mm, ...named }) {
-  const lens = Object.fromEntries(Object.entries({ make: lens_make, model: lens_model, serial: lens_serial }).filter(([, text]) => text));
-  return {
-    ...named,
-    ...(Object.keys(lens).length ? { lens } : {}),
-    ...(pixel_pitch_um ? { pixel_pitch_um: Number(pixel_pitch_um) } : {}),
-    ...(sensor_width_mm ? { sensor_width_mm: Number(sensor_width_mm) } : {}),
-  };
 }
 
 show();

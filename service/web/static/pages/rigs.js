@@ -1,6 +1,6 @@
 // The rigs, and a new one from campaigns whose pictures were taken together.
 
-import { all, get, post } from "../api.js";
+import { all, get, leave, post } from "../api.js";
 import { byId, h, may, table } from "../dom.js";
 import { day, time } from "../format.js";
 import { inOrder } from "../groups.js";
@@ -77,5 +77,5 @@ async function register(values, campaigns, name) {
   // published versions are found by the service; drafts have to be named
   const named = newest.every(Boolean) && newest.some((each) => each.state === "draft");
   const query = new URLSearchParams(newest.filter(Boolean).map((each) => ["calibration_id", each.id]));
-  location.assign(`/rigs/${rig.id}${named ? `?${query}` : ""}`);
+  await leave(`/rigs/${rig.id}${named ? `?${query}` : ""}`);
 }

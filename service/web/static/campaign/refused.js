@@ -1,0 +1,31 @@
+// Frames that a worker refused: one line per cause, with the buttons that mend it.
+
+import { small } from "../causes.js";
+import { may } from "../dom.js";
+import { counted, typeset } from "../format.js";
+import { groupBy } from "../groups.js";
+import { act } from "../states.js";
+import { changeDetails } from "./details.js";
+import { withdraw } from "./moves.js";
+
+const MOST_NAMED = 5;
+
+/** [{mark, title, where, actions}] of the frames that were refused. */
+export function refusedCauses(state) {
+  return [...groupBy(state.frames.filter((frame) => frame.refusal_code), (frame) => frame.refusal_code)].map(([code, some]) => {
+    const named = some.slice(0, MOST_NAMED).map((frame) => frame.filename).join(", ");
+    return { mark: "bad", title: `${counted(some.length, "frame")} refused`, where: `${typeset(some[0].detail ?? "")} (${named}${some.length > MOST_NAMED ? ` and ${some.length - MOST_NAMED} more` : ""})`, actions: mendButtons(state, code, some) };
+  });
+}
+
+/** What mends a refusal of these frames. */
+export function mendButtons(state, code, frames) {
+  if (!may("calibrate")) return [];
+  const doing = (work) => (event) => act(event.target, work);
+  const open = small("Enter exposure…", () => state.dispatchEvent(new CustomEvent("open-frame", { detail: frames[0].id })));
+  const camera = small("Change camera…", doing(() => changeDetails(state)));
+  return [
+    ...({ wrong_camera: [camera], exposure_missing: [open], exposure_implausible: [open] }[code] ?? []),
+    small(frames.length > 1 ? "Withdraw all" : "Withdraw", doing(() => withdraw(state, frames.map((frame) => frame.id))), { quiet: true }),
+  ];
+}
