@@ -82,8 +82,8 @@ class CampaignGridAnswer(Answer):
         description="Only the frames that have changed since `since`; the others are as they were."
     )
     since: str | None = Field(
-        description="Of the first page: asks next time for what has changed. Null if that is not known.",
-        json_schema_extra={"nullable_on_purpose": True},
+        default=None,
+        description="Of the first page: asks next time for what has changed. Absent if that is not known.",
     )
     next: str | None = Field(json_schema_extra={"nullable_on_purpose": True})
 
@@ -139,9 +139,7 @@ def get_campaign_grid(
         since=f"{reviewed.revision}-{hash_code()}" if not cursor and _is_kept(context, reviewed) else None,
         next=absolute(request, f"{following.path}?{following.query}") if following else None,
     )
-    body = json.dumps(
-        answer.dump() | {"next": answer.next, "since": answer.since}, separators=(",", ":")
-    ).encode()
+    body = json.dumps(answer.dump() | {"next": answer.next}, separators=(",", ":")).encode()
     if packed:
         headers["Content-Encoding"] = "gzip"
         body = gzip.compress(body, compresslevel=4, mtime=0)
