@@ -329,6 +329,22 @@ def test_the_first_rows_do_not_wait_for_a_thousand(page, team, service, tmp_path
     page.wait_for_function(SEEN_HAVE_PICTURES)
     # whatever the number of cells: the frames around a place come together
     assert len(pictures) <= 6
+    walk_pages(page)
+
+
+def walk_pages(page):
+    """Keys lead to cells that are not drawn yet, and say which row of how many they are in."""
+    focused = page.locator(".grid td > :focus")
+    page.locator(".grid .cell").last.focus()
+    page.keyboard.press("Control+Home")
+    expect(focused).to_have_accessible_name(re.compile(r"^frame-0\.DNG"))
+    page.keyboard.press("PageDown")
+    expect(focused).not_to_have_accessible_name(re.compile(r"^frame-0\.DNG"))
+    row = int(focused.locator("xpath=ancestor::tr").get_attribute("aria-rowindex"))
+    assert 4 < row < 40
+    page.keyboard.press("Control+End")
+    last = page.get_by_role("grid").get_attribute("aria-rowcount")
+    expect(page.locator(f'.grid tr[aria-rowindex="{last}"] td > :focus')).to_be_visible()
 
 
 SEEN_HAVE_PICTURES = """() => [...document.querySelectorAll(".grid img.picture")]
