@@ -57,16 +57,6 @@ def test_the_map_reads_what_the_tiff_holds(shown, plane):
     expect(point_at(shown, 10, 140)).to_contain_text("saturated")
 
 
-def test_the_map_is_read_with_the_keys_alone(shown, plane):
-    shown.locator(".map-over").focus()
-    for key in ("ArrowRight", "Shift+ArrowUp", "ArrowDown"):
-        shown.keyboard.press(key)
-    said = shown.locator(".map-said")
-    row, col = SHAPE[0] // 2 - 9, SHAPE[1] // 2 + 1
-    expect(said).to_contain_text(f"x {col}, y {row}")
-    assert np.float32(said.get_attribute("data-value")) == plane[row, col]
-
-
 def test_a_line_isolines_and_a_histogram_of_the_map_with_the_keys_alone(shown, plane):
     expect(shown.locator("#histogram .chart")).to_be_visible()
     shown.get_by_role("button", name="Draw a line").press("Enter")
@@ -92,33 +82,10 @@ def test_a_line_isolines_and_a_histogram_of_the_map_with_the_keys_alone(shown, p
     check_access(shown)
 
 
-def test_a_large_map_asks_for_the_pixels_that_are_pointed_at(shown, plane):
-    """In squares first: then the readout is of the pixel all the same."""
-    read = shown.evaluate(
-        """async (id) => {
-            const src = [...document.querySelectorAll("script[type=module]")].at(-1).src;
-            const { MapValues } = await import(src.replace("page.js", "values.js"));
-            const squares = await (await fetch(`/v1/measurements/${id}/map.json?step=8`)).json();
-            const map = new MapValues(id, squares);
-            return { square: map.square(101, 61), pixel: await map.pixel(101, 61) };
-        }""",
-        shown.url.rpartition("/")[2],
-    )
-    assert np.float32(read["pixel"]) == plane[101, 61]
-    assert read["square"] == pytest.approx(plane[96:104, 56:64].mean(), rel=1e-6)
-
-
-def test_the_colours_are_those_of_the_picture(shown):
-    anchors = shown.evaluate(
-        """async () => {
-            const src = [...document.querySelectorAll("script[type=module]")].at(-1).src;
-            return (await import(src.replace("page.js", "colours.js"))).ANCHORS;
-        }"""
-    )
-    assert anchors == ["#{:02x}{:02x}{:02x}".format(*colour) for colour in make_colours()[::15]]
-
-
-def test_figures_cells_and_what_to_know_stand_there(shown, night):
+def test_figures_cells_and_what_to_know_stand_there(shown, plane, night):
+    check_large_map(shown, plane)
+    check_colours(shown)
+    read_with_keys(shown, plane)
     figures = shown.locator("#figures")
     for word in (
         "of the region drawn for this measurement",
@@ -138,6 +105,43 @@ def test_figures_cells_and_what_to_know_stand_there(shown, night):
     expect(shown.locator("#flags")).to_contain_text("not at the observer's position of EN 13201")
     shown.get_by_role("button", name="Linear").click()
     expect(shown.get_by_role("button", name="Linear")).to_have_attribute("aria-pressed", "true")
+
+
+def check_large_map(shown, plane):
+    """In squares first: then the readout is of the pixel all the same."""
+    read = shown.evaluate(
+        """async (id) => {
+            const src = [...document.querySelectorAll("script[type=module]")].at(-1).src;
+            const { MapValues } = await import(src.replace("page.js", "values.js"));
+            const squares = await (await fetch(`/v1/measurements/${id}/map.json?step=8`)).json();
+            const map = new MapValues(id, squares);
+            return { square: map.square(101, 61), pixel: await map.pixel(101, 61) };
+        }""",
+        shown.url.rpartition("/")[2],
+    )
+    assert np.float32(read["pixel"]) == plane[101, 61]
+    assert read["square"] == pytest.approx(plane[96:104, 56:64].mean(), rel=1e-6)
+
+
+def check_colours(shown):
+    """Those of the picture."""
+    anchors = shown.evaluate(
+        """async () => {
+            const src = [...document.querySelectorAll("script[type=module]")].at(-1).src;
+            return (await import(src.replace("page.js", "colours.js"))).ANCHORS;
+        }"""
+    )
+    assert anchors == ["#{:02x}{:02x}{:02x}".format(*colour) for colour in make_colours()[::15]]
+
+
+def read_with_keys(shown, plane):
+    shown.locator(".map-over").focus()
+    for key in ("ArrowRight", "Shift+ArrowUp", "ArrowDown"):
+        shown.keyboard.press(key)
+    said = shown.locator(".map-said")
+    row, col = SHAPE[0] // 2 - 9, SHAPE[1] // 2 + 1
+    expect(said).to_contain_text(f"x {col}, y {row}")
+    assert np.float32(said.get_attribute("data-value")) == plane[row, col]
 
 
 def test_two_dates_are_chosen_and_compared(night_page, night):
