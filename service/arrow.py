@@ -1,6 +1,7 @@
-"""Series as a stream of Arrow record batches (IPC format)."""
+"""Series as a stream of Arrow record batches (IPC format), and as Parquet."""
 
 import io
+import tempfile
 from collections.abc import Iterator, Sequence
 from itertools import chain
 from typing import Any, Final, Literal
@@ -17,6 +18,8 @@ Part = tuple[NDArray[np.bool_] | None, NDArray[Any], bytes]
 
 _BATCH_ROWS = 1000
 """A batch costs as much as some hundred rows, and its memory grows with it."""
+_ROW_GROUP: Final = 1 << 16
+_CHUNK_BYTES: Final = 1 << 18
 _DTYPES: Final = {"text": np.int32, "number": np.float64, "count": np.int64, "instant": np.int64}
 
 
@@ -50,6 +53,42 @@ def write_arrow(pages: Iterator[Page], kinds: dict[str, Kind]) -> Iterator[bytes
             out.seek(0)
             out.truncate()
     yield out.getvalue()
+
+
+def write_parquet(stream: Iterator[bytes]) -> Iterator[bytes]:
+    """Write what `write_arrow` yields as Parquet, by way of a temporary file: its end says where all is."""
+    import arro3.io
+
+    with tempfile.TemporaryFile() as file:
+        arro3.io.write_parquet(
+            arro3.io.read_ipc_stream(io.BufferedReader(_Feed(stream))),
+            file,
+            compression="zstd(1)",
+            max_row_group_size=_ROW_GROUP,
+        )
+        file.seek(0)
+        yield from iter(lambda: file.read(_CHUNK_BYTES), b"")
+
+
+class _Feed(io.RawIOBase):
+    """A file of parts that are made while it is read."""
+
+    def __init__(self, parts: Iterator[bytes]) -> None:
+        self._parts = parts
+        self._left = b""
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:  # noqa: ANN401  a writable buffer
+        while not self._left:
+            part = next(self._parts, None)
+            if part is None:
+                return 0
+            self._left = part
+        taken, self._left = self._left[: len(buffer)], self._left[len(buffer) :]
+        buffer[: len(taken)] = taken
+        return len(taken)
 
 
 def _convert(pages: Iterator[Page], kinds: Sequence[Kind]) -> Iterator[list[list[Part]]]:

@@ -1,4 +1,4 @@
-"""Series as JSON, CSV or an Arrow stream, a page at a time: memory does not grow with the rows."""
+"""Series as JSON, CSV, Parquet or an Arrow stream, a page at a time: memory does not grow with the rows."""
 
 import base64
 import binascii
@@ -19,7 +19,7 @@ from isal import isal_zlib
 from pydantic import Field
 from pydantic_core import to_json
 
-from service.arrow import Kind, write_arrow
+from service.arrow import Kind, write_arrow, write_parquet
 from service.auth import Caller
 from service.context import Context
 from service.hosts import absolute
@@ -39,7 +39,7 @@ if sys.version_info >= (3, 14):
 else:
     from backports import zstd
 
-Shape = Literal["json", "csv", "arrow", "excel", "excel_semicolon"]
+Shape = Literal["json", "csv", "arrow", "parquet", "excel", "excel_semicolon"]
 Coding = Literal["zstd", "gzip", ""]
 
 ROW_LIMIT: Final = 200_000
@@ -48,6 +48,7 @@ MEDIA_TYPES: Final[dict[Shape, str]] = {
     "json": "application/json",
     "csv": "text/csv; charset=utf-8",
     "arrow": "application/vnd.apache.arrow.stream",
+    "parquet": "application/vnd.apache.parquet",
     "excel": "text/csv; charset=utf-8",
     "excel_semicolon": "text/csv; charset=utf-8",
 }
@@ -76,9 +77,9 @@ class SeriesQuery(Form):
     )
     format: Shape | None = Field(
         default=None,
-        description="Without it, what `Accept` names first of JSON, CSV and Arrow; else JSON. `excel` is CSV "
-        "that Excel opens by itself where numbers have a decimal point, `excel_semicolon` where they have a "
-        "comma.",
+        description="Without it, what `Accept` names first of JSON, CSV, Arrow and Parquet; else JSON. "
+        "`excel` is CSV that Excel opens by itself where numbers have a decimal point, `excel_semicolon` "
+        "where they have a comma.",
     )
 
 
@@ -119,7 +120,8 @@ def answer_series(
     )
     series = kind(context.database, asked)
     shape = query.format or _choose_shape(request.headers.get("accept", ""))
-    coding = _choose_coding(request.headers.get("accept-encoding", ""))
+    # the columns of Parquet are packed already
+    coding = "" if shape == "parquet" else _choose_coding(request.headers.get("accept-encoding", ""))
     after = _read_cursor(query.cursor, series)
     with context.database.reading(snapshot=True) as session:
         if query.camera_id is not None:
@@ -144,8 +146,9 @@ def answer_series(
             content = gather(write_csv(pages, columns))
         case "excel" | "excel_semicolon":
             content = gather(write_excel(pages, columns, *_EXCEL[shape]))
-        case "arrow":
+        case "arrow" | "parquet":
             content = write_arrow(pages, {column.name: column.kind for column in columns})
+            content = content if shape == "arrow" else write_parquet(content)
     if coding:
         headers["Content-Encoding"] = coding
         content = _pack(content, coding)
@@ -157,7 +160,7 @@ def answer_series(
 def sends_series() -> dict[int | str, dict[str, Any]]:
     """Document the forms of a series."""
     text, binary = {"type": "string"}, {"type": "string", "format": "binary"}
-    schemas: dict[Shape, Any] = {"csv": text, "arrow": binary}
+    schemas: dict[Shape, Any] = {"csv": text, "arrow": binary, "parquet": binary}
     content = {MEDIA_TYPES[shape].partition(";")[0]: {"schema": schema} for shape, schema in schemas.items()}
     return {200: {"content": content}, **UNCHANGED}
 

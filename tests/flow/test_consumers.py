@@ -70,6 +70,7 @@ def saved(embedded, shots, tmp_path_factory):
         fetch(team, "/v1/series/coefficients", folder / "coefficients.json")
         fetch(team, "/v1/series/coefficients?format=csv", folder / "coefficients.csv")
         fetch(team, "/v1/series/coefficients?format=arrow", folder / "coefficients.arrows")
+        fetch(team, "/v1/series/coefficients?format=parquet", folder / "coefficients.parquet")
     (folder / "page.py").write_text("\n".join(re.findall(r"(?ms)^```python\n(.*?)^```", BOARDS)))
     return folder
 

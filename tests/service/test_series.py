@@ -5,6 +5,7 @@ import csv
 import io
 import json
 
+import arro3.io
 import nanoarrow
 import pytest
 from sqlalchemy import delete, select
@@ -63,6 +64,10 @@ def test_every_form_and_every_page_has_the_same_rows(house, measured, address, r
     plain = [name for name in rows[0] if not name.endswith(("_at", "_from", "_to")) or name == "taken_at"]
     table = [{name: found[name] or None for name in plain} for found in batch.to_pylist()]
     assert table == [{name: each[name] or None for name in plain} for each in rows]
+    answer = house.http.get(address, params={"format": "parquet"})
+    assert answer.headers["Content-Type"] == "application/vnd.apache.parquet"
+    read = nanoarrow.ArrayStream(arro3.io.read_parquet(io.BytesIO(answer.content))).read_all()
+    assert read.to_pylist() == batch.to_pylist()
     moment = "valid_from" if address == COEFFICIENTS else "created_at"
     found = [each[moment].isoformat().replace("+00:00", "Z") for each in batch.to_pylist()]
     assert found == [each[moment] for each in rows]
