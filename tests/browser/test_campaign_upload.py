@@ -48,6 +48,18 @@ def test_a_button_that_is_pressed_while_the_list_changes_is_clicked(page, files)
     expect(page.get_by_text(re.compile(r"^\d of \d received"))).to_be_visible()
 
 
+# every pause before a file is sent again [ms], shortened
+NOTE_PAUSES = """() => {
+    const set = window.setTimeout;
+    window.pauses = [];
+    window.setTimeout = (work, ms, ...more) => {
+        const again = String(work).includes("this.again");
+        if (again) pauses.push(ms);
+        return set(work, again ? 50 : ms, ...more);
+    };
+}"""
+
+
 def test_a_line_that_breaks_in_the_middle_of_a_file(browser, service, team, tmp_path):
     large = write_frame(tmp_path / "level-1-large.DNG", shape=(1000, 1500))
     campaign = team.campaign()
@@ -59,9 +71,13 @@ def test_a_line_that_breaks_in_the_middle_of_a_file(browser, service, team, tmp_
         page.on("request", lambda asked: asked.method == "PATCH" and pieces.append(asked.headers))
         # a browser sends again by itself what broke once
         line.cut_after, line.stays_cut = large.stat().st_size // 2, True
+        page.evaluate(NOTE_PAUSES)
         page.get_by_role("button", name="Send 1 file").click()
         expect(page.get_by_text("1 waiting for the connection")).to_be_visible()
         assert line.cuts > 0
+        # it looks again soon, however often it has
+        page.wait_for_function("pauses.length >= 4")
+        assert page.evaluate("pauses.slice(0, 4)") == [1000, 2000, 2000, 2000]
         assert names_of(team, campaign) == []
         line.cut_after = None
         expect(page.get_by_text("1 of 1 received")).to_be_visible()

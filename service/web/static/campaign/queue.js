@@ -8,6 +8,8 @@ const AT_ONCE = 2;
 const LONGEST_PAUSE_MS = 30000;
 const STALLED_MS = 30000;
 const DOUBLE_MS = 500;
+/** A service that is not there cannot be overrun; once it is back, it is found soon. */
+const LONGEST_OFFLINE_MS = 2000;
 const ASK_AT_MOST = 1000;
 const ASK_TOGETHER = 50;
 export const OPEN = ["hashing", "asking", "waiting", "sending", "retrying"];
@@ -168,7 +170,7 @@ export class UploadQueue extends EventTarget {
     item.state = "retrying";
     if (error.code === "offline") this.lostSince ??= Date.now();
     item.attempts = (item.attempts ?? 0) + 1;
-    const pause = Math.min(1000 * 2 ** (item.attempts - 1), LONGEST_PAUSE_MS);
+    const pause = Math.min(1000 * 2 ** (item.attempts - 1), error.code === "offline" ? LONGEST_OFFLINE_MS : LONGEST_PAUSE_MS);
     item.timer = setTimeout(() => (this.again(item), this.pump()), pause);
   }
 
