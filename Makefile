@@ -9,7 +9,7 @@ export PATH := $(CURDIR)/$(BIN):$(PATH)
 # an image may forbid it: each process would then compile every module again, and `make up` take twice as long
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: help demo up test clients consumers quick faults chromium audit export verify verify-backup lint format fuzz bench docs architecture tables api pictures examples release wheels lock clean
+.PHONY: help demo up test clients consumers quick faults chromium audit export verify verify-backup lint format fuzz model bench docs architecture tables api pictures examples release wheels lock clean
 
 help:  ## what can be made
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 15
@@ -67,6 +67,9 @@ format: $(VENV)/dev  ## put the code in its style
 
 fuzz: $(VENV)/dev  ## damaged files through the decoder, for SECONDS=60: nothing wrong may be accepted unseen
 	@python -m tests.worker.decode.fuzzing --seconds "$(or $(SECONDS),60)"
+
+model: $(VENV)/dev  ## publications and look-ups against a model of them, in STEPS=10000 random steps on either database
+	@MODEL_STEPS="$(or $(STEPS),10000)" pytest -q -n 2 tests/store/test_publications_model.py -k random
 
 bench: $(VENV)/dev  ## side by side with what people use today and with the limit
 	@python -m bench

@@ -31,8 +31,8 @@ class Scale:
 
     rows: int = 3956
     cols: int = 5280
-    rounds: int = 15
-    uploads: int = 7
+    rounds: int = 11
+    uploads: int = 5
     frames: int = 1000
     grown: int = 10_000
     certificates: int = 31
@@ -40,22 +40,26 @@ class Scale:
     measurements: int = 5_000
     lookups: int = 400
     """Look-ups of one turn."""
+    every_series: bool = False
+    """Series are measured on PostgreSQL too."""
     starts: int = 3
-    rests_s: float = 20.0
+    rests_s: float = 12.0
     workers: int = 20
-    rounds_of_jobs: int = 3
+    rounds_of_jobs: int = 2
     jobs_each: int = 3
     """Simulated jobs of a worker in a round."""
     job_s: float = 1.0
     jobs: int = 100_000
     waiting_jobs: int = 20_000
-    waits_s: float = 20.0
+    waits_s: float = 10.0
     """How long they wait without a worker."""
 
     @classmethod
     def named(cls, name: str) -> "Scale":
         """Return the usual scale, or with `full` the one of a large organisation."""
-        return cls(coefficients=1_000_000, measurements=100_000) if name == "full" else cls()
+        if name == "full":
+            return cls(coefficients=1_000_000, measurements=100_000, every_series=True)
+        return cls()
 
 
 def make_mosaic(scale: Scale) -> NDArray[np.uint16]:

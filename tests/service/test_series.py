@@ -73,6 +73,8 @@ def test_every_form_and_every_page_has_the_same_rows(house, measured, address, r
     assert found == [each[moment] for each in rows]
     for limit in (1, 5):
         assert read_all(house, address, limit=limit) == (rows, -(-len(rows) // limit))
+    of_camera = read_all(house, address, limit=2, camera_id=version["camera_id"])
+    assert of_camera[0] == [row for row in rows if row["camera_id"] == version["camera_id"]] != []
     for each in (coefficient_series, measurement_series):
         monkeypatch.setattr(each, "PAGE", 2)
     monkeypatch.setattr(coefficient_series, "_VERSIONS", 1)
