@@ -174,7 +174,7 @@ def _read_since(since: str | None, reviewed: CampaignReview) -> int | None:
 
 
 def _is_kept(context: Context, seen: CampaignReview) -> bool:
-    """Whether the verdicts that were answered are kept: later ones are then told apart from them."""
+    """Return whether the verdicts that were answered are kept: later ones are then told apart from them."""
     kept = select(CampaignReview.kept_revision).where(CampaignReview.campaign_id == seen.campaign_id)
     with context.database.reading() as session:
         return session.scalars(kept).one() >= seen.revision

@@ -61,10 +61,9 @@ class Assets:
         return [self.url(each) for each in self._follow([name])[1:]]
 
     def later(self, name: str) -> list[str]:
-        """The addresses of what a module and its imports ask for only when they run."""
+        """The addresses of what a module itself asks for only when it runs: its imports may never do so."""
         first = self._follow([name])
-        named = [other for each in first for other in self._named(_LATER, each)]
-        return [self.url(each) for each in self._follow(named) if each not in first]
+        return [self.url(each) for each in self._follow(self._named(_LATER, name)) if each not in first]
 
     def _follow(self, names: list[str]) -> list[str]:
         found = list(names)

@@ -27,7 +27,7 @@ def test_calculators_answer_with_units_and_plots_and_lead_into_the_manual(night_
     page.get_by_label("Focal length [mm]", exact=True).fill("6")
     page.get_by_role("button", name="Compare with this, too").click()
     expect(rows.filter(has_text=re.compile("^Theoretical blur"))).to_contain_text("0.72580.4839")
-    expect(page.locator("#plot .chart > .line")).to_have_count(2)
+    expect(page.locator("#plot .chart polyline.line")).to_have_count(2)
     page.get_by_role("button", name="Blur").click()
     expect(page.locator("#plot text", has_text="blur [px], logarithmic")).to_be_visible()
     settle(page)
@@ -52,7 +52,7 @@ def test_calculators_answer_with_units_and_plots_and_lead_into_the_manual(night_
     page.get_by_label("Pixel pitch [µm]", exact=True).fill("4.65")
     page.get_by_role("button", name="Compute").click()
     expect(rows.filter(has_text="Field of view")).to_contain_text("39.")
-    expect(page.locator("#plot .chart > .line")).to_have_count(1)
+    expect(page.locator("#plot .chart polyline.line")).to_have_count(1)
     settle(page)
     look(page, "tools-coverage")
 

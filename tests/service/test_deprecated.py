@@ -31,14 +31,17 @@ def test_old_address_answers_as_the_new_one_and_is_marked_deprecated(sqlite_hous
 
 
 def test_deprecated_operation_states_since_when_and_until_when():
+    def answer() -> None:
+        return None
+
     app = FastAPI()
     app.add_middleware(Deprecations)
     for name, dates in {
         "old": {"since": date(2027, 1, 1), "ends": date(2027, 7, 1)},
         "older": {"since": date(2026, 1, 1)},
     }.items():
-        app.get(f"/{name}", **deprecated(**dates))(dict)
-    app.get("/new")(dict)
+        app.get(f"/{name}", **deprecated(**dates))(answer)
+    app.get("/new")(answer)
     client = TestClient(app)
     old, older, new = (client.get(f"/{name}").headers for name in ("old", "older", "new"))
     assert (old["Deprecation"], old["Sunset"]) == ("@1798761600", "Thu, 01 Jul 2027 00:00:00 GMT")

@@ -238,8 +238,8 @@ def _store(session: Session, subject: _Subject, found: _Found) -> dict[str, Any]
     campaign = session.get_one(Campaign, frame.campaign_id)
     if found.preview is not None:
         keep_blob(session, found.preview.blob)
-        frame.preview_sha256 = found.preview.blob.sha256
         keep_small_previews(session, {found.preview.blob.sha256: found.preview.small})
+        frame.preview_sha256 = found.preview.blob.sha256
     frame.header, frame.proof = encode(found.header), encode(found.proof)
     _store_acceptance(frame, found)
     roi = subject.roi
