@@ -4,12 +4,14 @@ PYTHON ?= python3
 VENV := .venv
 CLIENTS := tests/flow/test_generated_clients.py
 CONSUMERS := tests/flow/test_consumers.py
+# what takes minutes of a processor and breaks seldom
+APART := $(CLIENTS) $(CONSUMERS) tests/bench/test_every_benchmark.py tests/flow/test_seventh_method.py
 BIN := $(VENV)/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 # an image may forbid it: each process would then compile every module again, and `make up` take twice as long
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: help demo up test clients consumers quick faults chromium audit export verify verify-backup lint format fuzz model bench docs architecture tables api pictures examples release wheels lock clean
+.PHONY: help demo up test apart clients consumers quick faults chromium audit export verify verify-backup lint format fuzz model bench docs architecture tables api pictures examples release wheels lock clean
 
 help:  ## what can be made
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 15
@@ -21,8 +23,11 @@ up: $(VENV)/run  ## the whole service in the foreground, on ./stilb-data
 	@exec python -m service.up
 
 test quick: export OPENBLAS_NUM_THREADS = 1
-test: $(VENV)/dev chromium  ## every test but those of clients and consumers, on SQLite and on PostgreSQL (FILE="tests/radiometry -k gls" runs some)
-	@$(if $(FILE),pytest -q $(FILE),pytest -q -n $$(($$(nproc) + 2)) --maxprocesses 8 --dist worksteal --ignore $(CLIENTS) --ignore $(CONSUMERS))
+test: $(VENV)/dev chromium  ## every test but those of `make apart`, on SQLite and on PostgreSQL (FILE="tests/radiometry -k gls" runs some)
+	@$(if $(FILE),pytest -q $(FILE),pytest -q -n $$(($$(nproc) + 1)) --maxprocesses 8 --dist worksteal $(APART:%=--ignore %))
+
+apart: $(VENV)/dev  ## what `make test` leaves out: clients, consumers, every benchmark in small, a seventh method
+	@pytest -q $(APART)
 
 clients: $(VENV)/dev  ## the clients that generators make of the OpenAPI document: each is built, typed and calibrates
 	@pytest -q $(CLIENTS)

@@ -51,7 +51,6 @@ def test_patterns_say_what_the_camera_s_files_are(page, shots):
     page.get_by_role("button", name="Create campaign").click()
     expect(page.get_by_role("heading", level=1)).to_have_text("P-17")
     settle(page)
-    check_access(page)
     look(page, "campaign-empty")
     page.get_by_text("Light, distance and verdict").click()
     for label, text in {"Lamp": "A", "Focus distance [m]": "1.5", "Decision rule": "guarded"}.items():
@@ -72,7 +71,6 @@ def test_patterns_say_what_the_camera_s_files_are(page, shots):
     expect(page.get_by_role("link", name="P-17")).to_be_visible()
     complete = page.locator("#completeness").get_by_role("row").filter(has_text="0K1XE8")
     expect(complete).to_contain_text(re.compile(r"\d items? missing"))
-    check_access(page)
     look(page, "campaigns")
 
 
@@ -153,7 +151,6 @@ def test_frames_are_walked_moved_left_out_and_restored_by_keys_alone(page, team,
     expect(dialog).to_contain_text("Left out by")
     expect(dialog.locator(".histogram")).to_be_visible()
     see_pixels_and_compare(page, dialog)
-    check_access(page)
     look(page, "campaign-frame")
     dialog.get_by_role("button", name="Compare").click()
     dialog.get_by_role("button", name="Fit").click()
@@ -200,7 +197,6 @@ def see_in_time(page, team, campaign):
     expect(shown).to_contain_text("Readings without a time")
     # frames of one moment lie on all of their brackets
     assert shown.locator(".lanes > :is(.lane, .f1)").last.get_attribute("class") == "f1"
-    check_access(page)
     look(page, "campaign-in-time")
 
 
@@ -253,7 +249,6 @@ def test_a_board_may_be_described_after_its_pictures_have_come(page, team):
     said = page.get_by_role("region", name="Target")
     how_far = page.get_by_role("region", name="Status of this campaign")
     expect(how_far.get_by_text("Nobody has said what is photographed")).to_be_visible()
-    check_access(page)
     look(page, "campaign-board-untold")
     for label, text in {
         "Inner corners across": "9",
@@ -378,7 +373,6 @@ def test_a_board_and_a_panel_are_described_where_the_method_wants_them(page, tea
     page.get_by_role("button", name="Create campaign").click()
     expect(page.get_by_role("alert")).to_contain_text("“6,5” is not a whole number")
     page.get_by_label("Inner corners down").fill("6")
-    check_access(page)
     look(page, "campaign-new-geometry")
     page.get_by_role("button", name="Create campaign").click()
     page.wait_for_url("**/campaigns/cmp_*")
@@ -428,7 +422,6 @@ def test_the_panel_that_the_frames_show_is_named_by_one_click(page, team):
     page.goto(f"/campaigns/{campaign.id}")
     settle(page)
     expect(page.get_by_text("Its files state blue 0.67.")).to_be_visible()
-    check_access(page)
     page.get_by_role("button", name="Use panel RP02-1603036-SC").click()
     expect(page.get_by_role("button", name="Use panel")).to_have_count(0)
     panel = team.client.panel(team.client.campaign(campaign.id).raw["panel_id"])

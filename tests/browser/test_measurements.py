@@ -164,7 +164,6 @@ def test_two_dates_are_chosen_and_compared(night_page, night):
     # the lamp in the middle fell out: only cells near it are marked
     cells = night_page.locator("#cells")
     expect(cells.get_by_role("row").nth(2).get_by_role("cell").nth(2)).to_contain_text("significant")
-    check_access(night_page)
     look(night_page, "contrast")
 
 
@@ -211,7 +210,6 @@ def test_a_frame_is_measured_from_the_page(night_page, night):
     night_page.get_by_label("Distance [m]").fill("30")
     night_page.get_by_label("Mains frequency [Hz]").fill("50")
     night_page.get_by_label("Glare [%]").fill("2")
-    check_access(night_page)
     look(night_page, "measurement-new")
     night_page.get_by_role("button", name="Measure").click()
     night_page.wait_for_url(re.compile("/measurements/msr_"))
@@ -350,7 +348,6 @@ def test_an_empty_house_says_what_to_do(page):
     page.goto("/measurements")
     settle(page)
     expect(page.get_by_text("No measurements yet")).to_be_visible()
-    check_access(page)
     look(page, "measurements-empty")
     page.goto("/measurements/new")
     settle(page)

@@ -61,7 +61,7 @@ FAULTS: tuple[Fault, ...] = (
     Fault(
         name="Valkey is killed", strike=strikes.killed("valkey"), goes_on_within_s=10.0, in_tests=_COMPOSED
     ),
-    Fault(name="decoders are killed", strike=strikes.decoders_killed, in_tests=_EMBEDDED),
+    Fault(name="decoders are killed", strike=strikes.decoders_killed),
     Fault(name="the broker is flushed", strike=strikes.broker_flushed),
     Fault(name="the broker is stopped", strike=strikes.frozen_valkey, lasts_s=20.0, livez=True),
     Fault(name="every message comes three times", strike=strikes.messages_three_times),
@@ -91,7 +91,6 @@ FAULTS: tuple[Fault, ...] = (
         strike=strikes.restarted_politely,
         no_errors=True,
         slow=True,
-        in_tests=_COMPOSED,
     ),
     Fault(name="each part is restarted in turn", strike=strikes.restarted_in_turn, no_errors=True, slow=True),
     *_peers(),

@@ -1,4 +1,4 @@
-"""Publications against a plain list of what was said, replayed: 2,000 random steps, and 600 on PostgreSQL.
+"""Publications against a plain list of what was said, replayed: 1,000 random steps, and 300 on PostgreSQL.
 
 `make model` takes 10,000 on either.
 
@@ -26,7 +26,7 @@ from store.tables import Calibration, Camera, Campaign, Organisation, Publicatio
 from tests.support.versions import bare_version
 
 # the decisions are the same code on both; what PostgreSQL does otherwise, it does within a few hundred steps
-STEPS = {"sqlite": 2_000, "postgresql": 600}
+STEPS = {"sqlite": 1_000, "postgresql": 300}
 if "MODEL_STEPS" in os.environ:
     STEPS = dict.fromkeys(STEPS, int(os.environ["MODEL_STEPS"]))
 SEED = 20260501
