@@ -76,7 +76,7 @@ def test_a_line_that_breaks_in_the_middle_of_a_file(browser, service, team, tmp_
         expect(page.get_by_text("1 waiting for the connection")).to_be_visible()
         assert line.cuts > 0
         # it looks again soon, however often it has
-        page.wait_for_function("pauses.length >= 4")
+        page.wait_for_function("() => pauses.length >= 4")
         assert page.evaluate("pauses.slice(0, 4)") == [1000, 2000, 2000, 2000]
         assert names_of(team, campaign) == []
         line.cut_after = None
