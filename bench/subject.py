@@ -31,7 +31,7 @@ class Scale:
 
     rows: int = 3956
     cols: int = 5280
-    rounds: int = 11
+    rounds: int = 7
     uploads: int = 5
     frames: int = 1000
     grown: int = 10_000
@@ -42,7 +42,7 @@ class Scale:
     """Look-ups of one turn."""
     every_series: bool = False
     """Series are measured on PostgreSQL too."""
-    starts: int = 3
+    starts: int = 2
     rests_s: float = 12.0
     workers: int = 20
     rounds_of_jobs: int = 2
