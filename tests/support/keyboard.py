@@ -23,10 +23,15 @@ WATCH = """
             return hit && (element.contains(hit) || hit.contains(element) || hit.closest("#toasts"));
         }));
     };
-    const look = (element) => {
+    // what is drawn above a place moves it: it is looked at again, for as long as nobody could tell
+    const look = (element, frames = 6) => {
         if (document.activeElement !== element || element.matches("main, h1")) return;
+        if (!uncovered(element)) {
+            const isDrawn = document.querySelector("[aria-busy=true]") === null;
+            if (!isDrawn || frames > 0) return requestAnimationFrame(() => look(element, frames - isDrawn));
+            tell(`covered or out of sight: ${named(element)}`);
+        }
         if (!ringed(element)) tell(`focus is not seen on ${named(element)}`);
-        if (!uncovered(element)) tell(`covered or out of sight: ${named(element)}`);
     };
     // a new page begins at its top, and a place within it where that is; else it has been lost
     let held = null;
