@@ -137,6 +137,10 @@ def stop_and_remove(page):
     expect(told).to_contain_text(re.compile(r"B of 1\.9\d MB · [\d.]+ kB/s · \d+ s left"))
     page.get_by_role("button", name="Stop").click()
     expect(told.get_by_role("status")).to_have_text(re.compile("^[0-9]+ to send$"))
+    # a quick person presses Stop in the moment in which it is there
+    page.get_by_role("button", name=re.compile("^Send [0-9]+ files")).click()
+    page.get_by_role("button", name="Stop").click()
+    expect(told.get_by_role("status")).to_have_text(re.compile("^[0-9]+ to send$"))
     line.send("Network.emulateNetworkConditions", QUICK)
     page.get_by_role("button", name="Remove DJI_0007").click()
     return page

@@ -7,7 +7,6 @@ import { sendFile } from "./sender.js";
 const AT_ONCE = 2;
 const LONGEST_PAUSE_MS = 30000;
 const STALLED_MS = 30000;
-const DOUBLE_MS = 500;
 /** A service that is not there cannot be overrun; once it is back, it is found soon. */
 const LONGEST_OFFLINE_MS = 2000;
 const ASK_AT_MOST = 1000;
@@ -69,7 +68,6 @@ export class UploadQueue extends EventTarget {
   /** Send everything that is listed: what has been compared at once, the rest as soon as it has been. */
   async send({ again = true } = {}) {
     this.refusal = null;
-    this.pressedAt = performance.now();
     const open = this.items.filter((item) => !item.armed && ["hashing", "asking", "ready", again && "failed"].includes(item.state));
     for (const item of open) {
       if (item.state === "failed" && !item.sha256) this.hash(Object.assign(item, { state: "hashing" }));
@@ -83,9 +81,7 @@ export class UploadQueue extends EventTarget {
   }
 
   /** Send no more; what has not been sent stays listed. */
-  async stop({ pressed = false } = {}) {
-    // the second press of a double click on "Send" meets the button that took its place
-    if (pressed && performance.now() - this.pressedAt < DOUBLE_MS) return;
+  async stop() {
     const held = this.items.filter((item) => item.armed && OPEN.includes(item.state));
     for (const item of held) {
       item.abort?.abort();

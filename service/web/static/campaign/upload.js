@@ -183,7 +183,8 @@ function summary(state, queue, given) {
       unmeasured ? h("a", { class: "button primary", href: "#region" }, "Draw region") : null,
       retrying.length ? button("Try now", "now", () => queue.retryNow()) : null,
       sent.length + there.length === queue.items.length ? button("Receipt", "receipt", (event) => act(event.target, () => saveReceipt(state, queue.items, given)), { title: "A signed statement that these files are stored: the card may be formatted" }) : null,
-      moving.length ? button("Stop", "stop", () => queue.stop({ pressed: true })) : button("Remove all", "clear", () => queue.drop([...queue.items]), { class: "quiet" }),
+      // the second press of a double click on "Send" meets the button that took its place
+      moving.length ? button("Stop", "stop", (event) => event.detail > 1 || queue.stop()) : button("Remove all", "clear", () => queue.drop([...queue.items]), { class: "quiet" }),
     ),
   ];
 }
