@@ -1,11 +1,15 @@
 """Large campaigns: one frame is uploaded and read, the others are its rows once more under other names."""
 
 import hashlib
+from pathlib import Path
 from typing import Any
 
 from sqlalchemy import insert, select, update
 from sqlalchemy.orm import Session
 
+import stilb
+from bench.subject import CAMERA, Scale, draw_roi, make_mosaic, write_copies
+from bench.upload import KEY, Service
 from store.columns import new_id
 from store.jobs import Turn
 from store.tables import Base, Blob, CampaignReview, ChannelRow, Extraction, FrameRow
@@ -18,6 +22,18 @@ def do_jobs(worker: Context) -> None:
     turn = Turn()
     while (claim := claim_next(worker, turn)) is not None:
         run(worker, claim)
+
+
+def read_frame(size: Scale, service: Service, worker: Context, folder: Path) -> stilb.Frame:
+    """Send a frame of this size to a campaign of its own, and have it read."""
+    (path,) = write_copies(folder, make_mosaic(size), "none", names=1)
+    with stilb.Client(service.url, KEY) as client:
+        camera = client.create_camera(CAMERA.body.make, CAMERA.body.model, CAMERA.body.serial)
+        campaign = client.create_campaign(camera.id).id
+        client.set_roi(campaign, polygon=draw_roi(size).points)
+        frame = client.push(campaign, path, role="light", scene="level-1")
+    do_jobs(worker)
+    return frame
 
 
 def copy_frame(worker: Context, frame_id: str, times: int) -> None:

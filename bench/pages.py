@@ -6,10 +6,9 @@ from pathlib import Path
 
 from playwright.sync_api import Browser, StorageState, ViewportSize, sync_playwright
 
-import stilb
-from bench.filling import copy_frame, do_jobs
+from bench.filling import copy_frame, read_frame
 from bench.report import judge_seconds, say, show_times
-from bench.subject import CAMERA, Scale, draw_roi, make_mosaic, write_copies
+from bench.subject import Scale
 from bench.timing import Seconds
 from bench.upload import KEY, Service
 from worker.context import Context
@@ -39,9 +38,12 @@ def run(scale: Scale, service: Service, worker: Context, folder: Path) -> list[b
         say("  skipped: there is no Chromium on the path; STILB_CHROMIUM names one")
         return []
     with sync_playwright() as playwright:
-        campaign = _fill_campaign(scale, service, worker, folder)
+        frame = read_frame(_SMALL, service, worker, folder)
+        copy_frame(worker, frame.id, scale.frames)
         browser = playwright.chromium.launch(executable_path=chromium, args=FLAGS)
-        seconds = _open_pages(browser, f"{service.url}/campaigns/{campaign}", service, scale.rounds)
+        seconds = _open_pages(
+            browser, f"{service.url}/campaigns/{frame.raw['campaign_id']}", service, scale.rounds
+        )
         browser.close()
     show_times({PAGE: seconds})
     return [judge_seconds("from the navigation to a frame's answer", seconds, at_most_s=_LIMIT_S)]
@@ -72,15 +74,3 @@ def _open_page(browser: Browser, address: str, session: StorageState) -> float:
         page = context.new_page()
         page.goto(address, wait_until="commit")
         return float(page.evaluate(_ANSWERED)) / 1e3
-
-
-def _fill_campaign(scale: Scale, service: Service, worker: Context, folder: Path) -> str:
-    (path,) = write_copies(folder, make_mosaic(_SMALL), "none", names=1)
-    with stilb.Client(service.url, KEY) as client:
-        camera = client.create_camera(CAMERA.body.make, CAMERA.body.model, CAMERA.body.serial)
-        campaign = client.create_campaign(camera.id).id
-        client.set_roi(campaign, polygon=draw_roi(_SMALL).points)
-        frame = client.push(campaign, path, role="light", scene="level-1")
-    do_jobs(worker)
-    copy_frame(worker, frame.id, scale.frames)
-    return campaign

@@ -11,10 +11,9 @@ from typing import Any, Self
 _QUANTITY = {"value", "standard_uncertainty", "unit"}
 _TIMES = frozenset(
     {
-        *("at", "computed_at", "created_at", "ended_at", "expires_at"),
-        *("last_used_at", "revoked_at", "started_at", "taken_at"),
+        *("at", "computed_at", "created_at", "ended_at", "expires_at", "last_used_at"),
+        *("revoked_at", "started_at", "taken_at", "valid_from", "valid_to"),
     }
-    | {"valid_from", "valid_to"}
 )
 
 

@@ -93,10 +93,5 @@ def stamp_frames(session: Session, stamps: Sequence[tuple[str, str, int]]) -> No
 
 def forget_changes(session: Session) -> None:
     """Forget what was rolled back."""
-    for noted in (
-        "changed_campaigns",
-        "changed_of_campaigns",
-        "changed_frames",
-        "campaigns_changed_themselves",
-    ):
+    for noted in _NOTED:
         session.info.pop(noted, None)
