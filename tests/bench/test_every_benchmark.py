@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from bench import imagej, pages, scrolling, start
+from bench import imagej, pages, start
 from bench.__main__ import main
 from bench.subject import Scale
 from tests.support.processes import alive, family
@@ -49,13 +49,12 @@ def test_every_benchmark_runs_and_leaves_nothing_behind(short_folder, monkeypatc
     monkeypatch.setattr(tempfile, "tempdir", str(short_folder))
     monkeypatch.setattr(imagej, "find_imagej", lambda: None)
     # a page of a large campaign is opened by another; this one scrolls for seconds, over a slow line too
-    monkeypatch.setattr(scrolling, "run", lambda *_: [])
     # whole services start in other tests
     monkeypatch.setattr(start, "_up", lambda _: nullcontext(os.getpid()))
     before = family(1)
     assert main(TINY) == 0
     told = capfd.readouterr().out
-    targets = (15 if pages.find_chromium() is None else 16) + 37
+    targets = 52 if pages.find_chromium() is None else 59
     assert told.count("target:") == targets
     assert f"{targets} targets, " in told
     assert "MB more over" in told
