@@ -3,12 +3,13 @@
 Both end with the folder, not with the run: while the browser is driven, no event loop can be run beside it.
 """
 
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import sync_playwright
 
-from tests.support.browser import CHROMIUM, launch, sign_in, visit
+from tests.support.browser import CHROMIUM, DIALOG, launch, sign_in, visit
 from tests.support.deployments import Embedded, short_folder
 from tests.support.nightwork import work_a_night
 
@@ -20,6 +21,22 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if Path(__file__).parent in item.path.parents:
             item.add_marker(absent)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item, call):
+    """Beside a failure: what stands on the open pages, and the team's jobs."""
+    report = yield
+    if call.when == "call" and report.failed and (browser := item.funcargs.get("browser")):
+        # a page that has crashed tells nothing, and must not end the run
+        with suppress(Exception):
+            pages = [page for context in browser.contexts for page in context.pages]
+            report.sections += [
+                (page.url, page.locator(f"{DIALOG}, main").last.inner_text()) for page in pages
+            ]
+            if team := item.funcargs.get("team"):
+                report.sections.append(("jobs", "\n".join(map(str, team.client.jobs()))))
+    return report
 
 
 @pytest.fixture(scope="package")
