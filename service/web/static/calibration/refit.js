@@ -28,7 +28,7 @@ export async function fitAnew(calibration, chosen = new Map()) {
     action: async (values) => {
       const kept = keep.filter(({ box }) => box.checked);
       const exclude = [...(await withIds(calibration, kept)), ...[...chosen.keys()].map((frame_id) => ({ frame_id, reason: values.reason }))];
-      const body = { ...parameters.read(), exclude };
+      const body = { ...(await parameters.read()), exclude };
       said.textContent = "Fitting…";
       const job = await followJob((await post(`/v1/campaigns/${calibration.campaign_id}/calibrations`, body)).id, (each) => {
         said.textContent = each.state === "queued" ? "Queued…" : "Fitting…";

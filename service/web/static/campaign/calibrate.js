@@ -36,7 +36,7 @@ function starter(state, show) {
     fill(progress);
     const changed = Object.entries(stated.read()).filter(([name, value]) => value !== state.campaign[name]);
     if (changed.length) state.campaign = await patch(state.path, Object.fromEntries(changed));
-    const begun = await post(`${state.path}/calibrations`, parameters.read()).catch((error) => {
+    const begun = await post(`${state.path}/calibrations`, await parameters.read()).catch((error) => {
       throw withMissing(error);
     });
     const bar = h("progress", { max: 1, value: 0, "aria-label": "The fit" });

@@ -12,16 +12,17 @@ const NONE = "none";
 const IN_FORCE = "in_force";
 let count = 0;
 
-/** {element, read()}: the form in a fold of its own, there once the versions that it offers are known. */
+/** {element, read()}: the form in a fold of its own, there once the versions that it offers are known; read() waits for them. */
 export function parametersFold(method, cameraId, { former, open = false } = {}) {
   const parameters = method.parameters.filter((each) => each.given_by === "request");
   if (!parameters.length) return { element: null, read: () => ({}) };
   const fields = h("div", { class: "fields" });
   let form;
   const helped = withManual(parameters, method);
-  load(fields, () => readVersions(parameters, cameraId), (versions) => (form = parametersPart(helped, versions, former)).elements);
-  const read = () => {
-    if (!form) throw wrong("The parameters of the fit have not been loaded yet.");
+  const loading = load(fields, () => readVersions(parameters, cameraId), (versions) => (form = parametersPart(helped, versions, former)).elements);
+  const read = async () => {
+    await loading;
+    if (!form) throw wrong("The parameters of the fit could not be loaded. Open them, and try again there.");
     return form.read();
   };
   return { element: h("details", { class: "fold", open }, h("summary", {}, "Parameters of the fit"), fields), read };
