@@ -28,7 +28,7 @@ API says, and nothing is drawn twice. To add one:
        ../dom.js     h() makes an element, fill() replaces, table(), may("publish"), toast(), byId()
        ../api.js     get, post, put, patch, send, all (every page of a list), getOr (for a 404), Problem
        ../states.js  load(region, loader, draw), loading(), empty(), failed(), act(button, action)
-       ../live.js    followJob(id, onProgress), follow(look)
+       ../live.js    followJob(id, onProgress), follow(look, {every, events})
        ../format.js  quantity, withUncertainty, relative, number, unit, time, day, ago, span, bytes, tag
        ../ask.js     ask({title, fields, submit, action}): a form in a dialog
        ../plots.js   plot(element, address of a chart)

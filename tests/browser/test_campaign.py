@@ -263,7 +263,8 @@ def test_a_board_may_be_described_after_its_pictures_have_come(page, team):
 
 def test_two_people_see_what_each_other_does(page, team, browser, service, shots):
     campaign = team.client.create_campaign(team.client.create_camera("DJI", "FC6520", "0K1XE8").id)
-    page.goto(f"/campaigns/{campaign.id}")
+    with page.expect_request("**/events"):
+        page.goto(f"/campaigns/{campaign.id}")
     expect(page.get_by_text("No frames yet")).to_be_visible()
     with visit(browser, service.url) as other_context:
         other = sign_in(other_context, team.key)

@@ -2,9 +2,12 @@
 
 import { get } from "./api.js";
 import { byId, h } from "./dom.js";
+import { listen } from "./events.js";
 
 const ENDED = ["succeeded", "failed", "quarantined"];
 const LONGEST_MS = 30000;
+/** Events that come at once are answered by one look. */
+const LEAST_MS = 1000;
 
 /** Wait for a job; `onProgress(job)` hears of it every other second. Answers the job as it ended. */
 export async function followJob(id, onProgress = () => {}, { signal } = {}) {
@@ -22,17 +25,27 @@ export async function followJob(id, onProgress = () => {}, { signal } = {}) {
   }
 }
 
-/** Call `look` now and every so often while the page is seen; it may be slow, and may fail. Answers {stop, now}. */
-export function follow(look, { every = 3000 } = {}) {
+/**
+ * Call `look` now and every so often while the page is seen; it may be slow, and may fail. Answers {stop, now}.
+ * With `events`, {address, kind}, it is called when something has happened, and seldom besides.
+ */
+export function follow(look, { every = 3000, events } = {}) {
   let timer;
   let stopped = false;
   let delay = every;
   let begun = 0;
+  let rests = 0;
+  let looking = 0;
+  let hears = false;
+  let news = false;
   async function turn() {
     const own = (begun += 1);
+    const begunAt = performance.now();
     clearTimeout(timer);
     if (stopped) return;
     if (!document.hidden) {
+      news = false;
+      looking += 1;
       try {
         await look();
         delay = every;
@@ -41,16 +54,30 @@ export function follow(look, { every = 3000 } = {}) {
         if (!error.code) throw error;
         delay = Math.min(delay * 2, LONGEST_MS);
         tellLost(error.retryable);
+      } finally {
+        looking -= 1;
+        // what takes long to answer is asked for less often
+        rests = performance.now() + Math.max(LEAST_MS, performance.now() - begunAt);
       }
     }
     // one that was asked for meanwhile goes on instead
-    if (!stopped && own === begun) timer = setTimeout(turn, delay);
+    if (own === begun) plan();
+  }
+  function plan() {
+    clearTimeout(timer);
+    const wait = hears ? LONGEST_MS : delay;
+    if (!stopped) timer = setTimeout(turn, news ? Math.max(0, rests - performance.now()) : wait);
   }
   const seen = () => !document.hidden && turn();
   document.addEventListener("visibilitychange", seen);
+  const deaf = events && listen(events.address, events.kind, (listens) => {
+    [hears, news] = [listens, true];
+    if (!looking) plan();
+  });
   const stop = () => {
     stopped = true;
     clearTimeout(timer);
+    deaf?.();
     document.removeEventListener("visibilitychange", seen);
   };
   // another page is shown in this document (handover.js)
