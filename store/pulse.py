@@ -61,9 +61,16 @@ def end_hung(path: Path, *, hang_s: float, look_again_s: float = _LOOK_AGAIN_S) 
     return True
 
 
+def _read(name: str) -> str:
+    """Return a setting, also where a file states it; `store.settings` takes longer than all the rest."""
+    path = os.environ.get(f"{name}_FILE")
+    return Path(path).read_text(encoding="utf-8").strip() if path else os.environ.get(name, "")
+
+
 def main() -> int:
     """Check the process behind STILB_PULSE, and the address if one is given; one that hangs is killed."""
-    if end_hung(Path(os.environ["STILB_PULSE"]), hang_s=float(os.environ.get("STILB_HANG_S") or HANG_S)):
+    pulse = _read("STILB_PULSE")
+    if not pulse or end_hung(Path(pulse), hang_s=float(_read("STILB_HANG_S") or HANG_S)):
         return UNHEALTHY_EXIT
     if sys.argv[1:]:
         from urllib.request import urlopen  # noqa: PLC0415  it takes longer than all the rest

@@ -38,6 +38,11 @@ def export_opencv(fit: Fit) -> str:
     return text
 
 
+def quote(text: str) -> str:
+    """Return a text as YAML states it, for readers of any version; letters as they are."""
+    return json.dumps(text, ensure_ascii=False)
+
+
 def export_ros(fit: Fit, *, camera_name: str) -> str:
     """Write the file that ROS's camera_calibration_parsers reads into a sensor_msgs/CameraInfo.
 
@@ -51,7 +56,7 @@ def export_ros(fit: Fit, *, camera_name: str) -> str:
     lines = [
         f"image_width: {camera.width_px}",
         f"image_height: {camera.height_px}",
-        f"camera_name: {json.dumps(camera_name)}",
+        f"camera_name: {quote(camera_name)}",
         *_write_matrix("camera_matrix", camera.matrix),
         f"distortion_model: {_ROS_MODEL}",
         *_write_matrix("distortion_coefficients", camera.distortion.reshape(1, -1)),

@@ -54,14 +54,11 @@ def _run(settings: Settings, roster: Roster, signals: Signals, stack: ExitStack)
     lock = stack.enter_context(claimed(data, report))
     key = bootstrap_key(data, settings.key.get_secret_value()) if roster.serves else ""
     port = free_port(settings.host, settings.port) if roster.serves else settings.port
-    environment = os.environ | {
-        "STILB_DATA": str(data),
-        "STILB_HOST": settings.host,
-        "STILB_PORT": str(port),
-        "PYTHONUNBUFFERED": "1",
-    }
-    for name in ("STILB_KEY", "STILB_KEY_FILE"):
-        environment.pop(name, None)
+    decided = {"STILB_DATA": str(data), "STILB_HOST": settings.host, "STILB_PORT": str(port)}
+    # nor a file of what is decided here, or by the supervisor: no part takes a setting in both forms
+    apart = {*decided, "STILB_KEY", "STILB_PULSE"}
+    kept = {name: value for name, value in os.environ.items() if name.removesuffix("_FILE") not in apart}
+    environment = kept | decided | {"PYTHONUNBUFFERED": "1"}
     broker = None
     if not settings.broker_url:
         broker = stack.enter_context(valkey.socket_path(data))

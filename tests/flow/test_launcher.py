@@ -33,7 +33,11 @@ def started(command, data):
     """Start it, and give the process and the mark that all its descendants bear."""
     name, value = "STILB_TEST_MARK", str(uuid.uuid4())
     path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
-    environment = os.environ | {"STILB_DATA": str(data), "STILB_PORT": "0", "PATH": path, name: value}
+    port = data.with_name("port")
+    port.write_text("0\n")
+    environment = os.environ | {
+        "STILB_DATA": str(data), "STILB_PORT_FILE": str(port), "PATH": path, name: value
+    }  # fmt: skip
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with spawn(command, environment, **pipes) as process:
         try:

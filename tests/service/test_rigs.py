@@ -23,7 +23,7 @@ pytestmark = pytest.mark.either_database
 
 def test_a_rig_is_oriented_from_pictures_taken_together(house, tmp_path, capsys):
     cameras = [house.camera(serial=f"R{number}") for number in range(2)]
-    body = {"name": "Four Vision", "camera_ids": [camera["id"] for camera in cameras]}
+    body = {"name": "null ", "camera_ids": [camera["id"] for camera in cameras]}
     rig = house.post("/v1/rigs", body)
     assert house.post("/v1/rigs", body, status=200)["id"] == rig["id"]
     assert [each["id"] for each in house.get("/v1/rigs")["items"]] == [rig["id"]]
@@ -55,6 +55,9 @@ def test_a_rig_is_oriented_from_pictures_taken_together(house, tmp_path, capsys)
 
     written = house.http.get(f"{path}/exports/opencv.yaml")
     storage = cv2.FileStorage(written.text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
+    plain = yaml.safe_load(written.text.partition("---\n")[2].replace("!!opencv-matrix", ""))
+    assert storage.getNode("rig").string() == plain["rig"] == body["name"]
+    assert storage.getNode("serial_1").string() == plain["serial_1"] == "R1"
     np.testing.assert_allclose(storage.getNode("R_1").mat(), pose["matrix"], atol=1e-12)
     np.testing.assert_allclose(storage.getNode("T_1").mat().ravel(), pose["translation_m"], atol=1e-12)
     exported = house.get(f"{path}/exports/rig.json")

@@ -13,7 +13,7 @@ import scipy
 
 from radiometry.frame.opencv import cv2
 from radiometry.geometry.camera import PARAMETERS
-from radiometry.geometry.exports import export_ros
+from radiometry.geometry.exports import export_ros, quote
 from radiometry.geometry.rig.results import RigFit
 from radiometry.specification.rig import RigExport, RigMember
 
@@ -37,12 +37,10 @@ def export_opencv(orientation: RigFit, members: Sequence[RigMember], name: str) 
         T_i [m] with X_i = R_i X_0 + T_i, as `stereoCalibrate` states them.
     """
     storage = cv2.FileStorage("rig.yml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
-    storage.write("rig", name)
     storage.write("cameras", len(members))
     poses = {pose.camera: pose for pose in orientation.poses}
     for number, member in enumerate(members):
         camera = member.fitted.camera
-        storage.write(f"serial_{number}", member.serial)
         storage.write(f"image_width_{number}", camera.width_px)
         storage.write(f"image_height_{number}", camera.height_px)
         storage.write(f"camera_matrix_{number}", camera.matrix)
@@ -52,8 +50,10 @@ def export_opencv(orientation: RigFit, members: Sequence[RigMember], name: str) 
         storage.write(f"T_{number}", np.reshape(pose.translation_m if pose else (0.0,) * 3, (3, 1)))
         if pose:
             storage.write(f"covariance_{number}", np.array(pose.covariance))
-    text: str = storage.releaseAndGetString()
-    return text
+    # FileStorage would write null or a space at the end bare, and nobody reads those back as text
+    texts = {"rig": name} | {f"serial_{number}": member.serial for number, member in enumerate(members)}
+    head, rule, rest = storage.releaseAndGetString().partition("---\n")
+    return head + rule + "".join(f"{key}: {quote(text)}\n" for key, text in texts.items()) + rest
 
 
 def export_json(orientation: RigFit, members: Sequence[RigMember], name: str) -> str:

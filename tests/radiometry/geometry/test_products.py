@@ -46,7 +46,7 @@ def test_opencv_reads_its_file(fit, tmp_path):
 
 
 def test_ros_reads_its_file(fit):
-    text = exports.export_ros(fit, camera_name='FC6520 "two": 0AB')
+    text = exports.export_ros(fit, camera_name='FC6520 "two": 0ÄB 😀 ')
     read = yaml.safe_load(text)
     assert list(read) == [
         "image_width",
@@ -59,7 +59,7 @@ def test_ros_reads_its_file(fit):
         "projection_matrix",
     ]
     assert (read["image_width"], read["image_height"]) == (640, 480)
-    assert read["camera_name"] == 'FC6520 "two": 0AB'
+    assert read["camera_name"] == 'FC6520 "two": 0ÄB 😀 '
     assert read["distortion_model"] == "plumb_bob"
     shapes = {
         "camera_matrix": (3, 3),
