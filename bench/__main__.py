@@ -5,6 +5,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from types import ModuleType
 
 from bench import (
     crowd,
@@ -32,34 +33,45 @@ def main(scale: Scale | None = None) -> int:
     scale = scale or Scale.named(os.environ.get("SCALE", ""))
     say(describe_machine())
     say("medians of turns (the middle half in brackets); ratios are formed turn by turn")
+    parts = _Parts(scale)
+    for part in (reading, mapping, reflectance):
+        parts.run(part)
+    _serve(parts)
     with PostgresServer(fsync="on", synchronous_commit="on") as postgres:
-        verdicts = [
-            *reading.run(scale),
-            *mapping.run(scale),
-            *reflectance.run(scale),
-            *_serve(scale),
-            *crowd.run(scale, postgres),
-            *lookups.run(scale, postgres),
-            *workers.run(scale, postgres),
-            *start.run(scale),
-        ]
-    say(f"\n{summarise(verdicts)}; in {time.monotonic() - began:.0f} s")
+        for part in (crowd, lookups, workers):
+            parts.run(part, postgres)
+    parts.run(start)
+    say(f"\nseconds: {', '.join(f'{name} {spent_s:.0f}' for name, spent_s in parts.seconds.items())}")
+    say(f"{summarise(parts.verdicts)}; in {time.monotonic() - began:.0f} s")
     return 0
 
 
-def _serve(scale: Scale) -> list[bool]:
+class _Parts:
+    """Verdicts of the parts that have run, and how long each took."""
+
+    def __init__(self, scale: Scale) -> None:
+        self.scale = scale
+        self.verdicts: list[bool] = []
+        self.seconds: dict[str, float] = {}
+
+    def run(self, part: ModuleType, *given: object) -> None:
+        began = time.monotonic()
+        self.verdicts += part.run(self.scale, *given)
+        self.seconds[part.__name__.removeprefix("bench.")] = time.monotonic() - began
+
+
+def _serve(parts: _Parts) -> None:
     """Measure what one service does, with a worker that is called where it is needed."""
     with tempfile.TemporaryDirectory(prefix="stilb-bench-") as name:
         folder = Path(name)
         with upload.serving(folder / "data") as service:
-            verdicts = upload.run(scale, service, folder)
-            crowd.show(scale, service)
+            parts.run(upload, service, folder)
+            crowd.show(parts.scale, service)
             worker = build_context(Settings(data=folder / "data"))
             try:
-                verdicts += pages.run(scale, service, worker, folder)
-                verdicts += scrolling.run(scale, service, worker, folder)
-                verdicts += growth.run(scale, service, worker, folder)
-                return verdicts + jobs.run(scale, service, worker)
+                for part in (pages, scrolling, growth):
+                    parts.run(part, service, worker, folder)
+                parts.run(jobs, service, worker)
             finally:
                 worker.decoders.close()
                 worker.database.dispose()

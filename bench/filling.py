@@ -4,10 +4,10 @@ import hashlib
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import insert, select, update
-from sqlalchemy.orm import Session
+from sqlalchemy import select, update
 
 import stilb
+from bench.bulk import write_rows
 from bench.subject import CAMERA, Scale, draw_roi, make_mosaic, write_copies
 from bench.upload import KEY, Service
 from store.columns import new_id
@@ -57,15 +57,9 @@ def copy_frame(worker: Context, frame_id: str, times: int) -> None:
             rows[FrameRow].append(_read(frame) | {"id": one, "sha256": sha256, "filename": name})
             rows[Extraction].append(_read(extraction) | {"id": two, "frame_id": one})
             rows[ChannelRow] += [_read(each) | {"extraction_id": two} for each in channels]
-        _insert(session, rows)
+        write_rows(session, rows)
         mine = CampaignReview.campaign_id == frame.campaign_id
         session.execute(update(CampaignReview).where(mine).values(revision=CampaignReview.revision + 1))
-
-
-def _insert(session: Session, rows: dict[type[Base], list[dict[str, Any]]]) -> None:
-    for table, values in rows.items():
-        if values:
-            session.execute(insert(table), values)
 
 
 def _read(row: Base) -> dict[str, Any]:

@@ -3,9 +3,10 @@
 import os
 from collections.abc import Callable
 
-from sqlalchemy import insert, select
+from sqlalchemy import select
 
 import stilb
+from bench.bulk import write_rows
 from bench.report import judge, say, show_times
 from bench.subject import CAMERA, Scale
 from bench.timing import Seconds, compare, take_turns
@@ -65,18 +66,15 @@ def _fill(worker: Context, camera_id: str, count: int) -> None:
         every = {"organisation_id": organisation, "camera_id": camera_id, "method": "luminance"}
         campaigns = [{"id": new_id("cmp"), **every} for _ in range(max(1, count // _JOBS_OF_A_CAMPAIGN))]
         queued = round(count * _QUEUED_SHARE)
-        session.execute(insert(Campaign), campaigns)
-        session.execute(
-            insert(Job),
-            [
-                {
-                    "organisation_id": organisation,
-                    "kind": "fit",
-                    "lane": "fit",
-                    "subject_id": campaigns[number % len(campaigns)]["id"],
-                    "created_by": "bench",
-                    "state": "queued" if number < queued else "succeeded",
-                }
-                for number in range(count)
-            ],
-        )
+        of_jobs = [
+            {
+                "organisation_id": organisation,
+                "kind": "fit",
+                "lane": "fit",
+                "subject_id": campaigns[number % len(campaigns)]["id"],
+                "created_by": "bench",
+                "state": "queued" if number < queued else "succeeded",
+            }
+            for number in range(count)
+        ]
+        write_rows(session, {Campaign: campaigns, Job: of_jobs})

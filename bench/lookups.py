@@ -19,17 +19,20 @@ from urllib.parse import urlsplit
 
 import httpx
 
-from bench.memory import forget_peak, read_memory_mb
+from bench.memory import forget_peak, read_cpu_s, read_memory_mb
 from bench.report import judge, say, show_times
 from bench.stock import METHOD, fill
 from bench.subject import Scale
 from bench.timing import Ratio, Seconds, compare, take_turns
-from bench.upload import KEY, Service, serving
+from bench.upload import KEY, Service, open_http, serving
 from store.database import Database
 from tests.support.postgres import PostgresServer
 
 BARE, OURS = "a bare FastAPI route, the same JSON", "look-ups of coefficients in force"
 UNCHANGED = "look-ups with If-None-Match (304)"
+_SERIES = 20
+ONE_CAMERA = f"series of one camera, {_SERIES} times"
+_GROWING = "a look-up", "one camera's series"
 _CONNECTIONS = 4
 _CAMERAS = 100
 _GROWTH_MB = 30.0
@@ -49,28 +52,33 @@ def _measure(scale: Scale, url: str | None) -> list[bool]:
         with ExitStack() as opened:
             service = opened.enter_context(serving(data, url))
             database = Database(url or f"sqlite:///{data / 'stilb.sqlite'}", answer_within_s=None)
-            few = scale.coefficients // 10
-            cameras = fill(database, coefficients=few, measurements=scale.measurements)
-            first = httpx.get(f"{service.url}{_address(cameras[0])}", headers=_HEADERS, timeout=60)
-            bare = opened.enter_context(_serving_bare(first.raise_for_status().text))
-            verdicts, small = _compare_lookups(scale, service, bare, cameras, few)
-            more = fill(database, coefficients=scale.coefficients - few, measurements=0, first=len(cameras))
+            cameras: list[str] = []
+            verdicts: list[bool] = []
+            times: list[tuple[float, float]] = []
+            bare = ""
+            for count in scale.coefficients:
+                began = time.monotonic()
+                measurements = 0 if cameras else scale.measurements
+                first = len(cameras)
+                cameras += fill(database, coefficients=count, measurements=measurements, first=first)
+                say(f"  {count:,} coefficients, filled in {time.monotonic() - began:.1f} s")
+                bare = bare or opened.enter_context(_serving_bare(service, _address(cameras[0])))
+                verdicts += _compare_lookups(scale, service, bare, cameras, times)
             database.dispose()
-            found, large = _compare_lookups(scale, service, bare, [*cameras, *more], scale.coefficients)
-            grown = Ratio(median=large / small, low=large / small, high=large / small)
-            verdicts += [*found, judge("a look-up with 10 x the coefficients", grown, at_most=1.5)]
+            factor = scale.coefficients[-1] / scale.coefficients[0]
+            for what, few, many in zip(_GROWING, times[0], times[-1], strict=True):
+                grown = Ratio(median=many / few, low=many / few, high=many / few)
+                verdicts.append(judge(f"{what} with {factor:g} x the coefficients", grown, at_most=1.5))
             for address in ("coefficients", "measurements") if scale.every_series or not url else ():
-                verdicts += _measure_series(service, f"/v1/series/{address}", _address(cameras[0]))
+                verdicts += _measure_series(scale, service, f"/v1/series/{address}", _address(cameras[0]))
     return verdicts
 
 
 def _compare_lookups(
-    scale: Scale, service: Service, bare: str, cameras: list[str], coefficients: int
-) -> tuple[list[bool], float]:
-    """Return the verdicts, and a look-up's time in those of the bare route."""
-    say(f"  {coefficients:,} coefficients, {_CONNECTIONS} connections")
-    step = max(1, len(cameras) // _CAMERAS)
-    paths = [_address(camera) for camera in cameras[::step]]
+    scale: Scale, service: Service, bare: str, cameras: list[str], times: list[tuple[float, float]]
+) -> list[bool]:
+    """Return the verdicts; add to the times those of what grows, in that of the bare route."""
+    paths = [_address(camera) for camera in cameras[:: max(1, len(cameras) // _CAMERAS)]]
     answer = httpx.get(f"{service.url}{paths[0]}", headers=_HEADERS, timeout=60)
     tag = f"If-None-Match: {answer.headers['ETag']}\r\n"
     late: dict[str, Seconds] = {BARE: [], OURS: [], UNCHANGED: []}
@@ -79,23 +87,29 @@ def _compare_lookups(
         seconds = _ask(url, paths, count=scale.lookups, status=status, headers=more)
         late[name].append(statistics.quantiles(seconds, n=100, method="inclusive")[98])
 
-    ways: dict[str, Callable[[], object]] = {
-        BARE: lambda: asking(BARE, bare, paths, 200),
-        OURS: lambda: asking(OURS, service.url, paths, 200),
-        UNCHANGED: lambda: asking(UNCHANGED, service.url, paths[:1], 304, tag),
-    }
-    seconds = take_turns(ways, rounds=scale.rounds)
+    with open_http(service) as http:
+        ways: dict[str, Callable[[], object]] = {
+            BARE: lambda: asking(BARE, bare, paths, 200),
+            OURS: lambda: asking(OURS, service.url, paths, 200),
+            UNCHANGED: lambda: asking(UNCHANGED, service.url, paths[:1], 304, tag),
+            ONE_CAMERA: lambda: _read_series(http, cameras[:: max(1, len(cameras) // _SERIES)]),
+        }
+        seconds = take_turns(ways, rounds=scale.rounds)
     show_times(seconds)
-    for name, each in seconds.items():
-        say(f"  {name:<54} {scale.lookups / statistics.median(each):8.0f} requests/s")
-    share = compare(seconds[BARE], seconds[OURS])
-    verdicts = [
+    for name in late:
+        rate = scale.lookups / statistics.median(seconds[name])
+        say(f"  {name:<54} {rate:8.0f} requests/s, {_CONNECTIONS} connections")
+    share, slowest = compare(seconds[BARE], seconds[OURS]), compare(late[OURS], late[BARE])
+    times.append((1 / share.median, compare(seconds[ONE_CAMERA], seconds[BARE]).median))
+    return [
         judge("look-ups, share of the bare route", share, at_least=0.5),
-        judge(
-            "99 % of the look-ups, in those of the bare route", compare(late[OURS], late[BARE]), at_most=3.0
-        ),
+        judge("99 % of the look-ups, in those of the bare route", slowest, at_most=3.0),
     ]
-    return verdicts, 1 / share.median
+
+
+def _read_series(http: httpx.Client, cameras: Sequence[str]) -> None:
+    for camera in cameras:
+        http.get("/v1/series/coefficients", params={"camera_id": camera}).raise_for_status()
 
 
 def _address(camera: str) -> str:
@@ -150,7 +164,7 @@ def _is_whole(answer: bytes, status: int) -> bool:
     return len(body) >= int(length or 0)
 
 
-def _measure_series(service: Service, address: str, lookup: str) -> list[bool]:
+def _measure_series(scale: Scale, service: Service, address: str, lookup: str) -> list[bool]:
     """Compare the service's CPU for an answer with that of writing the same rows here, from memory."""
     with httpx.Client(base_url=service.url, headers=_HEADERS, timeout=600) as http:
         rows = http.get(address).json()["rows"]
@@ -164,7 +178,10 @@ def _measure_series(service: Service, address: str, lookup: str) -> list[bool]:
         for name, (query, plainly) in ways.items():
             before_mb = read_memory_mb(service.pid, "VmRSS")
             forget_peak(service.pid)
-            turns = [(_time_series(service, http, address, query), _time_here(plainly)) for _ in range(7)]
+            turns = [
+                (_time_series(service, http, address, query), _time_here(plainly))
+                for _ in range(scale.series)
+            ]
             ours, plain = ([turn[way] for turn in turns] for way in (0, 1))
             grown_mb = read_memory_mb(service.pid, "VmHWM") - before_mb
             rate = 1e5 * statistics.median(ours) / len(rows)
@@ -191,12 +208,12 @@ def _time_lookup(http: httpx.Client, address: str) -> float:
 
 
 def _time_series(service: Service, http: httpx.Client, address: str, query: dict[str, str]) -> float:
-    before = _read_cpu_s(service.pid)
+    before = read_cpu_s(service.pid)
     with http.stream("GET", address, params=query, headers={"Accept-Encoding": "identity"}) as answer:
         answer.raise_for_status()
         for _ in answer.iter_raw():
             pass
-    return _read_cpu_s(service.pid) - before
+    return read_cpu_s(service.pid) - before
 
 
 def _time_here(work: Callable[[], object]) -> float:
@@ -211,13 +228,10 @@ def _write_csv(rows: list[dict[str, object]]) -> None:
     writer.writerows(rows)
 
 
-def _read_cpu_s(pid: int) -> float:
-    fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-
 @contextmanager
-def _serving_bare(body: str) -> Iterator[str]:
+def _serving_bare(service: Service, address: str) -> Iterator[str]:
+    """Serve what the service answers there, from memory."""
+    body = httpx.get(f"{service.url}{address}", headers=_HEADERS, timeout=60).raise_for_status().text
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]

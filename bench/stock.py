@@ -1,18 +1,22 @@
-"""A database with many published versions and measurements, written as rows: no frame is decoded for it."""
+"""A database with many published versions and measurements: no frame is decoded for it.
+
+What look-ups and series read is made by the product's own functions.
+"""
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
-from itertools import islice
 from typing import Any
 
-from sqlalchemy import insert, text
+from sqlalchemy import text
 from sqlalchemy.orm import Session
 
+from bench.bulk import write_rows
 from bench.subject import CAMERA
 from store.database import Database
-from store.ready.backfill import write_missing
+from store.ready.measurements import make_measured
+from store.ready.publications import make_ready
 from store.tables import (
     Base,
     Blob,
@@ -21,9 +25,12 @@ from store.tables import (
     Campaign,
     CoefficientRow,
     FrameRow,
+    MeasuredRow,
     Measurement,
     Organisation,
     Publication,
+    ReadyAnswer,
+    ReadyRow,
     Slot,
 )
 
@@ -34,109 +41,113 @@ METHOD = "luminance"
 _BEGIN = datetime(2020, 1, 1, tzinfo=UTC)
 _PAGE = 20_000
 Row = dict[str, Any]
+Rows = Iterator[tuple[type[Base], Row]]
 
 
 def fill(database: Database, *, coefficients: int, measurements: int, first: int = 0) -> list[str]:
-    """Add cameras with ten published versions of ten coefficients each; return the cameras' ids.
+    """Add cameras with ten published versions of ten coefficients each, until there are so many coefficients.
 
-    The measurements are of the first of them. ``first`` numbers the first camera.
+    The measurements are of the first of them. ``first`` numbers the first camera. Returns the cameras' ids.
     """
-    cameras = range(first, first + max(1, coefficients // (VERSIONS * len(ISOS))))
+    cameras = range(first, coefficients // (VERSIONS * len(ISOS)))
     with database.writing("bench") as session:
         organisation = session.query(Organisation).filter(Organisation.operator).one().id
-        for table, make in _PARTS:
-            _insert(session, table, (row for camera in cameras for row in make(organisation, camera)))
-        _insert(
-            session, Blob, ({"sha256": _sha(f"{first} {n}"), "size_bytes": 1} for n in range(measurements))
-        )
-        _insert(session, FrameRow, (_frame(first, number) for number in range(measurements)))
-        rows = (_measurement(organisation, first, number) for number in range(measurements))
-        _insert(session, Measurement, rows)
-        write_missing(session)
+        _write(session, (row for camera in cameras for row in _make_camera(organisation, camera)))
+        _write(session, _make_measurements(organisation, first, measurements))
         if not database.is_sqlite:
             # a service's own server does this by itself
             session.execute(text("ANALYZE"))
     return [f"cam_{camera}" for camera in cameras]
 
 
-def _insert(session: Session, table: type[Base], rows: Iterator[Row]) -> None:
-    while page := list(islice(rows, _PAGE)):
-        session.execute(insert(table.__table__), page)
+def _write(session: Session, rows: Rows) -> None:
+    page: dict[type[Base], list[Row]] = {}
+    for number, (table, row) in enumerate(rows, 1):
+        page.setdefault(table, []).append(row)
+        if number % _PAGE == 0:
+            write_rows(session, page)
+            # the tables keep their order, which is that of their foreign keys
+            page = {each: [] for each in page}
+    write_rows(session, page)
 
 
-def _cameras(organisation: str, camera: int) -> Iterator[Row]:
+def _make_camera(organisation: str, camera: int) -> Rows:
     body = CAMERA.body
     named = {"make": body.make, "model": body.model, "serial": f"{camera:08}"}
-    yield {"id": f"cam_{camera}", "organisation_id": organisation, **named}
+    of = {"camera_id": f"cam_{camera}", "method": METHOD}
+    yield Camera, {"id": f"cam_{camera}", "organisation_id": organisation, **named}
+    yield Campaign, {"id": f"cmp_{camera}", "organisation_id": organisation, **of}
+    yield Slot, {"id": camera + 1, "configuration": "{}", **of}
+    for version in range(1, VERSIONS + 1):
+        calibration = _calibration(organisation, camera, version)
+        publication = _publication(camera, version)
+        coefficients = [_coefficient(camera, version, place) for place in range(len(ISOS))]
+        rows = [CoefficientRow(**each) for each in coefficients]
+        ready, answer = make_ready(Publication(**publication), Calibration(**calibration), rows)
+        yield Calibration, calibration
+        yield Publication, publication
+        yield from ((CoefficientRow, each) for each in coefficients)
+        yield ReadyRow, ready
+        yield ReadyAnswer, answer
 
 
-def _campaigns(organisation: str, camera: int) -> Iterator[Row]:
-    of = {"organisation_id": organisation, "camera_id": f"cam_{camera}", "method": METHOD}
-    yield {"id": f"cmp_{camera}", **of}
-
-
-def _slots(_organisation: str, camera: int) -> Iterator[Row]:
-    yield {"id": camera + 1, "camera_id": f"cam_{camera}", "method": METHOD, "configuration": "{}"}
-
-
-def _calibrations(organisation: str, camera: int) -> Iterator[Row]:
+def _calibration(organisation: str, camera: int, version: int) -> Row:
     nothing: dict[str, Row] = {name: {} for name in ("configuration", "parameters", "inputs", "software")}
-    for version in range(1, VERSIONS + 1):
-        yield {
-            "id": f"cal_{camera}_{version}",
-            "organisation_id": organisation,
-            "camera_id": f"cam_{camera}",
-            "campaign_id": f"cmp_{camera}",
-            "method": METHOD,
-            "version": version,
-            "result": {"flags": []},
-            "result_schema": 1,
-            "content_sha256": _sha(f"{camera} {version}"),
-            "created_by": "bench",
-            "created_at": _begin(version),
-            **nothing,
-        }
+    return {
+        "id": f"cal_{camera}_{version}",
+        "organisation_id": organisation,
+        "camera_id": f"cam_{camera}",
+        "campaign_id": f"cmp_{camera}",
+        "method": METHOD,
+        "version": version,
+        "result": {"flags": []},
+        "result_schema": 1,
+        "content_sha256": _sha(f"{camera} {version}"),
+        "created_by": "bench",
+        "created_at": _begin(version),
+        **nothing,
+    }
 
 
-def _publications(_organisation: str, camera: int) -> Iterator[Row]:
-    for version in range(1, VERSIONS + 1):
-        yield {
-            "id": f"pub_{camera}_{version}",
-            "slot_id": camera + 1,
-            "calibration_id": f"cal_{camera}_{version}",
-            "valid_from": _begin(version),
-            "valid_to": None if version == VERSIONS else _begin(version + 1),
-            "known_from": _begin(version) + timedelta(hours=1),
-            "known_to": None,
-            "reason": "annual calibration",
-            "superseded_by": None,
-        }
+def _publication(camera: int, version: int) -> Row:
+    return {
+        "id": f"pub_{camera}_{version}",
+        "slot_id": camera + 1,
+        "calibration_id": f"cal_{camera}_{version}",
+        "valid_from": _begin(version),
+        "valid_to": None if version == VERSIONS else _begin(version + 1),
+        "known_from": _begin(version) + timedelta(hours=1),
+        "known_to": None,
+        "reason": "annual calibration",
+        "superseded_by": None,
+    }
 
 
-def _coefficients(_organisation: str, camera: int) -> Iterator[Row]:
-    for version in range(1, VERSIONS + 1):
-        for place, iso in enumerate(ISOS):
-            yield {
-                "calibration_id": f"cal_{camera}_{version}",
-                "position": place,
-                "name": "dark_signal_dn",
-                "value": 64.0 + (7 * camera + 3 * version + place) / 977.0,
-                "standard_uncertainty": 0.43 + place / 991.0,
-                "unit": "DN",
-                "iso": iso,
-                "model": "mean",
-                "flags": [],
-            }
+def _coefficient(camera: int, version: int, place: int) -> Row:
+    return {
+        "calibration_id": f"cal_{camera}_{version}",
+        "position": place,
+        "name": "dark_signal_dn",
+        "value": 64.0 + (7 * camera + 3 * version + place) / 977.0,
+        "standard_uncertainty": 0.43 + place / 991.0,
+        "unit": "DN",
+        "iso": ISOS[place],
+        "model": "mean",
+        "flags": [],
+    }
 
 
-_PARTS: tuple[tuple[type[Base], Callable[[str, int], Iterator[Row]]], ...] = (
-    (Camera, _cameras),
-    (Campaign, _campaigns),
-    (Slot, _slots),
-    (Calibration, _calibrations),
-    (CoefficientRow, _coefficients),
-    (Publication, _publications),
-)
+def _make_measurements(organisation: str, camera: int, count: int) -> Rows:
+    body = next(Camera(**row) for table, row in _make_camera(organisation, camera) if table is Camera)
+    versions = [Calibration(**_calibration(organisation, camera, 1 + each)) for each in range(VERSIONS)]
+    for number in range(count):
+        frame = _frame(camera, number)
+        measurement = _measurement(organisation, camera, number)
+        made = Measurement(**measurement), FrameRow(**frame), versions[number % VERSIONS], body
+        yield Blob, {"sha256": frame["sha256"], "size_bytes": 1}
+        yield FrameRow, frame
+        yield Measurement, measurement
+        yield MeasuredRow, make_measured(*made)
 
 
 def _frame(camera: int, number: int) -> Row:

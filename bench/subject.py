@@ -36,10 +36,13 @@ class Scale:
     frames: int = 1000
     grown: int = 10_000
     certificates: int = 31
-    coefficients: int = 20_000
+    coefficients: tuple[int, ...] = (2_000, 20_000)
+    """How many there are, one after the other."""
     measurements: int = 5_000
     lookups: int = 400
     """Look-ups of one turn."""
+    series: int = 7
+    """Turns of a series."""
     every_series: bool = False
     """Series are measured on PostgreSQL too."""
     starts: int = 2
@@ -58,7 +61,8 @@ class Scale:
     def named(cls, name: str) -> "Scale":
         """Return the usual scale, or with `full` the one of a large organisation."""
         if name == "full":
-            return cls(coefficients=1_000_000, measurements=100_000, every_series=True)
+            coefficients = (10_000, 100_000, 1_000_000)
+            return cls(coefficients=coefficients, measurements=100_000, series=3, every_series=True)
         return cls()
 
 

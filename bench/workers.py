@@ -14,8 +14,9 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import redis
-from sqlalchemy import func, insert, select
+from sqlalchemy import func, select
 
+from bench.bulk import write_rows
 from bench.report import judge, say
 from bench.subject import Scale
 from bench.timing import Ratio, Seconds, compare
@@ -89,7 +90,7 @@ class _Queue:
             for _ in range(count)
         ]
         with self._database.writing("bench") as session:
-            session.execute(insert(Job), rows)
+            write_rows(session, {Job: rows})
         return [str(row["id"]) for row in rows]
 
     def is_empty(self) -> bool:

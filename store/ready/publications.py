@@ -41,30 +41,35 @@ def write_ready(session: Session, publications: list[Publication]) -> None:
     owned = select(CoefficientRow).where(CoefficientRow.calibration_id.in_(ids))
     for each in session.scalars(owned.order_by(CoefficientRow.position)):
         coefficients[each.calibration_id].append(each)
-    ready, answers = [], []
-    for row in publications:
-        calibration, mine = versions[row.calibration_id], coefficients[row.calibration_id]
-        ready.append(
-            {
-                "publication_id": row.id,
-                "slot_id": row.slot_id,
-                "organisation_id": calibration.organisation_id,
-                "camera_id": calibration.camera_id,
-                "campaign_id": calibration.campaign_id,
-                "method": calibration.method,
-                "calibration_id": calibration.id,
-                "version": calibration.version,
-                "computed_at": calibration.created_at,
-                "valid_from": row.valid_from,
-                "valid_to": row.valid_to,
-                "known_from": row.known_from,
-                "known_to": row.known_to,
-                "coefficients": len(mine),
-            }
-        )
-        answers.append(_write_answer(row, calibration, mine))
-    session.execute(insert(ReadyRow), ready)
-    session.execute(insert(ReadyAnswer), answers)
+    made = [
+        make_ready(row, versions[row.calibration_id], coefficients[row.calibration_id])
+        for row in publications
+    ]
+    session.execute(insert(ReadyRow), [ready for ready, _ in made])
+    session.execute(insert(ReadyAnswer), [answer for _, answer in made])
+
+
+def make_ready(
+    publication: Publication, calibration: Calibration, coefficients: list[CoefficientRow]
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the columns of a publication's ready row and of its answer."""
+    ready = {
+        "publication_id": publication.id,
+        "slot_id": publication.slot_id,
+        "organisation_id": calibration.organisation_id,
+        "camera_id": calibration.camera_id,
+        "campaign_id": calibration.campaign_id,
+        "method": calibration.method,
+        "calibration_id": calibration.id,
+        "version": calibration.version,
+        "computed_at": calibration.created_at,
+        "valid_from": publication.valid_from,
+        "valid_to": publication.valid_to,
+        "known_from": publication.known_from,
+        "known_to": publication.known_to,
+        "coefficients": len(coefficients),
+    }
+    return ready, _write_answer(publication, calibration, coefficients)
 
 
 def close_ready(session: Session, publication: Publication) -> None:

@@ -21,7 +21,7 @@ TINY = Scale(
     frames=30,
     grown=20,
     certificates=1,
-    coefficients=200,
+    coefficients=(100, 200),
     measurements=20,
     lookups=20,
     starts=1,
@@ -54,7 +54,7 @@ def test_every_benchmark_runs_and_leaves_nothing_behind(short_folder, monkeypatc
     before = family(1)
     assert main(TINY) == 0
     told = capfd.readouterr().out
-    targets = 52 if pages.find_chromium() is None else 59
+    targets = 54 if pages.find_chromium() is None else 61
     assert told.count("target:") == targets
     assert f"{targets} targets, " in told
     assert "MB more over" in told
