@@ -43,27 +43,30 @@ async function begin() {
   if (!campaigns.length) return empty("No campaigns yet", "First send a frame to a campaign of its camera.", h("a", { class: "button", href: "/campaigns" }, "Campaigns"));
   const able = campaigns.filter((each) => methodOf(each.method).measured_quantity).reverse();
   const first = wanted?.campaign_id ?? asked.get("campaign") ?? (await newestWithField(able))?.id;
-  const campaign = select(able.map((each) => [each.id, each.project_number ? `${each.project_number}, ${labelOf(each.method)}` : titleOf(each)]), { onchange: () => offerFrames() }, first);
-  const frame = select([], { onchange: () => act(frame, () => choose(frame.value)) });
+  const campaign = select(able.map((each) => [each.id, each.project_number ? `${each.project_number}, ${labelOf(each.method)}` : titleOf(each)]), { onchange: () => turnTo(offerFrames) }, first);
+  const frame = select([], { onchange: () => turnTo(() => choose(frame.value)) });
   const note = h("div");
+  /** What is measured waits for what the last choice asks for. */
+  function turnTo(choice) {
+    fill(note);
+    chosen.ready = choice();
+    return chosen.ready.catch((error) => fill(note, failed(error, () => turnTo(choice))));
+  }
   async function offerFrames() {
-    chosen.campaign = able.find((each) => each.id === campaign.value);
-    try {
-      const [frames, versions, roi] = await Promise.all([framesOf(chosen.campaign), all(`/v1/cameras/${chosen.campaign.camera_id}/calibrations?method=${chosen.campaign.method}`), chosen.campaign.roi_id ? get(`/v1/campaigns/${chosen.campaign.id}/roi`) : null]);
-      chosen.frames = frames;
-      chosen.roi = roi;
-      fill(frame, frames.length > 1 ? h("option", { value: ALL, selected: asked.has("all") }, `All ${frames.length} field frames`) : null, frames.map((each, at) => h("option", { value: each.id, selected: wanted ? each.id === wanted.id : !asked.has("all") && !at }, each.filename)));
-      fill(note, frames.length ? null : empty("No field frames", "Send frames with the role field to this campaign.", h("a", { class: "button", href: `/campaigns/${chosen.campaign.id}` }, "Open campaign")));
-      rest.hidden = !frames.length;
-      offerSettings(versions);
-      if (frames.length) await choose(frame.value);
-    } catch (error) {
-      fill(note, failed(error, offerFrames));
-    }
+    const of = (chosen.campaign = able.find((each) => each.id === campaign.value));
+    fill(frame);
+    const [frames, versions, roi] = await Promise.all([framesOf(of), all(`/v1/cameras/${of.camera_id}/calibrations?method=${of.method}`), of.roi_id ? get(`/v1/campaigns/${of.id}/roi`) : null]);
+    if (chosen.campaign !== of) return;
+    chosen.frames = frames;
+    chosen.roi = roi;
+    fill(frame, frames.length > 1 ? h("option", { value: ALL, selected: asked.has("all") }, `All ${frames.length} field frames`) : null, frames.map((each, at) => h("option", { value: each.id, selected: wanted ? each.id === wanted.id : !asked.has("all") && !at }, each.filename)));
+    fill(note, frames.length ? null : empty("No field frames", "Send frames with the role field to this campaign.", h("a", { class: "button", href: `/campaigns/${of.id}` }, "Open campaign")));
+    rest.hidden = !frames.length;
+    offerSettings(versions);
+    if (frames.length) await choose(frame.value);
   }
   const rest = h("div", { class: "stack-wide" }, place, section("With", settings), h("div", { class: "actions" }, h("button", { type: "submit", class: "primary" }, "Measure"), h("span", { class: "muted", role: "status", id: "progress" })), h("div", { id: "outcome" }));
-  const ready = offerFrames();
-  await ready;
+  await turnTo(offerFrames);
   return h("div", { class: "stack-wide" }, section("Frame", h("div", { class: "fields" }, field("Campaign", campaign, null, "Campaigns whose method measures; the one with the newest field frames is offered first."), field("Frame", frame, null, "Frames with the role field."), averagedField), note), rest);
 }
 
@@ -118,6 +121,7 @@ const quantityOf = (name) => (name === "radiance" ? { quantity: name } : name ? 
 
 async function measure() {
   const progress = byId("progress");
+  await chosen.ready;
   const said = numberOf(chosen.number);
   const { measurement_options: options } = methodOf(chosen.campaign.method);
   const name = ["reflectance", "incidence_angle_deg"].find((each) => options.includes(each));
