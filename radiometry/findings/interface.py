@@ -102,6 +102,13 @@ CONFLICT = _refusal(
     "It contradicts what is recorded, such as a name that is taken.",
     "Change what `detail` names.",
 )
+CHANGED_MEANWHILE = _refusal(
+    409,
+    "changed_meanwhile",
+    "A frame is no longer as `expected` states: another user has changed it, as `detail` says. Nothing was "
+    "changed.",
+    "Look at the frame as it is now, and repeat the change if it is still wanted.",
+)
 IDEMPOTENCY_KEY_REUSED = _refusal(
     422,
     "idempotency_key_reused",

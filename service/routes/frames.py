@@ -138,7 +138,7 @@ def change_frame(frame_id: Id, body: FrameChange, caller: Calibrator, writing: W
 
 def apply_change(session: Session, frame: FrameRow, body: FrameChange, caller: Caller) -> list[Job]:
     """Correct what was said of a frame; return the job that reads it again, if its statistics need it."""
-    said = body.model_dump(exclude_none=True, exclude={"frame_ids", "reason"})
+    said = body.model_dump(exclude_none=True, exclude={"frame_ids", "expected", "reason"})
     if body.role is not None:
         require_role(session.get_one(Campaign, frame.campaign_id), body.role)
     if "scene" in said:

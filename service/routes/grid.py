@@ -3,14 +3,15 @@
 import gzip
 import hashlib
 import json
-from collections.abc import Mapping
-from typing import Annotated, Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Query, Request, Response
 from pydantic import Field, WithJsonSchema
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from radiometry.findings import interface
 from radiometry.frame.verdicts import Verdict
 from radiometry.specification.grid import Gap
 from service.auth import Calibrator, Reader
@@ -20,12 +21,13 @@ from service.hosts import absolute
 from service.immutable import not_modified, standing_headers
 from service.lookup import Id, owned
 from service.paging import Cursor
-from service.problems import invalid
+from service.problems import Problem, invalid
 from service.routes import UNCHANGED, problems
 from service.routes.frames import apply_change
 from service.schemas.base import Answer, Text
-from service.schemas.frames import FramesChange, FramesChanged
+from service.schemas.frames import ExpectedFrame, FramesChange, FramesChanged
 from service.thumbnails import tag_of
+from store.queries.audit import name_last_actor
 from store.queries.grid import read_grid
 from store.reviews import hash_code
 from store.tables import Campaign, CampaignReview, FrameRow
@@ -148,7 +150,11 @@ def get_campaign_grid(
 
 @router.patch("/frames", response_model=FramesChanged, responses=problems(404, 409))
 def change_frames(campaign_id: Id, body: FramesChange, caller: Calibrator, writing: Writes) -> Response:
-    """Change many frames alike: move them to a scene, leave them out, withdraw or restore them."""
+    """Change many frames alike: move them to a scene, leave them out, withdraw or restore them.
+
+    With `expected` nothing is changed where another user was faster: 409 `changed_meanwhile` says who, and
+    how the frame is now.
+    """
 
     def change(session: Session) -> Reply:
         owned(session, Campaign, campaign_id, caller)
@@ -158,11 +164,40 @@ def change_frames(campaign_id: Id, body: FramesChange, caller: Calibrator, writi
         if unknown := set(ids) - {frame.id for frame in frames}:
             message = f"{min(unknown)} is not a frame of this campaign"
             raise invalid([{"type": "unknown_frame", "loc": ("body", "frame_ids"), "msg": message}])
+        if body.expected:
+            _require_unchanged(session, frames, body.expected)
         jobs = [job for frame in frames for job in apply_change(session, frame, body, caller)]
         session.flush()
         return Reply(status=200, body=FramesChanged(frames=len(frames), read_again=len(jobs)), jobs=jobs)
 
     return writing.run(caller, change)
+
+
+def _require_unchanged(session: Session, frames: Sequence[FrameRow], expected: ExpectedFrame) -> None:
+    """Refuse a change of frames that another user has changed since they were seen."""
+    said = expected.model_dump(exclude_none=True)
+    for frame in frames:
+        found: dict[str, Any] = {
+            "role": frame.role,
+            "scene": frame.scene or "",
+            "left_out": frame.left_out is not None,
+            "withdrawn": frame.withdrawn_at is not None,
+        }
+        changed = {name: found[name] for name, value in said.items() if found[name] != value}
+        if changed:
+            who = name_last_actor(session, frame.id)
+            now = ", ".join(_STATES[name](value) for name, value in changed.items())
+            by = f" by {who}" if who else ""
+            detail = f"{frame.filename} was changed{by} meanwhile: {now}. Look at it again."
+            raise Problem(interface.CHANGED_MEANWHILE, detail)
+
+
+_STATES: Final[dict[str, Callable[[Any], str]]] = {
+    "role": lambda role: f"its role is {role}",
+    "scene": lambda scene: f"its scene is {scene}" if scene else "it has no scene",
+    "left_out": lambda out: "it is left out" if out else "it is used again",
+    "withdrawn": lambda out: "it is withdrawn" if out else "it is restored",
+}
 
 
 def _read_since(since: str | None, reviewed: CampaignReview) -> int | None:

@@ -82,10 +82,24 @@ class FrameChange(Form):
     iso: Positive | None = Field(default=None, description="For a file that does not say it.")
 
 
+class ExpectedFrame(Form):
+    """A frame as its user saw it."""
+
+    role: Role | None = None
+    scene: Annotated[Clearable | None, Field(description='"" for a frame without one.')] = None
+    left_out: Flag | None = None
+    withdrawn: Flag | None = None
+
+
 class FramesChange(FrameChange):
     """The same correction of many frames of one campaign."""
 
     frame_ids: Annotated[list[Text], Field(min_length=1, max_length=MOST_FRAMES)]
+    expected: ExpectedFrame | None = Field(
+        default=None,
+        description="As all of them were seen: if one has been changed meanwhile, none is, and the answer is "
+        "409 `changed_meanwhile`.",
+    )
 
 
 class FramesChanged(Answer):

@@ -30,6 +30,7 @@ from store.tables import (
 )
 
 _PAGE = 1000
+_RECENT = 20
 
 NAMES: dict[str, tuple[Any, Callable[[Any], str | None], str | None]] = {
     "cal": (Calibration, lambda row: f"{get_method(row.method).label}, version {row.version}", "id"),
@@ -103,6 +104,13 @@ def name_entries(session: Session, entries: Sequence[AuditEntry]) -> list[dict[s
         }
         for entry in entries
     ]
+
+
+def name_last_actor(session: Session, subject_id: str) -> str | None:
+    """Return the name of the person who changed something last, if one did."""
+    rows = select(AuditEntry).where(AuditEntry.subject_id == subject_id).order_by(AuditEntry.seq.desc())
+    named = name_entries(session, session.scalars(rows.limit(_RECENT)).all())
+    return next((each["actor_name"] for each in named if "actor_name" in each), None)
 
 
 def _read_rows(session: Session, ids: set[str]) -> dict[str, Any]:

@@ -272,6 +272,7 @@ def test_two_people_see_what_each_other_does(page, team, browser, service, shots
         other.get_by_label("Files to send").set_input_files(shots[1].path)
         other.get_by_role("button", name="Send 1 file").click()
         expect(page.get_by_role("button", name=re.compile(f"^{shots[1].path.name}"))).to_be_visible()
+        both_move(page, other)
         other.get_by_label("Lines").fill("level-1 54.4")
         other.get_by_role("button", name="Add", exact=True).click()
         expect(page.get_by_role("button", name="Readings of level-1: 1 reading")).to_be_visible()
@@ -283,6 +284,36 @@ def test_two_people_see_what_each_other_does(page, team, browser, service, shots
         other.get_by_role("button", name="Use for all frames").click()
         expect(other.get_by_text("The region is set")).to_be_visible()
         expect(page.get_by_role("button", name=re.compile("^Corner 1 of 4: x 39, y 26"))).to_be_attached()
+
+
+def both_move(page, other):
+    """What another user has changed meanwhile is neither changed again nor undone, and is told."""
+    first, second = (each.locator(".grid .cell") for each in (page, other))
+    move(page, first, "dusk")
+    expect(second).to_have_attribute("aria-label", re.compile("dusk"))
+    page.route("**/grid?*", lambda _: None)  # what the other does is not shown yet
+    move(other, second, "dawn")
+    page.locator(".toast").get_by_role("button", name="Undo").click()
+    expect(page.locator(".toast", has_text="Not undone.")).to_contain_text(
+        re.compile("was changed by .+ meanwhile: its scene is dawn. Look at it again.")
+    )
+    move(page, first, "night", told="changed_meanwhile")
+    page.unroute_all()
+    expect(first).to_have_attribute("aria-label", re.compile("dawn"))
+
+
+def move(page, cell, scene, told=None):
+    cell.focus()
+    page.keyboard.press("m")
+    dialog = page.get_by_role("dialog")
+    dialog.get_by_label("Scene").fill(scene)
+    page.keyboard.press("Enter")
+    if told is None:
+        expect(page.locator(".toast", has_text=f"moved to {scene}")).to_be_visible()
+        return
+    expect(dialog.get_by_role("alert")).to_contain_text("its scene is dawn")
+    page.context.complaints.clear()  # the browser tells every answer of 409
+    page.keyboard.press("Escape")
 
 
 def both_draw(page, other):

@@ -1,5 +1,7 @@
 """The grid of a campaign: columns, gaps, and frames that are moved, left out, withdrawn and restored."""
 
+import re
+
 import pytest
 
 from tests.service.test_frames import patch, set_roi
@@ -129,6 +131,17 @@ def test_frames_are_moved_left_out_withdrawn_and_restored(house, campaign):
     assert (restored["state"], restored["withdrawn"]) == ("extracted", False)
     assert patch(house, rows[0], left_out=False, scene="")["state"] == "extracted"
     assert (grid(house, campaign)[0][0]["left_out"], grid(house, campaign)[0][0]["scene"]) == (None, None)
+
+
+def test_of_two_who_change_a_frame_at_once_the_second_is_told(house, campaign):
+    rows, _ = grid(house, campaign)
+    change(house, campaign, rows[:1], expected={"scene": "a", "withdrawn": False}, scene="b")
+    stale = {"scene": "a", "role": "light", "left_out": False, "withdrawn": False}
+    body = {"frame_ids": [row["id"] for row in rows[:2]], "expected": stale, "withdrawn": True}
+    answer = house.http.patch(f"/v1/campaigns/{campaign['id']}/frames", json=body)
+    assert (answer.status_code, answer.json()["code"]) == (409, "changed_meanwhile")
+    assert re.search(r"^a-4\.dng was changed by .+ meanwhile: its scene is b\.", answer.json()["detail"])
+    assert not any(row["withdrawn"] for row in grid(house, campaign)[0])
 
 
 def test_a_frame_of_another_campaign_changes_nothing(house, campaign):

@@ -1,7 +1,6 @@
 // What was done last can be undone: by the button that passes by, or with Z.
 
 import { toast } from "./dom.js";
-import { failed } from "./states.js";
 
 const steps = [];
 
@@ -22,6 +21,6 @@ async function take(undo) {
     await undo();
     toast("Undone.");
   } catch (error) {
-    toast(failed(error).textContent);
+    toast(`Not undone. ${error.message}`);
   }
 }

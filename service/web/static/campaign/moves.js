@@ -2,25 +2,31 @@
 
 import { ask } from "../ask.js";
 import { counted } from "../format.js";
+import { groupBy } from "../groups.js";
 import { roleLabel, roleOptions } from "../methods.js";
 import { done } from "../undo.js";
 
 const name = (state, ids) => (ids.length === 1 ? state.byId.get(ids[0]).filename : counted(ids.length, "frame"));
 
-/** Change frames alike, and offer the way back: each frame as it was. */
+const KEYS = ["role", "scene", "left_out", "withdrawn"];
+
+/** Change frames alike, and offer the way back: each frame as it was. What another user has changed meanwhile is not changed. */
 export async function changeFrames(state, ids, said, text) {
-  const before = new Map();
-  for (const id of ids) {
+  const keys = KEYS.filter((key) => key in said || key === "withdrawn");
+  const groups = groupBy(ids, (id) => {
     const frame = state.byId.get(id);
-    const was = { role: frame.role, scene: frame.scene ?? "", left_out: frame.left_out !== null, reason: frame.left_out || undefined, withdrawn: frame.withdrawn };
-    const kept = Object.fromEntries(Object.keys({ ...said, ...("left_out" in said ? { reason: "" } : {}) }).map((key) => [key, was[key]]));
-    const key = JSON.stringify(kept);
-    before.set(key, [...(before.get(key) ?? []), id]);
-  }
-  await state.change(ids, said);
-  done(text(name(state, ids)), async () => {
-    for (const [kept, some] of before) await state.change(some, JSON.parse(kept));
+    const was = { role: frame.role, scene: frame.scene ?? "", left_out: frame.left_out !== null, withdrawn: frame.withdrawn };
+    return JSON.stringify({ ...Object.fromEntries(keys.map((key) => [key, was[key]])), ...("left_out" in said && frame.left_out ? { reason: frame.left_out } : {}) });
   });
+  const each = async (step) => {
+    for (const [was, some] of groups) {
+      const { reason, ...expected } = JSON.parse(was);
+      await step(some, expected, reason);
+    }
+  };
+  await each((some, expected) => state.change(some, said, expected));
+  const made = Object.fromEntries(KEYS.filter((key) => key in said).map((key) => [key, said[key]]));
+  done(text(name(state, ids)), () => each((some, was, reason) => state.change(some, { ...was, ...(reason ? { reason } : {}) }, { withdrawn: was.withdrawn, ...made })));
 }
 
 export const leaveOut = (state, ids) => {

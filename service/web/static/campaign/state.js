@@ -96,9 +96,15 @@ export class CampaignState extends EventTarget {
     this.tell("frames");
   }
 
-  /** Change frames alike; what is shown changes at once, and the service's answer takes its place. */
-  async change(ids, said) {
-    for (let from = 0; from < ids.length; from += TOGETHER) await patch(`${this.path}/frames`, { frame_ids: ids.slice(from, from + TOGETHER), ...said });
+  /** Change frames alike; what is shown changes at once, and the service's answer takes its place. They are `expected` to be as shown. */
+  async change(ids, said, expected) {
+    try {
+      for (let from = 0; from < ids.length; from += TOGETHER) await patch(`${this.path}/frames`, { frame_ids: ids.slice(from, from + TOGETHER), expected, ...said });
+    } catch (error) {
+      // another user was faster: it is shown beside what is said of it
+      if (error.status === 409) this.touch();
+      throw error;
+    }
     // what was asked for before does not know of it
     this.turns.take();
     const { reason, left_out: out, ...shown } = said;
