@@ -36,6 +36,12 @@ LAMP_DRIFT = reason(
     "Let the lamp warm up, check its supply, and repeat the frames and readings of this light level.",
     "calibration",
 )
+READING_FAR_FROM_FRAMES = flag(
+    "reading_far_from_frames",
+    "A meter reading was taken more than an hour from the frames of its scene: the lamp is assumed to have "
+    "changed no more than while one scene is taken.",
+    "Correct the time of the reading or the camera's clock, or read and photograph the light level again.",
+)
 RHO_CROSS_CHECK = flag(
     "rho_cross_check",
     "Luminance and rho E / pi of a scene differ by more than 10 %.",

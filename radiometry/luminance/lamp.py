@@ -8,12 +8,16 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cache
 
+from radiometry.findings import Raised
+from radiometry.luminance import codes
 from radiometry.luminance.rows import FrameRow, Params, Reading
 
 _HALF_HOUR_S = 1800.0
 _DOUBTFUL_S = 600.0
 _FARTHEST_ZONE_S = 14 * 3600.0
 _UNTIMED_S = 600.0
+_FAR_S = 3600.0
+_DAYS_S = 48 * 3600.0
 _READING_U_REL = 0.01
 _FEW_DIFFERENCES = 3
 
@@ -92,6 +96,38 @@ def follow_lamp(rows: Sequence[FrameRow], readings: Sequence[Reading], params: P
             clocks = []
         found |= _follow_scene(frames[scene], clocks, isos, read[scene], spreads, params)
     return found
+
+
+def check_reading_times(rows: Sequence[FrameRow], readings: Sequence[Reading]) -> list[Raised]:
+    """Find the readings that were taken more than an hour from the frames of their scene.
+
+    Returns
+    -------
+    list of Raised
+        `reading_far_from_frames` by scene. Frames without a time zone that no zone
+        brings to their readings count as if they were in the one nearest to them.
+    """
+    light = [row for row in rows if row.role == "light" and row.scene]
+    stated = {row.frame: datetime.fromisoformat(row.taken_at) for row in light if row.taken_at}
+    times = _find_times(stated, light, readings)
+    spans: dict[str, list[tuple[float, float]]] = defaultdict(list)
+    for row in light:
+        if row.frame in stated:
+            local = stated[row.frame].replace(tzinfo=UTC).timestamp()
+            known = (times[row.frame], 0.0) if row.frame in times else (local, _FARTHEST_ZONE_S)
+            spans[row.scene or ""].append(known)
+    raised = []
+    for scene in sorted(spans):
+        read = [_to_seconds(each.taken_at) for each in readings if each.scene == scene and each.taken_at]
+        apart = [min(abs(at - time_s) - slack_s for time_s, slack_s in spans[scene]) for at in read]
+        if apart and max(apart) > _FAR_S:
+            detail = f"A reading was taken {_show_span(max(apart))} from the nearest frame."
+            raised.append(codes.READING_FAR_FROM_FRAMES.at(f"scene {scene}", detail))
+    return raised
+
+
+def _show_span(time_s: float) -> str:
+    return f"{time_s / 3600.0:.1f} h" if time_s < _DAYS_S else f"{time_s / 86400.0:.0f} days"
 
 
 def _follow_scene(

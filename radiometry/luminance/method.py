@@ -22,6 +22,7 @@ from radiometry.frame.statistics import ChannelStatistics, compute_statistics
 from radiometry.luminance import codes
 from radiometry.luminance.checks import check_iso_fit, check_series
 from radiometry.luminance.curves import fit_series
+from radiometry.luminance.lamp import check_reading_times
 from radiometry.luminance.missing import list_missing, list_unread_scenes, require_shares
 from radiometry.luminance.points import collect_series
 from radiometry.luminance.results import Fit, IsoFit, SpectralQuality
@@ -106,8 +107,8 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
         `tolerance_exceeded`, `scatter_exceeds_uncertainty`, `scatter_implausible`,
         `offset_significant`, `outliers_discounted`, `gain_maps_differ`, `rendered`,
         `meter_repeatability_estimated`, `apex_missing`. Per scene:
-        `lamp_drift`, `rho_cross_check`. Of the whole: `meter_certificate_missing`,
-        `semilog_model`.
+        `lamp_drift`, `rho_cross_check`, `reading_far_from_frames`. Of the whole:
+        `meter_certificate_missing`, `semilog_model`.
 
     Raises
     ------
@@ -133,7 +134,7 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
     ]
     iso_fits = tuple(iso_fit for iso_fit, _ in fitted)
     points = tuple(itertools.chain.from_iterable(points for _, points in fitted))
-    flags = check_scenes(scenes)
+    flags = check_scenes(scenes) + check_reading_times(rows, readings)
     for one, iso_fit in zip(series, iso_fits, strict=True):
         flags += check_series(one, rows, params) + check_iso_fit(one, iso_fit, params)
     for one in series:

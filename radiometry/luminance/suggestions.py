@@ -11,6 +11,7 @@ from radiometry.luminance import codes
 from radiometry.luminance.agreement import DOUBTFUL_REL, measure_brightness
 from radiometry.luminance.dark import check_dark
 from radiometry.luminance.flicker import compute_flicker
+from radiometry.luminance.lamp import check_reading_times
 from radiometry.luminance.messages import show_time
 from radiometry.luminance.missing import list_unread_scenes
 from radiometry.luminance.points import FEW_POINTS, FEWEST_SCENES, IsoSeries, collect_series
@@ -44,6 +45,11 @@ def plan(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) 
     without a reading are in both, since a fit can also be made without them.
     """
     found = list_unread_scenes(rows, readings, params)
+    found += [
+        f"the readings of {far.where} do not belong to its frames. {far.detail} Correct the time, or read "
+        "and photograph it again"
+        for far in check_reading_times(rows, readings)
+    ]
     light = {row.exposure.iso for row in rows if row.role == "light"}
     series = {one.iso: one for one in collect_series(rows, readings, params)}
     darks = {row.exposure.iso for row in rows if row.role == "dark"}

@@ -186,8 +186,8 @@ class Campaigns(Connection):
         With `expected`, such as `{"scene": "level-1"}`, none is changed where one is no longer so: a
         `stilb.Problem` with the code `changed_meanwhile`.
         """
-        said = {"role": role, "scene": scene, "left_out": left_out, "reason": reason, "withdrawn": withdrawn}
-        said |= {"expected": dict(expected) if expected else None}
+        said: dict[str, Any] = {"role": role, "scene": scene, "left_out": left_out, "reason": reason}
+        said |= {"withdrawn": withdrawn, "expected": dict(expected) if expected else None}
         body = {"frame_ids": [*frame_ids], **{name: each for name, each in said.items() if each is not None}}
         path = address("campaigns", campaign_id, "frames")
         return self._transport.json(Call(method="PATCH", path=path, json=body))

@@ -237,6 +237,38 @@ def test_a_frame_is_dragged_and_readings_are_typed_in_the_grid(page, team, servi
     expect(page.get_by_text("moved to level-1")).to_be_visible()
     (frame,) = [each for each in team.client.frames(campaign.id) if each.filename == name]
     assert frame.scene == "level-1"
+    read_with_meter_and_time(page, team, campaign)
+
+
+def read_with_meter_and_time(page, team, campaign):
+    """What is chosen above the grid goes with what is typed; a reading of another night is told."""
+    page.get_by_label("Unit of typed readings").select_option("fL")
+    page.get_by_label("Meter of typed readings").select_option("Register a meter…")
+    dialog = page.get_by_role("dialog")
+    for label, text in {"Make": "Konica Minolta", "Model": "LS-150", "Serial number": "1"}.items():
+        dialog.get_by_label(label, exact=True).fill(text)
+    dialog.get_by_role("button", name="Register").click()
+    expect(dialog).to_have_count(0)
+    page.get_by_label("Time of typed readings").select_option("read now")
+    page.clock.set_fixed_time("2026-05-01T20:02:00Z")
+    typed = page.get_by_label("Luminance of level-3 in fL")
+    typed.fill("2")
+    typed.press("Enter")
+    expect(page.get_by_role("button", name="Readings of level-3: 1 reading")).to_be_visible()
+    (meter,) = team.client.meters()
+    *_, made = team.client.readings(campaign.id)
+    assert (made["entered_value"], made["entered_unit"], made["meter_id"]) == (2.0, "fL", meter.id)
+    assert (made["scene"], made["taken_at"]) == ("level-3", "2026-05-01T20:02:00Z")
+    far = page.locator("#before").get_by_role("listitem").filter(has_text="do not belong to its frames")
+    expect(far).to_have_count(0)
+    page.clock.set_fixed_time("2026-05-04T20:02:00Z")
+    typed.fill("2.01")
+    typed.press("Enter")
+    expect(far).to_contain_text("taken 3 days from the nearest frame")
+    page.get_by_role("button", name="Readings of level-3: 2 readings").click()
+    dialog.get_by_role("button", name="Withdraw 2.01 fL of level-3").click()
+    expect(far).to_have_count(0)
+    look(page, "campaign-readings")
 
 
 def test_a_board_may_be_described_after_its_pictures_have_come(page, team):

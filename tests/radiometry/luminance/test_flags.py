@@ -106,6 +106,13 @@ def test_without_dark_frames_the_black_level_stands_in():
             "scene dim",
         ),
         (
+            [dataclasses.replace(row, taken_at="2026-03-02T10:00:00+00:00") for row in ROWS],
+            (dataclasses.replace(READINGS[0], taken_at="2026-03-02T12:00:00+00:00"), *READINGS[1:]),
+            PARAMS,
+            luminance_codes.READING_FAR_FROM_FRAMES,
+            f"scene {READINGS[0].scene}",
+        ),
+        (
             ROWS,
             (*READINGS, Reading(scene="dim", quantity="illuminance", value=0.5 * math.pi / 0.8 * 10.764)),
             dataclasses.replace(PARAMS, panel_rho=0.8),

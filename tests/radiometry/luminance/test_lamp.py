@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from radiometry.luminance.lamp import Change, follow_lamp
+from radiometry.luminance.lamp import Change, check_reading_times, follow_lamp
 from radiometry.luminance.method import Params, Reading
 from radiometry.luminance.points import collect_series
 from tests.radiometry.campaigns import TRUE_K, draw
@@ -61,6 +61,28 @@ def test_without_times_the_drift_is_a_doubt_common_to_all_scenes():
     assert [found[row.frame] for row in rows] == [
         Change(u_rel=pytest.approx(u), level_u_rel=0.008) for u in (-0.004, 0.0, 0.004)
     ]
+
+
+@pytest.mark.parametrize(
+    ("zone", "year", "clock", "detail"),
+    [
+        ("+00:00", "2026", "11:15:00", None),
+        ("+00:00", "2026", "12:00:00", "1.7 h"),
+        ("", "2026", "17:02:00", None),  # a clock seven hours behind, or a reading seven hours late
+        ("+00:00", "2025", "10:00:00", "365 days"),
+        ("", "2025", "10:00:00", "364 days"),
+    ],
+)
+def test_a_reading_far_from_its_frames_is_told(zone, year, clock, detail):
+    rows = [
+        dataclasses.replace(row, taken_at=row.taken_at.replace("2026", year))
+        for row in timed(LIGHTS[3:6], zone=zone)
+    ]
+    readings = [read("middle", 5.0, "10:00:00" if zone else clock), read("middle", 5.0, clock)]
+    found = check_reading_times(rows, readings)
+    assert [(each.where, each.detail.split()[-6:-4]) for each in found] == (
+        [("scene middle", detail.split())] if detail else []
+    )
 
 
 def test_iso_values_taken_in_turn_lie_apart_from_the_reading():
