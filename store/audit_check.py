@@ -22,6 +22,7 @@ from store.audit import digest, name_chain
 from store.audit_rows import RowsReport, check_rows
 from store.database import Database
 from store.files import count_damaged
+from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers, require_own_schema
 from store.settings import read_settings
 from store.tables import AuditChain, AuditEntry, AuditHead, Organisation
 
@@ -259,12 +260,16 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         if database.is_sqlite and not Path(database.url.database or "").is_file():
             return _fail(f"there is no database {database.url.database}; STILB_DATA names its folder")
+        with database.reading() as session:
+            # what another stilb wrote would be taken for changed or missing, or not be looked at
+            require_own_schema(session)
         last, fault = check_audit(database, noted)
         rows = check_rows(database) if fault is None else RowsReport()
         with database.reading() as session:
             damaged = count_damaged(session)
     except SQLAlchemyError as error:
-        return _fail(f"the audit trail cannot be read: {error}")
+        code = OTHER_SCHEMA_EXIT if isinstance(error, SchemaDiffers) else 1
+        return _fail(f"the audit trail cannot be read: {error}", code)
     finally:
         database.dispose()
     if fault is not None:
@@ -293,9 +298,9 @@ def _read_head(text: str) -> Head:
     return Head(seq=int(seq), sha256=sha256)
 
 
-def _fail(message: str) -> int:
+def _fail(message: str, code: int = 1) -> int:
     print(f"stilb: {message}", file=sys.stderr)  # noqa: T201
-    return 1
+    return code
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from store import audit_check
 from store.audit import digest
 from store.audit_check import Head, check_audit, main
 from store.migrate import alembic_config, migrate
+from store.schema import OTHER_SCHEMA_EXIT
 from store.tables import AuditChain, AuditEntry, Organisation
 
 
@@ -321,6 +322,9 @@ def test_the_command_says_the_head_and_compares_it(run, trail):
     tamper(trail, "DELETE FROM audit_entry WHERE seq = 2")
     code, said = run(head)
     assert (code, "broken at entry 3" in said) == (1, True)
+    tamper(trail, "UPDATE alembic_version SET version_num = '9999'")
+    code, said = run(head)
+    assert (code, "schema 9999, which is newer than this stilb" in said) == (OTHER_SCHEMA_EXIT, True)
 
 
 def test_a_head_that_is_none_is_refused(run):
