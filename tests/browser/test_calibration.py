@@ -263,8 +263,21 @@ def test_what_publishing_changes_is_seen_before_it_is_decided(night_page, night)
     settle(night_page)
     check_access(night_page)
     look(night_page, "calibration-publish")
+    # what was asked for another date, and comes later, is not shown over it
+    held = []
+
+    def hold(route):
+        held.append(route)
+
+    night_page.route("**/impact?at=2026-05-01*", hold)
+    dialog.get_by_label("In force from (UTC)").fill("2026-05-01T00:00")
+    dialog.get_by_label("Reason").click()
     dialog.get_by_label("In force from (UTC)").fill("2025-01-01T00:00")
     dialog.get_by_label("Reason").click()
+    expect(dialog).to_contain_text("Nothing is in force then")
+    with night_page.expect_response("**/impact?at=2026-05-01*"):
+        held.pop().continue_()
+    night_page.evaluate("() => new Promise((done) => setTimeout(done, 200))")
     expect(dialog).to_contain_text("Nothing is in force then")
     dialog.get_by_label("Until (UTC)").fill("2025-02-01T00:00")
     dialog.get_by_label("Reason").fill("a rehearsal")

@@ -2,7 +2,7 @@
 
 import { send } from "./api.js";
 import { fill, h, svg } from "./dom.js";
-import { failed } from "./states.js";
+import { begin, failed } from "./states.js";
 
 const MOST_TOLD = 3;
 const WHOLE = { x0: 0, x1: 1, y0: 0, y1: 1 };
@@ -17,14 +17,15 @@ const fit = (element) => Math.min(2000, Math.max(240, Math.round(element.clientW
  */
 export async function plot(element, path, drawn = () => {}, view = WHOLE, sent = null) {
   const again = (seen) => plot(element, path, drawn, seen, sent);
-  element.setAttribute("aria-busy", "true");
+  const isLast = begin(element);
   try {
     const width = fit(element);
     const answer = await send(sent ? "POST" : "GET", `${path}${path.includes("?") ? "&" : "?"}${new URLSearchParams({ width, ...view })}`, sent ?? {});
-    // nothing to draw: a card of its own goes, too
-    if (answer.status === 204) return void (element.closest(".plot-card") ?? element).remove();
     // its own styles are for those who save it; the page's policy forbids them
     const text = (await answer.text()).replace(/<style>.*?<\/style>/s, "");
+    if (!isLast()) return;
+    // nothing to draw: a card of its own goes, too
+    if (answer.status === 204) return void (element.closest(".plot-card") ?? element).remove();
     const chart = document.importNode(new DOMParser().parseFromString(text, "image/svg+xml").documentElement, true);
     chart.setAttribute("class", "chart");
     const { parts, note } = chart.dataset;
@@ -35,9 +36,9 @@ export async function plot(element, path, drawn = () => {}, view = WHOLE, sent =
     redraw(element, width, () => again(view));
     drawn(chart);
   } catch (error) {
-    fill(element, failed(error, () => again(view)));
+    if (isLast()) fill(element, failed(error, () => again(view)));
   } finally {
-    element.removeAttribute("aria-busy");
+    if (isLast()) element.removeAttribute("aria-busy");
   }
 }
 

@@ -2,18 +2,29 @@
 
 import { fill, h } from "./dom.js";
 
+const turns = new WeakMap();
+
+/** Begin to load a region anew. Answers whether that is still what was asked for last: what comes late is not shown over it. */
+export function begin(region) {
+  const turn = {};
+  turns.set(region, turn);
+  region.setAttribute("aria-busy", "true");
+  return () => turns.get(region) === turn;
+}
+
 /** Load, then draw what `draw(value)` gives; on a problem say it, with a button to try again. */
 export async function load(region, loader, draw) {
-  region.setAttribute("aria-busy", "true");
+  const isLast = begin(region);
   try {
-    const drawn = draw(await loader());
-    fill(region, drawn);
+    const value = await loader();
+    if (!isLast()) return false;
+    fill(region, draw(value));
     return true;
   } catch (error) {
-    fill(region, failed(error, () => load(region, loader, draw)));
+    if (isLast()) fill(region, failed(error, () => load(region, loader, draw)));
     return false;
   } finally {
-    region.removeAttribute("aria-busy");
+    if (isLast()) region.removeAttribute("aria-busy");
   }
 }
 
