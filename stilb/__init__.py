@@ -32,7 +32,8 @@ from stilb.records import (
     Rig,
     Session,
 )
-from stilb.upload import Progress, Upload
+from stilb.side_by_side import Progress
+from stilb.upload import Upload
 
 __all__ = [
     "AuditChain",

@@ -4,9 +4,7 @@ import base64
 import hashlib
 import json
 import os
-import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -16,11 +14,10 @@ from urllib.parse import urlsplit
 from stilb.details import Polygon
 from stilb.problem import UNREACHABLE, Problem
 from stilb.records import Frame
+from stilb.side_by_side import WHOLE_BYTES, FileCount, OnProgress, Tally, send_side_by_side
 from stilb.transport import Call, Transport, address
 
 _CHUNK_BYTES = 1 << 20
-_WHOLE_BYTES = 1 << 20
-"""A smaller file goes in one request; only if that is cut it is sent as what can go on."""
 _LARGEST_PIECE_BYTES, _SMALLEST_PIECE_BYTES = 16 << 20, 16 << 10
 _LONGEST_BACKOFF = 3
 """Doublings of the pause before the next piece."""
@@ -56,22 +53,8 @@ class Upload:
     sha256: str | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
-class Progress:
-    """How far a ``push`` is. Bytes go back to what has arrived when a connection is lost."""
-
-    filename: str
-    files_done: int
-    files_total: int
-    bytes_sent: int
-    bytes_total: int
-
-
-OnProgress = Callable[[Progress], None]
-
-
 def send_all(
-    transport: Transport, uploads: list[Upload], *, concurrency: int, on_progress: OnProgress | None
+    transport: Transport, uploads: list[Upload], *, concurrency: int | None, on_progress: OnProgress | None
 ) -> list[Frame]:
     """Send files side by side; frames come back in the order of ``uploads``.
 
@@ -82,11 +65,11 @@ def send_all(
 
 
 def send_each(
-    transport: Transport, uploads: list[Upload], *, concurrency: int, on_progress: OnProgress | None
+    transport: Transport, uploads: list[Upload], *, concurrency: int | None, on_progress: OnProgress | None
 ) -> list[Frame | Exception]:
     """The same, where a file that cannot be sent answers its error, and the others go on."""
 
-    def send(transport: Transport, upload: Upload, count: "_FileCount") -> Frame | Exception:
+    def send(transport: Transport, upload: Upload, count: FileCount) -> Frame | Exception:
         try:
             return _send(transport, upload, count)
         except OSError as error:
@@ -102,31 +85,21 @@ def send_each(
 def _side_by_side(
     transport: Transport,
     uploads: list[Upload],
-    send: "Callable[[Transport, Upload, _FileCount], Sent]",
+    send: Callable[[Transport, Upload, FileCount], Sent],
     *,
-    concurrency: int,
+    concurrency: int | None,
     on_progress: OnProgress | None,
 ) -> list[Sent]:
-    tally = _Tally(uploads, on_progress)
-    with ThreadPoolExecutor(max_workers=concurrency, thread_name_prefix="stilb-push") as pool:
-        futures = [
-            pool.submit(send, transport, upload, tally.file(index)) for index, upload in enumerate(uploads)
-        ]
-        try:
-            wait(futures, return_when=FIRST_EXCEPTION)
-        except BaseException:
-            transport.halt()  # somebody wants to stop now, not after the files that are on their way
-            raise
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
-    # A cancelled future has no error to tell; the one that caused it has.
-    for future in futures:
-        if not future.cancelled() and (error := future.exception()):
-            raise error
-    return [future.result() for future in futures]
+    tally = Tally([Path(upload.path) for upload in uploads], on_progress)
+    return send_side_by_side(
+        tally,
+        lambda index: send(transport, uploads[index], tally.file(index)),
+        at_once=concurrency,
+        stop=transport.halt,
+    )
 
 
-def _send(transport: Transport, upload: Upload, count: "_FileCount") -> Frame:
+def _send(transport: Transport, upload: Upload, count: FileCount) -> Frame:
     path = Path(upload.path)
     try:
         with path.open("rb") as file:
@@ -144,7 +117,7 @@ def _send(transport: Transport, upload: Upload, count: "_FileCount") -> Frame:
 
 def _send_whole(transport: Transport, call: Call, size_bytes: int) -> dict[str, Any] | None:
     """Send a small file in one request; None for a large one, and where the connection was cut."""
-    if size_bytes >= _WHOLE_BYTES:
+    if size_bytes >= WHOLE_BYTES:
         return None
     try:
         return transport.json(call)
@@ -156,7 +129,7 @@ def _send_whole(transport: Transport, call: Call, size_bytes: int) -> dict[str, 
 
 
 def _send_resumably(
-    transport: Transport, upload: Upload, path: Path, sha256: str, size_bytes: int, count: "_FileCount"
+    transport: Transport, upload: Upload, path: Path, sha256: str, size_bytes: int, count: FileCount
 ) -> dict[str, Any]:
     """Send a file from where the last connection was cut, as long as each brings it forward.
 
@@ -200,7 +173,7 @@ def _send_resumably(
     return transport.json(Call(method="GET", path=told["Content-Location"]))
 
 
-def _stream(path: Path, count: "_FileCount", offset: int, length: int) -> Iterator[bytes]:
+def _stream(path: Path, count: FileCount, offset: int, length: int) -> Iterator[bytes]:
     count.restart(offset)
     with path.open("rb") as file:
         file.seek(offset)
@@ -210,7 +183,7 @@ def _stream(path: Path, count: "_FileCount", offset: int, length: int) -> Iterat
             count.advance(len(chunk))
 
 
-def _call(upload: Upload, path: Path, sha256: str, size_bytes: int, count: "_FileCount") -> Call:
+def _call(upload: Upload, path: Path, sha256: str, size_bytes: int, count: FileCount) -> Call:
     return Call(
         method="POST",
         path=address("campaigns", upload.campaign_id, "frames"),
@@ -237,63 +210,3 @@ def _query(upload: Upload, path: Path) -> dict[str, str | float | None]:
         "f_number": upload.f_number,
         "iso": upload.iso,
     }
-
-
-class _Tally:
-    """Counts over all threads of one push, and reports to one listener, one report at a time."""
-
-    def __init__(self, uploads: list[Upload], on_progress: OnProgress | None) -> None:
-        self._lock = threading.Lock()
-        self._on_progress = on_progress
-        self._paths = [Path(upload.path) for upload in uploads]
-        # A file that has gone is the matter of whoever opens it.
-        self._bytes_total = sum(path.stat().st_size for path in self._paths if path.exists())
-        self._sent = [0] * len(uploads)
-        self._bytes_sent = 0
-        self._files_done = 0
-
-    def file(self, index: int) -> "_FileCount":
-        return _FileCount(self, index)
-
-    def set_sent(self, index: int, count: int) -> None:
-        with self._lock:
-            self._bytes_sent += count - self._sent[index]
-            self._sent[index] = count
-            self._report(index)
-
-    def finish(self, index: int) -> None:
-        with self._lock:
-            self._files_done += 1
-            self._report(index)
-
-    def _report(self, index: int) -> None:
-        if self._on_progress is None:
-            return
-        self._on_progress(
-            Progress(
-                filename=self._paths[index].name,
-                files_done=self._files_done,
-                files_total=len(self._paths),
-                bytes_sent=self._bytes_sent,
-                bytes_total=self._bytes_total,
-            )
-        )
-
-
-class _FileCount:
-    """One file's part of the tally; one thread at a time works on it."""
-
-    def __init__(self, tally: _Tally, index: int) -> None:
-        self._tally = tally
-        self._index = index
-        self._sent = 0
-
-    def restart(self, offset: int) -> None:
-        self._sent = offset
-
-    def advance(self, count: int) -> None:
-        self._sent += count
-        self._tally.set_sent(self._index, self._sent)
-
-    def finish(self) -> None:
-        self._tally.finish(self._index)

@@ -17,7 +17,7 @@ from rich.progress import (
 
 from stilb.field.push import Listener, Report
 from stilb.problem import Problem
-from stilb.upload import Progress as Sent
+from stilb.side_by_side import Progress as Sent
 
 
 class _Screen:

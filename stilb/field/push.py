@@ -12,7 +12,8 @@ from stilb.field.files import FieldFile
 from stilb.field.journal import Journal
 from stilb.problem import JobFailed
 from stilb.records import Frame, KnownFrame, Reason
-from stilb.upload import OnProgress, Upload
+from stilb.side_by_side import OnProgress
+from stilb.upload import Upload
 
 _UNREAD = frozenset({"not_read", "not_extracted"})
 _ORDER = ("pass", "warn", "fail", "pending")

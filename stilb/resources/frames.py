@@ -8,8 +8,9 @@ from stilb.connection import Connection
 from stilb.details import Polygon
 from stilb.records import Frame, KnownFrame
 from stilb.resources.campaigns import region
+from stilb.side_by_side import OnProgress
 from stilb.transport import address
-from stilb.upload import FrameDetails, OnProgress, PathLike, Upload, send_all, send_each
+from stilb.upload import FrameDetails, PathLike, Upload, send_all, send_each
 
 _MOST_HASHES = 1000  # in one question
 
@@ -68,13 +69,24 @@ class Frames(Connection):
         return frames[0] if one else frames
 
     def push_all(
-        self, items: Iterable[Upload], *, concurrency: int = 2, on_progress: OnProgress | None = None
+        self,
+        items: Iterable[Upload],
+        *,
+        concurrency: int | None = None,
+        on_progress: OnProgress | None = None,
     ) -> list[Frame]:
-        """Send many files side by side; see ``Upload``. Safe to call again with the same files."""
+        """Send many files side by side; see ``Upload``. Safe to call again with the same files.
+
+        ``concurrency`` files at once; by default two, and more of less than 1 MiB where the line is quick.
+        """
         return send_all(self._transport, list(items), concurrency=concurrency, on_progress=on_progress)
 
     def push_each(
-        self, items: Iterable[Upload], *, concurrency: int = 2, on_progress: OnProgress | None = None
+        self,
+        items: Iterable[Upload],
+        *,
+        concurrency: int | None = None,
+        on_progress: OnProgress | None = None,
     ) -> list[Frame | Exception]:
         """The same, but a file that is refused or cannot be read does not keep the others from going.
 

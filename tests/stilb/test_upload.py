@@ -7,6 +7,7 @@ import tracemalloc
 import pytest
 
 import stilb
+from stilb.side_by_side import Width
 
 FRAME = {
     "id": "f-1",
@@ -171,8 +172,41 @@ def test_the_first_failure_stops_the_rest(service, client, dng):
     for _ in range(20):
         service.will_answer(FRAME)
     with pytest.raises(stilb.Problem, match="not_a_raw_file"):
-        client.push_all([one] * 20, concurrency=1)
-    assert service.unsaid >= 18
+        client.push_all([one] * 20)
+    assert service.unsaid >= 16
+
+
+def test_small_files_widen_a_quick_line_alone():
+    width, small, large = Width(None), 250_000, 3 << 20
+
+    def fill(size):
+        count = 0
+        while width.has_room(size):
+            width.begin(size)
+            count += 1
+        return count
+
+    assert fill(small) == 2
+    for _ in range(30):
+        width.end(small, 0.2)
+        fill(small)
+    # sixteen of them are 4 MB
+    assert fill(small) == 0
+    for _ in range(16):
+        width.end(small, 0.2)
+    assert fill(large) == 2
+    assert not width.has_room(1)
+    for _ in range(2):
+        width.end(large, 20)
+    assert fill(1000) == 14
+    for _ in range(14):
+        width.end(1000, 1.5)
+    assert fill(1000) == 2
+    # who names a number gets it
+    width = Width(3)
+    assert fill(large) == 3
+    width.end(large, 0.1)
+    assert fill(1) == 1
 
 
 def test_nothing_to_push_is_no_error(client):

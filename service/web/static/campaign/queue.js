@@ -1,10 +1,13 @@
-// The files that the page was given: hashed, compared with what the service has, and sent two at a time meanwhile.
+// The files that the page was given: hashed, compared with what the service has, and sent meanwhile.
 
 import { post, send } from "../api.js";
 import { Journal } from "./journal.js";
-import { sendFile } from "./sender.js";
+import { WHOLE_BYTES, sendFile } from "./sender.js";
 
 const AT_ONCE = 2;
+/** Small files, on a line that carries each within a second. A browser has six connections, and the page asks meanwhile. */
+const MOST_AT_ONCE = 5;
+const QUICK_MS = 1000;
 const LONGEST_PAUSE_MS = 30000;
 const STALLED_MS = 30000;
 /** A service that is not there cannot be overrun; once it is back, it is found soon. */
@@ -26,6 +29,7 @@ export class UploadQueue extends EventTarget {
     this.journal = new Journal(state.id);
     this.moved = [];
     this.refusal = null;
+    this.width = AT_ONCE; // so many small files at once
     this.accepted = new Set(); // codes of refusals despite which the rest is sent
     addEventListener("online", () => this.retryNow());
     // a phone that has slept does not know which of its connections still lead anywhere
@@ -130,22 +134,28 @@ export class UploadQueue extends EventTarget {
   }
 
   pump() {
-    while (this.items.filter((item) => item.state === "sending").length < AT_ONCE) {
-      const next = this.items.find((item) => item.state === "waiting");
-      if (!next) break;
+    const sending = this.items.filter((item) => item.state === "sending");
+    for (const next of this.items) {
+      if (next.state !== "waiting") continue;
+      const small = [...sending, next].every((item) => item.size < WHOLE_BYTES);
+      if (sending.length >= (small ? this.width : AT_ONCE)) break;
+      sending.push(next);
       this.sendOne(next);
     }
     this.changed();
   }
 
   async sendOne(item) {
-    Object.assign(item, { state: "sending", movedAt: Date.now() });
+    const begunAt = Date.now();
+    Object.assign(item, { state: "sending", movedAt: begunAt });
     item.abort = new AbortController();
     try {
       const frame = await sendFile(this.path, item, { signal: item.abort.signal, onProgress: (bytes) => this.progress(item, bytes), onBegun: () => this.journal.note(item) });
       this.progress(item, item.size);
       Object.assign(item, { state: "sent", frameId: frame.id, attempts: 0 });
       this.lostSince = undefined;
+      // of a line that breaks, what it carries in a second may be lost
+      this.width = Date.now() - begunAt < QUICK_MS ? Math.min(this.width + 1, MOST_AT_ONCE) : AT_ONCE;
       await this.journal.remove(item.key);
       this.dispatchEvent(new Event("sent"));
     } catch (error) {
@@ -164,6 +174,7 @@ export class UploadQueue extends EventTarget {
       return;
     }
     item.state = "retrying";
+    this.width = AT_ONCE;
     if (error.code === "offline") this.lostSince ??= Date.now();
     item.attempts = (item.attempts ?? 0) + 1;
     const pause = Math.min(1000 * 2 ** (item.attempts - 1), error.code === "offline" ? LONGEST_OFFLINE_MS : LONGEST_PAUSE_MS);

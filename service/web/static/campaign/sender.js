@@ -3,7 +3,7 @@
 import { Problem, isRenewed, newOnce } from "../api.js";
 
 /** A smaller file is sent again whole. */
-const WHOLE_BYTES = 1 << 20;
+export const WHOLE_BYTES = 1 << 20;
 const TUS = { "Tus-Resumable": "1.0.0" };
 
 /**
