@@ -114,9 +114,9 @@ def _summarise(operation: Node) -> None:
 
 
 def _add_body_problems(operation: Node) -> None:
-    """Any body may be unreadable or too large."""
+    """Any body may be unreadable, too large or compressed."""
     if "requestBody" in operation:
-        for status in (400, 413):
+        for status in (400, 413, 415):
             operation["responses"].setdefault(str(status), problems(status)[status])
 
 

@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import PurePosixPath
+from typing import Final
 
 from fastapi import Response
 from sqlalchemy.orm import Session
@@ -23,6 +25,10 @@ from store.queries.frames import NewFrame, find_or_add_frames, require_role
 from store.queries.known import find_known
 from store.tables import Campaign
 from store.usage import QuotaExceeded, check_room, recount_if_old
+
+_LONGEST_NAME: Final = 255
+"""As on file systems, some of which count bytes."""
+_LONGEST_EXTENSION: Final = 20
 
 
 @dataclass(frozen=True)
@@ -125,6 +131,13 @@ def _add_frames(caller: Caller, session: Session, arrivals: Sequence[_Arrival]) 
 
 
 def _plain_name(filename: str) -> str:
-    """The last part of a path, without control characters: a name is data, never an address."""
-    name = "".join(c for c in filename.replace("\\", "/").rpartition("/")[2] if c.isprintable())[:200]
+    """The last part of a path, without control characters: a name is data, never an address.
+
+    Of one that is longer than file systems take, the end of the stem is left out.
+    """
+    name = "".join(c for c in filename.replace("\\", "/").rpartition("/")[2] if c.isprintable())
+    if len(name) > _LONGEST_NAME:
+        suffix = PurePosixPath(name).suffix
+        extension = suffix if len(suffix) <= _LONGEST_EXTENSION else ""
+        name = name[: _LONGEST_NAME - len(extension)] + extension
     return name if name.strip(". ") else "unnamed"

@@ -10,6 +10,7 @@ from typing import Annotated, Final
 
 from fastapi import Depends, Header, Request, Response
 from pydantic import ValidationError
+from pydantic.config import JsonDict
 
 from radiometry.findings import interface
 from service.problems import Problem, invalid, located
@@ -24,6 +25,8 @@ PIECES: Final = ("application/offset+octet-stream", "application/partial-upload"
 """Media types of a piece: of tus, and of the IETF's draft."""
 _OF_BROWSERS: Final = frozenset({"name", "type", "filetype", "relativePath"})
 """What uploaders of browsers say of any file."""
+_COUNT: Final = r"^[0-9]{1,15}$"
+_COUNTED: Final[JsonDict] = {"pattern": _COUNT}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,13 +36,18 @@ class UploadHeaders:
     tus_version: Annotated[str | None, Header(alias="Tus-Resumable", description="`1.0.0`, of tus.")] = None
     complete: Annotated[
         str | None,
-        Header(alias="Upload-Complete", description="Of the IETF's draft: `?1` with the last byte."),
+        Header(
+            alias="Upload-Complete",
+            pattern=r"^\?[01]$",
+            description="Of the IETF's draft: `?1` with the last byte, `?0` before.",
+        ),
     ] = None
     offset: Annotated[
         str | None,
         Header(
             alias="Upload-Offset",
             description="Where the piece begins [bytes], in digits; needed with a piece.",
+            json_schema_extra=_COUNTED,
         ),
     ] = None
     length: Annotated[
@@ -47,6 +55,7 @@ class UploadHeaders:
         Header(
             alias="Upload-Length",
             description="Size of the whole file [bytes], in digits; needed unless the body is all of it.",
+            json_schema_extra=_COUNTED,
         ),
     ] = None
     metadata: Annotated[
@@ -62,6 +71,7 @@ class UploadHeaders:
         Header(
             alias="Upload-Checksum",
             description="`sha256` and the piece's digest in Base64: it is kept whole or not at all.",
+            json_schema_extra={"pattern": "^sha256 [A-Za-z0-9+/]{43}=$"},
         ),
     ] = None
     media_type: Annotated[str, Header(alias="Content-Type", include_in_schema=False)] = ""
@@ -94,7 +104,7 @@ def check_protocol(headers: UploadHeaders) -> None:
 
 def read_count(text: str | None, name: str) -> int:
     """Read a count of bytes."""
-    if text is None or re.fullmatch(r"\d{1,15}", text, re.ASCII) is None:
+    if text is None or re.fullmatch(_COUNT, text) is None:
         raise invalid([{"type": "upload", "loc": ("header", name), "msg": "must be a count of bytes"}])
     return int(text)
 

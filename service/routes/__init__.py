@@ -17,7 +17,7 @@ _MEANINGS = {
     412: "The request speaks another protocol than the service does.",
     413: "The body is too large.",
     500: "The stored file is damaged or missing; the same upload heals it.",
-    415: "The body has another media type than is taken here.",
+    415: "The body has another media type than is taken here, or it is compressed (`content_encoded`).",
     416: "The range lies behind the end of the file.",
     422: "A field is wrong, or what was sent cannot be used; the problem says what and why.",
     429: "Too much at once, or more than your organisation may have; wait as `Retry-After` says.",

@@ -207,7 +207,7 @@ def test_what_can_go_wrong_is_documented(operations):
         if "{" in name:
             assert 404 in statuses, name
         if "requestBody" in operation:
-            assert {400, 413} <= statuses, name
+            assert {400, 413, 415} <= statuses, name
 
 
 def test_headers_and_links_are_stated(document):
