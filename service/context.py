@@ -60,7 +60,7 @@ class Context:
 
     @cached_property
     def presses(self) -> CapacityLimiter:
-        """How many certificates are made at once, in threads that no other request waits for."""
+        """How many certificates and plots are made at once, in threads that no other request waits for."""
         return CapacityLimiter(2)
 
     @cached_property

@@ -1,9 +1,11 @@
 """Look-up of a row by an id in an address: rows of other organisations do not exist for the caller."""
 
+from collections.abc import Sequence
 from typing import Annotated, TypeVar
 
 from fastapi import Path
 from sqlalchemy.orm import Session
+from sqlalchemy.orm.interfaces import ORMOption
 
 from service.auth import Caller
 from service.problems import not_found
@@ -54,12 +56,21 @@ _WORDS: dict[type[Base], str] = {
 
 
 def owned(
-    session: Session, table: type[Row], row_id: str, caller: Caller, *, for_update: bool = False
+    session: Session,
+    table: type[Row],
+    row_id: str,
+    caller: Caller,
+    *,
+    for_update: bool = False,
+    options: Sequence[ORMOption] = (),
 ) -> Row:
-    """Return the caller's row with this id, locked for whoever changes what it holds; 404 otherwise."""
+    """Return the caller's row with this id, locked for whoever changes what it holds; 404 otherwise.
+
+    ``options`` : columns that are read, where the row is large
+    """
     # ids are plain ASCII; PostgreSQL cannot even be asked for a NUL
     is_id = row_id.isascii() and row_id.isprintable()
-    row = session.get(table, row_id, with_for_update=for_update or None) if is_id else None
+    row = session.get(table, row_id, options=options, with_for_update=for_update or None) if is_id else None
     if row is None or _organisation_of(session, row) != caller.organisation_id:
         raise not_found(_WORDS[table])
     return row

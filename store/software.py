@@ -18,6 +18,10 @@ EXTRACTOR = "extract-3"
 """Of the decoder and the statistics. Part of an extraction's key."""
 
 
+RENDERER = "render-1"
+"""Of how certificates, reports and plots are laid out and drawn. A kept file of another is rendered again."""
+
+
 @cache
 def read_version() -> str:
     """Return the version of the product: in `pyproject.toml` of a checkout, else of the installed package."""

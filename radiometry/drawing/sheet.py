@@ -8,9 +8,6 @@ from radiometry.drawing.chart import STYLE, draw_figure, place_figure
 from radiometry.drawing.figure import Figure
 from radiometry.drawing.svg import document
 
-VERSION: Final = 2
-"""Of how sheets are drawn: the same figures drawn otherwise are another picture."""
-
 _COLUMNS: Final = 3
 _LEFT_PX, _GAP_PX, _RIGHT_PX, _TOP_PX, _BELOW_PX = 64, 82, 42, 44, 4
 

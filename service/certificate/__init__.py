@@ -1,10 +1,8 @@
-"""The certificate of a calibration, or of a rig: one document, given as JSON and typeset as PDF."""
+"""The certificate of a calibration, or of a rig: one document, whose pages service/press sets."""
 
 from service.certificate.dataset import describe_dataset
 from service.certificate.dcc import write_dcc
 from service.certificate.document import build_certificate
-from service.certificate.pages import lay_out
-from service.certificate.pdf import draw_region, find_pdf, render_pdf
 from service.certificate.publishing import warn_of_gaps
 from service.certificate.report import lay_out_report
 from service.certificate.rig import build_rig_certificate, lay_out_rig
@@ -13,12 +11,8 @@ __all__ = [
     "build_certificate",
     "build_rig_certificate",
     "describe_dataset",
-    "draw_region",
-    "find_pdf",
-    "lay_out",
     "lay_out_report",
     "lay_out_rig",
-    "render_pdf",
     "warn_of_gaps",
     "write_dcc",
 ]

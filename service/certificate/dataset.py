@@ -1,6 +1,6 @@
 """The certificate as a schema.org Dataset with Dublin Core terms, for catalogues of research data."""
 
-from service.certificate.sheet import Node
+from service.press.sheet import Node
 
 _FORMS = {"certificate.json": "application/json", "certificate.pdf": "application/pdf"}
 

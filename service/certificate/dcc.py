@@ -6,8 +6,8 @@ from typing import Final
 
 from radiometry.frame.xmp import FORBIDDEN_IN_XML
 from radiometry.methods import get_method
-from service.certificate.pages import STAMPS
-from service.certificate.sheet import Node, write_json
+from service.press.pages import STAMPS
+from service.press.sheet import Node, write_json
 
 _VERSION: Final = "3.1.2"
 _UNKNOWN: Final = "not recorded"

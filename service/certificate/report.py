@@ -6,8 +6,8 @@ from typing import Any, Final
 
 from radiometry.drawing.text import in_step, write_exposure, write_unit
 from radiometry.methods.findings import FINDINGS
-from service.certificate.figures import percent, plain, stamp
-from service.certificate.sheet import Node, table
+from service.press.figures import percent, plain, stamp
+from service.press.sheet import Node, table
 from store.queries.calibrations import VersionStatus
 from store.tables import Calibration, Camera
 

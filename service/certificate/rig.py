@@ -9,11 +9,11 @@ from typing import Any
 from radiometry.drawing.text import in_step, write_unit
 from radiometry.methods.findings import FINDINGS
 from service.certificate.document import build_certificate
-from service.certificate.figures import plain, stamp
-from service.certificate.general import LEGEND, tabulate_points
-from service.certificate.pages import STAMPS, list_flag, list_software, list_work
-from service.certificate.sheet import Node, facts, section, table, write_json
 from service.certificate.words import EXPANDED, RELATES, WHOLE
+from service.press.figures import plain, stamp
+from service.press.general import LEGEND, tabulate_points
+from service.press.pages import STAMPS, list_flag, list_software, list_work
+from service.press.sheet import Node, facts, section, table, write_json
 from service.schemas.certificates import FlagInWords
 from service.schemas.rigs import (
     CertifiedCamera,

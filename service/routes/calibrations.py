@@ -1,16 +1,18 @@
 """Fits, versions and what is decided of them."""
 
 import hashlib
+import json
 from dataclasses import replace
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
+from anyio import to_thread
 from fastapi import APIRouter, Query, Request, Response
 from pydantic import ValidationError
 from sqlalchemy import Select, select
-from sqlalchemy.orm import Session
+from sqlalchemy.orm import Session, load_only
+from starlette.concurrency import run_in_threadpool
 
 from radiometry import methods
-from radiometry.drawing import sheet
 from radiometry.findings import interface
 from radiometry.fitting.evidence import Exclusion
 from service.auth import Calibrator, Caller, Publisher, Reader
@@ -20,6 +22,8 @@ from service.context import UsesContext
 from service.immutable import immutable_headers, not_modified, standing_headers
 from service.lookup import Id, owned
 from service.paging import Page, Paging, UsesPaging
+from service.press.kept import find_rendered, name_source, render_and_keep
+from service.press.orders import order_plot, write_order
 from service.problems import Problem, invalid, located
 from service.routes import problems, sends_file
 from service.schemas.calibrations import IN_FORCE, CalibrationAnswer, NewPublication, NewRevocation, State
@@ -39,6 +43,8 @@ from store.queries.flight import list_flight
 from store.tables import Calibration, Camera, Campaign, Panel
 
 router = APIRouter(prefix="/v1", tags=["calibrations"])
+
+_NARROW: Final = load_only(Calibration.organisation_id, Calibration.campaign_id, Calibration.method)
 
 
 @router.post(
@@ -152,7 +158,9 @@ def get_points_csv(calibration_id: Id, request: Request, caller: Reader, context
     response_class=Response,
     responses=sends_file("image/svg+xml"),
 )
-def get_plot_svg(calibration_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
+async def get_plot_svg(
+    calibration_id: Id, request: Request, caller: Reader, context: UsesContext
+) -> Response:
     """The result drawn, each method its own way.
 
     Luminance: signal against X and residuals, a row per ISO value. Reflectance: K per band, and each band's K
@@ -161,18 +169,25 @@ def get_plot_svg(calibration_id: Id, request: Request, caller: Reader, context: 
     distortion, where corners were seen, each view's error. Noise: photon transfer, signal to noise,
     linearity.
     """
-    with context.database.reading() as session:
-        calibration = owned(session, Calibration, calibration_id, caller)
-        flight = [at.isoformat() for at in list_flight(session, calibration)]
-    spec = methods.get_method(calibration.method)
-    tag = f"{calibration.content_sha256}-plot-{sheet.VERSION}"
-    headers = immutable_headers(tag)
-    if spec.draws_flight:
-        tag += hashlib.sha256("".join(flight).encode()).hexdigest()[:16]
-        headers = standing_headers(tag)
-    return not_modified(request, tag, headers) or Response(
-        spec.draw(calibration.result | {"flight": flight}), headers=headers, media_type="image/svg+xml"
-    )
+
+    def find() -> tuple[str, str, list[str], bytes | None]:
+        with context.database.reading() as session:
+            version = owned(session, Calibration, calibration_id, caller, options=[_NARROW])
+            flight = [at.isoformat() for at in list_flight(session, version)]
+        source = name_source(json.dumps(["plot", version.id, flight]).encode())
+        return version.method, source, flight, find_rendered(context, source)
+
+    def draw() -> bytes:
+        with context.database.reading() as session:
+            result = session.scalars(select(Calibration.result).where(Calibration.id == calibration_id)).one()
+        order = order_plot(method, result | {"flight": flight})
+        return render_and_keep(context, source, write_order(order))
+
+    method, source, flight, kept = await run_in_threadpool(find)
+    svg = await to_thread.run_sync(draw, limiter=context.presses) if kept is None else kept
+    tag = hashlib.sha256(svg).hexdigest()
+    headers = standing_headers(tag) if methods.get_method(method).draws_flight else immutable_headers(tag)
+    return not_modified(request, tag, headers) or Response(svg, headers=headers, media_type="image/svg+xml")
 
 
 @router.post(

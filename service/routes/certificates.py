@@ -11,13 +11,16 @@ from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
 from service.auth import Caller, Reader
-from service.certificate import build_certificate, describe_dataset, draw_region, find_pdf, lay_out, write_dcc
-from service.certificate.sheet import Node, write_json
+from service.certificate import build_certificate, describe_dataset, write_dcc
 from service.context import Context, UsesContext
 from service.hosts import absolute
 from service.immutable import not_modified, standing_headers
 from service.lookup import Id, owned
 from service.messages import COUNTRY
+from service.press.kept import find_rendered, name_source, render_and_keep
+from service.press.orders import Order, order_certificate, write_order
+from service.press.regions import draw_region
+from service.press.sheet import Node, write_json
 from service.problems import Problem
 from service.routes import UNCHANGED, problems, sends_file, sends_stored_file
 from service.schemas.base import Form
@@ -59,12 +62,13 @@ async def get_certificate_pdf(
     A table of more than 200 rows ends with a sentence that says so; certificate.json holds all of them.
     """
 
-    def lay() -> Node:
+    def order() -> tuple[str, Order]:
         with context.database.reading() as session:
             record = _gather(context, session, calibration_id, caller)
-        return lay_out(build_certificate(record).dump(), _draw_preview(record, context.files))
+        certificate = build_certificate(record).dump()
+        return certificate["number"], order_certificate(certificate, _draw_preview(record, context.files))
 
-    return await send_certificate_pdf(request, context, lay)
+    return await send_pdf(request, context, order)
 
 
 @router.get("/certificate.xml", response_class=Response, responses=sends_file("application/xml"))
@@ -105,14 +109,17 @@ def send_certificate_json(request: Request, certificate: Node) -> Response:
     return _answer(request, write_json(certificate).encode(), "application/json")
 
 
-async def send_certificate_pdf(request: Request, context: Context, lay: Callable[[], Node]) -> Response:
-    """Send a certificate on paper, named by its number; few are made at once, and the others wait."""
+async def send_pdf(request: Request, context: Context, order: Callable[[], tuple[str, Order]]) -> Response:
+    """Send what is ordered, named by its number; few are made at once, and the others wait."""
 
     def make() -> Response:
-        sheets = lay()
-        name = "".join(c if c.isascii() and (c.isalnum() or c in "-_.") else "_" for c in sheets["number"])
+        number, ordered = order()
+        name = "".join(c if c.isascii() and (c.isalnum() or c in "-_.") else "_" for c in number)
         headers = {"Content-Disposition": f'inline; filename="{name}.pdf"'}
-        return _answer(request, find_pdf(context, sheets), "application/pdf", headers)
+        written = write_order(ordered)
+        source = name_source(written)
+        pdf = find_rendered(context, source) or render_and_keep(context, source, written)
+        return _answer(request, pdf, "application/pdf", headers)
 
     return await to_thread.run_sync(make, limiter=context.presses)
 

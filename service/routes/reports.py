@@ -10,17 +10,18 @@ from radiometry.methods import get_method
 from radiometry.specification.application import SurfaceApplication
 from service.auth import Caller, Reader
 from service.cells import list_outlines
-from service.certificate import draw_region, lay_out_report
+from service.certificate import lay_out_report
 from service.certificate.report import Reported
-from service.certificate.sheet import Node
 from service.context import Context, UsesContext
 from service.lookup import Id, owned
 from service.map_tools import open_map
 from service.measurements import answer_measurements
+from service.press.orders import Order, order_sheets
+from service.press.regions import draw_region
 from service.problems import Problem
 from service.report_figures import draw_readings
 from service.routes import sends_stored_file
-from service.routes.certificates import send_certificate_pdf
+from service.routes.certificates import send_pdf
 from store.files import Files
 from store.queries.calibrations import read_version_statuses
 from store.tables import Calibration, Camera, Campaign, FrameRow, Measurement, Organisation
@@ -40,7 +41,7 @@ async def get_measurement_report(
     preview. Long tables end with a sentence that says so.
     """
 
-    def lay() -> Node:
+    def order() -> tuple[str, Order]:
         readings = _read_map(context, measurement_id, caller)
         with context.database.reading() as session:
             row = owned(session, Measurement, measurement_id, caller)
@@ -63,9 +64,11 @@ async def get_measurement_report(
                 has_map=row.map_png_sha256 is not None,
                 readings=readings,
             )
-            return lay_out_report(answer_measurements(session, [row])[0].dump(), reported)
+            return row.id, order_sheets(
+                lay_out_report(answer_measurements(session, [row])[0].dump(), reported)
+            )
 
-    return await send_certificate_pdf(request, context, lay)
+    return await send_pdf(request, context, order)
 
 
 def _read_map(context: Context, measurement_id: str, caller: Caller) -> tuple[str, str] | None:

@@ -17,9 +17,10 @@ from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.lookup import Id, owned
 from service.paging import Listing, Page, page_own
+from service.press.orders import Order, order_sheets
 from service.problems import Problem, invalid
 from service.routes import problems, sends_file
-from service.routes.certificates import send_certificate_json, send_certificate_pdf
+from service.routes.certificates import send_certificate_json, send_pdf
 from service.schemas.base import PositiveText, Text
 from service.schemas.rigs import NewRig, RigAnswer, RigCertificateAnswer, RigFile, RigOrientationAnswer
 from store.queries.calibration_record import read_calibration_record
@@ -159,9 +160,12 @@ async def get_rig_certificate_pdf(
     judging: Judging,
 ) -> Response:
     """The certificate of a rig on paper (PDF/A-3), with its certificate.json attached."""
-    return await send_certificate_pdf(
-        request, context, lambda: lay_out_rig(_certify(rig_id, caller, context, judging))
-    )
+
+    def order() -> tuple[str, Order]:
+        certificate = _certify(rig_id, caller, context, judging)
+        return certificate["number"], order_sheets(lay_out_rig(certificate))
+
+    return await send_pdf(request, context, order)
 
 
 def _certify(rig_id: str, caller: Caller, context: UsesContext, judging: _Judged) -> dict[str, Any]:

@@ -78,11 +78,11 @@ class SmallPreview(Base):
 
 
 class Rendering(Base):
-    """A certificate as it was typeset: the same content is typeset once."""
+    """A certificate, a report or a version's plot as it was rendered: the same content is rendered once."""
 
     __tablename__ = "rendering"
 
     source_sha256: Mapped[str] = mapped_column(String(64), primary_key=True)
-    """Of all that goes in: content, picture, template and typesetter."""
+    """Of all that goes in, and of how it is rendered."""
     sha256: Mapped[str] = mapped_column(ForeignKey("blob.sha256"))
     created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)

@@ -11,7 +11,7 @@ import pytest
 from radiometry.findings import gaps
 from radiometry.methods.findings import FINDINGS
 from service.certificate.gaps import list_gaps
-from service.certificate.pages import lay_out
+from service.press.pages import lay_out
 from service.schemas.certificates import CertificateAnswer
 from tests.support.campaigns import LEVELS, ROI, SETTINGS, calibrate, calibrated_campaign
 from tests.support.certificates import METER, WORK, certificate_of, complete_version

@@ -10,7 +10,11 @@ import pypdf
 import pytest
 
 from radiometry.drawing.text import in_step
-from service.certificate import draw_region, find_pdf, lay_out, render_pdf
+from service.press.kept import find_rendered, name_source, render_and_keep, render_apart
+from service.press.orders import order_certificate, write_order
+from service.press.pages import lay_out
+from service.press.regions import draw_region
+from service.press.typesetter import typeset
 from tests.support.certificates import certificate_of, complete_version
 
 pytestmark = pytest.mark.either_database
@@ -128,7 +132,7 @@ def test_a_change_of_any_result_shows_on_paper(printed):
     changed = copy.deepcopy(certificate)
     changed["result"]["iso_fits"][0]["coefficient"]["luminance_k"] = 77.77
     assert "77.77" not in "".join(pages)
-    assert "77.77" in read(render_pdf(lay_out(changed, "")))[0]
+    assert "77.77" in read(typeset(lay_out(changed, "")))[0]
 
 
 @alone
@@ -138,7 +142,7 @@ def test_tables_go_on_over_pages_with_their_heads_and_long_names_stay_inside(cer
         frame | {"frame": f"{'N' * 60}-{i}.DNG"} for i in range(4) for frame in certificate["frames"]
     ]
     long["meters"][0]["serial"] = "S" * 80
-    pages = read(render_pdf(lay_out(long, "")))
+    pages = read(typeset(lay_out(long, "")))
     with_frames = [page for page in pages if "NNNNNNNNNN" in page]
     assert len(with_frames) > 3
     for page in with_frames:
@@ -151,8 +155,8 @@ def test_tables_go_on_over_pages_with_their_heads_and_long_names_stay_inside(cer
 
 @alone
 def test_the_same_certificate_gives_the_same_bytes_of_pdf_a_3(certificate):
-    pdf = render_pdf(lay_out(certificate, ""))
-    assert pdf == render_pdf(lay_out(copy.deepcopy(certificate), ""))
+    pdf = typeset(lay_out(certificate, ""))
+    assert pdf == render_apart(write_order(order_certificate(certificate, "")))
     reader = pypdf.PdfReader(io.BytesIO(pdf))
     root = reader.trailer["/Root"]
     metadata = root["/Metadata"].get_data()
@@ -183,20 +187,27 @@ def test_a_long_table_is_cut_with_a_sentence_and_the_json_is_whole(certificate):
 
 
 @alone
-def test_a_certificate_is_set_once_and_again_if_its_file_is_lost(house, certificate, monkeypatch):
-    sheets, set_pages = lay_out(certificate, ""), []
+def test_a_file_is_rendered_once_and_again_if_it_is_lost(house, monkeypatch):
+    rendered = []
     monkeypatch.setattr(
-        "service.certificate.pdf.render_pdf", lambda _: set_pages.append(1) or b"%PDF" + bytes(set_pages)
+        "service.press.kept.render_apart", lambda _: rendered.append(1) or b"%PDF" + bytes(rendered)
     )
     context = house.app.state.context
-    first = find_pdf(context, sheets)
-    assert find_pdf(context, sheets) == first
-    assert find_pdf(context, sheets | {"number": "another"}) != first
+
+    def find(content):
+        source = name_source(content)
+        return find_rendered(context, source) or render_and_keep(context, source, content)
+
+    first = find(b"a")
+    assert find(b"a") == first
+    assert find(b"b") != first
     for path in (house.folder / "blobs").rglob("*"):
         if path.is_file():
             path.unlink()
-    assert find_pdf(context, sheets) == b"%PDF" + bytes([1, 1, 1])
-    assert len(set_pages) == 3
+    assert find(b"a") == b"%PDF" + bytes([1, 1, 1])
+    assert len(rendered) == 3
+    monkeypatch.setattr("service.press.kept.RENDERER", "another")
+    assert find_rendered(context, name_source(b"a")) is None
 
 
 @alone
@@ -204,14 +215,14 @@ def test_words_are_text_and_never_markup(certificate):
     hostile = '#eval("1") *bold* $x$ <b> \\ "quoted" #include "/etc/passwd"'
     certificate["work"]["place"] = hostile
     certificate["checklist"]["items"][0]["note"] = hostile
-    text = "".join("".join(read(render_pdf(lay_out(certificate, "")))).split())
+    text = "".join("".join(read(typeset(lay_out(certificate, "")))).split())
     assert text.count("".join(hostile.split())) == 2
 
 
 @alone
 def test_a_name_that_no_font_can_show_is_printed_without_it(certificate):
     certificate["work"]["place"] = "Gate \U00074823"
-    assert "Gate" in "".join(read(render_pdf(lay_out(certificate, ""))))
+    assert "Gate" in "".join(read(typeset(lay_out(certificate, ""))))
 
 
 def test_the_region_is_drawn_where_it_lies():

@@ -10,8 +10,10 @@ from jsonschema import Draft202012Validator
 
 from radiometry import methods
 from radiometry.fitting.curve import coverage_factor
-from service.certificate import dcc, lay_out, render_pdf, write_dcc
+from service.certificate import dcc, write_dcc
 from service.certificate.gaps import list_gaps
+from service.press.pages import lay_out
+from service.press.typesetter import typeset
 from service.schemas.certificates import CertificateAnswer
 from tests.support.campaigns import calibrate
 from tests.support.certificates import certificate_of
@@ -221,7 +223,7 @@ def test_what_people_wrote_on_any_sheet_is_text_and_never_markup(certificate_by)
     hostile = '#eval("1") *bold* $x$ <b> \\ "quoted"'
     certificate["panels"][0]["serial"] = hostile
     certificate["frames"][0]["frame"] = hostile
-    reader = pypdf.PdfReader(io.BytesIO(render_pdf(lay_out(certificate, ""))))
+    reader = pypdf.PdfReader(io.BytesIO(typeset(lay_out(certificate, ""))))
     text = "".join("".join(page.extract_text().replace("\u200b", "").split()) for page in reader.pages)
     assert text.count("".join(hostile.split())) == 2
 

@@ -12,8 +12,9 @@ from jsonschema import Draft202012Validator
 from PIL import Image
 
 from radiometry.drawing.text import in_step
-from service.certificate import find_pdf, render_pdf
 from service.certificate.report import tabulate_cells, tabulate_flags
+from service.press.orders import order_sheets
+from service.press.typesetter import typeset
 from store.tables import FrameRow
 from tests.support.blobs import zero
 from tests.support.campaigns import K_TRUE, ROI, calibrate, calibrated_campaign, published_campaign
@@ -159,8 +160,8 @@ def check_report(house, found):
     with pytest.MonkeyPatch.context() as patch:
         laid = []
         patch.setattr(
-            "service.routes.certificates.find_pdf",
-            lambda context, sheets: laid.append(sheets) or find_pdf(context, sheets),
+            "service.routes.reports.order_sheets",
+            lambda sheets: laid.append(sheets) or order_sheets(sheets),
         )
         answer = house.http.get(path)
     assert (answer.status_code, answer.headers["Content-Type"]) == (200, "application/pdf")
@@ -176,7 +177,7 @@ def check_report(house, found):
         grid = found["grid"] | {"rows": rows, "columns": columns, "cells": [[cell] * columns] * rows}
         cells = tabulate_cells(grid)
         flags = tabulate_flags([{"flag": "roi_elsewhere", "where": "", "detail": "long " * 60}] * 8)
-        assert len(read_pages(render_pdf(laid[0] | {"cells": cells, "flags": flags}))) == 2
+        assert len(read_pages(typeset(laid[0] | {"cells": cells, "flags": flags}))) == 2
     assert "16 of 40 rows and 16 of 30 columns" in cells["caption"]
 
 

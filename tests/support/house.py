@@ -3,6 +3,7 @@
 import atexit
 from contextlib import ExitStack
 from pathlib import Path
+from unittest.mock import patch
 
 from fastapi import FastAPI
 from starlette.testclient import TestClient
@@ -12,6 +13,7 @@ from service.auth import SCOPES
 from service.context import Context
 from service.health import Health
 from service.job_watch import JobWatch
+from service.press.rendering import render
 from service.sessions import Sessions
 from service.shutdown import Traffic
 from store.blobs import LocalBlobs
@@ -66,6 +68,8 @@ class House:
             health=Health(self.database, self.blobs),
         )
         context.traffic.metrics.totals_every_s = 0.0
+        # a process for each picture takes longer than the picture
+        self._stack.enter_context(patch("service.press.kept.render_apart", render))
         self.app = _idle_apps.pop() if _idle_apps else build_app(context)
         self.app.state.context = context
         self._stack.callback(_idle_apps.append, self.app)

@@ -8,9 +8,9 @@ from radiometry.drawing.text import in_step, write_unit
 from radiometry.methods import get_method
 from radiometry.specification.certificate import Column
 from radiometry.specification.method import MethodSpec
-from service.certificate.figures import optional, percent, plain
-from service.certificate.regions import region_blocks
-from service.certificate.sheet import Node, facts, figure, flow, section, table
+from service.press.figures import optional, percent, plain
+from service.press.regions import region_blocks
+from service.press.sheet import Node, facts, figure, flow, section, table
 
 LEGEND = (
     "u: standard uncertainty. U = k u: expanded uncertainty. k: coverage factor (95 %). dof: effective "

@@ -6,11 +6,11 @@ per ISO value has pages of its own; all others share theirs.
 
 from radiometry.drawing.text import in_step, write_unit
 from radiometry.methods import get_method
-from service.certificate import general
-from service.certificate.evidence import evidence_sections
-from service.certificate.figures import degrees, expanded, percent, plain, stamp
-from service.certificate.results import result_sections
-from service.certificate.sheet import Node, facts, flow, section, table, write_json
+from service.press import general
+from service.press.evidence import evidence_sections
+from service.press.figures import degrees, expanded, percent, plain, stamp
+from service.press.results import result_sections
+from service.press.sheet import Node, facts, flow, section, table, write_json
 
 STAMPS = {
     "draft": "Draft: not authorised",

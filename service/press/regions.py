@@ -1,10 +1,12 @@
 """The regions in which the frames were measured, as numbers and drawn."""
 
+import base64
 from collections import defaultdict
+from collections.abc import Sequence
 from typing import Final
 
-from service.certificate.figures import plain
-from service.certificate.sheet import Node, figure, table
+from service.press.figures import plain
+from service.press.sheet import Node, figure, table
 
 _FOUND: Final = {
     "code": "found by the code of",
@@ -41,3 +43,28 @@ def region_blocks(certificate: Node, preview: str) -> list[Node]:
 def _corners(part: Node) -> str:
     corners = " ".join(f"({plain(x, 7)}, {plain(y, 7)})" for x, y in part["points"])
     return f"{part['name']}: {corners}" if part.get("name") else corners
+
+
+def draw_region(
+    png: bytes,
+    width_px: int,
+    height_px: int,
+    polygons: Sequence[Sequence[Sequence[float]]],
+    *,
+    thin: Sequence[Sequence[Sequence[float]]] = (),
+    style: str = 'fill="#ffd400" fill-opacity="0.12" stroke="#ffd400"',
+) -> str:
+    """SVG of a frame's preview with the parts of its region on it, in the frame's own pixels."""
+    picture = base64.b64encode(png).decode()
+    stroke = max(width_px, height_px) / 300
+    outlines = "".join(
+        f'<polygon points="{" ".join(f"{x:g},{y:g}" for x, y in corners)}" {style} '
+        f'stroke-width="{share * stroke:.2f}"/>'
+        for share, drawn in ((1.0, polygons), (0.35, thin))
+        for corners in drawn
+    )
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width_px} {height_px}">'
+        f'<image href="data:image/png;base64,{picture}" width="{width_px}" height="{height_px}" '
+        f'preserveAspectRatio="none"/>{outlines}</svg>'
+    )

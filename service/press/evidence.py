@@ -3,9 +3,9 @@
 from collections import defaultdict
 
 from radiometry.drawing.text import in_step, natural_key, write_unit
-from service.certificate.figures import optional, percent, plain, stamp
-from service.certificate.regions import region_blocks
-from service.certificate.sheet import Node, flow, section, table
+from service.press.figures import optional, percent, plain, stamp
+from service.press.regions import region_blocks
+from service.press.sheet import Node, flow, section, table
 
 
 def evidence_sections(certificate: Node, preview: str) -> list[Node]:

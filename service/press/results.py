@@ -2,8 +2,8 @@
 
 from radiometry.drawing.text import in_step, write_unit
 from radiometry.methods import get_method
-from service.certificate.figures import degrees, expanded, extent, percent, plain
-from service.certificate.sheet import Node, facts, figure, section, table
+from service.press.figures import degrees, expanded, extent, percent, plain
+from service.press.sheet import Node, facts, figure, section, table
 
 
 def result_sections(certificate: Node) -> list[Node]:
