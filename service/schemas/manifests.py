@@ -9,7 +9,7 @@ from service.schemas.base import WHOLE, Answer, Form, Instant, Sha256
 from service.schemas.frames import State
 from store.tables import Manifest, SigningKey
 
-MOST_FILES = 10_000
+MOST_FILES = 20_000
 
 FileName = Annotated[
     str, StringConstraints(min_length=1, max_length=1000, pattern=r"^[^\x00-\x1f\x7f-\x9f]+$")

@@ -9,6 +9,8 @@ import pytest
 from cryptography.exceptions import InvalidSignature
 from cryptography.hazmat.primitives.serialization import load_pem_public_key
 
+from service.limits import MAX_BODY_BYTES
+from service.schemas.manifests import MOST_FILES
 from service.signing import Signer
 
 pytestmark = pytest.mark.either_database
@@ -39,6 +41,8 @@ def test_a_receipt_attests_what_is_stored_and_says_what_else_is_known(house):
     raw, broken = house.frame_bytes(seed=71), b"no raw file, but every byte of it"
     files = [entry("a/1.DNG", raw), entry("b/copy.DNG", raw), entry("ü/2.DNG", broken)]
     others = [{"name": "MISC/log.txt", "size_bytes": 5}]
+    largest = {"name": "DCIM/100MEDIA/DJI_0001.DNG", "size_bytes": 1 << 30, "sha256": 64 * "a"}
+    assert MOST_FILES * len(json.dumps(largest)) < MAX_BODY_BYTES
     house.upload(campaign, raw, role="light", scene="level-1")
     first = send(house, campaign, files, others=others)
     assert (first["stored"], first["complete"], "receipt" in first) == (2, False, False)
