@@ -5,8 +5,10 @@ import pytest
 LAY_OUT = """async ([base, name, frames, rest]) => {
     const { layOut } = await import(`${base}/campaign/matrix.js`);
     const { methodOf } = await import(`${base}/methods.js`);
-    const { columns, lines, order } = layOut({ method: methodOf(name), frames, ...rest });
-    const said = (cell) => cell?.frame?.filename ?? (cell?.gap ? "gap" : null);
+    const { unfolded = [], ...more } = rest;
+    const given = { frames, ...more, unfolded: new Set(unfolded) };
+    const { columns, lines, order } = layOut({ method: methodOf(name), ...given });
+    const said = (cell) => cell?.frame?.filename ?? cell?.pile?.more ?? (cell?.gap ? "gap" : null);
     return {
         columns: columns.map(({ heads }) => heads.join(" ")),
         lines: lines.map(({ row, cells }) => [row.label, cells.map(said)]),
@@ -87,7 +89,11 @@ def test_a_method_lays_its_frames_out_along_its_own_axes(run):
 def test_a_campaign_may_be_of_one_scene_or_of_one_frame_a_scene(run):
     one = [frame("light", f"DJI_{n}", scene="a", iso=100, f_number=4 + n % 40) for n in range(400)]
     found = run(LAY_OUT, "luminance", one, {})
-    assert (len(found["columns"]), len(found["lines"]), len(found["order"])) == (40, 10, 400)
+    # ten repeats in each cell: three are shown, and the number of the others
+    assert (len(found["columns"]), len(found["lines"]), len(found["order"])) == (40, 4, 400)
+    assert {more for _, cells in found["lines"][3:] for more in cells} == {7}
+    opened = run(LAY_OUT, "luminance", one, {"unfolded": ['["role","light","a"]2']})["lines"]
+    assert [line[2] for _, line in opened] == [f"DJI_{n}" for n in range(2, 400, 40)] + [0]
     many = [frame("light", f"DJI_{n}", scene=f"{'x' * 290} {n}", iso=100, f_number=4) for n in range(400)]
     found = run(LAY_OUT, "luminance", many, {"perCard": 12})
     assert (len(found["lines"]), found["order"]) == (400, [f"DJI_{n}" for n in range(400)])

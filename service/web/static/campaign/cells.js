@@ -48,3 +48,15 @@ export function gapCell(gap, { place, compact }) {
     compact ? h("b", {}, "+") : [h("b", {}, "To photograph"), h("span", {}, how)],
   );
 }
+
+/** The repeats of a cell that are not shown each, with their count; and the way back. */
+export function pileCell({ key, more, toCheck }, { place }) {
+  const said = more ? `${number(more, 6)} more` : "Show fewer";
+  const check = toCheck ? `${number(toCheck, 6)} to check` : "";
+  return h(
+    "button",
+    { type: "button", class: "cell-pile", tabindex: "-1", "data-pile": key, "aria-expanded": String(!more), "aria-label": [said, place, check].filter(Boolean).join(", ") },
+    h("b", {}, said),
+    check ? h("span", {}, mark("warn"), " ", check) : null,
+  );
+}

@@ -1,7 +1,7 @@
 // Frames, readings and gaps as a matrix, by the axes that the method states.
 
 import { exposureTime, number, words } from "../format.js";
-import { inOrder, natural } from "../groups.js";
+import { groupBy, inOrder, natural } from "../groups.js";
 import { roleLabel } from "../methods.js";
 
 const compare = (a, b) => (typeof a === "number" && typeof b === "number" ? a - b : natural(String(a ?? "\uffff"), String(b ?? "\uffff")));
@@ -12,10 +12,11 @@ export const sayValue = (axis, value) => SAYS[axis]?.(value) ?? String(value);
 
 /**
  * {columns: [{values, heads}], lines: [{key, row, first, cells: [{frame} | {gap} | undefined]}], order: [frames]}.
- * A row has as many lines as its fullest cell has frames; without columns its frames lie side by side, `across` a line.
+ * A row has as many lines as its fullest cell shows frames: of more than `MOST_REPEATS` the first few, and a {pile} of the others
+ * unless its key is among the `unfolded`; without columns its frames lie side by side, `across` a line.
  * With `perCard`, for a phone, a line holds as many cells as that, whatever their columns.
  */
-export function layOut({ method, frames, withdrawn = [], readings = [], gaps = [], across = 6, perCard = 0, shows = () => true, showsGaps = true }) {
+export function layOut({ method, frames, withdrawn = [], readings = [], gaps = [], across = 6, perCard = 0, unfolded = new Set(), shows = () => true, showsGaps = true }) {
   const { rows: axis, columns: axes = [] } = method.grid;
   const roles = method.roles.map((role) => role.name);
   const rankOf = (role) => (roles.includes(role) ? roles.indexOf(role) : roles.length);
@@ -49,8 +50,8 @@ export function layOut({ method, frames, withdrawn = [], readings = [], gaps = [
   const columns = makeColumns(axes, [...rows.values()].filter((row) => row.kind === "role"), across);
   const kinds = ["role", "next", "unplaced", "withdrawn"];
   const sorted = [...rows.values()].sort((a, b) => kinds.indexOf(a.kind) - kinds.indexOf(b.kind) || rankOf(a.role) - rankOf(b.role) || compare(a.value, b.value));
-  const lines = sorted.flatMap((row) => linesOf(row, row.kind === "role" || row.kind === "next" ? axes : [], columns, shows, perCard));
-  return { columns, lines, order: lines.flatMap((line) => line.cells.flatMap((cell) => cell?.frame ?? [])) };
+  const lines = sorted.flatMap((row) => linesOf(row, row.kind === "role" || row.kind === "next" ? axes : [], columns, { shows, perCard, unfolded }));
+  return { columns, lines, order: lines.flatMap((line) => line.cells.flatMap((cell) => cell?.frame ?? cell?.pile?.frames ?? [])) };
 }
 
 function makeColumns(axes, rows, across) {
@@ -66,21 +67,20 @@ function makeColumns(axes, rows, across) {
   return columns.length ? columns : makeColumns([], rows, across);
 }
 
-function linesOf(row, axes, columns, shows, perCard) {
+/** More frames than these in one cell are shown by their count. */
+const MOST_REPEATS = 4;
+
+function linesOf(row, axes, columns, { shows, perCard, unfolded }) {
   const shown = inOrder(row.frames.filter(shows), (frame) => frame.filename);
   const lines = [];
   const put = (line, column, cell) => ((lines[line] ??= Array.from({ length: columns.length }))[column] = { ...cell, column });
   if (axes.length) {
-    const counts = columns.map(() => 0);
     const at = new Map(columns.map(({ values }, column) => [JSON.stringify(values), column]));
-    for (const frame of shown) {
-      const column = at.get(JSON.stringify(axes.map((name) => frame[name])));
-      put(counts[column], column, { frame });
-      counts[column] += 1;
-    }
+    const cells = groupBy(shown, (frame) => at.get(JSON.stringify(axes.map((name) => frame[name]))));
+    for (const [column, frames] of cells) pileUp(frames, `${row.key}${column}`, unfolded).forEach((cell, line) => put(line, column, cell));
     for (const gap of row.gaps) {
       const column = columns.findIndex(({ values }) => axes.every((name, place) => !(name in gap.at) || gap.at[name] === values[place]));
-      if (column >= 0 && !counts[column]) put(0, column, { gap });
+      if (column >= 0 && !cells.has(column)) put(0, column, { gap });
     }
   } else [...shown.map((frame) => ({ frame })), ...row.gaps.map((gap) => ({ gap }))].forEach((cell, index) => put(Math.floor(index / columns.length), index % columns.length, cell));
   // a scene that was read and not yet photographed has a line too
@@ -90,4 +90,13 @@ function linesOf(row, axes, columns, shows, perCard) {
     lines.splice(0, lines.length, ...Array.from({ length: Math.ceil(every.length / perCard) || lines.slice(0, 1).length }, (_, at) => every.slice(at * perCard, (at + 1) * perCard)));
   }
   return lines.map((cells, index) => ({ key: `${row.key}${index}`, row, first: index === 0, cells }));
+}
+
+function pileUp(frames, key, unfolded) {
+  const every = frames.map((frame) => ({ frame }));
+  if (frames.length <= MOST_REPEATS) return every;
+  if (unfolded.has(key)) return [...every, { pile: { key, more: 0, toCheck: 0, frames: [] } }];
+  const isWanting = (frame) => ["warn", "fail"].includes(frame.outcome) && frame.left_out === null;
+  const rest = every.slice(MOST_REPEATS - 1).map(({ frame }) => frame);
+  return [...every.slice(0, MOST_REPEATS - 1), { pile: { key, more: rest.length, toCheck: rest.filter(isWanting).length, frames: rest } }];
 }

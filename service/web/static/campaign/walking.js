@@ -15,7 +15,7 @@ export function walking({ body, head, scroller, shown, update }) {
 
   function setStop() {
     body.querySelectorAll("td > [tabindex='0']").forEach((each) => (each.tabIndex = -1));
-    const stop = (active && cellAt(active.line, active.column)) ?? body.querySelector("td > .cell, td > .cell-gap");
+    const stop = (active && cellAt(active.line, active.column)) ?? body.querySelector("td > .cell, td > .cell-gap, td > .cell-pile");
     if (stop) stop.tabIndex = 0;
   }
 
@@ -91,8 +91,9 @@ export function walking({ body, head, scroller, shown, update }) {
     line: () => shown().lines[place()],
     focusOn(id) {
       const { lines } = shown();
-      const index = lines.findIndex((line) => line.cells.some((cell) => cell?.frame?.id === id));
-      if (index >= 0) walk(index, lines[index].cells.findIndex((cell) => cell?.frame?.id === id));
+      const holds = (cell) => cell?.frame?.id === id || cell?.pile?.frames.some((frame) => frame.id === id);
+      const index = lines.findIndex((line) => line.cells.some(holds));
+      if (index >= 0) walk(index, lines[index].cells.findIndex(holds));
     },
     /** Whether a key of the focused cell was one that walks; then it was done. */
     press({ key, ctrlKey, metaKey, altKey }) {

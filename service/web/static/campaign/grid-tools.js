@@ -1,0 +1,56 @@
+// Above the grid: which frames are shown, how many are selected and what is done to them, and how typed readings were read.
+
+import { all } from "../api.js";
+import { fill, h, may } from "../dom.js";
+import { number } from "../format.js";
+import { OUTCOMES, mark } from "../marks.js";
+import { bulkForm } from "./bulk.js";
+import { showKeys } from "./keys.js";
+import { askForMeter } from "./meters.js";
+import { readingTools } from "./scene.js";
+
+/** The buttons of the outcomes, the search and the tools; `view`, {outcome, text}, is what was chosen, `draw()` draws it. */
+export function toolsOf({ state, book, view, reads, draw, selectAll }) {
+  const outcomes = h("div", { class: "segments", role: "group", "aria-label": "Which frames" });
+  function drawCounts() {
+    const count = (outcome) => state.frames.filter((frame) => (outcome === "out" ? frame.left_out !== null : frame.left_out === null && frame.outcome === outcome)).length;
+    const options = [["", "All", null, state.frames.length], ...Object.entries(OUTCOMES).map(([outcome, [kind, said]]) => [outcome, said, kind, count(outcome)]), ["out", "Left out", "out", count("out")], ["gap", "Gaps", "gap", state.gaps.length]];
+    fill(outcomes, options.filter(([name, , , of]) => name === "" || of || view.outcome === name).map(([name, said, kind, of]) =>
+      h("button", { type: "button", "aria-pressed": String(view.outcome === name), "data-keep": `outcome ${name}`, onclick: () => ((view.outcome = name), draw()) }, kind ? mark(kind) : null, " ", said, " ", h("small", {}, number(of, 6)))));
+  }
+
+  const meters = async () => book.refresh(await all("/v1/meters"));
+  const register = async () => {
+    const made = await askForMeter();
+    if (!made) return;
+    await meters();
+    book.meter_id = made.id;
+  };
+  if (reads) meters();
+  const element = h(
+    "div",
+    { class: "grid-tools" },
+    outcomes,
+    h("input", { type: "search", "aria-label": "Find a frame", placeholder: "Name, role or scene", oninput: (event) => ((view.text = event.target.value.trim().toLowerCase()), draw()) }),
+    may("calibrate") ? h("button", { type: "button", class: "quiet small-button", onclick: selectAll }, "Select all") : null,
+    h("button", { type: "button", class: "quiet small-button", "aria-label": "Keys", onclick: showKeys }, h("kbd", {}, "?")),
+    reads && may("calibrate") ? readingTools(book, register) : null,
+  );
+  return { element, outcomes, drawCounts };
+}
+
+/** What is done to the `chosen` frames; `clear()` selects none, `rest()` takes the focus. */
+export function bulkOf({ state, chosen, clear, rest }) {
+  const bulk = h("div", { class: "bulk card", hidden: true });
+  function drawBulk() {
+    const held = bulk.contains(document.activeElement);
+    for (const id of chosen) if (!state.byId.has(id)) chosen.delete(id);
+    bulk.hidden = chosen.size === 0;
+    if (chosen.size && !bulk.firstChild) fill(bulk, bulkForm(state, chosen, clear));
+    if (!chosen.size) {
+      fill(bulk);
+      if (held) rest();
+    } else bulk.querySelector(".bulk-count").textContent = `${number(chosen.size, 6)} selected`;
+  }
+  return { element: bulk, drawBulk };
+}
