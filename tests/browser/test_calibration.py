@@ -32,6 +32,10 @@ REFIT = """(calibration) => {
     const page = document.querySelector("script[type=module]").src;
     import(page.replace("page.js", "refit.js")).then(({ fitAnew }) => fitAnew(calibration));
 }"""
+# as if the time had passed that an answer may take
+IMPATIENT = (
+    "const { timeout } = AbortSignal; AbortSignal.timeout = (ms) => timeout.call(AbortSignal, ms / 10);"
+)
 # the parameters of a version in words
 FACTS = """async ([method, values]) => {
     const page = document.querySelector("script[type=module]").src;
@@ -214,18 +218,29 @@ def other_than_default(parameter):
 
 
 def test_a_refit_asks_for_every_parameter_of_its_version(night_page, night):
-    """By the names that requests have for them; what is switched off stays off."""
-    bodies = []
+    """By the names that requests have for them; what is switched off stays off.
+
+    The form is sent before the versions are there that it offers, and one question after the job has no
+    answer.
+    """
+    bodies, lenses, lost = [], [], []
 
     def start(route):
         bodies.append(route.request.post_data_json)
         route.fulfill(json={"id": "job_1"}, status=202)
 
-    lenses = {"items": [LENS]}
+    def never(route):
+        lost.append(route)
+
+    def later(route):
+        lenses.append(route)
+
     job = {"id": "job_1", "state": "succeeded", "result": {"calibration_id": "cal_1"}}
     night_page.route("**/v1/campaigns/cmp_1/calibrations", start)
     night_page.route("**/v1/jobs/job_1", lambda route: route.fulfill(json=job))
-    night_page.route("**/v1/cameras/cam_1/calibrations?**", lambda route: route.fulfill(json=lenses))
+    night_page.route("**/v1/jobs/job_1", never, times=1)
+    night_page.route("**/v1/cameras/cam_1/calibrations?**", later)
+    night_page.add_init_script(IMPATIENT)
     night_page.goto(f"/calibrations/{night.version.id}")
     settle(night_page)
     dialog = night_page.get_by_role("dialog")
@@ -241,14 +256,18 @@ def test_a_refit_asks_for_every_parameter_of_its_version(night_page, night):
             assert all(label in said for each in shown for label in list_labels(each)), said
             assert not re.search(r"[{}]|\[object|\b[a-z]+_[a-z]+\b", said), said
             night_page.evaluate(REFIT, version | {"parameters": drop_absent(stored), "points": []})
-            settle(night_page)
             dialog.get_by_role("button", name="Refit").click()
+            while len(lenses) < len({each.version_of for each in parameters} - {""}):
+                night_page.wait_for_timeout(20)
+            while lenses:
+                lenses.pop().fulfill(json={"items": [LENS]})
             expect(dialog).to_have_count(0)
             asked = read_request(NewCalibration(bodies.pop()), spec).read_parameters(spec)
             named = {
                 each.field: LENS["id"] for each in parameters if each.kind == "version" and stored[each.field]
             }
             assert decode(spec.params, asked) == decode(spec.params, stored | named), spec.name
+    assert len(lost) == 1
 
 
 def test_what_publishing_changes_is_seen_before_it_is_decided(night_page, night):

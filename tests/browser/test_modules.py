@@ -111,6 +111,7 @@ def test_times_numbers_and_names_are_written_for_people(run):
         "\u22120.25",
         "1.234 \u00d7 10⁻⁵",
     ]
+    assert run("async ([base]) => (await import(`${base}/format.js`)).fixed(-0.004, 2)") == "0.00"
     assert run(FORMAT, "words", ["noise_high"]) == ["noise high"]
     assert run(IN_ORDER, ["level-10", "level-2", "DJI_10", "DJI_9"]) == [
         "DJI_9",

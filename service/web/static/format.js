@@ -27,8 +27,8 @@ export const counted = (count, noun) => `${count} ${noun}${count === 1 ? "" : "s
 /** A text of at most so many characters; names differ at their ends, so the middle goes. */
 export const shortly = (text, most) => (text.length <= most ? text : `${text.slice(0, Math.ceil((most - 1) / 2))}…${text.slice(-Math.floor((most - 1) / 2))}`);
 
-/** A number with a fixed count of decimals. */
-export const fixed = (value, decimals) => grouped(value.toFixed(decimals));
+/** A number with a fixed count of decimals; what is rounded to zero has no sign. */
+export const fixed = (value, decimals) => grouped(value.toFixed(decimals).replace(/^-(?=[0.]+$)/, ""));
 
 /** A value rounded where its uncertainty is: "33.10 ± 0.41". */
 export function withUncertainty(value, uncertainty) {

@@ -8,13 +8,15 @@ const ENDED = ["succeeded", "failed", "quarantined"];
 const LONGEST_MS = 30000;
 /** Events that come at once are answered by one look. */
 const LEAST_MS = 1000;
+/** A connection that died without a word is given up, and another asked. */
+const ANSWERS_WITHIN_MS = 20000;
 
 /** Wait for a job; `onProgress(job)` hears of it every other second. Answers the job as it ended. */
 export async function followJob(id, onProgress = () => {}, { signal } = {}) {
   for (let misses = 0; ; ) {
     try {
       // it answers at once when the job ends, and with its progress after two seconds
-      const job = await get(`/v1/jobs/${id}`, { headers: { Prefer: "wait=2" }, signal });
+      const job = await get(`/v1/jobs/${id}`, { headers: { Prefer: "wait=2" }, signal: AbortSignal.any([AbortSignal.timeout(ANSWERS_WITHIN_MS), ...(signal ? [signal] : [])]) });
       misses = 0;
       onProgress(job);
       if (ENDED.includes(job.state)) return job;

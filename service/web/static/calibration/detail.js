@@ -25,9 +25,9 @@ export function drawModels({ diagnostics, method }) {
   return table(columns, rows, { caption: "Models of each ISO value", row: (each) => ({ class: each.first ? "group" : null }) });
 }
 
-/** "Reported: proportional", of each ISO value where they differ. */
+/** "Reported: Proportional: N = K X", of each ISO value where they differ. */
 export function reportedModel({ diagnostics, method }) {
-  const names = (diagnostics.iso_fits ?? []).map(({ coefficient }) => choiceLabel(method, "model", coefficient.model).toLowerCase());
+  const names = (diagnostics.iso_fits ?? []).map(({ coefficient }) => choiceLabel(method, "model", coefficient.model));
   return `Reported: ${[...new Set(names)].join(", ")}`;
 }
 

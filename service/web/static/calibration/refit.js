@@ -1,6 +1,6 @@
 // Refit of the same campaign without some frames or with another model. The result is another draft.
 
-import { Problem, all, post } from "../api.js";
+import { Problem, all, leave, post } from "../api.js";
 import { ask } from "../ask.js";
 import { parametersFold } from "../campaign/parameters.js";
 import { h, toast } from "../dom.js";
@@ -40,7 +40,7 @@ export async function fitAnew(calibration, chosen = new Map()) {
   });
   if (!made) return;
   if (made === calibration.id) toast("This version has the same frames and the same parameters.");
-  else location.assign(`/calibrations/${made}`);
+  else await leave(`/calibrations/${made}`);
 }
 
 /** Former exclusions name frames as the fit does; the form wants their ids. */
