@@ -21,12 +21,14 @@ from demo import geometry, reflectance, vignetting
 from demo.display import Display
 from demo.journey import Stage
 from tests.flow.test_generated_clients import install
+from tests.support import data
 from tests.support.certificates import METER, WORK
 from tests.support.compose import ROOT
 from tests.support.fieldwork import new_team
 
 FOLDER = Path(__file__).parent / "consumers"
 PAGE = ROOT / "docs" / "consumers.md"
+REAL = data.FOLDER / "p4m" / "DJI_0015.TIF"
 BOARDS = (ROOT / "docs" / "dashboards.md").read_text(encoding="utf-8")
 PARTS = ("geometry", "sidecars", "maps", "certificates", "series")
 
@@ -64,15 +66,35 @@ def saved(embedded, shots, tmp_path_factory):
         save_exports(team, falloff.id, folder, "vignetting.xmp", f_number=2.0, channel="G1")
         save_luminance(team, embedded, shots, folder)
         (measured,) = [each for each in client.measurements() if "map_tif" in str(each.raw.get("links"))][:1]
-        client.save_map(measured.id, folder / "map.tif")
-        np.save(folder / "map.npy", tifffile.imread(folder / "map.tif"))
-        client.save_stac(measured.id, folder / "map.tif")
+        save_map(client, measured, folder / "map.tif")
+        if REAL.is_file():
+            save_map(client, measure_placed(client), folder / "placed.tif")
         fetch(team, "/v1/series/coefficients", folder / "coefficients.json")
         fetch(team, "/v1/series/coefficients?format=csv", folder / "coefficients.csv")
         fetch(team, "/v1/series/coefficients?format=arrow", folder / "coefficients.arrows")
         fetch(team, "/v1/series/coefficients?format=parquet", folder / "coefficients.parquet")
     (folder / "page.py").write_text("\n".join(re.findall(r"(?ms)^```python\n(.*?)^```", BOARDS)))
     return folder
+
+
+def save_map(client, measured, path):
+    client.save_map(measured.id, path)
+    np.save(path.with_suffix(".npy"), tifffile.imread(path))
+    client.save_stac(measured.id, path)
+
+
+def measure_placed(client):
+    """A panel of a real camera, whose file states how it stood, measured by itself."""
+    camera = client.create_camera("DJI", "FC6360", "43e53d2eaaae3536b0fd1499da1d4389")
+    band = {"band": "nir", "reflectance": 0.5, "standard_uncertainty": 0.01}
+    panel = client.create_panel("P-50", measured_on="2020-06-01", bands=[band])
+    campaign = client.create_campaign(camera.id, method="reflectance", panel_id=panel.id)
+    client.set_roi(campaign.id, polygon=[(650, 500), (950, 500), (950, 800), (650, 800)])
+    frame = client.push(campaign.id, REAL, role="panel")
+    client.wait_for(campaign.id)
+    version = client.calibrate(campaign.id)
+    height = {"ground_altitude_m": 143.26, "height_u_m": 2.0}
+    return client.measure(frame.id, calibration_id=version.id, with_bands=True, **height)
 
 
 def save_luminance(team, deployment, shots, folder):

@@ -5,6 +5,7 @@ version, the file, what is compared, the largest deviation and its unit.
 """
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -152,31 +153,44 @@ def load_frame(folder, sidecar, shape):
 
 
 def maps(folder):
+    warnings.simplefilter("ignore")
+    read_map(folder / "map.tif")
+    if (folder / "placed.tif").exists():
+        read_map(folder / "placed.tif")
+    else:
+        add("rasterio", "placed.tif", "the real frame is not here: not read", np.nan)
+
+
+def read_map(path):
     import pystac
     import rasterio
     from pystac.validation.local_validator import LocalValidator
 
-    item = json.loads((folder / "map.json").read_text())
+    item = json.loads(path.with_suffix(".json").read_text())
     (asset,) = (each for each in item["assets"].values() if "data" in each["roles"])
-    warnings.simplefilter("ignore")
     program = f"rasterio {rasterio.__version__}, GDAL {rasterio.__gdal_version__}"
-    with rasterio.open(folder / "map.tif") as file:
-        wanted = np.load(folder / "map.npy").reshape(file.count, *file.shape)
+    with rasterio.open(path) as file:
+        wanted = np.load(path.with_suffix(".npy")).reshape(file.count, *file.shape)
         same = np.nan_to_num(file.read()) - np.nan_to_num(wanted)
-        add(program, "map.tif", "every pixel of every plane, against tifffile", np.abs(same).max())
+        add(program, path.name, "every pixel of every plane, against tifffile", np.abs(same).max())
         assert [each["name"] for each in asset["eo:bands"]] == list(file.descriptions)
         assert [each["unit"] for each in asset["raster:bands"]] == list(file.units)
-        if "proj:transform" in asset:
-            assert file.crs.to_epsg() == asset["proj:epsg"]
+        assert all(map(np.isnan, file.nodatavals))
+        lineage = json.dumps([file.tags(), *map(file.tags, file.indexes)])
+        sources = re.findall(r"SHA-256 (\w{64})", item["properties"]["processing:lineage"])
+        assert len(sources) == 2
+        assert all(each in lineage for each in sources)
+        if path.stem == "placed":
+            assert file.crs.to_epsg() == asset["proj:epsg"] == 4326
             off = largest(list(file.transform)[:6], asset["proj:transform"])
-            add(program, "map.tif", "place, against its STAC item", off, "degrees")
-    read = pystac.Item.from_file(str(folder / "map.json"))
+            add(program, path.name, "transformation to EPSG:4326, against its STAC item", off, "degrees")
+    read = pystac.Item.from_file(str(path.with_suffix(".json")))
     errors = LocalValidator()._validate_from_local(
         f"https://schemas.stacspec.org/v{pystac.get_stac_version()}/item-spec/json-schema/item.json",
         read.to_dict(),
     )
     assert not list(errors), errors
-    compared = f"the schema of STAC {pystac.get_stac_version()} accepts the item; errors"
+    compared = f"the schema of STAC {pystac.get_stac_version()} accepts the item of {path.name}; errors"
     add(f"pystac {version('pystac')}", "stac.json", compared, len(list(errors)))
 
 
