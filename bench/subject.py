@@ -54,8 +54,8 @@ class Scale:
     job_s: float = 1.0
     jobs: int = 100_000
     waiting_jobs: int = 20_000
-    waits_s: float = 10.0
-    """How long they wait without a worker."""
+    waits_s: float = 5.0
+    """How long they wait without a worker, and as long again beside one that may take none."""
 
     @classmethod
     def named(cls, name: str) -> "Scale":

@@ -14,9 +14,10 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import redis
-from sqlalchemy import func, select
+from sqlalchemy import ColumnElement, delete, func, select
 
 from bench.bulk import write_rows
+from bench.memory import list_tree, read_cpu_s
 from bench.report import judge, say
 from bench.subject import Scale
 from bench.timing import Ratio, Seconds, compare
@@ -45,6 +46,7 @@ class _Queue:
     """A database with jobs, a broker with hints, and the environment of processes that use them."""
 
     def __init__(self, folder: Path, database_url: str, stack: ExitStack) -> None:
+        self._folder = folder
         settings = Settings(data=folder, database_url=database_url)
         given = {name: value for name, value in os.environ.items() if not name.startswith("STILB_")}
         own = {"STILB_DATA": str(folder), "STILB_DATABASE_URL": database_url, "STILB_WORKER_THREADS": "1"}
@@ -75,14 +77,14 @@ class _Queue:
             finally:
                 process.kill()
 
-    def add(self, count: int, *, lasts_s: float) -> list[str]:
+    def add(self, count: int, *, kind: str = "fit", lasts_s: float = 0.0) -> list[str]:
         """Queue jobs, without a hint."""
         rows = [
             {
                 "id": new_id("job"),
                 "organisation_id": "org_bench",
-                "kind": "fit",
-                "lane": "fit",
+                "kind": kind,
+                "lane": kind,
                 "subject_id": new_id("cmp"),
                 "created_by": "bench",
                 "parameters": {"lasts_s": lasts_s},
@@ -94,12 +96,30 @@ class _Queue:
         return [str(row["id"]) for row in rows]
 
     def is_empty(self) -> bool:
-        live = select(func.count()).select_from(Job).where(Job.state.in_(("queued", "running")))
+        return not self._count(Job.state.in_(("queued", "running")))
+
+    def is_held_back(self) -> bool:
+        """Return True once a job has found that the file store does not serve."""
+        return self._count(Job.waits_for.is_not(None)) > 0
+
+    def _count(self, which: ColumnElement[bool]) -> int:
         with self._database.reading() as session:
-            return not session.scalar(live)
+            return session.scalar(select(func.count()).select_from(Job).where(which)) or 0
+
+    def lose_files(self) -> None:
+        """Put a file where the file store would make its folder."""
+        (self._folder / "blobs").touch()
+
+    def count_messages(self) -> int:
+        """Return how many messages have ever been sent."""
+        return int(self.broker.info("commandstats").get("cmdstat_lpush", {}).get("calls", 0))
 
     def read_memory(self) -> int:
         return int(self.broker.info("memory")["used_memory_dataset"])
+
+    def clear(self) -> None:
+        with self._database.writing("bench") as session:
+            session.execute(delete(Job))
 
     def count_listeners(self) -> int:
         """Return how many workers wait for a message."""
@@ -119,6 +139,7 @@ def run(scale: Scale, postgres: PostgresServer) -> list[bool]:
         return [
             judge("rate of all, to one's", rate, at_least=0.75 * scale.workers),
             *_wait_without_workers(queue, scale),
+            *_wait_beside_a_worker(queue, scale),
         ]
 
 
@@ -143,7 +164,7 @@ def _work_off(
 
 def _wait_without_workers(queue: _Queue, scale: Scale) -> list[bool]:
     say(f"\n{scale.waiting_jobs:,} jobs that wait for {scale.waits_s:g} s while hints are sent to nobody")
-    ids = queue.add(scale.waiting_jobs, lasts_s=0)
+    ids = queue.add(scale.waiting_jobs)
     queue.hints.send(ids)
     time.sleep(min(5.0, scale.waits_s))
     before = queue.read_memory()
@@ -154,6 +175,29 @@ def _wait_without_workers(queue: _Queue, scale: Scale) -> list[bool]:
     return [judge("the broker's memory at the end, to the start", Ratio(grown, grown, grown), at_most=1.1)]
 
 
+def _wait_beside_a_worker(queue: _Queue, scale: Scale) -> list[bool]:
+    say(f"\n{scale.waiting_jobs:,} jobs beside a worker that may take none, as the file store does not serve")
+    queue.clear()
+    with queue.running([sys.executable, "-m", "bench.workers"]) as mother:
+        assert mother.stdin is not None  # noqa: S101  narrows the type
+        mother.stdin.write(b"\n")
+        mother.stdin.flush()
+        _wait_until(lambda: queue.count_listeners() == 1)
+        queue.lose_files()
+        ids = queue.add(scale.waiting_jobs, kind="extract")
+        _wait_until(queue.is_held_back)
+        queue.hints.send(ids)
+        time.sleep(min(5.0, scale.waits_s))
+        (worker,) = list_tree(mother.pid)[1:]
+        before_s, sent = read_cpu_s(worker), queue.count_messages()
+        time.sleep(scale.waits_s)
+        percent, sent = 100 * (read_cpu_s(worker) - before_s) / scale.waits_s, queue.count_messages() - sent
+    return [
+        judge("its CPU, % of a core", Ratio(percent, percent, percent), at_most=1.0),
+        judge("messages meanwhile", Ratio(sent, sent, sent), at_most=0.0),
+    ]
+
+
 def _wait_until(condition: Callable[[], bool]) -> None:
     deadline = time.monotonic() + _WITHIN_S
     while not condition():
@@ -162,7 +206,9 @@ def _wait_until(condition: Callable[[], bool]) -> None:
         time.sleep(0.01)
 
 
-def _sleep(_: Context, claim: Claim) -> Outcome:
+def _sleep(context: Context, claim: Claim) -> Outcome:
+    if claim.kind == "extract":
+        context.blobs.check()
     time.sleep(claim.parameters["lasts_s"])
     return Outcome(store=lambda _session: {})
 
