@@ -49,14 +49,15 @@ class CoefficientSeries:
         )
 
     def read_state(self, session: Session) -> str:
-        return series.read_decisions(session, self._asked.organisation_id)
+        return series.read_state(session, self._asked.organisation_id)
 
     def find_end(self, session: Session, *, after: Key | None, limit: int) -> Key | None:
         known = self._read_known(session)
         total, more = 0, self._select(known, after, None)
         # most series end within the limit: one sum, instead of each version's place
-        whole = more.with_only_columns(func.sum(ReadyRow.coefficients)).order_by(None)
-        if (session.scalar(whole) or 0) <= limit:
+        counts = more.with_only_columns(ReadyRow.coefficients).limit(limit + 1).subquery()
+        versions, rows = session.execute(select(func.count(), func.sum(counts.c.coefficients))).one()
+        if max(versions, rows or 0) <= limit:
             return None
         for *key, count in session.execute(
             more.with_only_columns(*self._KEY, ReadyRow.coefficients), execution_options={"yield_per": 1000}
@@ -82,9 +83,13 @@ class CoefficientSeries:
 
     def _read_known(self, session: Session) -> datetime:
         """Return now, or the last instant of knowledge if a clock that has been set back recorded that."""
-        mine = ReadyRow.organisation_id == self._asked.organisation_id
+        # of one camera: its rows alone, which its index finds
+        mine = [
+            ReadyRow.organisation_id == self._asked.organisation_id,
+            *series.match_equal(ReadyRow, self._asked, "camera_id"),
+        ]
         last = session.execute(
-            select(func.max(ReadyRow.known_from), func.max(ReadyRow.known_to)).where(mine)
+            select(func.max(ReadyRow.known_from), func.max(ReadyRow.known_to)).where(*mine)
         ).one()
         return max([utc_now(), *filter(None, last)])
 

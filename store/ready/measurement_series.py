@@ -4,16 +4,16 @@ import csv
 from collections.abc import Iterator, Sequence
 from typing import Any, ClassVar
 
-from sqlalchemy import Select, and_, case, func, select, tuple_
+from sqlalchemy import Select, and_, case, select, tuple_
 from sqlalchemy.orm import Session
 
 from radiometry.findings import shared
 from store.database import Database, read_plainly
 from store.ready import series
-from store.ready.measurements import COLUMNS, FLAGS, STATE
+from store.ready.measurements import BODY, COLUMNS, FLAGS, STATE
 from store.ready.publications import write_instant
 from store.ready.series import PAGE, Asked, Key, Page
-from store.tables import Calibration, MeasuredRow, Measurement, Publication, Revocation
+from store.tables import Calibration, Camera, MeasuredRow, Measurement, Publication, Revocation
 
 _ROWS = 250
 """Rows that are split at once: their cells stay in the processor's cache."""
@@ -41,10 +41,7 @@ class MeasurementSeries:
         return len(key) == 2 and all(map(series.is_plain, key)) and series.is_instant(key[0])
 
     def read_state(self, session: Session) -> str:
-        # rows are never deleted: their number says which they are
-        mine = MeasuredRow.organisation_id == self._asked.organisation_id
-        count = session.scalar(select(func.count()).select_from(MeasuredRow).where(mine))
-        return f"{count} {series.read_decisions(session, self._asked.organisation_id)}"
+        return series.read_state(session, self._asked.organisation_id, "measurement")
 
     def find_end(self, session: Session, *, after: Key | None, limit: int) -> Key | None:
         last = self._select(after, None).with_only_columns(*self._KEY).offset(limit - 1).limit(2)
@@ -53,14 +50,16 @@ class MeasurementSeries:
 
     def read(self, *, after: Key | None, until: Key | None) -> Iterator[Page]:
         states: dict[str, str] = {}
+        names: dict[str, tuple[str, ...]] = {}
         while True:
             with self._database.reading() as session:
                 found = read_plainly(session, self._select(after, until).limit(PAGE))
                 ids = {each for row in found for each in row[1:3] if each} - states.keys()
                 states |= _read_states(session, ids)
+                names |= _read_names(session, {row[3] for row in found} - names.keys())
                 last = session.get_one(MeasuredRow, found[-1][0]) if len(found) == PAGE else None
             for first in range(0, len(found), _ROWS):
-                yield _arrange(found[first : first + _ROWS], states)
+                yield _arrange(found[first : first + _ROWS], states, names)
             if last is None:
                 return
             after = [write_instant(last.taken_from), last.measurement_id]
@@ -86,14 +85,18 @@ class MeasurementSeries:
             if key is not None:
                 place = series.bind_place((series.read_instant(key[0]), key[1]), self._KEY)
                 where.append(tuple_(*self._KEY) > place if is_after else tuple_(*self._KEY) <= place)
-        columns: tuple[Any, ...] = (row.measurement_id, row.calibration_id, row.corrector_id, row.cells)
+        columns: tuple[Any, ...] = (
+            *(row.measurement_id, row.calibration_id, row.corrector_id, row.camera_id),
+            row.cells,
+        )
         return select(*columns).where(*where).order_by(*self._KEY)
 
 
-def _arrange(rows: list[Any], states: dict[str, str]) -> Page:
-    """Return columns with what has become of the versions."""
-    _, of, correctors, cells = zip(*rows, strict=True)
+def _arrange(rows: list[Any], states: dict[str, str], names: dict[str, tuple[str, ...]]) -> Page:
+    """Return columns with what has become of the versions, and the names that the cameras have now."""
+    _, of, correctors, cameras, cells = zip(*rows, strict=True)
     page = _split(cells)
+    page[BODY] = zip(*(names[each] for each in cameras), strict=True)
     page[STATE] = [states[each] for each in of]
     raised = {pair: _raise_flags(states, *pair) for pair in set(zip(of, correctors, strict=True))}
     if any(raised.values()):
@@ -117,6 +120,12 @@ def _raise_flags(states: dict[str, str], calibration_id: str, corrector_id: str 
     flags = [STATE_FLAGS[states[calibration_id]].code] if states[calibration_id] in STATE_FLAGS else []
     revoked = corrector_id is not None and states[corrector_id] == "revoked"
     return [*flags, *([shared.CALIBRATION_REVOKED.code] if revoked else [])]
+
+
+def _read_names(session: Session, camera_ids: set[str]) -> dict[str, tuple[str, ...]]:
+    """Return make, model and serial number of each camera."""
+    columns = Camera.id, Camera.make, Camera.model, Camera.serial
+    return {row[0]: row[1:] for row in session.execute(select(*columns).where(Camera.id.in_(camera_ids)))}
 
 
 def _read_states(session: Session, calibration_ids: set[str]) -> dict[str, str]:

@@ -62,6 +62,8 @@ KINDS: dict[str, type] = dict.fromkeys(
 """Types of the columns that are not numbers with a fraction."""
 STATE, FLAGS = COLUMNS.index("calibration_state"), COLUMNS.index("flags")
 """Columns that decisions change: the state is empty in a stored row, and the flags lack those of it."""
+BODY = slice(COLUMNS.index(_BODY[0]), COLUMNS.index(_BODY[-1]) + 1)
+"""Columns of the camera's names, which may be corrected: a stored row has them as they were."""
 
 
 def make_measured(

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, Protocol
 
-from sqlalchemy import ColumnElement, func, literal, select, tuple_
+from sqlalchemy import ColumnElement, literal, select, tuple_
 from sqlalchemy.orm import Session
 
-from store.tables import Calibration, ReadyRow, Revocation
+from store.tables import AuditEntry
+from store.tables.audit import IN_SERIES
 
 Page = list[Sequence[Any]]
 """Some rows, column by column: cells as text, an absent one empty; or as numbers, an absent one None."""
@@ -104,16 +105,15 @@ def read_instant(text: str) -> datetime:
     return datetime.fromisoformat(text).astimezone(UTC)
 
 
-def read_decisions(session: Session, organisation_id: str) -> str:
-    """Return what changes with every decision about a version: rows are only added and closed."""
-    row = ReadyRow
-    counts = session.execute(
-        select(func.count(), func.count(row.known_to)).where(row.organisation_id == organisation_id)
-    ).one()
-    revoked = session.scalar(
-        select(func.count())
-        .select_from(Revocation)
-        .join(Calibration, Calibration.id == Revocation.calibration_id)
-        .where(Calibration.organisation_id == organisation_id)
-    )
-    return f"{counts[0]} {counts[1]} {revoked}"
+def read_state(session: Session, organisation_id: str, *subjects: str) -> str:
+    """Return what changes with cameras, decisions and these subjects: the hash of each one's last entry."""
+    entry = AuditEntry
+    of_each = [
+        select(entry.sha256)
+        .where(entry.organisation_id == organisation_id, IN_SERIES, entry.subject_type == subject)
+        .order_by(entry.seq.desc())
+        .limit(1)
+        .scalar_subquery()
+        for subject in ("camera", "publication", "revocation", *subjects)
+    ]
+    return " ".join(each or "" for each in session.execute(select(*of_each)).one())

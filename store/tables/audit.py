@@ -2,11 +2,14 @@
 
 from datetime import datetime
 
-from sqlalchemy import BigInteger, CheckConstraint, Index, String
+from sqlalchemy import BigInteger, CheckConstraint, Index, String, text
 from sqlalchemy.orm import Mapped, mapped_column
 
 from store.columns import UtcDateTime, utc_now
 from store.tables.base import Base, Json
+
+IN_SERIES = text("subject_type IN ('camera', 'measurement', 'publication', 'revocation')")
+"""What a series shows changes with one of these; the condition as the index has it."""
 
 
 class AuditEntry(Base):
@@ -24,6 +27,14 @@ class AuditEntry(Base):
     __table_args__ = (
         Index("ix_audit_entry_subject", "subject_id", "seq"),
         Index("ix_audit_entry_organisation", "organisation_id", "seq"),
+        Index(
+            "ix_audit_entry_series",
+            "organisation_id",
+            "subject_type",
+            "seq",
+            sqlite_where=IN_SERIES,
+            postgresql_where=IN_SERIES,
+        ),
     )
 
     seq: Mapped[int] = mapped_column(BigInteger, primary_key=True, autoincrement=False)

@@ -94,8 +94,9 @@ def test_numbers_are_written_as_python_writes_them():
             assert answers.write_numbers(cells, empty) == wanted
 
 
-def test_series_is_sent_again_only_after_a_decision(house, measured):
+def test_series_is_sent_again_only_after_what_changes_it(house, measured):
     version, _ = measured
+    tags = {}
     for address in (COEFFICIENTS, MEASUREMENTS):
         packed = house.http.get(address, headers={"Accept-Encoding": "gzip"})
         plain = house.http.get(address, headers={"Accept-Encoding": "identity"})
@@ -108,6 +109,13 @@ def test_series_is_sent_again_only_after_a_decision(house, measured):
         tag = {"If-None-Match": plain.headers["ETag"], "Accept-Encoding": "identity"}
         assert house.http.get(address, headers=tag).status_code == 304
         assert house.http.get(address, params={"limit": 1}, headers=tag).status_code == 200
+        tags[address] = tag
+    house.post("/v1/campaigns", {"camera_id": version["camera_id"], "method": "noise"})
+    assert all(house.http.get(at, headers=tag).status_code == 304 for at, tag in tags.items())
+    house.http.patch(f"/v1/cameras/{version['camera_id']}", json={"serial": "corrected"}).raise_for_status()
+    for address, tag in tags.items():
+        answer = house.http.get(address, headers=tag)
+        assert {row["serial"] for row in answer.json()["rows"]} == {"corrected"}
     house.post(f"/v1/calibrations/{version['id']}/revoke", {"reason": "wrong"}, status=200)
     assert house.http.get(MEASUREMENTS, headers=tag).status_code == 200
     assert house.get(COEFFICIENTS)["rows"] == []

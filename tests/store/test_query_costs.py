@@ -1,5 +1,6 @@
 """Queries of what grows: one camera's series reads its index, a fit reads its frames in columns."""
 
+import re
 from contextlib import contextmanager
 from datetime import UTC, datetime
 
@@ -14,6 +15,8 @@ from store.ready.series import Asked
 from store.tables import Campaign
 from tests.support.campaigns import ROI
 
+WHOLE = re.compile(r"SCAN (audit|calib|camera|meas|publ|ready|revo)|\(organisation_id=\?\)|Seq Scan")
+"""A plan that reads a whole table, or all rows of an organisation."""
 INSTANT = "2026-05-01T00:00:00Z"
 PLACES = {
     CoefficientSeries: ["cam_1", INSTANT, "luminance", "pub_1", 0],
@@ -50,8 +53,13 @@ def test_series_of_one_camera_reads_its_index_in_order(database, series):
     table, index = INDEXES[series]
     with statements(database) as executed, database.reading() as session:
         for after in (None, PLACES[series]):
+            series(database, asked).read_state(session)
             series(database, asked).find_end(session, after=after, limit=10)
             list(series(database, asked).read(after=after, until=None))
+    for statement, parameters in executed:
+        if statement.startswith("SELECT"):
+            plan = explain(database, statement, parameters)
+            assert not WHOLE.search(plan), plan
     pages = [each for each in executed if f"FROM {table}" in each[0] and "ORDER BY" in each[0]]
     assert len(pages) >= 4 - 2 * (series is CoefficientSeries)
     for statement, parameters in pages:
