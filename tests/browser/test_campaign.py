@@ -128,6 +128,25 @@ def see_pixels_and_compare(page, dialog):
     dialog.get_by_role("button", name="Blink").click()
 
 
+def go_back_and_forward(page, dialog, frame_id):
+    """The address names the open frame, the history closes and opens it, a reload shows it again."""
+    expect(page).to_have_url(re.compile(f"frame={frame_id}$"))
+    page.go_back()
+    expect(dialog).to_have_count(0)
+    page.get_by_label("Find a frame").fill("level-1")
+    page.go_forward()
+    expect(dialog).to_contain_text(shown := page.locator("#frame-name").inner_text())
+    page.keyboard.press("Escape")
+    expect(page).to_have_url(re.compile(r"/campaigns/[^?]*\?find=level-1$"))
+    page.goto(f"{page.url}&frame={frame_id}")
+    expect(dialog).to_contain_text(shown)
+    page.keyboard.press("Escape")
+    expect(dialog).to_have_count(0)
+    expect(page).to_have_url(re.compile(r"/campaigns/[^?]*\?find=level-1$"))
+    expect(page.locator(f'[data-id="{frame_id}"]')).to_be_focused()
+    page.get_by_label("Find a frame").fill("")
+
+
 def test_frames_are_walked_moved_left_out_and_restored_by_keys_alone(page, team, service, shots):
     campaign = team.campaign()
     lit = [shot for shot in shots if shot.role == "light"][:6]
@@ -172,10 +191,9 @@ def test_frames_are_walked_moved_left_out_and_restored_by_keys_alone(page, team,
     settle(page)
     page.mouse.up()
     expect(dialog.get_by_role("button", name="Restore")).to_be_visible()
-    page.keyboard.press("Escape")
+    go_back_and_forward(page, dialog, second)
     withdrawn = page.get_by_role("row").filter(has_text="Withdrawn")
     expect(withdrawn.locator(".cell")).to_have_attribute("data-id", second)
-    expect(page.locator(".grid .cell:focus")).to_have_count(1)
     page.get_by_role("button", name="Select all").click()
     page.get_by_label("Scene of the selected frames").fill("dawn")
     page.get_by_role("button", name="Change", exact=True).click()

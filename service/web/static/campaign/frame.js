@@ -19,8 +19,8 @@ import { viewerPart } from "./viewer.js";
 const MOST_BESIDE = 24;
 const PRESSED_MS = 50;
 
-/** Open a frame; `order` is that of the grid, `back` puts the focus on the cell of the frame that was seen last. */
-export function openFrame(state, first, { order, back }) {
+/** Open a frame; `order` is that of the grid, `walked` hears of each other one, `back` of the one that was seen last. Answers {show, close}. */
+export function openFrame(state, first, { order, walked: goes, back }) {
   let id;
   let again = 0;
   let drawn;
@@ -52,6 +52,7 @@ export function openFrame(state, first, { order, back }) {
   const press = (work) => (event) => act(event.target, () => work(state, [id]));
   const [move, out, gone] = [button("Move…", press(askWhere)), button("", press(leaveOut)), button("", press(withdraw), { class: "small-button danger" })];
   const region = button("", () => {
+    goes("");
     dialog.close();
     state.dispatchEvent(new CustomEvent("draw-on", { detail: id }));
   });
@@ -95,6 +96,7 @@ export function openFrame(state, first, { order, back }) {
     region.hidden = !isRead(known);
     download.href = `/v1/frames/${id}/content`;
     if (walked) {
+      goes(id);
       // nothing of the frame before is left beside the name of this one
       dialog.querySelectorAll(".act-failed").forEach((old) => old.remove());
       drawLook(known, null);
@@ -125,6 +127,7 @@ export function openFrame(state, first, { order, back }) {
 
   show(first);
   openDialog(dialog);
+  return { show, close: () => dialog.close() };
 }
 
 const isFilledIn = (place) => [...place.querySelectorAll("input")].some((input) => input.value !== input.defaultValue);

@@ -31,7 +31,7 @@ export function toolsOf({ state, book, view, reads, draw, selectAll }) {
     "div",
     { class: "grid-tools" },
     outcomes,
-    h("input", { type: "search", "aria-label": "Find a frame", placeholder: "Name, role or scene", oninput: (event) => ((view.text = event.target.value.trim().toLowerCase()), draw()) }),
+    h("input", { type: "search", "aria-label": "Find a frame", placeholder: "Name, role or scene", value: view.text, oninput: (event) => ((view.text = event.target.value.trim()), draw()) }),
     may("calibrate") ? h("button", { type: "button", class: "quiet small-button", onclick: selectAll }, "Select all") : null,
     h("button", { type: "button", class: "quiet small-button", "aria-label": "Keys", onclick: showKeys }, h("kbd", {}, "?")),
     reads && may("calibrate") ? readingTools(book, register) : null,

@@ -4,6 +4,7 @@ import { byId, fill, h, isPressed, may } from "../dom.js";
 import { number } from "../format.js";
 import { act, empty } from "../states.js";
 import { undoLast } from "../undo.js";
+import { isStep, keepPlace, readAddress, writeAddress } from "./address.js";
 import { dragging } from "./dragging.js";
 import { openFrame } from "./frame.js";
 import { bulkOf, toolsOf } from "./grid-tools.js";
@@ -24,12 +25,15 @@ const TALL_PX = 2000;
 export function gridSection(state) {
   const { method, pictures } = state;
   const chosen = new Set();
-  const view = { outcome: "", text: "" };
+  const { show: outcome, find: text } = readAddress();
+  const view = { outcome, text };
   const book = new ReadingBook(state);
   const unfolded = new Set();
   let model = { columns: [], lines: [], order: [] };
   let offsets = [0];
   let drawn = new Map();
+  let sheet = null;
+  let named = false;
   let stale = true;
   let waiting = false;
   let resting;
@@ -47,9 +51,11 @@ export function gridSection(state) {
   const { element: tools, outcomes, drawCounts } = toolsOf({ state, book, view, reads, draw: () => draw(), selectAll: () => choose(model.order.map((frame) => frame.id)) });
   const { element: bulk, drawBulk } = bulkOf({ state, chosen, clear: () => choose([...chosen], false), rest: () => body.querySelector("td > [tabindex='0']")?.focus() });
 
+  const goBack = keepPlace(scroller);
+
   const shows = (frame) => {
     const outcome = frame.left_out !== null ? "out" : frame.outcome;
-    return (!view.outcome || view.outcome === outcome) && `${frame.filename} ${frame.role} ${frame.scene ?? ""}`.toLowerCase().includes(view.text);
+    return (!view.outcome || view.outcome === outcome) && `${frame.filename} ${frame.role} ${frame.scene ?? ""}`.toLowerCase().includes(view.text.toLowerCase());
   };
 
   function draw() {
@@ -72,6 +78,13 @@ export function gridSection(state) {
     update();
     drawCounts();
     drawBulk();
+    writeAddress({ show: view.outcome, find: view.text });
+    if (state.complete) {
+      goBack();
+      // at first: from then on the address follows what is opened
+      if (!named) openNamed();
+      named = true;
+    }
     byId("frames-note").textContent = state.frames.length ? `${number(state.frames.length, 6)}${state.complete ? "" : " and more"} of this campaign` : "";
   }
 
@@ -141,7 +154,34 @@ export function gridSection(state) {
   const walker = walking({ body, head, scroller, shown: () => ({ lines: model.lines, offsets, drawn }), update });
   const { focusOn } = walker;
   const pick = (id) => (chosen.has(id) ? [...chosen] : [id]);
-  const open = (id) => openFrame(state, id, { order: model.order, back: (last) => focusOn(last) });
+
+  /** Open a frame: the way back closes it, and to close it is the way back. */
+  function open(id) {
+    writeAddress({ frame: id }, { step: true });
+    show(id);
+  }
+  function show(id) {
+    sheet = openFrame(state, id, {
+      order: model.order,
+      walked: (frame) => writeAddress({ frame }),
+      back(last) {
+        sheet = null;
+        focusOn(last);
+        if (!readAddress().frame) return;
+        if (isStep()) history.back();
+        else writeAddress({ frame: "" });
+      },
+    });
+  }
+  /** The frame that the address names, if the campaign has it. */
+  const openNamed = () => {
+    const { frame } = readAddress();
+    if (sheet && frame) sheet.show(frame);
+    else if (sheet) sheet.close();
+    else if (state.byId.has(frame)) show(frame);
+    else writeAddress({ frame: "" });
+  };
+  addEventListener("popstate", () => state.left || openNamed());
   const typed = typing({ body, book, lines: () => model.lines, bring, leave: (line) => focusOn(line?.cells.find((cell) => cell?.frame)?.frame.id) });
 
   /** A line that is out of sight is drawn, so that it can be typed in. */
