@@ -2,6 +2,7 @@
 
 import { send } from "./api.js";
 import { fill, h, svg } from "./dom.js";
+import { pictureButtons } from "./picture.js";
 import { begin, failed } from "./states.js";
 
 const MOST_TOLD = 3;
@@ -22,14 +23,15 @@ export async function plot(element, path, drawn = () => {}, view = WHOLE, sent =
     const width = fit(element);
     const answer = await send(sent ? "POST" : "GET", `${path}${path.includes("?") ? "&" : "?"}${new URLSearchParams({ width, ...view })}`, sent ?? {});
     // its own styles are for those who save it; the page's policy forbids them
-    const text = (await answer.text()).replace(/<style>.*?<\/style>/s, "");
+    const saved = await answer.text();
+    const text = saved.replace(/<style>.*?<\/style>/s, "");
     if (!isLast()) return;
     // nothing to draw: a card of its own goes, too
     if (answer.status === 204) return void (element.closest(".plot-card") ?? element).remove();
     const chart = document.importNode(new DOMParser().parseFromString(text, "image/svg+xml").documentElement, true);
     chart.setAttribute("class", "chart");
     const { parts, note } = chart.dataset;
-    fill(element, choose(JSON.parse(parts), view.part, (part) => again({ ...WHOLE, part })), chart, note ? h("p", { class: "caption" }, note) : null);
+    fill(element, choose(JSON.parse(parts), view.part, (part) => again({ ...WHOLE, part })), chart, note ? h("p", { class: "caption" }, note) : null, pictureButtons(saved, chart.getAttribute("aria-label")));
     explain(element, chart);
     offerSeries(chart);
     offerZoom(chart, view, (shown) => again({ ...view, ...shown }));

@@ -33,8 +33,9 @@ function tell(place, piece, count, path) {
   if (piece.state === "broken") return line("bad", `The chain is broken at entry ${number(piece.broken_at, 9)}.`, `${piece.detail}. ${entries} before it are as they were. Tell the operator: “make audit” names the rows.`, again);
   if (path) return line("wait", `${entries} checked, none altered.`, "There are more.", small("Check the rest", () => checkChain(place, { from: path, before: count, pieces: Infinity })));
   const [seq, sha256] = piece.head.split(":");
-  const head = h("span", { title: piece.head }, `Last entry ${number(Number(seq), 9)}, hash ${sha256.slice(0, 8)}…`);
-  return line("good", `The chain is intact: ${entries}, none altered.`, [head, " ", h("details", {}, h("summary", { class: "small" }, "Note it elsewhere"), h("code", { class: "hash" }, piece.head), h("p", { class: "small" }, "Who can rewrite the database can recompute every hash. Only a note kept elsewhere shows that."))], again);
+  const head = h("span", { title: piece.head }, `Last entry: number ${number(Number(seq), 9)}, hash ${sha256.slice(0, 8)}…`);
+  const skipped = Number(seq) > count ? h("p", { class: "small" }, "Entries are numbered over all organisations of this installation. The numbers that are missing here belong to others, or to changes that were not kept; in this chain no entry is missing.") : null;
+  return line("good", `The chain is intact: ${entries}, none altered.`, [head, " ", h("details", {}, h("summary", { class: "small" }, "Note it elsewhere"), h("code", { class: "hash" }, piece.head), h("p", { class: "small" }, "Who can rewrite the database can recompute every hash. Only a note kept elsewhere shows that."), skipped)], again);
 }
 
 const line = (kind, title, text, button) => h("div", { class: `verdict-line ${kind}` }, mark(kind), h("div", {}, h("strong", {}, title), " ", h("span", {}, text)), button);
