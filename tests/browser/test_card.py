@@ -309,9 +309,24 @@ def test_brackets_of_the_timeline_are_split_and_joined(page):
     assert page.locator(".lanes .lane title").first.text_content() == "Scene 1, 1 frame"
 
 
-def test_dropped_card_without_raw_frames_says_what_to_set(page, tmp_path):
+def test_dropped_card_without_raw_frames_says_what_to_set(page, team, tmp_path):
     (tmp_path / "DJI_1.JPG").write_bytes(b"\xff\xd8")
     drop(page, page.locator("#card-drop"), [tmp_path])
     expect(page.get_by_role("alert")).to_contain_text("set the camera to RAW or JPEG + RAW")
     page.get_by_role("button", name="Choose another folder").click()
     expect(page.get_by_role("heading", name="Start with a card")).to_be_visible()
+    # with them it is a night of measurements: the JPEG twin is counted, and stays on the card
+    (tmp_path / "field").mkdir()
+    (tmp_path / "DJI_1.JPG").rename(tmp_path / "field" / "DJI_1.JPG")
+    for n in (1, 2):
+        write_frame(tmp_path / "field" / f"DJI_{n}.DNG", seed=n)
+    drop(page, page.locator("#card-drop"), [tmp_path])
+    expect(page.get_by_role("radio", name="Measuring night")).to_be_checked()
+    expect(page.locator("main")).to_contain_text("1 JPEG twin")
+    page.get_by_role("button", name="Create campaign and send").click()
+    expect(page.get_by_text("2 of 2 received")).to_be_visible()
+    (night,) = team.client.campaigns()
+    assert night.kind == "measurement"
+    sent = sorted((frame.filename, frame.role, frame.scene) for frame in team.client.frames(night.id))
+    assert sent == [("DJI_1.DNG", "field", None), ("DJI_2.DNG", "field", None)]
+    look(page, "card-night")

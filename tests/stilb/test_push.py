@@ -93,12 +93,17 @@ def test_reasons_are_told_file_by_file(signed_in, campaign, card):
     assert codes["level-1/broken.DNG"] == ["refused"]
 
 
-def test_what_no_rule_fits_is_left_out_by_name(signed_in, campaign, card):
+def test_what_no_rule_fits_is_left_out_by_name(signed_in, campaign, card, team):
     (card / "loose.DNG").write_bytes(b"x")
     (card / "level-1" / "DJI_0001.JPG").write_bytes(b"a preview")
     (card / "level-1" / "._DJI_0001.DNG").write_bytes(b"half a copy")
     told = signed_in("push", card, "--campaign", campaign.id, "--no-wait", "--json").json
     assert (told["expected"], told["left_out"]) == (10, ["loose.DNG"])
+    # in a night of measurements every raw file is a field frame, and a picture is none
+    night = team.client.create_campaign(campaign.camera_id, kind="measurement")
+    told = signed_in("push", card, "--campaign", night.id, "--no-wait", "--json").json
+    assert (told["expected"], told["sent"], told["left_out"]) == (11, 11, [])
+    assert {(frame.role, frame.scene) for frame in team.client.frames(night.id)} == {("field", None)}
 
 
 def test_one_role_for_a_whole_folder(signed_in, campaign, card, team):
