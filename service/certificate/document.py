@@ -79,8 +79,7 @@ def _days(record: CalibrationRecord) -> tuple[list[date], DaysFrom]:
     stated = [record.campaign.started_at, record.campaign.ended_at]
     if any(stated):
         return [each.date() for each in stated if each], "campaign"
-    headers = [frame.row.header or {} for frame in record.frames.values()]
-    return list(_read_days(header.get("taken_at") for header in headers)), "frames"
+    return list(_read_days(frame.taken_at for frame in record.frames.values())), "frames"
 
 
 def _read_days(stamps: Iterable[str | None]) -> Iterable[date]:
@@ -194,19 +193,19 @@ def _readings(record: CalibrationRecord) -> list[UsedReading]:
 def _frame(record: CalibrationRecord, used: dict[str, Any]) -> UsedFrame:
     found = record.frames[used["sha256"]]
     return UsedFrame(
-        id=found.row.id,
+        id=found.id,
         frame=used["frame"],
         sha256=used["sha256"],
         size_bytes=found.size_bytes,
         role=used["role"],
         scene=used.get("scene"),
         exposure=drop_absent(used.get("exposure")),
-        taken_at=(found.row.header or {}).get("taken_at"),
+        taken_at=found.taken_at,
         roi_sha256=used["roi_sha256"],
         roi_origin="found" if found.found_by else None,
         roi_found_by=found.found_by,
         panel_serial=found.panel_serial,
-        warnings=[FINDINGS[flag].sentence for flag in found.row.warnings if flag in FINDINGS],
+        warnings=[FINDINGS[flag].sentence for flag in found.warnings if flag in FINDINGS],
         **_measured(record, found.statistics),
     )
 

@@ -133,18 +133,19 @@ def _gather(context: Context, session: Session, calibration_id: str, caller: Cal
 def _draw_preview(record: CalibrationRecord, files: Files) -> str:
     """The largest frame of something lit that has a preview, with the region in which it was measured."""
     inputs = record.calibration.inputs
-    candidates = [
-        (used, record.frames[used["sha256"]].row) for used in inputs["frames"] if used["role"] != "dark"
+    shown = [
+        (size_px, sha256, used["roi_sha256"])
+        for used in inputs["frames"]
+        if used["role"] != "dark"
+        and (size_px := record.frames[used["sha256"]].size_px)
+        and (sha256 := record.frames[used["sha256"]].preview_sha256)
     ]
-    shown = [(used, row, row.header) for used, row in candidates if row.header and row.preview_sha256]
     if not shown:
         return ""
-    used, row, header = max(shown, key=lambda one: one[2]["width_px"] * one[2]["height_px"])
-    _, pieces = files.open(row.preview_sha256 or "")
-    png = b"".join(pieces)
-    key = used["roi_sha256"]
+    (width_px, height_px), sha256, key = max(shown, key=lambda one: one[0][0] * one[0][1])
+    png = b"".join(files.open(sha256)[1])
     parts = inputs.get("roi_parts", {}).get(key) or [{"points": inputs["rois"][key]}]
-    return draw_region(png, header["width_px"], header["height_px"], [part["points"] for part in parts])
+    return draw_region(png, width_px, height_px, [part["points"] for part in parts])
 
 
 def _answer(

@@ -44,8 +44,15 @@ class MeterAsUsed:
 
 @dataclass(frozen=True, kw_only=True)
 class FrameAsUsed:
-    row: FrameRow
+    """What a certificate states of a frame: of the row, these columns alone."""
+
+    id: str
     size_bytes: int
+    taken_at: str | None
+    warnings: list[str]
+    preview_sha256: str | None
+    size_px: tuple[int, int] | None
+    """Width and height; None of a frame that was never read."""
     statistics: list[ChannelStatistics]
     found_by: FoundBy | None
     """How the region that was used was found; None where it was drawn or is the whole frame."""
@@ -157,28 +164,40 @@ def _meters_used(
 def _frames_used(session: Session, calibration: Calibration) -> dict[str, FrameAsUsed]:
     """The frames, each with the statistics that the fit read."""
     used = {frame["sha256"]: frame["roi_sha256"] for frame in calibration.inputs["frames"]}
+    header = FrameRow.header
     rows = session.execute(
-        select(FrameRow, Blob.size_bytes, Extraction.id, Roi.sha256, Roi.id)
+        select(
+            *(FrameRow.id, FrameRow.sha256, FrameRow.warnings, FrameRow.found, FrameRow.preview_sha256),
+            header["taken_at"].as_string().label("taken_at"),
+            header["width_px"].as_integer().label("width_px"),
+            header["height_px"].as_integer().label("height_px"),
+            Blob.size_bytes,
+            Extraction.id.label("extraction_id"),
+            *(Roi.id.label("roi_id"), Roi.sha256.label("roi_sha256")),
+        )
         .join(Blob, Blob.sha256 == FrameRow.sha256)
         .join(Extraction, Extraction.frame_id == FrameRow.id)
         .join(Roi, Roi.id == Extraction.roi_id)
         .where(FrameRow.campaign_id == calibration.campaign_id)
         .where(Extraction.extractor == calibration.inputs["extractor"])
     )
-    mine = [row for row in rows if used.get(row[0].sha256) == row[3]]
-    statistics = statistics_of(session, [row[2] for row in mine])
+    mine = [row for row in rows if used.get(row.sha256) == row.roi_sha256]
+    statistics = statistics_of(session, [row.extraction_id for row in mine])
     return {
-        row[0].sha256: FrameAsUsed(
-            row=row[0],
-            size_bytes=row[1],
-            statistics=statistics[row[2]],
-            **_find_panel(row[0], row[4]),
+        row.sha256: FrameAsUsed(
+            id=row.id,
+            size_bytes=row.size_bytes,
+            taken_at=row.taken_at,
+            warnings=row.warnings,
+            preview_sha256=row.preview_sha256,
+            size_px=(row.width_px, row.height_px) if row.width_px else None,
+            statistics=statistics[row.extraction_id],
+            **_find_panel(row.found or {}, row.roi_id),
         )
         for row in mine
     }
 
 
-def _find_panel(frame: FrameRow, roi_id: str) -> dict[str, Any]:
-    found = frame.found or {}
+def _find_panel(found: dict[str, Any], roi_id: str) -> dict[str, Any]:
     by = found.get("by", "code") if found.get("roi_id") == roi_id else None
     return {"found_by": by, "panel_serial": found.get("serial")}
