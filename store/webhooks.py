@@ -65,6 +65,8 @@ def claim_due(session: Session, *, without: set[str], limit: int) -> list[tuple[
         .join(Webhook, Webhook.id == WebhookDelivery.webhook_id)
         .where(due, Webhook.disabled_at.is_(None), Webhook.id.not_in(without))
         .group_by(WebhookDelivery.webhook_id)
+        # the longest due first: eight slow ones would else come before all others, always
+        .order_by(func.min(WebhookDelivery.due_at))
         .limit(limit)
     )
     claimed = []

@@ -6,6 +6,8 @@ import hmac
 import json
 import socket
 import threading
+import time
+from contextlib import suppress
 from datetime import timedelta
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
@@ -38,7 +40,11 @@ class Receiver:
             def do_POST(handler):  # noqa: N805
                 body = handler.rfile.read(int(handler.headers["Content-Length"]))
                 self.got.append((dict(handler.headers), body))
-                handler.send_response(self.answers.pop(0) if self.answers else 204)
+                answer = self.answers.pop(0) if self.answers else 204
+                if callable(answer):
+                    answer(handler.wfile)
+                    return
+                handler.send_response(answer)
                 handler.send_header("Location", "/elsewhere")
                 handler.end_headers()
 
@@ -123,6 +129,36 @@ def test_an_event_is_sent_signed_and_again_until_it_is_taken(house, receiver, ad
     said = f"{first['webhook-id']}.{first['webhook-timestamp']}.".encode() + body
     digest = hmac.new(base64.b64decode(hook["secret"][6:]), said, hashlib.sha256).digest()
     assert first["webhook-signature"] == f"v1,{base64.b64encode(digest).decode()}"
+
+
+def test_neither_a_slow_nor_an_endless_answer_holds_a_sender_up(house, receiver, add, monkeypatch):
+    """What follows the status is read by nobody; each byte of the slow one comes soon enough for itself."""
+    gushed = []
+
+    def gush(wfile):
+        wfile.write(b"HTTP/1.1 200 OK\r\nContent-Length: 1000000000\r\n\r\n")
+        with suppress(OSError):
+            for _ in range(1000):
+                wfile.write(bytes(1 << 20))
+                gushed.append(1 << 20)
+
+    def drip(wfile):
+        with suppress(OSError):
+            wfile.write(b"HTTP/1.1 204 No Content\r\nX: ")
+            for _ in range(50):
+                wfile.write(b"x")
+                time.sleep(0.1)
+
+    hook = add(receiver.url)
+    for answer, limit_s in ((gush, 15.0), (drip, 0.5)):
+        monkeypatch.setattr("worker.webhooks._ANSWER_WITHIN_S", limit_s)
+        receiver.answers = [answer]
+        house.post(f"/v1/webhooks/{hook['id']}/test", {}, status=202)
+        send(house)
+    slow, endless = log(house, hook)
+    assert (endless["state"], endless.get("error")) == ("delivered", None)
+    assert sum(gushed) < 100 << 20
+    assert (slow["state"], slow["error"]) == ("queued", "It did not answer within 0.5 s.")
 
 
 def test_what_fails_for_days_is_disabled_and_can_be_enabled(house, receiver, add):
