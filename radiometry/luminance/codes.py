@@ -156,7 +156,8 @@ OBSERVER_DIFFERS = flag(
     "observer_differs",
     "The camera is not at the observer's position of EN 13201 or RP-8: it sees the road from above, and that "
     "observer at 1.43° or less. On one simulated road U_o was 0.386 from above, and 0.427 (surface R1) or "
-    "0.266 (R4) for the driver: neither values nor ratios carry over.",
+    "0.266 (R4) for the driver: neither values nor ratios carry over. That road is dry; of a wet road, which "
+    "mirrors the lamps, EN 13201-2 asks a U_o of 0.15 instead of 0.40.",
     "For results according to EN 13201 or RP-8, measure from the observer's position with a luminance meter; "
     "use this result for the pattern and to compare nights.",
     "measurement",
@@ -188,6 +189,14 @@ MIXED_SURFACE = flag(
     "Mean and median differ: the light changes steeply within the area, or it covers unlike parts, such as a "
     "kerb, a road marking, a lamp, its reflection or the light of a passing car.",
     "Look at the map, draw on one surface, take more cells, or measure a frame without traffic.",
+    "measurement",
+)
+MIXED_LIGHT = flag(
+    "mixed_light",
+    "The raw colours of the cells differ: unlike lamps or surfaces lie side by side, and the camera "
+    "errs differently for each. The budget holds one spectral error, the same for all cells.",
+    "Measure the part that each kind of lamp lights by itself, stating its `light_source`, and do not report "
+    "ratios of cells that unlike lamps light.",
     "measurement",
 )
 CORNERS_IMPLAUSIBLE = flag(

@@ -1,5 +1,6 @@
 """Light, distance and surroundings that K was calibrated under, and those of a measurement."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -97,7 +98,9 @@ class FieldConditions:
             read_lamp(self.light_source)
 
 
-def measure_colour(statistics: Sequence[ChannelStatistics], *, dark_above_black_dn: float) -> Colour | None:
+def measure_colour(
+    statistics: Sequence[ChannelStatistics], *, dark_above_black_dn: float, most_u_rel: float = math.inf
+) -> Colour | None:
     """Compute the raw colour of a region.
 
     Parameters
@@ -106,16 +109,21 @@ def measure_colour(statistics: Sequence[ChannelStatistics], *, dark_above_black_
         Statistics of the region, one row per channel.
     dark_above_black_dn : float
         Dark signal above the black level, the same in all channels [DN].
+    most_u_rel : float, default: inf
+        Largest relative standard error that the mean of a channel may have.
 
     Returns
     -------
     tuple[float, float] or None
-        R/G and B/G; None if a channel is missing or not above dark.
+        R/G and B/G; None if a channel is missing, not above dark, or less certain than that.
     """
     means: dict[str, list[float]] = {"R": [], "G": [], "B": []}
     for row in statistics:
         if row.channel[0] in means:
-            means[row.channel[0]].append(row.mean_dn - row.black_level_dn - dark_above_black_dn)
+            mean = row.mean_dn - row.black_level_dn - dark_above_black_dn
+            if row.std_dn > most_u_rel * mean * math.sqrt(row.n):
+                return None
+            means[row.channel[0]].append(mean)
     if not all(values and min(values) > 0.0 for values in means.values()):
         return None
     red, green, blue = (sum(values) / len(values) for values in means.values())

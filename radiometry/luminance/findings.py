@@ -3,12 +3,17 @@
 import math
 from collections.abc import Iterable, Sequence
 
+import numpy as np
+
 from radiometry.findings import Raised, shared
 from radiometry.frame import Frame
 from radiometry.frame.roi import Polygon
 from radiometry.frame.statistics import Signal
 from radiometry.luminance import codes
+from radiometry.luminance.conditions import Colour
 from radiometry.luminance.measured import AppliedLuminance
+from radiometry.spectral.curves import list_responses
+from radiometry.spectral.mismatch import LEAST_U_REL, fit_colour_remedy
 
 Corners = Sequence[tuple[float, float]]
 
@@ -142,6 +147,47 @@ def find_mixed(
         f"median by {shares[worst]:+.0%} of it."
     )
     return (codes.MIXED_SURFACE.at("grid", detail),)
+
+
+def find_mixed_light(
+    colours: Sequence[Colour], *, response: str | None, channel: str, u_rel: float
+) -> tuple[Raised, ...]:
+    """Return `mixed_light` where no single spectral correction holds for all cells.
+
+    Parameters
+    ----------
+    colours : sequence of tuple[float, float]
+        R/G and B/G of the cells whose colour is certain.
+    response : str or None
+        Camera response, a name or a table; None for an unknown camera.
+    channel : str
+        "green" or "grey".
+    u_rel : float
+        Relative standard uncertainty of the spectral correction, which all cells share.
+
+    Returns
+    -------
+    tuple of Raised
+        At most one flag: beyond the expanded uncertainty, k = 2.
+
+    Notes
+    -----
+    ln F = a + b ln(R/G) + c ln(B/G) of `fit_colour_remedy` differs between two cells by what one factor for
+    both is wrong about their ratio. An unknown camera may be any of the library's.
+    """
+    if len(colours) < 2:
+        return ()
+    cameras = list_responses() if response is None else (response,)
+    remedies = [fit_colour_remedy(each, channel=channel, calibrated="A") for each in cameras]
+    spread = max(float(np.ptp(np.log(colours) @ (each.red, each.blue))) for each in remedies)
+    error, allowed = math.expm1(spread), max(u_rel, LEAST_U_REL)
+    if error <= 2.0 * allowed:
+        return ()
+    of = "" if response else " with one of the published cameras"
+    detail = (
+        f"The ratio of two cells may be wrong by {error:.0%}{of}; the budget holds {allowed:.0%} for all."
+    )
+    return (codes.MIXED_LIGHT.at("grid", detail),)
 
 
 def _measure_skew(signal: Signal, dark_signal_dn: float) -> float:

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 
 from radiometry.findings import InputRejected
 from radiometry.findings.advice import advise
@@ -14,7 +15,11 @@ from radiometry.frame.exposure import Exposure
 from radiometry.frame.grid import Grid
 from radiometry.frame.roi import Polygon
 from radiometry.luminance.codes import ROI_ELSEWHERE
+from radiometry.luminance.conditions import CalibrationConditions, FieldConditions
+from radiometry.luminance.findings import find_mixed_light
 from radiometry.luminance.measurement import Request, find_window, measure
+from radiometry.spectral.curves import read_lamp, read_observer, read_response
+from radiometry.spectral.mismatch import compute_mismatch, fit_colour_remedy
 from tests.radiometry.coefficients import COEFFICIENT
 
 EXPOSURE = Exposure(exposure_time_s=0.01, f_number=4.0, iso=3200.0)
@@ -109,6 +114,70 @@ def test_the_shared_part_does_not_average_down_and_single_pixels_carry_their_noi
     ordered = [large.smallest, *(p.luminance for p in large.percentiles), large.largest]
     assert [q.value for q in ordered] == sorted(q.value for q in ordered)
     assert [p.percent for p in large.percentiles] == [5, 10, 90, 95]
+
+
+CAMERA = "Hasselblad L2D-20c"
+
+
+def light_up(lamps, *, luminance=1000.0, noise_dn=2.0):
+    """One luminance everywhere, by one lamp on each half, as the camera's pixels see it."""
+    halves = []
+    for lamp in map(read_lamp, lamps):
+        red, green, blue = luminance * (lamp @ read_response(CAMERA)) / (lamp @ read_observer()) * GREEN_OF_A
+        halves.append(np.tile([[red, green], [green, blue]], (32, 24)))
+    return noisy(0.0, noise_dn=noise_dn) + np.hstack(halves)
+
+
+# so that the green pixels are right under A
+GREEN_OF_A = (read_lamp("A") @ read_observer()) / (read_lamp("A") @ read_response(CAMERA)[:, 1])
+
+
+def test_lamps_of_two_colours_side_by_side_are_named_with_what_they_do_to_a_ratio():
+    known = CalibrationConditions(lamp="A", camera_response=CAMERA, colour=(1.0, 1.0))
+    grid = Grid(corners=((0.0, 0.0), (96.0, 0.0), (96.0, 64.0), (0.0, 64.0)), rows=1, columns=2)
+    for conditions in (known, None):
+        asked = {
+            "coefficient": dataclasses.replace(COEFFICIENT, conditions=conditions),
+            "grid": grid,
+            "conditions": FieldConditions(),
+        }
+        found = measured(make_frame(light_up(("HP1", "LED-B5"))), **asked)
+        (raised,) = (each for each in found.flags if each.flag == "mixed_light")
+        stated = float(raised.detail.partition("by ")[2].partition("%")[0]) / 100
+        ((sodium, led),) = ([cell.value for cell in line] for line in found.surface.cells)
+        f_of = {
+            lamp: compute_mismatch(CAMERA, channel="green", calibrated="A", measured=lamp)
+            for lamp in ("HP1", "LED-B5")
+        }
+        # the luminances are equal: what they are shown as is wrong by this
+        assert led / sodium == pytest.approx(f_of["HP1"] / f_of["LED-B5"], rel=0.01)
+        assert stated >= 0.9 * (led / sodium - 1.0)
+        # one lamp, or in a laboratory
+        for scene, stating in ((("HP1", "HP1"), {}), (("HP1", "LED-B5"), {"conditions": None})):
+            assert "mixed_light" not in flags(measured(make_frame(light_up(scene)), **asked | stating))
+
+
+def test_mixed_light_by_hand():
+    """B/G of one cell is half of the other's: ln F differs by c ln 2."""
+    two = [(0.5, 0.4), (0.5, 0.2)]
+    slope = fit_colour_remedy(CAMERA, channel="green", calibrated="A").blue
+    (raised,) = find_mixed_light(two, response=CAMERA, channel="green", u_rel=0.03)
+    assert f"wrong by {2.0 ** abs(slope) - 1.0:.0%};" in raised.detail
+    for colours, u_rel in ((two, 0.16), (two[:1], 0.03), ([(0.5, 0.4), (0.5, 0.38)], 0.03)):
+        assert find_mixed_light(colours, response=CAMERA, channel="green", u_rel=u_rel) == ()
+
+
+def test_a_blurred_frame_mixes_its_cells_by_as_much_as_the_manual_says():
+    """A step of 1000 DN between cells of 40 px, blurred by 4 px: 4 / (40 sqrt(2 pi)) of it, on both sides."""
+    step = np.where(np.arange(96) < 48, 500.0, 1500.0) + np.zeros((64, 1)) + 256.0
+    grid = Grid(corners=((8.0, 10.0), (88.0, 10.0), (88.0, 58.0), (8.0, 58.0)), rows=1, columns=2)
+    blurred = gaussian_filter1d(step, 4.0, axis=1)
+    shown = [
+        [cell.value / PER_DN for cell in measured(make_frame(each), grid=grid).surface.cells[0]]
+        for each in (step, blurred)
+    ]
+    expected = 1000.0 * 4.0 / (40.0 * math.sqrt(2.0 * math.pi))
+    assert np.subtract(*shown[::-1]) == pytest.approx([expected, -expected], rel=0.02)
 
 
 def test_the_trail_of_a_car_is_named_and_a_slope_of_light_is_not():
