@@ -1,6 +1,6 @@
 """Authentication: an API key of one organisation with its scopes, or a browser session opened with it."""
 
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -113,8 +113,8 @@ def require(caller: Caller, scope: Scope) -> None:
         raise Problem(interface.SCOPE_MISSING, detail)
 
 
-def _require(scope: Scope) -> Callable[[Caller], Caller]:
-    def check(caller: Annotated[Caller, Depends(get_caller)]) -> Caller:
+def _require(scope: Scope) -> Callable[[Caller], Awaitable[Caller]]:
+    async def check(caller: Annotated[Caller, Depends(get_caller)]) -> Caller:
         require(caller, scope)
         return caller
 

@@ -144,7 +144,7 @@ IdempotencyKey = Annotated[
 ]
 
 
-def stream_writing(
+async def stream_writing(
     request: Request,
     context: Annotated[Context, Depends(get_context)],
     idempotency_key: IdempotencyKey = None,

@@ -84,7 +84,8 @@ class Context:
         return Files(self.database, self.blobs)
 
 
-def get_context(request: Request) -> Context:
+async def get_context(request: Request) -> Context:
+    """Return what the application was put together around; FastAPI calls what is not async in a thread."""
     context: Context = request.app.state.context
     return context
 

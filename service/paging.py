@@ -64,7 +64,7 @@ class Paging:
         return JSONResponse({"items": [item.dump() for item in shape(found[:limit])], "next": address})
 
 
-def _read_paging(request: Request, limit: Limit = 100, cursor: Cursor = None) -> Paging:
+async def _read_paging(request: Request, limit: Limit = 100, cursor: Cursor = None) -> Paging:
     return Paging(request, limit, cursor)
 
 

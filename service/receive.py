@@ -47,16 +47,24 @@ async def receive(request: Request, blobs: Blobs, *, max_bytes: int, admit: Admi
     admitted = await run_in_threadpool(admit, expected, announced)
     try:
         with blobs.writer() as writer:
-            filename = await _copy(request, writer, max_bytes)
-            if expected is not None and writer.sha256 != expected:
-                raise Problem(
-                    interface.DIGEST_MISMATCH,
-                    f"The file arrived as SHA-256 {writer.sha256}, not the announced {expected}. "
-                    "Send it again.",
-                )
-            if not admitted or writer.size_bytes > announced:
-                await run_in_threadpool(admit, writer.sha256, writer.size_bytes)
-            return Received(blob=await run_in_threadpool(writer.commit), filename=filename)
+            form = _find_form(request, writer)
+            take = writer.write if form is None else form.feed
+            rest = await _drain(request.stream(), take, max_bytes)
+
+            def finish() -> Received:
+                take(rest)
+                filename = None if form is None else form.finish()
+                if expected is not None and writer.sha256 != expected:
+                    raise Problem(
+                        interface.DIGEST_MISMATCH,
+                        f"The file arrived as SHA-256 {writer.sha256}, not the announced {expected}. "
+                        "Send it again.",
+                    )
+                if not admitted or writer.size_bytes > announced:
+                    admit(writer.sha256, writer.size_bytes)
+                return Received(blob=writer.commit(), filename=filename)
+
+            return await run_in_threadpool(finish)
     except ClientDisconnect as error:
         raise Problem(
             interface.UPLOAD_INCOMPLETE,
@@ -64,18 +72,13 @@ async def receive(request: Request, blobs: Blobs, *, max_bytes: int, admit: Admi
         ) from error
 
 
-async def _copy(request: Request, writer: BlobWriter, max_bytes: int) -> str | None:
+def _find_form(request: Request, writer: BlobWriter) -> "_FilePart | None":
     kind, options = parse_options_header(request.headers.get("content-type", ""))
-    if kind != b"multipart/form-data":
-        await _drain(request.stream(), writer.write, max_bytes)
-        return None
-    part = _FilePart(writer, options.get(b"boundary", b""))
-    await _drain(request.stream(), part.feed, max_bytes)
-    return part.finish()
+    return _FilePart(writer, options.get(b"boundary", b"")) if kind == b"multipart/form-data" else None
 
 
-async def _drain(chunks: AsyncIterator[bytes], take: Callable[[bytes], object], max_bytes: int) -> None:
-    """Hand the chunks on in pieces of a megabyte: one is hashed and written while the next one arrives."""
+async def _drain(chunks: AsyncIterator[bytes], take: Callable[[bytes], object], max_bytes: int) -> bytes:
+    """Hand the chunks on in pieces of a megabyte, one while the next one arrives; return what remains."""
     waiting: list[bytes] = []
     size = total = 0
     taking: asyncio.Future[None] | None = None
@@ -98,8 +101,7 @@ async def _drain(chunks: AsyncIterator[bytes], take: Callable[[bytes], object], 
         while taking and not taking.done():
             with suppress(asyncio.CancelledError):
                 await asyncio.wait([taking])
-    if waiting:
-        await run_in_threadpool(_join_and_take, take, waiting)
+    return b"".join(waiting)
 
 
 def _join_and_take(take: Callable[[bytes], object], piece: list[bytes]) -> None:
