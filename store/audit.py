@@ -25,6 +25,11 @@ _COVERED = (
     "previous_sha256",
 )
 
+_LAST_NUMBER = func.coalesce(
+    select(func.max(AuditEntry.seq)).scalar_subquery(), select(AuditHead.seq).scalar_subquery()
+)
+_DRAWN_NUMBERS = text("SELECT nextval('audit_entry_number') FROM generate_series(1, :count)")
+
 
 def record_changes(session: Session, _context: object) -> None:
     """Note an audit entry for each audited row that a flush has just inserted, changed or deleted."""
@@ -55,8 +60,10 @@ def append_entries(session: Session) -> None:
     for entry, seq in zip(entries, numbers, strict=True):
         entry |= {"seq": seq, "previous_sha256": sha256}
         sha256 = entry["sha256"] = digest(entry)
-    session.execute(insert(AuditEntry), entries)
-    session.execute(update(AuditChain).where(mine).values(seq=entries[-1]["seq"], sha256=sha256))
+    connection = session.connection()
+    connection.execute(insert(AuditEntry), entries)
+    last = {"seq": entries[-1]["seq"], "sha256": sha256}
+    connection.execute(update(AuditChain).where(mine), last)
 
 
 def name_chain(organisation_id: str | None) -> str:
@@ -77,13 +84,10 @@ def _lock_chain(session: Session, mine: ColumnElement[bool], count: int) -> list
     link = select(AuditChain.sha256).where(mine)
     if session.get_bind().dialect.name == "sqlite":
         # its one writer
-        last = select(func.max(AuditEntry.seq)).scalar_subquery()
-        old = select(AuditHead.seq).scalar_subquery()
-        sha256, number = session.execute(link.add_columns(func.coalesce(last, old))).one()
+        sha256, number = session.execute(link.add_columns(_LAST_NUMBER)).one()
         return [sha256, *range(number + 1, number + 1 + count)]
     sha256 = session.scalars(link.with_for_update()).one()
-    drawn = text("SELECT nextval('audit_entry_number') FROM generate_series(1, :count)")
-    return [sha256, *session.scalars(drawn, {"count": count})]
+    return [sha256, *session.scalars(_DRAWN_NUMBERS, {"count": count})]
 
 
 def forget_entries(session: Session) -> None:

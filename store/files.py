@@ -133,8 +133,9 @@ def keep_blobs(session: Session, blobs: Iterable[StoredBlob]) -> set[str]:
         for sha256, blob in sorted(stored.items())
     ]
     insert = sqlite.insert if session.get_bind().dialect.name == "sqlite" else postgresql.insert
-    added = insert(Blob).values(rows).on_conflict_do_nothing().returning(Blob.sha256)
-    new = {*session.scalars(added)}
+    # the same words however many there are: a list of values would be compiled each time
+    added = insert(Blob).on_conflict_do_nothing().returning(Blob.sha256)
+    new = {*session.connection().execute(added, rows).scalars()} if rows else set()
     if known := stored.keys() - new:
         locked = select(Blob).where(Blob.sha256.in_(known)).order_by(Blob.sha256).with_for_update()
         for row in session.scalars(locked, execution_options={"populate_existing": True}):

@@ -7,7 +7,8 @@ order and late, just before the audit trail's head.
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from sqlalchemy import ColumnElement, delete, insert, or_, select, update
+from sqlalchemy import ColumnElement, insert, or_, select, update
+from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Session
 
 from store.tables.calibration import Calibration, Revocation
@@ -36,15 +37,20 @@ _SHARED: dict[type, Callable[[Any], ColumnElement[bool]]] = {
 }
 
 
-_NOTED = ("changed_campaigns", "changed_of_campaigns", "changed_frames", "campaigns_changed_themselves")
+_NOTED = (
+    *("changed_campaigns", "changed_of_campaigns", "campaigns_changed_themselves"),
+    *("changed_frames", "changed_of_frames"),
+)
+_STAMP = ("frame_id", "campaign_id", "revision")
 
 
 def note_changes(session: Session, _context: object) -> None:
     """Note the campaigns that a flush has just changed."""
     rows = [*session.new, *session.deleted, *(row for row in session.dirty if session.is_modified(row))]
-    frames = session.info.setdefault("changed_frames", set())
-    frames |= {row.id for row in rows if isinstance(row, FrameRow)}
-    frames |= {row.frame_id for row in rows if isinstance(row, Extraction)}
+    frames = session.info.setdefault("changed_frames", {})
+    frames |= {row.id: row.campaign_id for row in rows if isinstance(row, FrameRow)}
+    of_frames = session.info.setdefault("changed_of_frames", set())
+    of_frames |= {row.frame_id for row in rows if isinstance(row, Extraction)}
     whole = session.info.setdefault("campaigns_changed_themselves", set())
     whole |= {row.id for row in rows if isinstance(row, Campaign)}
     own = session.info.setdefault("changed_campaigns", set())
@@ -68,27 +74,37 @@ def raise_revisions(session: Session) -> None:
     if len(changed) > 1:
         locked = select(CampaignReview.campaign_id).where(chosen).order_by(CampaignReview.campaign_id)
         session.execute(locked.with_for_update())
-    session.execute(update(CampaignReview).where(chosen).values(revision=CampaignReview.revision + 1))
+    # by the connection: to look what a session holds of them costs more than the statement
+    raised = update(CampaignReview).where(chosen).values(revision=CampaignReview.revision + 1)
+    revised = session.connection().execute(
+        raised.returning(CampaignReview.campaign_id, CampaignReview.revision)
+    )
+    revisions: dict[str, int] = {row[0]: row[1] for row in revised}
     whole: set[str] = session.info.pop("campaigns_changed_themselves", set())
     if whole:
         themselves = update(CampaignReview).where(CampaignReview.campaign_id.in_(whole))
         session.execute(themselves.values(whole_revision=CampaignReview.revision))
-    frames: set[str] = session.info.pop("changed_frames", set())
-    if frames:
-        found = select(FrameRow.id, FrameRow.campaign_id, CampaignReview.revision).join(
-            CampaignReview, CampaignReview.campaign_id == FrameRow.campaign_id
-        )
-        rows = session.execute(found.where(FrameRow.id.in_(frames)))
-        stamp_frames(session, [(row[0], row[1], row[2]) for row in rows])
+    frames: dict[str, str] = session.info.pop("changed_frames", {})
+    described: set[str] = session.info.pop("changed_of_frames", set()) - frames.keys()
+    if described:
+        found = select(FrameRow.id, FrameRow.campaign_id).where(FrameRow.id.in_(described))
+        frames |= {row[0]: row[1] for row in session.execute(found)}
+    stamp_frames(
+        session, [(frame, campaign, revisions[campaign]) for frame, campaign in sorted(frames.items())]
+    )
 
 
 def stamp_frames(session: Session, stamps: Sequence[tuple[str, str, int]]) -> None:
     """Keep id, campaign and revision of frames that have changed; the campaign's review is locked by now."""
+    upsert = sqlite.insert if session.get_bind().dialect.name == "sqlite" else postgresql.insert
     for first in range(0, len(stamps), _MOST_AT_ONCE):
         some = stamps[first : first + _MOST_AT_ONCE]
-        session.execute(delete(FrameChange).where(FrameChange.frame_id.in_([each[0] for each in some])))
-        names = ("frame_id", "campaign_id", "revision")
-        session.execute(insert(FrameChange), [dict(zip(names, each, strict=True)) for each in some])
+        added = upsert(FrameChange)
+        newer = {"campaign_id": added.excluded.campaign_id, "revision": added.excluded.revision}
+        session.connection().execute(
+            added.on_conflict_do_update(index_elements=[FrameChange.frame_id], set_=newer),
+            [dict(zip(_STAMP, each, strict=True)) for each in some],
+        )
 
 
 def forget_changes(session: Session) -> None:

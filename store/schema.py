@@ -6,6 +6,8 @@ from sqlalchemy.orm import Session
 
 from store.revision import own_schema
 
+_VERSION = text("SELECT version_num FROM alembic_version")
+
 OTHER_SCHEMA_EXIT = 3
 """The exit code of a process that finds a database of another stilb."""
 
@@ -27,7 +29,7 @@ class SchemaDiffers(SQLAlchemyError):  # noqa: N818  it says what was found
 def require_own_schema(session: Session) -> None:
     """Raise `SchemaDiffers` unless the database is this code's."""
     try:
-        found = session.scalar(text("SELECT version_num FROM alembic_version"))
+        found = session.scalar(_VERSION)
     except (ProgrammingError, OperationalError) as error:
         if not is_about_missing_parts(error):
             raise
