@@ -10,7 +10,10 @@ _STARTS: Final = "=+-@\t\r\n\uff1d\uff0b\uff0d\uff20"
 """What a formula begins with; the last four in East Asian spreadsheets."""
 _RUNS: Final = re.compile(rf"(?:^|(?<=[;\t]))(?=[{re.escape(_STARTS)}])")
 """Where a spreadsheet would begin a formula, also one whose separator is another than ours."""
-_NUMBERLIKE: Final = re.compile(r"[-+]?[\d.,:/ eE+-]*\d[\d.,:/ eE+-]*")
+_MONTHS: Final = "jan|feb|mar|mrz|mär|apr|may|mai|jun|jul|aug|sept?|oct|okt|nov|dec|dez"
+_NUMBERLIKE: Final = re.compile(
+    rf"(?=.*\d)(?:[\d.,:/ eE+%$€£-]|(?<![a-z])(?:{_MONTHS})(?![a-z]))+|true|false", re.IGNORECASE
+)
 _LOCAL: Final = re.compile(r"(\d{4}-\d\d-\d\d)T(\d\d:\d\d:\d\d)(?:(\.\d{1,3})\d*)?")
 
 
@@ -28,7 +31,7 @@ def spell_instant(text: str, decimal: str) -> str:
 
 
 def spell_text(text: str, decimal: str) -> str:
-    """Return a text that a spreadsheet leaves one: 0012, which it would count for 12, as ="0012"."""
+    """Return a text that a spreadsheet leaves one: 0012, which it would count for 12, and MAR1 as ="0012"."""
     if _NUMBERLIKE.fullmatch(text):
         return f'="{text}"'
     return _RUNS.sub("'", text if text.endswith("Z") else spell_instant(text, decimal))

@@ -15,6 +15,11 @@ from store.ready.measurements import COLUMNS
 EXCEL = {
     ("text", "0012"): '="0012"',
     ("text", "1-2"): '="1-2"',
+    ("text", "MAR1"): '="MAR1"',
+    ("text", "7 Sept"): '="7 Sept"',
+    ("text", "50 %"): '="50 %"',
+    ("text", "True"): '="True"',
+    ("text", "MARS1"): "MARS1",
     ("text", "=HYPERLINK(1)"): "'=HYPERLINK(1)",
     ("text", "a;=1+1"): "a;'=1+1",
     ("text", "Zürich"): "Zürich",

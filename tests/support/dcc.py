@@ -53,7 +53,9 @@ _TEXTS = {
     "issuer": "manufacturer|calibrationLaboratory|customer|owner|other",
     "mainSigner": "true|false",
     "unit": r"(\\[a-z]+(\\tothe\{-?\d+\})?)+",
-    **dict.fromkeys(("uncertainty", "coverageProbability"), r"\d+(\.\d+)?(e-?\d+)?"),
+    "uncertainty": r"\d+(\.\d+)?(e[-+]?\d+)?",
+    "coverageFactor": r"[1-9]\d*(\.\d*)?",
+    "coverageProbability": r"0(\.\d*)?|1(\.0*)?",
 }
 
 
