@@ -1,5 +1,6 @@
 """Commands on the way to a version in force."""
 
+import csv
 import json
 import re
 from collections import Counter
@@ -193,12 +194,31 @@ def format_calibration(calibration: Calibration) -> list[RenderableType]:
     return shown
 
 
-def read_polygon(text: str) -> list[tuple[float, float]]:
+def read_polygon(text: str, *, option: str = "--polygon") -> list[tuple[float, float]]:
     """Corners as they are typed."""
     corners = [_POINT.fullmatch(each) for each in text.split()]
     if len(corners) < 3 or None in corners:
-        raise typer.BadParameter('--polygon needs three corners or more: "x,y x,y x,y"')
+        raise typer.BadParameter(f'{option} needs three corners or more: "x,y x,y x,y"')
     return [(float(corner[1]), float(corner[2])) for corner in corners if corner]
+
+
+def set_regions(client: Client, campaign_id: str, path: Path | None) -> None:
+    """Give frames regions of their own from a table, if there is one: lines of a frame and its corners."""
+    if path is None:
+        return
+    drawn: dict[str, list[tuple[float, float]]] = {}
+    for line in csv.reader(path.read_text(encoding="utf-8-sig").splitlines()):
+        if not any(map(str.strip, line)) or line[0].strip().lower() == "frame":
+            continue
+        if len(line) != 2:
+            raise typer.BadParameter(
+                f'--regions: {",".join(line)!r} is not a line such as DJI_1.DNG,"x,y x,y x,y"'
+            )
+        drawn[line[0].strip()] = read_polygon(line[1], option=f"--regions: {line[0]}")
+    for frame_id, polygon in zip(
+        _find_frames(client, campaign_id, list(drawn), "--regions"), drawn.values(), strict=True
+    ):
+        client.set_frame_roi(frame_id, polygon)
 
 
 def _format_impact(impact: dict[str, Any]) -> list[str]:

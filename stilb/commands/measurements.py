@@ -10,7 +10,7 @@ import typer
 from rich.console import RenderableType
 
 from stilb.client import Client
-from stilb.commands.calibration import read_polygon
+from stilb.commands.calibration import read_polygon, set_regions
 from stilb.commands.completion import complete_campaign
 from stilb.commands.exits import Exit
 from stilb.commands.output import Output, command
@@ -44,6 +44,10 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
     region: Annotated[
         str | None,
         typer.Option(help="Region \"x,y x,y x,y ...\"; default: --grid, the frame's own, its campaign's."),
+    ] = None,
+    regions: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.csv", help='Regions of frames, kept: lines of frame,"x,y x,y x,y".'),
     ] = None,
     grid: Annotated[
         str | None, typer.Option(help='A surface: "3x5 x,y x,y x,y x,y", rows x columns.')
@@ -115,7 +119,7 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
     Of a folder every raw file is sent as a field frame to --campaign, or to the night of its campaign.toml,
     and all field frames of that campaign are measured.
     """
-    folder = _find_folder(frames or [], campaign, saves=save is not None)
+    folder = _find_folder(frames or [], campaign, {"--save": save, "--regions": regions})
     if (bands or stac) and save_map is None:
         raise typer.BadParameter("--bands and --stac need --map FOLDER")
     if average and len(frames or ()) < 2:
@@ -124,7 +128,7 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
         light = read_spreadsheet(Path(light))
     given = {
         "calibration_id": calibration,
-        "polygon": None if region is None else read_polygon(region),
+        "polygon": _read_region(region, regions),
         "grid": _read_lanes(lanes) if lanes is not None else None if grid is None else _read_grid(grid),
         "reflectance": reflectance,
         "light_source": light,
@@ -147,6 +151,7 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
         wanted: dict[str, Any] = {"with_map": save_map is not None, "with_bands": bands}
         if sent is not None or campaign is not None:
             campaign_id = sent.campaign_id if sent else client.find_campaign(campaign or "").id
+            set_regions(client, campaign_id, regions)
             wanted["on_progress"] = partial(listener.on_count, "measured")
             found, refused = client.measure_campaign(campaign_id, **wanted, **details)
             if save is not None:
@@ -190,14 +195,17 @@ def _save_maps(output: Output, client: Client, found: list[Measurement], folder:
             output.note(str(client.save_stac(one.id, path)))
 
 
-def _find_folder(frames: list[str], campaign: str | None, *, saves: bool) -> Path | None:
+def _find_folder(
+    frames: list[str], campaign: str | None, of_campaigns: Mapping[str, Path | None]
+) -> Path | None:
     """Return the folder that is to be sent and measured, if it is one; refuse what does not go together."""
     if len(frames) == 1 and Path(frames[0]).is_dir():
         return Path(frames[0])
     if bool(frames) == (campaign is not None):
         raise typer.BadParameter("give frames, or --campaign")
-    if saves and campaign is None:
-        raise typer.BadParameter("--save needs --campaign, or a folder")
+    for option, value in of_campaigns.items():
+        if value is not None and campaign is None:
+            raise typer.BadParameter(f"{option} needs --campaign, or a folder")
     for frame in frames:
         _refuse_file(frame)
     return None
@@ -232,6 +240,12 @@ def compare(
         found = client.compare(old, new, other_region=other_region, same_light=same_light)
     change = f" ({figure(found.change)})" if found.change else ""
     output.answer(found.raw, found.said, f"new - old: {figure(found.difference)}{change}")
+
+
+def _read_region(region: str | None, regions: Path | None) -> list[tuple[float, float]] | None:
+    if region is not None and regions is not None:
+        raise typer.BadParameter("give either --region for all, or --regions for each")
+    return None if region is None else read_polygon(region, option="--region")
 
 
 def _read_grid(text: str) -> Grid:

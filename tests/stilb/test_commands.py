@@ -139,10 +139,19 @@ def test_measure_a_frame_and_save_its_map(command, calibrated, tmp_path):
     assert "cd/m2" in shown
 
 
-def test_measure_a_campaign(command, calibrated):
+def test_measure_a_campaign(command, calibrated, tmp_path):
     _, campaign, _, field = calibrated
     told = command("measure", "--campaign", campaign.id, "--json").json
     assert ([item["frame_id"] for item in told["items"]], told["not_measured"]) == ([field.id], [])
+    # with a region of each frame, in the same command
+    path = tmp_path / "regions.csv"
+    path.write_text(f'frame,region\n{field.filename},"20,16 60,16 60,40 20,40"\n')
+    regions = ("measure", "--campaign", campaign.id, "--regions", path)
+    (again,) = command(*regions, "--json").json["items"]
+    assert (again["region"], again["region_origin"]) == ([[20, 16], [60, 16], [60, 40], [20, 40]], "frame")
+    assert "give either --region" in command(*regions, "--region", "1,1 9,1 9,9").err
+    path.write_text('no such frame.DNG,"1,1 9,1 9,9"\n')
+    assert "no frame is called 'no such frame.DNG'" in command(*regions).err
 
 
 def test_night_goes_from_card_to_measurements(command, calibrated, tmp_path):
