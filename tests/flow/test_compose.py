@@ -49,6 +49,7 @@ def test_one_service_builds_the_image_and_each_is_limited():
     assert [name for name, service in compose()["services"].items() if "build" in service] == ["migrate"]
     for service in (compose()["services"] | {"caddy": services["caddy"]}).values():
         assert service["cap_drop"] == ["ALL"]
+        assert service["security_opt"] == ["no-new-privileges:true"]
         assert {"mem_limit", "cpus", "pids_limit"} <= service.keys()
         assert service["image"] == "stilb:local" or PINNED.search(service["image"])
         assert {"max-size", "max-file"} <= service["logging"]["options"].keys()
@@ -121,8 +122,24 @@ def test_the_image_is_built_from_the_wheel_and_sees_no_more_than_it_needs():
     assert all(list(ROOT.glob(each)) for each in allowed)
 
 
-def test_the_unit_stops_as_late_as_the_launcher_and_names_its_exit_codes():
+def test_the_unit_may_do_little_stops_as_late_as_the_launcher_and_names_its_exit_codes():
     unit = (ROOT / "docs/deploy/stilb.service").read_text()
+    stated = dict(re.findall(r"^(\w+)=(.*)$", unit, re.MULTILINE))
+    yes = (
+        "DynamicUser",
+        "NoNewPrivileges",
+        "PrivateDevices",
+        "PrivateTmp",
+        "ProtectHome",
+        "RestrictNamespaces",
+    )
+    assert [stated[each] for each in yes] == ["yes"] * len(yes)
+    assert (stated["CapabilityBoundingSet"], stated["ProtectSystem"], stated["UMask"]) == (
+        "",
+        "strict",
+        "0077",
+    )
+    assert {"MemoryMax", "TasksMax", "StateDirectory"} <= stated.keys()
     stop_s = int(re.search(r"^TimeoutStopSec=(\d+)$", unit, re.MULTILINE)[1])
     assert stop_s > 2 * Settings.model_fields["stop_grace_s"].default
     never = re.search(r"^RestartPreventExitStatus=(.+)$", unit, re.MULTILINE)[1].split()
