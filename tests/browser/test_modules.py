@@ -102,6 +102,9 @@ def test_a_campaign_may_be_of_one_scene_or_of_one_frame_a_scene(run):
 
 
 def test_times_numbers_and_names_are_written_for_people(run):
+    flags = ["noise_high", "dark_exposure_differs", "quarantined"]
+    said = ["noise high", "dark frames at another exposure", "stopped after 3 attempts"]
+    assert run(FORMAT, "stateWords", flags) == said
     seconds = [0.001, 1 / 8000, 0.0125, 1 / 3, 0.5, 2, 30, None]
     written = ["1/1000 s", "1/8000 s", "1/80 s", "0.333 s", "0.5 s", "2 s", "30 s", "\u2013"]
     assert run(FORMAT, "exposureTime", seconds) == written

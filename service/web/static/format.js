@@ -117,10 +117,19 @@ export function tag(word, kind = KINDS[word] ?? "") {
   return h("span", { class: `tag ${kind}` }, stateWords(word));
 }
 
-/** A state of the API as people name it. */
+/** A state or a flag of the API as people name it. */
 export const stateWords = (state) => SAID[state] ?? words(state);
 
-const SAID = { quarantined: "stopped after 3 attempts", superseded: "replaced", pass: "passes", fail: "fails", warn: "check", pending: "waiting" };
+/** Where the code alone would not be understood. */
+const SAID = {
+  quarantined: "stopped after 3 attempts", superseded: "replaced", pass: "passes", fail: "fails", warn: "check", pending: "waiting",
+  calibration_superseded: "calibration replaced", dark_exposure_differs: "dark frames at another exposure",
+  dark_from_black_level: "no dark frames, black level used", meter_repeatability_estimated: "meter repeatability estimated from scenes",
+  rho_cross_check: "luminance and illuminance disagree", roi_elsewhere: "measured beyond the calibrated region", roi_empty: "region is empty",
+  roi_outside_frame: "region outside the frame", roi_unfit: "region does not fit this frame", apex_missing: "no APEX values, nominal exposure used",
+  prnu_large: "PRNU above 5 %", diffuse_assumed: "diffuse surface assumed", panel_only: "sunshine sensor not used",
+  body_and_lens_confounded: "body and lens not told apart", mirror_not_excluded: "mirrored board not excluded",
+};
 
 const KINDS = {
   succeeded: "good", published: "good", extracted: "good", pass: "good", in_force: "good",

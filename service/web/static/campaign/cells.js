@@ -1,7 +1,7 @@
 // One cell of the grid: a frame with its verdict, or a gap with what to photograph.
 
 import { h } from "../dom.js";
-import { exposureTime, number, typeset, words } from "../format.js";
+import { exposureTime, number, stateWords, typeset } from "../format.js";
 import { OUTCOMES, mark } from "../marks.js";
 import { imageOf } from "./pictures.js";
 
@@ -27,7 +27,7 @@ export const lookOf = (frame) => [frame.id, frame.state, frame.outcome, frame.co
 
 export function frameCell(frame, { place, chosen, compact }) {
   const kind = kindOf(frame);
-  const why = ["warn", "bad"].includes(kind) && frame.code ? words(frame.code) : kind === "out" ? sayState(frame).toLowerCase() : frame.state === "received" ? "received" : "";
+  const why = ["warn", "bad"].includes(kind) && frame.code ? stateWords(frame.code) : kind === "out" ? sayState(frame).toLowerCase() : frame.state === "received" ? "received" : "";
   return h(
     "button",
     { type: "button", class: `cell ${kind}${chosen ? " chosen" : ""}`, tabindex: "-1", draggable: "true", "data-id": frame.id, "aria-label": `${frame.filename}: ${[place, sayExposure(frame), sayState(frame).toLowerCase(), why].filter(Boolean).join(", ")}${chosen ? ", selected" : ""}`, title: frame.detail ?? frame.filename },

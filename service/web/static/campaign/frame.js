@@ -2,7 +2,7 @@
 
 import { get, patch } from "../api.js";
 import { fill, h, isPressed, may, openDialog } from "../dom.js";
-import { bytes, exposureTime, fixed, number, percent, time, typeset, words } from "../format.js";
+import { bytes, exposureTime, fixed, number, percent, stateWords, time, typeset, words } from "../format.js";
 import { pause } from "../live.js";
 import { mark } from "../marks.js";
 import { act, failed } from "../states.js";
@@ -198,7 +198,7 @@ function file(frame, open = false) {
     ["Band", frame.band && words(frame.band)],
     ["Clipped, zeros", frame.statistics.length && `${percent(Math.max(...frame.statistics.map((row) => row.saturated_share)))}, ${percent(Math.max(...frame.statistics.map((row) => row.zero_share)))}`],
     ["Pixel scatter", frame.statistics.length && `${fixed(Math.max(...frame.statistics.map((row) => row.std_dn)), 1)} DN`],
-    ["Warnings", frame.warnings.length && frame.warnings.map(words).join(", ")],
+    ["Warnings", frame.warnings.length && frame.warnings.map(stateWords).join(", ")],
     ["Received", time(frame.created_at)],
     ["SHA-256", h("code", { class: "small" }, frame.sha256)],
   ].filter(([, value]) => value);

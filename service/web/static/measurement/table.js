@@ -1,7 +1,7 @@
 // Measurements in a table, a line each.
 
 import { filename, h, table } from "../dom.js";
-import { number, quantity, tag, time, words } from "../format.js";
+import { number, quantity, stateWords, tag, time } from "../format.js";
 import { titleOf } from "./words.js";
 
 /** `first`: a column before the others. */
@@ -15,7 +15,7 @@ export function measurementTable(rows, first) {
     { head: "Taken", class: "wide-only", cell: (row) => time(row.taken_at) },
     { head: "U₀", class: "number", cell: (row) => (row.u_o ? number(row.u_o.value, 2) : "–") },
     { head: "Calibration", cell: (row) => h("span", { class: "nowrap" }, h("a", { href: `/calibrations/${row.calibration.id}` }, `version ${row.calibration.version}`), " ", row.calibration.state === "published" ? null : tag(row.calibration.state)) },
-    { head: "Flags", class: "number", cell: (row) => (row.flags.length ? h("span", { title: [...new Set(row.flags.map((each) => words(each.flag)))].join(", ") }, String(new Set(row.flags.map((each) => each.flag)).size)) : "–") },
+    { head: "Flags", class: "number", cell: (row) => (row.flags.length ? h("span", { title: [...new Set(row.flags.map((each) => stateWords(each.flag)))].join(", ") }, String(new Set(row.flags.map((each) => each.flag)).size)) : "–") },
   ];
   return table(columns, rows, { caption: "Measurements" });
 }

@@ -3,7 +3,7 @@
 import { all, get } from "../api.js";
 import { causeList, small, smallLink } from "../causes.js";
 import { byId, h, may, table } from "../dom.js";
-import { ago, counted, number, span, words } from "../format.js";
+import { ago, number, span, stateWords } from "../format.js";
 import { askForMeter } from "../campaign/meters.js";
 import { missingCauses } from "../campaign/missing.js";
 import { titleOf } from "../campaign/named.js";
@@ -120,5 +120,5 @@ function cameraCauses(camera, rows) {
   if (!held.length) return [{ ...cause, title: "A camera is not calibrated", where: `${name}: no version is in force` }];
   return held
     .filter((each) => (Date.now() - new Date(each.valid_from)) / 1000 > OLD_S || each.flags.length)
-    .map((each) => ({ ...cause, title: `${labelOf(each.method)} version ${each.version} ${each.flags.length ? "has flags" : `is ${span((Date.now() - new Date(each.valid_from)) / 1000)} old`}`, where: `${name}${each.flags.length ? `: ${each.flags.map(words).join(", ")}` : ""}` }));
+    .map((each) => ({ ...cause, title: `${labelOf(each.method)} version ${each.version} ${each.flags.length ? "has flags" : `is ${span((Date.now() - new Date(each.valid_from)) / 1000)} old`}`, where: `${name}${each.flags.length ? `: ${each.flags.map(stateWords).join(", ")}` : ""}` }));
 }
