@@ -166,7 +166,7 @@ def _wait_without_workers(queue: _Queue, scale: Scale) -> list[bool]:
     say(f"\n{scale.waiting_jobs:,} jobs that wait for {scale.waits_s:g} s while hints are sent to nobody")
     ids = queue.add(scale.waiting_jobs)
     queue.hints.send(ids)
-    time.sleep(min(5.0, scale.waits_s))
+    time.sleep(min(1.0, scale.waits_s))
     before = queue.read_memory()
     for number in range(int(scale.waits_s * _HINTS_PER_S)):
         queue.hints.send([ids[number % len(ids)]])
@@ -187,7 +187,7 @@ def _wait_beside_a_worker(queue: _Queue, scale: Scale) -> list[bool]:
         ids = queue.add(scale.waiting_jobs, kind="extract")
         _wait_until(queue.is_held_back)
         queue.hints.send(ids)
-        time.sleep(min(5.0, scale.waits_s))
+        time.sleep(min(1.0, scale.waits_s))
         (worker,) = list_tree(mother.pid)[1:]
         before_s, sent = read_cpu_s(worker), queue.count_messages()
         time.sleep(scale.waits_s)

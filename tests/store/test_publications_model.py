@@ -3,10 +3,12 @@
 `make model` takes 10,000 on either.
 
 The model knows nothing of rows, slots or closed knowledge: who holds an instant is whoever was last published
-over it, unless that version was revoked since; as known then, only what had been said by then counts.
+over it, unless that version was revoked since; as known then, only what had been said by then counts. What is
+answered is checked too: with a filter, and with the sentence that says why.
 """
 
 import itertools
+import json
 import os
 import random
 from dataclasses import dataclass
@@ -17,12 +19,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from sqlalchemy import select
+from starlette.requests import Request
 
+from service.ready import Wanted, answer_held
 from store import publications
 from store.errors import Conflict
 from store.queries.calibrations import history, read_version_statuses
 from store.ready.lookups import find_ready
-from store.tables import Calibration, Camera, Campaign, Organisation, Publication, Revocation
+from store.tables import Calibration, Camera, Campaign, CoefficientRow, Organisation, Publication, Revocation
 from tests.support.versions import bare_version
 
 # the decisions are the same code on both; what PostgreSQL does otherwise, it does within a few hundred steps
@@ -33,6 +37,7 @@ SEED = 20260501
 TICK = timedelta(microseconds=1)
 INSTANTS = [datetime(2026, 1, 1, tzinfo=UTC) + timedelta(hours=7 * number) for number in range(24)]
 FIRST_CLOCK = datetime(2026, 6, 1, tzinfo=UTC)
+ISOS = (100.0, 200.0)
 LENSES = ({}, {"lens": {"model": "MFT 15mm"}})
 
 
@@ -93,6 +98,21 @@ class Model:
         return hulls
 
 
+def _dark(version, place):
+    given = {"name": "dark_signal_dn", "unit": "DN", "model": "mean", "flags": [], "iso": ISOS[place]}
+    return CoefficientRow(
+        calibration_id=version.id, position=place, value=1.0, standard_uncertainty=0.1, **given
+    )
+
+
+def _explain(version, row):
+    start, end, known = (
+        moment and f"{moment:%Y-%m-%dT%H:%M:%SZ}" for moment in (row.valid_from, row.valid_to, row.known_from)
+    )
+    until = f"to {end}" if end else "on"
+    return f"version {version} is in force from {start} {until}, known since {known}: r"
+
+
 class World:
     """Three cameras, one of them with two lenses, many versions each; and a clock that may jump back."""
 
@@ -122,6 +142,8 @@ class World:
                 for number in range(versions)
             ]
             session.add_all(rows)
+            session.flush()
+            session.add_all(_dark(row, place) for row in rows for place in range(len(ISOS)))
             session.flush()
             self.slots[camera.id, place if len(lenses) > 1 else LENSES.index(lens)] = [r.id for r in rows]
 
@@ -155,9 +177,20 @@ class World:
         for known in (known_at, *([None] if known_at > self.now + timedelta(hours=1) else [])):
             ready = find_ready(session, camera_id=camera_id, method="luminance", at=at, known_at=known)
             assert [held.calibration_id for held in ready] == [held.calibration.id for held in found]
+        self._check_answer(ready, found)
         slots = [slot for slot in self.slots if slot[0] == camera_id]
         holders = {slot: self.model.holder(slot, at, known_at) for slot in slots}
         assert got == {slot: version for slot, version in holders.items() if version}
+
+    def _check_answer(self, ready, found):
+        """Of what was asked for, each answer tells version, validity and knowledge."""
+        iso = ISOS[len(ready) % len(ISOS)]
+        plain = Request({"type": "http", "headers": []})
+        answer = answer_held(plain, Wanted(method="luminance", iso=iso), ready)
+        items = json.loads(answer.body)["items"] if answer else []
+        assert [(each["calibration_id"], each["iso"], each["why"]) for each in items] == [
+            (held.calibration.id, iso, _explain(held.calibration.version, held.publication)) for held in found
+        ]
 
     def check_states(self, session):
         for slot, versions in self.slots.items():
