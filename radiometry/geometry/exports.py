@@ -39,7 +39,18 @@ def export_opencv(fit: Fit) -> str:
 
 
 def quote(text: str) -> str:
-    """Return a text as YAML states it, for readers of any version; letters as they are."""
+    """Return a text as YAML states it, for readers of any version.
+
+    Parameters
+    ----------
+    text : str
+        Text.
+
+    Returns
+    -------
+    str
+        The text in double quotes, with its letters as they are.
+    """
     return json.dumps(text, ensure_ascii=False)
 
 

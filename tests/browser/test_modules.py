@@ -115,6 +115,7 @@ def test_times_numbers_and_names_are_written_for_people(run):
         "1.234 \u00d7 10⁻⁵",
     ]
     assert run("async ([base]) => (await import(`${base}/format.js`)).fixed(-0.004, 2)") == "0.00"
+    assert run(FORMAT, "percent", [3.9e-7, 0.0, 0.00044]) == ["< 0.001 %", "0 %", "0.044 %"]
     assert run(FORMAT, "words", ["noise_high"]) == ["noise high"]
     assert run(IN_ORDER, ["level-10", "level-2", "DJI_10", "DJI_9"]) == [
         "DJI_9",

@@ -2,6 +2,7 @@
 
 import { h } from "./dom.js";
 
+const LEAST_SHARE = 1e-5;
 const MINUS = "−";
 
 /** The decimals at which a standard uncertainty has two significant digits; below 0 left of the point. */
@@ -57,7 +58,8 @@ export function relative(value, uncertainty) {
   return value ? `${number((100 * uncertainty) / Math.abs(value), 2)} %` : "–";
 }
 
-export const percent = (share, digits = 2) => `${number(100 * share, digits)} %`;
+/** A share in percent; one that is too small to matter is no power of ten, unless more digits are wanted. */
+export const percent = (share, digits = 2) => (digits <= 2 && share !== 0 && Math.abs(share) < LEAST_SHARE ? `< ${100 * LEAST_SHARE} %` : `${number(100 * share, digits)} %`);
 
 /** DN*m2/(cd*s) as DN·m²/(cd·s). */
 export function unit(text) {

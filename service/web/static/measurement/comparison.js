@@ -2,7 +2,7 @@
 
 import { get } from "../api.js";
 import { byId, figure, fill, h } from "../dom.js";
-import { day, quantity, withUncertainty } from "../format.js";
+import { day, quantity, typeset, withUncertainty } from "../format.js";
 import { empty, load } from "../states.js";
 import { cellTable } from "./grid.js";
 import { MapView } from "./map.js";
@@ -21,7 +21,7 @@ load(byId("verdict"), compared, (found) => {
   byId("cells-section").hidden = !found.cells;
   if (found.cells) fill(byId("cells"), cellTable(found.cells, changeOf, { caption: "Change of each cell in %" }));
   return [
-    h("p", { class: `note ${found.significant ? "warn" : ""}` }, h("strong", {}, found.said)),
+    h("p", { class: `note ${found.significant ? "warn" : ""}` }, h("strong", {}, typeset(found.said))),
     found.confusion_rel === undefined ? null : h("p", { class: "note" }, `Two types of lamp could show a change of up to ${Math.round(100 * found.confusion_rel)} % without any. `, h("a", { href: `${location.pathname}?${new URLSearchParams([...new URL(location.href).searchParams, ["same_light", "true"]])}` }, "The same lamps lit both")),
     h(
       "dl",

@@ -97,7 +97,7 @@ function drawCalibration([{ calibration, signal, vignetting, method, corrections
 /** An error of the field: its factor or what was subtracted, and why. */
 function drawCorrection({ source, factor, offset_cd_m2: offset, basis }) {
   const made = factor === 1 && !offset ? "" : `${[factor === 1 ? "" : `× ${number(factor, 4)}`, offset ? `− ${number(offset, 3)} cd/m²` : ""].filter(Boolean).join(" ")}: `;
-  return [h("dt", {}, words(source)), h("dd", {}, `${made}${basis}`)];
+  return [h("dt", {}, words(source)), h("dd", {}, typeset(`${made}${basis}`))];
 }
 
 function drawBudget({ budget, mean }) {
