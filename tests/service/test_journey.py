@@ -8,6 +8,7 @@ import xml.etree.ElementTree as ET
 import pytest
 
 from store.logs import add_fields
+from store.tables import Blob
 from tests.support.campaigns import (
     ISOS,
     K_TRUE,
@@ -118,7 +119,7 @@ def test_a_point_left_out_by_hand_says_who_and_why(house, staged):
     assert "a moth" in point["left_out"]
 
 
-def test_points_and_plot_of_a_version(house, staged):
+def test_points_and_plot_of_a_version(house, staged, monkeypatch):
     version = staged(calibrated_campaign)
     answer = house.http.get(f"/v1/calibrations/{version['id']}/points.csv")
     rows = list(csv.DictReader(io.StringIO(answer.text)))
@@ -129,6 +130,11 @@ def test_points_and_plot_of_a_version(house, staged):
     used = sum(1 for p in version["points"] if p["used"])
     points = [e for e in drawn.iter() if e.get("class") == "point s0" and e.find("{*}title") is not None]
     assert len(points) == 3 * used
+    # it is kept as a file, and not drawn again
+    monkeypatch.setattr("service.press.kept.render_apart", None)
+    assert house.http.get(f"/v1/calibrations/{version['id']}/plot.svg").content == plot.content
+    with house.database.reading() as session:
+        assert session.get(Blob, plot.headers["etag"].strip('"')).size_bytes == len(plot.content)
     again = house.http.get(
         f"/v1/calibrations/{version['id']}/plot.svg", headers={"If-None-Match": plot.headers["etag"]}
     )
