@@ -3,10 +3,12 @@
 import hashlib
 import os
 import socket
+import struct
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,6 +17,7 @@ from tusclient.client import TusClient
 
 import stilb
 from bench.cuts import Cuts, run
+from stilb.transport import hash_file
 from store.tables import Blob, FrameRow
 from tests.support.blobs import files
 from tests.support.fieldwork import Team
@@ -39,7 +42,9 @@ def frames_path(campaign):
     return f"/v1/campaigns/{campaign.id}/frames?role=light"
 
 
-def begin_upload(team: Team, campaign, *, promised: int, sent: int) -> socket.socket:
+def begin_upload(
+    team: Team, campaign, *, promised: int, sent: int, content: bytes | None = None
+) -> socket.socket:
     """A connection on which an upload has begun and not ended."""
     host, port = team.url.removeprefix("http://").split(":")
     connection = socket.create_connection((host, int(port)))
@@ -47,7 +52,7 @@ def begin_upload(team: Team, campaign, *, promised: int, sent: int) -> socket.so
         f"POST {frames_path(campaign)} HTTP/1.1\r\nHost: {host}\r\nAuthorization: Bearer {team.key}\r\n"
         f"Content-Type: application/octet-stream\r\nContent-Length: {promised}\r\n\r\n"
     )
-    connection.sendall(head.encode() + b"x" * sent)
+    connection.sendall(head.encode() + (content or b"x" * sent)[:sent])
     return connection
 
 
@@ -70,14 +75,13 @@ def check_the_next_works(deployment, team, campaign, shots):
     assert [job.state for job in deployment.wait_for_jobs([frame.id])] == ["succeeded"]
 
 
-def test_a_client_that_goes_away(embedded, team, campaign, shots):
+def test_a_client_that_goes_away(embedded, team, campaign):
     before = files(embedded.blobs)
     with begin_upload(team, campaign, promised=8 * MEGABYTE, sent=3 * MEGABYTE):
         embedded.wait_until(lambda: len(half_written(embedded, before)) == 1)
     embedded.wait_until(lambda: not half_written(embedded, before))
     assert files(embedded.blobs) == before
     assert known(embedded, campaign) == (0, False)
-    check_the_next_works(embedded, team, campaign, shots)
 
 
 def test_a_hash_that_does_not_match(embedded, team, campaign, shots):
@@ -271,6 +275,35 @@ def test_the_same_file_from_many_clients_at_once(embedded, team, campaign, shots
     new = set(files(embedded.blobs)) - set(before)
     assert [path.name for path in new if path.name == sha256] == [sha256]
     assert not half_written(embedded, before)
+
+
+def test_the_same_small_files_from_two_clients_of_which_one_is_killed(embedded, team, campaign, tmp_path):
+    """Each becomes one frame with one job, whoever brought it; one that is refused takes none along."""
+    before, uploads = files(embedded.blobs), []
+    for number in range(20):
+        path = tmp_path / f"{number}.dng"
+        path.write_bytes(f"{campaign.id} {number} ".encode() * 50)
+        uploads.append(stilb.Upload(campaign_id=campaign.id, path=path, role="light"))
+    wrong = replace(uploads[0], scene="x" * 1000)
+    with ThreadPoolExecutor(1) as pool:
+        pushing = pool.submit(team.client.push_each, [*uploads[:10], wrong, *uploads[10:]])
+        killed = []
+        for number, upload in enumerate(uploads):
+            content = upload.path.read_bytes()
+            sent = len(content) // (2 if number % 4 == 0 else 1)
+            killed.append(begin_upload(team, campaign, promised=len(content), sent=sent, content=content))
+        for connection in killed:
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            connection.close()
+        told = pushing.result(60)
+    refused = told.pop(10)
+    assert (refused.status, "scene" in str(refused)) == (422, True)
+    ids = [frame.id for frame in told]
+    assert [frame.sha256 for frame in told] == [hash_file(upload.path) for upload in uploads]
+    assert len(set(ids)) == 20
+    assert known(embedded, campaign) == (20, False)
+    assert sorted(job.subject_id for job in embedded.wait_for_jobs(ids)) == sorted(ids)
+    embedded.wait_until(lambda: not half_written(embedded, before))
 
 
 @pytest.mark.parametrize("form", ["raw", "multipart"])
