@@ -3,6 +3,7 @@
 import re
 import sys
 import traceback
+from io import TextIOWrapper
 from typing import Annotated
 
 import typer
@@ -85,6 +86,10 @@ app.command("doctor")(doctor.doctor)
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; its exit code is `stilb.commands.exits.Exit`'s."""
     given = sys.argv[1:] if arguments is None else arguments
+    for stream in (sys.stdout, sys.stderr):
+        # a file's name may be no text, or of letters that the terminal lacks: neither is a reason to end
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="replace")
     try:
         app(given, prog_name="stilb")
     except SystemExit as end:

@@ -116,8 +116,10 @@ def test_one_role_for_a_whole_folder(signed_in, campaign, card, team):
 
 def test_the_same_bytes_under_two_names_go_once(signed_in, campaign, card):
     source = next((card / "dark").iterdir())
-    (card / "dark" / "copy.DNG").write_bytes(source.read_bytes())
+    # a name that is no UTF-8, as an old system wrote it
+    (card / "dark" / os.fsdecode(b"copy\xff.DNG")).write_bytes(source.read_bytes())
     told = signed_in("push", card, "--campaign", campaign.id, "--json").json
+    assert "dark/copy?.DNG" in {file["name"] for file in told["files"]}
     assert (told["expected"], told["received"], told["sent"]) == (11, 11, 10)
 
 
