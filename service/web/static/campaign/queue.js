@@ -5,8 +5,8 @@ import { Journal } from "./journal.js";
 import { WHOLE_BYTES, sendFile } from "./sender.js";
 
 const AT_ONCE = 2;
-/** Small files, on a line that carries each within a second. A browser has six connections, and the page asks meanwhile. */
-const MOST_AT_ONCE = 5;
+/** Small files, on a line that carries each within a second. A browser has six connections: events take one, and the page asks meanwhile. */
+const MOST_AT_ONCE = 4;
 const QUICK_MS = 1000;
 const LONGEST_PAUSE_MS = 30000;
 const STALLED_MS = 30000;
