@@ -29,8 +29,6 @@ from store.tables import (
     Measurement,
     Organisation,
     Publication,
-    ReadyAnswer,
-    ReadyRow,
     Slot,
 )
 
@@ -83,12 +81,11 @@ def _make_camera(organisation: str, camera: int) -> Rows:
         publication = _publication(camera, version)
         coefficients = [_coefficient(camera, version, place) for place in range(len(ISOS))]
         rows = [CoefficientRow(**each) for each in coefficients]
-        ready, answer = make_ready(Publication(**publication), Calibration(**calibration), rows)
+        made = make_ready(Publication(**publication), Calibration(**calibration), rows)
         yield Calibration, calibration
         yield Publication, publication
         yield from ((CoefficientRow, each) for each in coefficients)
-        yield ReadyRow, ready
-        yield ReadyAnswer, answer
+        yield from made.items()
 
 
 def _calibration(organisation: str, camera: int, version: int) -> Row:

@@ -2,24 +2,20 @@
 
 import base64
 import binascii
-import csv
 import hashlib
-import io
 import json
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
 from itertools import chain
-from typing import Annotated, Any, Final, Literal, get_args
+from typing import Annotated, Any, Final, Literal
 
 from fastapi import Request, Response
 from fastapi.responses import StreamingResponse
 from isal import isal_zlib
 from pydantic import Field
-from pydantic_core import to_json
 
-from service.arrow import Kind, write_arrow, write_parquet
+from service.arrow import write_arrow, write_parquet
 from service.auth import Caller
 from service.context import Context
 from service.hosts import absolute
@@ -27,10 +23,10 @@ from service.immutable import not_modified, standing_headers
 from service.lookup import owned
 from service.problems import invalid
 from service.routes import UNCHANGED
-from service.schemas.base import Answer, Form, Instant, Method, Text
-from service.tabular import keep_texts, spell_instant, spell_text
+from service.schemas.base import Form, Instant, Method, Text
+from service.series_texts import Column, gather, write_csv, write_excel, write_json, write_records
 from store.database import Database
-from store.ready.series import Asked, Key, Page, Series, is_empty, is_text
+from store.ready.series import Asked, Key, Series
 from store.software import read_version
 from store.tables import Camera
 
@@ -54,7 +50,6 @@ MEDIA_TYPES: Final[dict[Shape, str]] = {
 }
 _EXCEL: Final[dict[Shape, tuple[str, str]]] = {"excel": (",", "."), "excel_semicolon": (";", ",")}
 """Separator and decimal sign, as Excel expects them of its country."""
-_CHUNK_BYTES = 1 << 16
 _GZIP = 31
 """The window of zlib's format with the header of gzip."""
 
@@ -81,25 +76,6 @@ class SeriesQuery(Form):
         "`excel` is CSV that Excel opens by itself where numbers have a decimal point, `excel_semicolon` "
         "where they have a comma.",
     )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Column:
-    name: str
-    kind: Kind
-    empty: str
-    """What JSON has where the cell is empty."""
-
-
-def describe_columns(row: type[Answer]) -> tuple[Column, ...]:
-    """Return the columns of a series, as the schema of its rows states them."""
-    columns = []
-    for name, field in row.model_fields.items():
-        stated = {field.annotation, *get_args(field.annotation)}
-        kind: Kind = "text" if str in stated else "count" if int in stated else "instant"
-        kind = "number" if float in stated else kind
-        columns.append(Column(name=name, kind=kind, empty='""' if field.is_required() else "null"))
-    return tuple(columns)
 
 
 def answer_series(
@@ -141,14 +117,14 @@ def answer_series(
     pages = series.read(after=after, until=until)
     match shape:
         case "json":
-            content = gather(_write_json(pages, columns, following))
+            content = gather(write_json(pages, columns, following))
         case "csv":
             content = gather(write_csv(pages, columns))
         case "excel" | "excel_semicolon":
             content = gather(write_excel(pages, columns, *_EXCEL[shape]))
         case "arrow" | "parquet":
-            content = write_arrow(pages, {column.name: column.kind for column in columns})
-            content = content if shape == "arrow" else write_parquet(content)
+            write = write_arrow if shape == "arrow" else write_parquet
+            content = write(write_records(pages, columns), {column.name: column.kind for column in columns})
     if coding:
         headers["Content-Encoding"] = coding
         content = _pack(content, coding)
@@ -190,20 +166,6 @@ def _read_cursor(text: str | None, series: Series) -> Key | None:
     raise invalid([{"type": "cursor", "loc": ("query", "cursor"), "msg": "is none of this series"}])
 
 
-def gather(parts: Iterable[bytes]) -> Iterator[bytes]:
-    """Join small parts: each one that is sent costs a turn of the loop and a thread."""
-    gathered = bytearray()
-    for part in parts:
-        if not gathered and len(part) >= _CHUNK_BYTES:
-            yield part
-            continue
-        gathered += part
-        if len(gathered) >= _CHUNK_BYTES:
-            yield bytes(gathered)
-            gathered.clear()
-    yield bytes(gathered)
-
-
 def _choose_coding(accepted: str) -> Coding:
     """Return the quickest coding that is accepted, "" for none."""
     parts = (part.replace(" ", "").partition(";") for part in accepted.lower().split(","))
@@ -219,107 +181,3 @@ def _pack(parts: Iterable[bytes], coding: Coding) -> Iterator[bytes]:
         if packed := packer.compress(part):
             yield packed
     yield packer.flush()
-
-
-def _write_json(pages: Iterator[Page], columns: Sequence[Column], following: str | None) -> Iterator[bytes]:
-    quote = json.encoder.encode_basestring_ascii
-    yield b'{"rows":['
-    is_later = False
-    for page in pages:
-        # what every row has, and between it the cells that differ
-        text = ",{"
-        texts: list[str] = []
-        cells: list[Sequence[str]] = []
-        for column, read in zip(columns, page, strict=True):
-            found, quoted, end = read, column.kind in {"text", "instant"}, ","
-            text += f'"{column.name}":'
-            if is_empty(found):
-                text += column.empty
-            elif quoted and found[0] == found[-1] and len(different := set(found)) == 1:
-                text += quote(*different)
-            else:
-                if quoted and _is_plain(found, '"\\') and (column.empty == '""' or "" not in found):
-                    text, end = text + '"', '",'
-                elif quoted:
-                    found = [quote(cell) if cell else column.empty for cell in found]
-                elif not is_text(found):
-                    found = write_numbers(found, column.empty)
-                elif "" in found:
-                    found = [cell or column.empty for cell in found]
-                texts.append(text)
-                cells.append(found)
-                text = ""
-            text += end
-        # by slices: a list for each row takes twice as long
-        width = 2 * len(cells) + 1
-        lines = [*chain.from_iterable((each, "") for each in texts), f"{text[:-1]}}}"] * len(page[0])
-        for place, found in enumerate(cells):
-            lines[2 * place + 1 :: width] = found
-        joined = "".join(lines)
-        yield (joined if is_later else joined[1:]).encode()
-        is_later = True
-    yield f'],"next":{json.dumps(following)}}}'.encode() if following else b"]}"
-
-
-def write_numbers(cells: Sequence[float | None], empty: str) -> list[str]:
-    """Write numbers as `repr` does, which takes several times as long."""
-    text = to_json(cells)[1:-1].decode()
-    if "e-" in text or "0.0000" in text:
-        # pydantic writes 1e-6 and 0.00001 where Python has 1e-06 and 1e-05
-        return [empty if cell is None else repr(cell) for cell in cells]
-    written = text.split(",")
-    return [empty if each == "null" else each for each in written] if None in cells else written
-
-
-def write_csv(pages: Iterator[Page], columns: Sequence[Column]) -> Iterator[bytes]:
-    """Write rows that a spreadsheet opens without running them."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\r\n")
-    writer.writerow([column.name for column in columns])
-    for page in pages:
-        for place, column in enumerate(columns):
-            if not is_text(page[place]):
-                page[place] = write_numbers(page[place], "")
-            elif column.kind == "text":
-                page[place] = keep_texts(page[place])
-        rows = zip(*page, strict=True)
-        texts = (cells for cells, column in zip(page, columns, strict=True) if column.kind == "text")
-        if all(_is_plain(cells, '",') for cells in texts):
-            out.writelines(",".join(row) + "\r\n" for row in rows)
-        else:
-            writer.writerows(rows)
-        yield out.getvalue().encode()
-        out.seek(0)
-        out.truncate()
-    yield out.getvalue().encode()
-
-
-def write_excel(
-    pages: Iterator[Page], columns: Sequence[Column], separator: str, decimal: str
-) -> Iterator[bytes]:
-    """Write rows that Excel takes for what they are: UTF-8 by its mark, times of UTC, numbers, texts."""
-    out = io.StringIO("\ufeff")
-    out.seek(1)
-    writer = csv.writer(out, delimiter=separator, lineterminator="\r\n")
-    writer.writerow([column.name for column in columns])
-    for page in pages:
-        for place, column in enumerate(columns):
-            cells = page[place] if is_text(page[place]) else write_numbers(page[place], "")
-            match column.kind:
-                case "text":
-                    page[place] = [spell_text(cell, decimal) for cell in cells]
-                case "instant":
-                    page[place] = [spell_instant(cell, decimal) for cell in cells]
-                case _:
-                    page[place] = [cell.replace(".", decimal) for cell in cells]
-        writer.writerows(zip(*page, strict=True))
-        yield out.getvalue().encode()
-        out.seek(0)
-        out.truncate()
-    yield out.getvalue().encode()
-
-
-def _is_plain(texts: Sequence[str], special: str) -> bool:
-    """Return whether texts are ASCII without control characters and these ones."""
-    joined = "".join(texts)
-    return joined.isascii() and joined.isprintable() and not any(each in joined for each in special)

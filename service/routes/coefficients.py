@@ -18,7 +18,8 @@ from service.routes import UNCHANGED, problems
 from service.schemas.base import Instant
 from service.schemas.calibrations import CoefficientsAnswer
 from service.schemas.series import SeriesAnswer, SeriesRow
-from service.series import SeriesQuery, answer_series, describe_columns, sends_series
+from service.series import SeriesQuery, answer_series, sends_series
+from service.series_texts import describe_columns
 from store.columns import utc_now
 from store.ready.coefficient_series import CoefficientSeries
 from store.ready.lookups import Held, find_ready

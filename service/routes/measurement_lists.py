@@ -1,5 +1,6 @@
 """Measurements by the list: of a campaign as CSV or GeoJSON, of a time as a series."""
 
+import csv
 from collections.abc import Iterator
 from typing import Annotated, Any
 
@@ -21,11 +22,9 @@ from service.series import (
     MEDIA_TYPES,
     SeriesQuery,
     answer_series,
-    describe_columns,
-    gather,
     sends_series,
-    write_csv,
 )
+from service.series_texts import describe_columns, gather, write_csv
 from service.tabular import write_csv as write_table
 from store.ready.measurement_series import MeasurementSeries
 from store.ready.measurements import COLUMNS, read_row
@@ -79,7 +78,7 @@ def get_campaign_measurements_geojson(
 ) -> Response:
     """Every measurement of a campaign as a feature where its frame was taken, by that time."""
     pages = _of_campaign(context, campaign_id, caller, calibration_id)
-    features = [_make_feature(row) for page in pages for row in zip(*page, strict=True)]
+    features = [_make_feature(row) for page in pages for row in csv.reader(page)]
     return GeoJson({"type": "FeatureCollection", "features": features})
 
 
@@ -161,7 +160,7 @@ def _of_campaign(
     return MeasurementSeries(context.database, asked).read(after=None, until=None)
 
 
-def _make_feature(cells: tuple[str, ...]) -> dict[str, Any]:
+def _make_feature(cells: list[str]) -> dict[str, Any]:
     """Make a feature of RFC 7946: longitude first, and no geometry where the file names no place."""
     row = read_row(dict(zip(COLUMNS, cells, strict=True)))
     place = [row[name] for name in ("longitude_deg", "latitude_deg", "altitude_m") if name in row]

@@ -1,28 +1,22 @@
-"""The series of coefficients: of every version in force, from its ready row and its coefficients."""
+"""The series of coefficients: of every version in force, from its ready rows."""
 
-import json
-import math
 from collections.abc import Iterator, Sequence
 from datetime import datetime
-from functools import cache
-from itertools import chain, groupby, repeat
-from operator import itemgetter
 from typing import Any, ClassVar
 
-from sqlalchemy import Select, Text, cast, func, select, tuple_
+from sqlalchemy import Select, func, select, tuple_
 from sqlalchemy.orm import Session
 
 from store.columns import utc_now
 from store.database import Database, read_plainly
 from store.ready import series
 from store.ready.publications import write_instant
+from store.ready.records import read_records, write_record
 from store.ready.series import PAGE, Asked, Key, Page
-from store.tables import Camera, CoefficientRow, ReadyRow
+from store.tables import Camera, ReadyCells, ReadyRow
 
 _MOST_PLACES = 1 << 31
 _VERSIONS = 1000
-_ARRANGED = 25
-"""Versions that are written at once: their cells stay in the processor's cache."""
 
 
 class CoefficientSeries:
@@ -73,12 +67,12 @@ class CoefficientSeries:
             known = self._read_known(session)
         while True:
             with self._database.reading() as session:
-                found = list(session.execute(self._select(known, after, until).limit(_VERSIONS)))
+                found = read_plainly(session, self._select(known, after, until).limit(_VERSIONS))
+                last = session.get_one(ReadyRow, found[-1][0]) if len(found) == _VERSIONS else None
             for some in _group(found):
-                yield from self._read_values(some, after, until)
-            if len(found) < _VERSIONS:
+                yield from self._read_cells(some, after, until)
+            if last is None:
                 return
-            last = found[-1]
             after = [last.camera_id, write_instant(last.valid_from), last.method, last.publication_id, None]
 
     def _read_known(self, session: Session) -> datetime:
@@ -115,11 +109,8 @@ class CoefficientSeries:
             where.append(tuple_(*order) > place if after[4] is None else tuple_(*order) >= place)
         if until is not None:
             where.append(tuple_(*order) <= series.bind_place(self._parse(until)[first:], order))
-        columns: tuple[Any, ...] = (
-            *(row.publication_id, row.camera_id, Camera.make, Camera.model.label("model_name")),
-            *(Camera.serial, row.method, row.version, row.calibration_id, row.campaign_id),
-            *(row.valid_from, row.valid_to, row.computed_at, row.coefficients),
-        )
+        columns: tuple[Any, ...] = (row.publication_id, row.coefficients, row.camera_id)
+        columns += (Camera.make, Camera.model, Camera.serial)
         return select(*columns).join(Camera, Camera.id == row.camera_id).where(*where).order_by(*order)
 
     def _parse(self, key: Key) -> tuple[Any, ...]:
@@ -129,74 +120,33 @@ class CoefficientSeries:
         """Return how many rows of a version lie before the place to begin at."""
         return after[4] + 1 if after and after[4] is not None and self._parse(after)[3] == key[3] else 0
 
-    def _read_values(self, versions: list[Any], after: Key | None, until: Key | None) -> Iterator[Page]:
-        for found, first in _read_coefficients(self._database, {each.calibration_id for each in versions}):
-            parts = [(version, found.get(version.calibration_id, [])) for version in versions]
+    def _read_cells(self, publications: list[Any], after: Key | None, until: Key | None) -> Iterator[Page]:
+        ids = [each[0] for each in publications]
+        wanted = select(ReadyCells.publication_id, ReadyCells.cells)
+        with self._database.reading() as session:
+            cells = dict(read_plainly(session, wanted.where(ReadyCells.publication_id.in_(ids))))
+        records: list[str] = []
+        for each, _, *camera in publications:
+            head = write_record(camera)
+            rows = [f"{head},{row}" for row in read_records(cells[each])]
             # a series ends within its last version, and begins within its first one
-            for which, key in ((-1, until), (0, after)):
-                version, rows = parts[which]
-                if key is not None and key[3] == version.publication_id and key[4] is not None:
-                    count = max(0, key[4] + 1 - first)
-                    parts[which] = (version, rows[count:] if key is after else rows[:count])
-            parts = [part for part in parts if part[1]]
-            for place in range(0, len(parts), _ARRANGED):
-                yield _arrange(parts[place : place + _ARRANGED])
+            if until is not None and each == until[3]:
+                del rows[until[4] + 1 :]
+            if after is not None and each == after[3]:
+                del rows[: after[4] + 1]
+            records += rows
+        return series.cut(records)
 
 
-def _arrange(parts: list[tuple[Any, list[Any]]]) -> Page:
-    """Arrange the coefficients of versions in columns."""
-    heads = []
-    for (_, *head, valid_from, valid_to, computed_at, _), _ in parts:
-        ended = write_instant(valid_to) if valid_to else ""
-        heads.append((*head, write_instant(valid_from), ended, write_instant(computed_at)))
-    counts = [len(rows) for _, rows in parts]
-    same = [list(chain.from_iterable(map(repeat, texts, counts))) for texts in zip(*heads, strict=True)]
-    *of, campaign_id, valid_from, valid_to, computed_at = same
-    _, _, name, value, u, unit, iso, f_number, band, channel, model, flags = zip(
-        *chain.from_iterable(rows for _, rows in parts), strict=True
-    )
-    words = [[each or "" for each in column] for column in (band, channel)]
-    told = [*of, name, value, u, unit, iso, f_number, *words, model, [*map(_join, flags)]]
-    return [*told, valid_from, valid_to, campaign_id, computed_at]
-
-
-def _group(versions: Sequence[Any]) -> Iterator[list[Any]]:
-    """Group versions so that the rows of a group are a page, or those of one long version."""
+def _group(publications: list[Any]) -> Iterator[list[Any]]:
+    """Group publications so that the rows of a group are read at once, or those of one long version."""
     group: list[Any] = []
     count = 0
-    for version in versions:
-        if group and count + version.coefficients > PAGE:
+    for publication in publications:
+        if group and count + publication[1] > PAGE:
             yield group
             group, count = [], 0
-        group.append(version)
-        count += version.coefficients
+        group.append(publication)
+        count += publication[1]
     if group:
         yield group
-
-
-def _read_coefficients(
-    database: Database, calibration_ids: set[str]
-) -> Iterator[tuple[dict[str, list[Any]], int]]:
-    """Read the coefficients of versions, of a long one in parts; with each part the place where it begins."""
-    row = CoefficientRow.__table__.c
-    columns: tuple[Any, ...] = (
-        *(row.calibration_id, row.position, row.name, row.value, row.standard_uncertainty, row.unit),
-        *(row.iso, row.f_number, row.band, row.channel, row.model, cast(row.flags, Text)),
-    )
-    wanted = select(*columns).where(row.calibration_id.in_(calibration_ids))
-    wanted = wanted.order_by(row.calibration_id, row.position)
-    if len(calibration_ids) == 1:
-        wanted = wanted.limit(PAGE)
-    first, last = 0, -math.inf
-    while True:
-        with database.reading() as session:
-            found = read_plainly(session, wanted.where(row.position > last) if first else wanted)
-        yield {owner: list(rows) for owner, rows in groupby(found, itemgetter(0))}, first
-        if len(calibration_ids) > 1 or len(found) < PAGE:
-            return
-        first, last = first + len(found), found[-1][1]
-
-
-@cache
-def _join(flags: str) -> str:
-    return " ".join(json.loads(flags))

@@ -1,7 +1,7 @@
 """The series of measurements: stored rows, with what has become of their versions."""
 
 import csv
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any, ClassVar
 
 from sqlalchemy import Select, and_, case, select, tuple_
@@ -12,11 +12,14 @@ from store.database import Database, read_plainly
 from store.ready import series
 from store.ready.measurements import BODY, COLUMNS, FLAGS, STATE
 from store.ready.publications import write_instant
+from store.ready.records import is_plain, write_record
 from store.ready.series import PAGE, Asked, Key, Page
 from store.tables import Calibration, Camera, MeasuredRow, Measurement, Publication, Revocation
 
-_ROWS = 250
-"""Rows that are split at once: their cells stay in the processor's cache."""
+State = tuple[int, str]
+"""Number of a version, and what has become of it."""
+_AFTER_FLAGS = len(COLUMNS) - FLAGS - 1
+_BODY_AFTER = slice(BODY.start - FLAGS, BODY.stop - FLAGS)
 STATE_FLAGS = {
     "draft": shared.CALIBRATION_NOT_PUBLISHED,
     "superseded": shared.CALIBRATION_SUPERSEDED,
@@ -49,17 +52,16 @@ class MeasurementSeries:
         return [write_instant(found[0][0]), found[0][1]] if len(found) > 1 else None
 
     def read(self, *, after: Key | None, until: Key | None) -> Iterator[Page]:
-        states: dict[str, str] = {}
-        names: dict[str, tuple[str, ...]] = {}
+        states: dict[str, State] = {}
+        names: dict[str, str] = {}
         while True:
             with self._database.reading() as session:
                 found = read_plainly(session, self._select(after, until).limit(PAGE))
-                ids = {each for row in found for each in row[1:3] if each} - states.keys()
+                ids = {each for row in found for each in (row[1], row[2]) if each} - states.keys()
                 states |= _read_states(session, ids)
                 names |= _read_names(session, {row[3] for row in found} - names.keys())
                 last = session.get_one(MeasuredRow, found[-1][0]) if len(found) == PAGE else None
-            for first in range(0, len(found), _ROWS):
-                yield _arrange(found[first : first + _ROWS], states, names)
+            yield from series.cut(_settle(found, states, names))
             if last is None:
                 return
             after = [write_instant(last.taken_from), last.measurement_id]
@@ -92,44 +94,52 @@ class MeasurementSeries:
         return select(*columns).where(*where).order_by(*self._KEY)
 
 
-def _arrange(rows: list[Any], states: dict[str, str], names: dict[str, tuple[str, ...]]) -> Page:
-    """Return columns with what has become of the versions, and the names that the cameras have now."""
-    _, of, correctors, cameras, cells = zip(*rows, strict=True)
-    page = _split(cells)
-    page[BODY] = zip(*(names[each] for each in cameras), strict=True)
-    page[STATE] = [states[each] for each in of]
-    raised = {pair: _raise_flags(states, *pair) for pair in set(zip(of, correctors, strict=True))}
-    if any(raised.values()):
-        pairs = zip(page[FLAGS], zip(of, correctors, strict=True), strict=True)
-        page[FLAGS] = [" ".join(dict.fromkeys([*flags.split(), *raised[pair]])) for flags, pair in pairs]
-    return page
+def _settle(rows: list[Any], states: dict[str, State], names: dict[str, str]) -> list[str]:
+    """Return the records with what has become of their versions, and the names that the cameras have now."""
+    records = []
+    known: dict[tuple[str, str | None], tuple[str, str, list[str]]] = {}
+    for _, of, corrector, camera, record in rows:
+        if (of, corrector) not in known:
+            version, state = states[of]
+            stored = f",{of},{version},"
+            known[of, corrector] = (f"{stored},", f"{stored}{state},", _raise_flags(states, of, corrector))
+        stored, settled, raised = known[of, corrector]
+        if is_plain(record):
+            cells = record.replace(stored, settled, 1).rsplit(",", _AFTER_FLAGS)
+            cells[_BODY_AFTER] = (names[camera],)
+            if raised:
+                before, _, flags = cells[0].rpartition(",")
+                cells[0] = f"{before},{_join_flags(flags, raised)}"
+            records.append(",".join(cells))
+        else:
+            (cells,) = csv.reader([record])
+            cells[STATE], cells[FLAGS] = states[of][1], _join_flags(cells[FLAGS], raised)
+            (cells[BODY],) = csv.reader([names[camera]])
+            records.append(write_record(cells))
+    return records
 
 
-def _split(records: Sequence[str]) -> Page:
-    """Split CSV records into columns."""
-    joined = ",".join(records)
-    if '"' in joined:
-        return list(zip(*csv.reader(records), strict=True))
-    # one list of all cells: a list for each record would be collected as garbage time and again
-    cells, width = joined.split(","), len(COLUMNS)
-    return [cells[place::width] for place in range(width)]
+def _join_flags(flags: str, raised: list[str]) -> str:
+    return " ".join(dict.fromkeys([*flags.split(), *raised]))
 
 
-def _raise_flags(states: dict[str, str], calibration_id: str, corrector_id: str | None) -> list[str]:
+def _raise_flags(states: dict[str, State], calibration_id: str, corrector_id: str | None) -> list[str]:
     """Return the flags of what has become of a version, and of the one that corrected its frames."""
-    flags = [STATE_FLAGS[states[calibration_id]].code] if states[calibration_id] in STATE_FLAGS else []
-    revoked = corrector_id is not None and states[corrector_id] == "revoked"
+    _, state = states[calibration_id]
+    flags = [STATE_FLAGS[state].code] if state in STATE_FLAGS else []
+    revoked = corrector_id is not None and states[corrector_id][1] == "revoked"
     return [*flags, *([shared.CALIBRATION_REVOKED.code] if revoked else [])]
 
 
-def _read_names(session: Session, camera_ids: set[str]) -> dict[str, tuple[str, ...]]:
-    """Return make, model and serial number of each camera."""
+def _read_names(session: Session, camera_ids: set[str]) -> dict[str, str]:
+    """Return make, model and serial number of each camera, as a record has them."""
     columns = Camera.id, Camera.make, Camera.model, Camera.serial
-    return {row[0]: row[1:] for row in session.execute(select(*columns).where(Camera.id.in_(camera_ids)))}
+    rows = session.execute(select(*columns).where(Camera.id.in_(camera_ids)))
+    return {row[0]: write_record(row[1:]) for row in rows}
 
 
-def _read_states(session: Session, calibration_ids: set[str]) -> dict[str, str]:
-    """Return the state of each version, without the rest of its status."""
+def _read_states(session: Session, calibration_ids: set[str]) -> dict[str, State]:
+    """Return number and state of each version, without the rest of its status."""
     published = select(Publication.id).where(Publication.calibration_id == Calibration.id)
     stands = and_(Publication.known_to.is_(None), Publication.superseded_by.is_(None))
     state = case(
@@ -141,5 +151,6 @@ def _read_states(session: Session, calibration_ids: set[str]) -> dict[str, str]:
         (published.where(stands).exists(), "published"),
         else_="superseded",
     )
-    rows = session.execute(select(Calibration.id, state).where(Calibration.id.in_(calibration_ids)))
-    return {row[0]: row[1] for row in rows}
+    wanted = select(Calibration.id, Calibration.version, state)
+    rows = session.execute(wanted.where(Calibration.id.in_(calibration_ids)))
+    return {row[0]: (row[1], row[2]) for row in rows}

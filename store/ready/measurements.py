@@ -1,7 +1,5 @@
 """The row of a measurement in a series, and its columns."""
 
-import csv
-import io
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -9,6 +7,7 @@ from radiometry.methods import get_method
 from radiometry.specification.application import PictureApplication, SurfaceApplication
 from store.queries.frames import read_time
 from store.ready.publications import write_instant
+from store.ready.records import Value, write_record
 from store.tables import Calibration, Camera, FrameRow, Measurement
 
 _FIGURES = {
@@ -74,8 +73,6 @@ def make_measured(
     taken = read_time(frame) if (frame.header or {}).get("taken_at") is not None else None
     named = row.parameters.get(spec.corrected_by) if spec.corrected_by else None
     cells = _describe(row, frame, calibration, camera)
-    record = io.StringIO()
-    csv.writer(record, lineterminator="").writerow([_write_cell(name, cells.get(name)) for name in COLUMNS])
     return {
         "measurement_id": row.id,
         "organisation_id": row.organisation_id,
@@ -86,7 +83,7 @@ def make_measured(
         "taken_from": taken[0] if taken else row.created_at,
         "taken_to": taken[1] if taken else None,
         "created_at": row.created_at,
-        "cells": record.getvalue(),
+        "cells": write_record(_take(name, cells.get(name)) for name in COLUMNS),
     }
 
 
@@ -161,9 +158,9 @@ def list_passed(calibration: Calibration, frame: FrameRow) -> list[dict[str, Any
     ]
 
 
-def _write_cell(name: str, value: Any) -> str:  # noqa: ANN401  of the column's kind
-    # repr gives a float its shortest exact form
-    return "" if value is None else str(value) if name in KINDS else repr(float(value))
+def _take(name: str, value: Any) -> Value:  # noqa: ANN401  of the column's kind
+    kind: type[str | int | float] = KINDS.get(name, float)
+    return None if value is None else kind(value)
 
 
 def read_row(cells: Mapping[str, str]) -> dict[str, Any]:

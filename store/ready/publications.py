@@ -12,7 +12,16 @@ from sqlalchemy.orm import Session
 from radiometry.methods import get_method
 from radiometry.specification.application import SurfaceApplication
 from store.applied import read_applied
-from store.tables import Calibration, CoefficientRow, Publication, ReadyAnswer, ReadyRow
+from store.ready.records import write_record
+from store.tables import (
+    Base,
+    Calibration,
+    CoefficientRow,
+    Publication,
+    ReadyAnswer,
+    ReadyCells,
+    ReadyRow,
+)
 
 _PLAIN = ("name", "value", "standard_uncertainty", "unit", "iso", "f_number", "band", "channel", "model")
 
@@ -45,14 +54,16 @@ def write_ready(session: Session, publications: list[Publication]) -> None:
         make_ready(row, versions[row.calibration_id], coefficients[row.calibration_id])
         for row in publications
     ]
-    session.execute(insert(ReadyRow), [ready for ready, _ in made])
-    session.execute(insert(ReadyAnswer), [answer for _, answer in made])
+    for table in (ReadyRow, ReadyAnswer, ReadyCells):
+        session.execute(insert(table), [each[table] for each in made])
 
 
 def make_ready(
-    publication: Publication, calibration: Calibration, coefficients: list[CoefficientRow]
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the columns of a publication's ready row and of its answer."""
+    publication: Publication,
+    calibration: Calibration,
+    coefficients: list[CoefficientRow],
+) -> dict[type[Base], dict[str, Any]]:
+    """Return the columns of a publication's ready row, of its answer and of its cells, by table."""
     ready = {
         "publication_id": publication.id,
         "slot_id": publication.slot_id,
@@ -69,7 +80,12 @@ def make_ready(
         "known_to": publication.known_to,
         "coefficients": len(coefficients),
     }
-    return ready, _write_answer(publication, calibration, coefficients)
+    records = _write_records(publication, calibration, coefficients)
+    return {
+        ReadyRow: ready,
+        ReadyAnswer: _write_answer(publication, calibration, coefficients),
+        ReadyCells: {"publication_id": publication.id, "cells": records},
+    }
 
 
 def close_ready(session: Session, publication: Publication) -> None:
@@ -109,6 +125,31 @@ def _write_answer(
         "foreseen": foreseen,
         "items": content,
     }
+
+
+def _write_records(
+    publication: Publication, calibration: Calibration, coefficients: list[CoefficientRow]
+) -> str:
+    """Write the rows of a series of coefficients, a line each, without the camera and its names."""
+    ended = write_instant(publication.valid_to) if publication.valid_to else None
+    tail = (
+        *(write_instant(publication.valid_from), ended),
+        *(calibration.campaign_id, write_instant(calibration.created_at)),
+    )
+    return "\n".join(
+        write_record(
+            (
+                *(calibration.method, calibration.version, calibration.id, row.name, float(row.value)),
+                *(float(row.standard_uncertainty), row.unit, *map(_as_float, (row.iso, row.f_number))),
+                *(row.band, row.channel, row.model, " ".join(row.flags), *tail),
+            )
+        )
+        for row in coefficients
+    )
+
+
+def _as_float(value: float | None) -> float | None:
+    return None if value is None else float(value)
 
 
 def key_of(item: dict[str, Any]) -> tuple[object, ...]:

@@ -11,13 +11,15 @@ from sqlalchemy.orm import Session
 from store.tables import AuditEntry
 from store.tables.audit import IN_SERIES
 
-Page = list[Sequence[Any]]
-"""Some rows, column by column: cells as text, an absent one empty; or as numbers, an absent one None."""
+Page = list[str]
+"""Some rows, at least one, as `store.ready.records` writes them."""
 Key = list[Any]
 """Place of a row in the order of its series, as JSON has it."""
 
 PAGE = 2000
 """Rows that are read at once."""
+_ROWS = 250
+"""Rows of a page: their cells stay in the processor's cache."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,14 +61,9 @@ class Series(Protocol):
         """Read the rows after one place up to another one."""
 
 
-def is_text(cells: Sequence[Any]) -> bool:
-    """Return True if a column has its cells as text."""
-    return type(cells[0]) is str
-
-
-def is_empty(cells: Sequence[Any]) -> bool:
-    """Return True if every cell of a column is absent."""
-    return not any(cells) if is_text(cells) else cells.count(None) == len(cells)
+def cut(records: list[str]) -> Iterator[Page]:
+    """Cut rows that were read into pages."""
+    return (records[first : first + _ROWS] for first in range(0, len(records), _ROWS))
 
 
 def match_equal(row: Any, asked: Asked, *names: str) -> Iterator[ColumnElement[bool]]:  # noqa: ANN401

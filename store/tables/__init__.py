@@ -11,7 +11,7 @@ from store.tables.job import Job
 from store.tables.kept import CampaignReview, FrameChange, FrameVerdict, Rendering, SmallPreview
 from store.tables.measurement import Measurement
 from store.tables.part import PartRow
-from store.tables.ready import MeasuredRow, ReadyAnswer, ReadyRow
+from store.tables.ready import MeasuredRow, ReadyAnswer, ReadyCells, ReadyRow
 from store.tables.receipt import Manifest, SigningKey
 from store.tables.review import ChecklistSignature, ChecklistTick, Recall
 from store.tables.webhook import Webhook, WebhookDelivery
@@ -49,6 +49,7 @@ __all__ = [
     "Publication",
     "Reading",
     "ReadyAnswer",
+    "ReadyCells",
     "ReadyRow",
     "Recall",
     "Rendering",

@@ -69,6 +69,18 @@ class ReadyAnswer(Base):
     items: Mapped[bytes]
 
 
+class ReadyCells(Base):
+    """The coefficients of a publication as rows of a series: CSV records, a line each, in their order.
+
+    The camera and its names are left out: a series has the names of today.
+    """
+
+    __tablename__ = "ready_cells"
+
+    publication_id: Mapped[str] = mapped_column(ForeignKey("ready.publication_id"), primary_key=True)
+    cells: Mapped[str]
+
+
 class MeasuredRow(Base):
     """A measurement as one row of a series.
 

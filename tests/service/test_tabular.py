@@ -5,12 +5,13 @@ import io
 import json
 import re
 
+import nanoarrow
 import pytest
 
-from service import series
+from service import series_texts
+from service.arrow import write_arrow
 from service.tabular import write_csv
-from store.ready import measurement_series
-from store.ready.measurements import COLUMNS
+from store.ready.records import read_records, write_record
 
 EXCEL = {
     ("text", "0012"): '="0012"',
@@ -45,6 +46,10 @@ TEXTS = (
 )
 
 
+def name_columns(**kinds):
+    return tuple(series_texts.Column(name=name, kind=kind, empty="null") for name, kind in kinds.items())
+
+
 def test_a_list_becomes_its_length_and_members_become_columns():
     row = {"a": 1, "spots": [{"x": 1}, {"x": 2}], "at": {"row": 0.5, "deep": {"b": "=1"}}, "none": None}
     assert write_csv([row]).splitlines() == ["a,spots_count,at_row,at_deep_b,none", "1,2,0.5,'=1,"]
@@ -52,25 +57,29 @@ def test_a_list_becomes_its_length_and_members_become_columns():
 
 def test_series_writes_any_text_in_every_way():
     columns = tuple(
-        series.Column(name=name, kind=kind, empty="null") for name, kind in (("a", "text"), ("b", "number"))
+        series_texts.Column(name=name, kind=kind, empty="null")
+        for name, kind in (("a", "text"), ("b", "number"))
     )
     for text in TEXTS:
-        page = [[text, "other"], ["1.5", ""]]
-        rows = json.loads(b"".join(series._write_json(iter([page]), columns, None)))["rows"]
-        assert rows == [{"a": text or None, "b": 1.5}, {"a": "other", "b": None}]
-        written = b"".join(series.write_csv(iter([[*page]]), columns)).decode()
+        page = [write_record([text, -1.5]), write_record(["other", None])]
+        rows = json.loads(b"".join(series_texts.write_json(iter([page]), columns, None)))["rows"]
+        assert rows == [{"a": text or None, "b": -1.5}, {"a": "other", "b": None}]
+        written = b"".join(series_texts.write_csv(iter([page]), columns)).decode()
         shown = re.sub("(^|;)(?=[=\uff1d-])", r"\1'", text)
-        assert [*csv.reader(io.StringIO(written, newline=""))] == [["a", "b"], [shown, "1.5"], ["other", ""]]
-        record = io.StringIO()
-        csv.writer(record, lineterminator="").writerow([text] * len(COLUMNS))
-        assert [*measurement_series._split([record.getvalue()] * 2)[1]] == [text] * 2
+        assert [*csv.reader(io.StringIO(written, newline=""))] == [["a", "b"], [shown, "-1.5"], ["other", ""]]
+        kept = series_texts.write_records(iter([page]), columns)
+        found = b"".join(write_arrow(kept, {column.name: column.kind for column in columns}))
+        assert nanoarrow.ArrayStream.from_readable(found).read_all().to_pylist() == rows
+        assert read_records("\n".join([*page, write_record(["a\nb", 1])])) == [*page, '"a\nb",1']
 
 
 @pytest.mark.parametrize(("separator", "decimal"), [(",", "."), (";", ",")])
 def test_excel_takes_cells_for_what_they_are(separator, decimal):
-    columns = tuple(series.Column(name=f"c{n}", kind=kind, empty="null") for n, (kind, _) in enumerate(EXCEL))
-    page = [[cell] for _, cell in EXCEL]
-    written = b"".join(series.write_excel(iter([page]), columns, separator, decimal))
+    columns = tuple(
+        series_texts.Column(name=f"c{n}", kind=kind, empty="null") for n, (kind, _) in enumerate(EXCEL)
+    )
+    page = [write_record([cell for _, cell in EXCEL])]
+    written = b"".join(series_texts.write_excel(iter([page]), columns, separator, decimal))
     assert written.startswith(b"\xef\xbb\xbfc0" + separator.encode())
     _, row = csv.reader(io.StringIO(written.decode("utf-8-sig"), newline=""), delimiter=separator)
     assert row == [shown.format(decimal) for shown in EXCEL.values()]

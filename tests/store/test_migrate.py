@@ -15,7 +15,7 @@ from service.founding import found
 from store.database import Database
 from store.migrate import NewerSchema, alembic_config, migrate
 from store.publications import publish
-from store.tables import ApiKey, Base, Calibration, ReadyAnswer, ReadyRow
+from store.tables import ApiKey, Base, Calibration, ReadyAnswer, ReadyCells, ReadyRow
 from tests.support.versions import add_versions
 
 
@@ -119,11 +119,11 @@ def test_ready_rows_are_written_for_what_was_published_before(empty):
         with empty.reading() as session:
             return [
                 session.execute(select(table.__table__).order_by(table.publication_id)).all()
-                for table in (ReadyRow, ReadyAnswer)
+                for table in (ReadyRow, ReadyAnswer, ReadyCells)
             ]
 
     rows = read()
-    assert [len(each) for each in rows] == [3, 3]
+    assert [len(each) for each in rows] == [3, 3, 3]
     downgrade(empty, "0013")
     migrate(empty)
     assert read() == rows
