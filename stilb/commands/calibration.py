@@ -203,7 +203,7 @@ def read_polygon(text: str, *, option: str = "--polygon") -> list[tuple[float, f
 
 
 def set_regions(client: Client, campaign_id: str, path: Path | None) -> None:
-    """Give frames regions of their own from a table, if there is one: lines of a frame and its corners."""
+    """Set regions of single frames from a table, if there is one: lines of a frame and its corners."""
     if path is None:
         return
     drawn: dict[str, list[tuple[float, float]]] = {}

@@ -44,7 +44,7 @@ class MeterAsUsed:
 
 @dataclass(frozen=True, kw_only=True)
 class FrameAsUsed:
-    """What a certificate states of a frame: of the row, these columns alone."""
+    """Columns of a frame that a certificate states."""
 
     id: str
     size_bytes: int
