@@ -221,7 +221,7 @@ def test_a_frame_is_measured_from_the_page(night_page, night):
     # the campaign states no lamp; 2 % of the frame's mean is subtracted
     for said in (
         "the calibration's lamp, the camera's response not known",
-        "2.00% of the frame's mean",
+        "2.00 % of the frame's mean",
     ):
         expect(night_page.locator("#with")).to_contain_text(said)
 

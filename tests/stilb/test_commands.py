@@ -213,7 +213,7 @@ def test_night_goes_from_card_to_measurements(command, calibrated, tmp_path):
         (("measure", "a.JPG"), "a.JPG is the name of a file, which is not here, and not the id of a frame"),
         (("measure", "f", "--average"), "--average needs two frames or more"),
         (("measure", "f", "--grid", "3x5 1,2"), "--grid needs rows x columns and four corners"),
-        (("measure", "f", "--region", "1,2"), "--polygon needs three corners or more"),
+        (("measure", "f", "--region", "1,2"), "--region needs three corners or more"),
         (("roi", "c", "--polygon", "1,2 3,4 5,6", "--imagej", "makePolygon()"), "give either"),
         (("calibrate", "c", "--set", "x"), "must be written as NAME=VALUE"),
         (("calibrate", "c", "--tolerance", "4"), "--tolerance is a fraction: 0.04 for 4 %"),
