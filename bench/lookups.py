@@ -36,6 +36,7 @@ _GROWING = "a look-up", "one camera's series"
 _CONNECTIONS = 4
 _CAMERAS = 100
 _GROWTH_MB = 30.0
+_CPU_S = 1.0
 _HEADERS = {"Authorization": f"Bearer {KEY}"}
 
 
@@ -185,7 +186,9 @@ def _measure_series(scale: Scale, service: Service, address: str, lookup: str) -
             ours, plain = ([turn[way] for turn in turns] for way in (0, 1))
             grown_mb = read_memory_mb(service.pid, "VmHWM") - before_mb
             rate = 1e5 * statistics.median(ours) / len(rows)
-            say(f"  {name:<54} {rate:8.2f} s of CPU for 100,000 rows, {grown_mb:.1f} MB more")
+            say(f"  {name}: {grown_mb:.1f} MB more")
+            cpu = Ratio(median=rate, low=rate, high=rate)
+            verdicts.append(judge(f"CPU of {name} for 100,000 rows [s]", cpu, at_most=_CPU_S))
             beside = "csv.writer" if name == "CSV" else "json.dumps"
             verdicts.append(judge(f"CPU of {name}, in that of {beside}", compare(ours, plain), at_most=3.0))
             growth = Ratio(median=grown_mb, low=grown_mb, high=grown_mb)

@@ -3,6 +3,7 @@
 import multiprocessing
 import os
 import re
+import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import AbstractContextManager
@@ -66,9 +67,9 @@ def list_tree(pid: int) -> list[int]:
 
 
 def read_cpu_s(pid: int) -> float:
-    """Return the CPU time that a process has used."""
-    fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    """Return the CPU time that a process has used; /proc counts it in hundredths of a second."""
+    scheduled = 2
+    return time.clock_gettime(~pid << 3 | scheduled)
 
 
 def forget_peak(pid: int) -> None:

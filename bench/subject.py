@@ -38,7 +38,7 @@ class Scale:
     certificates: int = 31
     coefficients: tuple[int, ...] = (2_000, 20_000)
     """How many there are, one after the other."""
-    measurements: int = 5_000
+    measurements: int = 10_000
     lookups: int = 400
     """Look-ups of one turn."""
     series: int = 7

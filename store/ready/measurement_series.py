@@ -133,6 +133,8 @@ def _raise_flags(states: dict[str, State], calibration_id: str, corrector_id: st
 
 def _read_names(session: Session, camera_ids: set[str]) -> dict[str, str]:
     """Return make, model and serial number of each camera, as a record has them."""
+    if not camera_ids:
+        return {}
     columns = Camera.id, Camera.make, Camera.model, Camera.serial
     rows = session.execute(select(*columns).where(Camera.id.in_(camera_ids)))
     return {row[0]: write_record(row[1:]) for row in rows}
@@ -140,6 +142,8 @@ def _read_names(session: Session, camera_ids: set[str]) -> dict[str, str]:
 
 def _read_states(session: Session, calibration_ids: set[str]) -> dict[str, State]:
     """Return number and state of each version, without the rest of its status."""
+    if not calibration_ids:
+        return {}
     published = select(Publication.id).where(Publication.calibration_id == Calibration.id)
     stands = and_(Publication.known_to.is_(None), Publication.superseded_by.is_(None))
     state = case(

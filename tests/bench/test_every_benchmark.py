@@ -54,7 +54,7 @@ def test_every_benchmark_runs_and_leaves_nothing_behind(short_folder, monkeypatc
     before = family(1)
     assert main(TINY) == 0
     told = capfd.readouterr().out
-    targets = 59 if pages.find_chromium() is None else 66
+    targets = 65 if pages.find_chromium() is None else 72
     assert told.count("target:") == targets
     assert f"{targets} targets, " in told
     assert "MB more over" in told
