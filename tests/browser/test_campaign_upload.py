@@ -93,6 +93,29 @@ def test_a_line_that_breaks_in_the_middle_of_a_file(browser, service, team, tmp_
         assert http.get(f"/v1/frames/{frame['id']}/content").content == large.read_bytes()
 
 
+def test_a_connection_that_has_died_without_a_word_is_given_up(page, team, files):
+    made = team.campaign()
+    page.clock.install()
+    page.goto(f"/campaigns/{made.id}")
+    unanswered = []
+
+    def hold(route):
+        unanswered.append(route)
+
+    wake = "document.dispatchEvent(new Event('visibilitychange'))"
+    # a phone that has slept, and one whose page stays in view while its network is gone
+    for number, (file, silent_s, then) in enumerate([(files[0], 40, wake), (files[1], 150, "0")], 1):
+        page.route(UPLOADS, hold, times=1)
+        choose(page, [file])
+        with page.expect_request(UPLOADS):
+            page.get_by_role("button", name="Send 1 file").click()
+        page.clock.fast_forward(1000 * silent_s)
+        page.evaluate(then)
+        expect(page.get_by_text(f"{number} of {number} received")).to_be_visible()
+        assert len(unanswered) == number
+    assert names_of(team, made) == sorted(each.name for each in files[:2])
+
+
 def test_hashes_are_right_where_the_browser_has_none(page):
     page.goto("/campaigns")
     # at and around the ends of a block

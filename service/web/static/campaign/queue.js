@@ -10,6 +10,8 @@ const MOST_AT_ONCE = 4;
 const QUICK_MS = 1000;
 const LONGEST_PAUSE_MS = 30000;
 const STALLED_MS = 30000;
+/** Longer than what a slow line holds under way needs. */
+const SILENT_MS = 120000;
 /** A service that is not there cannot be overrun; once it is back, it is found soon. */
 const LONGEST_OFFLINE_MS = 2000;
 const ASK_AT_MOST = 1000;
@@ -34,6 +36,8 @@ export class UploadQueue extends EventTarget {
     addEventListener("online", () => this.retryNow());
     // a phone that has slept does not know which of its connections still lead anywhere
     document.addEventListener("visibilitychange", () => document.hidden || this.retryNow());
+    // one that has died without a word ends at no time of itself
+    setInterval(() => this.giveUp(SILENT_MS) && this.pump(), STALLED_MS / 3);
   }
 
   /** Files with their paths: [{file, name, role?, scene?}]; `judge(name)` says what each is. Answers how many were new. */
@@ -112,14 +116,19 @@ export class UploadQueue extends EventTarget {
   }
 
   retryNow() {
-    for (const item of this.items) {
-      if (item.state === "sending" && Date.now() - item.movedAt > STALLED_MS) {
-        item.abort.abort();
-        item.state = "retrying";
-      }
-      if (item.state === "retrying") this.again(item);
-    }
+    this.giveUp(STALLED_MS);
+    for (const item of this.items) this.again(item);
     this.pump();
+  }
+
+  /** Send anew what has not moved for so long. Answers how many files that are. */
+  giveUp(afterMs) {
+    const still = this.items.filter((item) => item.state === "sending" && Date.now() - item.movedAt > afterMs);
+    for (const item of still) {
+      item.abort.abort();
+      item.state = "waiting";
+    }
+    return still.length;
   }
 
   /** Leave out what has not been sent. */
@@ -224,7 +233,7 @@ export class UploadQueue extends EventTarget {
       const some = items.slice(at, at + ASK_AT_MOST);
       let known = new Map();
       try {
-        const answer = await post(`${this.path}/frames/known`, { sha256: some.map((item) => item.sha256) });
+        const answer = await post(`${this.path}/frames/known`, { sha256: some.map((item) => item.sha256) }, { signal: AbortSignal.timeout(STALLED_MS) });
         known = new Map(answer.known.map((each) => [each.sha256, each]));
       } catch (error) {
         // without an answer they are sent, and the service finds out
