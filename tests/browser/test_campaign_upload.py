@@ -6,7 +6,7 @@ import re
 import pytest
 from playwright.sync_api import expect
 
-from tests.support.browser import sign_in, visit
+from tests.support.browser import settle, sign_in, visit
 from tests.support.frames import write_frame
 from tests.support.line import line_to
 
@@ -40,6 +40,7 @@ def names_of(team, campaign):
 @pytest.mark.usefixtures("campaign")
 def test_a_button_that_is_pressed_while_the_list_changes_is_clicked(page, files):
     choose(page, files[:1])
+    settle(page)  # what is drawn above moves the button from under the mouse
     page.get_by_role("button", name="Send 1 file").hover()
     page.mouse.down()
     choose(page, files[1:2])
