@@ -138,6 +138,11 @@ def _crop(frame: Frame, part: Window) -> Frame:
     return replace(frame, samples_dn=frame.samples_dn[rows, cols], row0=part.row0, col0=part.col0)
 
 
+def _cut(frame: Frame, cell: Polygon) -> Frame:
+    """Return the part of a frame around a cell: a grid has up to 2,500, and each would read all of it."""
+    return _crop(frame, bounding_window(cell, height_px=frame.height_px, width_px=frame.width_px))
+
+
 def measure(
     frame: Frame,
     request: Request,
@@ -211,7 +216,9 @@ def measure(
     # one frame at a time: a region may be most of it
     for each in itertools.chain([frame], (_crop(each, part) for each in repeats)):
         signals.append(camera.read_signal(each, request.polygon))
-        of_cells.append([[camera.read_signal(each, cell, of_grid=True) for cell in line] for line in cells])
+        of_cells.append(
+            [[camera.read_signal(_cut(each, cell), cell, of_grid=True) for cell in line] for line in cells]
+        )
         summed = add_signal(summed, sum_signal(each, channel=coefficient.channel))
     corrections, raised = _find_corrections(frame, whole, request, camera, frames=len(signals))
     camera = replace(camera, corrections=corrections)
@@ -307,7 +314,9 @@ def _find_corrections(
         if each.u_rel > _ROUNDING or each.u_cd_m2 or each.offset_cd_m2 or each.factor != 1.0
     )
     of_cells = (
-        measure_colour(method.extract(frame, cell), dark_above_black_dn=dark_dn, most_u_rel=_CLEAR_REL)
+        measure_colour(
+            method.extract(_cut(frame, cell), cell), dark_above_black_dn=dark_dn, most_u_rel=_CLEAR_REL
+        )
         for cell in itertools.chain.from_iterable(lay_grid(request.grid) if request.grid else ())
     )
     mixed = find_mixed_light(
