@@ -1,7 +1,5 @@
 """A campaign over a slow line: what the line takes until the page can be used, whatever the machine does."""
 
-import math
-
 from playwright.sync_api import Request, expect
 
 from tests.support.browser import visit
@@ -15,7 +13,7 @@ LINE = {
 }
 USABLE_S = 3.0
 # other work on the machine sends one after another what the browser would have sent at once
-ATTEMPTS = 4
+ATTEMPTS = 6
 FIRST_PICTURE = """() => {
     const img = document.querySelector(".grid img.picture");
     return img?.complete && img.naturalWidth > 0;
@@ -24,12 +22,13 @@ FIRST_PICTURE = """() => {
 
 def test_a_campaign_is_usable_in_3_s_at_1_6_mbit_s(browser, night, night_page):
     session = night_page.context.storage_state()
-    received, trips = math.inf, math.inf
+    took = []
     for _ in range(ATTEMPTS):
-        received, trips = map(min, (received, trips), open_slowly(browser, night, session))
+        received, trips = open_slowly(browser, night, session)
+        took.append(f"{received} bytes and {trips} round trips")
         if received / BYTES_S + trips * LATENCY_S < USABLE_S:
             return
-    raise AssertionError(f"{received} bytes and {trips} round trips")
+    raise AssertionError(took)
 
 
 def open_slowly(browser, night, session) -> tuple[int, int]:
