@@ -371,9 +371,9 @@ def test_what_was_chosen_last_is_measured_on_a_slow_line_too(night_page, night):
     campaign = night_page.get_by_label("Campaign", exact=True)
     campaign.select_option(night.campaign_id)
     campaign.select_option(night.measured_id)
-    (late,) = held.values()
     frame = night_page.get_by_label("Frame", exact=True)
     expect(frame.get_by_role("option")).to_have_count(3)
+    (late,) = held.values()
     with night_page.expect_response(late.request.url):
         late.fulfill(json={"items": [], "next": None})
     night_page.evaluate("() => new Promise((done) => setTimeout(done, 200))")
@@ -384,6 +384,8 @@ def test_what_was_chosen_last_is_measured_on_a_slow_line_too(night_page, night):
     frame.select_option(june)
     night_page.get_by_role("button", name="Measure").click()
     own = [[40, 24], [120, 24], [120, 90]]
+    while not held:
+        night_page.wait_for_timeout(20)
     (region,) = held.values()
     region.fulfill(json={"id": "roi_june", "polygon": own})
     expect(night_page.get_by_role("alert")).to_contain_text("No connection")

@@ -103,8 +103,9 @@ def test_what_has_changed_in_the_grid_is_asked_for_alone(house, campaign):
     assert look() == ({"a-5.6.dng"}, True)
     # a region of the campaign is that of all its frames
     set_roi(house, campaign, {"polygon": [[8, 8], [50, 8], [50, 40]]})
-    house.work()
     assert look()[1] is False
+    house.work()
+    assert look() == ({"b-4.dng"}, True)
     for never in ("0-0", "999999-x", "x"):
         assert grid(house, campaign, since=never)[1]["partial"] is False
 

@@ -199,7 +199,9 @@ def test_small_files_widen_a_quick_line_alone():
     for _ in range(2):
         width.end(large, 20)
     assert fill(1000) == 14
-    for _ in range(14):
+    width.end(1000, 0.2)
+    assert (width.has_room(1000), width.has_room(1 << 20)) == (True, False)
+    for _ in range(13):
         width.end(1000, 1.5)
     assert fill(1000) == 2
     # who names a number gets it
