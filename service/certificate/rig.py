@@ -12,8 +12,8 @@ from service.certificate.document import build_certificate
 from service.certificate.words import EXPANDED, RELATES, WHOLE
 from service.press.figures import plain, stamp
 from service.press.general import LEGEND, tabulate_points
-from service.press.pages import STAMPS, list_flag, list_software, list_work
-from service.press.sheet import Node, facts, section, table, write_json
+from service.press.pages import front_matter, list_flag, list_software, list_work
+from service.press.sheet import Node, facts, section, table
 from service.schemas.certificates import FlagInWords
 from service.schemas.rigs import (
     CertifiedCamera,
@@ -81,13 +81,7 @@ def build_rig_certificate(
 def lay_out_rig(certificate: Node) -> Node:
     """Return everything that the template sets."""
     orientation = certificate["orientation"]
-    return {
-        "attached": write_json(certificate),
-        "title": certificate["title"],
-        "number": certificate["number"],
-        "created_at": certificate["created_at"],
-        "laboratory": certificate["laboratory"],
-        "stamp": STAMPS[certificate["state"]],
+    return front_matter(certificate, certificate["state"]) | {
         "item": [
             ["Rig", certificate["rig"]],
             ["Reference", orientation["reference"]],

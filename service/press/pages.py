@@ -24,16 +24,16 @@ _LEGEND = (
 )
 
 
+def front_matter(certificate: Node, state: str) -> Node:
+    """Return what stands at the head of every certificate, and the JSON that goes with it."""
+    same = {name: certificate[name] for name in ("title", "number", "created_at", "laboratory")}
+    return same | {"attached": write_json(certificate), "stamp": STAMPS[state]}
+
+
 def lay_out(certificate: Node, preview: str) -> Node:
     """Return everything that the template sets. ``preview`` : an SVG of a frame with the region, or ""."""
     is_curve = get_method(certificate["method"]).certificate.layout == "curve"
-    return {
-        "attached": write_json(certificate),
-        "title": certificate["title"],
-        "number": certificate["number"],
-        "created_at": certificate["created_at"],
-        "laboratory": certificate["laboratory"],
-        "stamp": STAMPS[certificate["validity"]["state"]],
+    return front_matter(certificate, certificate["validity"]["state"]) | {
         "item": _item(certificate),
         "work": list_work(certificate),
         "results": _summary(certificate) if is_curve else general.summarise(certificate),
