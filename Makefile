@@ -4,14 +4,15 @@ PYTHON ?= python3
 VENV := .venv
 CLIENTS := tests/flow/test_generated_clients.py
 CONSUMERS := tests/flow/test_consumers.py
+JOURNEYS := tests/journeys/test_every_door.py
 # what takes minutes of a processor and breaks seldom
-APART := $(CLIENTS) $(CONSUMERS) tests/bench/test_every_benchmark.py tests/flow/test_seventh_method.py
+APART := $(CLIENTS) $(CONSUMERS) $(JOURNEYS) tests/bench/test_every_benchmark.py tests/flow/test_seventh_method.py
 BIN := $(VENV)/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 # an image may forbid it: each process would then compile every module again, and `make up` take twice as long
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: help demo up test apart clients consumers quick faults chromium audit export verify verify-backup lint format fuzz model bench docs architecture tables api pictures examples release wheels lock clean
+.PHONY: help demo up test apart journeys clients consumers quick faults chromium audit export verify verify-backup lint format fuzz model bench docs architecture tables api pictures examples release wheels lock clean
 
 help:  ## what can be made
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 15
@@ -26,7 +27,7 @@ test quick: export OPENBLAS_NUM_THREADS = 1
 test: $(VENV)/dev chromium  ## every test but those of `make apart`, on SQLite and on PostgreSQL (FILE="tests/radiometry -k gls" runs some)
 	@$(if $(FILE),pytest -q $(FILE),pytest -q -n $$(($$(nproc) + 1)) --maxprocesses 8 --dist worksteal $(APART:%=--ignore %))
 
-apart: $(VENV)/dev  ## what `make test` leaves out: clients, consumers, every benchmark in small, a seventh method
+apart: $(VENV)/dev  ## what `make test` leaves out: journeys, clients, consumers, every benchmark in small, a seventh method
 	@pytest -q $(APART)
 
 clients: $(VENV)/dev  ## the clients that generators make of the OpenAPI document: each is built, typed and calibrates
@@ -34,6 +35,12 @@ clients: $(VENV)/dev  ## the clients that generators make of the OpenAPI documen
 
 consumers: $(VENV)/dev  ## the programs that others use read back what the service writes (1.3 GB; WRITE=1 publishes)
 	@WRITE="$(WRITE)" pytest -q $(CONSUMERS)
+
+journeys: export OPENBLAS_NUM_THREADS = 1
+# some GB, which do not belong into memory
+journeys: export TMPDIR := $(or $(TMPDIR),/tmp)
+journeys: $(VENV)/dev chromium  ## a night, a flight and a head through pages, command, client and curl, from card to certificate
+	@pytest -q -n 2 --dist worksteal $(JOURNEYS)
 
 quick: lint  ## what a change needs in a minute: lint, types, and the tests of the science and of single units
 	@pytest -q -m "unit and not slow" -n $$(nproc) --maxprocesses 8 --dist worksteal
@@ -107,8 +114,8 @@ wheels: $(VENV)/uv  ## build both distributions into dist/, to install them else
 	@uv build -q --offline --wheel -o dist . && python .ci/server_wheel.py dist && ls dist/stilb-*.whl
 
 lock: $(VENV)/uv  ## resolve the dependencies again, with hashes; needs npm
-	uv pip compile -q -U --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 --extra server pyproject.toml -o requirements.lock
-	uv pip compile -q -U --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 --extra dev --extra otel -c requirements.lock pyproject.toml -o requirements-dev.lock
+	uv pip compile -q -U --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 --group pyproject.toml:server pyproject.toml -o requirements.lock
+	uv pip compile -q -U --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 --group pyproject.toml:dev --group pyproject.toml:otel -c requirements.lock pyproject.toml -o requirements-dev.lock
 	echo openapi-python-client | uv pip compile -q -U --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 - -o tests/flow/clients/requirements.lock
 	uv pip compile -q -U --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 --overrides tests/flow/consumers/overrides.txt --no-emit-package gdal tests/flow/consumers/requirements.in -o tests/flow/consumers/requirements.lock
 	npm --prefix tests/flow/clients update --package-lock-only --omit-lockfile-registry-resolved --no-audit --no-fund

@@ -13,7 +13,7 @@ import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-ROOMS = ("radiometry", "store", "worker", "service", "migrations")
+ROOMS = ("radiometry", "store", "worker", "service", "migrations", "verify")
 MANUAL = "service/web/manual"
 """Where the service finds its manual if there is no docs/ beside it."""
 
@@ -34,7 +34,9 @@ def build(root: Path, folder: Path) -> Path:
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(page, target)
         shutil.copyfile(root / "LICENSE", stage / "LICENSE")
-        shutil.copyfile(root / "README.md", stage / "README.md")
+        # a link to a page of the checkout leads nowhere from a package's page
+        readme = re.sub(r"!?\[([^\]]*)\]\((?!https?:)[^)]*\)", r"\1", (root / "README.md").read_text("utf-8"))
+        (stage / "README.md").write_text(readme, encoding="utf-8")
         (stage / "pyproject.toml").write_text(describe(root), encoding="utf-8")
         built = stage / "dist"
         uv = str(Path(sys.executable).with_name("uv"))
@@ -50,17 +52,28 @@ def build(root: Path, folder: Path) -> Path:
 def describe(root: Path) -> str:
     """Return the server's `pyproject.toml`."""
     stated = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))
-    project, requires = stated["project"], stated["build-system"]["requires"]
+    project, groups, requires = (
+        stated["project"],
+        stated["dependency-groups"],
+        stated["build-system"]["requires"],
+    )
     tables = {
         "build-system": {"requires": requires, "build-backend": stated["build-system"]["build-backend"]},
         "project": {
             "name": "stilb-server",
-            **{key: project[key] for key in ("version", "description", "readme", "requires-python")},
+            **{key: project[key] for key in ("version", "description", "requires-python")},
+            "readme": "README.md",
             **{key: project[key] for key in ("license", "license-files")},
-            "dependencies": project["optional-dependencies"]["server"],
+            "keywords": project["keywords"],
+            "classifiers": project["classifiers"],
+            "dependencies": groups["server"],
         },
-        "project.optional-dependencies": {"otel": project["optional-dependencies"]["otel"]},
-        "project.scripts": {"stilb-server": "service.command:main"},
+        "[project.authors]": project["authors"][0],
+        "project.optional-dependencies": {"otel": groups["otel"]},
+        "project.scripts": {
+            "stilb-server": "service.command:main",
+            "stilb-verify": "verify.__main__:main",
+        },
         "tool.uv.build-backend": {"module-name": list(ROOMS), "module-root": "", "namespace": True},
     }
     # a JSON string, number, boolean or list of strings is one of TOML too

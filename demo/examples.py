@@ -125,7 +125,10 @@ def _is_json(headers: Mapping[str, str]) -> bool:
 
 def _shorten(body: Any) -> Any:  # noqa: ANN401
     if isinstance(body, dict):
-        said = {name: _shorten(value) for name, value in body.items()}
+        members = [*body.items()]
+        if all(name.isdigit() for name in body):
+            members = members[:_MOST_ROWS]
+        said = {name: _shorten(value) for name, value in members}
         return said | ({"secret": f"{said['secret'][:8]}..."} if "secret" in said else {})
     if isinstance(body, list):
         plain = not any(isinstance(each, dict) for each in body)
@@ -201,7 +204,7 @@ def _survey(stage: Stage, http: httpx.Client, version: stilb.Calibration) -> Non
     others = [{"name": "MISC/log.txt", "size_bytes": 2048}]
     _post(http, f"campaigns/{survey}/manifest", {"files": files, "others": others})
     for frame in frames:
-        client.wait(str(frame.job_id))
+        client.wait(frame.job_id)
     grid: stilb.Grid = {"corners": corners, "rows": 2, "columns": 3}
     measured = [
         client.measure(frame.id, calibration_id=version.id, with_map=True, grid=grid, reflectance=0.18)
@@ -220,6 +223,12 @@ def _survey(stage: Stage, http: httpx.Client, version: stilb.Calibration) -> Non
     )
     for name, query in queries:
         http.get(f"/v1/measurements/{old}/{name}", params=query).raise_for_status()
+    card = [
+        {"name": f"card/100MEDIA/DJI_{n:04}.DNG", "taken_s": 1777665600.0 + 300 * (n // 2) + n}
+        | {"exposure_time_s": 0.01, "f_number": 4.0, "iso": 400.0, "signal_share": 0.25}
+        for n in (1, 2, 3)
+    ]
+    _post(http, "proposals", {"frames": card})
     known = {"sha256": [frames[0].sha256, "0" * 64]}
     _post(http, f"campaigns/{survey}/frames/known", known)
     http.get(f"/v1/campaigns/{survey}/thumbnails", params={"of": [frames[0].id]}).raise_for_status()
@@ -243,6 +252,15 @@ def _survey(stage: Stage, http: httpx.Client, version: stilb.Calibration) -> Non
     _send(http, "PATCH", f"frames/{frames[2].id}", {"scene": "street"})
     named = {"frame_ids": [frames[1].id, frames[2].id], "left_out": True, "reason": "a car in the region"}
     _send(http, "PATCH", f"campaigns/{survey}/frames", named)
+    table = _post(http, "campaigns", {"camera_id": camera, "method": "luminance"})["id"]
+    head = "Label,Area,Mean,Min,Max,scene,exposure_time_s,f_number,iso"
+    row = f"{head}\nDSC_1.tif,900,500.5,400,600,level-1,1/60,4,400\n"
+    http.post(
+        f"/v1/campaigns/{table}/points",
+        params={"white_level_dn": 4095},
+        content=row.encode(),
+        headers={"Content-Type": "text/csv"},
+    ).raise_for_status()
 
 
 def _move(stage: Stage) -> None:
@@ -262,7 +280,7 @@ def _move(stage: Stage) -> None:
     camera_id = stage.client.find_camera(sequoia.camera.body.serial).id
     campaign_id = stage.client.create_campaign(camera_id, method="reflectance").id
     frame = stage.client.push(campaign_id, path, role="field")
-    stage.client.wait(str(frame.job_id))
+    stage.client.wait(frame.job_id)
 
 
 def _manage(http: httpx.Client) -> None:

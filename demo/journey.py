@@ -125,8 +125,7 @@ def send(stage: Stage, uploads: Iterable[stilb.Upload]) -> list[stilb.Frame]:
         )
     with stage.display.stage("reading the frames") as advance:
         for done, frame in enumerate(frames, start=1):
-            if frame.job_id is not None:  # a frame of an earlier run has no job to wait for
-                stage.client.wait(frame.job_id)
+            stage.client.wait(frame.job_id)
             advance(done / len(frames))
     return frames
 

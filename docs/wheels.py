@@ -57,7 +57,7 @@ def measure(distribution: metadata.Distribution) -> int:
 def render() -> str:
     """Return the table: what is large, its installed size, and what it is for."""
     stated = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    needs = find_needs(stated["project"]["optional-dependencies"]["server"])
+    needs = find_needs(stated["dependency-groups"]["server"])
     sizes = {name: measure(found) for name, found in needs.items()}
     large = sorted((name for name in sizes if sizes[name] >= LARGE_BYTES), key=lambda name: -sizes[name])
     rows = [f"| {name} | {sizes[name] / 1e6:.0f} | {REASONS[name]} |" for name in large]

@@ -14,10 +14,11 @@ from starlette.concurrency import run_in_threadpool
 from radiometry.findings import interface
 from service import problems
 from service.addresses import Addresses
+from service.compression import Compression
 from service.context import Context
 from service.deprecated import Deprecations
 from service.digests import ContentDigests
-from service.document import build_document
+from service.document import Document, build_document
 from service.heads import Heads
 from service.hosts import KnownHosts
 from service.limits import BodyLimit
@@ -34,6 +35,12 @@ from store.database import Database, is_full, summarise
 from store.schema import SchemaDiffers, is_about_missing_parts, require_own_schema
 from store.software import read_version
 
+_SHOWN = [
+    *("Content-Disposition", "Content-Range", "Deprecation", "ETag", "Link", "Preference-Applied"),
+    *("Retry-After", "Sunset", "X-Request-ID"),
+]
+"""Headers of answers that a page of another origin may read: those that its requests go by."""
+
 log = logging.getLogger(__name__)
 
 
@@ -47,9 +54,11 @@ def build_app(context: Context) -> FastAPI:
         # FastAPI's own pages load their scripts from elsewhere: service/web/pages/documents.py has ours
         docs_url=None,
         redoc_url=None,
+        openapi_url=None,
     )
     app.add_middleware(BodyLimit)
     app.add_middleware(ContentDigests)
+    app.add_middleware(Compression)
     _let_dashboards_read(app, context.settings.cors_origins)
     app.add_middleware(Heads)
     app.add_middleware(Deprecations)
@@ -81,6 +90,7 @@ def _publish_document(app: FastAPI) -> None:
             return build_document(app)
 
     app.openapi = openapi  # type: ignore[method-assign]
+    app.state.document = Document(app)
 
 
 def _let_dashboards_read(app: FastAPI, origins: str) -> None:
@@ -92,7 +102,7 @@ def _let_dashboards_read(app: FastAPI, origins: str) -> None:
             allow_origins=allowed,
             allow_methods=["GET", "HEAD"],
             allow_headers=["Authorization", "If-None-Match", "Prefer"],
-            expose_headers=["ETag"],
+            expose_headers=_SHOWN,
             max_age=3600,
         )
 

@@ -18,7 +18,7 @@ from service.auth import Caller
 from service.context import Context, get_context
 from service.problems import Problem
 from service.schemas.base import Answer, Text
-from store.logs import present_fields
+from store.log_fields import present_fields
 from store.tables import IdempotentAnswer, Job
 from store.usage import charge
 
@@ -36,8 +36,8 @@ class Reply:
     body: Answer
     headers: dict[str, str] = field(default_factory=dict)
     jobs: list[Job] = field(default_factory=list)
-    frame_bytes: int | None = None
-    """Size of the frame that was added, which counts for the quotas."""
+    frame_bytes: Sequence[int] = ()
+    """Size of each frame that was added, which counts for the quotas."""
 
 
 class Writing:
@@ -116,7 +116,7 @@ def _run_all(
         for (writing, _), reply in zip(new, replies, strict=True):
             writing._keep(session, caller, reply)  # noqa: SLF001  of this module
         jobs = [job.id for reply in replies for job in reply.jobs]
-        sizes = [reply.frame_bytes for reply in replies if reply.frame_bytes is not None]
+        sizes = [size for reply in replies for size in reply.frame_bytes]
         if jobs or sizes:
             quotas, count = context.quotas, len(jobs)
             charge(

@@ -1,23 +1,76 @@
 """The `stilb-server` command: each process and tool of the server, by its name."""
 
+import argparse
 import os
 import sys
-from typing import Final
+from collections.abc import Mapping
+from typing import Any, Final, NamedTuple
 
 from store.software import read_version
 
+
+class Command(NamedTuple):
+    """A module that is run, and what it takes."""
+
+    module: str
+    meaning: str
+    example: str
+    takes: Mapping[str, Mapping[str, Any]] = {}
+    """Arguments, as argparse declares them."""
+
+
 COMMANDS: Final = {
-    "up": ("service.up", "run everything in the foreground, or the named parts: service, worker"),
-    "service": ("service", "run the API and the pages"),
-    "worker": (
+    "up": Command(
+        "service.up",
+        "run everything in the foreground, or the named parts: service, worker",
+        "stilb-server up",
+        {
+            "part": {
+                "nargs": "*",
+                "metavar": "service|worker",
+                "help": "alone, which needs STILB_DATABASE_URL",
+            }
+        },
+    ),
+    "service": Command("service", "run the API and the pages", "stilb-server service"),
+    "worker": Command(
         "worker",
         "run a worker, which reads frames, fits, measures, verifies files and sends webhooks",
+        "stilb-server worker",
     ),
-    "migrate": ("store.migrate", "bring the database to the schema of this version"),
-    "key": ("service.launch.key", "print the first key of the data folder, created if there is none"),
-    "pulse": ("store.pulse", "check that the process of STILB_PULSE makes progress (and [address] answers)"),
-    "audit": ("store.audit_check", "check the audit trail [seq:hash of a head noted before]"),
-    "verify-backup": ("store.backup_check", "check a backup: <folder> [--database URL] [--blobs URL]"),
+    "migrate": Command(
+        "store.migrate",
+        "bring the database to the schema of this version",
+        "stilb-server migrate --check || stilb-server migrate",
+        {"--check": {"action": "store_true", "help": "change nothing; exit code 1 if it has another schema"}},
+    ),
+    "key": Command(
+        "service.launch.key",
+        "print the first key of the data folder, created if there is none",
+        "stilb-server key",
+    ),
+    "pulse": Command(
+        "store.pulse",
+        "check that the process of STILB_PULSE makes progress (and [address] answers)",
+        "stilb-server pulse http://127.0.0.1:8000/livez",
+        {"address": {"nargs": "?", "help": "has to answer too"}},
+    ),
+    "audit": Command(
+        "store.audit_check",
+        "check the audit trail [seq:hash of a head noted before]",
+        "stilb-server audit",
+        {"head": {"nargs": "?", "help": "a head noted before, seq:hash"}},
+    ),
+    "verify-backup": Command(
+        "store.backup_check",
+        "check a backup: <folder> [--database URL] [--blobs URL]",
+        "stilb-server verify-backup /backup/2026-05-01",
+        {
+            "folder": {"help": "with stilb.sqlite and blobs/"},
+            "--database": {"help": "of a restored PostgreSQL, in place of stilb.sqlite"},
+            "--blobs": {"help": "a folder or s3:// address, in place of blobs/"},
+        },
+    ),
 }
 
 
@@ -28,11 +81,25 @@ def main() -> int:
         print(f"stilb-server {read_version()}")  # noqa: T201
         return 0
     if name not in COMMANDS:
-        lines = [f"  {each:<15}{meaning}" for each, (_, meaning) in COMMANDS.items()]
+        lines = [f"  {each:<15}{known.meaning}" for each, known in COMMANDS.items()]
         asked = name in {"--help", "-h"}
         usage = "\n".join(["usage: stilb-server <command>", "", *lines])
         print(usage, file=sys.stdout if asked else sys.stderr)
         return 0 if asked else 2
+    _check_arguments(name, COMMANDS[name])
     # a folder `store` in the working directory is not ours; the parts that `up` starts inherit it
     os.environ["PYTHONSAFEPATH"] = "1"
-    return os.execv(sys.executable, [sys.executable, "-m", COMMANDS[name][0], *sys.argv[2:]])  # noqa: S606
+    return os.execv(sys.executable, [sys.executable, "-m", COMMANDS[name].module, *sys.argv[2:]])  # noqa: S606
+
+
+def _check_arguments(name: str, command: Command) -> None:
+    """End with the help where it is asked for, or with what is wrong: before anything is done."""
+    parser = argparse.ArgumentParser(
+        prog=f"stilb-server {name}",
+        description=f"{command.meaning[:1].upper()}{command.meaning[1:]}.",
+        epilog=f"Example:\n  {command.example}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    for argument, declared in command.takes.items():
+        parser.add_argument(argument, **declared)
+    parser.parse_args(sys.argv[2:])

@@ -1,7 +1,10 @@
 """The OpenAPI document, made true: what FastAPI derives, and what it cannot know."""
 
+import gzip
+import hashlib
 import json
 from collections.abc import Callable, Collection, Iterator
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +16,7 @@ from service.problems import problem_body
 from service.routes import problems
 from service.schemas.fits import NewCalibration, describe_requests
 from service.schemas.methods import describe_versions
+from service.strictness import CHANGING
 from service.tabular import write_csv
 from service.upload_headers import PIECES
 
@@ -27,7 +31,7 @@ _EXAMPLES_OF = {
         interface.SCOPE_MISSING,
         interface.NOT_FOUND,
         shared.CALIBRATION_REVOKED,
-        interface.UPLOAD_VERSION,
+        interface.PRECONDITION_FAILED,
         interface.UPLOAD_TOO_LARGE,
         interface.UPLOAD_TYPE,
         interface.RANGE_OUTSIDE,
@@ -42,7 +46,7 @@ _EXAMPLES_OF = {
 _PROBLEM = "application/problem+json"
 ALSO_ACCEPTS = "x-also-accepts"
 """Media types of a request's body beside those of `content`, and as they are stated there."""
-_OTHER_FORMS = {"application/json": "text/csv", PIECES[0]: PIECES[1]}
+_OTHER_FORMS = {"application/json": "text/csv", "application/octet-stream": "text/csv", PIECES[0]: PIECES[1]}
 
 Node = dict[str, Any]
 
@@ -60,12 +64,37 @@ _HEADERS: dict[str, tuple[str, Callable[[str, Collection[str], str], bool]]] = {
 }
 
 
+class Document:
+    """The document as it is sent: written and packed once, when it is first asked for."""
+
+    def __init__(self, app: FastAPI) -> None:
+        self._app = app
+
+    @cached_property
+    def text(self) -> bytes:
+        return json.dumps(self._app.openapi(), ensure_ascii=False, separators=(",", ":")).encode()
+
+    @cached_property
+    def packed(self) -> bytes:
+        return gzip.compress(self.text, mtime=0)
+
+    @cached_property
+    def tag(self) -> str:
+        return hashlib.sha256(self.text).hexdigest()[:32]
+
+
 def build_document(app: FastAPI) -> Node:
     """Return the document published at /openapi.json; built once."""
     if app.openapi_schema is None:
         document = get_openapi(title=app.title, version=app.version, summary=app.summary, routes=app.routes)
+        document["info"]["license"] = {"name": "Apache-2.0", "identifier": "Apache-2.0"}
+        # every path begins at the root of the host that the document comes from
+        document["servers"] = [{"url": "/"}]
         _add_methods(document)
         recorded = json.loads(_EXAMPLES.read_text(encoding="utf-8"))
+        for path in document["paths"].values():
+            for method in path.keys() & {each.lower() for each in CHANGING}:
+                path[method]["responses"].setdefault("412", problems(412)[412])
         for operation in operations(document):
             _summarise(operation)
             _add_body_problems(operation)
@@ -74,13 +103,17 @@ def build_document(app: FastAPI) -> Node:
             _show_examples(document, operation, recorded)
             _set_other_forms_apart(operation)
             _state_headers(operation)
+            # stated, so that it is not taken for forgotten
+            operation.setdefault("security", [])
         for name in ("HTTPValidationError", "ValidationError"):
             document["components"]["schemas"].pop(name, None)
         for name, schema in document["components"]["schemas"].items():
-            if name in recorded:
-                schema["examples"] = [recorded[name]]
             _set_conditions_apart(schema)
+            if schema.get("title") == name:
+                del schema["title"]
         _absent_is_not_null(document)
+        _drop_titles(document)
+        _share_problems(document)
         app.openapi_schema = document
     return app.openapi_schema
 
@@ -101,11 +134,12 @@ def operations(document: Node) -> Iterator[Node]:
     return (operation for path in document["paths"].values() for operation in path.values())
 
 
-def resolve(document: Node, schema: Node) -> Node:
-    """The schema itself, where it is named only."""
-    while "$ref" in schema:
-        schema = document["components"]["schemas"][schema["$ref"].rpartition("/")[2]]
-    return schema
+def resolve(document: Node, node: Node) -> Node:
+    """The schema or the answer itself, where it is named only."""
+    while "$ref" in node:
+        *_, kind, name = node["$ref"].split("/")
+        node = document["components"][kind][name]
+    return node
 
 
 def _summarise(operation: Node) -> None:
@@ -183,6 +217,32 @@ def _state_headers(operation: Node) -> None:
             answer["links"] = {
                 name: {"operationId": name, "parameters": parameters} for name in ("get_job", "follow_job")
             }
+
+
+def _drop_titles(node: Any) -> None:  # noqa: ANN401
+    """Drop the titles of fields and parameters: FastAPI makes them of their names. Those of schemas stay."""
+    if isinstance(node, list):
+        for member in node:
+            _drop_titles(member)
+    if not isinstance(node, dict):
+        return
+    named = [*node.get("properties", {}).values(), node.get("schema")]
+    for member in named if isinstance(node.get("properties", {}), dict) else ():
+        if isinstance(member, dict) and "properties" not in member:
+            member.pop("title", None)
+    for member in node.values():
+        _drop_titles(member)
+
+
+def _share_problems(document: Node) -> None:
+    """Move each problem to the components, named after the code of its example: all routes have the same."""
+    shared: Node = document["components"].setdefault("responses", {})
+    for operation in operations(document):
+        for status, answer in operation["responses"].items():
+            if _PROBLEM in answer.get("content", {}):
+                name = answer["content"][_PROBLEM]["example"]["code"]
+                if shared.setdefault(name, answer) == answer:
+                    operation["responses"][status] = {"$ref": f"#/components/responses/{name}"}
 
 
 def _find_example(document: Node, schema: Node, recorded: Node) -> Any:  # noqa: ANN401

@@ -9,6 +9,7 @@ from radiometry.frame.verdicts import Verdict
 from service.schemas.frames import FrameAnswer, StatisticsRow
 from store.blobs import StoredBlob
 from store.queries.frames import extractions_of, statistics_of
+from store.queries.jobs import find_reading_jobs
 from store.tables import Blob, Campaign, FrameRow, Job
 from store.verdicts import judge_alone
 
@@ -16,11 +17,12 @@ from store.verdicts import judge_alone
 def answer_frames(
     session: Session, frames: list[FrameRow], verdicts: Mapping[str, Verdict]
 ) -> list[FrameAnswer]:
-    """Return frames with their statistics, in three queries however many they are."""
+    """Return frames with their statistics, in four queries however many they are."""
     extractions = extractions_of(session, [frame.id for frame in frames])
     rows = statistics_of(session, [e.id for found in extractions.values() for e in found])
     stored = session.scalars(select(Blob).where(Blob.sha256.in_({frame.sha256 for frame in frames})))
     blobs = {blob.sha256: blob for blob in stored}
+    jobs = find_reading_jobs(session, [frame.id for frame in frames])
     return [
         FrameAnswer.of(
             frame,
@@ -31,6 +33,7 @@ def answer_frames(
                 for row in rows[extraction.id]
             ],
             verdict=verdicts.get(frame.id),
+            job_id=jobs.get(frame.id),
         )
         for frame in frames
     ]

@@ -125,8 +125,8 @@ def _add_frames(caller: Caller, session: Session, arrivals: Sequence[_Arrival]) 
         )
         stored = new.blob if is_new else None
         body = answer_write(session, frame, campaign, jobs, stored=stored)
-        status, size_bytes = (200, None) if stored is None else (201, stored.size_bytes)
-        replies.append(Reply(status=status, body=body, jobs=jobs, frame_bytes=size_bytes))
+        status, sizes = (200, []) if stored is None else (201, [stored.size_bytes])
+        replies.append(Reply(status=status, body=body, jobs=jobs, frame_bytes=sizes))
     return replies
 
 

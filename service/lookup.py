@@ -68,11 +68,34 @@ def owned(
 
     ``options`` : columns that are read, where the row is large
     """
+    row = _find(session, table, row_id, caller, for_update=for_update, options=options)
+    if row is None:
+        raise not_found(_WORDS[table])
+    return row
+
+
+def find_owned(session: Session, tables: Sequence[type[Base]], row_id: str, caller: Caller) -> Base:
+    """Return the caller's row of one of these tables with this id; 404 otherwise."""
+    for table in tables:
+        if (row := _find(session, table, row_id, caller)) is not None:
+            return row
+    raise not_found(" or ".join(_WORDS[table] for table in tables))
+
+
+def _find(
+    session: Session,
+    table: type[Row],
+    row_id: str,
+    caller: Caller,
+    *,
+    for_update: bool = False,
+    options: Sequence[ORMOption] = (),
+) -> Row | None:
     # ids are plain ASCII; PostgreSQL cannot even be asked for a NUL
     is_id = row_id.isascii() and row_id.isprintable()
     row = session.get(table, row_id, options=options, with_for_update=for_update or None) if is_id else None
     if row is None or _organisation_of(session, row) != caller.organisation_id:
-        raise not_found(_WORDS[table])
+        return None
     return row
 
 

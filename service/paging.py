@@ -1,5 +1,8 @@
 """Lists by keyset: stable while rows are added, and a page costs the same wherever it lies."""
 
+import base64
+import binascii
+import json
 from collections.abc import Callable, Sequence
 from typing import Annotated, Any, Generic, TypeVar
 
@@ -12,12 +15,48 @@ from sqlalchemy.orm import Session
 from service.auth import Caller
 from service.context import Context
 from service.hosts import absolute
+from service.problems import invalid
 from service.schemas.base import Answer, Text
+from store.ready.series import is_plain
 
 AnswerType = TypeVar("AnswerType", bound=Answer)
 
 Limit = Annotated[int, Query(ge=1, le=1000, description="How many items a page holds at most.")]
 Cursor = Annotated[Text | None, Query(description="Taken from the `next` address of the page before.")]
+
+
+_LARGEST_KEY = 2**63 - 1
+
+
+def write_cursor(place: Sequence[object]) -> str:
+    """Return a place in a list as text for an address."""
+    return base64.urlsafe_b64encode(json.dumps(place, separators=(",", ":")).encode()).decode().rstrip("=")
+
+
+def read_cursor(text: str, is_place: Callable[[list[Any]], bool]) -> list[Any]:
+    """Return the place that a cursor names; refuse one that this list has not given."""
+    try:
+        place = json.loads(base64.urlsafe_b64decode(text + "=" * (-len(text) % 4)))
+        if isinstance(place, list) and is_place(place):
+            return place
+    except (binascii.Error, ValueError):
+        pass
+    message = "is no cursor of this list: take it from `next`, or leave it out"
+    raise invalid([{"type": "cursor", "loc": ("query", "cursor"), "msg": message}])
+
+
+def read_key(cursor: str, table: str) -> Any:  # noqa: ANN401  a text, or the number of an entry
+    """Return the key of a table's row after which a page begins."""
+
+    def is_place(place: list[Any]) -> bool:
+        named, *keys = place or [""]
+        return named == table and len(keys) == 1 and _is_key(keys[0])
+
+    return read_cursor(cursor, is_place)[1]
+
+
+def _is_key(key: object) -> bool:
+    return is_plain(key) or (type(key) is int and 0 <= key <= _LARGEST_KEY)
 
 
 class Listing(BaseModel):
@@ -37,7 +76,7 @@ class Page(Answer, Generic[AnswerType]):
 class Paging:
     """The page that a request asks for."""
 
-    def __init__(self, request: Request, limit: int = 100, cursor: str | int | None = None) -> None:
+    def __init__(self, request: Request, limit: int = 100, cursor: str | None = None) -> None:
         self._request = request
         self._limit = limit
         self._cursor = cursor
@@ -55,12 +94,15 @@ class Paging:
         (key,) = inspect(table).primary_key
         by, limit = getattr(table, key.key), self._limit
         if self._cursor is not None:
-            rows = rows.where(by < self._cursor if newest_first else by > self._cursor)
+            after = read_key(self._cursor, table.__tablename__)
+            rows = rows.where(by < after if newest_first else by > after)
         found = list(session.scalars(rows.order_by(by.desc() if newest_first else by).limit(limit + 1)))
         more = len(found) > limit
-        last = getattr(found[limit - 1], by.key) if more else None
-        following = self._request.url.include_query_params(cursor=last)
-        address = absolute(self._request, f"{following.path}?{following.query}") if more else None
+        address = None
+        if more:
+            cursor = write_cursor([table.__tablename__, getattr(found[limit - 1], by.key)])
+            following = self._request.url.include_query_params(cursor=cursor)
+            address = absolute(self._request, f"{following.path}?{following.query}")
         return JSONResponse({"items": [item.dump() for item in shape(found[:limit])], "next": address})
 
 

@@ -1,7 +1,5 @@
 """Series as JSON, CSV, Parquet or an Arrow stream, a page at a time: memory does not grow with the rows."""
 
-import base64
-import binascii
 import hashlib
 import json
 import re
@@ -21,12 +19,12 @@ from service.context import Context
 from service.hosts import absolute
 from service.immutable import not_modified, standing_headers
 from service.lookup import owned
-from service.problems import invalid
+from service.paging import read_cursor, write_cursor
 from service.routes import UNCHANGED
 from service.schemas.base import Form, Instant, Method, Text
 from service.series_texts import Column, gather, write_csv, write_excel, write_json, write_records
 from store.database import Database
-from store.ready.series import Asked, Key, Series
+from store.ready.series import Asked, Series
 from store.software import read_version
 from store.tables import Camera
 
@@ -98,7 +96,7 @@ def answer_series(
     shape = query.format or _choose_shape(request.headers.get("accept", ""))
     # the columns of Parquet are packed already
     coding = "" if shape == "parquet" else _choose_coding(request.headers.get("accept-encoding", ""))
-    after = _read_cursor(query.cursor, series)
+    after = None if query.cursor is None else read_cursor(query.cursor, series.is_place)
     with context.database.reading(snapshot=True) as session:
         if query.camera_id is not None:
             owned(session, Camera, query.camera_id, caller)
@@ -111,7 +109,7 @@ def answer_series(
         until = series.find_end(session, after=after, limit=query.limit or ROW_LIMIT)
     following = None
     if until is not None:
-        address = request.url.include_query_params(cursor=_write_cursor(until))
+        address = request.url.include_query_params(cursor=write_cursor(until))
         following = absolute(request, f"{address.path}?{address.query}")
         headers["Link"] = f'<{following}>; rel="next"'
     pages = series.read(after=after, until=until)
@@ -148,22 +146,6 @@ def _choose_shape(accept: str) -> Shape:
             if name == media_type.partition(";")[0]:
                 return shape
     return "json"
-
-
-def _write_cursor(key: Key) -> str:
-    return base64.urlsafe_b64encode(json.dumps(key, separators=(",", ":")).encode()).decode().rstrip("=")
-
-
-def _read_cursor(text: str | None, series: Series) -> Key | None:
-    if text is None:
-        return None
-    try:
-        key = json.loads(base64.urlsafe_b64decode(text + "=" * (-len(text) % 4)))
-        if isinstance(key, list) and series.is_place(key):
-            return key
-    except (binascii.Error, ValueError):
-        pass
-    raise invalid([{"type": "cursor", "loc": ("query", "cursor"), "msg": "is none of this series"}])
 
 
 def _choose_coding(accepted: str) -> Coding:

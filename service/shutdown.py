@@ -20,7 +20,7 @@ from service import problems
 from service.job_watch import JobWatch
 from service.metrics import Metrics
 from service.problems import Problem
-from store.logs import fields
+from store.log_fields import fields
 from store.tracing import span
 
 log = logging.getLogger("stilb.request")

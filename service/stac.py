@@ -1,19 +1,18 @@
 """A measurement's map as a STAC item, for catalogues of imagery."""
 
 import json
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
 from xml.etree import ElementTree as ET
 from xml.sax.saxutils import unescape
 
+from store.frame_times import Zones, read_frame_time
 from store.tables import Calibration, FrameRow, Measurement
 
 STAC_VERSION: Final = "1.0.0"
 _EXTENSION: Final = "https://stac-extensions.github.io/{}/v1.1.0/schema.json"
 _GDAL_METADATA: Final = "GDAL_METADATA"
-_ZONES: Final = timedelta(hours=14), timedelta(hours=12)
-"""Offsets of a local time that states none, east and west of Greenwich."""
 _FIRST_DAY: Final = "1970-01-01T00:00:00Z"
 
 
@@ -68,7 +67,7 @@ def make_item(
         "geometry": {"type": "Polygon", "coordinates": [ring]} if placed else None,
         **area,
         "properties": {
-            **_describe_time(frame),
+            **_describe_time(row, frame),
             "created": _format(row.created_at),
             "processing:lineage": lineage,
             "processing:software": {"stilb": str(row.software["stilb"])},
@@ -107,16 +106,18 @@ def _describe_colour(plane: dict[str, str]) -> dict[str, Any]:
     return {"name": plane["DESCRIPTION"], **told}
 
 
-def _describe_time(frame: FrameRow) -> dict[str, Any]:
+def _describe_time(row: Measurement, frame: FrameRow) -> dict[str, Any]:
     """Return when the frame was taken; of a local time without its zone, when that can have been."""
-    stated = (frame.header or {}).get("taken_at")
-    if stated is None:
+    taken = read_frame_time(frame, Zones(campaign=row.parameters.get("time_zone")))
+    if taken is None:
         return {"datetime": None, "start_datetime": _FIRST_DAY, "end_datetime": _format(frame.created_at)}
-    at = datetime.fromisoformat(stated)
-    if at.tzinfo is not None:
-        return {"datetime": _format(at)}
-    earliest, latest = at.replace(tzinfo=UTC) - _ZONES[0], at.replace(tzinfo=UTC) + _ZONES[1]
-    return {"datetime": None, "start_datetime": _format(earliest), "end_datetime": _format(latest)}
+    if taken.is_known:
+        return {"datetime": _format(taken.earliest)}
+    return {
+        "datetime": None,
+        "start_datetime": _format(taken.earliest),
+        "end_datetime": _format(taken.latest),
+    }
 
 
 def _format(at: datetime) -> str:

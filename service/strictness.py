@@ -10,10 +10,12 @@ from fastapi.openapi.utils import get_openapi
 from fastapi.routing import APIRoute
 from starlette.exceptions import HTTPException
 
-from service.problems import invalid
+from radiometry.findings import interface
+from service.problems import Problem, invalid
 
 NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 """A number as people write it: Python also reads 1_000, and digits of any script."""
+CHANGING: Final = frozenset({"POST", "PUT", "PATCH", "DELETE"})
 _WHOLE: Final = re.compile(r"[+-]?\d+", re.ASCII)
 
 
@@ -31,6 +33,7 @@ async def check_request(request: Request) -> None:
     if not request.app.state.addresses.is_of(route.path, request.scope["path"]):
         # an address with a name of its own is no id of this route
         raise HTTPException(405)
+    _refuse_conditions(request)
     operation = _describe(request, route)
     wrong = [
         {"type": kind, "loc": ("query", name)}
@@ -42,6 +45,15 @@ async def check_request(request: Request) -> None:
     kind = request.headers.get("content-type", "").lower()
     if operation.takes_json and not kind.startswith("text/"):
         _refuse_repeated_members(await request.body())
+
+
+def _refuse_conditions(request: Request) -> None:
+    """Refuse to change something on a condition: no address that takes a change has an entity tag."""
+    if request.method in CHANGING:
+        wanted = request.headers.getlist("if-match")
+        if (wanted and "".join(wanted).strip() != "*") or "*" in request.headers.getlist("if-none-match"):
+            detail = "This address has no entity tag. Send the request without If-Match and If-None-Match."
+            raise Problem(interface.PRECONDITION_FAILED, detail)
 
 
 def _find_fault(kind: str | None, text: str) -> str | None:

@@ -63,7 +63,7 @@ class UploadHeaders:
         Header(
             alias="Upload-Metadata",
             description="Pairs of a name and a value in Base64, with commas between: `campaign_id`, "
-            "`sha256` (of the whole file), `role`, and what else an upload of a frame takes.",
+            "`role`, `sha256` of the whole file (compared where stated), and what else a frame takes.",
         ),
     ] = None
     checksum: Annotated[
@@ -89,7 +89,7 @@ class FrameSaid(Upload):
     """Statements about a file, made before its first byte."""
 
     campaign_id: Text
-    sha256: Sha256
+    sha256: Sha256 | None = None
 
 
 def check_protocol(headers: UploadHeaders) -> None:
@@ -173,4 +173,6 @@ def answer(request: Request, partial: Partial, facts: Facts, status: int) -> Res
         headers["Upload-Draft-Interop-Version"] = _DRAFT
     if facts.frame_id:
         headers["Content-Location"] = f"/v1/frames/{facts.frame_id}"
+    if facts.job_id:
+        headers["Link"] = f'</v1/jobs/{facts.job_id}>; rel="status"'
     return Response(status_code=status, headers=headers)

@@ -47,6 +47,7 @@ class CampaignDetails(TypedDict, total=False):
     conditions: str
     started_at: Moment
     ended_at: Moment
+    time_zone: str  # of the camera's clock, for files without an offset: Europe/Berlin, or +02:00
     lens: LensDetails  # where it is not the one registered with the camera
     comments: str
     surface_reflectance: float
@@ -54,7 +55,8 @@ class CampaignDetails(TypedDict, total=False):
     camera_response: str  # likewise, with R, G and B
     focus_distance_m: float
     focal_length_mm: float
-    mains_frequency_hz: float
+    lamp_kind: str  # incandescent | led | led_ripple | led_phase_dimmed | sodium | metal_halide
+    mains_frequency_hz: float  # 0: direct current
     lamp_modulation: float
     acceptance: str  # simple | guarded | shared_risk
     panel_id: str  # of a reflectance campaign
@@ -67,6 +69,14 @@ class CampaignChange(CampaignDetails, total=False):
 
     camera_id: str  # every frame is checked against another camera; none is sent again
     archived: bool
+
+
+class OrganisationChange(TypedDict, total=False):
+    """Statements of an organisation; a text of "" is taken away."""
+
+    address: str  # as certificates print it
+    refuses_incomplete_certificates: bool
+    time_zone: str  # of its cameras' clocks, for files without an offset: Europe/Berlin, or +02:00
 
 
 class PanelBand(TypedDict):
@@ -118,8 +128,10 @@ class MeasureDetails(TypedDict, total=False):
     light_source: str  # a name of the library, or a table: wavelength in nm and value
     spectral_mismatch_u_rel: float
     distance_m: float
+    lamp_kind: str
     mains_frequency_hz: float
-    flicker_modulation: float
+    lamp_modulation: float
+    flicker_modulation: float  # older name of lamp_modulation
     glare_share: float
     height_above_ground_m: float  # of a band: places its map on level ground
     ground_altitude_m: float  # in its place, in the height system of the file's altitude

@@ -90,6 +90,7 @@ class KnownFrame(Record):
     role: str
     state: str
     scene: str | None = None
+    job_id: str = ""  # the newest that reads it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -194,7 +195,7 @@ class Frame(Record):
     role: str = ""
     scene: str | None = None
     size_bytes: int | None = None
-    job_id: str | None = None  # of its extraction, where one was started
+    job_id: str = ""  # the newest that reads it
     refusal: dict[str, Any] | None = None
 
     @property

@@ -18,9 +18,9 @@ from store.applied import read_applied
 from store.codec import decode, encode
 from store.columns import utc_now
 from store.errors import Conflict
+from store.frame_times import advise_zone, find_time, read_zones, refuse_timeless
 from store.publications import in_force
 from store.queries.evidence import Evidence
-from store.queries.frames import find_instants
 from store.tables import Calibration, Campaign, Revocation, Roi
 
 
@@ -185,16 +185,14 @@ def _list_lights(session: Session, evidence: Evidence, params: Any) -> Iterator[
 
 
 def _find_in_force(session: Session, campaign: Campaign, corrector: str, lights: list[_Light]) -> Calibration:
-    timeless = [light.row.frame for light in lights if light.header.taken_at is None]
-    if timeless:
-        raise InputRejected(
-            shared.FRAME_TIME_MISSING,
-            f"Frame {timeless[0]} does not say when it was taken, so that no {corrector} can be looked "
-            f"up: name one with {corrector}_id.",
-        )
-    times = [find_instants(light.header.taken_at) for light in lights if light.header.taken_at]
-    earliest = min((first for first, _ in times), default=utc_now())
-    latest = max((last for _, last in times), default=earliest)
+    zones, times = read_zones(session, campaign), []
+    for light in lights:
+        taken = find_time(light.header.taken_at, zones)
+        if taken is None:
+            raise refuse_timeless(light.row.frame, light.header.taken_at, wanted=corrector)
+        times.append(taken)
+    earliest = min((taken.earliest for taken in times), default=utc_now())
+    latest = max((taken.latest for taken in times), default=earliest)
     held = [
         found.calibration
         for found in in_force(session, camera_id=campaign.camera_id, method=corrector, at=earliest)
@@ -205,6 +203,7 @@ def _find_in_force(session: Session, campaign: Campaign, corrector: str, lights:
         raise Conflict(
             interface.NO_CALIBRATION_IN_FORCE,
             f"Of this camera's {corrector} {reason} in force for all times at which the light frames may "
-            f"have been taken. Publish a version for that time, or name one with {corrector}_id.",
+            f"have been taken. Publish a version for that time{advise_zone(times)}, or name one with "
+            f"{corrector}_id.",
         )
     return held[0]

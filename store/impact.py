@@ -16,10 +16,10 @@ from radiometry.specification.application import BandApplication, SurfaceApplica
 from store.applied import read_applied
 from store.codec import decode_exposure
 from store.falloff import list_corrected
+from store.frame_times import FrameClocks, FrameTime
 from store.measuring.meters import MeterCalibration, compare_meters
 from store.publications import InForce
 from store.queries.calibrations import coefficients_of
-from store.queries.frames import read_time
 from store.reflected import compare_panels, touch_band
 from store.tables import Calibration, CoefficientRow, FrameRow, Measurement, Publication, Slot
 
@@ -68,7 +68,7 @@ class Impact:
 
 def find_in_force(session: Session, calibration: Calibration, at: datetime) -> InForce | None:
     """Return what holds the version's own slot at a time, as far as is known now."""
-    return next((held for held in _list_open(session, calibration) if _holds(held, at, at)), None)
+    return next((held for held in _list_open(session, calibration) if held.holds(at, at)), None)
 
 
 def assess(session: Session, calibration: Calibration, against: InForce) -> Impact:
@@ -99,9 +99,9 @@ def list_touched(
     """
     gone = {calibration.id, *without}
     others = [held for held in _list_open(session, calibration) if held.calibration.id not in gone]
-    touched = []
+    touched, clocks = [], FrameClocks(session)
     for measurement, frame in _measured_with(session, calibration):
-        successor, why = _find_successor(frame, others)
+        successor, why = _find_successor(clocks.find(frame), others)
         if successor is None:
             touched.append(
                 Touched(measurement=measurement, frame=frame, successor=None, change=None, why=why)
@@ -111,12 +111,11 @@ def list_touched(
     return touched
 
 
-def _find_successor(frame: FrameRow, others: Sequence[InForce]) -> tuple[Calibration | None, str]:
-    if (frame.header or {}).get("taken_at") is None:
-        return None, "The frame does not say when it was taken."
-    earliest, latest = read_time(frame)
+def _find_successor(taken: FrameTime | None, others: Sequence[InForce]) -> tuple[Calibration | None, str]:
+    if taken is None:
+        return None, "The frame does not state when it was taken."
     for held in others:
-        if _holds(held, earliest, latest):
+        if held.holds(taken.earliest, taken.latest):
             return held.calibration, ""
     return None, "No other version is in force when the frame was taken."
 
@@ -163,11 +162,6 @@ def _list_open(session: Session, calibration: Calibration) -> list[InForce]:
         .order_by(Publication.valid_from)
     )
     return [InForce(calibration=row[0], publication=row[1]) for row in rows]
-
-
-def _holds(held: InForce, earliest: datetime, latest: datetime) -> bool:
-    start, end = held.publication.valid_from, held.publication.valid_to
-    return start <= earliest and (end is None or latest < end)
 
 
 def _compare_references(

@@ -24,6 +24,8 @@ SHORTEST_PAUSE = timedelta(seconds=2)
 LONGEST_PAUSE = timedelta(minutes=3)
 FINAL_STATES = ("succeeded", "failed", "quarantined")
 GIVEN_UP = ("failed", "quarantined")
+PREVIEW_LANE = "look"
+"""Of jobs that show a part of a frame; the others of their kind read the frame."""
 
 IS_QUEUED = Job.state == literal_column("'queued'")
 """The condition as the index of queued jobs has it: SQLite compares the words."""
@@ -61,6 +63,7 @@ class Claim:
     parameters: dict[str, Any]
     created_by: str
     faulty_since: datetime | None
+    request_id: str | None
     traceparent: str | None
 
 

@@ -2,9 +2,6 @@
 
 import json
 import logging
-from collections.abc import Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
 from datetime import UTC, datetime
 from typing import Any
 
@@ -12,6 +9,7 @@ from sqlalchemy.exc import InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as NoConnectionFree
 
 from store.database import summarise
+from store.log_fields import present_fields
 from store.schema import is_about_missing_parts
 
 _EXPECTED = (OperationalError, InterfaceError, NoConnectionFree, ConnectionError, TimeoutError)
@@ -21,24 +19,6 @@ _BROKER_AWAY = {
     "redis.exceptions.ConnectionError",
     "redis.exceptions.TimeoutError",
 }
-
-
-_fields: ContextVar[dict[str, Any]] = ContextVar("fields")
-
-
-@contextmanager
-def fields(**known: Any) -> Iterator[dict[str, Any]]:  # noqa: ANN401
-    """Add these fields to each line that is logged meanwhile, and those that are put into what is yielded."""
-    token = _fields.set(known)
-    try:
-        yield known
-    finally:
-        _fields.reset(token)
-
-
-def present_fields() -> dict[str, Any]:
-    """Return the fields of the present request or job, which others may add to; else new ones."""
-    return _fields.get(None) or {}
 
 
 def configure_logging(form: str) -> None:

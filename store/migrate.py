@@ -1,12 +1,15 @@
 """Brings a database to the schema of this code. ``python -m store.migrate`` does it and says so."""
 
+import argparse
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sqlalchemy import Connection, inspect, text
+from sqlalchemy import Connection, create_engine, inspect, make_url, text
+from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
-from store.database import Database
+from store.database import Database, summarise
 from store.revision import MIGRATIONS, list_revisions, own_schema
 from store.settings import read_settings
 
@@ -38,7 +41,7 @@ def migrate(database: Database, revision: str = "head") -> None:
         if current == own_schema() and revision == "head":
             return
         if current is not None and current not in list_revisions():
-            raise NewerSchema(f"the database has schema {current}, which is newer than this stilb")
+            raise NewerSchema(_name_newer(current))
         from alembic import command
 
         config = alembic_config()
@@ -68,8 +71,46 @@ def alembic_config() -> "Config":
     return config
 
 
+def find_difference(url: str) -> str | None:
+    """Return in a sentence how a database's schema differs from that of this code; None where it does not.
+
+    Nothing is changed: a database that does not exist is not made.
+    """
+    address = make_url(url)
+    is_sqlite = address.get_backend_name() == "sqlite"
+    if is_sqlite and not Path(address.database or "").is_file():
+        return f"there is no database at {address.database}: `stilb-server migrate` makes it"
+    read_only = f"sqlite:///file:{address.database}?mode=ro&uri=true"
+    engine = create_engine(read_only) if is_sqlite else Database(url).engine
+    try:
+        with engine.connect() as connection:
+            current = _read_revision(connection)
+    except SQLAlchemyError as error:
+        return f"the database cannot be read: {summarise(error)}"
+    finally:
+        engine.dispose()
+    if current == own_schema():
+        return None
+    if current is not None and current not in list_revisions():
+        return f"{_name_newer(current)}; start the newer one"
+    found = f"schema {current}" if current else "no schema of stilb"
+    return f"the database has {found}, and this stilb needs {own_schema()}: run `stilb-server migrate`"
+
+
+def _name_newer(revision: str) -> str:
+    return f"the database has schema {revision}, which is newer than this stilb"
+
+
 def main() -> int:
-    database = Database(read_settings().effective_database_url, answer_within_s=None)
+    parser = argparse.ArgumentParser(prog="stilb-server migrate", description=__doc__)
+    parser.add_argument("--check", action="store_true", help="change nothing")
+    asked, url = parser.parse_args(), read_settings().effective_database_url
+    if asked.check:
+        difference = find_difference(url)
+        if difference is not None:
+            print(f"stilb: {difference}", file=sys.stderr)  # noqa: T201
+        return 1 if difference else 0
+    database = Database(url, answer_within_s=None)
     try:
         migrate(database)
     except NewerSchema as error:

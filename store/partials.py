@@ -55,12 +55,15 @@ class Facts:
     key_id: str
     campaign_id: str
     size_bytes: int
-    sha256: str
+    sha256: str | None
+    """Of the whole file, where it was stated."""
     said: dict[str, str]
     """Of the frame, as its sender wrote it."""
     expires_at: float
     frame_id: str = ""
     """Once it is one."""
+    job_id: str = ""
+    """Reads that frame."""
 
 
 class Partials:
@@ -184,11 +187,11 @@ class Partial:
             file.seek(_HEAD_BYTES)
             yield self.read_facts(), iter(lambda: file.read(_MOST_READ), b"")
 
-    def become(self, frame_id: str) -> None:
-        """Note the frame that it has become, and keep no byte of it."""
+    def become(self, frame_id: str, job_id: str = "") -> None:
+        """Note the frame that it has become and the job that reads it, and keep no byte of it."""
         with self._locked() as file:
             facts = self.read_facts()
-            text = json.dumps(asdict(facts) | {"frame_id": frame_id}).encode()
+            text = json.dumps(asdict(facts) | {"frame_id": frame_id, "job_id": job_id}).encode()
             os.pwrite(file.fileno(), _STATE.pack(facts.size_bytes, b"", len(text)) + text, 0)
             file.truncate(_HEAD_BYTES)
             done = self._begun.parent / _DONE

@@ -26,6 +26,11 @@ class InForce:
     calibration: Calibration
     publication: Publication
 
+    def holds(self, earliest: datetime, latest: datetime) -> bool:
+        """Return True if it holds at all times from ``earliest`` to ``latest``."""
+        start, end = self.publication.valid_from, self.publication.valid_to
+        return start <= earliest and (end is None or latest < end)
+
     def sentence(self) -> str:
         """Which version it is and for how long; what it is told for, and why, follows behind a comma."""
         return describe_validity(self.calibration.version, self.publication)
@@ -118,6 +123,27 @@ def in_force(
         .order_by(Slot.configuration)
     )
     return [InForce(calibration=calibration, publication=publication) for calibration, publication in rows]
+
+
+def list_between(
+    session: Session, *, camera_id: str, method: str, earliest: datetime, latest: datetime
+) -> list[InForce]:
+    """The versions that hold at any time from ``earliest`` to ``latest``, by configuration and time."""
+    rows = session.execute(
+        select(Calibration, Publication)
+        .join(Publication, Publication.calibration_id == Calibration.id)
+        .join(Slot, Slot.id == Publication.slot_id)
+        .where(Slot.camera_id == camera_id, Slot.method == method, Publication.known_to.is_(None))
+        .where(overlaps(earliest, latest))
+        .order_by(Slot.configuration, Publication.valid_from)
+    )
+    return [InForce(calibration=calibration, publication=publication) for calibration, publication in rows]
+
+
+def overlaps(earliest: datetime, latest: datetime) -> ColumnElement[bool]:
+    """Return the condition that a publication holds at any time from ``earliest`` to ``latest``."""
+    ends = Publication.valid_to.is_(None) | (Publication.valid_to > earliest)
+    return (Publication.valid_from <= latest) & ends
 
 
 def _lock_slot(session: Session, calibration: Calibration) -> Slot:

@@ -21,6 +21,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
 from radiometry.findings import Reason
+from radiometry.findings.grouping import FindingGroup
 from radiometry.frame.verdicts import Verdict, conclude
 from radiometry.methods.findings import FINDINGS
 from radiometry.specification.grid import Gap
@@ -123,14 +124,15 @@ def _find_kept(session: Session, campaign_id: str, verdicts_of: Collection[str] 
     if ids is None:
         mine = (FrameRow.campaign_id == campaign_id) & FrameRow.withdrawn_at.is_(None)
         ids = session.scalars(select(FrameRow.id).where(mine)).all()
-    columns = (CampaignReview.missing, CampaignReview.advice, CampaignReview.gaps, CampaignReview.checklist)
+    names = ("missing", "advice", "gaps", "findings", "checklist")
+    columns = [getattr(CampaignReview, name) for name in names]
     fresh = (CampaignReview.kept_revision == CampaignReview.revision) & (
         CampaignReview.kept_by == hash_code()
     )
     row = session.execute(select(*columns).where(CampaignReview.campaign_id == campaign_id, fresh)).first()
     if row is None:
         return None
-    missing, advice, gaps, checklist = row
+    missing, advice, gaps, findings, checklist = row
     chosen = FrameVerdict.campaign_id == campaign_id
     if verdicts_of is not None:
         chosen = FrameVerdict.frame_id.in_(verdicts_of)
@@ -139,6 +141,7 @@ def _find_kept(session: Session, campaign_id: str, verdicts_of: Collection[str] 
         missing=missing,
         advice=advice,
         gaps=decode(tuple[Gap, ...], gaps or []),
+        findings=decode(tuple[FindingGroup, ...], findings or []),
         record=decode(RecordState, checklist) if checklist else None,
         verdicts=dict.fromkeys(ids, conclude(()))
         | {frame_id: _decode_verdict(text) for frame_id, text in reasons},
@@ -180,6 +183,7 @@ def _keep(
         "missing": found.missing,
         "advice": found.advice,
         "gaps": [encode(each) for each in found.gaps],
+        "findings": [encode(each) for each in found.findings],
         "checklist": encode(found.record) if found.record else None,
     }
     if not _update(session, mine, **values):

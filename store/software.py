@@ -5,20 +5,20 @@ from functools import cache
 from importlib import metadata
 from pathlib import Path
 
-FIT_CODE_VERSION = "0.1.5"
+FIT_CODE_VERSION = "0.1.6"
 """Fit code version: `software.stilb` of a calibration version, and part of its content hash.
 
 It is not the version of the product: a release that fits as before keeps it, and with it every stored hash.
 """
 
-MEASURER = "measure-5"
+MEASURER = "measure-6"
 """Of a measurement and its map. Part of a measurement's content hash."""
 
 EXTRACTOR = "extract-3"
 """Of the decoder and the statistics. Part of an extraction's key."""
 
 
-RENDERER = "render-1"
+RENDERER = "render-2"
 """Of how certificates, reports and plots are laid out and drawn. A kept file of another is rendered again."""
 
 

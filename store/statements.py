@@ -39,10 +39,9 @@ def state_coefficients(method: str, result: Json, figures: Iterable[Json]) -> li
             "effective_dof": dof if dof is None or math.isfinite(dof) else None,
         }
         scope = spec.find_scope(figure["name"], figure["flags"])
+        own = {name: each for name, each in figure.items() if name not in stated}
         rows.append(
-            drop_absent(
-                {**figure, **({} if scope == "relative_only" else stated), "uncertainty_scope": scope}
-            )
+            drop_absent({**own, **({} if scope == "relative_only" else stated), "uncertainty_scope": scope})
         )
     return rows
 

@@ -1,6 +1,7 @@
 """Verdicts for a field team on site: on each frame, and what its campaign still lacks."""
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -10,6 +11,7 @@ from sqlalchemy.orm import Session
 
 from radiometry import methods
 from radiometry.findings import shared
+from radiometry.findings.grouping import FindingGroup, Occurrence, group_findings
 from radiometry.frame.roi import Polygon
 from radiometry.frame.verdicts import ReviewedFrame, Verdict, conclude, inspect_frame
 from radiometry.specification.grid import Gap
@@ -28,7 +30,8 @@ class Assessment:
     """All that is kept of a campaign.
 
     ``missing``: what any fit needs; ``advice``: what a good one does; ``verdicts``: by the frame's id;
-    ``record``: what the checklist needs; ``gaps``: what to photograph next, by its place in the grid.
+    ``record``: what the checklist needs; ``gaps``: what to photograph next, by its place in the grid;
+    ``findings``: reasons of the verdicts, and what holds for the campaign, equal ones as one.
     """
 
     missing: list[str]
@@ -36,6 +39,7 @@ class Assessment:
     verdicts: Mapping[str, Verdict]
     record: RecordState | None
     gaps: Sequence[Gap] = ()
+    findings: Sequence[FindingGroup] = ()
 
 
 def assess(session: Session, campaign: Campaign, memory: Memory | None = None) -> Assessment:
@@ -53,19 +57,51 @@ def assess(session: Session, campaign: Campaign, memory: Memory | None = None) -
             missing=waiting if frames else ["no frame: send the frames of the night"],
             advice=[],
             verdicts=verdicts,
+            findings=group_findings(_list_reasons(frames, verdicts)),
             record=None,
         )
     params = make_params(session, campaign)
     usable = stated = leave_out_doubtful(params, every)
     if spec.applied_roles:
         fitted, stated = gather(session, campaign, frames=frames, memory=memory), params
+    verdicts = _judge(session, campaign, frames, every, usable, memory)
+    found = [*_list_lone_readings(frames, every), *_list_reasons(frames, verdicts)]
     return Assessment(
         missing=list_missing(campaign, fitted, stated),
         advice=list(spec.plan(every.frames, every.readings, usable)),
         gaps=spec.find_gaps(every.frames, every.readings, usable),
-        verdicts=_judge(session, campaign, frames, every, usable, memory),
+        verdicts=verdicts,
+        findings=group_findings(found),
         record=read_record(session, campaign, fitted),
     )
+
+
+def _list_reasons(rows: Sequence[FrameColumns], verdicts: Mapping[str, Verdict]) -> Iterator[Occurrence]:
+    for row in rows:
+        for reason in verdicts[row.id].reasons:
+            if reason.outcome != "pass":
+                yield Occurrence(
+                    finding=reason.code,
+                    severity=reason.outcome,
+                    subject=f"frame {row.filename}",
+                    detail=reason.detail,
+                )
+
+
+def _list_lone_readings(rows: Sequence[FrameColumns], evidence: Evidence) -> Iterator[Occurrence]:
+    """List the scenes with meter readings and no frame that could be used."""
+    shown = {row.scene for row in rows if row.state != "refused"}
+    # rows of a table have no file
+    shown |= {getattr(each, "scene", None) for each in evidence.frames}
+    read = Counter(scene for each in evidence.readings if (scene := getattr(each, "scene", None)))
+    for scene in sorted(read.keys() - shown) if any(shown) else ():
+        yield Occurrence(
+            finding=shared.READING_WITHOUT_FRAMES,
+            severity="warn",
+            subject=f"scene {scene}",
+            detail="",
+            values={"readings": read[scene]},
+        )
 
 
 def _judge(

@@ -17,6 +17,7 @@ from tests.support.house import House
 from tests.support.postgres import postgres  # noqa: F401 (fixture)
 from tests.support.s3 import s3_bucket, s3_endpoint  # noqa: F401 (fixtures)
 from tests.support.stages import staged, stages  # noqa: F401 (fixtures)
+from tests.support.wheels import installed, server_wheel, wheel  # noqa: F401 (fixtures)
 
 # the same examples in every run, and no clock: a test fails because of the code, never of the day or the load
 hypothesis.settings.register_profile("house", derandomize=True, deadline=None)
@@ -46,10 +47,10 @@ SERVED = {
     "stages",
     "wheel",
 }
-WHOLE = {"bench", "browser", "demo", "faults", "flow"}
+WHOLE = {"bench", "browser", "demo", "faults", "flow", "journeys"}
 # What the first processes of a run begin with, in this order: such tests wait for much of their time, while
 # other processes compute. Those of one deployment stay in one process, and the longest do not end the run.
-FIRST = (("faults", "flow"), ("bench", "service/test_fuzz.py", "browser", "demo"))
+FIRST = (("faults", "flow"), ("bench", "service/test_fuzz.py", "browser", "journeys", "demo"))
 
 
 # tests of a unit that take longer than this of a processor, their own processes included
@@ -70,6 +71,15 @@ def pytest_runtest_protocol(item):
     return ended
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item):
+    """One line of the summary for each reason to skip: what a machine lacks, hundreds of tests may lack."""
+    report = yield
+    if report.skipped and isinstance(report.longrepr, tuple):
+        report.longrepr = (str(item.config.rootpath / "tests"), None, report.longrepr[2])
+    return report
+
+
 def pytest_sessionfinish(session):
     if session.config.getoption("--write-slow"):
         kept = set(SLOW.read_text().split()) - _seconds.keys()
@@ -80,8 +90,8 @@ def pytest_sessionfinish(session):
 def pytest_collection_modifyitems(items):
     """Mark the tests of `make quick`, and keep of each test marked `either_database` the run on one database.
 
-    Which database, the test's name decides: half of such tests run on SQLite and half on PostgreSQL, so that
-    every module meets both.
+    Which database, the module's name decides: half of the modules run on SQLite and half on PostgreSQL, and
+    what the tests of a module share is made once.
     """
     slow = set(SLOW.read_text().split())
     for item in items:
@@ -122,7 +132,8 @@ def pytest_collection_finish():
 def _is_kept(item, databases):
     if databases is None or None in databases:
         return True
-    return _read_database(item) == sorted(databases)[crc32(_name_test(item).encode()) % len(databases)]
+    module = item.nodeid.partition("::")[0]
+    return _read_database(item) == sorted(databases)[crc32(module.encode()) % len(databases)]
 
 
 def _name_test(item):

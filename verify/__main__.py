@@ -1,4 +1,4 @@
-"""``make verify CERT=... DATA=... [KEY=...]``: recompute every quantity of a certificate or measurement.
+"""``stilb-verify`` and ``make verify``: recompute every quantity of a certificate or measurement.
 
 The exit code is 0 when all agree to the last bit or to rounding, 1 when something differs, 2 when nothing can
 be compared.
@@ -26,7 +26,7 @@ from verify.data import (
 )
 from verify.measurement import verify_measurement
 from verify.recompute import recompute
-from verify.report import conclude, name_libraries, tabulate
+from verify.report import conclude, name_libraries, name_unseen, tabulate
 from verify.rig import verify_rig
 from worker.decode.pool import DecoderKilled, DecoderPool, DecoderUnavailable
 
@@ -65,12 +65,12 @@ def _verify(place: str, data_place: str, key: str, console: Console) -> int:
 
 def _report(certificate: Node, rows: list[Row], console: Console) -> int:
     console.print(tabulate(certificate, rows))
-    console.print(f"{conclude(rows)} {name_libraries()}", markup=False)
+    console.print(f"{conclude(rows)}{name_unseen(certificate)} {name_libraries()}", markup=False)
     return 1 if any(row.agreement == "different" for row in rows) else 0
 
 
 def _read_arguments(arguments: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="python -m verify", description="Recompute a certificate.")
+    parser = argparse.ArgumentParser(prog="stilb-verify", description="Recompute a certificate.")
     parser.add_argument("certificate", help="certificate.json or record.json, or an address on a server")
     parser.add_argument("--data", default="", help="an export's folder, or a server's address")
     parser.add_argument("--key", default=os.environ.get("STILB_KEY", ""), help="for a server; or STILB_KEY")

@@ -111,8 +111,11 @@ def take_stated(stated: Any, found: Any) -> Any:  # noqa: ANN401  JSON
     return stated if rounded else found
 
 
-def _find_uncertainty(node: dict[str, Any], key: str) -> float:
-    """Return the standard uncertainty that is stated beside a number, 0 if there is none."""
+def _find_uncertainty(node: dict[str, Any], key: str) -> float | list[float]:
+    """Return the standard uncertainty that is stated beside a number or list of parameters, else 0."""
+    if key == "parameters" and isinstance(node.get(key), list):
+        rows = node.get("covariance", [])
+        return [sqrt(abs(row[i])) for i, row in enumerate(rows)] if len(rows) == len(node[key]) else 0.0
     if not _is_number(node.get(key)):
         return 0.0
     for name, value in node.items():

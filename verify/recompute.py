@@ -184,7 +184,7 @@ def _expose(stated: Node, header: FrameHeader, certificate: Node) -> Exposure | 
     supplied = {
         name: said[name]
         for name in ("exposure_time_s", "f_number", "iso")
-        if said.get(f"{name}_origin") == "supplied"
+        if said.get(f"{name.removesuffix('_s')}_origin") == "supplied"
     }
     camera = Camera(make=item["make"], model=item["model"], serial=item["serial"])
     return accept_frame(

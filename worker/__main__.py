@@ -96,7 +96,11 @@ def start_chores(settings: Settings, context: Context, presence: Presence) -> No
 
 def listen(settings: Settings, threads: JobThreads) -> None:
     """Wake a thread at each message, as long as this process lives: the one task of a Celery worker."""
+    from celery.signals import setup_logging
+
     app = make_celery(settings.effective_broker_url)
+    # with a receiver Celery leaves the level of the root logger, and with it the lines of jobs, alone
+    setup_logging.connect(_quieten_celery)
 
     @app.task(name=RUN_TASK)  # type: ignore[untyped-decorator]
     def wake(*_job_ids: str) -> None:
@@ -105,12 +109,16 @@ def listen(settings: Settings, threads: JobThreads) -> None:
     # not `worker_main`: Celery's command line is 13 MB and 0.1 s more
     app.Worker(
         pool="solo",
-        loglevel="WARNING",
         quiet=True,
         without_gossip=True,
         without_mingle=True,
         without_heartbeat=True,
     ).start()
+
+
+def _quieten_celery(**_: object) -> None:
+    """Log what Celery warns of, and neither its greeting nor a line for each message."""
+    logging.getLogger("celery").setLevel(logging.WARNING)
 
 
 def main() -> int:

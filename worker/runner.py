@@ -16,7 +16,7 @@ from store.blobs import BlobDamaged
 from store.database import summarise
 from store.files import describe_damage
 from store.jobs import Claim, Dependency, LeaseLost, Turn
-from store.logs import fields
+from store.log_fields import fields
 from store.schema import SchemaDiffers
 from store.tracing import span
 from worker.context import Context
@@ -51,6 +51,8 @@ def run(context: Context, claim: Claim) -> None:
     """Do a job and end it, unless another worker holds it by then."""
     began = time.monotonic()
     told = {"kind": claim.kind, "subject_id": claim.subject_id, "attempt": claim.attempt}
+    if claim.request_id:
+        told["request_id"] = claim.request_id
     known = {"job_id": claim.job_id, **told}
     traced = span(f"job {claim.kind}", kind="CONSUMER", parent=claim.traceparent, known=known)
     with context.leases.hold(claim), fields(**known), traced as note:

@@ -7,7 +7,16 @@ from typing import Literal, Self
 Outcome = Literal["pass", "warn", "fail", "pending"]
 Severity = Literal["warn", "pending", "fail", "error"]
 Place = Literal[
-    "frame", "verdict", "calibration", "certificate", "measurement", "fleet", "file", "request", "job"
+    "frame",
+    "verdict",
+    "campaign",
+    "calibration",
+    "certificate",
+    "measurement",
+    "fleet",
+    "file",
+    "request",
+    "job",
 ]
 
 
@@ -22,9 +31,9 @@ class Finding(str):  # noqa: SLOT000  the decorator makes them
     severity : {"warn", "pending", "fail", "error"}
         The gravest that an occurrence can have. "error": there is no result.
     where : tuple of str
-        Where it occurs: as a warning of a stored "frame", a reason in a frame's "verdict", a flag of a
-        "calibration", "measurement" or "fleet" comparison, a missing item of a "certificate", the refusal of
-        a "file" or a "request", or the error of a "job".
+        Where it occurs: as a warning of a stored "frame", a reason in a frame's "verdict", a finding of a
+        "campaign", a flag of a "calibration", "measurement" or "fleet" comparison, a missing item of a
+        "certificate", the refusal of a "file" or a "request", or the error of a "job".
     sentence : str
         What was found.
     remedy : str

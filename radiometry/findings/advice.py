@@ -1,6 +1,6 @@
 """Suggestions for a better measurement: the remedies of its findings and of its largest uncertainty."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 
 from radiometry.findings import Finding
 
@@ -16,17 +16,14 @@ _BY_SOURCE = {
     "ISO setting": "Calibrate at this very ISO setting: it is the largest source.",
     "vignetting": "Take more and brighter flat fields at this f-number: the correction of vignetting is the "
     "largest source.",
-    "spectral mismatch": "State the lamp and the camera's response with the campaign and the light source "
-    "with the measurement, or calibrate under a lamp of this kind: the spectral mismatch is the largest "
-    "source.",
-    "flicker": "Expose for a whole number of half periods of the mains, such as 1/50 s of 50 Hz, or measure "
-    "the light's modulation: flicker is the largest source.",
-    "focus distance": "State the distances of calibration and measurement and the focal length: the focus "
-    "is the largest source.",
+    "spectral mismatch": "Calibrate under the very light that is measured, or send the measured spectra of "
+    "both and the camera's response as tables: the spectral mismatch is the largest source.",
+    "flicker": "Expose for a whole number of half periods of the mains, such as 1/50 s of 50 Hz: flicker is "
+    "the largest source.",
+    "focus distance": "Calibrate at the distance of the measurement: the focus is the largest source.",
     "stray light": "Keep bright lamps out of the frame, and shade the lens: stray light is the largest "
     "source.",
-    "K": "Take the panel again, before and after the flight, in even light, and state its uncertainty: K is "
-    "the largest source.",
+    "K": "Take the panel again, before and after the flight, in even light: K is the largest source.",
     "sunshine readings": "Fly under a steady sky, or take the mean of more readings: the scatter of the "
     "sunshine sensor is the largest source.",
     "drift": "Take the panel nearer to the frames in time, before and after them: K's drift between the "
@@ -44,8 +41,21 @@ _BY_SOURCE = {
     "source.",
 }
 
+_IF_ASSUMED = {
+    "spectral mismatch": "State what its correction names as not known, with the campaign of the calibration "
+    "or with the night, or calibrate under a lamp of this kind: the spectral mismatch is the largest source.",
+    "flicker": "State what its correction names as assumed, with the light of the place, or expose for a "
+    "whole number of half periods of the mains, such as 1/50 s of 50 Hz: flicker is the largest source.",
+    "focus distance": "State what its correction names as not known: the focus is the largest source.",
+    "stray light": "Keep bright lamps out of the frame, and shade the lens, or state the glare that a black "
+    "trap shows: stray light is the largest source.",
+}
+"""In place of the above, where the correction assumes what could have been stated."""
 
-def advise(found: Iterable[Finding], *, budget: Sequence[tuple[str, float]]) -> tuple[str, ...]:
+
+def advise(
+    found: Iterable[Finding], *, budget: Sequence[tuple[str, float]], assumed: Collection[str] = ()
+) -> tuple[str, ...]:
     """Return the remedy of each finding once, then a sentence for the largest source of uncertainty.
 
     Parameters
@@ -54,6 +64,8 @@ def advise(found: Iterable[Finding], *, budget: Sequence[tuple[str, float]]) -> 
         The entries of the flags that were raised.
     budget : sequence of (str, float)
         Source and its share of the variance of the region's mean.
+    assumed : collection of str, default: ()
+        Sources whose correction assumes what could have been stated.
 
     Returns
     -------
@@ -64,5 +76,6 @@ def advise(found: Iterable[Finding], *, budget: Sequence[tuple[str, float]]) -> 
     sentences = list(dict.fromkeys(finding.remedy for finding in found))
     largest = max(budget, key=lambda entry: entry[1], default=None)
     if largest is not None and largest[1] > 0.0:
-        sentences.append(_BY_SOURCE[largest[0]])
+        source = largest[0]
+        sentences.append((_IF_ASSUMED if source in assumed else _BY_SOURCE)[source])
     return tuple(sentences)

@@ -23,6 +23,11 @@ SIZE_MISMATCH = _refusal(
     "The sizes that the file states do not agree with its content.",
     "The file is damaged: copy it from the camera's card again.",
 )
+LEVELS_CONTRADICTORY = _refusal(
+    "levels_contradictory",
+    "The black level that the file states is not below its white level.",
+    "Send the file as the camera wrote it: a program may have changed its levels.",
+)
 INCOMPLETE_IMAGE = _refusal(
     "incomplete_image",
     "The pixel data is not proved complete by its own checksum, end marker or digest.",

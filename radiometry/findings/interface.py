@@ -162,6 +162,14 @@ UPLOAD_CHECKSUM_DIFFERS = _refusal(
     "Send the piece again.",
     retryable=True,
 )
+PRECONDITION_FAILED = _refusal(
+    412,
+    "precondition_failed",
+    "A change was asked for with `If-Match` or `If-None-Match: *`, and its address has no entity tag. "
+    "Nothing was changed.",
+    "Send it without the header. With `expected` of `PATCH /v1/campaigns/{id}/frames` you change frames only "
+    "as you saw them.",
+)
 UPLOAD_VERSION = _refusal(
     412,
     "upload_version",

@@ -10,12 +10,30 @@ RENDERED = reason(
     "Send the camera's own raw file.",
     *("frame", "calibration", "measurement"),
 )
+STATISTICS_FROM_TABLE = flag(
+    "statistics_from_table",
+    "The statistics are a row of a table: the pixels were not seen, and nothing vouches for them.",
+    "Send the camera's raw files where they still exist.",
+    *("frame", "calibration", "measurement"),
+)
+PIXELS_MISSING = error(
+    "pixels_missing",
+    "The frame is a row of a table, which has no pixels to measure.",
+    "Send the camera's raw file.",
+)
 EXPOSURE_NOT_MANUAL = reason(
     "exposure_not_manual",
     "warn",
     "The camera chose the exposure; the procedure asks for manual exposure.",
     "Set the exposure mode to manual and automatic ISO off, and take the frame again.",
     "frame",
+)
+READING_WITHOUT_FRAMES = flag(
+    "reading_without_frames",
+    "A scene has meter readings and no frames: the fit uses neither.",
+    "Correct the name of the scene at the readings or at its frames, upload the frames, or withdraw the "
+    "readings.",
+    "campaign",
 )
 SERIAL_UNKNOWN = flag(
     "serial_unknown",
@@ -28,6 +46,12 @@ BLACK_LEVEL_ASSUMED = flag(
     "The raw file states no black level: 0 was assumed, although most sensors have a level above it.",
     "Take dark frames, and send the camera's own file: a converter may have dropped the level.",
     *("frame", "calibration", "measurement"),
+)
+SAMPLES_ABOVE_WHITE = flag(
+    "samples_above_white",
+    "The file has samples above its white level. They count as saturated.",
+    "A program may have changed the white level; some cameras state one below their largest sample.",
+    "frame",
 )
 EXPOSURE_FROM_APEX = flag(
     "exposure_from_apex",

@@ -15,6 +15,9 @@ F = TypeVar("F")
 MOST_DOF = 1e6
 """Effective degrees of freedom of an uncertainty that is not limited by them."""
 
+Values = dict[str, str | float | list[float]]
+"""Numbers and names that a sentence states, by name; a list is an interval, or several of them."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Region:
@@ -163,6 +166,8 @@ class FieldCorrection:
         What the correction, or the uncertainty in its place, is based on.
     assumed : bool or None, default: None
         True if nothing was stated of the source, so that a plausible size is in the budget.
+    values : dict or None, default: None
+        What the basis names, by name.
     """
 
     source: str
@@ -172,6 +177,7 @@ class FieldCorrection:
     u_cd_m2: float = 0.0
     basis: str = ""
     assumed: bool | None = field(default=None, metadata=LATER)
+    values: Values | None = field(default=None, metadata=LATER)
 
 
 @dataclass(frozen=True, kw_only=True)

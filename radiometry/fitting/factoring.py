@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 from numpy.linalg import LinAlgError
 
-from radiometry.fitting.components import Component, Matrix, Vector
+from radiometry.fitting.components import Component, Matrix, Vector, contribute
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Problem:
         Sources of error.
     absorb : int or None, default: None
         Index of the shared component that is eliminated group by group, while the
-        others have columns; None for the one with the most groups.
+        others have columns; None for the one with the most groups, if it has two.
     """
 
     design: Matrix
@@ -59,9 +59,10 @@ class Problem:
 
     @cached_property
     def absorbed(self) -> int | None:
-        """Index of the shared component that is eliminated group by group."""
-        sizes = {i: int(e.labels.max()) for i, e in enumerate(self.components) if e.labels is not None}
-        return self.absorb if self.absorb is not None else max(sizes, key=sizes.__getitem__, default=None)
+        """Index of the shared component that is eliminated group by group; None if none has two groups."""
+        last = {i: int(e.labels.max()) for i, e in enumerate(self.components) if e.labels is not None}
+        several = [i for i, label in last.items() if label > 0]
+        return self.absorb if self.absorb is not None else max(several, key=last.__getitem__, default=None)
 
     @cached_property
     def block(self) -> Matrix:
@@ -107,7 +108,7 @@ class Factored:
     """
 
     def __init__(self, problem: Problem, variances: Vector) -> None:
-        self.problem = problem
+        self.problem, self.variances = problem, variances
         own = [variances[i] * problem.components[i].sensitivity ** 2 for i in problem.own]
         diagonal = np.sum(own, axis=0)
         if not (np.all(diagonal > 0.0) and np.all(np.isfinite(diagonal))):
@@ -204,10 +205,62 @@ class Factored:
         return float(upper @ upper + lower @ lower)
 
     @cached_property
+    def inverse(self) -> Matrix:
+        """Inverse of the triangle T."""
+        return np.asarray(
+            scipy.linalg.solve_triangular(self.triangle, np.eye(len(self.triangle))), np.float64
+        )
+
+    @cached_property
     def weights(self) -> Matrix:
         """W with theta = W y, (p, n)."""
-        inverse = scipy.linalg.solve_triangular(self.triangle, np.eye(len(self.triangle)))
-        return np.asarray((self.restore(self.upper) @ inverse[: self.problem.parameters].T).T, np.float64)
+        parameters = self.inverse[: self.problem.parameters]
+        return np.asarray((self.restore(self.upper) @ parameters.T).T, np.float64)
+
+    def find_effects(self, index: int) -> Matrix:
+        """Return the effects of a component's errors on the parameters, W Z, (p, levels).
+
+        Parameters
+        ----------
+        index : int
+            Index of the component.
+
+        Notes
+        -----
+        From W Z sqrt(v) = -(T'T)^-1, its rows of the parameters and columns of the errors. The sum W Z loses
+        the digits that cancel where the points determine the errors better than v does.
+        """
+        component, part = self.problem.components[index], self.problem.parts.get(index)
+        if part is None or not np.all(self.scale[part]):
+            return contribute(component, self.weights)
+        inverse = self.inverse
+        return np.asarray(-inverse[: self.problem.parameters] @ inverse[part].T / self.scale[part])
+
+    def predict(self, index: int) -> tuple[Vector, Vector]:
+        """Return the best linear prediction of a shared component's errors, and its standard uncertainties.
+
+        Parameters
+        ----------
+        index : int
+            Index of the component.
+
+        Returns
+        -------
+        tuple[ndarray of float64, ndarray of float64]
+            One number per group each.
+
+        Notes
+        -----
+        They are from rows of T^-1 Q_1' B^-1/2 y and of (T'T)^-1. The variance is v - v^2 Z'P Z too, which
+        loses the digits by which v exceeds it.
+        """
+        if index == self.problem.absorbed:
+            shared = (i for i, each in enumerate(self.problem.components) if each.labels is not None)
+            other = next(i for i in shared if i != index)
+            return Factored(replace(self.problem, absorb=other), self.variances).predict(index)
+        part = self.problem.parts[index]
+        rows = self.scale[part, None] * self.inverse[part]
+        return rows @ (self.upper.T @ self.whiten(self.problem.centred)), np.linalg.norm(rows, axis=1)
 
     @cached_property
     def _log_restricted(self) -> float:
@@ -221,9 +274,7 @@ class Factored:
     @property
     def log_determinant(self) -> float:
         """Logarithm of the determinant of V."""
-        inverse = scipy.linalg.solve_triangular(self.triangle, np.eye(len(self.triangle)))[
-            : self.problem.parameters
-        ]
+        inverse = self.inverse[: self.problem.parameters]
         return self._log_restricted + float(np.linalg.slogdet(inverse @ inverse.T)[1])
 
     def restricted_likelihood(self) -> float:

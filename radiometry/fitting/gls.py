@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 from numpy.linalg import LinAlgError
 
-from radiometry.fitting.components import Component, Labels, Matrix, Vector, contribute
+from radiometry.fitting.components import Component, Labels, Matrix, Vector
 from radiometry.fitting.factoring import Factored, Problem
 from radiometry.fitting.variances import estimate_variances
 
@@ -131,8 +131,8 @@ def solve(
         weights=weights,
         contributions=tuple(
             variance * effects @ effects.T
-            for component, variance in zip(components, variances, strict=True)
-            for effects in [contribute(component, weights)]
+            for index, variance in enumerate(variances)
+            for effects in [factored.find_effects(index)]
         ),
         variances=tuple(variances.tolist()),
         covariance_of_estimates=covariance,

@@ -119,29 +119,23 @@ class Converged:
         -------
         tuple[float, float]
             0 and the given uncertainty if the rate is not among the components.
-
-        Notes
-        -----
-        With z the sensitivity of the response to the rate, v its variance and P as in
-        the fit, the prediction is v z'P y, and its variance v - v^2 z'P z.
         """
-        found = next((each for each in self.components if each.source == DARK_CURRENT), None)
-        if found is None or not found.variance:
-            return 0.0, curve.dark_rate_u_dn_per_s
-        weights = self.solution.predict(found)[0]
-        left = 1.0 - float(weights @ found.sensitivity)
-        rate = float(weights @ self.solution.factored.problem.centred)
-        return rate, math.sqrt(found.variance * max(left, 0.0))
+        return self._predict_first(DARK_CURRENT) or (0.0, curve.dark_rate_u_dn_per_s)
 
     def predict_lamp(self, curve: Curve) -> float:
         """Return sqrt(z^2 + u(z)^2) of the lamp's drift z in units of its prior uncertainty; 1 if unseen."""
-        found = next((each for each in self.components if each.source == LAMP), None)
-        if found is None or "" not in curve.lamp_labels or not np.any(curve.lamp_u_rel):
+        if "" not in curve.lamp_labels or not np.any(curve.lamp_u_rel):
             return 1.0
         # "" is the first of the sorted labels
-        weights = self.solution.predict(found)[0]
-        left = 1.0 - float(weights @ found.columns()[:, 0])
-        return math.hypot(float(weights @ self.solution.factored.problem.centred), math.sqrt(max(left, 0.0)))
+        return math.hypot(*(self._predict_first(LAMP) or (1.0, 0.0)))
+
+    def _predict_first(self, source: str) -> tuple[float, float] | None:
+        """Return the predicted error of a source's first group, and its standard uncertainty."""
+        found = next((i for i, each in enumerate(self.components) if each.source == source), None)
+        if found is None:
+            return None
+        errors, u = self.solution.factored.predict(found)
+        return float(errors[0]), float(u[0])
 
 
 def predict_errors(
@@ -191,10 +185,15 @@ def predict_errors(
     slopes: list[float] = []
     fit, f_numbers, times = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, 0))
     doubt = testable = given = total = 0.0
-    for component, estimate in zip(components, solution.variances, strict=True):
+    for index, (component, estimate) in enumerate(zip(components, solution.variances, strict=True)):
         tail = tails if component.source == SCATTER else 1.0
         variance = tail * estimate
-        effects = contribute(component, rows)
+        effects = np.vstack(
+            [
+                jacobian[:, None] * solution.factored.find_effects(index),
+                contribute(component, rows[len(jacobian) :]),
+            ]
+        )
         if component.source == F_NUMBER and at is not None:
             effects[-1, at[0]] -= target
         scaled = math.sqrt(variance * (1.0 if component.common else excess)) * effects

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.frame.multispectral import Multispectral
+from radiometry.frame.table import TableRow
 from radiometry.specification.stored import LATER
 
 
@@ -72,7 +73,8 @@ class FrameHeader:
     Attributes
     ----------
     container : str
-        "dng", "tiff", "raw" (readable by LibRaw only), "jpeg" or "png".
+        "dng", "tiff", "raw" (readable by LibRaw only), "jpeg" or "png"; "table" for a
+        row of a table, which has no pixels.
     decoder : str
         "stilb", "libraw" or "imagecodecs".
     rendered : bool
@@ -89,7 +91,8 @@ class FrameHeader:
     black_level_dn : tuple of float
         Black level per CFA position [DN].
     black_level_origin : str
-        "tag", "default", "libraw", or "camera" if the camera's XMP states it.
+        "tag", "default", "libraw", "camera" if the camera's XMP states it, or
+        "supplied" with a table.
     white_level_dn : tuple of float
         White level per CFA position [DN].
     white_level_origin : str
@@ -137,6 +140,8 @@ class FrameHeader:
         DNG opcodes of the file.
     multispectral : Multispectral or None, default: None
         Metadata of a camera with one band per file and a sunshine sensor.
+    table : TableRow or None, default: None
+        Statistics that stand in a table in the place of pixels.
     band_rows, first_band_rows : int, default: 1
         Rows per band in which a whole frame is read at the least cost; the border
         may cut the first band.
@@ -179,6 +184,7 @@ class FrameHeader:
     attitude: tuple[StatedAngle, ...] = field(default=())
     opcodes: tuple[Opcode, ...] = field(default=())
     multispectral: Multispectral | None = None
+    table: TableRow | None = field(default=None, metadata=LATER)
     # A whole frame is read cheapest in bands of so many rows, the first of which may be cut by the border.
     band_rows: int = 1
     first_band_rows: int = 1

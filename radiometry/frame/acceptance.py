@@ -102,7 +102,7 @@ def accept_frame(
     Returns
     -------
     Acceptance
-        Exposure and flags: `rendered`, `exposure_not_manual`, `serial_unknown`,
+        Exposure and flags: `rendered`, `statistics_from_table`, `exposure_not_manual`, `serial_unknown`,
         `black_level_assumed`, `exposure_from_apex`, `exposure_supplied`,
         `supplied_exposure_ignored`.
 
@@ -183,6 +183,8 @@ def _header_flags(header: FrameHeader, *, manual_required: bool) -> list[str]:
     flags: list[str] = []
     if header.rendered:
         flags.append(shared.RENDERED)
+    if header.table is not None:
+        flags.append(shared.STATISTICS_FROM_TABLE)
     if manual_required and _chosen_by_camera(header):
         flags.append(shared.EXPOSURE_NOT_MANUAL)
     if not _plain(header.serial):

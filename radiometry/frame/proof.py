@@ -49,11 +49,14 @@ class Proof:
         Result of the search for empty parts.
     pieces : tuple of PieceRun
         First thousand runs of pieces; empty if LibRaw decoded the frame.
+    highest_dn : int
+        Largest sample [DN]; 0 for frames that were read before it was noted.
     """
 
     vouched_by: Voucher
     wholeness: Wholeness
     pieces: tuple[PieceRun, ...] = field(default=())
+    highest_dn: int = 0
 
     def describe_doubt(self, header: FrameHeader) -> str:
         """Return the doubt about the pixels as a sentence without its full stop; "" if there is none.

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.frame import Frame
+from radiometry.frame.table import TableRow
 
 GREY = "grey"
 CHANNELS = ("R", "G1", "G2", "G", "B", GREY)
@@ -126,6 +127,35 @@ def compute_statistics(frame: Frame, inside: NDArray[np.bool_]) -> tuple[Channel
         for channel, site in sorted(sites, key=lambda named: CHANNELS.index(named[0]))
     ]
     return (*rows, _summarise(GREY, *everything))
+
+
+def state_row(row: TableRow) -> ChannelStatistics:
+    """Return the statistics that a row of a table stands for.
+
+    Parameters
+    ----------
+    row : TableRow
+        Statistics as the table states them.
+
+    Returns
+    -------
+    ChannelStatistics
+        Of `grey`. What the table does not state is the worst that it can be: the standard
+        deviation and the saturated fraction; the median is the mean.
+    """
+    return ChannelStatistics(
+        channel=GREY,
+        n=row.pixels,
+        min_dn=math.floor(row.min_dn),
+        max_dn=math.ceil(row.max_dn),
+        mean_dn=row.mean_dn,
+        median_dn=row.mean_dn,
+        std_dn=row.widest_std_dn,
+        saturated_share=row.saturated_share,
+        zero_share=0.0,
+        black_level_dn=row.black_level_dn or 0.0,
+        white_level_dn=row.white_level_dn,
+    )
 
 
 def select_rows(statistics: Sequence[ChannelStatistics], *, channel: str) -> list[ChannelStatistics]:

@@ -20,6 +20,7 @@ from radiometry.geometry.rows import Params
 from radiometry.geometry.suggestions import find_gaps, plan_views
 from radiometry.geometry.target import Target
 from radiometry.geometry.undistortion import require_size, undistort_frame
+from radiometry.geometry.verdicts import check_features
 from radiometry.geometry.views import missing
 from radiometry.geometry.written import EXPORTS
 from radiometry.specification.application import PictureApplication
@@ -55,6 +56,7 @@ SPEC: Final = MethodSpec(
     target_example={"kind": "checkerboard", "columns": 9, "rows": 6, "square_size_mm": 25.0},
     whole_frame=True,
     manual_exposure=False,
+    check_features=check_features,
     tolerance_unit="px",
     coefficients=(
         *(

@@ -57,6 +57,7 @@ BOARD_NOT_FOUND = reason(
     "The board was not found: the fit leaves the frame out.",
     "Show all of a checkerboard with a white margin, sharp, flat and free of glare, and check the numbers of "
     "its inner corners in the campaign.",
+    "frame",
 )
 BOARD_BLURRED = reason(
     "board_blurred",

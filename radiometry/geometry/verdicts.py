@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Final
 
-from radiometry.findings import Reason
+from radiometry.findings import Raised, Reason
 from radiometry.frame.verdicts import ReviewedFrame, Verdict, assume_whole_frame, conclude, inspect_frames
 from radiometry.geometry import codes
 from radiometry.geometry.features import Features
@@ -39,6 +39,11 @@ def judge_frames(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow]) -> d
         if row.role == CHART and row.features is not None and row.frame in reasons:
             reasons[row.frame] += _inspect(row.features)
     return {frame: conclude(found) for frame, found in reasons.items()}
+
+
+def check_features(features: Features) -> list[Raised]:
+    """Return the flags of a picture that was searched for its board."""
+    return [codes.BOARD_NOT_FOUND.at("", features.not_found)] if features.not_found else []
 
 
 def _inspect(features: Features) -> list[Reason]:

@@ -4,6 +4,7 @@ from typing import Final
 
 from radiometry.findings import shared
 from radiometry.fitting.evidence import Extracted
+from radiometry.frame.statistics import state_row
 from radiometry.luminance import codes, method
 from radiometry.luminance.applying import APPLICATION
 from radiometry.luminance.budget import explain_budget
@@ -39,6 +40,7 @@ SPEC: Final = MethodSpec(
         codes.OFFSET_SIGNIFICANT,
         shared.SCATTER_IMPLAUSIBLE,
         shared.BLACK_LEVEL_ASSUMED,
+        shared.STATISTICS_FROM_TABLE,
     ),
     untraced=codes.METER_CERTIFICATE_MISSING,
     coefficients=(
@@ -51,8 +53,11 @@ SPEC: Final = MethodSpec(
         CoefficientKind(name="dark_signal_dn", label="Dark signal", units=("DN",)),
     ),
     findings=codes.FINDINGS,
-    extract=lambda frame, regions, **_: Extracted(
-        statistics=method.extract(frame, regions[0].polygon), features=None
+    extract=lambda frame, regions, *, header, **_: Extracted(
+        statistics=method.extract(frame, regions[0].polygon)
+        if header.table is None
+        else (state_row(header.table),),
+        features=None,
     ),
     make_row=method.make_row,
     missing=method.missing,

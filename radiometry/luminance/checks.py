@@ -42,6 +42,10 @@ def check_series(series: IsoSeries, rows: Sequence[FrameRow], params: Params) ->
     rendered = sum(row.rendered for row in light)
     if rendered:
         flags.append(shared.RENDERED.at(where, f"Rendered frames: {rendered} of {len(light)}."))
+    tabled = sum(row.from_table for row in mine)
+    if tabled:
+        detail = f"Rows of a table: {tabled} of {len(mine)} frames."
+        flags.append(shared.STATISTICS_FROM_TABLE.at(where, detail))
     assumed = sum(row.assumes_black for row in light)
     if assumed:
         use = "for plausibility alone" if series.dark_times_s else "as the dark signal"

@@ -173,7 +173,8 @@ FLICKER_UNKNOWN = flag(
     "flicker_unknown",
     "The mains frequency is not stated, and the exposure is not long against the period of mains light: the "
     "budget assumes 50 or 60 Hz, whichever errs more.",
-    "State `mains_frequency_hz`, or expose for a whole number of half periods of the mains, such as 1/50 s.",
+    "State `mains_frequency_hz` and `lamp_kind` with the campaign or the measurement, or expose for a whole "
+    "number of half periods of the mains, such as 1/50 s.",
     "measurement",
 )
 STRAY_LIGHT_UNKNOWN = flag(

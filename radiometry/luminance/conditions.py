@@ -2,10 +2,12 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from radiometry.frame.statistics import ChannelStatistics
+from radiometry.luminance.lamp_kinds import LABELS, LampKind
 from radiometry.specification.parameters import check_parameters, parameter
+from radiometry.specification.stored import LATER
 from radiometry.spectral.curves import list_lamps, read_lamp
 
 Colour = tuple[float, float]
@@ -23,6 +25,8 @@ class CalibrationConditions:
         R/G and B/G of the light frames, dark signal subtracted; the median over the frames.
     focus_distance_m, focal_length_mm : float or None, default: None
         Distance from the lens to the calibrated surface [m], and focal length [mm].
+    lamp_kind : str or None, default: None
+        Kind of the lamp, whose spectrum is only known by it if `lamp` is None.
     """
 
     lamp: str | None = None
@@ -30,6 +34,7 @@ class CalibrationConditions:
     colour: Colour | None = None
     focus_distance_m: float | None = None
     focal_length_mm: float | None = None
+    lamp_kind: LampKind | None = field(default=None, metadata=LATER)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,21 +69,36 @@ class FieldConditions:
         example=30.0,
         bounds="[0.1, 1e5]",
     )
+    lamp_kind: LampKind | None = parameter(
+        None,
+        label="Kind of lamp",
+        description="Of the measured light. It states how deep the light flickers, and which spectra it may "
+        "have.",
+        labels=LABELS,
+        default_text="the campaign's, else anything",
+        example="led",
+        displaced_by=("lamp_kind", "light_source"),
+    )
     mains_frequency_hz: float | None = parameter(
         None,
         label="Mains frequency",
-        description="Of the supply of the measured light, which flickers at twice this frequency.",
-        default_text="the campaign's",
+        description="Of the supply of the measured light, which flickers at twice this frequency; 0 for "
+        "direct current.",
+        default_text="the campaign's, else 50 or 60 Hz",
         unit="Hz",
         example=50.0,
-        bounds="[10, 500]",
+        displaced_by=("lamp_kind",),
+        bounds="[0, 500]",
     )
     flicker_modulation: float | None = parameter(
         None,
+        name="lamp_modulation",
         label="Modulation depth",
-        description="(L_max - L_min) / (L_max + L_min) of the measured light over a period of its flicker.",
-        default_text="anything from 0 to 1",
+        description="(L_max - L_min) / (L_max + L_min) of the measured light over a period of its flicker, "
+        "where it was measured.",
+        default_text="the campaign's, else that of the kind of lamp, else anything from 0 to 1",
         example=0.3,
+        displaced_by=("lamp_kind", "light_source"),
         bounds="[0, 1]",
     )
     glare_share: float | None = parameter(

@@ -5,11 +5,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from radiometry.findings import Raised
-from radiometry.fitting.evidence import FieldCorrection, Quantity
+from radiometry.fitting.evidence import FieldCorrection, Quantity, Values
 from radiometry.fitting.shared_errors import FOCUS, STRAY
 from radiometry.luminance import codes
 from radiometry.luminance.coefficient import Coefficient
 from radiometry.luminance.conditions import CalibrationConditions, Colour, FieldConditions
+from radiometry.luminance.lamp_kinds import LABELS, list_spectra
 from radiometry.luminance.measured import AppliedLuminance, Effect
 from radiometry.spectral.curves import is_table, list_lamps, list_responses, name_curve
 from radiometry.spectral.mismatch import (
@@ -56,39 +57,95 @@ def correct_spectrum(
     known = coefficient.conditions or CalibrationConditions()
     lamp, response, light = known.lamp, known.camera_response, field.light_source
     stated = field.spectral_mismatch_u_rel
-    factor, u_rel, basis = 1.0, DEFAULT_U_REL, ""
     if lamp is not None and light is not None and is_same(lamp, light):
-        u_rel = 0.0 if is_table(light) else LEAST_U_REL
-        basis = f"light and lamp of the calibration are both {_name(light)}"
+        found = FieldCorrection(
+            source=SOURCE,
+            u_rel=0.0 if is_table(light) else LEAST_U_REL,
+            basis=f"light and lamp of the calibration are both {_name(light)}",
+        )
     elif lamp is not None and response is not None and light is not None:
         pair = {"channel": coefficient.channel, "calibrated": lamp, "measured": light}
-        factor, u_rel = compute_mismatch(response, **pair), estimate_u_rel(response, **pair)
         camera = name_curve(response, list_responses())
-        basis = f"computed for {_name(light)} and a calibration under {_name(lamp)}, response {camera}"
-    elif lamp is not None and response is not None and colour is not None and known.colour is not None:
-        remedy = fit_colour_remedy(response, channel=coefficient.channel, calibrated=lamp)
-        red, blue = (here / there for here, there in zip(colour, known.colour, strict=True))
-        predicted = remedy.predict(red, blue)
-        if predicted is not None:
-            factor, u_rel = predicted, remedy.u_rel
-            basis = f"from the region's own raw colour, R/G {red:.3g} and B/G {blue:.3g} of the calibration's"
-    if basis or stated is not None:
-        basis = basis or "as stated with the request"
-        return FieldCorrection(
-            source=SOURCE, factor=factor, u_rel=u_rel if stated is None else stated, basis=basis
-        ), ()
+        found = FieldCorrection(
+            source=SOURCE,
+            factor=compute_mismatch(response, **pair),
+            u_rel=estimate_u_rel(response, **pair),
+            basis=f"computed for {_name(light)} and a calibration under {_name(lamp)}, response {camera}",
+        )
+    else:
+        found = _predict_mismatch(field, known, colour, channel=coefficient.channel)
+    if stated is not None:
+        basis = "as stated with the request" if found.assumed else found.basis
+        return replace(found, u_rel=stated, basis=basis, assumed=None), ()
+    if found.assumed is None:
+        return found, ()
+    flag = codes.SPECTRAL_MISMATCH_UNKNOWN.at(
+        "", f"{found.basis.capitalize()}; {found.u_rel:.0%} of L assumed."
+    )
+    return found, (flag,)
+
+
+def _predict_mismatch(
+    field: FieldConditions, known: CalibrationConditions, colour: Colour | None, *, channel: str
+) -> FieldCorrection:
+    """Predict the mismatch from the kinds of both lights and the region's colour, as far as they are known.
+
+    Without the camera's response it is taken to be like any published one. With a response and the spectrum
+    of the calibration's lamp the colour alone suffices: the light may then be any of the library's.
+    """
+    ends = list_spectra(known.lamp_kind, known.lamp), list_spectra(field.lamp_kind, field.light_source)
+    of_kinds = all(ends) and (field.light_source is None or known.lamp is None)
+    if of_kinds or (known.lamp and known.camera_response and not ends[1]):
+        responses = (known.camera_response,) if known.camera_response else list_responses()
+        asked = {"channel": channel, "calibrated": ends[0], "measured": ends[1]}
+        sides = (known.lamp_kind, known.lamp), (field.lamp_kind, field.light_source)
+        values: Values = {"cameras": len(responses)}
+        for name, (kind, lamp) in zip(("calibrated", "measured"), sides, strict=True):
+            if lamp or kind:
+                values[name] = _name(lamp) if lamp else str(kind)
+        if colour is not None and known.colour is not None:
+            red, blue = (here / there for here, there in zip(colour, known.colour, strict=True))
+            remedy = fit_colour_remedy(responses, **asked)
+            predicted = remedy.predict(red, blue)
+            if predicted is not None:
+                basis = (
+                    f"from the region's own raw colour, R/G {red:.3g} and B/G {blue:.3g} of the calibration's"
+                )
+                values |= {"red_to_green": red, "blue_to_green": blue}
+                return FieldCorrection(
+                    source=SOURCE,
+                    factor=predicted,
+                    u_rel=max(remedy.rms_rel, LEAST_U_REL) if of_kinds else remedy.u_rel,
+                    basis=f"{basis}, {_describe_ends(values)}" if of_kinds else basis,
+                    values=values,
+                )
+        if of_kinds:
+            remedy = fit_colour_remedy(responses, **asked, by_colour=False)
+            basis = f"{_describe_ends(values)}; the region's colour is unknown, or none of theirs"
+            return FieldCorrection(
+                source=SOURCE,
+                factor=remedy.factor,
+                u_rel=max(remedy.rms_rel, LEAST_U_REL),
+                basis=basis,
+                values=values,
+            )
     lacking = [
         text
         for text, given in (
-            ("the calibration's lamp", lamp),
-            ("the camera's response", response),
-            ("the measured light", light),
+            ("the calibration's lamp", ends[0]),
+            ("the camera's response", known.camera_response),
+            ("the measured light", ends[1]),
         )
-        if given is None
+        if not given
     ]
     basis = f"assumed: {', '.join(lacking)} not known"
-    flag = codes.SPECTRAL_MISMATCH_UNKNOWN.at("", f"{basis.capitalize()}; {u_rel:.0%} of L assumed.")
-    return FieldCorrection(source=SOURCE, u_rel=u_rel, basis=basis, assumed=True), (flag,)
+    return FieldCorrection(source=SOURCE, u_rel=DEFAULT_U_REL, basis=basis, assumed=True)
+
+
+def _describe_ends(values: Values) -> str:
+    light, lamp = (LABELS.get(str(values[name]), str(values[name])) for name in ("measured", "calibrated"))
+    camera = "its published response" if values["cameras"] == 1 else f"{values['cameras']} published cameras"
+    return f"for {light} after a calibration under {lamp}, by {camera}"
 
 
 def correct_focus(field: FieldConditions, coefficient: Coefficient) -> FieldCorrection:
@@ -123,11 +180,17 @@ def correct_focus(field: FieldConditions, coefficient: Coefficient) -> FieldCorr
     """
     known = coefficient.conditions or CalibrationConditions()
     here, there, focal_mm = field.distance_m, known.focus_distance_m, known.focal_length_mm
+    focal = _USUAL_FOCAL_LENGTH_MM if focal_mm is None else focal_mm
+    values: Values = {
+        "distance_m": f"from {NEAREST_M:g} on" if here is None else here,
+        "focus_distance_m": f"from {NEAREST_M:g} on" if there is None else there,
+        "focal_length_mm": focal,
+    }
     if here is not None and there is not None and focal_mm is not None:
         factor = (_lose(here, focal_mm)) / _lose(there, focal_mm)
         basis = f"{here:g} m, calibrated at {there:g} m, focal length {focal_mm:g} mm"
-        return FieldCorrection(source=FOCUS, factor=factor, u_rel=_PUPIL_REL * abs(factor - 1.0), basis=basis)
-    focal = _USUAL_FOCAL_LENGTH_MM if focal_mm is None else focal_mm
+        u_rel = _PUPIL_REL * abs(factor - 1.0)
+        return FieldCorrection(source=FOCUS, factor=factor, u_rel=u_rel, basis=basis, values=values)
     ends = [[_lose(at, focal)] if at is not None else [1.0, _lose(NEAREST_M, focal)] for at in (here, there)]
     worst = max(abs(measured / calibrated - 1.0) for measured in ends[0] for calibrated in ends[1])
     lacking = [
@@ -136,7 +199,8 @@ def correct_focus(field: FieldConditions, coefficient: Coefficient) -> FieldCorr
         if given is None
     ]
     basis = f"assumed, not corrected: {', '.join(lacking)} not known"
-    return FieldCorrection(source=FOCUS, u_rel=worst / math.sqrt(3.0), basis=basis, assumed=True)
+    u_rel = worst / math.sqrt(3.0)
+    return FieldCorrection(source=FOCUS, u_rel=u_rel, basis=basis, assumed=True, values=values)
 
 
 def _lose(distance_m: float, focal_length_mm: float) -> float:
@@ -179,10 +243,15 @@ def correct_stray_light(
             return FieldCorrection(source=STRAY), raised
         basis = f"assumed: glare of up to {_USUAL_GLARE:.0%} of the frame's mean of {mean_cd_m2:.4g} cd/m2"
         u_cd_m2 = _UNKNOWN_GLARE * abs(mean_cd_m2)
-        return FieldCorrection(source=STRAY, u_cd_m2=u_cd_m2, basis=basis, assumed=True), raised
+        values: Values = {"glare_share": [0.0, _USUAL_GLARE], "frame_mean_cd_m2": mean_cd_m2}
+        return FieldCorrection(
+            source=STRAY, u_cd_m2=u_cd_m2, basis=basis, assumed=True, values=values
+        ), raised
     offset = field.glare_share * mean_cd_m2
     basis = f"{field.glare_share:.2%} of the frame's mean of {mean_cd_m2:.4g} cd/m2"
-    return FieldCorrection(source=STRAY, offset_cd_m2=offset, u_cd_m2=_GLARE_REL * offset, basis=basis), ()
+    values = {"glare_share": field.glare_share, "frame_mean_cd_m2": mean_cd_m2}
+    u_cd_m2 = _GLARE_REL * offset
+    return FieldCorrection(source=STRAY, offset_cd_m2=offset, u_cd_m2=u_cd_m2, basis=basis, values=values), ()
 
 
 def apply_corrections(applied: AppliedLuminance, corrections: Sequence[FieldCorrection]) -> AppliedLuminance:

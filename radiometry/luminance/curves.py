@@ -17,6 +17,7 @@ from radiometry.frame.exposure import expect_luminance_k
 from radiometry.luminance.coefficient import Coefficient
 from radiometry.luminance.decision import compute_risk, decide
 from radiometry.luminance.flicker import estimate_flicker
+from radiometry.luminance.lamp_kinds import find_modulation
 from radiometry.luminance.points import Candidate, IsoSeries
 from radiometry.luminance.report import list_budget, report_coefficient, report_model, report_points
 from radiometry.luminance.results import IsoFit, Point
@@ -57,7 +58,8 @@ def fit_series(
     curve = learn_lamp(curve)
     coefficient, chosen = fit_coefficient(series, params, calibration_u_rel=calibration_u_rel, curve=curve)
     others = [fit_curve(curve, model=model) if model != params.model else chosen for model in get_args(Model)]
-    points = report_points(series, chosen, curve.scatter_weights if params.estimator == "robust" else None)
+    robust = curve.scatter_weights if params.estimator == "robust" else None
+    points = report_points(series, chosen, robust, channel=params.channel)
     return IsoFit(
         coefficient=coefficient,
         models=tuple(report_model(fit, curve) for fit in others if fit is not None),
@@ -241,8 +243,9 @@ def _curve(series: IsoSeries, params: Params) -> Curve:
 
 
 def _estimate_flicker(used: Sequence[Candidate], params: Params) -> Vector | None:
-    """Return u of the part of the lamp's periods that each frame sees; None where no mains is stated."""
-    mains, depth = params.mains_frequency_hz, params.lamp_modulation
-    if mains is None:
+    """Return u of the part of the lamp's periods that each frame sees; None where nothing is stated of it."""
+    mains, kind = params.mains_frequency_hz, params.lamp_kind
+    if mains is None and kind is None:
         return None
+    depth = find_modulation(kind, params.lamp_modulation)
     return np.array([estimate_flicker(c.settings.exposure_time_s, mains, modulation=depth)[1] for c in used])

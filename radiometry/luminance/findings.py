@@ -178,7 +178,7 @@ def find_mixed_light(
     if len(colours) < 2:
         return ()
     cameras = list_responses() if response is None else (response,)
-    remedies = [fit_colour_remedy(each, channel=channel, calibrated="A") for each in cameras]
+    remedies = [fit_colour_remedy((each,), channel=channel, calibrated=("A",)) for each in cameras]
     spread = max(float(np.ptp(np.log(colours) @ (each.red, each.blue))) for each in remedies)
     error, allowed = math.expm1(spread), max(u_rel, LEAST_U_REL)
     if error <= 2.0 * allowed:

@@ -3,16 +3,16 @@
 import math
 
 from radiometry.findings import Raised
-from radiometry.fitting.evidence import FieldCorrection
+from radiometry.fitting.evidence import FieldCorrection, Values
 from radiometry.fitting.sources import FLICKER
 from radiometry.frame.exposure import Settings
 from radiometry.luminance import codes
 from radiometry.luminance.conditions import FieldConditions
+from radiometry.luminance.lamp_kinds import ANY_DEPTH, LABELS, find_modulation
 
-_MAINS_HZ = (50.0, 60.0)
+MAINS_HZ = (50.0, 60.0)
 _NAMED_FLICKER = 0.005
-# rms of a modulation that may be anything from 0 to 1
-_UNKNOWN_MODULATION = 1.0 / math.sqrt(3.0)
+_SMALL, _LARGEST = 0.01, 0.99
 
 
 def correct_flicker(
@@ -36,48 +36,100 @@ def correct_flicker(
 
     Notes
     -----
-    See `compute_flicker`; the phase at which an exposure begins is random, so that the rms over it counts,
-    and averages over frames. An unknown mains frequency is taken as that of 50 and 60 Hz which errs more.
+    A frame shows L (1 + e), e as in `estimate_flicker`, and L is found from what it shows. With x = m h,
+    the rms of 1 / (1 + e) - 1 over all phases, and then over the depths m from a to b, is [1]_::
+
+        u^2 = mean of (1 - x^2)^(-3/2) - 2 (1 - x^2)^(-1/2) + 1
+
+    which for small x is that of e. It averages over frames. Where the depth may be anything, the rms of e is
+    taken, which is the smaller one, and too small for times much shorter than a period.
+
+    References
+    ----------
+    .. [1] JCGM 101:2008, 5.3, doi:10.59161/JCGM101-2008
     """
-    mains, depth = field.mains_frequency_hz, field.flicker_modulation
-    frequencies = _MAINS_HZ if mains is None else (mains,)
-    largest, one = (
-        max(found)
-        for found in zip(
-            *(estimate_flicker(settings.exposure_time_s, each, modulation=depth) for each in frequencies),
-            strict=True,
-        )
-    )
-    u_rel = one / math.sqrt(frames)
+    mains, stated, kind = field.mains_frequency_hz, field.flicker_modulation, field.lamp_kind
+    time_s, (low, high) = settings.exposure_time_s, find_modulation(kind, stated)
+    largest, one = estimate_flicker(time_s, mains, modulation=(low, high))
+    if (low, high) != ANY_DEPTH:
+        one = _estimate_inverse(largest, low, high) or one
+    values: Values = {
+        "mains_frequency_hz": list(MAINS_HZ) if mains is None else mains,
+        "modulation": [low, high],
+        "exposure_share": largest,
+    }
     supply = "assumed: mains frequency of 50 or 60 Hz" if mains is None else f"{mains:g} Hz mains"
-    basis = f"{supply}, modulation {'assumed from 0 to 1' if depth is None else f'{depth:g}'}"
-    assumed = True if mains is None or depth is None else None
-    line = FieldCorrection(source=FLICKER, u_rel=u_rel, basis=basis, assumed=assumed)
-    if mains is not None or u_rel <= _NAMED_FLICKER:
+    depth = f"modulation {low:g}" if stated is not None else f"modulation assumed from {low:g} to {high:g}"
+    if kind is not None and stated is None:
+        values["lamp_kind"] = kind
+        depth = f"{LABELS[kind]}: {depth}"
+    basis = (
+        f"{supply}, {depth}, of which {time_s:g} s show {largest:.1%}" if mains != 0.0 else "direct current"
+    )
+    line = FieldCorrection(
+        source=FLICKER,
+        u_rel=one / math.sqrt(frames),
+        basis=basis,
+        assumed=True if mains is None or (stated is None and kind is None) else None,
+        values=values,
+    )
+    if mains is not None or line.u_rel <= _NAMED_FLICKER:
         return line, ()
-    detail = f"At {settings.exposure_time_s:g} s, light of 50 or 60 Hz mains can err by {largest:.1%}."
+    detail = f"At {time_s:g} s, light of 50 or 60 Hz mains can err by {high * largest:.1%}."
     return line, (codes.FLICKER_UNKNOWN.at("", detail),)
 
 
 def estimate_flicker(
-    exposure_time_s: float, mains_frequency_hz: float, *, modulation: float | None
+    exposure_time_s: float, mains_frequency_hz: float | None, *, modulation: tuple[float, float]
 ) -> tuple[float, float]:
     """Return the largest relative error of an exposure under fully modulated light, and its rms.
 
     Parameters
     ----------
-    exposure_time_s, mains_frequency_hz : float
-        As in `compute_flicker`.
-    modulation : float or None
-        Modulation depth; None for anything from 0 to 1.
+    exposure_time_s : float
+        Exposure time [s].
+    mains_frequency_hz : float or None
+        Frequency of the mains [Hz], 0 of direct current; None for 50 or 60 Hz, whichever errs more.
+    modulation : tuple[float, float]
+        Smallest and largest modulation depth.
 
     Returns
     -------
     tuple of float
-        Largest error, and the rms over all phases at the modulation.
+        Largest error at full modulation, and the rms over all phases and over the modulations.
+
+    Notes
+    -----
+    With the largest error h of `compute_flicker` at full modulation, a phase that is anywhere and a depth
+    that is anywhere from a to b, both with equal probability [1]_::
+
+        u^2 = h^2 / 2 (a^2 + a b + b^2) / 3
+
+    References
+    ----------
+    .. [1] JCGM 100:2008, 4.3.7 and 4.4.5, doi:10.59161/JCGM100-2008E
     """
-    largest = compute_flicker(exposure_time_s, mains_frequency_hz=mains_frequency_hz)
-    return largest, (_UNKNOWN_MODULATION if modulation is None else modulation) * largest / math.sqrt(2.0)
+    frequencies = MAINS_HZ if mains_frequency_hz is None else (mains_frequency_hz,)
+    largest = max(compute_flicker(exposure_time_s, mains_frequency_hz=each) for each in frequencies)
+    low, high = modulation
+    return largest, largest * math.sqrt((low * low + low * high + high * high) / 6.0)
+
+
+def _estimate_inverse(largest: float, low: float, high: float) -> float:
+    """Return the rms of 1 / (1 + e) - 1; 0 where rounding would exceed it, and it is that of e."""
+    if largest * high < _SMALL:
+        return 0.0
+    # light that goes out altogether is not known at all from a moment of it
+    share = min(largest, _LARGEST / high)
+
+    def integrate(depth: float) -> float:
+        x = share * depth
+        return depth / math.sqrt(1.0 - x * x) - 2.0 * math.asin(x) / share + depth
+
+    if low == high:
+        rest = 1.0 - (share * low) ** 2
+        return math.sqrt(rest**-1.5 - 2.0 * rest**-0.5 + 1.0)
+    return math.sqrt((integrate(high) - integrate(low)) / (high - low))
 
 
 def compute_flicker(exposure_time_s: float, *, mains_frequency_hz: float) -> float:
@@ -88,7 +140,7 @@ def compute_flicker(exposure_time_s: float, *, mains_frequency_hz: float) -> flo
     exposure_time_s : float
         Exposure time [s].
     mains_frequency_hz : float
-        Frequency of the mains [Hz].
+        Frequency of the mains [Hz]; 0 of direct current, which does not flicker.
 
     Returns
     -------
@@ -104,4 +156,6 @@ def compute_flicker(exposure_time_s: float, *, mains_frequency_hz: float) -> flo
     It is 0 for t = n / f. A rolling shutter turns it into bands, which a region averages in part.
     """
     turns = 2.0 * mains_frequency_hz * exposure_time_s
+    if not turns:
+        return 0.0
     return abs(math.sin(math.pi * turns)) / (math.pi * turns)

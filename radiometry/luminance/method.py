@@ -23,6 +23,7 @@ from radiometry.luminance import codes
 from radiometry.luminance.checks import check_iso_fit, check_series
 from radiometry.luminance.curves import fit_series
 from radiometry.luminance.lamp import check_reading_times
+from radiometry.luminance.lamp_kinds import LABELS
 from radiometry.luminance.missing import list_missing, list_unread_scenes, require_shares
 from radiometry.luminance.points import collect_series
 from radiometry.luminance.results import Fit, IsoFit, SpectralQuality
@@ -70,6 +71,7 @@ def make_row(evidence: FrameEvidence[None]) -> FrameRow:
         statistics=evidence.statistics,
         has_region=evidence.has_region,
         rendered=evidence.header.rendered,
+        from_table=evidence.header.table is not None,
         assumes_black=evidence.header.assumes_black,
         taken_at=evidence.header.taken_at,
         gain_maps=tuple(maps),
@@ -158,11 +160,11 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
 
 
 def _judge_spectrum(params: Params) -> SpectralQuality | None:
-    lamp, response = params.lamp, params.camera_response
-    if lamp is None and response is None:
+    lamp, response, kind = params.lamp, params.camera_response, params.lamp_kind
+    if lamp is None and response is None and kind is None:
         return None
     return SpectralQuality(
-        lamp=describe_curve(lamp, list_lamps()),
+        lamp=LABELS[kind] if kind and lamp is None else describe_curve(lamp, list_lamps()),
         camera_response=describe_curve(response, list_responses()),
         f1_prime=compute_f1_prime(response, channel=params.channel) if response is not None else None,
     )

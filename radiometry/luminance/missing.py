@@ -49,12 +49,15 @@ def list_missing(
         found.append(f"{_name_frames(sceneless, 'has', 'have')} no scene: say which light level it is")
     if not light and not waiting:
         return [*found, "the campaign has no light frame"]
+    if waiting:  # they may be of any ISO value
+        return found
+    unmeasured = {row.exposure.iso for row in light if not row.statistics}
     for series in collect_series(rows, readings, params):
-        usable = {candidate.scene for candidate in series.used}
-        if len(usable) < FEWEST_SCENES:
+        usable = len({candidate.scene for candidate in series.used})
+        if usable < FEWEST_SCENES and series.iso not in unmeasured:
             found.append(
-                f"ISO {series.iso:g} has {len(usable)} usable scenes, a fit needs {FEWEST_SCENES}: "
-                f"{_reasons(series)}"
+                f"ISO {series.iso:g} has {usable} usable scene{'' if usable == 1 else 's'}, "
+                f"a fit needs {FEWEST_SCENES}: {_reasons(series)}"
             )
     return found
 

@@ -29,37 +29,51 @@ def split(result: Node) -> Iterator[Node]:
 
 
 def _build_signal(result: Node, _: Rows) -> Iterator[Figure]:
-    for part, logarithmic in (("Linear", False), ("Logarithmic", True)):
-        added = ", logarithmic" if logarithmic else ""
+    """The signal against X, in logarithms, and against ln X alone: figures 9 and 10 of the procedure."""
+    for part, log_x, log_y in (
+        ("Linear", False, False),
+        ("Logarithmic", True, True),
+        ("Semilogarithmic", True, False),
+    ):
+        semilog = log_x and not log_y
         yield Figure(
             part=part,
-            x=Axis(label=_X + added, logarithmic=logarithmic, include=() if logarithmic else (0.0,)),
-            y=Axis(
-                label=f"signal above dark [DN]{added}",
-                logarithmic=logarithmic,
-                include=() if logarithmic else (0.0,),
-            ),
+            note="Line: the model N = a ln X + b of the procedure" if semilog else "",
+            x=_signal_axis(_X, logarithmic=log_x),
+            y=_signal_axis("signal above dark [DN]", logarithmic=log_y),
             series=tuple(
                 Series(
                     name=_name(c),
                     marks=tuple(_mark(p, p["rhs"], p["adjusted_signal_dn"]) for p in points),
-                    model=_sample(c, points, logarithmic=logarithmic),
+                    model=_sample(_find_semilog(fit) if semilog else c, points, log_x=log_x, log_y=log_y),
                 )
-                for c, points in _by_iso(result)
+                for fit, (c, points) in zip(result["iso_fits"], _by_iso(result), strict=True)
             ),
         )
 
 
-def _sample(c: Node, points: Sequence[Node], *, logarithmic: bool) -> tuple[tuple[float, float], ...]:
+def _signal_axis(label: str, *, logarithmic: bool) -> Axis:
+    added = ", logarithmic" if logarithmic else ""
+    return Axis(label=label + added, logarithmic=logarithmic, include=() if logarithmic else (0.0,))
+
+
+def _find_semilog(fit: Node) -> Node | None:
+    """Return the fit in ln X; None where there were too few points for it."""
+    return next((each for each in fit.get("models") or () if each["model"] == "semilog"), None)
+
+
+def _sample(
+    model: Node | None, points: Sequence[Node], *, log_x: bool, log_y: bool
+) -> tuple[tuple[float, float], ...]:
     """Return the model where there are points."""
-    if not points:
+    if not points or model is None:
         return ()
     rhs = [p["rhs"] for p in points]
     # a power or a logarithm has no value at 0
-    low, high = min(rhs) / (1.0 if logarithmic else 50.0), max(rhs)
-    along = np.geomspace(low, high, _ALONG) if logarithmic else np.linspace(low, high, _ALONG)
-    signal = predict(c["model"], np.asarray(c["parameters"]), along)
-    kept = signal > 0.0 if logarithmic else np.isfinite(signal)
+    low, high = min(rhs) / (1.0 if log_x else 50.0), max(rhs)
+    along = np.geomspace(low, high, _ALONG) if log_x else np.linspace(low, high, _ALONG)
+    signal = predict(model["model"], np.asarray(model["parameters"]), along)
+    kept = signal > 0.0 if log_y else np.isfinite(signal)
     return tuple(zip(along[kept].tolist(), signal[kept].tolist(), strict=True))
 
 
@@ -215,7 +229,7 @@ PLOTS: Final = (
         title="Signal and exposure \N{MULTIPLICATION SIGN} luminance",
         build=_build_signal,
         is_wide=True,
-        most_printed=2,
+        most_printed=3,
     ),
     Plot(
         name="apertures",

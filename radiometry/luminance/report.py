@@ -167,6 +167,7 @@ def _find_conditions(used: Sequence[Candidate], params: Params) -> CalibrationCo
         camera_response=params.camera_response,
         focus_distance_m=params.focus_distance_m,
         focal_length_mm=params.focal_length_mm,
+        lamp_kind=params.lamp_kind,
     )
     if stated == CalibrationConditions():
         return None
@@ -193,7 +194,9 @@ def list_budget(fit: CurveFit, calibration_u_rel: float) -> tuple[BudgetEntry, .
     )
 
 
-def report_points(series: IsoSeries, fit: CurveFit, robust: Vector | None) -> tuple[Point, ...]:
+def report_points(
+    series: IsoSeries, fit: CurveFit, robust: Vector | None, *, channel: str
+) -> tuple[Point, ...]:
     """Report every light frame: the used ones with their weight, all with the values of the curve."""
     names = [c.frame for c in series.used]
     weights = dict(zip(names, fit.k_weights.tolist(), strict=True))
@@ -205,6 +208,8 @@ def report_points(series: IsoSeries, fit: CurveFit, robust: Vector | None) -> tu
             _point(series.iso, fit.model, parameters, c, factors.get(c.settings.f_number)),
             weight=weights.get(c.frame, 0.0),
             robust_weight=weighed.get(c.frame),
+            min_dn=min(row.min_dn for row in c.select_rows(channel)),
+            max_dn=max(row.max_dn for row in c.select_rows(channel)),
         )
         for c in series.candidates
     )

@@ -116,6 +116,9 @@ class Point:
     x_factor : float or None
         Light at the f-number relative to the nominal one; None where there is no K at
         f-numbers.
+    min_dn, max_dn : int or None
+        Smallest and largest raw value of the region in the channel of the fit [DN];
+        None in versions from before they were listed.
     """
 
     frame: str
@@ -139,6 +142,8 @@ class Point:
     lens_share: Quantity | None = field(default=None, metadata=LATER)
     robust_weight: float | None = field(default=None, metadata=LATER)
     x_factor: float | None = field(default=None, metadata=LATER)
+    min_dn: int | None = field(default=None, metadata=LATER)
+    max_dn: int | None = field(default=None, metadata=LATER)
 
 
 @dataclass(frozen=True, kw_only=True)

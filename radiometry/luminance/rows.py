@@ -8,6 +8,7 @@ from radiometry.frame.exposure import Exposure, Settings
 from radiometry.frame.keeping import Keeping
 from radiometry.frame.statistics import ChannelStatistics, measure_signal
 from radiometry.frame.statistics import Signal as MeasuredSignal
+from radiometry.luminance.lamp_kinds import LABELS, LampKind
 from radiometry.specification.parameters import check_parameters, parameter
 from radiometry.specification.stored import LATER
 from radiometry.spectral.curves import list_lamps, list_responses, read_lamp, read_response
@@ -172,23 +173,36 @@ class Params(Keeping):
         unit="mm",
         bounds="[0.5, 5000]",
     )
+    lamp_kind: LampKind | None = parameter(
+        None,
+        later=True,
+        label="Kind of lamp",
+        description="Of the lights of this campaign: the lamp of a calibration, and what lights its field "
+        "frames unless a measurement states another. It states how deep the light flickers and which "
+        "spectra it may have.",
+        labels=LABELS,
+        default_text="anything",
+        example="led",
+        given_by="campaign",
+    )
     mains_frequency_hz: float | None = parameter(
         None,
         later=True,
         label="Mains frequency",
-        description="Of the supply of the lamp, and of the lights in this campaign's field frames.",
-        default_text="unknown",
+        description="Of the supply of these lights; 0 for direct current, which does not flicker.",
+        default_text="50 or 60 Hz",
         example=50.0,
         given_by="campaign",
         unit="Hz",
-        bounds="[10, 500]",
+        bounds="[0, 500]",
     )
     lamp_modulation: float | None = parameter(
         None,
         later=True,
-        label="Modulation depth of the lamp",
-        description="(L_max - L_min) / (L_max + L_min) of the lamp over a period of its flicker.",
-        default_text="unknown",
+        label="Modulation depth",
+        description="(L_max - L_min) / (L_max + L_min) of these lights over a period of their flicker, where "
+        "it was measured.",
+        default_text="that of the kind of lamp, else anything from 0 to 1",
         example=0.05,
         given_by="campaign",
         bounds="[0, 1]",
@@ -238,6 +252,8 @@ class FrameRow(Keeping):
         False if no region is drawn for it.
     rendered : bool, default: False
         True if the frame is a converted image.
+    from_table : bool, default: False
+        True if the frame is a row of a table, without pixels.
     assumes_black : bool, default: False
         True if the file states no black level, so that 0 is read for it.
     taken_at : str or None, default: None
@@ -255,6 +271,7 @@ class FrameRow(Keeping):
     statistics: tuple[ChannelStatistics, ...] | None
     has_region: bool = True
     rendered: bool = False
+    from_table: bool = False
     assumes_black: bool = False
     taken_at: str | None = None
     gain_maps: tuple[str, ...] = ()

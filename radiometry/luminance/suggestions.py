@@ -12,6 +12,7 @@ from radiometry.luminance.agreement import DOUBTFUL_REL, measure_brightness
 from radiometry.luminance.dark import check_dark
 from radiometry.luminance.flicker import compute_flicker
 from radiometry.luminance.lamp import check_reading_times
+from radiometry.luminance.lamp_kinds import find_modulation
 from radiometry.luminance.messages import show_time
 from radiometry.luminance.missing import list_unread_scenes
 from radiometry.luminance.points import FEW_POINTS, FEWEST_SCENES, IsoSeries, collect_series
@@ -57,7 +58,7 @@ def plan(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) 
     for one in series.values():
         found += _plan_darks(one) + _plan_levels(one) + _plan_settings(one)
         found += _plan_times(one, params) + _doubt_readings(one)
-    if params.camera_response is not None and params.lamp is None:
+    if params.camera_response is not None and params.lamp is None and params.lamp_kind is None:
         found.append("the lamp is not stated: without it no spectral mismatch can be corrected")
     return (*found, *_plan_readings(rows, readings, params))
 
@@ -125,12 +126,12 @@ def _plan_settings(series: IsoSeries) -> list[str]:
 
 def _plan_times(series: IsoSeries, params: Params) -> list[str]:
     """Name the exposure times that catch a part of a period of the lamp's flicker."""
-    mains, depth = params.mains_frequency_hz, params.lamp_modulation
+    mains, (_, depth) = params.mains_frequency_hz, find_modulation(params.lamp_kind, params.lamp_modulation)
     if mains is None:
         return []
     found = []
     for time_s in sorted({candidate.settings.exposure_time_s for candidate in series.used}):
-        error = (1.0 if depth is None else depth) * compute_flicker(time_s, mains_frequency_hz=mains)
+        error = depth * compute_flicker(time_s, mains_frequency_hz=mains)
         if error > _FLICKER:
             found.append(
                 f"{show_time(time_s)} at ISO {series.iso:g} is no whole number of half periods of "

@@ -59,8 +59,8 @@ def _inspect_series(
         for candidate in series.candidates
         if (found := inspect_exposure(candidate, channel, expected_signal_dn=expected.get(candidate.frame)))
     }
-    # a tone curve bends noise: what it leaves says nothing of the light
-    rendered = {row.frame for row in rows if row.rendered}
+    # a tone curve bends noise, and a table may not state it
+    rendered = {row.frame for row in rows if row.rendered or row.from_table}
     darks = [
         select_rows(row.statistics, channel=channel)
         for row in rows

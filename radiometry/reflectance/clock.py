@@ -4,14 +4,10 @@ from datetime import UTC, datetime
 
 from radiometry.findings import InputRejected
 from radiometry.frame import FrameHeader
+from radiometry.frame.clock import has_set_clock, writes_utc
 from radiometry.reflectance import codes
 from radiometry.reflectance.sun import SunPosition, locate_sun
 from radiometry.reflectance.tilt import Tilt, TiltParams, require_high_sun
-
-# A clock that was never set starts in 1970, or when a GPS week begins: 1980.
-EARLIEST_YEAR = 2000
-# A DJI camera writes the time of day of the place, without its offset.
-_LOCAL_CLOCKS = frozenset({"dji"})
 
 
 def read_clock(header: FrameHeader) -> datetime | None:
@@ -20,8 +16,8 @@ def read_clock(header: FrameHeader) -> datetime | None:
     Returns
     -------
     datetime or None
-        None if the file has no time. Both manufacturers write UTC; an offset in the
-        file is used.
+        None if the file has no time. Parrot and MicaSense write UTC; an offset in
+        the file is used.
     """
     if header.taken_at is None:
         return None
@@ -51,7 +47,7 @@ def locate_sun_of(header: FrameHeader) -> SunPosition | None:
         clock before 2000, which was never set, or of a local time without offset.
     """
     at, band = read_clock(header), header.multispectral
-    if at is None or not has_set_clock(at) or _is_local(header):
+    if at is not None and (not has_set_clock(at) or _is_local(header)):
         at = None
     if at is not None and header.latitude_deg is not None and header.longitude_deg is not None:
         return locate_sun(at, latitude_deg=header.latitude_deg, longitude_deg=header.longitude_deg)
@@ -62,15 +58,8 @@ def locate_sun_of(header: FrameHeader) -> SunPosition | None:
 
 
 def _is_local(header: FrameHeader) -> bool:
-    band, stated = header.multispectral, header.taken_at
-    if band is None or stated is None or band.system not in _LOCAL_CLOCKS:
-        return False
-    return datetime.fromisoformat(stated).tzinfo is None
-
-
-def has_set_clock(at: datetime) -> bool:
-    """Return False for a time before any of these cameras was built."""
-    return at.year >= EARLIEST_YEAR
+    stated = datetime.fromisoformat(header.taken_at or "").tzinfo is not None
+    return not stated and header.multispectral is not None and not writes_utc(header.multispectral.system)
 
 
 def find_tilt(header: FrameHeader, params: TiltParams | None) -> Tilt | None:

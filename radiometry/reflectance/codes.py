@@ -15,7 +15,7 @@ SUNSHINE_SECOND_CHANNEL = flag(
     "took its place.",
     "Take the panel in the light of the flight: its frames then show how the two channels compare. By the "
     "gain table alone that is uncertain by 35 %, unless the panel was read in channel 1 too.",
-    *("calibration", "measurement"),
+    *("calibration", "measurement", "frame", "verdict"),
 )
 SUNSHINE_GAIN_ASSUMED = flag(
     "sunshine_gain_assumed",

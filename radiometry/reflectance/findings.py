@@ -4,16 +4,19 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from radiometry.findings import Raised, shared
+from radiometry.findings import InputRejected, Raised, shared
 from radiometry.frame import FrameHeader
+from radiometry.frame.clock import has_set_clock
 from radiometry.frame.exposure import Exposure
+from radiometry.frame.multispectral import Multispectral
 from radiometry.reflectance import codes
-from radiometry.reflectance.clock import has_set_clock, read_clock
+from radiometry.reflectance.clock import read_clock
 from radiometry.reflectance.evaluation import HALF_HOUR_S, interpolate
 from radiometry.reflectance.imaging import describe_kind, find_black_dn, inspect_band
 from radiometry.reflectance.panel import OLD_DAYS, list_named
 from radiometry.reflectance.points import MOST_SATURATED_SHARE, Candidate, sunshine_flags
 from radiometry.reflectance.results import BandFit
+from radiometry.reflectance.sunshine import measure_sunshine
 
 STEEPEST_GRADIENT_REL = 0.03
 LARGEST_DRIFT_REL = 0.03
@@ -29,8 +32,8 @@ def review_frame(header: FrameHeader, *, exposure: Exposure | None) -> list[Rais
     Returns
     -------
     list of Raised
-        Flags of `check_frame`; `frame_left_out` alone for a thermal or panchromatic
-        band.
+        Flags of `check_frame`, and `sunshine_second_channel`; `frame_left_out` alone for a thermal or
+        panchromatic band.
 
     Raises
     ------
@@ -42,7 +45,16 @@ def review_frame(header: FrameHeader, *, exposure: Exposure | None) -> list[Rais
         return [shared.FRAME_LEFT_OUT.at("", describe_kind(band))]
     if exposure is not None:
         inspect_band(header, exposure.on_basis("nominal"))
-    return check_frame(header)
+    return [*check_frame(header), *(_find_second_channel(band) if band is not None else ())]
+
+
+def _find_second_channel(band: Multispectral) -> list[Raised]:
+    """Return the flag of a file whose every reading of channel 0 was left out."""
+    try:
+        found = measure_sunshine(band).flags
+    except InputRejected:
+        return []
+    return [raised for raised in found if raised.flag == codes.SUNSHINE_SECOND_CHANNEL]
 
 
 def check_frame(header: FrameHeader, *, where: str = "") -> list[Raised]:

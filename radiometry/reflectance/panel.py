@@ -8,8 +8,8 @@ from typing import Final
 
 from radiometry.findings import interface
 from radiometry.frame.bands import name_panel
+from radiometry.frame.clock import has_set_clock
 from radiometry.frame.multispectral import Multispectral
-from radiometry.reflectance.clock import has_set_clock
 from radiometry.reflectance.rows import FrameRow, Params, Reading
 
 OLD_DAYS: Final = 730.5

@@ -125,17 +125,14 @@ def list_bands_without_reflectance(
         and row.header.multispectral is not None
         and row.header.multispectral.panel_albedo is None
     }
-    unknown = sorted(shown - {reading.band for reading in choose_readings(readings, params)})
-    if not readings:
-        return [
-            f"nobody has said what the panel reflects in band {band}: register the panel, and name it "
-            "(panel_id) where several are registered"
-            for band in unknown
-        ]
-    return [
-        f"panel {readings[0].panel} has no reflectance for band {band}: register it with this band"
-        for band in unknown
-    ]
+    unknown = ", ".join(sorted(shown - {reading.band for reading in choose_readings(readings, params)}))
+    if not unknown:
+        return []
+    if readings:
+        named = f"panel {readings[0].panel} has no reflectance (band {unknown})"
+        return [f"{named}: register it with what it reflects there"]
+    named = f"the panel's reflectance is not known (band {unknown})"
+    return [f"{named}: register the panel; where several are, name it (panel_id)"]
 
 
 def require_flat_angle(angle_deg: float) -> None:

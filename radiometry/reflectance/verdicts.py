@@ -29,7 +29,7 @@ def judge(
     dict of str to Verdict
         Verdict by name of the frame. Reasons beyond those of any frame: `clipped`,
         `panel_uneven`, `panel_weak`, `panel_unknown`, `panel_differs` of a panel frame;
-        `sunshine_unusable` of any.
+        `sunshine_unusable` and `sunshine_second_channel` of any.
     """
     reasons = inspect_frames(frames)
     for each in collect_candidates(rows, readings, replace(params, normalisation="panel_only", exclude=())):
@@ -64,7 +64,7 @@ def _inspect_panel(candidate: Candidate) -> list[Reason]:
         found.append(codes.PANEL_UNEVEN.reason(detail))
     if candidate.left_out == NO_REFLECTANCE:
         detail = (
-            f"Nobody has said what the panel reflects in band {candidate.band.band}: "
+            f"The panel's reflectance in band {candidate.band.band} is not known: "
             "register the panel with this band and name it in the campaign."
         )
         found.append(codes.PANEL_UNKNOWN.reason(detail))
@@ -76,20 +76,33 @@ def _inspect_sunshine(row: FrameRow, params: Params) -> list[Reason]:
     if band is None:
         return []
     try:
-        measure_sunshine(band, choice=params.sunshine_choice)
+        found = measure_sunshine(band, choice=params.sunshine_choice)
     except InputRejected as rejected:
         return [codes.SUNSHINE_UNUSABLE.reason(rejected.message)]
-    return []
+    second = codes.SUNSHINE_SECOND_CHANNEL
+    return [
+        second.reason(f"{second.sentence} {raised.detail} {second.remedy}")
+        for raised in found.flags
+        if raised.flag == second
+    ]
 
 
 def plan(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> tuple[str, ...]:
     """List by name what would improve the fit."""
-    candidates = [each for each in collect_candidates(rows, readings, params) if not each.left_out]
+    collected = collect_candidates(rows, readings, params)
+    candidates = [each for each in collected if not each.left_out]
     advice: list[str] = []
     shown = {row.header.multispectral.band for row in rows if row.header.multispectral is not None}
     if any(row.role == PANEL for row in rows):
-        unseen = sorted(shown - {each.band.band for each in candidates})
-        advice += [f"band {band} has no usable panel frame" for band in unseen]
+        # a region or a reflectance that is lacking is asked for by itself
+        waiting = {each.frame for each in rows if each.features is None}
+        seen = {
+            each.band.band
+            for each in collected
+            if each.left_out in {"", NO_REFLECTANCE} or each.row.frame in waiting
+        }
+        if unseen := ", ".join(sorted(shown - seen)):
+            advice.append(f"no panel frame can be used (band {unseen})")
     if candidates and len({each.visit for each in candidates}) == 1:
         advice.append("the panel was photographed once: take it after the flight too, to see the drift")
     if any(each.panel is not None and not each.panel.states_uncertainty for each in candidates):

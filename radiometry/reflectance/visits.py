@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from radiometry.findings import Raised
+from radiometry.frame.clock import EARLIEST_YEAR
 from radiometry.reflectance import codes
-from radiometry.reflectance.clock import EARLIEST_YEAR, read_clock
+from radiometry.reflectance.clock import read_clock
 from radiometry.reflectance.evaluation import change_variance
 from radiometry.reflectance.points import Candidate
 from radiometry.reflectance.results import Knot

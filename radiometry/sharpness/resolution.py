@@ -10,6 +10,7 @@ from radiometry.sharpness.features import Contrasts, Estimate
 SMALL_FORMAT_HEIGHT_MM = 24.0
 
 _NEIGHBOURS = 3
+_LEAST_CONTRAST = 1e-4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,21 +112,29 @@ def find_resolving_power(
 
     Notes
     -----
-    A straight line through three rings on either side smooths the rings' noise;
-    u(f) = u(line at the root) / |slope|, with the rings' own uncertainties.
+    Between the last ring above the level and the first below, ln(contrast) is interpolated over f^2, where
+    a Gaussian blur is a straight line. The difference from a straight line in contrast over f is the
+    standard uncertainty of the model; that of the rings is u(contrast at the root) / |slope|, with the mean
+    slope over three rings on either side, since noise chooses the steepest pair to cross.
     """
-    values = np.array(curve.contrast)
+    values, u = np.array(curve.contrast), np.array(curve.contrast_u)
     below = np.flatnonzero(values < contrast)
     if not below.size or below[0] == 0:
         return None
-    part = slice(max(0, int(below[0]) - _NEIGHBOURS), int(below[0]) + _NEIGHBOURS)
-    x, y, u = np.array(frequency)[part], values[part], np.array(curve.contrast_u)[part]
-    design = np.column_stack((np.ones(x.size), x - x.mean()))
-    weights = np.linalg.pinv(design)
-    level, slope = weights @ y
-    if slope >= 0.0:
-        return None
-    root = float(np.clip(x.mean() + (contrast - level) / slope, x[0], x[-1]))
-    covariance = (weights * u**2) @ weights.T
-    at = np.array([1.0, root - x.mean()])
-    return Estimate(value=root, standard_uncertainty=float(np.sqrt(at @ covariance @ at) / -slope))
+    pair = slice(int(below[0]) - 1, int(below[0]) + 1)
+    f, ring_u = np.array(frequency)[pair], u[pair]
+    # a contrast within its noise has no logarithm of meaning
+    logs = np.log(np.maximum(values[pair], np.maximum(ring_u, _LEAST_CONTRAST)))
+    line, curved = (
+        float((start - level) / (start - end))
+        for start, end, level in ((*values[pair], contrast), (*logs, math.log(contrast)))
+    )
+    root = math.sqrt(f[0] ** 2 + min(curved, 1.0) * (f[1] ** 2 - f[0] ** 2))
+    straight = f[0] + line * (f[1] - f[0])
+    around = slice(max(0, pair.stop - 1 - _NEIGHBOURS), pair.stop - 1 + _NEIGHBOURS)
+    fall = values[around][0] - values[around][-1]
+    span = np.array(frequency)[around][-1] - np.array(frequency)[around][0]
+    if fall <= 0.0:
+        fall, span = values[pair][0] - values[pair][1], f[1] - f[0]
+    noise_u = math.hypot((1.0 - line) * ring_u[0], line * ring_u[1]) * span / fall
+    return Estimate(value=root, standard_uncertainty=math.hypot(float(noise_u), straight - root))

@@ -130,6 +130,8 @@ class MethodSpec:
     check_frame : callable
         ``(header, *, exposure) -> sequence of Raised``, what the method finds in a frame's metadata when it
         is read; `frame_left_out` if it has no use for it. Raises InputRejected if the frame cannot be used.
+    check_features : callable
+        ``(features) -> sequence of Raised``, what the method finds in a frame's features.
     extract : callable
         ``(frame, regions, *, header, exposure, target) -> Extracted``. ``frame`` contains the regions'
         window. ``exposure`` is None only for a frame of a chart whose file has none. Raises InputRejected.
@@ -162,8 +164,9 @@ class MethodSpec:
         be None or missing if it does not exist.
     split : callable
         ``(stored result) -> stored results``, parts whose plots are printed in a row each.
-    draws_flight : bool
-        True if a plot marks when measured frames were taken: times in ISO 8601 under "flight".
+    of_one_flight : bool
+        True if a version holds for the flight of its campaign: frames of the campaign are measured with it,
+        and a plot marks when they were taken (times in ISO 8601 under "flight").
     certificate : CertificateText
         What a certificate prints of the method.
     list_budgets : callable
@@ -225,9 +228,10 @@ class MethodSpec:
     plots: tuple[Plot, ...] = ()
     split: Callable[[dict[str, Any]], Iterable[dict[str, Any]]] = field(default=_alone)
     list_key_figures: Callable[[dict[str, Any]], tuple[KeyFigure, ...]] = field(default=_none)
-    draws_flight: bool = False
+    of_one_flight: bool = False
     list_budgets: Callable[[Any], tuple[Budget, ...]] = field(default=_none)
     check_frame: Callable[..., Sequence[Raised]] = field(default=_none)
+    check_features: Callable[[Any], Sequence[Raised]] = field(default=_none)
     find_region: Callable[..., FoundRegion | None] = field(default=_nothing)
     take_region: Callable[..., tuple[Polygon, float] | None] = field(default=_nothing)
     make_row: Callable[..., Any] = field(default=_same)

@@ -49,6 +49,9 @@ class Parameter:
         True if the text "none" switches the parameter off.
     version_of : str
         Name of the method whose version a "version" names, otherwise empty.
+    displaced_by : tuple of str
+        Parameters of a request, any of which states other surroundings than the campaign's: its value of
+        this one then does not count.
     suggest : callable
         ``() -> tuple of str``, names that a "text" may have.
     """
@@ -70,6 +73,7 @@ class Parameter:
     given_by: Literal["request", "campaign"] = "request"
     none_allowed: bool = False
     version_of: str = ""
+    displaced_by: tuple[str, ...] = ()
     suggest: Callable[[], tuple[str, ...]] = tuple
     members: tuple["Parameter", ...] = ()
 

@@ -12,7 +12,8 @@ SPECTRAL_MISMATCH_UNKNOWN = flag(
     "spectral_mismatch_unknown",
     "The spectrum of the calibration's lamp, of the measured light, or the camera's response is not known: "
     "its effect is assumed.",
-    "State `lamp` and `camera_response` with the campaign and `light_source` with the measurement, or "
+    "State what the detail names as not known: `lamp` or `lamp_kind` and `camera_response` with the campaign "
+    "of the calibration, `light_source` or `lamp_kind` with the measurement or its campaign; or "
     "`spectral_mismatch_u_rel` where you know better.",
     "measurement",
 )

@@ -154,7 +154,7 @@ class ColourRemedy:
     intercept, red, blue : float
         a, b and c of ln F = a + b ln(R/G) + c ln(B/G), colours over those under the calibration's lamp.
     rms_rel : float
-        Leave-one-lamp-out rms error of F.
+        Rms error of F for lamps, and a camera, that were left out.
     red_range, blue_range : tuple[float, float]
         Smallest and largest of ln(R/G) and ln(B/G) over the lamps.
     """
@@ -170,6 +170,11 @@ class ColourRemedy:
     def u_rel(self) -> float:
         """Relative standard uncertainty of a predicted factor."""
         return math.hypot(self.rms_rel, LEAST_U_REL)
+
+    @property
+    def factor(self) -> float:
+        """Factor for a region of the calibration's colour; of any where it does not depend on the colour."""
+        return math.exp(self.intercept)
 
     def predict(self, red_to_green: float, blue_to_green: float) -> float | None:
         """Predict the mismatch factor.
@@ -192,49 +197,86 @@ class ColourRemedy:
 
 
 @cache
-def fit_colour_remedy(response: str, *, channel: str, calibrated: str) -> ColourRemedy:
-    """Fit the mismatch factor to the raw colours of the library's lamps.
+def fit_colour_remedy(
+    responses: tuple[str, ...],
+    *,
+    channel: str,
+    calibrated: tuple[str, ...],
+    measured: tuple[str, ...] = (),
+    by_colour: bool = True,
+) -> ColourRemedy:
+    """Fit the mismatch factor to the raw colours of lamps.
 
     Parameters
     ----------
-    response : str
-        Camera response, a name or a table.
+    responses : tuple of str
+        Response of the camera; several if it may be like any of them.
     channel : str
         "green" or "grey".
-    calibrated : str
-        Lamp of the calibration.
+    calibrated, measured : tuple of str
+        Lamps that the calibration's, and the measured one, may be like; the library's if none is given.
+    by_colour : bool, default: True
+        False for a factor that does not depend on the colour.
 
     Returns
     -------
     ColourRemedy
-        Coefficients and the error that one lamp has from the others.
+        Coefficients, and the error for a pair of lamps and a camera that were left out.
 
     Notes
     -----
-    Ordinary least squares of ln F over the lamps. With the hat matrix H, the error of a lamp from a fit
-    without it is its residual over 1 - H_ii [1]_.
+    b and c by ordinary least squares of ln F over the library's lamps, with an intercept per camera; then a
+    as the mean of what is left over the pairs of lamps. Each pair is predicted from the other cameras, if
+    there are any, and from the other lamps, as far as a side has others [1]_.
 
     References
     ----------
     .. [1] D. M. Allen, Technometrics 16, 125 (1974), doi:10.1080/00401706.1974.10489157
     """
-    rgb, c = read_response(response), read_lamp(calibrated)
-    lamps = [read_lamp(name) for name in list_lamps()]
-    colours = np.array([_read_colour(rgb, lamp) for lamp in lamps]) - _read_colour(rgb, c)
-    wanted = np.log([_compute_factor(rgb @ _WEIGHTS[channel], c, lamp) for lamp in lamps])
-    design = np.column_stack([np.ones(len(lamps)), colours])
-    inverse = np.linalg.pinv(design)
-    fitted = inverse @ wanted
-    left_out = (design @ fitted - wanted) / (1.0 - np.einsum("ij,ji->i", design, inverse))
-    low, high = colours.min(axis=0), colours.max(axis=0)
+    library, ends = list_lamps(), (calibrated, measured or list_lamps())
+    rows = {
+        camera: {lamp: _describe(camera, lamp, channel) for lamp in {*library, *ends[0], *ends[1]}}
+        for camera in responses
+    }
+
+    def solve(cameras: tuple[str, ...], without: frozenset[str]) -> Vector:
+        pool = [lamp for lamp in library if lamp not in without]
+        each = [np.array([rows[camera][lamp] for lamp in pool]) for camera in cameras]
+        table = np.vstack([block - block.mean(axis=0) for block in each])
+        slopes = np.linalg.pinv(table[:, 1:]) @ table[:, 0] if by_colour else np.zeros(2)
+        kept = [[lamp for lamp in end if lamp not in without] or end for end in ends]
+        apart = [rows[camera][z] - rows[camera][c] for camera in cameras for c in kept[0] for z in kept[1]]
+        mean = np.mean(apart, axis=0)
+        return np.array([mean[0] - slopes @ mean[1:], *slopes])
+
+    # two lamps of one kind are two, but the calibration's may be the only one of its own
+    pairs = [(c, z) for c in ends[0] for z in ends[1] if c != z or len(ends[0]) == 1]
+    errors, colours = [], []
+    for camera in responses:
+        others = tuple(each for each in responses if each != camera) or (camera,)
+        for c, z in pairs:
+            shown = rows[camera][z] - rows[camera][c]
+            intercept, red, blue = solve(others, frozenset({z, c} if len(ends[0]) > 1 else {z}))
+            errors.append(intercept + red * shown[1] + blue * shown[2] - shown[0])
+            colours.append(shown[1:])
+    intercept, red, blue = (float(each) for each in solve(responses, frozenset()))
+    low, high = np.min(colours, axis=0), np.max(colours, axis=0)
     return ColourRemedy(
-        intercept=float(fitted[0]),
-        red=float(fitted[1]),
-        blue=float(fitted[2]),
-        rms_rel=float(np.sqrt(np.mean(np.expm1(left_out) ** 2))),
+        intercept=intercept,
+        red=red,
+        blue=blue,
+        rms_rel=float(np.sqrt(np.mean(np.expm1(errors) ** 2))),
         red_range=(float(low[0]), float(high[0])),
         blue_range=(float(low[1]), float(high[1])),
     )
+
+
+@cache
+def _describe(camera: str, lamp: str, channel: str) -> Vector:
+    """Return ln(int Z V / int Z s), ln(R/G) and ln(B/G) of a camera under a lamp."""
+    rgb, z = read_response(camera), read_lamp(lamp)
+    seen = math.log(float(z @ read_observer()) / _integrate(z, rgb @ _WEIGHTS[channel]))
+    return np.array([seen, *_read_colour(rgb, z)])
 
 
 def _compute_factor(s: Vector, c: Vector, z: Vector) -> float:

@@ -13,7 +13,7 @@ from radiometry.vignetting.grid import Plane
 from radiometry.vignetting.least_squares import solve_falloff
 from radiometry.vignetting.light import MOST_CLIPPED_SHARE, ChannelLight, FlatLight, leave_out
 from radiometry.vignetting.results import Spot
-from radiometry.vignetting.solution import Blocks, Solution
+from radiometry.vignetting.solution import CENTRE, Blocks, Solution
 
 LEAST_SIGNAL_SHARE = 0.02
 """Of the span from dark to white: a dark signal that is wrong by a thousandth of it is then 5 % of the light,
@@ -37,6 +37,8 @@ FEWEST_BLOCKS = 24
 _NORMAL_MAD = 1.4826
 _NEIGHBOURHOOD = 7
 _ROUNDS = 3
+_ROUNDS_OF_WEIGHTS = 8
+_RADIAL_DEGREE = 6
 _MOST_NAMED = 3
 
 
@@ -193,7 +195,7 @@ def _fit_without_spots(light: ChannelLight) -> tuple[Solution, NDArray[np.bool_]
     solution = solve_falloff(left.blocks)
     for _ in range(_ROUNDS):
         known = np.isfinite(left.blocks.standard_error)
-        found = _find_spots(solution.residual, known)
+        found = _find_spots(solution, left.blocks, known)
         if not found.any() or (known & ~found).sum() < FEWEST_BLOCKS:
             break
         spots |= found
@@ -202,11 +204,34 @@ def _fit_without_spots(light: ChannelLight) -> tuple[Solution, NDArray[np.bool_]
     return solution, spots
 
 
-def _find_spots(residual: Plane, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which blocks differ from the median of their 7 x 7 surroundings by 1 % and six deviations."""
+def _find_spots(solution: Solution, blocks: Blocks, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which blocks differ from the median of their 7 x 7 surroundings by 1 % and six deviations.
+
+    The deviation of a block grows with its own standard error: one that is cut by the border has fewer
+    pixels, one in a corner less light.
+    """
+    noise = np.where(known, blocks.standard_error / solution.fitted, 1.0)
+    residual = np.where(known, solution.residual - _follow_radius(solution, blocks, noise, known), 0.0)
     local = residual - scipy.ndimage.median_filter(residual, size=_NEIGHBOURHOOD, mode="nearest")
-    usual = _NORMAL_MAD * float(np.median(np.abs(local[known])))
-    return np.asarray(known & (np.abs(local) > max(SPOT_REL, SPOT_DEVIATIONS * usual)))
+    usual = _NORMAL_MAD * float(np.median(np.abs(local[known]) / noise[known]))
+    return np.asarray(known & (np.abs(local) > np.maximum(SPOT_REL, SPOT_DEVIATIONS * usual * noise)))
+
+
+def _follow_radius(solution: Solution, blocks: Blocks, noise: Plane, known: NDArray[np.bool_]) -> Plane:
+    """Return what a falloff has beyond three terms, which is steep in the corners of a wide lens and no spot.
+
+    A polynomial in r^2 through the residuals, whose outliers lose their weight.
+    """
+    squared = sum(
+        (place - at) ** 2 for place, at in zip(blocks.places, solution.parameters[CENTRE], strict=True)
+    )
+    x, y, weights = squared[known], solution.residual[known], 1.0 / noise[known]
+    for _ in range(_ROUNDS_OF_WEIGHTS):
+        curve = np.polynomial.Chebyshev.fit(x, y, _RADIAL_DEGREE, w=weights)
+        apart = np.abs(y - curve(x)) / noise[known]
+        spread = max(1.0, _NORMAL_MAD * float(np.median(apart)))
+        weights = 1.0 / noise[known] / np.hypot(1.0, apart / (2.0 * spread))
+    return np.asarray(curve(squared))
 
 
 def _list_spots(solution: Solution, spots: NDArray[np.bool_], blocks: Blocks) -> tuple[Spot, ...]:

@@ -74,7 +74,9 @@ def write_unit(unit: str) -> str:
 def _add_software(parent: ET.Element, certificate: Node) -> None:
     software = _add(parent, "software")
     _say(software, "name", "stilb")
-    _add(software, "release", "v" + certificate["software"].get("release", certificate["software"]["stilb"]))
+    release = certificate["software"].get("release", certificate["software"]["stilb"])
+    # the schema has no place for a development release
+    _add(software, "release", "v" + release.partition(".dev")[0])
 
 
 def _add_core(core: ET.Element, certificate: Node, country: str) -> None:

@@ -14,7 +14,7 @@ _MEANINGS = {
     403: "The key lacks a scope.",
     404: "There is no such thing for this key's organisation.",
     409: "It contradicts what is recorded.",
-    412: "The request speaks another protocol than the service does.",
+    412: "A condition in a header cannot be met, or an upload speaks no protocol that the service does.",
     413: "The body is too large.",
     500: "The stored file is damaged or missing; the same upload heals it.",
     415: "The body has another media type than is taken here, or it is compressed (`content_encoded`).",
@@ -63,6 +63,7 @@ def sends_stored_file(media_type: str) -> dict[int | str, dict[str, Any]]:
 
 def include_routes(app: FastAPI) -> None:
     """Hang every resource into the application."""
+    from service.proposals import routes as proposals  # noqa: PLC0415
     from service.routes import (  # noqa: PLC0415  the routes import this module's problems()
         audit,
         calibrations,
@@ -94,6 +95,7 @@ def include_routes(app: FastAPI) -> None:
         motion,
         organisation,
         panels,
+        points,
         readings,
         recalls,
         reports,
@@ -120,7 +122,9 @@ def include_routes(app: FastAPI) -> None:
         panels,
         campaigns,
         readings,
+        points,
         known,
+        proposals,
         map_tools,
         map_values,
         frames,

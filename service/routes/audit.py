@@ -14,7 +14,7 @@ from pydantic import Field
 from service.auth import Admin, Caller
 from service.context import Context, UsesContext
 from service.hosts import absolute
-from service.paging import Limit, Page, Paging
+from service.paging import Cursor, Limit, Page, Paging
 from service.routes import problems
 from service.schemas.base import Answer, Form, Instant, Text
 from service.tabular import write_csv
@@ -67,9 +67,7 @@ class AuditQuery(Form):
 
 class AuditListing(AuditQuery):
     limit: Limit = 100
-    cursor: int | None = Field(
-        default=None, ge=0, le=_LARGEST_SEQ, description="Taken from the `next` address of the page before."
-    )
+    cursor: Cursor = None
 
 
 Chosen = Annotated[AuditQuery, Query()]

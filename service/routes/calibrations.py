@@ -26,7 +26,14 @@ from service.press.kept import find_rendered, name_source, render_and_keep
 from service.press.orders import order_plot, write_order
 from service.problems import Problem, invalid, located
 from service.routes import problems, sends_file
-from service.schemas.calibrations import IN_FORCE, CalibrationAnswer, NewPublication, NewRevocation, State
+from service.schemas.calibrations import (
+    IN_FORCE,
+    CalibrationAnswer,
+    NewPublication,
+    NewRevocation,
+    State,
+    SuggestedValidity,
+)
 from service.schemas.fits import FitRequest, NewCalibration, read_request
 from service.schemas.history import RevocationAnswer
 from service.schemas.jobs import JobAnswer
@@ -39,7 +46,7 @@ from store.impact import list_touched
 from store.queries.calibrations import coefficients_of, history, read_version_statuses
 from store.queries.campaigns import count_being_read
 from store.queries.evidence import Evidence, gather
-from store.queries.flight import list_flight
+from store.queries.flight import list_flight, suggest_validity
 from store.tables import Calibration, Camera, Campaign, Panel
 
 router = APIRouter(prefix="/v1", tags=["calibrations"])
@@ -186,7 +193,7 @@ async def get_plot_svg(
     method, source, flight, kept = await run_in_threadpool(find)
     svg = await to_thread.run_sync(draw, limiter=context.presses) if kept is None else kept
     tag = hashlib.sha256(svg).hexdigest()
-    headers = standing_headers(tag) if methods.get_method(method).draws_flight else immutable_headers(tag)
+    headers = standing_headers(tag) if methods.get_method(method).of_one_flight else immutable_headers(tag)
     return not_modified(request, tag, headers) or Response(svg, headers=headers, media_type="image/svg+xml")
 
 
@@ -282,4 +289,8 @@ def _page(session: Session, paging: Paging, rows: Select[Any]) -> Response:
 def _answer(session: Session, calibration: Calibration) -> CalibrationAnswer:
     status = read_version_statuses(session, [calibration.id])[calibration.id]
     coefficients = coefficients_of(session, [calibration.id])[calibration.id]
-    return CalibrationAnswer.of(calibration, status, coefficients, whole=True)
+    answer = CalibrationAnswer.of(calibration, status, coefficients, whole=True)
+    if status.state == "draft":
+        start, end = suggest_validity(session, calibration)
+        answer.suggested_validity = SuggestedValidity(valid_from=start, valid_to=end)
+    return answer

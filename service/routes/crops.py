@@ -86,7 +86,7 @@ def draw_crop(frame_id: Id, body: NewCrop, caller: Reader, writing: Writes) -> R
             organisation_id=caller.organisation_id,
             by=caller.key_id,
             parameters={"window": list(window), "low_dn": body.low_dn, "high_dn": body.high_dn},
-            lane="look",
+            lane=jobs.PREVIEW_LANE,
         )
         session.flush()
         return Reply(

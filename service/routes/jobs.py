@@ -12,7 +12,7 @@ from radiometry.findings import interface
 from service.auth import Caller, Reader, Scope, require
 from service.changes import Reply, Writes
 from service.context import Context, UsesContext
-from service.lookup import Id, owned
+from service.lookup import Id, find_owned, owned
 from service.paging import Page, UsesPaging
 from service.problems import Problem
 from service.routes import problems
@@ -33,8 +33,8 @@ from store import jobs
 from store.audit import record_act
 from store.broker import MOST_HINTS
 from store.jobs import FINAL_STATES
-from store.queries.jobs import frames_of, list_causes, select_given_up, summarise_queue
-from store.tables import Campaign, Job, Organisation
+from store.queries.jobs import frames_of, list_causes, select_given_up, select_makers, summarise_queue
+from store.tables import Calibration, Campaign, FrameRow, Job, Measurement, Organisation
 from store.usage import add_jobs
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
@@ -44,7 +44,7 @@ _LONGEST_WAIT_S = 60
 _SCOPES: dict[str, Scope] = {"extract": "upload", "fit": "calibrate", "measure": "upload"}
 
 
-@router.get("", response_model=Page[JobAnswer], responses=problems())
+@router.get("", response_model=Page[JobAnswer], responses=problems(404))
 def list_jobs(
     paging: UsesPaging,
     caller: Reader,
@@ -52,6 +52,10 @@ def list_jobs(
     state: Annotated[State | None, Query()] = None,
     kind: Annotated[Kind | None, Query()] = None,
     dismissed: Annotated[bool | None, Query(description="Only those that were, or were not.")] = None,
+    subject: Annotated[
+        Text | None,
+        Query(description="Only those on this frame or campaign, or that made this version or measurement."),
+    ] = None,
 ) -> Response:
     """The jobs of your organisation, newest first."""
     rows = select(Job).where(Job.organisation_id == caller.organisation_id)
@@ -62,6 +66,8 @@ def list_jobs(
     if dismissed is not None:
         rows = rows.where(Job.dismissed_at.is_not(None) == dismissed)
     with context.database.reading() as session:
+        if subject is not None:
+            rows = rows.where(_select_subject(session, caller, subject))
         return paging.send(session, rows, lambda found: _answers(session, found), newest_first=True)
 
 
@@ -175,6 +181,14 @@ def _choose(session: Session, caller: Caller, body: RetriedJobs) -> ColumnElemen
     for kind in session.scalars(select(Job.kind).where(chosen).distinct().order_by(Job.kind)):
         require(caller, _SCOPES[kind])
     return chosen
+
+
+def _select_subject(session: Session, caller: Caller, subject: str) -> ColumnElement[bool]:
+    """Return which jobs work on a frame or campaign, or made a version or measurement."""
+    row = find_owned(session, (FrameRow, Campaign, Calibration, Measurement), subject, caller)
+    if isinstance(row, Calibration | Measurement):
+        return select_makers(row)
+    return Job.subject_id == subject
 
 
 def _read(context: Context, caller: Caller, job_id: str) -> JobAnswer:

@@ -11,6 +11,7 @@ from service.context import Context, UsesContext
 from service.lookup import Id, owned
 from service.routes import problems
 from service.schemas.known import HashesAsked, KnownAnswer
+from store.queries.jobs import find_reading_jobs
 from store.queries.known import find_known, find_known_anywhere, read_sizes
 from store.tables import Campaign, FrameRow
 
@@ -53,5 +54,7 @@ def _answer(context: Context, body: HashesAsked, find: Callable[[Session], Itera
     with context.database.reading() as session:
         found = list(find(session))
         sizes = read_sizes(session, {frame.sha256 for frame in found})
+        jobs = find_reading_jobs(session, [frame.id for frame in found])
     absent = context.files.find_absent(sizes)
-    return KnownAnswer.of(body.sha256, [frame for frame in found if frame.sha256 not in absent]).respond()
+    whole = [frame for frame in found if frame.sha256 not in absent]
+    return KnownAnswer.of(body.sha256, whole, jobs).respond()

@@ -97,7 +97,7 @@ def look_at_region(frame_id: Id, body: NewLook, caller: Reader, writing: Writes)
             organisation_id=caller.organisation_id,
             by=caller.key_id,
             parameters={"polygon": [list(point) for point in polygon.points]},
-            lane="look",
+            lane=jobs.PREVIEW_LANE,
         )
         session.flush()
         return Reply(

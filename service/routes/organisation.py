@@ -10,7 +10,7 @@ from service.auth import Admin, Reader
 from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.routes import problems
-from service.schemas.base import Answer, ClearableLong, Form
+from service.schemas.base import Answer, ClearableLong, ClearableZone, Form
 from store.settings import Settings
 from store.tables import Organisation
 from store.usage import Quotas, Used, read_usage
@@ -24,6 +24,11 @@ class OrganisationChange(Form):
         default=None,
         description="Publishing answers 409 `certificate_incomplete` while a certificate has gaps.",
         strict=True,
+    )
+    time_zone: ClearableZone | None = Field(
+        default=None,
+        description="Of the clocks of your cameras, for files that state no offset and campaigns that state "
+        "no other: an IANA name or an offset. Files of Parrot and MicaSense cameras are in UTC.",
     )
 
 
@@ -52,7 +57,9 @@ class UsageAnswer(Answer):
 
 
 class OwnOrganisationAnswer(
-    Answer, restates=Organisation, fields="id name address refuses_incomplete_certificates created_at"
+    Answer,
+    restates=Organisation,
+    fields="id name address refuses_incomplete_certificates time_zone created_at",
 ):
     usage: UsageAnswer | None = Field(default=None, description="In the answer to GET.")
 
@@ -72,7 +79,7 @@ def get_organisation(caller: Reader, context: UsesContext) -> Any:  # noqa: ANN4
 
 @router.patch("", response_model=OwnOrganisationAnswer, responses=problems())
 def change_organisation(body: OrganisationChange, caller: Admin, writing: Writes) -> Response:
-    """Set the address on certificates ("" for none), and whether incomplete ones may be published."""
+    """Set the address on certificates, the time zone of the cameras ("" for none), and what is refused."""
 
     def change(session: Session) -> Reply:
         organisation = session.get_one(Organisation, caller.organisation_id)

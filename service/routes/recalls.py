@@ -18,7 +18,7 @@ router = APIRouter(prefix="/v1/recalls", tags=["recalls"])
 
 
 @router.post("", status_code=201, response_model=PurgeAnswer, responses=problems(404))
-def propose_purge(body: NewPurge, caller: Publisher, writing: Writes) -> Response:
+def propose_recall(body: NewPurge, caller: Publisher, writing: Writes) -> Response:
     """Find every version made with a cause, for review. Nothing is revoked yet."""
 
     def change(session: Session) -> Reply:
@@ -34,7 +34,7 @@ def propose_purge(body: NewPurge, caller: Publisher, writing: Writes) -> Respons
 
 
 @router.get("", response_model=Page[PurgeAnswer], responses=problems())
-def list_purges(paging: UsesPaging, caller: Reader, context: UsesContext) -> Response:
+def list_recalls(paging: UsesPaging, caller: Reader, context: UsesContext) -> Response:
     """List the recalls of your organisation, newest first."""
     rows = select(Recall).where(Recall.organisation_id == caller.organisation_id)
     with context.database.reading() as session:
@@ -44,14 +44,14 @@ def list_purges(paging: UsesPaging, caller: Reader, context: UsesContext) -> Res
 
 
 @router.get("/{recall_id}", response_model=PurgeAnswer, responses=problems(404))
-def get_purge(recall_id: Id, caller: Reader, context: UsesContext) -> Response:
+def get_recall(recall_id: Id, caller: Reader, context: UsesContext) -> Response:
     """Return a recall with the current status of its versions, and the measurements that they affect."""
     with context.database.reading() as session:
         return _whole(session, owned(session, Recall, recall_id, caller)).respond()
 
 
 @router.post("/{recall_id}/confirm", response_model=PurgeAnswer, responses=problems(404, 409))
-def confirm_purge(recall_id: Id, caller: Publisher, writing: Writes) -> Response:
+def confirm_recall(recall_id: Id, caller: Publisher, writing: Writes) -> Response:
     """Revoke all versions of a recall in one step. Answers 409 if the cause now finds other versions."""
 
     def change(session: Session) -> Reply:

@@ -56,6 +56,7 @@ _STATED = {
     "Upload-Complete": "`?1` once the file is a frame.",
     "Upload-Expires": "When what has arrived is forgotten.",
     "Content-Location": "The frame that a finished upload has become.",
+    "Link": "Of a finished upload, as `status`: the job that reads its frame.",
 }
 
 
@@ -153,7 +154,7 @@ async def append_to_upload(
 ) -> Response:
     """Send the next bytes. What has arrived when the connection is cut is kept.
 
-    The last byte makes a frame of the file, which `Content-Location` names.
+    The last byte makes a frame of the file. `Content-Location` names it, and `Link` the job that reads it.
     """
     partial = await run_in_threadpool(_find, context, request, upload_id)
     check_protocol(headers)
@@ -273,7 +274,7 @@ def _store_if_whole(context: Context, partial: Partial) -> tuple[Facts, StoredBl
         with context.blobs.writer() as writer:
             for piece in pieces:
                 writer.write(piece)
-            if writer.sha256 == facts.sha256:
+            if facts.sha256 in {None, writer.sha256}:
                 return facts, writer.commit()
         partial.restart()
     raise Problem(
@@ -295,4 +296,5 @@ async def _make_frame(context: Context, partial: Partial, facts: Facts, blob: St
         region=read_region(upload.roi) if upload.roi is not None else None,
         blob=blob,
     )
-    await run_in_threadpool(partial.become, json.loads(bytes(answer.body))["id"])
+    frame = json.loads(bytes(answer.body))
+    await run_in_threadpool(partial.become, frame["id"], frame.get("job_id", ""))

@@ -43,6 +43,15 @@ from radiometry.frame.bands import name_band
 from radiometry.methods import METHODS
 from radiometry.specification.roles import ROLES
 from service.messages import SHA256
+from store.frame_times import name_zone
+
+
+def _name_zone(text: str) -> str:
+    try:
+        return name_zone(text)
+    except ValueError as error:
+        raise PydanticCustomError("time_zone", "{said}", {"said": str(error)}) from error
+
 
 COMPOSED: Final = AfterValidator(partial(unicodedata.normalize, "NFC"))
 """A name is the same however its letters are put together: macOS writes an accent apart, keyboards do not."""
@@ -62,6 +71,8 @@ ClearableLong = Annotated[
     str, StringConstraints(max_length=10_000, pattern=r"^[^\x00-\x08\x0b-\x1f\x7f-\x9f]*$")
 ]
 """A correction: "" takes away what was written."""
+TimeZone = Annotated[Text, AfterValidator(_name_zone), Field(examples=["Europe/Berlin", "+02:00"])]
+ClearableZone = Annotated[Clearable, AfterValidator(lambda text: text and _name_zone(text))]
 # as a camera, a data sheet or a person writes it
 BandName = Annotated[Text, AfterValidator(name_band)]
 EACH_ONCE: Final[JsonDict] = {"uniqueItems": True}

@@ -8,6 +8,7 @@ from radiometry.methods import get_method
 from radiometry.specification.key_figures import KeyFigure
 from radiometry.specification.method import Scope
 from service.schemas.base import Answer, Form, Instant, LongText, Method
+from service.schemas.findings import FindingGroupAnswer, group_flags
 from store.codec import drop_absent
 from store.queries.calibrations import VersionStatus
 from store.tables import Calibration, CoefficientRow
@@ -72,6 +73,13 @@ class KeyFigureAnswer(Answer, restates=KeyFigure):
     """One of the few figures of a version that a person looks for first."""
 
 
+class SuggestedValidity(Answer):
+    valid_from: Instant
+    valid_to: Instant | None = Field(
+        default=None, description="Of a method whose coefficients hold for one flight."
+    )
+
+
 class CalibrationAnswer(
     Answer,
     restates=(Calibration, VersionStatus),
@@ -87,7 +95,14 @@ class CalibrationAnswer(
     parameters: dict[str, Any]
     diagnostics: dict[str, Any] | None = None
     points: list[dict[str, Any]] | None = None
+    findings: list[FindingGroupAnswer] | None = Field(
+        default=None, description="The flags of `diagnostics`, equal ones as one; not in lists."
+    )
     inputs: dict[str, Any] | None = None
+    suggested_validity: SuggestedValidity | None = Field(
+        default=None,
+        description="Of a draft: in force from then on, its campaign's frames are measured with it.",
+    )
     warnings: list[Gap] | None = Field(
         default=None, description="When it is published: what its certificate lacks."
     )
@@ -102,7 +117,8 @@ class CalibrationAnswer(
         if whole:
             result = drop_absent(row.result)
             shown = [KeyFigureAnswer.model_validate(each) for each in spec.list_key_figures(result)]
-            detail = {"key_figures": shown, "points": result.pop("points", []), "diagnostics": result}
+            detail = {"key_figures": shown, "findings": group_flags(result.get("flags", []))}
+            detail |= {"points": result.pop("points", []), "diagnostics": result}
         scopes = [scope for each in coefficients if (scope := spec.find_scope(each.name, each.flags))]
         return cls.restate(
             row,

@@ -10,6 +10,7 @@ from service.schemas.base import (
     Answer,
     Clearable,
     ClearableLong,
+    ClearableZone,
     Flag,
     Form,
     FrameRole,
@@ -18,8 +19,10 @@ from service.schemas.base import (
     Method,
     Number,
     Text,
+    TimeZone,
 )
 from service.schemas.equipment import Lens
+from service.schemas.findings import FindingGroupAnswer
 from service.schemas.fits import make_fields
 from service.schemas.panels import PanelOffered
 from store.queries.campaigns import Counts
@@ -69,6 +72,11 @@ class CampaignDetails(create_model("Stated", __base__=Form, **make_fields(STATED
     )
     ended_at: Instant | None = Field(
         default=None, description="End of the work in UTC, not before its beginning; on the certificate."
+    )
+    time_zone: TimeZone | None = Field(
+        default=None,
+        description="Of the camera's clock, for files that state no offset: an IANA name or an offset. Left "
+        "out: UTC for the files of Parrot and MicaSense cameras, else the organisation's.",
     )
     lens: Lens | None = Field(
         default=None,
@@ -123,6 +131,7 @@ class CampaignChange(CampaignDetails):
     place: Clearable | None = None
     conditions: ClearableLong | None = None
     comments: ClearableLong | None = None
+    time_zone: ClearableZone | None = None
     ended_at: Annotated[
         Instant | None,
         _TAKES_AWAY,
@@ -151,7 +160,7 @@ class CampaignAnswer(
     Answer,
     restates=Campaign,
     fields="id camera_id method kind project_number recorder customer place conditions started_at "
-    f"ended_at lens comments {' '.join(STATED)} archived_at panel_id target roi_id created_at",
+    f"ended_at time_zone lens comments {' '.join(STATED)} archived_at panel_id target roi_id created_at",
 ):
     method: Method
     kind: Kind
@@ -168,6 +177,9 @@ class CampaignAnswer(
         default=None, description="What a fit still needs, by name; of a night, what measuring needs."
     )
     advice: list[str] | None = Field(default=None, description="What would make a fit good, by name.")
+    findings: list[FindingGroupAnswer] | None = Field(
+        default=None, description="Reasons of the frames' verdicts, and what holds for the campaign."
+    )
 
 
 class NamedRegion(Form):

@@ -223,7 +223,7 @@ class FrameAnswer(Answer):
         description="Of the campaign as it is now. Left out where an upload or a change "
         "finds nothing to do: ask for the frame.",
     )
-    job_id: str | None = Field(default=None, description="The job that reads it, where one was started.")
+    job_id: str | None = Field(default=None, description="The newest job that reads it.")
     created_at: Instant
 
     @classmethod

@@ -1,6 +1,6 @@
 """Which files need not be sent: asked by hash before an upload."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated
 
 from pydantic import Field
@@ -21,6 +21,7 @@ class KnownFrame(Answer, restates=FrameRow, fields="sha256 filename scene campai
     """A frame that is there, with its statements: a sender sees whether it means the same."""
 
     frame_id: str
+    job_id: str | None = Field(default=None, description="The newest job that reads it.")
     role: Role
     state: State = Field(description="A refused one may be sent again: it is then read again.")
 
@@ -30,11 +31,13 @@ class KnownAnswer(Answer):
     unknown: list[str] = Field(description="To be sent. In the order asked, each once.")
 
     @classmethod
-    def of(cls, asked: Sequence[str], found: Sequence[FrameRow]) -> "KnownAnswer":
+    def of(cls, asked: Sequence[str], found: Sequence[FrameRow], jobs: Mapping[str, str]) -> "KnownAnswer":
         places = {each: [frame for frame in found if frame.sha256 == each] for each in dict.fromkeys(asked)}
         return cls(
             known=[
-                KnownFrame.restate(frame, frame_id=frame.id) for there in places.values() for frame in there
+                KnownFrame.restate(frame, frame_id=frame.id, job_id=jobs.get(frame.id))
+                for there in places.values()
+                for frame in there
             ],
             unknown=[each for each, there in places.items() if not there],
         )

@@ -12,6 +12,7 @@ from radiometry.specification.application import PictureApplication, SurfaceAppl
 from radiometry.specification.method import Scope
 from service.schemas.base import Answer, Instant, Quantity
 from service.schemas.calibrations import SCOPE_MEANING
+from service.schemas.findings import FindingGroupAnswer, group_flags
 from service.schemas.measured_parts import (
     AlignmentAnswer,
     BandAnswer,
@@ -73,6 +74,10 @@ class MeasurementAnswer(Answer):
     max: Quantity | None = None
     median: Quantity | None = None
     percentiles: list[PercentileAnswer] = Field(description="Of single pixels, with a single pixel's noise.")
+    conditions_origin: dict[str, Literal["request", "campaign"]] | None = Field(
+        default=None,
+        description="Light and surroundings that were stated, each by the request or the frame's campaign.",
+    )
     budget: list[BudgetRow]
     corrections: list[CorrectionAnswer] = Field(
         description="Of a luminance: errors of light, distance and surroundings, corrected as far as known."
@@ -107,6 +112,7 @@ class MeasurementAnswer(Answer):
     )
     signal: str = Field(description="The channel or the band.")
     flags: list[FlagAnswer]
+    findings: list[FindingGroupAnswer] = Field(description="The flags, equal ones as one.")
     to_do_better: list[str]
     links: dict[str, str]
     parameters: dict[str, Any]
@@ -134,6 +140,7 @@ class MeasurementAnswer(Answer):
         told = {raised.flag for raised in flags}
         scopes = [spec.find_scope(name, told) for name in sorted(spec.certificate.headlines)]
         budget = [(share["source"], share["variance_share"]) for share in result.get("budget", [])]
+        assumed = {each["source"] for each in result.get("corrections", []) if each.get("assumed")}
         return cls(
             **{name: getattr(row, name) for name in _FROM_ROW},
             **place,
@@ -145,6 +152,7 @@ class MeasurementAnswer(Answer):
             uncertainty_scope=scopes[0] if scopes else None,
             region=row.parameters["polygon"],
             region_origin=row.parameters["region_origin"],
+            conditions_origin=row.parameters.get("conditions_origin"),
             budget=result.get("budget", []),
             corrections=result.get("corrections", []),
             percentiles=result.get("percentiles", []),
@@ -152,7 +160,10 @@ class MeasurementAnswer(Answer):
             place=result.get("place"),
             alignment=result.get("alignment") or None,
             flags=flags,
-            to_do_better=list(advise([FINDINGS[raised.flag] for raised in flags], budget=budget)),
+            findings=group_flags(each.model_dump() for each in flags),
+            to_do_better=list(
+                advise([FINDINGS[raised.flag] for raised in flags], budget=budget, assumed=assumed)
+            ),
             links=_links(row),
         )
 

@@ -24,7 +24,7 @@ class ChoiceAnswer(Answer, restates=Choice):
     """One of the values that a parameter may have."""
 
 
-class ParameterAnswer(Answer, restates=Parameter, without="kind suggest"):
+class ParameterAnswer(Answer, restates=Parameter, without="kind suggest displaced_by"):
     """One parameter of a fit."""
 
     name: str = Field(description="Its name in the request of a fit.")

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from html import escape
 from typing import Any
 
-from service.document import ALSO_ACCEPTS
+from service.document import ALSO_ACCEPTS, resolve
 
 Node = dict[str, Any]
 
@@ -30,10 +30,10 @@ def _lines(document: Node) -> Iterator[str]:
             if operation["tags"][0] != tag:
                 tag = operation["tags"][0]
                 yield f"<h2>{escape(tag.capitalize())}</h2>"
-            yield from _operation(method.upper(), path, operation)
+            yield from _operation(document, method.upper(), path, operation)
 
 
-def _operation(method: str, path: str, operation: Node) -> Iterator[str]:
+def _operation(document: Node, method: str, path: str, operation: Node) -> Iterator[str]:
     name = escape(operation["operationId"])
     yield f'<details id="{name}"><summary><code>{method} {escape(path)}</code> '
     yield f"{escape(operation['summary'])}</summary><p>{escape(operation['description'])}</p>"
@@ -41,7 +41,8 @@ def _operation(method: str, path: str, operation: Node) -> Iterator[str]:
     body = operation.get("requestBody", {})
     for kind, media in {**body.get("content", {}), **body.get(ALSO_ACCEPTS, {})}.items():
         yield f"<h3>Send {escape(kind)}</h3>{_sample(media)}"
-    for status, answer in operation["responses"].items():
+    for status, named in operation["responses"].items():
+        answer = resolve(document, named)
         yield f"<h3>{status} {escape(answer['description'])}</h3>"
         if int(status) < 400:
             for kind, media in answer.get("content", {}).items():

@@ -4,15 +4,17 @@ import re
 import sys
 import traceback
 from io import TextIOWrapper
-from typing import Annotated
+from typing import Annotated, Any, Final
 
 import typer
+from typer.core import TyperGroup
 
 from stilb.commands import (
     calibration,
     campaign,
     coefficients,
     doctor,
+    fleet,
     jobs,
     keys,
     maps,
@@ -29,11 +31,71 @@ from stilb.commands.output import print_json
 from stilb.problem import Problem, Unclear
 from stilb.version import read_version
 
+# by section the name of each command, its function or its own group, and an example
+_SECTIONS: Final = {
+    "From the card to coefficients in force": (
+        ("login", session.login, "stilb login https://stilb.example.org"),
+        ("campaign", campaign.app, "stilb campaign init card --project P-17"),
+        ("push", push.push, "stilb push /media/card --campaign P-17"),
+        ("roi", calibration.roi, 'stilb roi P-17 --imagej "makePolygon(8,8,88,8,88,56,8,56)"'),
+        ("calibrate", calibration.calibrate, "stilb calibrate P-17 --tolerance 0.04"),
+        ("publish", calibration.publish, 'stilb publish cal_01 --from now --reason "spring campaign"'),
+        ("revoke", calibration.revoke, 'stilb revoke cal_01 --reason "the meter was dropped"'),
+        ("history", calibration.history, "stilb history 0K1XE8"),
+        ("k", coefficients.k, "stilb k 0K1XE8 --iso 3200 --at 2026-06-01"),
+    ),
+    "Measuring": (
+        ("measure", measurements.measure, "stilb measure --campaign P-18 --save night.csv"),
+        ("map", maps.read_map, "stilb map msr_01 --levels 0.5,1,2"),
+        ("compare", measurements.compare, "stilb compare msr_01 msr_02"),
+        ("motion", motion.motion, "stilb motion P-17 --focal-length 3.98"),
+        ("rig", rig.rig, "stilb rig rig_01 --save rig.json"),
+        ("fleet", fleet.fleet, "stilb fleet geometry 0K1XE8 0K1XE9 --tolerance 0.5"),
+        ("correct", calibration.correct, "stilb correct cal_01 DJI_0001.DNG --f-number 2.8 --to corrected"),
+    ),
+    "Records": (
+        ("export", calibration.export, "stilb export cal_01 out"),
+        ("receipt", receipt.app, "stilb receipt verify receipt.json --card /media/card"),
+        ("audit", keys.audit, "stilb audit --save audit.csv"),
+    ),
+    "Jobs": (
+        ("jobs", jobs.jobs, "stilb jobs --state failed"),
+        ("events", jobs.events, "stilb events P-17"),
+        ("retry", jobs.retry, "stilb retry --state failed --code temporarily_unavailable"),
+        ("dismiss", jobs.dismiss, "stilb dismiss --state failed --campaign P-17"),
+        ("doctor", doctor.doctor, "stilb doctor"),
+    ),
+    "Access": (
+        ("whoami", session.whoami, "stilb whoami"),
+        ("logout", session.logout, "stilb logout"),
+        ("organisation", keys.organisation, "stilb organisation --time-zone Europe/Vienna"),
+        ("key", keys.app, "stilb key create laptop --scope read --scope upload"),
+        ("webhook", webhooks.app, "stilb webhook add https://example.org/hook"),
+    ),
+}
+_FIRST_STEPS: Final = (
+    "First steps: stilb login URL, then stilb campaign init FOLDER, and stilb campaign run FOLDER. Each "
+    "command's --help shows an example."
+)
+
+
+class _Sections(TyperGroup):
+    """Lists the commands by what they are for."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401  typer's own
+        for title, members in _SECTIONS.items():
+            found = [(name, self.get_command(ctx, name)) for name, _, _ in members]
+            with formatter.section(title):
+                formatter.write_dl([(name, each.get_short_help_str(60)) for name, each in found if each])
+
+
 app = typer.Typer(
     name="stilb",
+    cls=_Sections,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
+    epilog=_FIRST_STEPS,
 )
 
 
@@ -56,31 +118,11 @@ def _start(
     """Field work with a stilb calibration service: frames in, coefficients out."""
 
 
-app.command("login")(session.login)
-app.command("logout")(session.logout)
-app.command("whoami")(session.whoami)
-app.add_typer(keys.app, name="key")
-app.add_typer(campaign.app, name="campaign")
-app.command("push")(push.push)
-app.add_typer(receipt.app, name="receipt")
-app.command("roi")(calibration.roi)
-app.command("calibrate")(calibration.calibrate)
-app.command("publish")(calibration.publish)
-app.command("correct")(calibration.correct)
-app.command("k")(coefficients.k)
-app.command("measure")(measurements.measure)
-app.command("map")(maps.read_map)
-app.command("compare")(measurements.compare)
-app.command("motion")(motion.motion)
-app.command("rig")(rig.rig)
-app.command("export")(calibration.export)
-app.command("audit")(keys.audit)
-app.command("jobs")(jobs.jobs)
-app.command("events")(jobs.events)
-app.add_typer(webhooks.app, name="webhook")
-app.command("retry")(jobs.retry)
-app.command("dismiss")(jobs.dismiss)
-app.command("doctor")(doctor.doctor)
+for _name, _what, _example in (each for members in _SECTIONS.values() for each in members):
+    if isinstance(_what, typer.Typer):
+        app.add_typer(_what, name=_name, epilog=f"Example: {_example}")
+    else:
+        app.command(_name, epilog=f"Example: {_example}")(_what)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -14,10 +14,10 @@ import typer
 from rich.console import RenderableType
 
 from stilb.client import Client
-from stilb.commands.completion import complete_campaign, complete_model
-from stilb.commands.moments import read_moment
+from stilb.commands.completion import complete_camera, complete_campaign, complete_model
+from stilb.commands.moments import read_moment, write_moment
 from stilb.commands.output import Output, command
-from stilb.commands.tables import holds_for, of_coefficients
+from stilb.commands.tables import format_findings, holds_for, of_coefficients, table
 from stilb.export import ExportProgress
 from stilb.field.plan import read_macro
 from stilb.problem import Problem, Unclear, missing
@@ -162,6 +162,46 @@ def publish(
 
 
 @command
+def revoke(
+    output: Output,
+    calibration: CalibrationId,
+    reason: Annotated[str, typer.Option(help="Reason, for the record.")],
+) -> None:
+    """Take a version out of force permanently.
+
+    The measurements made with it are listed. Nothing takes its place: that time has no version in force.
+    """
+    with output.client() as client:
+        found = client.revoke(calibration, reason=reason)
+    touched = [each["measurement_id"] for each in found["measurements"]]
+    shown = [f"measured with it: {measurement_id}" for measurement_id in touched]
+    output.answer(found, *shown, f"{calibration} is revoked; {len(touched)} measurements were made with it")
+
+
+@command
+def history(
+    output: Output,
+    camera: Annotated[str, typer.Argument(help="Its id or serial number.", autocompletion=complete_camera)],
+    method: Annotated[str | None, typer.Option(help="Only of this method.")] = None,
+) -> None:
+    """List a camera's versions and when each is in force."""
+    with output.client() as client:
+        found = list(client.history(client.find_camera(camera).id, method=method))
+    rows = [
+        (
+            each.method,
+            each.version or "",
+            each.state,
+            *(at.isoformat().replace("+00:00", "Z") if at else "" for at in (each.valid_from, each.valid_to)),
+            each.id,
+        )
+        for each in found
+    ]
+    columns = ("method", "version", "state", "in force from", "to", "calibration")
+    output.answer({"items": [each.raw for each in found]}, table(columns, rows))
+
+
+@command
 def export(
     output: Output,
     calibration: Annotated[str, typer.Argument(metavar="ID", help="Of a calibration version.")],
@@ -189,8 +229,12 @@ def format_calibration(calibration: Calibration) -> list[RenderableType]:
     """Format a version as text, with the next step."""
     shown: list[RenderableType] = [of_coefficients(calibration.coefficients)]
     shown.append(f"{calibration.id}: version {calibration.version}, {calibration.state}")
+    shown += format_findings(calibration.raw.get("findings", ()))
     if calibration.state == "draft":
-        shown.append(f'Put it in force: stilb publish {calibration.id} --from now --reason "..."')
+        suggested = calibration.raw.get("suggested_validity", {"valid_from": "now"})
+        until = f" --to {write_moment(suggested['valid_to'])}" if "valid_to" in suggested else ""
+        start = write_moment(suggested["valid_from"])
+        shown.append(f'Put it in force: stilb publish {calibration.id} --from {start}{until} --reason "..."')
     return shown
 
 

@@ -1,4 +1,4 @@
-"""Commands on a campaign in a folder: init, run, list, show, readings."""
+"""Commands on a campaign in a folder: init, run, list, show, readings, points."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -15,31 +15,36 @@ from stilb.commands.exits import Exit
 from stilb.commands.measurements import format_measurements
 from stilb.commands.output import Output, command
 from stilb.commands.progress import lines, showing
-from stilb.commands.push import Folder, transfer
-from stilb.commands.tables import table
+from stilb.commands.push import Folder, add_unread, place, transfer
+from stilb.commands.tables import format_findings, table
 from stilb.field.campaign import ensure_campaign, ensure_panel, ensure_readings, list_parameters
-from stilb.field.files import sort_files
+from stilb.field.files import ANY_RULES, sort_files
+from stilb.field.headers import read_camera
 from stilb.field.plan import FILENAME, read_plan, read_spreadsheet
 from stilb.field.push import Report, as_json
-from stilb.field.template import read_methods, write_template
+from stilb.field.template import LAMP_HELP, read_methods, write_template
 from stilb.method import DEFAULT_METHOD
 from stilb.problem import Unclear
 
 app = typer.Typer(help="A campaign in a folder: camera, meter, readings and frames.", no_args_is_help=True)
 
 
-@app.command("init")
+@app.command("init", epilog="Example: stilb campaign init card --project P-17")
 @command
-def init(
+def init(  # noqa: PLR0913, PLR0917 (the command's options)
     output: Output,
     folder: Annotated[Path, typer.Argument(metavar="[FOLDER]", exists=True, file_okay=False)] = Path(),
-    make: Annotated[str, typer.Option(help="Of the camera, as in its files.")] = "",
-    model: Annotated[str, typer.Option(help="Of the camera, as in its files.")] = "",
-    serial: Annotated[str, typer.Option(help="Of the camera, as in its files.")] = "",
+    make: Annotated[str, typer.Option(help="Of the camera; default: as its files state it.")] = "",
+    model: Annotated[str, typer.Option(help="Of the camera; default: as its files state it.")] = "",
+    serial: Annotated[str, typer.Option(help="Of the camera; default: as its files state it.")] = "",
     method: Annotated[
         str, typer.Option(help="Method; the refusal of another lists them all.")
     ] = DEFAULT_METHOD,
     project: Annotated[str | None, typer.Option(help="Project number; default: the folder's name.")] = None,
+    lamp: Annotated[str | None, typer.Option(metavar="KIND", help=LAMP_HELP)] = None,
+    mains: Annotated[
+        float | None, typer.Option(help="Mains frequency of the lamps in Hz; 0 for direct current.")
+    ] = None,
     *,
     night: Annotated[
         bool, typer.Option("--night", help="A night of measurements, not a calibration.")
@@ -48,11 +53,20 @@ def init(
     """Write a campaign.toml to fill in. An existing file is kept."""
     if method not in read_methods():
         raise typer.BadParameter(f"--method is one of {', '.join(read_methods())}")
+    light = {"lamp_kind": lamp, "mains_frequency_hz": mains}
+    if any(each is not None for each in light.values()) and method != DEFAULT_METHOD:
+        raise typer.BadParameter(f"--lamp and --mains are of {DEFAULT_METHOD} campaigns")
     path = folder / FILENAME
     said = {"make": make, "model": model, "serial": serial, "method": method}
     said["project_number"] = project or folder.resolve().name
+    stated = read_camera(folder)
+    said |= {name: said[name] or stated.get(name, "") for name in ("make", "model", "serial")}
     text = write_template(
-        said, folder=str(folder), has_readings=(folder / "readings.csv").exists(), night=night
+        said,
+        folder=str(folder),
+        has_readings=(folder / "readings.csv").exists(),
+        night=night,
+        light=light,
     )
     try:
         with path.open("x", encoding="utf-8") as file:
@@ -62,7 +76,7 @@ def init(
     output.answer({"path": str(path)}, f"Fill in {path}, then: stilb campaign run {folder}")
 
 
-@app.command("run")
+@app.command("run", epilog="Example: stilb campaign run card")
 @command
 def run(
     output: Output,
@@ -81,14 +95,18 @@ def run(
     same command again goes on where it was; what has been done is not done twice.
     """
     plan = read_plan(folder)
-    files, left_out = sort_files(folder, plan.rules)
+    files, left_out = sort_files(folder, plan.rules or ANY_RULES)
     with output.client() as client:
         campaign = ensure_campaign(client, plan)
         output.note(f"campaign {campaign.id}, {plan.project_number}")
         count, others = ensure_readings(client, plan, campaign.id)
         output.note(f"readings: {count}")
         _settle(output, client, others, replace=replace_readings)
-    report = transfer(output, folder, campaign.id, files, left_out=left_out)
+    unread: list[str] = []
+    if not plan.rules:
+        files, unread = place(output, folder, campaign.id, files)
+    report = transfer(output, folder, campaign.id, files, left_out=left_out, attest=not unread)
+    report = add_unread(report, unread)
     if not fit:
         _end(output, report, {}, [])
         return
@@ -112,7 +130,7 @@ def run(
     _end(output, report, {"calibration": calibration.raw}, format_calibration(calibration))
 
 
-@app.command("list")
+@app.command("list", epilog="Example: stilb campaign list")
 @command
 def list_campaigns(output: Output) -> None:
     """List the campaigns of your organisation, oldest first."""
@@ -127,7 +145,7 @@ def list_campaigns(output: Output) -> None:
     output.answer({"items": [one.raw for one in found]}, shown)
 
 
-@app.command("show")
+@app.command("show", epilog="Example: stilb campaign show P-17")
 @command
 def show(
     output: Output,
@@ -148,6 +166,7 @@ def show(
         + (f"{found['measured']} measured" if night else f"{found['readings']} readings"),
         *([f"missing: {each}" for each in found["missing"]] or [ready]),
         *(f"advice: {each}" for each in found["advice"]),
+        *format_findings(found["findings"]),
         *_offer(found, campaign),
     )
 
@@ -157,7 +176,7 @@ def _offer(found: dict[str, Any], campaign: str) -> list[str]:
     return [f"the frames show panel {offered['serial']}: stilb campaign panel {campaign}"] if offered else []
 
 
-@app.command("panel")
+@app.command("panel", epilog="Example: stilb campaign panel P-17 --serial RP04-1832179-SC")
 @command
 def panel(
     output: Output,
@@ -186,7 +205,7 @@ def panel(
     output.answer(changed.raw, f"panel {named}", table(("band", "reflectance", "from"), rows))
 
 
-@app.command("readings")
+@app.command("readings", epilog="Example: stilb campaign readings P-17 readings.csv")
 @command
 def readings(
     output: Output,
@@ -205,6 +224,40 @@ def readings(
         added = client.add_readings(client.find_campaign(campaign).id, text, meter_ids=meter or ())
     rows = [(one["scene"], one["quantity"], f"{one['value']:.6g} {one['unit']}") for one in added]
     output.answer({"items": added}, table(("scene", "quantity", "value"), rows), f"{len(added)} readings")
+
+
+@app.command("points", epilog="Example: stilb campaign points P-17 Results.csv --white-level-dn 4095")
+@command
+def points(
+    output: Output,
+    campaign: Annotated[
+        str, typer.Argument(help="Its id or project number.", autocompletion=complete_campaign)
+    ],
+    spreadsheet: Annotated[
+        Path,
+        typer.Argument(metavar="FILE.csv", exists=True, dir_okay=False, help="As ImageJ's Results."),
+    ],
+    white_level_dn: Annotated[float, typer.Option(help="Where the sensor clips: 255 of 8 bits.")],
+    black_level_dn: Annotated[float | None, typer.Option(help="Default: unknown.")] = None,
+    exposure_time_s: Annotated[float | None, typer.Option(help="Of rows that state none.")] = None,
+    f_number: Annotated[float | None, typer.Option(help="Of rows that state none.")] = None,
+    iso: Annotated[float | None, typer.Option(help="Of rows that state none.")] = None,
+) -> None:
+    """Send a table of statistics in the place of raw frames."""
+    text = read_spreadsheet(spreadsheet)
+    with output.client() as client:
+        added = client.add_points(
+            client.find_campaign(campaign).id,
+            text,
+            white_level_dn=white_level_dn,
+            black_level_dn=black_level_dn,
+            exposure_time_s=exposure_time_s,
+            f_number=f_number,
+            iso=iso,
+        )
+    ignored = ", ".join(added["ignored_columns"])
+    more = [f"columns that were not read: {ignored}"] if ignored else []
+    output.answer(added, f"{len(added['items'])} frames", *more)
 
 
 def _settle(output: Output, client: Client, others: list[str], *, replace: bool) -> None:

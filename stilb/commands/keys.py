@@ -1,7 +1,7 @@
-"""Keys of the organisation, and its audit trail."""
+"""The organisation, its keys and its audit trail."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, cast
 
 import typer
 
@@ -9,11 +9,12 @@ from stilb.commands.exits import Exit
 from stilb.commands.moments import read_moment
 from stilb.commands.output import Output, command
 from stilb.commands.tables import table
+from stilb.details import OrganisationChange
 
 app = typer.Typer(no_args_is_help=True, help="Manage the keys of your organisation.")
 
 
-@app.command("list")
+@app.command("list", epilog="Example: stilb key list")
 @command
 def list_keys(
     output: Output, *, every: Annotated[bool, typer.Option("--all", help="Also those that ended.")] = False
@@ -30,7 +31,7 @@ def list_keys(
     )
 
 
-@app.command("create")
+@app.command("create", epilog="Example: stilb key create laptop --scope read --scope upload")
 @command
 def create_key(
     output: Output,
@@ -45,7 +46,7 @@ def create_key(
     output.answer(made.raw, str(made.secret))
 
 
-@app.command("revoke")
+@app.command("revoke", epilog="Example: stilb key revoke key_01")
 @command
 def revoke_key(
     output: Output, named: Annotated[str, typer.Argument(metavar="KEY", help="Its id or name.")]
@@ -54,6 +55,24 @@ def revoke_key(
     with output.client() as client:
         ended = client.revoke_key(named)
     output.answer(ended.raw, f"Key {ended.name!r} ({ended.id}) is revoked")
+
+
+@command
+def organisation(
+    output: Output,
+    time_zone: Annotated[
+        str | None,
+        typer.Option(help='Of the cameras, for files without an offset: Europe/Berlin, +02:00, or "".'),
+    ] = None,
+    address: Annotated[str | None, typer.Option(help='As certificates print it, or "" for none.')] = None,
+) -> None:
+    """Show your organisation, or change what it states."""
+    said = {"time_zone": time_zone, "address": address}
+    change = cast("OrganisationChange", {name: text for name, text in said.items() if text is not None})
+    with output.client() as client:
+        found = client.change_organisation(**change) if change else client.organisation()
+    rows = [(name, str(found[name])) for name in ("id", "name", "address", "time_zone") if name in found]
+    output.answer(found, table(("", "organisation"), rows))
 
 
 @command

@@ -19,6 +19,7 @@ from stilb.commands.push import send_night
 from stilb.commands.tables import figure, show_scope, table
 from stilb.details import Grid, MeasureDetails
 from stilb.field.plan import read_spreadsheet
+from stilb.field.template import LAMP_HELP
 from stilb.names import plain_stem
 from stilb.records import Measurement
 
@@ -64,8 +65,13 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
         typer.Option(metavar="NAME|FILE.csv", help="Light source: a lamp of the library, or its spectrum."),
     ] = None,
     distance: Annotated[float | None, typer.Option(help="To the surface, in m.")] = None,
+    lamp: Annotated[
+        str | None,
+        typer.Option(metavar="KIND", help=f"{LAMP_HELP} Default: the campaign's."),
+    ] = None,
     mains: Annotated[
-        float | None, typer.Option(help="Mains frequency in Hz; default: the campaign's.")
+        float | None,
+        typer.Option(help="Mains frequency in Hz, 0 for direct current; default: the campaign's."),
     ] = None,
     modulation: Annotated[float | None, typer.Option(help="Modulation depth of the light, 0 to 1.")] = None,
     glare: Annotated[float | None, typer.Option(help="Glare of a black trap over the frame's mean.")] = None,
@@ -134,7 +140,8 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
         "light_source": light,
         "distance_m": distance,
         "mains_frequency_hz": mains,
-        "flicker_modulation": modulation,
+        "lamp_kind": lamp,
+        "lamp_modulation": modulation,
         "glare_share": glare,
         "spectral_mismatch_u_rel": mismatch,
         "index": index,

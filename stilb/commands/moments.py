@@ -9,6 +9,11 @@ from stilb.problem import Unclear
 _DAY = re.compile(r"\d{4}-\d\d-\d\d")
 
 
+def write_moment(text: str) -> str:
+    """Return a time as short as `read_moment` takes it."""
+    return text.removesuffix("T00:00:00Z")
+
+
 @overload
 def read_moment(text: str) -> str: ...
 @overload

@@ -15,6 +15,7 @@ from rich.progress import (
     TransferSpeedColumn,
 )
 
+from stilb.commands.tables import name_some
 from stilb.field.push import Listener, Report
 from stilb.problem import Problem
 from stilb.side_by_side import Progress as Sent
@@ -74,11 +75,14 @@ def tell_retry(console: Console, problem: Problem, pause_s: float) -> None:
 
 
 def lines(report: Report) -> Iterator[str]:
-    """Return the lines at the end: each file that does not simply pass with its reasons, then the sum."""
+    """Return the lines at the end: files that do not simply pass, by their reasons, then the sum."""
+    alike: dict[tuple[str, tuple[str, ...]], list[str]] = {}
     for file in report.files:
         if file.outcome != "pass" or file.reasons:
-            yield f"{file.name}  {file.outcome}"
-            yield from (f"    {reason}" for reason in file.reasons)
+            alike.setdefault((file.outcome, file.reasons), []).append(file.name)
+    for (outcome, reasons), names in alike.items():
+        yield f"{name_some(names, 'files')}  {outcome}"
+        yield from (f"    {reason}" for reason in reasons)
     if report.left_out:
         yield f"left out, no rule fits: {', '.join(report.left_out)}"
     if report.receipt:

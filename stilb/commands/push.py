@@ -1,6 +1,7 @@
 """Upload of frames from a folder or a card to a campaign."""
 
 import sys
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -15,8 +16,10 @@ from stilb.commands.exits import Exit
 from stilb.commands.output import Output, command, config_folder
 from stilb.commands.progress import lines, showing, tell_retry
 from stilb.commands.receipt import write_receipt
+from stilb.commands.tables import table
 from stilb.field.campaign import find_planned
-from stilb.field.files import NIGHT_RULES, ROLES, USUAL_RULES, FieldFile, Rule, sort_files
+from stilb.field.files import ANY_RULES, NIGHT_RULES, ROLES, FieldFile, Rule, sort_files
+from stilb.field.headers import place_files
 from stilb.field.journal import Journal
 from stilb.field.plan import FILENAME, read_plan
 from stilb.field.push import Report, Told, as_json, push_files
@@ -64,12 +67,15 @@ def push(  # noqa: PLR0913  each is an option
     at_login: AtLogin = None,
     wait: Wait = True,
     receipt: Annotated[Path | None, typer.Option(help="Where to write the receipt.")] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Only show role and scene of each file.")
+    ] = False,
 ) -> None:
     """Send the frames of a folder that are not yet uploaded.
 
     It ends with how they are. The same command again goes on where it was. What each file is follows from
-    --role, from campaign.toml, or from its folder: dark/, field/, ... by name, any other folder is a light
-    level. When every file has arrived it writes a signed receipt: stilb receipt verify.
+    --role or from campaign.toml; otherwise it is proposed, as on the page, from folders, pauses, exposure and
+    brightness; --dry-run shows it. When every file has arrived it writes a receipt: stilb receipt verify.
     """
     if role is not None and role not in ROLES:
         raise typer.BadParameter(f"{role!r} is not a role; use one of {', '.join(ROLES)}")
@@ -82,7 +88,8 @@ def push(  # noqa: PLR0913  each is an option
         return
     find = partial(_find_campaign, output, folder, campaign)
     found = _wait_for_service(output, find, every_s=every) if watch else find()
-    list_files, campaign_id = _lister(folder, role, scene, night=found.kind == "measurement"), found.id
+    rules, campaign_id = _rules(folder, role, scene), found.id
+    list_files = partial(sort_files, folder, rules or ANY_RULES, raw_only=role is None)
     if watch and at_login:
         more = ["--role", role, *(["--scene", scene] if scene else [])] if role else []
         more += [] if wait else ["--no-wait"]
@@ -90,14 +97,32 @@ def push(  # noqa: PLR0913  each is an option
         _begin_at_login(output, folder, ["--campaign", campaign_id, "--every", f"{every:g}", *more])
     if watch:
         found_files = partial(_list_or_note, output, list_files)
-        follow(output, folder, campaign_id, found_files, every_s=every, wait=wait, receipt=receipt)
+        follow(
+            output,
+            folder,
+            campaign_id,
+            found_files,
+            every_s=every,
+            wait=wait,
+            receipt=receipt,
+            placed=not rules,
+        )
         return
     files, left_out = list_files()
     if not files:
         raise Unclear(f"No file in {folder} matches a rule. {_how(left_out)}")
-    finish(
-        output, transfer(output, folder, campaign_id, files, left_out=left_out, wait=wait, receipt=receipt)
+    unread: list[str] = []
+    if not rules:
+        files, unread = place(output, folder, campaign_id, files)
+    if dry_run:
+        rows = [{"name": file.name, "role": file.role, "scene": file.scene or ""} for file in files]
+        shown = table(("file", "role", "scene"), [tuple(row.values()) for row in rows])
+        output.answer({"files": rows, "left_out": left_out + unread}, shown, "nothing was sent")
+        return
+    report = transfer(
+        output, folder, campaign_id, files, left_out=left_out, wait=wait, receipt=receipt, attest=not unread
     )
+    finish(output, add_unread(report, unread))
 
 
 def send_night(output: Output, folder: Path, named: str | None) -> Report:
@@ -134,6 +159,12 @@ def transfer(
     return replace(report, left_out=tuple(left_out), receipt=str(path) if path else None)
 
 
+def add_unread(report: Report, names: Sequence[str]) -> Report:
+    """Return the report with the files that were not sent because they have no header."""
+    told = (Told.unsent(name, "no raw file, or damaged: its header cannot be read") for name in names)
+    return replace(report, files=(*report.files, *told))
+
+
 def finish(output: Output, report: Report) -> None:
     """Report the outcome of a push; each kind of failure has its own exit code."""
     output.answer(as_json(report), *lines(report))
@@ -150,8 +181,9 @@ def follow(
     every_s: float,
     wait: bool,
     receipt: Path | None,
+    placed: bool,
 ) -> None:
-    """Send files as they arrive, until it is stopped; then print the sum."""
+    """Send files as they arrive, until it is stopped; then print the sum. ``placed``: as proposed."""
     watch, sent = Watch(list_files), dict[Path, FieldFile]()
     total = 0
     try:
@@ -159,8 +191,17 @@ def follow(
         while True:
             settled = watch.look()
             if settled:
-                report = _try_transfer(output, folder, campaign_id, settled, watch)
-                if report is not None:
+                try:
+                    if placed:
+                        every, _ = place(output, folder, campaign_id, [*sent.values(), *settled])
+                        settled = every[len(sent) :]
+                    report = transfer(output, folder, campaign_id, settled, attest=False)
+                except Problem as problem:  # a network that is lost comes back
+                    if not problem.retryable:
+                        raise
+                    output.note(f"{problem}; these files are sent again at the next check")
+                    watch.take_back(settled)
+                else:
                     total += report.sent
                     sent |= {file.path: file for file in settled}
                     output.note("\n".join(lines(report)))
@@ -219,28 +260,22 @@ def _wait_for_service(output: Output, find: Callable[[], Campaign], *, every_s: 
         sleep(every_s)
 
 
-def _try_transfer(
-    output: Output, folder: Path, campaign_id: str, files: list[FieldFile], watch: Watch
-) -> Report | None:
-    """A network that is lost in between comes back; whoever watches does not want to start again."""
-    try:
-        return transfer(output, folder, campaign_id, files, attest=False)
-    except Problem as problem:
-        if not problem.retryable:
-            raise
-        output.note(f"{problem}; these files are sent again at the next check")
-        watch.take_back(files)
-        return None
-
-
-def _lister(
-    folder: Path, role: str | None, scene: str | None, *, night: bool
-) -> Callable[[], tuple[list[FieldFile], list[str]]]:
+def _rules(folder: Path, role: str | None, scene: str | None) -> tuple[Rule, ...]:
+    """Return what the caller or campaign.toml states of the files; nothing where it is to be proposed."""
     if role is not None:
-        return partial(sort_files, folder, (Rule(role=role, scene=scene),))
-    if (folder / FILENAME).exists():
-        return partial(sort_files, folder, read_plan(folder).rules)
-    return partial(sort_files, folder, NIGHT_RULES if night else USUAL_RULES, raw_only=True)
+        return (Rule(role=role, scene=scene),)
+    return read_plan(folder).rules if (folder / FILENAME).exists() else ()
+
+
+def place(
+    output: Output, folder: Path, campaign_id: str, files: Sequence[FieldFile]
+) -> tuple[list[FieldFile], list[str]]:
+    """Have the service propose role and scene of each file, and tell the proposal."""
+    with output.client() as client:
+        placed, unread = place_files(client, campaign_id, folder, files)
+    counts = Counter(file.scene or file.role for file in placed)
+    output.note(f"proposed: {', '.join(f'{name} {count}' for name, count in counts.items())}")
+    return placed, unread
 
 
 def _find_campaign(output: Output, folder: Path, named: str | None) -> Campaign:

@@ -37,7 +37,7 @@ Card = Annotated[
 ]
 
 
-@app.command("verify")
+@app.command("verify", epilog="Example: stilb receipt verify receipt.json --card /media/card")
 def verify(
     file: File,
     key: Key = None,
@@ -78,7 +78,7 @@ def verify(
     _finish(result, lines, as_json=as_json, well=not differences)
 
 
-@app.command("keys")
+@app.command("keys", epilog="Example: stilb receipt keys")
 @command
 def keys(output: Output) -> None:
     """Show the public keys of the service, and remember them."""

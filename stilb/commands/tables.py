@@ -69,3 +69,24 @@ def holds_for(row: Mapping[str, Any]) -> str:
 
 def _plain(value: float | str | None) -> str:
     return f"{value:g}" if isinstance(value, float | int) else value or ""
+
+
+_MOST_NAMED = 5
+
+
+def name_some(names: Sequence[str], what: str) -> str:
+    """Return the names, or how many there are and the first few."""
+    if len(names) <= _MOST_NAMED:
+        return ", ".join(names)
+    return f"{len(names)} {what}: {', '.join(names[:_MOST_NAMED])} and {len(names) - _MOST_NAMED} more"
+
+
+def format_findings(found: Iterable[Mapping[str, Any]]) -> list[str]:
+    """Return a line for equal findings: severity, code, what was found and what to do, and where."""
+    lines = []
+    for each in found:
+        subjects, more = each["subjects"][:_MOST_NAMED], each["count"] - _MOST_NAMED
+        where = ", ".join(subjects) + (f" and {more} more" if more > 0 else "")
+        place = f" ({where})" if subjects else ""
+        lines.append(f"{each['severity']} {each['code']}: {each['detail']} {each['action']}{place}")
+    return lines

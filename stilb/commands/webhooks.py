@@ -12,7 +12,7 @@ app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Have events
 Id = Annotated[str, typer.Argument(metavar="WEBHOOK", help="Its id.")]
 
 
-@app.command("list")
+@app.command("list", epilog="Example: stilb webhook list")
 @command
 def list_webhooks(output: Output) -> None:
     """List the webhooks of your organisation."""
@@ -22,7 +22,7 @@ def list_webhooks(output: Output) -> None:
     output.answer({"items": found}, table(("address", "events", "state", "webhook"), rows))
 
 
-@app.command("add")
+@app.command("add", epilog="Example: stilb webhook add https://example.org/hook")
 @command
 def add(
     output: Output,
@@ -35,7 +35,7 @@ def add(
     output.answer(made, f"{made['id']}\nsecret, shown only now: {made['secret']}")
 
 
-@app.command("remove")
+@app.command("remove", epilog="Example: stilb webhook remove whk_01")
 @command
 def remove(output: Output, webhook: Id) -> None:
     """Remove a webhook and the log of its deliveries."""
@@ -43,7 +43,7 @@ def remove(output: Output, webhook: Id) -> None:
         output.answer(client.remove_webhook(webhook), f"{webhook} removed")
 
 
-@app.command("enable")
+@app.command("enable", epilog="Example: stilb webhook enable whk_01")
 @command
 def enable(output: Output, webhook: Id) -> None:
     """Enable a webhook that was disabled."""
@@ -51,7 +51,7 @@ def enable(output: Output, webhook: Id) -> None:
         output.answer(client.change_webhook(webhook, enabled=True), f"{webhook} enabled")
 
 
-@app.command("test")
+@app.command("test", epilog="Example: stilb webhook test whk_01")
 @command
 def check(output: Output, webhook: Id) -> None:
     """Send a test event."""
@@ -60,7 +60,7 @@ def check(output: Output, webhook: Id) -> None:
     output.answer(sent, f"{sent['id']} queued: stilb webhook log {webhook}")
 
 
-@app.command("log")
+@app.command("log", epilog="Example: stilb webhook log whk_01")
 @command
 def log(output: Output, webhook: Id) -> None:
     """Show what was sent, newest first, and the answers."""
@@ -80,7 +80,7 @@ def log(output: Output, webhook: Id) -> None:
     output.answer({"items": found}, table(("at", "event", "state", "attempts", "error", "delivery"), rows))
 
 
-@app.command("retry")
+@app.command("retry", epilog="Example: stilb webhook retry whk_01 dlv_01")
 @command
 def retry(
     output: Output, webhook: Id, delivery: Annotated[str, typer.Argument(help="Its id, from the log.")]

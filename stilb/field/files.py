@@ -46,12 +46,8 @@ class Rule:
         return None if found is None else found.groupdict()
 
 
-# What a folder means to whom nobody has said anything: the folders of the README's first calibration.
-USUAL_RULES = (
-    *(Rule(role=role, pattern=f"{role}/*") for role in ROLES if role != "light"),
-    Rule(role="light", pattern="{scene}/*"),
-)
-# In a night of measurements every raw file is a field frame.
+# Every raw file, until the service has proposed its role and scene; in a night of measurements a field frame.
+ANY_RULES = (Rule(role="light"),)
 NIGHT_RULES = (Rule(role="field"),)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from stilb.details import CameraDetails, CampaignDetails, MeasureDetails, Polygon, Reading
-from stilb.field.files import NIGHT_RULES, ROLES, USUAL_RULES, Rule
+from stilb.field.files import NIGHT_RULES, ROLES, Rule
 from stilb.problem import Unclear
 from stilb.upload import FrameDetails
 
@@ -55,8 +55,9 @@ _NEEDED = frozenset({"camera", "campaign"})
 class Plan:
     """Content of campaign.toml.
 
-    ``panels``: as `Client.create_panel` takes them, or one by its serial alone; ``readings_csv``: the
-    text of the spreadsheet; of ``polygon``, ``imagej`` and ``parts`` one at most.
+    ``panels``: as `Client.create_panel` takes them, or one by its serial alone; ``rules``: none if the
+    service proposes roles and scenes; ``readings_csv``: the text of the spreadsheet; of ``polygon``,
+    ``imagej`` and ``parts`` one at most.
     """
 
     make: str
@@ -68,7 +69,7 @@ class Plan:
     campaign: CampaignDetails
     panels: tuple[dict[str, Any], ...] = ()
     meters: tuple[dict[str, Any], ...] = ()
-    rules: tuple[Rule, ...] = USUAL_RULES
+    rules: tuple[Rule, ...] = ()
     readings: tuple[Reading, ...] = ()
     readings_csv: str | None = None
     polygon: Polygon | None = None
@@ -129,7 +130,7 @@ def _plan(said: dict[str, Any], folder: Path) -> Plan:
         campaign=cast("CampaignDetails", campaign),
         panels=_list_panels(said.get("panel", [])),
         meters=tuple(said.get("meter", ())),
-        rules=(NIGHT_RULES if night else USUAL_RULES) if frames is None else tuple(map(_rule, frames)),
+        rules=(NIGHT_RULES if night else ()) if frames is None else tuple(map(_rule, frames)),
         readings=tuple(said.get("reading", ())),
         readings_csv=None if csv is None else read_spreadsheet(folder / csv),
         **_region(said.get("region", {}), folder),

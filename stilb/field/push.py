@@ -157,8 +157,7 @@ def _send(push: _Push, files: list[FieldFile]) -> int:
             push.errors[file.name] = str(outcome)
             continue
         push.frames[outcome.sha256] = outcome.id
-        if outcome.job_id is not None:
-            push.jobs.append(outcome.job_id)
+        push.jobs.append(outcome.job_id)
     return sum(isinstance(outcome, Frame) for outcome in outcomes)
 
 

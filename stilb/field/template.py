@@ -26,6 +26,7 @@ project_number = {project_number}  # the same number again is the same campaign
 # recorder = "A. Meier"
 # place = "hangar 2"
 # started_at = 2026-05-01T20:30:00Z
+# time_zone = "Europe/Berlin"  # of the camera's clock, for files that state no offset
 {stated}
 {reference}
 {target}
@@ -64,8 +65,13 @@ _FIT = """\
 [fit]"""
 _MEASURE = "# How every frame is measured. Remove the first # of a line to set what is known.\n[measure]"
 _FRAMES = """\
-# What the files are; the first that fits decides. Names may also be given as a range, without a pattern:
-# { first = "DJI_0001.DNG", last = "DJI_0012.DNG" }
+# Role and scene of each file are proposed from folders, pauses, exposure and brightness: stilb push --dry-run
+# shows them. To state them instead: the first table that fits decides; a range of names needs no pattern.
+# [[frames]]
+# role = "light"
+# scene = "level-1"
+# first = "DJI_0001.DNG"
+# last = "DJI_0012.DNG"
 """
 _FIELD = "# Every raw file of the folder is a field frame."
 _REFERENCES = {"meter": _METER, "panel": _PANEL, None: ""}
@@ -77,6 +83,12 @@ _PARTS = """\
 """
 
 
+LAMP_HELP = (
+    "Kind of lamp: incandescent, led (steady driver), led_ripple (simple or unknown driver), "
+    "led_phase_dimmed, sodium or metal_halide."
+)
+
+
 @cache
 def read_methods() -> Mapping[str, Mapping[str, Any]]:
     """Return the methods by name, each as `GET /v1/methods` describes it."""
@@ -84,10 +96,17 @@ def read_methods() -> Mapping[str, Mapping[str, Any]]:
     return {each["name"]: each for each in json.loads(text)["items"]}
 
 
-def write_template(said: Mapping[str, str], *, folder: str, has_readings: bool, night: bool = False) -> str:
+def write_template(
+    said: Mapping[str, str],
+    *,
+    folder: str,
+    has_readings: bool,
+    night: bool = False,
+    light: Mapping[str, Any] | None = None,
+) -> str:
     """Return the text; ``said``: make, model, serial, method, project_number, each "" if it is not known.
 
-    ``night``: of a campaign of measurements.
+    ``night``: of a campaign of measurements; ``light``: what the campaign states of its lamps.
     """
     method, mark = read_methods()[said["method"]], "" if has_readings else "# "
     readings = f'{mark}[readings]\n{mark}file = "readings.csv"'
@@ -97,15 +116,21 @@ def write_template(said: Mapping[str, str], *, folder: str, has_readings: bool, 
         kind='\nkind = "measurement"' if night else "",
         reference="" if night else _REFERENCES[method.get("reference")].format(readings=readings),
         target="" if night else _format_target(method),
-        frames=_FIELD if night else _FRAMES + "\n".join(_list_rules(method)),
+        frames=_FIELD if night else _FRAMES,
         region=_PARTS if method.get("several_regions") else _ONE,
-        stated="" if night else "\n".join(_list_parameters(method["parameters"], "campaign")),
+        stated="\n".join(_list_parameters(_list_stated(method, night=night), "campaign", light or {})),
         last="\n".join([_MEASURE, *_list_parameters(method["conditions"], "request")])
         if night
         else "\n".join([_FIT, *_list_parameters(method["parameters"], "request")]),
         # A JSON text is a TOML text too.
         **{name: json.dumps(value, ensure_ascii=False) for name, value in said.items()},
     )
+
+
+def _list_stated(method: Mapping[str, Any], *, night: bool) -> list[Mapping[str, Any]]:
+    """Return the parameters that a campaign states; of a night those of its light."""
+    light = {each["name"] for each in method["conditions"]}
+    return [each for each in method["parameters"] if not night or each["name"] in light]
 
 
 def _format_target(method: Mapping[str, Any]) -> str:
@@ -116,19 +141,14 @@ def _format_target(method: Mapping[str, Any]) -> str:
     return "\n".join(["# What is photographed.", "# [target]", *lines, ""])
 
 
-def _list_rules(method: Mapping[str, Any]) -> Iterator[str]:
-    """Return a folder per role; that of scenes takes any folder, so it comes last."""
-    roles = {each["name"]: each for each in method["roles"]}
-    roles.setdefault("field", {"name": "field", "description": "Frames to measure.", "has_scene": False})
-    for role in sorted(roles.values(), key=lambda each: each["has_scene"]):
-        folder = "{scene}" if role["has_scene"] else role["name"]
-        yield f'[[frames]]  # {role["description"]}\npattern = "{folder}/*"\nrole = "{role["name"]}"\n'
-
-
-def _list_parameters(parameters: Sequence[Mapping[str, Any]], given_by: str) -> Iterator[str]:
+def _list_parameters(
+    parameters: Sequence[Mapping[str, Any]], given_by: str, stated: Mapping[str, Any] | None = None
+) -> Iterator[str]:
     for each in parameters:
         if each["given_by"] == given_by:
-            yield from _list_parameter(each)
+            *comment, line = _list_parameter(each)
+            value = (stated or {}).get(each["name"])
+            yield from (*comment, line if value is None else f"{each['name']} = {json.dumps(value)}")
 
 
 def _list_parameter(parameter: Mapping[str, Any]) -> Iterator[str]:

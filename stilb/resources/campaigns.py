@@ -140,6 +140,34 @@ class Campaigns(Connection):
         answer = self._transport.json(call)
         return list(answer["items"]) if "items" in answer else [answer]
 
+    def add_points(
+        self,
+        campaign_id: str,
+        table: str,
+        *,
+        white_level_dn: float,
+        black_level_dn: float | None = None,
+        exposure_time_s: float | None = None,
+        f_number: float | None = None,
+        iso: float | None = None,
+        idempotency_key: str | None = None,
+    ) -> dict[str, Any]:
+        """Add frames of which only a CSV text of statistics exists, such as ImageJ's Results.
+
+        Settings are those of rows that state none. Their jobs are awaited as those of other frames.
+        """
+        headers = {**_idempotent(idempotency_key), "Content-Type": "text/csv; charset=utf-8"}
+        query: Query = {
+            "white_level_dn": white_level_dn,
+            "black_level_dn": black_level_dn,
+            "exposure_time_s": exposure_time_s,
+            "f_number": f_number,
+            "iso": iso,
+        }
+        path = address("campaigns", campaign_id, "points")
+        call = Call(method="POST", path=path, query=query, text=table, headers=headers)
+        return dict(self._transport.json(call))
+
     def motion(
         self,
         campaign_id: str,

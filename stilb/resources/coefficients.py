@@ -1,5 +1,6 @@
 """Coefficients in force, now and earlier: the calls of a dashboard and of a notebook."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from stilb.details import Moment, as_text
@@ -78,6 +79,14 @@ class Coefficients(Equipment):
         rows = list(self._transport.items(address("series", "coefficients"), query, member="rows"))
         columns = dict.fromkeys(name for row in rows for name in row)
         return [as_times({name: row.get(name) for name in columns}) for row in rows]
+
+    def fleet_verdict(self, method: str, camera_ids: Sequence[str], *, tolerance: float) -> dict[str, Any]:
+        """Judge whether one set of coefficients serves several cameras of a model, and what sharing it costs.
+
+        ``tolerance``: the largest accepted deviation, a share such as 0.04, or of geometry in pixels.
+        """
+        body = {"method": method, "camera_ids": list(camera_ids), "tolerance": tolerance}
+        return self._post(address("fleet", "verdict"), body)
 
 
 def _text_of(moment: Moment | None) -> str | None:

@@ -1,7 +1,7 @@
 """Frames: asked for by hash, sent from the disk, looked at."""
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Unpack, overload
 
 from stilb.connection import Connection
@@ -26,6 +26,14 @@ class Frames(Connection):
             answer = self._post(address("campaigns", campaign_id, "frames", "known"), body)
             found += map(KnownFrame.of, answer["known"])
         return found
+
+    def propose(self, frames: Sequence[Mapping[str, Any]], **about: str) -> dict[str, Any]:
+        """Return the method that the frames of a card suit, and role and scene of each; nothing is stored.
+
+        ``frames``: its name, and as known taken_s, exposure_time_s, f_number, iso, band, signal_share.
+        ``about``: `campaign_id`, `camera_id`, `method` or `kind`.
+        """
+        return self._post(address("proposals"), {"frames": [*frames], **about})
 
     @overload  # a str is an iterable of str too: the first overload is the one that is meant
     def push(  # type: ignore[overload-overlap]

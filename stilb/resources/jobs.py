@@ -19,9 +19,15 @@ class Jobs(Connection):
     def job(self, job_id: str) -> Job:
         return Job.of(self._get(address("jobs", job_id)))
 
-    def jobs(self, *, state: str | None = None, kind: str | None = None) -> Iterator[Job]:
-        """The jobs of your organisation, newest first."""
-        return map(Job.of, self._transport.items(address("jobs"), {"state": state, "kind": kind}))
+    def jobs(
+        self, *, state: str | None = None, kind: str | None = None, subject: str | None = None
+    ) -> Iterator[Job]:
+        """The jobs of your organisation, newest first.
+
+        ``subject``: the frame or campaign that they work on, or the version or measurement that they made.
+        """
+        query = {"state": state, "kind": kind, "subject": subject}
+        return map(Job.of, self._transport.items(address("jobs"), query))
 
     def retry_job(self, job: Job | str) -> Job:
         """Try a job again that failed or was quarantined; the job as it waits then."""

@@ -2,12 +2,12 @@
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import httpx
 
 from stilb.connection import Connection
-from stilb.details import Moment, as_text
+from stilb.details import Moment, OrganisationChange, as_text
 from stilb.problem import Unclear, missing
 from stilb.records import AuditChain, AuditEntry, Key, Session
 from stilb.transport import Call, address
@@ -15,6 +15,13 @@ from stilb.transport import Call, address
 
 class Organisation(Connection):
     """Keys, the browser sessions opened with them, and the audit trail."""
+
+    def organisation(self) -> dict[str, Any]:
+        """Return name, address and time zone of the organisation, and what it uses."""
+        return self._get(address("organisation"))
+
+    def change_organisation(self, **details: Unpack[OrganisationChange]) -> dict[str, Any]:
+        return self._transport.json(Call(method="PATCH", path=address("organisation"), json=dict(details)))
 
     def api_keys(self) -> Iterator[Key]:
         """Return all keys, also those that have ended, without their secrets."""

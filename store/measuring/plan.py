@@ -16,6 +16,7 @@ from radiometry.specification.parameters import list_parameters
 from store.applied import read_applied
 from store.codec import decode, decode_exposure, decode_header, encode
 from store.falloff import find_falloff, read_lens
+from store.frame_times import read_frame_time, read_zones
 from store.measuring.captures import Captures
 from store.measuring.requirements import read_proof, require_read, require_repeat, require_whole
 from store.measuring.version import choose_version
@@ -76,6 +77,7 @@ def plan_measurement(
         "polygon": _list_points(polygon),
         "region_origin": origin,
         "products": list(asked.products),
+        **_name_zone(session, frame, campaign),
         **({"allow": list(asked.allow)} if asked.allow else {}),
         **({"repeats": [{"frame_id": r.id, "sha256": r.sha256} for r in repeats]} if repeats else {}),
     }
@@ -167,9 +169,15 @@ def _find_conditions(
     """Return what the request states of surroundings; what is left out, as the frame's campaign."""
     if application.conditions is None:
         return {}
-    names = (each.name for each in list_parameters(application.conditions))
-    stated = {name: asked.conditions.get(name, getattr(campaign, name, None)) for name in names}
-    return {"conditions": {name: value for name, value in stated.items() if value is not None}}
+    found, origin = {}, {}
+    for each in list_parameters(application.conditions):
+        if (value := asked.conditions.get(each.name)) is not None:
+            found[each.field], origin[each.name] = value, "request"
+        elif asked.conditions.keys().isdisjoint(each.displaced_by):
+            value = getattr(campaign, each.name, None)
+            found |= {} if value is None else {each.field: value}
+            origin |= {} if value is None else {each.name: "campaign"}
+    return {"conditions": found, **({"conditions_origin": origin} if origin else {})}
 
 
 def _name_version(version: Calibration) -> dict[str, Any]:
@@ -241,6 +249,12 @@ def _plan_band(
             application.find_scale_of_frame(each, coefficients=coefficients, incidence_angle_deg=angle_deg)
     application.find_place(header, decode(application.conditions, dict(asked.conditions)))
     return plan | ({"quantity": asked.quantity} if radiance else {})
+
+
+def _name_zone(session: Session, frame: FrameRow, campaign: Campaign) -> dict[str, str]:
+    """Return the stated time zone by which the frame's time is read: another may be stated later."""
+    taken = read_frame_time(frame, read_zones(session, campaign))
+    return {"time_zone": taken.zone} if taken and taken.zone else {}
 
 
 def _list_points(polygon: Polygon) -> list[list[float]]:

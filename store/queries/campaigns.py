@@ -144,10 +144,12 @@ def set_roi(session: Session, campaign: Campaign, roi: Roi, *, by: str) -> list[
 
 
 def _refuse_outside(session: Session, campaign: Campaign, roi: Roi) -> None:
-    """Refuse a region that fits in no frame that has been read; frames of other sizes have their verdicts."""
+    """Refuse a region that fits in no frame that has been read and has none of its own."""
     width, height = (FrameRow.header[name].as_integer() for name in ("width_px", "height_px"))
     read = select(width, height).where(
-        FrameRow.campaign_id == campaign.id, FrameRow.state.in_(("read", "extracted"))
+        FrameRow.campaign_id == campaign.id,
+        FrameRow.state.in_(("read", "extracted")),
+        FrameRow.roi_id.is_(None),
     )
     sizes = sorted((row[0], row[1]) for row in session.execute(read.distinct()))
     xs, ys = zip(*roi.points, strict=True)

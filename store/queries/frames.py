@@ -5,16 +5,14 @@ import json
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, fields
-from datetime import UTC, datetime, timedelta
 from functools import lru_cache
 from typing import Any, Protocol
 
-from pydantic import TypeAdapter
 from sqlalchemy import Select, select
 from sqlalchemy.orm import Session
 
 from radiometry import methods
-from radiometry.findings import InputRejected, interface, shared
+from radiometry.findings import interface
 from radiometry.frame.roi import Polygon
 from radiometry.frame.statistics import ChannelStatistics
 from radiometry.specification.roles import FIELD
@@ -27,11 +25,6 @@ from store.files import keep_blobs
 from store.software import EXTRACTOR
 from store.tables import Campaign, ChannelRow, Extraction, FrameRow, Roi
 from store.tables.base import Json
-
-# A time without an offset is somewhere between UTC+14 and UTC-12.
-_EARLIEST, _LATEST = timedelta(hours=-14), timedelta(hours=12)
-
-_INSTANT = TypeAdapter(datetime)
 
 _STATISTICS = tuple(field.name for field in fields(ChannelStatistics))
 
@@ -244,24 +237,3 @@ def extractions_of(session: Session, frame_ids: list[str]) -> dict[str, list[Ext
     for row in rows:
         found[row.frame_id].append(row)
     return found
-
-
-def read_time(frame: FrameRow) -> tuple[datetime, datetime]:
-    """The earliest and the latest instant that the frame's time may mean."""
-    taken = (frame.header or {}).get("taken_at")
-    if taken is None:
-        raise InputRejected(
-            shared.FRAME_TIME_MISSING,
-            f"Frame {frame.filename} does not say when it was taken, so no calibration can be looked up: "
-            "name one with calibration_id.",
-        )
-    return find_instants(taken)
-
-
-def find_instants(taken_at: str) -> tuple[datetime, datetime]:
-    """The earliest and the latest instant that a time in a file may mean."""
-    instant: datetime = _INSTANT.validate_python(taken_at)
-    if instant.tzinfo is not None:
-        return instant, instant
-    instant = instant.replace(tzinfo=UTC)
-    return instant + _EARLIEST, instant + _LATEST

@@ -1,14 +1,14 @@
 """One organisation's jobs, for those who wait for them."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from sqlalchemy import ColumnElement, func, or_, select
 from sqlalchemy.orm import Session
 
 from store.columns import utc_now
-from store.jobs import GIVEN_UP, IS_QUEUED
-from store.tables import FrameRow, Job
+from store.jobs import GIVEN_UP, IS_QUEUED, PREVIEW_LANE
+from store.tables import Calibration, FrameRow, Job, Measurement
 
 MOST_COUNTED = 2000
 """Jobs of a state are counted up to here: a summary of 100,000 jobs costs what one of a few thousand does."""
@@ -91,6 +91,26 @@ def select_given_up(
         frames = select(FrameRow.id).where(FrameRow.campaign_id == campaign_id)
         chosen &= (Job.subject_id == campaign_id) | Job.subject_id.in_(frames)
     return chosen
+
+
+def select_makers(made: Calibration | Measurement) -> ColumnElement[bool]:
+    """Return which jobs made a version or a measurement; the same content made again is the same one."""
+    if isinstance(made, Calibration):
+        subject_id, kind, result = made.campaign_id, "fit", "calibration_id"
+    else:
+        subject_id, kind, result = made.frame_id, "measure", "measurement_id"
+    named: ColumnElement[bool] = Job.result[result].as_string() == made.id
+    return (Job.subject_id == subject_id) & (Job.kind == kind) & named
+
+
+def find_reading_jobs(session: Session, frame_ids: Collection[str]) -> dict[str, str]:
+    """Return the newest job that reads each frame, by the frame's id; previews do not count."""
+    rows = (
+        select(Job.subject_id, func.max(Job.id))
+        .where(Job.subject_id.in_(frame_ids), Job.kind == "extract", Job.lane != PREVIEW_LANE)
+        .group_by(Job.subject_id)
+    )
+    return {row[0]: row[1] for row in session.execute(rows)}
 
 
 def frames_of(session: Session, jobs: Sequence[Job]) -> dict[str, FrameRow]:

@@ -1,6 +1,7 @@
 """The series of coefficients: of every version in force, from its ready rows."""
 
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from datetime import datetime
 from typing import Any, ClassVar
 
@@ -50,16 +51,16 @@ class CoefficientSeries:
         total, more = 0, self._select(known, after, None)
         # most series end within the limit: one sum, instead of each version's place
         counts = more.with_only_columns(ReadyRow.coefficients).limit(limit + 1).subquery()
-        versions, rows = session.execute(select(func.count(), func.sum(counts.c.coefficients))).one()
-        if max(versions, rows or 0) <= limit:
+        versions, coefficients = session.execute(select(func.count(), func.sum(counts.c.coefficients))).one()
+        if max(versions, coefficients or 0) <= limit:
             return None
-        for *key, count in session.execute(
-            more.with_only_columns(*self._KEY, ReadyRow.coefficients), execution_options={"yield_per": 1000}
-        ):
-            done = self._done(after, key)
-            if total + count - done > limit:
-                return [key[0], write_instant(key[1]), *key[2:], done + limit - total - 1]
-            total += count - done
+        rows = more.with_only_columns(*self._KEY, ReadyRow.coefficients)
+        with closing(session.execute(rows, execution_options={"yield_per": 1000})) as found:
+            for *key, count in found:
+                done = self._done(after, key)
+                if total + count - done > limit:
+                    return [key[0], write_instant(key[1]), *key[2:], done + limit - total - 1]
+                total += count - done
         return None
 
     def read(self, *, after: Key | None, until: Key | None) -> Iterator[Page]:

@@ -5,7 +5,7 @@ from typing import Any
 
 from radiometry.methods import get_method
 from radiometry.specification.application import PictureApplication, SurfaceApplication
-from store.queries.frames import read_time
+from store.frame_times import Zones, read_frame_time
 from store.ready.publications import write_instant
 from store.ready.records import Value, write_record
 from store.tables import Calibration, Camera, FrameRow, Measurement
@@ -70,7 +70,7 @@ def make_measured(
 ) -> dict[str, Any]:
     """Return the columns of a measurement's row."""
     spec = get_method(row.method)
-    taken = read_time(frame) if (frame.header or {}).get("taken_at") is not None else None
+    taken = read_frame_time(frame, Zones(campaign=row.parameters.get("time_zone")))
     named = row.parameters.get(spec.corrected_by) if spec.corrected_by else None
     cells = _describe(row, frame, calibration, camera)
     return {
@@ -80,8 +80,8 @@ def make_measured(
         "campaign_id": row.campaign_id,
         "calibration_id": row.calibration_id,
         "corrector_id": named["calibration_id"] if named else None,
-        "taken_from": taken[0] if taken else row.created_at,
-        "taken_to": taken[1] if taken else None,
+        "taken_from": taken.earliest if taken else row.created_at,
+        "taken_to": taken.latest if taken else None,
         "created_at": row.created_at,
         "cells": write_record(_take(name, cells.get(name)) for name in COLUMNS),
     }

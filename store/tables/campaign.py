@@ -41,6 +41,8 @@ class Campaign(Audited, Base):
     """What surrounded the work and may bear on it: temperature, warm-up of the lamp, daylight kept out."""
     started_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
     ended_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    time_zone: Mapped[str | None]
+    """Of the clock of the camera, for files without an offset; None for the organisation's."""
     lens: Mapped[Json | None] = mapped_column(default=None)
     """Make, model and serial number; None for the lens that is registered with the camera."""
     comments: Mapped[str | None]
@@ -53,6 +55,7 @@ class Campaign(Audited, Base):
     focal_length_mm: Mapped[float | None]
     mains_frequency_hz: Mapped[float | None]
     lamp_modulation: Mapped[float | None]
+    lamp_kind: Mapped[str | None] = mapped_column(default=None)
     acceptance: Mapped[str | None]
     """Decision rule of the verdict; None is the simple one."""
     roi_id: Mapped[str | None] = mapped_column(ForeignKey("roi.id"))

@@ -21,6 +21,8 @@ class Organisation(Audited, Base):
     """The organisation that runs this service: its admins found the others."""
     refuses_incomplete_certificates: Mapped[bool] = mapped_column(default=False)
     """Publishing is refused, not only warned of, while a certificate lacks what ISO/IEC 17025 asks for."""
+    time_zone: Mapped[str | None]
+    """Of the clocks of its cameras, for files without an offset: an IANA name or an offset."""
     created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
 
 

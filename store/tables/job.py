@@ -6,6 +6,7 @@ from sqlalchemy import CheckConstraint, ForeignKey, Index, text
 from sqlalchemy.orm import Mapped, mapped_column
 
 from store.columns import UtcDateTime, new_id, utc_now
+from store.log_fields import present_request_id
 from store.tables.base import Base, Json
 from store.tracing import present_traceparent
 
@@ -82,6 +83,8 @@ class Job(Base):
     due_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
     faulty_since: Mapped[datetime | None] = mapped_column(UtcDateTime)
     """When something that it needs first did not answer: it is tried again for a day from then."""
+    request_id: Mapped[str | None] = mapped_column(default=present_request_id)
+    """The request that queued it, as its log line and `X-Request-ID` name it."""
     traceparent: Mapped[str | None] = mapped_column(default=present_traceparent)
     waits_for: Mapped[str | None]
     """What did not answer at the last attempt; None for a job that waits for its turn alone."""

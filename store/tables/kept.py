@@ -39,6 +39,7 @@ class CampaignReview(Base):
     missing: Mapped[list[Any] | None] = mapped_column(default=None)
     advice: Mapped[list[Any] | None] = mapped_column(default=None)
     gaps: Mapped[list[Any] | None] = mapped_column(default=None)
+    findings: Mapped[list[Any] | None] = mapped_column(default=None)
     checklist: Mapped[Json | None] = mapped_column(default=None)
     """What the record says of each item, and since when each part of the record is as it is."""
 

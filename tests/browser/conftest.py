@@ -17,7 +17,8 @@ from tests.support.nightwork import work_a_night
 def pytest_collection_modifyitems(items):
     if Path(CHROMIUM).is_file():
         return
-    absent = pytest.mark.skip(reason=f"there is no Chromium at {CHROMIUM}; STILB_CHROMIUM names another")
+    why = f"no Chromium at {CHROMIUM}: apt-get install chromium-headless-shell, or set STILB_CHROMIUM"
+    absent = pytest.mark.skip(reason=why)
     for item in items:
         if Path(__file__).parent in item.path.parents:
             item.add_marker(absent)

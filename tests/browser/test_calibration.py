@@ -116,14 +116,16 @@ def test_the_axes_are_linear_or_logarithmic(shown):
     axes = shown.locator("#signal-plot text.mid", has_text="[")
     expect(axes).to_have_text(["X = t S L / f²  [cd·s/m²]", "signal above dark [DN]"])
     with shown.expect_response("**/signal?*part=1*"):
-        shown.get_by_role("button", name="Logarithmic").click()
+        shown.get_by_role("button", name="Logarithmic", exact=True).click()
     expect(axes).to_have_text(
         ["X = t S L / f²  [cd·s/m²], logarithmic", "signal above dark [DN], logarithmic"]
     )
     # a telephone that is turned gets another drawing of the same
     shown.set_viewport_size({"width": 390, "height": 844})
     expect(shown.locator("#signal-plot .chart")).to_have_attribute("width", re.compile(r"^3\d\d$"))
-    expect(shown.get_by_role("button", name="Logarithmic")).to_have_attribute("aria-pressed", "true")
+    expect(shown.get_by_role("button", name="Logarithmic", exact=True)).to_have_attribute(
+        "aria-pressed", "true"
+    )
 
 
 def test_a_part_of_a_plot_is_magnified_and_a_series_is_hidden(shown):

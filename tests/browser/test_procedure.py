@@ -8,7 +8,6 @@ from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
-import pytest
 from playwright.sync_api import Page, expect
 
 from tests.support.browser import DIALOG, check_access, drop, illustrate, look, settle
@@ -49,7 +48,6 @@ MOST_PRESSED = 25
 MOST_TYPED = 3
 
 
-@pytest.mark.timeout(900)
 def test_the_whole_procedure(context, team, tmp_path):
     page = context.new_page()
     keys = Keyboard(page)

@@ -34,7 +34,6 @@ def test_tus_js_client_goes_on_where_it_was_cut(browser, service, team, tmp_path
     campaign = team.campaign()
     metadata = {
         "campaign_id": campaign.id,
-        "sha256": hashlib.sha256(content).hexdigest(),
         "role": "light",
         "scene": "level-1",
         "filename": "Straße 1.DNG",

@@ -5,6 +5,7 @@ import subprocess
 import zipfile
 
 import pytest
+from packaging.version import Version
 
 from tests.support.compose import ROOT, load_script
 
@@ -113,5 +114,14 @@ def test_released_migrations_are_unchanged_and_others_are_listed_at_a_release(re
     assert release.check_migrations(tmp_path, at_release=False).right is False
 
 
-def test_change_log_of_this_repository_has_its_version(release):
-    assert release.check_change_log(ROOT).right is True
+def test_version_of_this_repository_is_its_release_or_comes_after_it(release):
+    """What has changed since a release is not that release."""
+    version = Version(release.read_version(ROOT))
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    unreleased, _, released = text.partition("## Unreleased")[2].partition("\n## ")
+    newest = Version(released.partition(" ")[0])
+    if "\n- " in unreleased:
+        assert version.is_devrelease
+        assert version > newest
+    else:
+        assert version == newest or version.is_devrelease

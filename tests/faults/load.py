@@ -148,8 +148,7 @@ def prepare(team: Team, shots: Sequence[Shot]) -> Base:
     campaign = team.campaign()
     frames = team.push(campaign, list(shots))
     for frame in frames:
-        if frame.job_id is not None:
-            team.client.wait(frame.job_id, timeout_s=90)
+        team.client.wait(frame.job_id, timeout_s=90)
     version = team.client.calibrate(campaign.id)
     named = {shot.path.name: frame for shot, frame in zip(shots, frames, strict=True)}
     return Base(campaign=campaign, frames=named, version=version)

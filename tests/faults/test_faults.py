@@ -11,7 +11,6 @@ from tests.support.deployments import QUICK
 from tests.support.fieldwork import write_campaign
 
 
-@pytest.mark.timeout(600)
 @pytest.mark.parametrize("kind", BOTH)
 def test_nothing_is_lost_doubled_or_wrong(kind, tmp_path):
     (tmp_path / "shots").mkdir()

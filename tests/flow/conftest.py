@@ -1,34 +1,9 @@
 """One service of each kind for all tests that leave it as they found it, and the figures of a quiet run."""
 
-import subprocess
-import sys
-import sysconfig
-import venv
-from pathlib import Path
-
 import pytest
 
-from tests.support.compose import ROOT, load_script
 from tests.support.deployments import Composed, Embedded, short_folder
 from tests.support.fieldwork import figures_of, write_campaign
-
-
-@pytest.fixture(scope="session")
-def server_wheel(tmp_path_factory):
-    return load_script("server_wheel").build(ROOT, tmp_path_factory.mktemp("wheel"))
-
-
-@pytest.fixture(scope="session")
-def installed(server_wheel, tmp_path_factory):
-    """An environment with the server's wheel; what it needs is found in this one, and no network is asked."""
-    folder = tmp_path_factory.mktemp("installed")
-    venv.create(folder, symlinks=True)
-    (packages,) = folder.glob("lib/python*/site-packages")
-    (packages / "needs.pth").write_text(sysconfig.get_path("purelib"))
-    uv, python = Path(sys.executable).with_name("uv"), folder / "bin" / "python"
-    install = [uv, "pip", "install", "-q", "--offline", "--no-deps", "--python", python, server_wheel]
-    subprocess.run(install, check=True)
-    return folder
 
 
 @pytest.fixture(scope="session")

@@ -1,9 +1,11 @@
 """`stilb-server` from its wheel. The other flow tests calibrate with it; these are about what it holds."""
 
+import email
 import json
 import os
 import re
 import subprocess
+import zipfile
 
 import httpx
 
@@ -23,7 +25,6 @@ def run(installed, *command, **environment):
         env=os.environ | environment,
         capture_output=True,
         text=True,
-        timeout=120,
     )
 
 
@@ -36,6 +37,11 @@ def test_release_accepts_the_wheel(server_wheel):
         server_wheel, name="stilb-server", version=version, rooms=ROOMS, committed=committed
     )
     assert found.right, found
+    with zipfile.ZipFile(server_wheel) as archive:
+        (path,) = [name for name in archive.namelist() if name.endswith("/METADATA")]
+        stated = email.message_from_bytes(archive.read(path))
+    assert ("authors" in stated["Author"], stated.get_all("Provides-Extra")) == (True, ["otel"])
+    assert not re.search(r"\]\((?!https?:)", stated.get_payload())
     bill = json.loads((server_wheel.parent / f"stilb_server-{version}.cdx.json").read_text())
     pins = re.findall("^([a-z0-9.-]+).*==", (ROOT / "requirements.lock").read_text(), re.MULTILINE)
     assert [each["name"] for each in bill["components"]] == pins

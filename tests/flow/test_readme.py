@@ -24,6 +24,8 @@ def test_every_command_of_the_first_calibration_is_true(embedded, tmp_path):
     assert len(blocks) == 1
     field = tmp_path / "field"
     write_field_folder(field)
+    copied = next((field / "dark").iterdir())
+    copied.rename(copied.with_name("copy of dark (1).DNG"))
     with embedded.team() as team:
         environment = os.environ | {"STILB": team.url, "KEY": team.key}
         done = subprocess.run(
@@ -33,7 +35,6 @@ def test_every_command_of_the_first_calibration_is_true(embedded, tmp_path):
             env=environment,
             capture_output=True,
             text=True,
-            timeout=120,
         )
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
     assert done.stderr == ""

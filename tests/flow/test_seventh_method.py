@@ -44,7 +44,6 @@ def test_a_seventh_method_is_one_package_and_one_name(tmp_path):
             env=os.environ | {"PYTHONPATH": str(tree), "PYTEST_ADDOPTS": ""},
             capture_output=True,
             text=True,
-            timeout=240,
             check=False,
         )
         assert done.returncode == 0, f"{words}: {done.stdout[-3000:]}{done.stderr[-3000:]}"

@@ -15,3 +15,10 @@ def drawn():
 def real_data():
     """The folder of real files that no repository holds."""
     return data_file(".")
+
+
+@pytest.fixture
+def lensfunpy():
+    """The library that raw developers correct by; it needs one of the system's."""
+    why = "liblensfun needs GLib: apt-get install libglib2.0-0"
+    return pytest.importorskip("lensfunpy", reason=why, exc_type=ImportError)

@@ -287,17 +287,32 @@ def test_a_bare_campaign_is_published_with_every_warning_or_not_at_all(house, st
 
 
 @pytest.mark.parametrize(
+    ("certified", "day", "expected"),
+    [
+        ({"due_on": "2026-05-01"}, "2026-05-01", []),
+        ({"due_on": "2026-05-01"}, "2026-05-02", ["meter_certificate_expired"]),
+        ({"issued_on": "2026-05-01"}, "2026-05-01", []),
+        ({"issued_on": "2026-05-02"}, "2026-05-01", ["meter_certificate_not_yet_issued"]),
+    ],
+)
+def test_a_meters_certificate_holds_on_its_first_and_last_day(house, version, certified, day, expected):
+    certificate = certificate_of(house, version)
+    (meter,) = certificate["meters"]
+    assert (meter["first_day"], meter["last_day"]) == ("2026-05-01", "2026-05-01")
+    meter |= {"certificate": meter["certificate"] | certified, "first_day": day, "last_day": day}
+    found = list_gaps(CertificateAnswer.model_validate(certificate))
+    assert [each.code for each in found] == expected
+
+
+@pytest.mark.parametrize(
     ("changes", "taken_at", "expected"),
     [
-        ({"due_on": "2026-04-30"}, "2026-05-01T20:00:00Z", ["meter_certificate_expired"]),
-        ({"due_on": "2026-05-01"}, "2026-05-01T20:00:00Z", []),
-        ({"due_on": "2026-05-01"}, "2026-05-02T00:00:00Z", ["meter_certificate_expired"]),
-        ({"issued_on": "2026-05-02"}, "2026-05-01T20:00:00Z", ["meter_certificate_not_yet_issued"]),
+        # without the time of the readings, the days of the campaign
         ({"due_on": "2026-04-30"}, None, ["meter_certificate_expired"]),
         (None, "2026-05-01T20:00:00Z", ["meter_certificate_missing"]),
     ],
 )
-def test_a_meters_certificate_must_hold_on_the_day_of_use(house, changes, taken_at, expected):
+def test_a_meter_has_a_certificate_that_holds(house, changes, taken_at, expected):
     meter = copy.deepcopy(METER)
     if changes is None:
         del meter["certificate"]

@@ -17,8 +17,6 @@ from service.press.regions import draw_region
 from service.press.typesetter import typeset
 from tests.support.certificates import certificate_of, complete_version
 
-pytestmark = pytest.mark.either_database
-
 # with a point, and no part of a name, a version or a date
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+\.\d+(?:e[-+]?\d+)?(?![\w]|\.\d)")
 
@@ -47,7 +45,7 @@ def certificate(printed):
     return printed[0]
 
 
-# what sets a given certificate asks no database
+# what stands on a given certificate asks no database
 alone = pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
 
 
@@ -72,6 +70,7 @@ def is_printed(token: str, numbers: list[float]) -> bool:
     return any(abs(float(f"{n:.{digits}{kind}}") - float(token)) <= 1e-12 * abs(n) for n in numbers)
 
 
+@alone
 def test_every_number_on_paper_is_one_of_the_jsons(printed):
     certificate, plots, pages = printed
     quoted = set(_NUMBER.findall(" ".join(leaf for leaf in leaves(certificate) if isinstance(leaf, str))))
@@ -93,6 +92,7 @@ def rounded(value: float, uncertainty: float) -> tuple[str, str]:
     return str(Decimal(value).quantize(step)), str(u.quantize(step))
 
 
+@alone
 def test_the_results_stand_on_the_first_page(printed):
     certificate, _, pages = printed
     first = " ".join(pages[0].split())
@@ -108,6 +108,7 @@ def test_the_results_stand_on_the_first_page(printed):
     assert "page 1 of" in first
 
 
+@alone
 def test_every_frame_reading_item_and_share_is_printed(printed):
     certificate, _, pages = printed
     text = "".join("".join(page.split()) for page in pages)

@@ -37,6 +37,7 @@ FORMS = {
     details.Grid: "NewGrid",
     details.LensDetails: "Lens",
     details.MeasureDetails: "MeasurementOptions",
+    details.OrganisationChange: "OrganisationChange",
     details.PanelBand: "PanelBand",
 }
 OTHERWISE = {"polygon": "roi"}  # the client takes corners, the service also an ImageJ call

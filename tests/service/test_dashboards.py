@@ -47,7 +47,10 @@ def test_only_listed_origins_may_read(house):
         answer = client.options("/v1/cameras", headers={"Origin": "https://b.example", **asked})
         assert answer.status_code == 400
         headers = {"Origin": "https://b.example", "Authorization": f"Bearer {KEY}"}
-        assert client.get("/v1/cameras", headers=headers).status_code == 200
+        answer = client.get("/v1/cameras", headers=headers)
+        assert answer.status_code == 200
+        shown = set(answer.headers["Access-Control-Expose-Headers"].split(", "))
+        assert {"ETag", "Link", "Retry-After", "Content-Disposition", "Deprecation", "Sunset"} <= shown
 
 
 def test_a_hundred_thousand_rows_are_one_answer(house, measured):

@@ -7,6 +7,7 @@ import pytest
 import tifffile
 
 from tests.support.campaigns import calibrate, upload_campaign
+from tests.support.frames import write_raw
 
 pytestmark = pytest.mark.either_database
 
@@ -96,10 +97,22 @@ def test_a_correction_reads_the_frame_again(house):
     house.work()
     said = patch(house, frame, role="light", scene="level-1")
     assert (said["role"], said["scene"], said["state"]) == ("light", "level-1", "read")
-    assert said["job_id"]
+    assert said["job_id"] != frame["job_id"]
     house.work()
     assert get(house, frame)["state"] == "extracted"
-    assert "job_id" not in patch(house, frame, scene="level-1")
+    assert patch(house, frame, scene="level-1")["job_id"] == said["job_id"]
+
+
+def test_samples_above_the_white_level_are_flagged(house):
+    samples = np.full((64, 96), 1000, np.uint16)
+    campaign, flags = house.campaign(), []
+    for highest in (4095, 4096):
+        samples[5, 5] = highest
+        content = write_raw(house.folder / "white.dng", samples).read_bytes()
+        frame = house.upload(campaign, content, role="dark")
+        house.work()
+        flags.append("samples_above_white" in get(house, frame)["warnings"])
+    assert flags == [False, True]
 
 
 def test_a_missing_exposure_is_typed_in_with_a_second_upload(house, bare_tiff):

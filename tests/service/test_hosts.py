@@ -40,7 +40,7 @@ def ask(house, monkeypatch):
 def test_a_strange_name_is_answered_with_a_path(ask, host):
     answer = ask(host)
     assert answer.status_code == 200
-    assert answer.json()["next"].startswith("/v1/cameras?limit=1&cursor=cam_")
+    assert answer.json()["next"].startswith("/v1/cameras?limit=1&cursor=")
     redirect = ask(host, path="/v1/cameras/")
     assert host not in str(redirect.headers)
     assert redirect.headers["location"] == "/v1/cameras"

@@ -3,6 +3,9 @@
 from sqlalchemy import update
 
 from store.tables import Job
+from tests.support.campaigns import published_campaign
+from tests.support.measuring import field_frame, measure
+from tests.support.resumable import PIECE, describe
 
 
 def failed_job(house):
@@ -185,3 +188,50 @@ def test_only_the_operator_sees_the_health_of_the_whole_service(house, stranger)
     assert 0 < health["disk_free_bytes"] < health["disk_total_bytes"]
     assert 0 <= health["oldest_proof_s"] < 60
     assert stranger.get("/v1/health").json()["code"] == "scope_missing"
+
+
+def test_every_upload_names_the_job_that_reads_its_frame(house):
+    campaign, content = house.campaign(), house.frame_bytes()
+    address = f"/v1/campaigns/{campaign['id']}/frames"
+    by_tus = house.http.post(
+        "/v1/uploads", content=content, headers=describe(campaign["id"], content) | PIECE
+    )
+    frame = house.get(by_tus.headers["Content-Location"])
+    job = frame["job_id"]
+    assert by_tus.headers["Link"] == f'</v1/jobs/{job}>; rel="status"'
+    asked = house.http.head(by_tus.headers["Location"], headers=PIECE)
+    assert asked.headers["Link"] == by_tus.headers["Link"]
+    house.work()
+    assert house.upload(campaign, content, status=200, role="light")["job_id"] == job
+    form = house.http.post(address, params={"role": "light"}, files={"file": ("a.DNG", content)})
+    assert form.json()["job_id"] == job
+    (known,) = house.post(f"{address}/known", {"sha256": [frame["sha256"]]}, status=200)["known"]
+    (listed,) = house.get(address, brief=True)["items"]
+    assert (known["job_id"], listed["job_id"]) == (job, job)
+    # a preview of a region reads the frame too, and is not what makes it a frame
+    house.post(f"/v1/frames/{frame['id']}/region", {"polygon": [[0, 0], [9, 0], [9, 9]]}, status=202)
+    assert house.get(f"/v1/frames/{frame['id']}")["job_id"] == job
+
+
+def test_jobs_are_found_by_what_they_work_on_and_what_they_made(house, stranger):
+    version = published_campaign(house, isos=(3200,))
+    campaign = version["campaign_id"]
+    frame = field_frame(house, campaign)
+    measured = [
+        measure(house, frame, version),
+        measure(house, field_frame(house, campaign, seed=10), version),
+    ]
+
+    def kinds(subject):
+        found = house.get("/v1/jobs", subject=subject)
+        assert found["next"] is None
+        return [job["kind"] for job in found["items"]]
+
+    assert kinds(frame["id"]) == ["measure", "extract"]
+    assert kinds(campaign) == kinds(version["id"]) == ["fit"]
+    (job,) = house.get("/v1/jobs", subject=measured[1]["id"])["items"]
+    assert job["result"]["measurement_id"] == measured[1]["id"]
+    assert house.get("/v1/jobs", subject=frame["id"], kind="extract")["items"][0]["id"] == frame["job_id"]
+    assert house.get("/v1/jobs", status=404, subject="frm_none")["code"] == "not_found"
+    for subject in (frame["id"], version["id"], measured[0]["id"]):
+        assert stranger.get("/v1/jobs", params={"subject": subject}).status_code == 404

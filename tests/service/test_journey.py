@@ -125,11 +125,13 @@ def test_points_and_plot_of_a_version(house, staged, monkeypatch):
     rows = list(csv.DictReader(io.StringIO(answer.text)))
     assert len(rows) == len(version["points"])
     assert float(rows[0]["rhs"]) == version["points"][0]["rhs"]
+    assert all(int(row["min_dn"]) < float(row["signal_dn"]) < int(row["max_dn"]) for row in rows)
     plot = house.http.get(f"/v1/calibrations/{version['id']}/plot.svg")
     drawn = ET.fromstring(plot.text)
     used = sum(1 for p in version["points"] if p["used"])
     points = [e for e in drawn.iter() if e.get("class") == "point s0" and e.find("{*}title") is not None]
-    assert len(points) == 3 * used
+    # against X, in logarithms, against ln X, and the residuals
+    assert len(points) == 4 * used
     # it is kept as a file, and not drawn again
     monkeypatch.setattr("service.press.kept.render_apart", None)
     assert house.http.get(f"/v1/calibrations/{version['id']}/plot.svg").content == plot.content

@@ -37,6 +37,7 @@ def test_known_files_are_told_from_unknown_ones_each_once_in_the_order_asked(hou
             "role": "light",
             "scene": "level-1",
             "state": "received",
+            "job_id": frame["job_id"],
             "campaign_id": campaign["id"],
         }
     ]

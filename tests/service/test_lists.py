@@ -45,3 +45,37 @@ def test_a_filter_that_no_list_has_is_refused_with_its_name(lists):
     answer = lists.get("/v1/cameras?seral=1")
     assert answer.status_code == 422
     assert "seral" in answer.text
+
+
+@pytest.fixture(scope="module")
+def cursors(sqlite_house):
+    """Every address that takes a cursor, and a cursor of another list."""
+    ids = {
+        "campaign_id": sqlite_house.campaign()["id"],
+        "camera_id": sqlite_house.camera()["id"],
+        "webhook_id": sqlite_house.post(
+            "/v1/webhooks", {"url": "https://h.example", "events": ["job.failed"]}
+        )["id"],
+    }
+    sqlite_house.post("/v1/meters", {"kind": "luminance", "make": "a", "model": "b", "serial": "1"})
+    sqlite_house.post("/v1/meters", {"kind": "luminance", "make": "a", "model": "b", "serial": "2"})
+    other = sqlite_house.get("/v1/meters", limit=1)["next"].rpartition("cursor=")[2]
+    paths = sqlite_house.get("/openapi.json")["paths"]
+    taking = [
+        path.format(**ids)
+        for path, methods in paths.items()
+        if any(each["name"] == "cursor" for each in methods.get("get", {}).get("parameters", ()))
+    ]
+    return taking, other
+
+
+def test_a_cursor_that_the_list_did_not_give_is_refused(sqlite_house, cursors):
+    paths, other = cursors
+    assert len(paths) > 15
+    for path in paths:
+        for cursor in ("abc", "7", "W10", "%00", other):
+            if cursor == other and path == "/v1/meters":
+                continue
+            answer = sqlite_house.http.get(f"{path}?cursor={cursor}")
+            assert answer.status_code == 422, (path, cursor, answer.text)
+            assert answer.json()["errors"][0]["field"] == "query.cursor", path

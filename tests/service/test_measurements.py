@@ -214,6 +214,38 @@ def test_the_headline_is_of_the_drawn_surface(house):
     assert measure(house, frame, grid=right)["region"] == right["corners"]
 
 
+@pytest.mark.usefixtures("version")
+def test_the_light_of_a_campaign_counts_unless_the_request_states_another(house):
+    campaign = field_campaign(house)
+    light = {"lamp_kind": "led", "mains_frequency_hz": 60.0}
+    changed = house.http.patch(f"/v1/campaigns/{campaign['id']}", json=light)
+    assert light.items() <= changed.json().items()
+    frame = field_frame(house, campaign)
+
+    def flicker(**asked):
+        found = measure(house, frame, **asked)
+        (line,) = (each for each in found["corrections"] if each["source"] == "flicker")
+        return found, line
+
+    found, line = flicker()
+    assert found["conditions_origin"] == {"lamp_kind": "campaign", "mains_frequency_hz": "campaign"}
+    assert (line["values"]["lamp_kind"], line["values"]["modulation"]) == ("led", [0.0, 0.1])
+    assert "flicker_unknown" not in flags(found)
+    # another lamp is another light: its supply is not known from the campaign's
+    other, line = flicker(lamp_kind="sodium")
+    assert other["conditions_origin"] == {"lamp_kind": "request"}
+    assert line["values"]["mains_frequency_hz"] == [50.0, 60.0]
+    assert any("`lamp_kind`" in sentence for sentence in other["to_do_better"])
+    # the supply alone changes the line; the older name of a depth still counts
+    for depth in ("lamp_modulation", "flicker_modulation"):
+        own, line = flicker(mains_frequency_hz=47, **{depth: 0.3})
+        assert own["conditions_origin"]["lamp_modulation"] == "request"
+        assert (line["values"]["mains_frequency_hz"], line["values"]["modulation"]) == (47.0, [0.3, 0.3])
+    direct = measure(house, frame, mains_frequency_hz=0)
+    assert "flicker" not in {each["source"] for each in direct["corrections"]}
+    assert house.post("/v1/measurements", {"frame_id": frame["id"], "lamp_kind": "candle"}, status=422)
+
+
 def left(side):
     return {"polygon": [[4, 8], [4 + side, 8], [4 + side, 56], [4, 56]]}
 

@@ -193,6 +193,18 @@ def test_the_board_of_opencv(house):
     assert "<Camera:PerspectiveDistortion>" in house.http.get(f"{base}/geometry.xmp").text
 
 
+def test_picture_without_its_board_is_flagged(house):
+    campaign = begin(
+        house, "geometry", target={"kind": "checkerboard", "columns": 9, "rows": 6, "square_size_mm": 25}
+    )
+    grey = np.full((64, 96), 900, np.uint16)
+    grey[::2] += 40
+    frame = house.upload(campaign, raw_bytes(house, grey), role="chart", filename="nothing.DNG")
+    house.work()
+    frame = house.get(f"/v1/frames/{frame['id']}")
+    assert (frame["state"], "board_not_found" in frame["warnings"]) == ("extracted", True)
+
+
 def check_that_frames_wait_for_their_board(house, campaign):
     house.work()
     path = f"/v1/campaigns/{campaign['id']}"

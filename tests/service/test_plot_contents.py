@@ -1,5 +1,6 @@
 """What plots are made of, computed by hand: no picture is drawn, and no browser is needed."""
 
+import math
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from types import SimpleNamespace
@@ -61,6 +62,23 @@ def luminance(*isos, apertures=()):
         for iso, k in isos
     ]
     return {"iso_fits": fits, "points": [{"iso": iso, "scene": "a", "rhs": None} for iso, _ in isos]}
+
+
+def test_signal_against_ln_x_has_the_line_of_the_procedure_and_each_point():
+    """Figure 10: N = 40 ln X + 100 is a straight line over the logarithm, whatever model K is of."""
+    result = luminance((100.0, 2.0))
+    point = {"iso": 100.0, "scene": "a", "frame": "f", "f_number": 4.0, "exposure_time_s": 0.1}
+    point |= {"luminance_cd_m2": 1.0, "used": True, "left_out": "", "residual_rel": 0.0}
+    result["points"] = [point | {"rhs": x, "adjusted_signal_dn": 2.0 * x} for x in (1.0, 10.0, 100.0)]
+    result["iso_fits"][0]["models"] = [{"model": "semilog", "parameters": [40.0, 100.0]}]
+    result["iso_fits"][0]["coefficient"] |= {"model": "proportional", "parameters": [2.0]}
+    (figure,) = (each for each in figures("luminance", "signal", result) if each.part == "Semilogarithmic")
+    (series,) = figure.series
+    assert (figure.x.logarithmic, figure.y.logarithmic) == (True, False)
+    assert [(mark.x, mark.y) for mark in series.marks] == [(1.0, 2.0), (10.0, 20.0), (100.0, 200.0)]
+    assert [y - 40.0 * math.log(x) for x, y in series.model] == pytest.approx([100.0] * len(series.model))
+    result["iso_fits"][0]["models"] = []
+    assert figures("luminance", "signal", result)[2].series[0].model == ()
 
 
 def test_dark_signal_against_iso_exposure_and_time_has_each_dark_frame_with_two_u():

@@ -98,7 +98,7 @@ def test_what_is_missing_is_said_by_name(house, contents):
     campaign = begin(house, {"green": contents["green"]}, panel=False)
     answer = house.get(f"/v1/campaigns/{campaign['id']}")
     (said,) = answer["missing"]
-    assert said.startswith("nobody has said what the panel reflects in band green: register the panel")
+    assert said.startswith("the panel's reflectance is not known (band green): register the panel")
     (frame,) = frames_of(house, campaign).values()
     # what lies in the middle of this field is no panel, and looks it
     assert [reason["code"] for reason in frame["verdict"]["reasons"]] == ["panel_uneven", "panel_unknown"]

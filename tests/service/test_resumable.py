@@ -97,6 +97,16 @@ def test_bytes_may_come_with_the_first_request(house):
     assert house.get(answer.headers["Content-Location"])["campaign_id"] == campaign["id"]
 
 
+def test_an_uploader_need_not_know_the_hash(house):
+    campaign = house.campaign()["id"]
+    place = begin_upload(house, campaign, CONTENT, sha256=None)
+    last = append(house, place, 0, CONTENT)
+    frame = house.get(last.headers["Content-Location"])
+    assert frame["sha256"] == hashlib.sha256(CONTENT).hexdigest()
+    again = append(house, begin_upload(house, campaign, CONTENT, sha256=None), 0, CONTENT)
+    assert again.headers["Content-Location"] == last.headers["Content-Location"]
+
+
 def test_the_drafts_words_do_the_same(house):
     campaign = house.campaign()
     said = describe(campaign["id"], CONTENT)

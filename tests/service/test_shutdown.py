@@ -8,9 +8,9 @@ import httpx
 import pytest
 
 from tests.support.alone import alone
-from tests.support.deployments import wait_for
 from tests.support.fieldwork import Shot
 from tests.support.frames import write_frame
+from tests.support.waiting import PATIENCE_S, wait_for
 
 MEGABYTE = 1 << 20
 
@@ -48,7 +48,7 @@ class SlowBody:
         half = len(self._content) // 2
         yield self._content[:half]
         self.on_its_way.set()
-        self.go_on.wait(30)
+        self.go_on.wait(PATIENCE_S)
         yield self._content[half:]
 
 
@@ -61,7 +61,7 @@ def test_an_upload_has_the_whole_grace_and_those_who_come_meanwhile_are_served(s
         campaign = team.campaign()
         body = SlowBody(b"x" * 2 * MEGABYTE)
         upload = pool.submit(http.post, frames_path(campaign), content=body, headers=body.headers)
-        assert body.on_its_way.wait(10)
+        assert body.on_its_way.wait(PATIENCE_S)
         service.ask_to_stop()
         wait_for(lambda: is_ready(service).status_code == 503)
         answer = is_ready(service)
@@ -69,8 +69,8 @@ def test_an_upload_has_the_whole_grace_and_those_who_come_meanwhile_are_served(s
         assert answer.headers["Connection"] == "close"
         assert team.client.campaign(campaign.id).id == campaign.id
         body.go_on.set()
-        assert upload.result(10).status_code == 201
-        service.process.wait(10)
+        assert upload.result(PATIENCE_S).status_code == 201
+        service.process.wait(PATIENCE_S)
     assert "Traceback" not in service.log.read_text()
 
 
@@ -80,17 +80,17 @@ def test_what_outlasts_the_grace_is_told_to_come_back(start):
         body = SlowBody(b"x" * 2 * MEGABYTE)
         with ThreadPoolExecutor(1) as pool:
             upload = pool.submit(http.post, frames_path(campaign), content=body, headers=body.headers)
-            assert body.on_its_way.wait(10)
+            assert body.on_its_way.wait(PATIENCE_S)
             service.ask_to_stop()
             time.sleep(0.8)
             body.go_on.set()
-            answer = upload.result(10)
+            answer = upload.result(PATIENCE_S)
         assert answer.status_code == 503
         assert answer.headers["Content-Type"] == "application/problem+json"
         assert int(answer.headers["Retry-After"]) > 0
         assert answer.headers["Connection"] == "close"
         assert (answer.json()["code"], answer.json()["retryable"]) == ("service_stopping", True)
-        service.process.wait(10)
+        service.process.wait(PATIENCE_S)
     assert "Traceback" not in service.log.read_text()
 
 
@@ -102,9 +102,9 @@ def test_who_waits_for_a_job_gets_it_as_it_is(start, shots):
         time.sleep(0.3)
         assert not waiting.done()
         service.ask_to_stop()
-        answer = waiting.result(5)
+        answer = waiting.result(45)  # before its minute is over
         assert (answer.status_code, answer.json()["state"]) == (200, "queued")
-        service.process.wait(10)
+        service.process.wait(PATIENCE_S)
     assert "Traceback" not in service.log.read_text()
 
 
@@ -115,7 +115,7 @@ def test_a_client_sees_nothing_of_restarts(start, shots, tmp_path):
         paths.append(tmp_path / f"{number}.DNG")
         paths[-1].write_bytes(bytes([number]) * 2 * MEGABYTE)
     over = threading.Event()
-    with start(STILB_STOP_GRACE_S="0.5") as service, service.team(retries=12) as team:
+    with start(STILB_STOP_GRACE_S="0.5") as service, service.team(retries=100) as team:
         campaign = team.campaign()
         (frame,) = team.push(campaign, shots[:1])
 
@@ -139,12 +139,12 @@ def test_a_client_sees_nothing_of_restarts(start, shots, tmp_path):
             for _ in range(2):
                 time.sleep(0.7)
                 service.ask_to_stop()
-                service.process.wait(10)
+                service.process.wait(PATIENCE_S)
                 service.begin()
             for sent in uploads:
-                sent.result(30)
+                sent.result(PATIENCE_S)
             over.set()
             for waited in waits:
-                waited.result(30)
+                waited.result(PATIENCE_S)
         assert len(list(team.client.frames(campaign.id))) == 1 + len(paths)
     assert "Traceback" not in service.log.read_text()

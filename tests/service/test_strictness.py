@@ -98,6 +98,27 @@ def test_no_address_takes_a_verb_that_it_does_not_name(house):
     assert tried > 200
 
 
+@pytest.mark.parametrize(
+    "condition", [{"If-Match": '"zzz"'}, {"If-Match": 'W/"a", "b"'}, {"If-None-Match": "*"}]
+)
+def test_no_change_is_made_on_a_condition_that_cannot_be_checked(house, condition):
+    routes = [
+        route for route in iter_route_contexts(house.app.routes) if (route.path or "").startswith("/v1/")
+    ]
+    changing = [
+        (method, each.path) for each in routes for method in each.methods - {"GET", "OPTIONS", "HEAD"}
+    ]
+    assert {method for method, _ in changing} == {"POST", "PUT", "PATCH", "DELETE"}
+    for method, path in changing:
+        answer = house.http.request(method, re.sub(r"{[^}]+}", "x", path), headers=condition)
+        assert (answer.status_code, answer.json()["code"]) == (412, "precondition_failed"), (method, path)
+    camera = house.camera()
+    path = f"/v1/cameras/{camera['id']}"
+    assert house.http.patch(path, json={"note": "n"}, headers={"If-Match": "*"}).status_code == 200
+    assert house.http.patch(path, json={"note": "m"}, headers=condition).status_code == 412
+    assert house.get(path)["note"] == "n"
+
+
 def digest_of(content: bytes, algorithm="sha256") -> str:
     return f":{base64.b64encode(hashlib.new(algorithm, content).digest()).decode()}:"
 

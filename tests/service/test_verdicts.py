@@ -68,7 +68,7 @@ def test_a_frame_from_its_upload_to_a_pass(house):
     house.post(f"/v1/campaigns/{campaign['id']}/readings", readings("level-1"))
     assert verdict(house, frame) == ("pass", [])
     moved = house.http.patch(f"/v1/frames/{frame['id']}", json={"scene": "level-9"}).json()
-    assert "job_id" not in moved
+    assert (moved["state"], house.work()) == ("extracted", 0)
     assert verdict(house, frame) == ("pending", ["reading_missing"])
 
 
@@ -217,6 +217,25 @@ def test_a_campaign_says_what_a_good_fit_lacks(house, campaign):
     changed = house.http.patch(path, json={"recorder": "A. Meier"}).json()
     assert changed["advice"] == found["advice"]
     assert "advice" not in house.get("/v1/campaigns")["items"][0]
+
+
+def test_equal_findings_of_a_campaign_are_one(house, campaign):
+    """Readings of a scene without frames are one of them: no fit would use them, and nothing else says so."""
+    frames = [light(house, campaign, "level-1", index) for index in (0, 1)]
+    house.post(f"/v1/campaigns/{campaign['id']}/readings", readings("level-3", factors=(1.0,)))
+    house.http.patch(f"/v1/frames/{frames[0]['id']}", json={"scene": "level-4"})
+    house.http.patch(f"/v1/frames/{frames[1]['id']}", json={"scene": "level-4"})
+    house.work()
+    found = {each["code"]: each for each in house.get(f"/v1/campaigns/{campaign['id']}")["findings"]}
+    assert found.keys() == {"reading_missing", "reading_without_frames"}
+    waiting = found["reading_missing"]
+    assert (waiting["severity"], waiting["count"]) == ("pending", 2)
+    assert waiting["subjects"] == ["frame level-1-0.DNG", "frame level-1-1.DNG"]
+    lone = found["reading_without_frames"]
+    assert (lone["severity"], lone["count"]) == ("warn", 3)
+    assert lone["subjects"] == ["scene level-1", "scene level-2", "scene level-3"]
+    assert lone["values"] == {"readings": [2, 2, 1]}
+    assert lone["action"].startswith("Correct the name of the scene")
 
 
 def test_a_campaign_s_rho_checks_its_readings(house, campaign):

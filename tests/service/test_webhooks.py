@@ -89,7 +89,7 @@ def send(house, **settings):
     sender = Deliveries(house.database, given.model_copy(update={"webhook_hosts": "127.0.0.1"} | settings))
     sender.send_due()
     for future in list(sender._at_work.values()):
-        future.result(30)
+        future.result()
 
 
 def make_due(house):

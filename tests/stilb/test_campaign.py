@@ -55,6 +55,11 @@ def test_from_card_to_draft_to_what_is_in_force(signed_in, card, team):
     shown = signed_in("k", "0K1XE8", "--iso", 3200, "--at", "2026-06-01")
     assert f"{k['value']:.3f} ± {k['standard_uncertainty']:.3f} DN*m2/(cd*s)" in shown.out
     assert "version 1 is in force" in shown.out
+    assert "published" in signed_in("history", "0K1XE8").out
+    revoked = signed_in("revoke", draft["id"], "--reason", "the meter was dropped")
+    assert f"{draft['id']} is revoked; 0 measurements were made with it" in revoked.out
+    (version,) = signed_in("history", "0K1XE8", "--json").json["items"]
+    assert version["state"] == "revoked"
 
 
 def test_lamp_is_a_name_or_a_file(handful):
@@ -116,6 +121,17 @@ def test_american_units_and_a_decimal_comma(signed_in, team, tmp_path):
     assert "not UTF-8" in signed_in("campaign", "readings", campaign.id, path).err
 
 
+def test_results_of_imagej_are_frames(signed_in, team, tmp_path):
+    path = tmp_path / "Results.csv"
+    head = " ,Label,Area,Mean,Min,Max,Mode,scene,exposure_time,f_number"
+    path.write_text(f"{head}\n1,a.tif,900,500.5,400,600,5,level-1,1/60,4\n")
+    asked = ["campaign", "points", team.campaign().id, path, "--white-level-dn", "4095", "--json"]
+    ended = signed_in(*asked, "--iso", "3200")
+    assert [each["filename"] for each in ended.json["items"]] == ["a.tif"]
+    assert ended.json["ignored_columns"] == ["mode"]
+    assert "lacks a column iso" in signed_in(*asked).err
+
+
 def test_a_fit_that_lacks_something_says_what(signed_in, handful):
     (handful / NUMBERS).write_text("scene,quantity,value,unit\nlevel-1,luminance,40,cd/m2\n")
     plan = (handful / "campaign.toml").read_text()
@@ -130,6 +146,8 @@ def test_a_fit_that_lacks_something_says_what(signed_in, handful):
 
 def test_init_writes_what_run_reads_once_it_is_filled_in(signed_in, handful):
     (handful / "campaign.toml").unlink()
+    for frame in handful.rglob("*.DNG"):
+        frame.rename(frame.with_suffix(".keep"))
     ended = signed_in("campaign", "init", handful, "--make", "DJI", "--model", 'FC"6520')
     assert f"stilb campaign run {handful}" in ended.out
     unfilled = signed_in("campaign", "run", handful)
@@ -141,8 +159,21 @@ def test_init_writes_what_run_reads_once_it_is_filled_in(signed_in, handful):
     assert (plan.model, plan.serial, plan.project_number) == ('FC"6520', "0K1XE8", "card")
     assert plan.fit == {}  # the defaults, until a line is uncommented
     assert plan.readings_csv == (handful / NUMBERS).read_text()
+    (handful / "campaign.toml").unlink()
+    signed_in("campaign", "init", handful, "--night", "--lamp", "led", "--mains", "0", "--serial", "0K1XE8",
+              "--make", "DJI", "--model", "M")  # fmt: skip
+    night = read_plan(handful).campaign
+    assert (night["lamp_kind"], night["mains_frequency_hz"]) == ("led", 0)
+    (handful / "campaign.toml").write_text(text.replace('serial = ""', 'serial = "0K1XE8"', 1))
     again = signed_in("campaign", "init", handful)
     assert (again.code, read_plan(handful)) == (Exit.USAGE, plan)
+    # what the files state is not asked for
+    (handful / "campaign.toml").unlink()
+    for frame in handful.rglob("*.keep"):
+        frame.rename(frame.with_suffix(".DNG"))
+    signed_in("campaign", "init", handful)
+    plan = read_plan(handful)
+    assert (plan.make, plan.model, plan.serial) == ("DJI", "FC6520", "0K1XE8")
 
 
 @pytest.mark.parametrize("method", read_methods())

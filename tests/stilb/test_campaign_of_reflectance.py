@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+import stilb
 from simulation.camera import change
 from simulation.sequoia import BANDS, SEQUOIA, capture
 from simulation.sequoia_file import name_file, write_sequoia
+from stilb.commands.calibration import format_calibration
 from stilb.commands.exits import Exit
 from stilb.field.campaign import ensure_campaign, ensure_panel, list_parameters
 from stilb.field.plan import read_plan
@@ -55,6 +57,10 @@ def test_from_card_to_one_k_a_band_in_force(signed_in, card):
     assert found.keys() == BANDS.keys()
     for band, row in found.items():
         assert abs(row["value"] - BANDS[band].reflectance_k) < 4 * row["standard_uncertainty"]
+    *_, suggested = format_calibration(stilb.Calibration.of(draft))
+    assert suggested.startswith(
+        f"Put it in force: stilb publish {draft['id']} --from 2018-04-13 --to 2018-04-14 "
+    )
     signed_in("publish", draft["id"], "--from", "2018-01-01", "--reason", "spring")
     shown = signed_in("k", draft["camera_id"], "--method", "reflectance", "--at", "2018-05-01")
     assert shown.code == Exit.DONE, shown.err

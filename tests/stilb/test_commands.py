@@ -6,8 +6,10 @@ from datetime import UTC, datetime, timedelta
 from email.utils import format_datetime
 
 import pytest
+import typer
 
 import stilb
+from stilb.commands.app import app
 from stilb.commands.doctor import examine_health
 from stilb.commands.exits import Exit, exit_of, next_step
 from stilb.commands.moments import read_moment
@@ -52,6 +54,15 @@ def test_k_of_a_camera_by_its_serial(command, calibrated):
     assert "6400" in shown
     assert "3200" not in shown
     assert "version 1 is in force" in shown
+
+
+def test_verdict_on_a_fleet_of_which_one_camera_has_no_version(command, calibrated):
+    other = calibrated[0].client.create_camera("DJI", "FC6520", "a second one")
+    ended = command("fleet", "luminance", "0K1XE8", other.id, "--tolerance", 0.04)
+    assert ended.code == Exit.DONE
+    assert "luminance_k, ISO 3200" in ended.out
+    assert "cannot tell" in ended.out
+    assert "a second one" in ended.out
 
 
 def test_k_where_nothing_is_in_force(command):
@@ -473,3 +484,19 @@ def test_the_table_of_a_rig():
     columns = show_rig(answer).columns
     assert next(iter(columns[2].cells)).plain == "11.235 ± 0.012 deg"
     assert next(iter(columns[3].cells)).plain == "cannot tell"
+
+
+def test_every_command_shows_an_example_and_the_first_page_where_to_begin(stilb_command):
+    """A list of commands by section; each command's own help ends with an example that names it."""
+
+    def leaves(group, path=()):
+        for name, member in group.commands.items():
+            yield from leaves(member, (*path, name)) if hasattr(member, "commands") else [(*path, name)]
+
+    first = " ".join(stilb_command().err.split())
+    assert "From the card to coefficients in force: login" in first
+    assert "First steps: stilb login URL, then stilb campaign init FOLDER" in first
+    for path in leaves(typer.main.get_command(app)):
+        assert path[0] in first
+        shown = " ".join(stilb_command(*path, "--help").out.split())
+        assert f"Example: stilb {' '.join(path)}" in shown, path

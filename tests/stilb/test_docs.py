@@ -20,7 +20,8 @@ COMMANDS, CLIENT = (
     (ROOT / "docs" / name).read_text(encoding="utf-8") for name in ("command-line.md", "client.md")
 )
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-FIELD = {"signal_dn": 320.0, "seed": 99}
+LARGE = (800, 1000)  # above 1 MiB: the road of files that are sent in pieces
+FIELD = {"signal_dn": 320.0, "seed": 99, "shape": LARGE}
 
 
 def python_blocks(page: str) -> str:
@@ -32,7 +33,7 @@ def test_every_command_from_card_to_what_is_in_force_is_true(live, shots, tmp_pa
     (block,) = re.findall(r"^```sh\n(.*?)^```", COMMANDS, re.MULTILINE | re.DOTALL)
     card = write_card(tmp_path / "card", [shot for shot in shots if "-3200-" in shot.path.name])
     (card / "field").mkdir()
-    write_frame(card / "field" / "field.DNG", **FIELD)
+    write_frame(card / "field" / "field.DNG", **FIELD | {"shape": (64, 96)})
     program = tmp_path / "bin" / "stilb"
     program.parent.mkdir()
     program.write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)} -m stilb "$@"\n')
@@ -48,7 +49,6 @@ def test_every_command_from_card_to_what_is_in_force_is_true(live, shots, tmp_pa
             env=clean | own | {"XDG_CONFIG_HOME": str(tmp_path / "config")},
             capture_output=True,
             text=True,
-            timeout=120,
         )
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
     assert "16 of 16 received, 0 pass" not in done.stdout
@@ -65,8 +65,7 @@ def test_every_example_of_the_client_is_true(live, shots, tmp_path, monkeypatch)
             team.client.wait(frame.job_id)
         version = team.client.calibrate(campaign.id)
         team.client.publish(version.id, valid_from="2026-04-01T00:00:00Z", reason="first")
-        (light,) = [shot.path for shot in few if shot.scene == "level-1" and shot.path.stem.endswith("-0")]
-        shutil.copy(light, tmp_path / "level-1.DNG")
+        write_frame(tmp_path / "level-1.DNG", signal_dn=160.0, shape=LARGE)
         write_frame(tmp_path / "field.DNG", **FIELD)
         monkeypatch.chdir(tmp_path)
         monkeypatch.setenv("STILB_URL", team.url)
@@ -81,6 +80,33 @@ def test_every_example_of_the_client_is_true(live, shots, tmp_path, monkeypatch)
         runner.run(examples, out=told.append, clear_globs=False)
     assert len(examples.examples) > 20
     assert not told, "".join(told)
+
+
+def test_examples_of_the_client_are_typed(tmp_path):
+    """Those of README and of the page, also the ones that need another campaign than the page's."""
+    examples = doctest.DocTestParser().get_examples(python_blocks(README) + python_blocks(CLIENT))
+    indented = re.findall(r"^    ((?:\w+ = )?client\..+)\n", CLIENT, re.MULTILINE)
+    path = tmp_path / "examples.py"
+    path.write_text("".join(each.source for each in examples) + "\n".join(indented) + "\n")
+    command = [
+        sys.executable,
+        "-m",
+        "mypy",
+        "--strict",
+        "--config-file=",
+        "--cache-dir",
+        ROOT / ".mypy_cache/examples",
+    ]
+    typed = subprocess.run(
+        [*command, path],
+        check=False,
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        env=os.environ | {"MYPYPATH": str(ROOT)},
+    )
+    assert len(indented) > 4
+    assert typed.returncode == 0, typed.stdout
 
 
 def test_every_command_has_its_row_and_every_row_its_command():

@@ -7,7 +7,7 @@ import unicodedata
 
 import pytest
 
-from stilb.field.files import USUAL_RULES, Rule, sort_files
+from stilb.field.files import ANY_RULES, Rule, sort_files
 from stilb.field.journal import Journal
 from stilb.field.startup import describe_entry
 from stilb.field.watch import Watch
@@ -22,21 +22,8 @@ def lay(folder, *names):
 
 
 def said(folder, *rules, **options):
-    files, left_out = sort_files(folder, rules or USUAL_RULES, **options)
+    files, left_out = sort_files(folder, rules or ANY_RULES, **options)
     return {file.name: (file.role, file.scene) for file in files}, left_out
-
-
-def test_the_usual_folders(tmp_path):
-    lay(
-        tmp_path, "dark/a.DNG", "level-1/b.dng", "field/c.DNG", "field/c.JPG", "top.DNG", "level-1/deep/d.DNG"
-    )
-    found, left_out = said(tmp_path, raw_only=True)
-    assert found == {
-        "dark/a.DNG": ("dark", None),
-        "level-1/b.dng": ("light", "level-1"),
-        "field/c.DNG": ("field", None),
-    }
-    assert left_out == ["level-1/deep/d.DNG", "top.DNG"]
 
 
 def test_letters_put_together_in_two_ways_are_the_same(tmp_path):
@@ -138,7 +125,7 @@ def test_a_file_that_grows_while_it_is_read_is_no_frame_yet(tmp_path, monkeypatc
 
 def test_a_file_is_given_when_two_looks_agree_and_again_when_it_changes(tmp_path):
     folder = lay(tmp_path, "dark/a.DNG")
-    watch = Watch(lambda: sort_files(folder, USUAL_RULES)[0])
+    watch = Watch(lambda: sort_files(folder, ANY_RULES)[0])
     assert watch.look() == []
     (given,) = watch.look()
     assert (given.name, watch.look()) == ("dark/a.DNG", [])
@@ -151,7 +138,7 @@ def test_a_file_is_given_when_two_looks_agree_and_again_when_it_changes(tmp_path
 
 def test_a_card_that_is_pulled_out_and_put_in_again(tmp_path):
     folder = lay(tmp_path, "dark/a.DNG")
-    files = sort_files(folder, USUAL_RULES)[0]
+    files = sort_files(folder, ANY_RULES)[0]
     watch = Watch(lambda: files)
     watch.look()
     (folder / "dark/a.DNG").rename(folder / "away")

@@ -12,6 +12,7 @@ import sys
 import threading
 from collections import Counter
 from contextlib import contextmanager
+from datetime import UTC, datetime, timedelta
 
 import pytest
 
@@ -82,7 +83,8 @@ def test_reasons_are_told_file_by_file(signed_in, campaign, card):
     (card / "level-1" / "broken.DNG").write_bytes(b"no raw file")
     ended = signed_in("push", card, "--campaign", campaign.id)
     assert ended.code == Exit.FINDINGS
-    assert ended.out.splitlines()[-1] == "13 of 13 received, 5 pass, 5 warn, 2 fail, 1 pending"
+    assert ended.out.splitlines()[-1] == "12 of 13 received, 5 pass, 5 warn, 1 fail, 1 pending"
+    assert "level-1/broken.DNG  not received\n    no raw file, or damaged" in ended.out
     name, reason = f"level-1/{clipped.name}  fail\n", "100.00% of the region is clipped"
     assert name in ended.out
     assert reason in ended.out
@@ -90,20 +92,39 @@ def test_reasons_are_told_file_by_file(signed_in, campaign, card):
     told = signed_in("push", card, "--campaign", campaign.id, "--json").json
     codes = {file["name"]: file["codes"] for file in told["files"]}
     assert codes["level-1/clipped.DNG"][0] == "clipped"
-    assert codes["level-1/broken.DNG"] == ["refused"]
 
 
-def test_what_no_rule_fits_is_left_out_by_name(signed_in, campaign, card, team):
-    (card / "loose.DNG").write_bytes(b"x")
+def test_pictures_and_half_copies_are_no_frames(signed_in, campaign, card, team):
     (card / "level-1" / "DJI_0001.JPG").write_bytes(b"a preview")
     (card / "level-1" / "._DJI_0001.DNG").write_bytes(b"half a copy")
     told = signed_in("push", card, "--campaign", campaign.id, "--no-wait", "--json").json
-    assert (told["expected"], told["left_out"]) == (10, ["loose.DNG"])
+    assert (told["expected"], told["left_out"]) == (10, [])
     # in a night of measurements every raw file is a field frame, and a picture is none
     night = team.client.create_campaign(campaign.camera_id, kind="measurement")
     told = signed_in("push", card, "--campaign", night.id, "--no-wait", "--json").json
-    assert (told["expected"], told["sent"], told["left_out"]) == (11, 11, [])
+    assert (told["expected"], told["sent"], told["left_out"]) == (10, 10, [])
     assert {(frame.role, frame.scene) for frame in team.client.frames(night.id)} == {("field", None)}
+
+
+def test_flat_card_is_sorted_as_the_page_sorts_it(signed_in, campaign, tmp_path, team):
+    """Scenes by pauses, darks by their centre; a second card goes on with other scenes."""
+    for n in range(8):
+        taken_at = datetime(2026, 5, 1, 20, 0, 10 * (n % 4), tzinfo=UTC) + timedelta(minutes=5 * (n // 4))
+        level = {"signal_dn": 0.0} if n > 5 else {}
+        write_frame(tmp_path / "100MEDIA" / f"DJI_{n:04}.DNG", seed=n, taken_at=taken_at, **level)
+    shown = signed_in("push", tmp_path, "--campaign", campaign.id, "--dry-run", "--json").json
+    assert list(team.client.frames(campaign.id)) == []
+    roles = [(each["role"], each["scene"]) for each in shown["files"]]
+    assert roles == [("light", "Scene 1")] * 4 + [("light", "Scene 2")] * 2 + [("dark", "")] * 2
+    signed_in("push", tmp_path, "--campaign", campaign.id)
+    later = write_frame(tmp_path / "more" / "DJI_0009.DNG", taken_at=datetime(2026, 5, 1, 23, tzinfo=UTC))
+    signed_in("push", later.parent, "--campaign", campaign.id)
+    assert Counter(frame.scene for frame in team.client.frames(campaign.id)) == {
+        "Scene 1": 4,
+        "Scene 2": 2,
+        None: 2,
+        "Scene 3": 1,
+    }
 
 
 def test_one_role_for_a_whole_folder(signed_in, campaign, card, team):

@@ -8,6 +8,7 @@ import pytest
 
 import stilb
 from stilb.side_by_side import Width
+from tests.support.frames import write_frame
 
 FRAME = {
     "id": "f-1",
@@ -231,6 +232,18 @@ def test_a_large_file_is_never_in_memory(service, client, tmp_path):
     finally:
         tracemalloc.stop()
     assert peak < 6 * MEGABYTE
+
+
+def test_a_large_frame_names_its_job_also_when_it_is_sent_again(team, tmp_path):
+    campaign = team.campaign()
+    path = write_frame(tmp_path / "large.DNG", shape=(720, 800))
+    assert path.stat().st_size > MEGABYTE
+    frame = team.client.push(campaign.id, path, role="dark")
+    assert team.client.wait(frame.job_id).state == "succeeded"
+    assert team.client.push(campaign.id, path, role="dark").job_id == frame.job_id
+    (known,) = team.client.known_frames(campaign.id, [frame.sha256])
+    assert (known.frame_id, known.job_id) == (frame.id, frame.job_id)
+    assert [job.id for job in team.client.jobs(subject=frame.id)] == [frame.job_id]
 
 
 def test_one_file_that_cannot_be_sent_does_not_keep_the_others(service, client, dng, tmp_path):

@@ -1,5 +1,8 @@
 """Migrations go up and down on both databases, and end where the tables say."""
 
+import os
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
 from threading import Barrier
@@ -13,9 +16,11 @@ from sqlalchemy.exc import IntegrityError
 
 from service.founding import found
 from store.database import Database
-from store.migrate import NewerSchema, alembic_config, migrate
+from store.migrate import NewerSchema, alembic_config, find_difference, migrate
 from store.publications import publish
+from store.revision import own_schema
 from store.tables import ApiKey, Base, Calibration, ReadyAnswer, ReadyCells, ReadyRow
+from tests.support.compose import ROOT
 from tests.support.versions import add_versions
 
 
@@ -47,6 +52,41 @@ def test_the_migrations_make_exactly_the_tables(empty):
         stated = {each.name for each in table.constraints if isinstance(each, CheckConstraint)}
         found = {each["name"].removeprefix(prefix) for each in made.get_check_constraints(table.name)}
         assert {each.removeprefix(prefix) for each in found} == {each.removeprefix(prefix) for each in stated}
+
+
+def test_a_check_tells_another_schema_and_changes_nothing(empty):
+    url = empty.url.render_as_string(hide_password=False)
+    migrate(empty, "0031")
+    before = inspect(empty.engine).get_table_names()
+    assert "has schema 0031, and this stilb needs" in find_difference(url)
+    assert inspect(empty.engine).get_table_names() == before
+    migrate(empty)
+    assert find_difference(url) is None
+    with empty.engine.begin() as connection:
+        connection.execute(text("UPDATE alembic_version SET version_num = '9999'"))
+    assert "9999, which is newer" in find_difference(url)
+
+
+def test_the_console_commands_check_and_show_the_schema(tmp_path):
+    """In processes: `alembic` reads its settings from the checkout, and neither makes a database to check."""
+    path = tmp_path / "stilb.sqlite"
+    environment = os.environ | {"STILB_DATABASE_URL": f"sqlite:///{path}", "STILB_DATA": str(tmp_path)}
+
+    def run(*module):
+        command = [sys.executable, "-m", *module]
+        done = subprocess.run(
+            command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=60, check=False
+        )
+        return done.returncode, done.stdout, done.stderr
+
+    code, _, said = run("store.migrate", "--check")
+    assert (code, "there is no database" in said, path.exists()) == (1, True, False)
+    assert run("store.migrate")[0] == 0
+    assert run("store.migrate", "--check") == (0, "", "")
+    code, said, _ = run("alembic", "current")
+    assert (code, f"{own_schema()} (head)" in said) == (0, True)
+    code, said, also = run("alembic", "downgrade", "-1")
+    assert (code, "stilb-server migrate" in said + also) == (255, True)
 
 
 def test_kinds_of_campaigns_are_kept_and_no_other_is_taken(empty):

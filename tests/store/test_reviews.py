@@ -6,6 +6,7 @@ import pytest
 from sqlalchemy import select, update
 from sqlalchemy.exc import OperationalError
 
+from store.codec import encode
 from store.queries.checklist import read_checklist
 from store.reviews import Reviews
 from store.tables import (
@@ -139,7 +140,7 @@ def answers(house, campaign_id):
         each["id"]: [(why["code"], why["outcome"], why["detail"]) for why in each["verdict"]["reasons"]]
         for each in listed
     }
-    return campaign["missing"], campaign["advice"], ticks, found
+    return campaign["missing"], campaign["advice"], ticks, found, campaign["findings"]
 
 
 def scratch(house, campaign_id):
@@ -154,7 +155,8 @@ def scratch(house, campaign_id):
         frame_id: [(each.code, each.outcome, each.detail) for each in verdict.reasons]
         for frame_id, verdict in state.verdicts.items()
     }
-    return state.missing, state.advice, ticks, found
+    grouped = [encode(each) for each in state.findings]
+    return state.missing, state.advice, ticks, found, grouped
 
 
 def test_kept_reviews_equal_those_from_scratch(house):

@@ -75,6 +75,11 @@ SCROLL_BARS = """elements => elements
     })
     .map(each => each.outerHTML.slice(0, 80))"""
 
+# those whose size is not that of their drawing, as a rule for another element of their class would have it
+MISDRAWN = """parts => parts
+    .filter(each => Math.abs(each.getBBox().width - each.getAttribute("width")) > 1)
+    .map(each => each.outerHTML.slice(0, 80))"""
+
 
 def settle(page: Page) -> None:
     """Wait until nothing on the page says that it loads."""
@@ -95,6 +100,7 @@ def look(page: Page, name: str, folder: Path | None = None) -> None:
         )
         assert across <= room, f"{name} is {across} px wide in {room} px"
         assert page.locator("header.top, header.top *, .tabs").evaluate_all(SCROLL_BARS) == [], name
+        assert page.locator(".chart rect[width]").evaluate_all(MISDRAWN) == [], name
         if into is not None:
             into.mkdir(parents=True, exist_ok=True)
             page.screenshot(path=into / f"{name}-{label}.png", full_page=True)

@@ -38,7 +38,7 @@ def command_of(name: str) -> list[str]:
     """A service's command, run by this very Python."""
     command, *others = compose()["services"][name]["command"]
     assert command == "stilb-server"
-    return [sys.executable, "-m", COMMANDS[others[0]][0], *others[1:]]
+    return [sys.executable, "-m", COMMANDS[others[0]].module, *others[1:]]
 
 
 def environment_of(name: str, variables: Mapping[str, str], *overrides: str) -> dict[str, str]:

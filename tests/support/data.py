@@ -12,5 +12,6 @@ def data_file(name: str) -> Path:
     """One of them; the test that asks is skipped where it is absent."""
     path = FOLDER / name
     if not path.exists():
-        pytest.skip(f"no real data: {path} does not exist (set STILB_TEST_DATA)")
+        absent = path if FOLDER.is_dir() else FOLDER
+        pytest.skip(f"no real data: {absent} does not exist (set STILB_TEST_DATA)")
     return path

@@ -11,6 +11,7 @@ from simulation.camera import Camera, change
 from simulation.dng import write_dng
 
 BLACK, WHITE = 256, 4095
+_TAKEN_AT = datetime(2026, 5, 1, 20, 0, tzinfo=UTC)
 
 
 def write_frame(
@@ -24,11 +25,13 @@ def write_frame(
     serial: str = "0K1XE8",
     seed: int = 1,
     shape: tuple[int, int] = (64, 96),
+    taken_at: datetime = _TAKEN_AT,
 ) -> Path:
     """A mosaic of black + signal with normal noise, rounded and clipped as a converter does."""
     noise = np.random.default_rng(seed).normal(BLACK + signal_dn, noise_dn, shape)
     mosaic = np.clip(np.rint(noise), 0, WHITE).astype(np.uint16)
-    return write_raw(path, mosaic, exposure_time_s=exposure_time_s, f_number=f_number, iso=iso, serial=serial)
+    exposure = {"exposure_time_s": exposure_time_s, "f_number": f_number, "iso": iso}
+    return write_raw(path, mosaic, **exposure, serial=serial, taken_at=taken_at)
 
 
 def write_raw(
@@ -40,12 +43,13 @@ def write_raw(
     iso: int = 100,
     serial: str = "0K1XE8",
     compression: str = "none",
+    taken_at: datetime = _TAKEN_AT,
     **changes,
 ) -> Path:
     """Samples as a file of a camera, which ``changes`` describe further."""
     camera = change(Camera(), **{"serial": serial, "lens_serial": "L1"} | changes)
     settings = Settings(exposure_time_s=exposure_time_s, f_number=f_number, iso=iso)
-    taken_at = datetime(2026, 5, 1, 20, 0, tzinfo=UTC)
+    path.parent.mkdir(parents=True, exist_ok=True)
     write_dng(path, samples, camera=camera, settings=settings, taken_at=taken_at, compression=compression)
     return path
 

@@ -47,8 +47,7 @@ def work_a_night(team: Team, folder: Path) -> Night:
         )
     ]
     for frame in (*team.client.frames(dark_hours.id), *team.client.frames(campaign.id)):
-        if frame.job_id is not None:
-            team.client.wait(frame.job_id)
+        team.client.wait(frame.job_id)
     version = team.client.calibrate(campaign.id, model="proportional")
     team.client.publish(version.id, valid_from="2026-04-01T00:00:00Z", reason="spring, reviewed by A. Meier")
     old, new = (

@@ -8,9 +8,11 @@ PIECE = TUS | {"Content-Type": "application/offset+octet-stream"}
 
 
 def metadata(**said):
-    """What is said of a file, in the header's form."""
+    """What is said of a file, in the header's form; None is not said."""
     return ",".join(
-        f"{name} {base64.b64encode(str(value).encode()).decode()}" for name, value in said.items()
+        f"{name} {base64.b64encode(str(value).encode()).decode()}"
+        for name, value in said.items()
+        if value is not None
     )
 
 

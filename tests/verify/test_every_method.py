@@ -14,14 +14,24 @@ import pytest
 from radiometry import methods
 from stilb.export import export_measurement, frame_path
 from store.database import Database
-from tests.support.certificates import InHouse, export_version
-from tests.support.every_method import make_version
+from tests.support.campaigns import calibrate
+from tests.support.certificates import METER, InHouse, complete_version, export_version
+from tests.support.every_method import make_version, reflectance_campaign, register_panel
 from tests.support.house import House
 from tests.support.measuring import measure
 from tests.verify.changing import change, nudge, run
 
 MEASUREMENT = "measurement"
 OTHERS = [spec.name for spec in methods.METHODS if spec.name != "luminance"]
+UNCERTIFIED = {
+    "a meter without a certificate": lambda house: complete_version(
+        house, meter={name: value for name, value in METER.items() if name != "certificate"}
+    ),
+    "a panel without uncertainties": lambda house: calibrate(
+        house, reflectance_campaign(house), panel_id=register_panel(house, serial="P-19", u=None)["id"]
+    ),
+}
+CASES = [*OTHERS, *UNCERTIFIED]
 
 
 @pytest.fixture(autouse=True)
@@ -40,7 +50,7 @@ def exports(migrated_sqlite, tmp_path_factory):
 
         def bring(method):
             if method not in made:
-                version = make_version(house, method)
+                version = UNCERTIFIED[method](house) if method in UNCERTIFIED else make_version(house, method)
                 made[method] = export_version(house, version, folder / method)
                 if method == "reflectance":
                     frame = house.get(f"/v1/campaigns/{version['campaign_id']}/frames")["items"][0]
@@ -54,7 +64,7 @@ def exports(migrated_sqlite, tmp_path_factory):
     database.dispose()
 
 
-@pytest.mark.parametrize("method", OTHERS)
+@pytest.mark.parametrize("method", CASES)
 def test_an_untouched_export_agrees(capsys, exports, method):
     code, said = run(capsys, exports(method))
     assert "NO" not in said
@@ -63,7 +73,7 @@ def test_an_untouched_export_agrees(capsys, exports, method):
     certificate = json.loads((exports(method) / "certificate.json").read_text())
     first = certificate["coefficients"][0]
     assert f"│ {first['value']!r} │ {first['value']!r} │ yes" in said
-    assert (exports(method) / "panels.json").exists() == (method == "reflectance")
+    assert (exports(method) / "panels.json").exists() == (certificate["method"] == "reflectance")
 
 
 @pytest.fixture(scope="module")
@@ -99,17 +109,23 @@ print(codes)
 
 
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="the names of kernels are of this processor")
-def test_another_kernel_and_numpy_agree_to_rounding(exports, exported_once, another_numpy, tmp_path):
+def test_installed_with_another_kernel_and_numpy_it_agrees_to_rounding(
+    installed, exports, exported_once, another_numpy, tmp_path
+):
     """One process with other linear algebra recomputes all certificates, and finds a changed one."""
     changed = shutil.copytree(exported_once, tmp_path / "changed")
     change(changed / "certificate.json", nudge(("result", "iso_fits", 0, "coefficient", "luminance_k")))
-    same = [exported_once, *map(exports, [*OTHERS, MEASUREMENT])]
+    same = [exported_once, *map(exports, [*CASES, MEASUREMENT])]
+    command = [installed / "bin" / "stilb-verify", changed / "certificate.json", "--data", changed]
+    found = subprocess.run(command, check=False, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert (found.returncode, found.stderr) == (1, "")
+    assert "iso_fits[0].coefficient.luminance_k" in found.stdout
     done = subprocess.run(
-        [sys.executable, "-c", VERIFY_ALL, *map(str, [*same, changed])],
+        [installed / "bin" / "python", "-c", VERIFY_ALL, *map(str, [*same, changed])],
         check=True,
+        cwd=tmp_path,
         capture_output=True,
         text=True,
-        timeout=240,
         env=os.environ
         | {"OPENBLAS_CORETYPE": "Nehalem", "COLUMNS": "250"}
         | ({"PYTHONPATH": f"{another_numpy}:{os.environ.get('PYTHONPATH', '')}"} if another_numpy else {}),

@@ -37,7 +37,6 @@ def test_its_commands_work(staged, address, tmp_path):
         env=environment,
         capture_output=True,
         text=True,
-        timeout=120,
     )
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
     assert done.stdout.count("the same to the last bit") == 2

@@ -249,6 +249,11 @@ def test_leaves_are_compared_to_the_last_bit(stated, found, differing):
             {"covariance": [[1.0, -1e-16], [1e-16, 1.0]]},
             "rounding",
         ),
+        (
+            {"parameters": [2.0, 1e-12], "covariance": [[1e-4, 0.0], [0.0, 0.04]]},
+            {"parameters": [2.0, 3e-12], "covariance": [[1e-4, 0.0], [0.0, 0.04]]},
+            "rounding",
+        ),
         ([1e-16, *[1.0] * 15], [0.0, *[1.0] * 15], "rounding"),
         ([1e-16, 1.0], [0.0, 1.0], "different"),
         ({"n": 10**12}, {"n": 10**12 + 1}, "different"),

@@ -100,7 +100,7 @@ def check_proof(answer: dict[str, Any]) -> Proof:
     except ValidationError as error:
         raise BrokenMessageError("a proof that is none") from error
     shares = (*proof.wholeness.zero_share, *proof.wholeness.below_share)
-    if not all(0.0 <= share <= 1.0 for share in shares):
+    if not (all(0.0 <= share <= 1.0 for share in shares) and 0 <= proof.highest_dn < 1 << 16):
         raise BrokenMessageError("a proof that cannot be")
     return proof
 

@@ -8,7 +8,7 @@ from worker.decode.opened import OpenedFile
 from worker.decode.preview import PreviewMaker
 
 # In a picture to look at, black is a colour like others; it proves itself whole otherwise.
-_PICTURES: Final = frozenset({"jpeg", "png"})
+_PICTURES: Final = frozenset({"jpeg", "png", "table"})
 
 
 def inspect(opened: OpenedFile, longest_side_px: int) -> tuple[bytes, Proof]:
@@ -27,8 +27,11 @@ def inspect(opened: OpenedFile, longest_side_px: int) -> tuple[bytes, Proof]:
         doubts_black=header.container not in _PICTURES,
         rendered=header.rendered,
     )
+    highest_dn = 0
     for row0, samples in opened.bands():
         check.add(row0, samples)
+        highest_dn = max(highest_dn, int(samples.max()))
         preview.add(row0, samples)
     vouched_by, pieces = opened.vouch()
-    return preview.finish(), Proof(vouched_by=vouched_by, pieces=pieces, wholeness=check.conclude())
+    proof = Proof(vouched_by=vouched_by, pieces=pieces, wholeness=check.conclude(), highest_dn=highest_dn)
+    return preview.finish(), proof

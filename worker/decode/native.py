@@ -44,6 +44,7 @@ class ImageDescription:
 
 def describe_dng(raw: Directory, main: Directory, file_size: int) -> ImageDescription:
     _refuse_lossy(raw)
+    _refuse_hidden_mosaic(raw)
     layout = read_layout(raw, file_size)
     if layout.samples != 1:
         raise files.UNSUPPORTED_LAYOUT.refuse(f"The raw image has {layout.samples} samples per pixel.")
@@ -55,6 +56,7 @@ def describe_dng(raw: Directory, main: Directory, file_size: int) -> ImageDescri
 
 
 def describe_tiff(image: Directory, file_size: int) -> ImageDescription:
+    _refuse_hidden_mosaic(image)
     if image.integer(tags.COMPRESSION, tags.UNCOMPRESSED) not in set(COMPRESSIONS) - {tags.JPEG}:
         raise files.UNSUPPORTED_COMPRESSION.refuse("The TIFF's compression is not read.")
     layout = read_layout(image, file_size)
@@ -115,12 +117,23 @@ def _describe(
 
 def _refuse_lossy(raw: Directory) -> None:
     compression = raw.integer(tags.COMPRESSION, tags.UNCOMPRESSED)
-    if raw.integer(tags.PHOTOMETRIC, -1) == tags.PHOTOMETRIC_LINEAR_RAW:
+    linear = raw.integer(tags.PHOTOMETRIC, -1) == tags.PHOTOMETRIC_LINEAR_RAW
+    # with one sample a pixel it is the image of a monochrome sensor
+    if linear and raw.integer(tags.SAMPLES_PER_PIXEL, 1) > 1:
         raise files.LINEAR_RAW.refuse("The DNG holds an interpolated colour image, not the sensor's mosaic.")
     if compression == tags.LOSSY_JPEG:
         raise files.LOSSY_DNG.refuse("The DNG is compressed with loss.")
     if compression == tags.JPEG_XL:
         raise files.UNSUPPORTED_COMPRESSION.refuse("The DNG is compressed with JPEG XL.")
+
+
+def _refuse_hidden_mosaic(image: Directory) -> None:
+    """Refuse a mosaic whose directory was changed to that of a grey image: its colours would be mixed."""
+    if tags.CFA_PATTERN in image and image.integer(tags.PHOTOMETRIC, -1) != tags.PHOTOMETRIC_CFA:
+        raise files.UNSUPPORTED_LAYOUT.refuse(
+            "The file states a colour pattern (CFAPattern), and an image that is no mosaic of colours "
+            "(PhotometricInterpretation). Send it as the camera wrote it."
+        )
 
 
 class NativeFile:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected, files
+from radiometry.frame import FrameHeader
 from radiometry.frame.proof import PieceRun, Voucher
 from worker.decode import tags
 from worker.decode.budget import Allow
@@ -16,6 +17,7 @@ from worker.decode.metadata import Metadata, read_metadata
 from worker.decode.native import NativeFile, describe_dng, describe_tiff
 from worker.decode.pictures import PictureFile, is_picture
 from worker.decode.source import Source
+from worker.decode.table import MAGIC, TableFile
 from worker.decode.tiff import Directory, is_tiff, read_directories
 
 _KNOWN_OTHERS: Final = (
@@ -56,16 +58,33 @@ class OtherRawFile:
         return self.header.black_level_dn
 
 
-OpenedFile = NativeFile | OtherRawFile | PictureFile
+OpenedFile = NativeFile | OtherRawFile | PictureFile | TableFile
 
 
 def open_source(source: Source, allow: Allow) -> OpenedFile:
     """``allow`` : is told of a frame's size before anything of that size is allocated."""
+    opened = _open(source, allow)
+    _check_levels(opened.header)
+    return opened
+
+
+def _check_levels(header: FrameHeader) -> None:
+    for black_dn, white_dn in zip(header.black_level_dn, header.white_level_dn, strict=True):
+        if black_dn >= white_dn:
+            raise files.LEVELS_CONTRADICTORY.refuse(
+                f"The file's black level of {black_dn:g} DN is not below its white level of {white_dn:g} DN. "
+                "Send the file as the camera wrote it."
+            )
+
+
+def _open(source: Source, allow: Allow) -> OpenedFile:
     if not len(source):
         raise files.EMPTY_FILE.refuse("The file is empty.")
     head = source[:16]
     if is_tiff(head):
         return _open_tiff(source, allow)
+    if head.startswith(MAGIC):
+        return TableFile(source)
     if is_picture(head):
         return _allowed(PictureFile(source), allow)
     if head.startswith(_RAW_MAGIC) or head[4:12] == b"ftypcrx ":

@@ -129,6 +129,10 @@ def _read(context: Context, claim: Claim, subject: _Subject, file: StoredFile) -
     if header is None or (header.container == "tiff" and header.cfa == "grey"):
         # of a band more is read now than when its frame was first read, which may be years ago
         header = context.decoders.read_header(file)
+    if header.table is not None and room.features is not None:
+        raise shared.PIXELS_MISSING.refuse(
+            f"{room.label} needs the pixels of a frame, and this is a row of a table."
+        )
     acceptance = accept_frame(
         header,
         role=frame.role,
@@ -250,8 +254,12 @@ def _store(session: Session, subject: _Subject, found: _Found) -> dict[str, Any]
         _store_extraction(session, subject, frame, roi, found.extracted)
     now = current_roi(session, frame, campaign)
     # what the campaign is told to look for may have changed meanwhile: then another job is on its way
-    done = now is not None and find_extraction(session, frame, now, extractor_of(campaign)) is not None
-    frame.state = "extracted" if done else "read"
+    extraction = find_extraction(session, frame, now, extractor_of(campaign)) if now is not None else None
+    frame.state = "read" if extraction is None else "extracted"
+    if extraction is not None and extraction.features is not None:
+        room = methods.get_method(campaign.method)
+        raised = room.check_features(decode(room.features, extraction.features))
+        frame.warnings = [*frame.warnings, *(each.flag for each in raised)]
     return {"frame_id": frame.id}
 
 
@@ -287,6 +295,8 @@ def _store_acceptance(frame: FrameRow, found: _Found) -> None:
     frame.warnings = list(found.flags)
     if found.proof.wholeness.empty:
         frame.warnings.append(shared.IMAGE_PART_EMPTY)
+    if found.proof.highest_dn > max(found.header.white_level_dn):
+        frame.warnings.append(str(shared.SAMPLES_ABOVE_WHITE.code))
     if found.region_refused is not None:
         frame.warnings.append(str(found.region_refused.code))
     exposure = found.acceptance.exposure

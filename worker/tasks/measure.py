@@ -55,6 +55,8 @@ def measure_frame(task: Task) -> tuple[dict[str, Any], Products | None]:
 
     Raises InputRejected(incomplete_image | image_part_empty)
     """
+    if task.header.table is not None:
+        raise shared.PIXELS_MISSING.refuse("This frame is a row of a table: it has no pixels to measure.")
     doubts = list(_find_doubts(task))
     match get_method(task.calibration.method).application:
         case SurfaceApplication() as application:

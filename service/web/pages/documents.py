@@ -11,6 +11,8 @@ from markupsafe import Markup
 from radiometry.findings import interface
 from service.auth import find_session
 from service.context import UsesContext
+from service.document import Document
+from service.immutable import not_modified
 from service.problems import Problem
 from service.web.markdown import render_markdown
 from service.web.reference import render_reference
@@ -20,6 +22,19 @@ router = APIRouter(include_in_schema=False)
 
 _INSTALLED = Path(__file__).parents[1] / "manual"
 _MANUAL = _INSTALLED if _INSTALLED.is_dir() else Path(__file__).parents[3] / "docs"
+
+
+@router.get("/openapi.json")
+def get_document(request: Request) -> Response:
+    """Send the OpenAPI document, packed once: it changes with the release alone."""
+    document: Document = request.app.state.document
+    headers = {"ETag": f'"{document.tag}"', "Cache-Control": "no-cache", "Vary": "Accept-Encoding"}
+    packed = "gzip" in request.headers.get("accept-encoding", "")
+    return not_modified(request, document.tag, headers) or Response(
+        document.packed if packed else document.text,
+        headers=headers | ({"Content-Encoding": "gzip"} if packed else {}),
+        media_type="application/json",
+    )
 
 
 @router.get("/docs")

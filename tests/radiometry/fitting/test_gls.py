@@ -101,6 +101,33 @@ def test_the_solution_is_that_of_the_dense_matrices(campaign):
     for index in (2, 3, 4):
         expected = solution.variances[index] * dense.columns[index].T @ dense.projection
         np.testing.assert_allclose(solution.predict(components[index]), expected, rtol=1e-9, atol=1e-12)
+        errors, u = solution.factored.predict(index)
+        np.testing.assert_allclose(errors, expected @ response, rtol=1e-6, atol=1e-12)
+        left = np.eye(len(u)) - expected @ dense.columns[index]
+        np.testing.assert_allclose(u**2, solution.variances[index] * np.diag(left), rtol=1e-6)
+
+
+def test_an_error_that_the_points_know_far_better_than_its_prior():
+    """v - v^2 z'P z has one digit left here, and another processor finds another one."""
+    n = 6
+    components = [independent(*np.ones(n)), shared(np.zeros(n), 1e14), shared(np.arange(n) // 2, 1e-4)]
+    components[1] = dataclasses.replace(components[1], sensitivity=np.arange(n) - 2.5)
+    slope = np.arange(n) - 2.5
+    v = np.eye(n) + 1e-4 * np.kron(np.eye(3), np.ones((2, 2)))
+    solution = solve(np.ones((n, 1)), 3.0 + 0.5 * slope, components)
+    (error,), (u,) = solution.factored.predict(1)
+    assert error == pytest.approx(0.5, rel=1e-12)
+    assert u == pytest.approx(1 / np.sqrt(slope @ np.linalg.solve(v, slope)), rel=1e-12)
+
+
+def test_the_effect_of_an_error_that_the_points_know_far_better_keeps_its_digits():
+    """A'z / (n + v (n z'z - (A'z)^2)) with one parameter: the sum over the points cancels by 1 / v."""
+    lever, variance = np.array([0.1, 0.2, 0.4, 0.7]), 1e12
+    parts = (independent(1, 1, 1, 1), shared("aaaa", variance, sensitivity=lever))
+    solution = solve(ONES, np.array([1.0, 2.0, 2.0, 4.0]), parts)
+    total = lever.sum()
+    expected = total / (4.0 + variance * (4.0 * lever @ lever - total**2))
+    np.testing.assert_allclose(solution.contributions[1], variance * expected**2, rtol=1e-12)
 
 
 def test_leaving_a_group_out_is_solving_without_it(campaign):

@@ -7,7 +7,6 @@ import re
 from xml.etree import ElementTree as ET
 
 import cv2
-import lensfunpy
 import numpy as np
 import pytest
 import yaml
@@ -206,7 +205,7 @@ def test_other_programs_project_points_where_the_camera_sees_them(fit, filename,
         ({"fy_px": 530.0, "cx_px": 235.6, "cy_px": 342.3, "p1": 2e-3, "p2": -7e-4}, (481, 639), 2.2),
     ],
 )
-def test_liblensfun_corrects_by_the_camera(fit, changes, size, allowed_px):
+def test_liblensfun_corrects_by_the_camera(fit, lensfunpy, changes, size, allowed_px):
     width, height = size
     changes = {"width_px": width, "height_px": height} | changes
     camera = dataclasses.replace(fit.camera, fx_px=530.0, k1=-0.27, k2=0.04, **changes)

@@ -189,7 +189,7 @@ def test_flicker_of_the_lamp_is_a_line_of_k_where_the_mains_is_stated():
     )
     assert plain.budget == whole.budget == direct.budget
     (line,) = [entry for entry in stated.budget if entry.source == "flicker"]
-    us = [estimate_flicker(point.exposure_time_s, 47.0, modulation=0.5)[1] for point in fit().points]
+    us = [estimate_flicker(point.exposure_time_s, 47.0, modulation=(0.5, 0.5))[1] for point in fit().points]
     # one error per frame averages over the frames
     assert max(us) / len(us) / 2 < line.u_rel < max(us) / math.sqrt(len(us) / 2)
     assert line.kind == "B"

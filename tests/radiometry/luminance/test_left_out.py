@@ -96,6 +96,11 @@ def test_what_keeps_a_fit_from_starting_is_said_by_name(rows, readings, sentence
     assert sentence in refusal.value.message
 
 
+def test_frames_that_are_still_measured_are_no_missing_light_levels():
+    rows = tuple(dataclasses.replace(row, statistics=None) if row.scene != "dim" else row for row in LIGHTS)
+    assert [each for each in luminance.missing(rows, READINGS, PARAMS) if "usable" in each] == []
+
+
 def test_a_scene_without_a_reading_is_named_and_does_not_stop_the_others():
     scenes = ("level-10", "level-2")
     rows = (*ROWS, *(dataclasses.replace(light("dim", 11.0, name=each), scene=each) for each in scenes))

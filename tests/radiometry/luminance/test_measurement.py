@@ -176,7 +176,7 @@ def test_cells_are_read_from_their_own_part_of_the_frame(monkeypatch):
 def test_mixed_light_by_hand():
     """B/G of one cell is half of the other's: ln F differs by c ln 2."""
     two = [(0.5, 0.4), (0.5, 0.2)]
-    slope = fit_colour_remedy(CAMERA, channel="green", calibrated="A").blue
+    slope = fit_colour_remedy((CAMERA,), channel="green", calibrated=("A",)).blue
     (raised,) = find_mixed_light(two, response=CAMERA, channel="green", u_rel=0.03)
     assert f"wrong by {2.0 ** abs(slope) - 1.0:.0%};" in raised.detail
     for colours, u_rel in ((two, 0.16), (two[:1], 0.03), ([(0.5, 0.4), (0.5, 0.38)], 0.03)):
@@ -352,3 +352,13 @@ def test_every_flag_of_a_measurement_has_a_remedy_and_the_largest_source_is_name
     names = [share.source for share in measured(make_frame(noisy(1000.0))).budget]
     assert all(advise([], budget=[(name, 1.0)]) for name in names)
     assert advise([], budget=[("pixel noise", 0.0)]) == ()
+
+
+@pytest.mark.parametrize("source", ["spectral mismatch", "flicker", "focus distance", "stray light"])
+def test_nothing_is_asked_for_that_was_stated(source):
+    """Lamp and light are both A, say: what is left is not for want of a statement."""
+    (given,), (lacking,) = (
+        advise([], budget=[(source, 1.0)], assumed=assumed) for assumed in ((), ("pixel noise", source))
+    )
+    assert "tate" not in given
+    assert "tate" in lacking

@@ -182,6 +182,15 @@ def test_a_full_well_below_white_is_where_the_variance_falls():
     assert noise_codes.FULL_WELL_NOT_REACHED not in flags_of(fit)
 
 
+def test_the_variance_of_the_worked_example_falls_before_white():
+    """docs/noise.md prints it."""
+    sensor = change(SMALL, gain_dn_per_e=0.5, read_noise_e=4.0, black_level_dn=256.0, white_level_dn=16383.0)
+    full_well_e = find_variance_maximum(sensor)
+    assert full_well_e == pytest.approx(31_700.0, abs=10.0)
+    assert math.sqrt(full_well_e) == pytest.approx(178.0, abs=0.1)
+    assert 20.0 * math.log10(full_well_e / (math.sqrt(4.08) / 0.5 + 0.5)) == pytest.approx(76.9, abs=0.05)
+
+
 def test_a_sensor_that_nobody_saturated_says_so():
     fit = noise.fit(take(SMALL, 8, times=TIMES[:5]), PARAMS)
     assert only(fit).transfer.saturation_origin == "white_level_assumed"

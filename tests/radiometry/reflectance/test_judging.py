@@ -6,8 +6,10 @@ import pytest
 
 from radiometry.reflectance import method as reflectance
 from radiometry.reflectance import verdicts as reflectance_verdicts
+from radiometry.reflectance.findings import review_frame
 from tests.radiometry.evidence import taken
 from tests.radiometry.reflectance.captures import PANEL_R, READINGS, change_features, panel, seeded, take
+from tests.radiometry.reflectance.test_sunshine import BRIGHT
 
 PARAMS = reflectance.Params()
 
@@ -60,6 +62,15 @@ def test_sunshine_that_cannot_be_used_is_said_of_every_frame_that_needs_it():
     assert alone["field-5-green"] == ("pass", [])
 
 
+def test_frame_read_in_channel_1_alone_is_flagged_and_does_not_pass():
+    """All ten readings of channel 0 stopped at 65535."""
+    (row,) = take(seeded(2), PANEL_R, role="field", minutes=5.0)[:1]
+    band = dataclasses.replace(BRIGHT, band=row.header.multispectral.band)
+    row = dataclasses.replace(row, header=dataclasses.replace(row.header, multispectral=band))
+    assert [raised.flag for raised in review_frame(row.header, exposure=None)] == ["sunshine_second_channel"]
+    assert verdicts([row]) == {row.frame: ("warn", ["sunshine_second_channel"])}
+
+
 def test_what_would_make_the_fit_good():
     once = "the panel was photographed once: take it after the flight too, to see the drift"
     assert reflectance_verdicts.plan(panel(), READINGS, PARAMS) == (once,)
@@ -72,5 +83,5 @@ def test_what_would_make_the_fit_good():
     field = take(seeded(3), PANEL_R, role="field", minutes=5.0)
     lacking = [row for row in twice if not row.frame.endswith("nir")]
     assert reflectance_verdicts.plan([*lacking, *field], READINGS, PARAMS) == (
-        "band nir has no usable panel frame",
+        "no panel frame can be used (band nir)",
     )

@@ -82,7 +82,7 @@ def test_a_capture_that_lacks_a_band_is_flagged():
 def test_a_band_without_a_reflectance_is_named_and_left_out():
     readings = [reading for reading in READINGS if reading.band != "nir"]
     assert reflectance.missing(panel(), readings, PARAMS) == (
-        f"panel {readings[0].panel} has no reflectance for band nir: register it with this band",
+        f"panel {readings[0].panel} has no reflectance (band nir): register it with what it reflects there",
     )
     assert "register the panel" in reflectance.missing(panel(), (), PARAMS)[0]
     found = reflectance.fit(panel(), readings, PARAMS)

@@ -85,7 +85,7 @@ def test_mismatch_by_hand():
     ],
 )
 def test_colour_predicts_a_lamp_from_the_others(camera, rms):
-    remedy = fit_colour_remedy(camera, **GREEN)
+    remedy = fit_colour_remedy((camera,), channel="green", calibrated=("A",))
     assert 100 * remedy.rms_rel == pytest.approx(rms, abs=0.06)
     rgb, errors = read_response(camera), []
     for name in list_lamps():

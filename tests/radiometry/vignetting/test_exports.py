@@ -4,7 +4,6 @@ import dataclasses
 import struct
 import xml.etree.ElementTree as ET
 
-import lensfunpy
 import numpy as np
 import pytest
 import scipy
@@ -176,7 +175,7 @@ def test_names_that_the_schema_would_refuse():
 
 
 @pytest.mark.parametrize("f_number", [1.4, 4.0])
-def test_liblensfun_reads_the_file_and_corrects_by_it(f_number):
+def test_liblensfun_reads_the_file_and_corrects_by_it(lensfunpy, f_number):
     database = lensfunpy.Database(xml=export(CENTRED), load_common=False, load_bundled=False)
     (camera,) = database.find_cameras("Maker & Sons", "Flyer One")
     (lens,) = database.find_lenses(camera, "Optics", "Summer 15mm f/1.4")

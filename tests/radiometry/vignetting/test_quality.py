@@ -1,6 +1,7 @@
 """What is wrong with a flat frame is found before a fit, named with its frame, and says what to do."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from radiometry.vignetting import suggestions
 from radiometry.vignetting import verdicts as vignetting_verdicts
 from simulation.camera import change
 from simulation.flats import FAST_LENS
+from simulation.targets import Picture
 from tests.radiometry.evidence import taken
 from tests.radiometry.vignetting.flats import NONE, SMALL, dark, flags_of, flat, surface
 
@@ -22,6 +24,10 @@ DARKS = [dark(SMALL, seed, name=f"dark-{seed}") for seed in (91, 92, 93)]
 
 def fit(*rows):
     return vignetting.fit([*rows, *DARKS], NONE)
+
+
+def fit_alone(row):
+    return vignetting.fit([row], NONE)
 
 
 def refuse(*rows):
@@ -103,6 +109,39 @@ def test_dust_is_found_where_it_lies_and_left_out():
     clean, found = (each.coefficients[1] for each in (fit(flat(SMALL, 1)), spoilt))
     off = found.corner_falloff - clean.corner_falloff
     assert abs(off) < 2 * clean.corner_falloff_standard_uncertainty
+
+
+def wide_surface(height_px, width_px, *, spot=None):
+    """Light of a lens of 88 degrees, cos^4 of the angle: .27 in the corners, which no three terms follow."""
+    rows, cols = np.ogrid[:height_px, :width_px]
+    squared = (rows - (height_px - 1) / 2) ** 2 + (cols - (width_px - 1) / 2) ** 2
+    light = (
+        0.7
+        / (1.0 + squared * (math.tan(math.radians(44.0)) / math.hypot(height_px, width_px) * 2.0) ** 2) ** 2
+    )
+    if spot:
+        light = np.where(np.hypot(rows - spot[0], cols - spot[1]) < 12.0, 0.9 * light, light)
+    return Picture(shares=light)
+
+
+@pytest.mark.parametrize(("height", "width"), [(512, 640), (514, 642), (912, 1368)])
+@pytest.mark.parametrize("lens", ["narrow", "wide"])
+def test_a_clean_flat_has_no_dust_in_blocks_that_the_border_cuts_nor_in_dark_corners(height, width, lens):
+    camera = change(FAST_LENS, height_px=height, width_px=width, centre_px=None)
+    target = surface()
+    if lens == "wide":
+        camera, target = change(camera, falloffs={}), wide_surface(height, width)
+    for seed in (1, 2):
+        found = fit_alone(flat(camera, seed, target=target))
+        assert "dust" not in flags_of(found.flags)
+
+
+@pytest.mark.parametrize("spot", [(896.0, 30.0), (905.0, 700.0)])
+def test_dust_is_found_in_the_dark_corner_of_a_wide_lens_and_at_the_border(spot):
+    camera = change(FAST_LENS, height_px=912, width_px=1368, centre_px=None, falloffs={})
+    (point,) = fit_alone(flat(camera, 1, target=wide_surface(912, 1368, spot=spot))).points
+    assert 1 <= len(point.spots) <= 6
+    assert all(math.hypot(each.row_px - spot[0], each.col_px - spot[1]) < 30.0 for each in point.spots)
 
 
 def test_the_residual_map_does_not_know_what_was_left_out():

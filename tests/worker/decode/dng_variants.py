@@ -99,7 +99,7 @@ def _raw_entries(writer, samples, variant):
         entries[50829] = (LONG, list(variant.active_area))
     if variant.table:
         entries[50712] = (SHORT, list(variant.table))
-    return entries | variant.extra
+    return {tag: entry for tag, entry in (entries | variant.extra).items() if entry is not None}
 
 
 def _pieces(samples, variant):

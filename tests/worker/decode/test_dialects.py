@@ -147,7 +147,6 @@ def test_offsets_of_bands_are_taken_from_a_p4_alone(read):
         ({"VignettingData": "-1,0"}, "relative illumination"),
         ({"VignettingFlag": "1"}, "corrected the vignetting already"),
         ({"BlackLevel": None}, "black level"),
-        ({"BlackLevel": "65535"}, "black level of 65535"),
     ],
 )
 def test_what_makes_dji_s_formula_wrong_is_said_when_the_file_is_read(read, changes, said):

@@ -67,7 +67,9 @@ def test_empty_file(save):
         ("t339", (SHORT, 3), files.UNSUPPORTED_LAYOUT),
         ("t277", (SHORT, 2), files.SIZE_MISMATCH),
         ("t266", (SHORT, 2), files.UNSUPPORTED_LAYOUT),
-        ("t262", (SHORT, 34892), files.LINEAR_RAW),
+        ("t262", (SHORT, 34892), files.UNSUPPORTED_LAYOUT),  # a mosaic turned to grey
+        ("t262", (SHORT, 1), files.UNSUPPORTED_LAYOUT),
+        ("t50717", (SHORT, 0), files.LEVELS_CONTRADICTORY),
         ("t259", (SHORT, 34892), files.LOSSY_DNG),
         ("t259", (SHORT, 52546), files.UNSUPPORTED_COMPRESSION),
         ("t259", (SHORT, 9), files.UNSUPPORTED_COMPRESSION),
@@ -85,6 +87,24 @@ def test_empty_file(save):
 )
 def test_tags_that_cannot_be(tag, value, code, save):
     assert _code(save(_dng(**{tag: value}))) is code
+
+
+def test_black_level_equal_to_white(save):
+    content = make_dng(SAMPLES, Variant(extra={50714: (SHORT, 4095), 50717: (SHORT, 4095)}))
+    assert _code(save(content)) is files.LEVELS_CONTRADICTORY
+
+
+def test_interpolated_colours(save):
+    linear = {262: (SHORT, 34892), 277: (SHORT, 3), 33421: None, 33422: None}
+    assert _code(save(make_dng(SAMPLES, Variant(extra=linear)))) is files.LINEAR_RAW
+
+
+def test_linear_image_of_a_monochrome_sensor_is_read(save):
+    extra = {262: (SHORT, 34892), 33421: None, 33422: None}
+    path = save(make_dng(SAMPLES, Variant(extra=extra)))
+    frame = reader.read_window(path, 0, 0, 64, 64)
+    assert frame.cfa == "grey"
+    assert np.array_equal(frame.samples_dn, SAMPLES)
 
 
 def test_black_levels_for_another_pattern(save):

@@ -25,8 +25,9 @@ export function offerDecisions(place, calibration, decided) {
 }
 
 async function publish(button, calibration, decided) {
-  const from = await act(button, () => startOf(calibration));
-  if (!from) return;
+  const found = await act(button, () => get(`/v1/calibrations/${calibration.id}`));
+  if (!found) return;
+  const suggested = found.suggested_validity ?? { valid_from: found.valid_from };
   const { signature } = await getOr(`/v1/campaigns/${calibration.campaign_id}/checklist`, {});
   const impact = h("div", { class: "impact", "aria-live": "polite" });
   const gaps = h("div");
@@ -40,8 +41,8 @@ async function publish(button, calibration, decided) {
     title: `Publish version ${calibration.version}`,
     body: [gaps, impact],
     fields: [
-      { name: "valid_from", label: "In force from (UTC)", of: "NewPublication", type: "datetime-local", value: from },
-      { name: "valid_to", label: "Until (UTC)", of: "NewPublication", type: "datetime-local", required: false },
+      { name: "valid_from", label: "In force from (UTC)", of: "NewPublication", type: "datetime-local", value: typed(suggested.valid_from) },
+      { name: "valid_to", label: "Until (UTC)", of: "NewPublication", type: "datetime-local", value: typed(suggested.valid_to), required: false },
       { name: "reason", label: "Reason", of: "NewPublication", type: "textarea", value: signature ? `Checklist signed by ${signature.name}` : "" },
     ],
     submit: "Publish",
@@ -99,13 +100,5 @@ async function revoke(calibration, decided) {
   decided(answer.measurements.length ? h("div", { class: "note bad" }, h("p", {}, h("strong", {}, "Revoked. These measurements were made with it:")), drawTouched(answer.measurements)) : null);
 }
 
-/** When the campaign began, or the day of its first frame: what was taken with it is then measured with it. */
-async function startOf({ campaign_id: id, created_at: made }) {
-  const started = document.querySelector("main").dataset.startedAt;
-  if (started) return new Date(started).toISOString().slice(0, 16);
-  const frames = await all(`/v1/campaigns/${id}/frames?brief=true`);
-  const days = frames.filter((frame) => frame.taken_at).map((frame) => frame.taken_at.slice(0, 10));
-  return days.length ? `${days.sort()[0]}T00:00` : new Date(made).toISOString().slice(0, 16);
-}
-
-const instant = (typed) => (typed ? new Date(`${typed}Z`).toISOString() : undefined);
+const typed = (at) => at?.slice(0, 16) ?? "";
+const instant = (text) => (text ? new Date(`${text}Z`).toISOString() : undefined);

@@ -4,7 +4,7 @@ import { h } from "../dom.js";
 import { roleOptions } from "../methods.js";
 import { act } from "../states.js";
 import { select } from "./forms.js";
-import { changeFrames, leaveOut, withdraw } from "./moves.js";
+import { askExposure, changeFrames, leaveOut, withdraw } from "./moves.js";
 
 /** `chosen` are the ids; `after` is called when something was done. */
 export function bulkForm(state, chosen, after) {
@@ -22,6 +22,6 @@ export function bulkForm(state, chosen, after) {
     h("label", {}, "Role ", role),
     h("label", {}, "Scene ", scene),
     h("datalist", { id: "scenes" }, state.scenes.map((name) => h("option", { value: name }))),
-    h("span", { class: "actions" }, h("button", { type: "button", class: "primary", onclick: (event) => act(event.target, change) }, "Change"), button("Leave out", leaveOut), button("Withdraw", withdraw, { class: "danger" }), h("button", { type: "button", class: "quiet", onclick: after }, "Clear selection")),
+    h("span", { class: "actions" }, h("button", { type: "button", class: "primary", onclick: (event) => act(event.target, change) }, "Change"), button("Exposure…", askExposure), button("Leave out", leaveOut), button("Withdraw", withdraw, { class: "danger" }), h("button", { type: "button", class: "quiet", onclick: after }, "Clear selection")),
   ];
 }

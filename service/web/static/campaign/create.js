@@ -49,8 +49,10 @@ function choose(name) {
   target = method?.needs_target && !night ? targetPart(method) : null;
   byId("target-section").hidden = target === null;
   byId("panel-section").hidden = !needsPanel();
-  const given = (night ? [] : method?.parameters)?.filter((each) => each.given_by === "campaign") ?? [];
+  const light = method?.conditions.map((each) => each.name);
+  const given = method?.parameters.filter((each) => each.given_by === "campaign" && (!night || light.includes(each.name))) ?? [];
   stated = statedPart(method ? withManual(given, method) : given);
+  byId("stated-head").textContent = night ? "Light" : "Light, distance and verdict";
   byId("stated-section").hidden = !given.length;
   fill(byId("stated"), stated.element);
   fill(byId("target"), target?.element);

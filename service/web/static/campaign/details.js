@@ -16,6 +16,7 @@ export const DETAILS = [
   { name: "recorder", label: "Recorded by" },
   { name: "started_at", label: "Start (UTC)", type: "datetime-local" },
   { name: "ended_at", label: "End (UTC)", type: "datetime-local" },
+  { name: "time_zone", label: "Time zone" },
   { name: "lens_make", label: "Lens make", of: ["Lens", "make"] },
   { name: "lens_model", label: "Lens model", of: ["Lens", "model"] },
   { name: "lens_serial", label: "Lens serial number", of: ["Lens", "serial"] },

@@ -11,7 +11,7 @@ import { about, decimal, field, select } from "./forms.js";
 import { holdingFor, originOf } from "./holding.js";
 import { lettersOn } from "./keys.js";
 import { lookPart } from "./look.js";
-import { askWhere, changeFrames, leaveOut, withdraw } from "./moves.js";
+import { askWhere, changeFrames, EXPOSURE, leaveOut, withdraw } from "./moves.js";
 import { numberOf } from "./numbers.js";
 import { isRead } from "./state.js";
 import { viewerPart } from "./viewer.js";
@@ -179,7 +179,7 @@ function change(state, known, frame) {
 
 /** What the file does not say is typed in, and the frame is read again. */
 function typedExposure(state, frame) {
-  const inputs = [["exposure_time_s", "Exposure time [s]"], ["f_number", "f-number"], ["iso", "ISO"]].map(([name, label]) => [name, label, decimal({ value: frame.supplied?.[name] ?? "" })]);
+  const inputs = EXPOSURE.map(([name, label]) => [name, label, decimal({ value: frame.supplied?.[name] ?? "" })]);
   const save = async () => {
     const typed = Object.fromEntries(inputs.filter(([, , input]) => input.value.trim()).map(([name, , input]) => [name, numberOf(input)]));
     await patch(`/v1/frames/${frame.id}`, typed);

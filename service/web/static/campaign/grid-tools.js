@@ -19,14 +19,13 @@ export function toolsOf({ state, book, view, reads, draw, selectAll }) {
       h("button", { type: "button", "aria-pressed": String(view.outcome === name), "data-keep": `outcome ${name}`, onclick: () => ((view.outcome = name), draw()) }, kind ? mark(kind) : null, " ", said, " ", h("small", {}, number(of, 6)))));
   }
 
-  const meters = async () => book.refresh(await all("/v1/meters"));
   const register = async () => {
     const made = await askForMeter();
     if (!made) return;
-    await meters();
     book.meter_id = made.id;
+    book.meet([...book.meters, made]);
   };
-  if (reads) meters();
+  if (reads) Promise.all([book.refresh(), all("/v1/meters").then((meters) => book.meet(meters))]);
   const element = h(
     "div",
     { class: "grid-tools" },

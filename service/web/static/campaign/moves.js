@@ -1,12 +1,17 @@
 // Frames that are moved, left out, withdrawn and restored; each change can be undone.
 
 import { ask } from "../ask.js";
+import { h } from "../dom.js";
 import { counted } from "../format.js";
 import { groupBy } from "../groups.js";
 import { roleLabel, roleOptions } from "../methods.js";
 import { done } from "../undo.js";
+import { readNumber, wrong } from "./numbers.js";
 
 const name = (state, ids) => (ids.length === 1 ? state.byId.get(ids[0]).filename : counted(ids.length, "frame"));
+
+/** What a file may not state, as a camera with a manual lens does not. */
+export const EXPOSURE = [["exposure_time_s", "Exposure time [s]"], ["f_number", "f-number"], ["iso", "ISO"]];
 
 const KEYS = ["role", "scene", "left_out", "withdrawn"];
 
@@ -57,5 +62,20 @@ export function askWhere(state, ids) {
     ],
     submit: "Move",
     action: ({ role, scene }) => changeFrames(state, ids, { role, ...(scenes ? { scene: scene?.trim() ?? "" } : {}) }, (named) => `${named} moved to ${scene?.trim() || `${roleLabel(role)} frames`}.`),
+  });
+}
+
+/** Ask for the exposure of several frames at once; they are read again. */
+export function askExposure(state, ids) {
+  return ask({
+    title: `Exposure of ${name(state, ids)}`,
+    fields: EXPOSURE.map(([key, label]) => ({ name: key, label, of: "FrameChange", required: false, inputmode: "decimal", autocomplete: "off" })),
+    after: h("p", { class: "hint" }, "What a file states itself is not replaced. Select some frames in the grid to enter another value for them."),
+    submit: "Read again",
+    action: async (values) => {
+      const typed = Object.entries(values).map(([key, text]) => [key, readNumber(text)]);
+      if (!typed.length || typed.some(([, value]) => !(value > 0))) throw wrong("Enter at least one value, each a number above 0.");
+      await state.change(ids, Object.fromEntries(typed));
+    },
   });
 }

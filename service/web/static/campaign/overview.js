@@ -14,7 +14,7 @@ export function overview(state) {
   const draw = () => {
     if (isPressed(element)) return void requestAnimationFrame(draw);
     const open = element.querySelector("details")?.open ?? false;
-    fill(element, stages(state), offer(state), beforeTheFit(state.campaign, state.method.measures ? "Before measuring" : "Before the fit", refusedCauses(state)));
+    fill(element, stages(state), offer(state), beforeTheFit(state.campaign, state.method.measures ? "Before measuring" : "Before the fit", refusedCauses(state), (event) => act(event.target, async () => (await import("./panel.js")).choosePanel(state))));
     element.querySelector("details")?.toggleAttribute("open", open);
   };
   state.on("campaign", draw);

@@ -1,6 +1,5 @@
 // The meter's readings, pasted from a spreadsheet; single ones are typed in the grid.
 
-import { all } from "../api.js";
 import { byId, fill, h, may } from "../dom.js";
 import { counted, number } from "../format.js";
 import { act } from "../states.js";
@@ -68,9 +67,8 @@ function entryPart(state, book) {
     h("p", { class: "actions" }, h("button", { class: "primary", type: "submit" }, "Add"), h("button", { type: "button", class: "quiet", onclick: async () => {
       const made = await askForMeter();
       if (!made) return;
-      await book.refresh(await all("/v1/meters"));
       byHand = true;
-      offer(book.meters);
+      book.meet([...book.meters, made]);
       meter.value = made.id;
     } }, "Register a meter…")),
   );

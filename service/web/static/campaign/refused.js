@@ -6,7 +6,7 @@ import { counted, typeset } from "../format.js";
 import { groupBy } from "../groups.js";
 import { act } from "../states.js";
 import { changeDetails } from "./details.js";
-import { withdraw } from "./moves.js";
+import { askExposure, withdraw } from "./moves.js";
 
 const MOST_NAMED = 5;
 
@@ -22,10 +22,12 @@ export function refusedCauses(state) {
 export function mendButtons(state, code, frames) {
   if (!may("calibrate")) return [];
   const doing = (work) => (event) => act(event.target, work);
-  const open = small("Enter exposure…", () => state.dispatchEvent(new CustomEvent("open-frame", { detail: frames[0].id })));
+  const ids = frames.map((frame) => frame.id);
+  const one = () => state.dispatchEvent(new CustomEvent("open-frame", { detail: ids[0] }));
+  const enter = small("Enter exposure…", doing(() => (ids.length > 1 ? askExposure(state, ids) : one())));
   const camera = small("Change camera…", doing(() => changeDetails(state)));
   return [
-    ...({ wrong_camera: [camera], exposure_missing: [open], exposure_implausible: [open] }[code] ?? []),
-    small(frames.length > 1 ? "Withdraw all" : "Withdraw", doing(() => withdraw(state, frames.map((frame) => frame.id))), { quiet: true }),
+    ...({ wrong_camera: [camera], exposure_missing: [enter], exposure_implausible: [enter] }[code] ?? []),
+    small(frames.length > 1 ? "Withdraw all" : "Withdraw", doing(() => withdraw(state, ids)), { quiet: true }),
   ];
 }

@@ -58,16 +58,19 @@ export class ReadingBook extends EventTarget {
     Object.assign(this, { state, readings: [], meters: [], unit: "cd/m2", meter_id: "", now: false, turns: new Turns() });
   }
 
-  async refresh(meters) {
+  /** These are the organisation's meters. */
+  meet(meters) {
+    this.meters = inOrder(meters, nameOfMeter);
+    const ofKind = meters.filter((each) => each.kind === UNITS[this.unit]);
+    // of several of a kind nobody but the reader of the meter knows which it was
+    this.meter_id ||= ofKind.length === 1 ? ofKind[0].id : "";
+    if (!this.state.left) this.dispatchEvent(new Event("change"));
+  }
+
+  async refresh() {
     const turn = this.turns.ask();
     const readings = await this.state.readings();
     if (this.turns.take(turn)) this.readings = readings;
-    if (meters) {
-      this.meters = inOrder(meters, nameOfMeter);
-      const ofKind = meters.filter((each) => each.kind === UNITS[this.unit]);
-      // of several of a kind nobody but the reader of the meter knows which it was
-      this.meter_id ||= ofKind.length === 1 ? ofKind[0].id : "";
-    }
     if (!this.state.left) this.dispatchEvent(new Event("change"));
   }
 

@@ -2,6 +2,7 @@
 
 import { patch } from "../api.js";
 import { fill, h, may } from "../dom.js";
+import { words } from "../format.js";
 import { act, empty } from "../states.js";
 import { choices, decimal, field, select } from "./forms.js";
 import { numberOf, wrong } from "./numbers.js";
@@ -11,31 +12,33 @@ const [BOARD, CHART] = ["/docs/geometry#the-target", "/docs/sharpness#photograph
 const DICTIONARIES = ["DICT_4X4_50", "DICT_4X4_100", "DICT_5X5_50", "DICT_5X5_100", "DICT_6X6_250", "DICT_7X7_250", "DICT_ARUCO_ORIGINAL"];
 
 /** {element, read()}: the form, and the target as the API wants it. */
-export function targetPart({ label, target_fields: fields }) {
-  if (fields.includes("square_size_mm")) return board();
-  if (fields.includes("tone_curve")) return chart();
+export function targetPart({ label, target_fields: fields }, standing = {}) {
+  if (fields.includes("square_size_mm")) return board(standing);
+  if (fields.includes("tone_curve")) return chart(standing);
   return { element: empty("No form for this target", `Send the target of a ${label} campaign to the API: ${fields.join(", ")}.`), read: () => undefined };
 }
 
-/** On the page of a campaign that began without one: everything begins again once it is said. */
+/** On the page of a campaign, folded where it is known, as one that began with a card may have another kind: a change begins everything again. */
 export function targetSection(state) {
-  if (!may("calibrate")) return empty("No target yet", "Frames are measured once the target is entered.");
-  const { element, read } = targetPart(state.method);
+  const standing = state.campaign.target;
+  if (!may("calibrate")) return standing ? h("p", {}, words(standing.kind)) : empty("No target yet", "Frames are measured once the target is entered.");
+  const { element, read } = targetPart(state.method, standing);
   const button = h("button", { class: "primary", type: "submit" }, "Find it in the frames");
   const say = async () => {
     await patch(state.path, { target: read() });
     location.reload();
   };
-  return h("form", { class: "card", onsubmit: (event) => (event.preventDefault(), act(button, say)) }, element, h("p", { class: "actions" }, button));
+  const form = h("form", { class: "card", onsubmit: (event) => (event.preventDefault(), act(button, say)) }, element, h("p", { class: "actions" }, button));
+  return standing ? h("details", { class: "fold" }, h("summary", {}, `Change: ${words(standing.kind)}`), form) : form;
 }
 
-function board() {
-  let kind = "checkerboard";
-  const columns = decimal({ inputmode: "numeric", required: true });
-  const rows = decimal({ inputmode: "numeric", required: true });
-  const square = decimal({ required: true });
-  const marker = decimal();
-  const dictionary = select(DICTIONARIES.map((name) => [name, name]), {}, "DICT_5X5_100");
+function board(standing) {
+  let kind = standing.kind ?? "checkerboard";
+  const columns = decimal({ inputmode: "numeric", required: true, value: standing.columns ?? "" });
+  const rows = decimal({ inputmode: "numeric", required: true, value: standing.rows ?? "" });
+  const square = decimal({ required: true, value: standing.square_size_mm ?? "" });
+  const marker = decimal({ value: standing.marker_size_mm ?? "" });
+  const dictionary = select(DICTIONARIES.map((name) => [name, name]), {}, standing.dictionary ?? "DICT_5X5_100");
   const counted = h("div", { class: "fields" });
   const draw = () => {
     const charuco = kind === "charuco";
@@ -55,7 +58,7 @@ function board() {
     h(
       "div",
       { class: "choices", role: "radiogroup", "aria-label": "Board" },
-      choices("board", [["checkerboard", "Checkerboard", "The whole board must be visible."], ["charuco", "ChArUco board", "With markers: a part of the board is sufficient."]], (chosen) => ((kind = chosen), draw())),
+      choices("board", [["checkerboard", "Checkerboard", "The whole board must be visible."], ["charuco", "ChArUco board", "With markers: a part of the board is sufficient."]], (chosen) => ((kind = chosen), draw()), kind),
     ),
     counted,
   );
@@ -69,11 +72,11 @@ function board() {
   return { element, read };
 }
 
-function chart() {
-  let kind = "slanted_edge";
-  const cycles = decimal({ inputmode: "numeric", value: "48" });
-  const curve = select([["linear", "Raw files: none"], ["srgb", "sRGB images"], ["gamma", "Images with a pure gamma"]]);
-  const gamma = decimal({ value: "2.2" });
+function chart(standing) {
+  let kind = standing.kind ?? "slanted_edge";
+  const cycles = decimal({ inputmode: "numeric", value: standing.cycles ?? "48" });
+  const curve = select([["linear", "Raw files: none"], ["srgb", "sRGB images"], ["gamma", "Images with a pure gamma"]], {}, standing.tone_curve ?? "linear");
+  const gamma = decimal({ value: standing.gamma ?? "2.2" });
   const more = h("div", { class: "fields" });
   const draw = () =>
     fill(
@@ -89,7 +92,7 @@ function chart() {
     h(
       "div",
       { class: "choices", role: "radiogroup", "aria-label": "Chart" },
-      choices("chart", [["slanted_edge", "Slanted edges", "Each region shows one edge, tilted by a few degrees."], ["siemens_star", "Siemens stars", "Each region shows one star."], ["saturated_spot", "Saturated spots", "Each region shows one bright spot in its middle, saturated in some frames and not in others."]], (chosen) => ((kind = chosen), draw())),
+      choices("chart", [["slanted_edge", "Slanted edges", "Each region shows one edge, tilted by a few degrees."], ["siemens_star", "Siemens stars", "Each region shows one star."], ["saturated_spot", "Saturated spots", "Each region shows one bright spot in its middle, saturated in some frames and not in others."]], (chosen) => ((kind = chosen), draw()), kind),
     ),
     more,
   );

@@ -3,7 +3,7 @@
 import { all, get, newOnce, post } from "../api.js";
 import { filesOf } from "../campaign/drop.js";
 import { inForce as inForceOf } from "../coefficients.js";
-import { fill, h } from "../dom.js";
+import { fill, h, toast } from "../dom.js";
 import { goOn, takeHanded } from "../handover.js";
 import { METHODS } from "../methods.js";
 import { act, failed } from "../states.js";
@@ -42,15 +42,19 @@ export function startCard(zone, place, rest) {
       const [rows, known] = await Promise.all([readCard(chosen, { onProgress, signal }), readKnown()]);
       if (signal.aborted) return;
       const choice = { said: new Map(), leftOut: new Set(), kept: new Set(), cameras: known.cameras };
-      look({ rows, known, choice, inForce: known.inForce, seconds: (performance.now() - begun) / 1000, project: { number: "" } });
+      await look({ rows, known, choice, answers: new Map(), inForce: known.inForce, seconds: (performance.now() - begun) / 1000, project: { number: "" } });
     } catch (error) {
       if (!signal.aborted) show(failed(error, () => read(chosen)));
     }
   }
 
-  function look(card) {
-    card.found = propose(card.rows, { methods: METHODS, ...card.known }, card.choice);
-    show(cardView(card, { changed: () => look(card), cancel, send: (button) => act(button, () => send(card)) }));
+  async function look(card) {
+    const turn = (card.turn = {});
+    const found = await propose(card.rows, { methods: METHODS, ...card.known }, card.choice, card.answers);
+    // a late answer never takes the place of a later choice
+    if (card.turn !== turn) return;
+    card.found = found;
+    show(cardView(card, { changed: () => look(card).catch((error) => toast(error.message)), cancel, send: (button) => act(button, () => send(card)) }));
     if (!card.looked) place.querySelector("h1")?.focus();
     card.looked = true;
   }

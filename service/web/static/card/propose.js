@@ -1,27 +1,23 @@
 // The proposal for a card: header rows in, camera, campaign, scenes, roles, darks and what is skipped out. No DOM.
+// The service proposes method, roles and scenes; docs/pages.md states its limits.
 
+import { post } from "../api.js";
 import { groupBy, natural } from "../groups.js";
 import { isNight } from "../methods.js";
 
 /** Thresholds, as docs/pages.md states them. */
 export const LIMITS = {
-  pause_s: 60, // a pause this long starts a scene,
-  pauses: 2.5, // if it is also this many times the median pause
-  exposureRatio: 4, // a change of t * ISO / f^2 by this factor starts one after two median pauses
   darkSignal: 0.002, // a centre below this share of the range from black to white is dark
   clipped: 0.01, // share of white pixels in the centre of an overexposed frame
   misplacedRatio: 2, // a frame this many times as bright as its scene
   sameBrightness: 1.3, // may belong to a scene that is as bright within this factor
   recentDays: 3, // campaigns of the camera that are offered
 };
-export const FIELD = "field";
 const CHART = "chart"; // the role whose frames may be pictures
 const DAY_MS = 864e5;
 const RAW = /\.(dng|tiff?)$/i;
 const PICTURE = /\.(jpe?g|png|heic)$/i;
 const VIDEO = /\.(mp4|mov|lrv|lrf|srt|thm|m4v)$/i;
-// folders that cameras make (DCF: three digits and five characters), which name no scene
-const CAMERA_FOLDER = /^(dcim|\d{3}\w{5}|\d{4}set|\d{3}|dji_\d+_.*)$/i;
 
 export const kindOf = (name) => (RAW.test(name) ? "raw" : PICTURE.test(name) ? "picture" : VIDEO.test(name) ? "video" : "other");
 export const plain = (text) => (text ?? "").split(/\s+/).filter(Boolean).join(" ").toLowerCase();
@@ -30,10 +26,11 @@ export const nameOf = ({ make, model, serial }) => [model?.startsWith(make) ? nu
 export const differs = (header, camera) => ["serial", "model", "make"].some((name) => plain(header?.[name]) && plain(header[name]) !== plain(camera[name]));
 
 /**
- * rows: [{key, name, size, kind, header, centre}]; context: {methods, cameras, campaigns, inForce: [{camera_id, method}]};
- * choice, what a person has changed: {camera, campaign, said: Map(key -> {role?, scene?}), leftOut: Set(key), kept: Set(check)}.
+ * rows: [{key, name, size, kind, header, centre}]; context: {methods, cameras, campaigns};
+ * choice, what a person has changed: {camera, campaign, said: Map(key -> {role?, scene?}), leftOut: Set(key), kept: Set(check)};
+ * answers: what the service has proposed for this card so far.
  */
-export function propose(rows, { methods, cameras = [], campaigns = [], inForce = [] }, choice = {}) {
+export async function propose(rows, { methods, cameras = [], campaigns = [] }, choice = {}, answers = new Map()) {
   const { said = new Map(), leftOut = new Set(), kept = new Set() } = choice;
   const raw = rows.filter((row) => row.kind === "raw" && row.header);
   const pictures = raw.length ? [] : rows.filter((row) => row.kind === "picture" && row.header);
@@ -42,11 +39,15 @@ export function propose(rows, { methods, cameras = [], campaigns = [], inForce =
     .map((frames) => describeCamera(frames, cameras))
     .sort((a, b) => b.frames.length - a.frames.length);
   const camera = bodies.find((each) => each.key === choice.camera) ?? bodies[0] ?? null;
-  const own = camera?.frames ?? [];
-  const offers = camera ? listOffers(own, camera, { methods: able, campaigns, inForce }) : [];
+  const ask = async (more) => {
+    const key = JSON.stringify([camera.key, more]);
+    if (!answers.has(key)) answers.set(key, await post("/v1/proposals", { frames: camera.frames.map(stateOf), ...(camera.known ? { camera_id: camera.known.id } : {}), ...more }));
+    return answers.get(key);
+  };
+  const offers = camera ? listOffers(camera, await ask({}), { methods: able, campaigns }) : [];
   const campaign = offers.find((each) => each.key === choice.campaign) ?? offers.find((each) => each.proposed) ?? null;
   const method = campaign && methods.find((each) => each.name === campaign.method);
-  const frames = method ? assign(own, method, campaign, said) : [];
+  const frames = method ? assign(camera.frames, await ask(campaign.proposed ? {} : campaign.campaign ? { campaign_id: campaign.campaign.id } : { method: method.name, kind: campaign.measures ? "measurement" : "calibration" }), method, said) : [];
   const sent = frames.filter((frame) => !leftOut.has(frame.key));
   const rank = ({ role, scene }) => (scene === undefined ? 1 + (method.roles.findIndex((each) => each.name === role) + 1 || method.roles.length + 1) : 0);
   const scenes = [...groupBy(frames, (frame) => JSON.stringify([frame.role, frame.scene ?? ""])).values()].map(describeScene).sort((a, b) => rank(a) - rank(b) || (a.from ?? 0) - (b.from ?? 0) || natural(a.scene ?? "", b.scene ?? ""));
@@ -66,6 +67,13 @@ export function propose(rows, { methods, cameras = [], campaigns = [], inForce =
   };
 }
 
+/** A frame as the service is asked about it; an absurd value of its header is left out. */
+function stateOf({ name, header: { taken, exposure_time_s, f_number, iso, band }, centre }) {
+  const positive = (value) => (value > 0 && value < 1e9 ? value : undefined);
+  const finite = (value) => (Number.isFinite(value) ? value : undefined);
+  return { name: name.slice(-1000), taken_s: finite(taken / 1000), exposure_time_s: positive(exposure_time_s), f_number: positive(f_number), iso: positive(iso), band: band?.slice(0, 200), signal_share: finite(centre?.signal) };
+}
+
 function describeCamera(frames, cameras) {
   const [{ header: { make, model, serial } }] = frames;
   const lens = frames.find(({ header }) => header.lens.make && header.lens.model)?.header.lens;
@@ -75,75 +83,30 @@ function describeCamera(frames, cameras) {
   return { key: [make, model, serial].map(plain).join("|"), make, model, serial, lens, frames, known, renamed, complete: Boolean(make && model && serial) };
 }
 
-function listOffers(frames, camera, { methods, campaigns, inForce }) {
-  const words = [...new Set(methods.flatMap(roleWords))];
-  const named = frames.map((frame) => namedRole(frame.name, words)).filter(Boolean);
-  const bands = new Set(frames.map((frame) => frame.header.band).filter(Boolean)).size;
-  const score = (method) => {
-    const own = new Set(method.roles.filter((role) => role.used_in_fit).map((role) => role.name));
-    const told = named.filter((role) => role !== FIELD).reduce((sum, role) => sum + (own.has(role) ? 1 : -1), 0);
-    return told + (bands > 1 ? (method.reference === "panel" ? frames.length : -frames.length) : 0);
-  };
-  const [best] = [...methods].sort((a, b) => score(b) - score(a));
-  const held = new Set(camera.known ? inForce.filter((row) => row.camera_id === camera.known.id).map((row) => row.method) : []);
-  const measuring = methods.filter((method) => method.measured_quantity);
-  const night = measuring.find((method) => held.has(method.name)) ?? measuring.find((method) => (method.reference === "panel") === bands > 1) ?? measuring[0];
-  const looksLikeNight = named.length > 0 ? named.every((role) => role === FIELD) : held.has(night?.name) && !foldersOf(frames).length && !frames.some(isDark);
+function listOffers({ known, frames }, proposal, { methods, campaigns }) {
   const [from] = frames.map((frame) => frame.header.taken).filter(Boolean).sort((a, b) => a - b);
-  const near = campaigns.filter((each) => methods.some(({ name }) => name === each.method) && each.camera_id === camera.known?.id && Math.abs(Date.parse(each.started_at ?? each.created_at) - (from ?? Date.now())) < LIMITS.recentDays * DAY_MS);
+  const near = campaigns.filter((each) => methods.some(({ name }) => name === each.method) && each.camera_id === known?.id && Math.abs(Date.parse(each.started_at ?? each.created_at) - (from ?? Date.now())) < LIMITS.recentDays * DAY_MS);
+  const { calibration_method: best, measurement_method: night } = proposal;
   return [
-    { key: "new", kind: "new", method: best.name, proposed: !looksLikeNight },
+    { key: "new", kind: "new", method: best, proposed: !isNight(proposal) },
     ...near.slice(-2).reverse().map((each) => ({ key: each.id, kind: "add", method: each.method, campaign: each, measures: isNight(each) })),
-    ...(night ? [{ key: "night", kind: "night", method: night.name, measures: true, proposed: looksLikeNight }] : []),
-    ...methods.filter((method) => method !== best).map((method) => ({ key: `new ${method.name}`, kind: "other", method: method.name })),
+    ...(night ? [{ key: "night", kind: "night", method: night, measures: true, proposed: isNight(proposal) }] : []),
+    ...methods.filter((method) => method.name !== best).map((method) => ({ key: `new ${method.name}`, kind: "other", method: method.name })),
   ];
 }
 
-/** The role that a folder's name begins with, or that a file's name contains; of field frames, a folder alone. */
-function namedRole(path, words) {
-  const folders = path.toLowerCase().split("/");
-  const file = folders.pop();
-  return [...words, FIELD].find((role) => folders.some((folder) => folder.startsWith(role)) || (role !== FIELD && file.includes(role)));
-}
-const roleWords = (method) => method.roles.filter((role) => role.used_in_fit && !role.has_scene).map((role) => role.name);
 const isDark = (frame) => frame.centre !== undefined && frame.centre.signal < LIMITS.darkSignal;
-const folderOf = (path) => path.split("/").slice(0, -1).reverse().find((part) => !CAMERA_FOLDER.test(part)) ?? "";
-/** The folders that name scenes: more than one, as one alone is the card's or the night's. */
-function foldersOf(frames) {
-  const found = [...new Set(frames.map((frame) => folderOf(frame.name)).filter(Boolean))];
-  return found.length > 1 ? found : [];
-}
 
-/** Role and scene of each frame. */
-function assign(frames, method, campaign, said) {
-  const sceneRole = method.roles.find((role) => role.has_scene);
-  const roles = new Map(method.roles.map((role) => [role.name, role]));
-  const found = frames.map((frame) => {
-    const role = campaign.measures ? FIELD : (namedRole(frame.name, roleWords(method)) ?? (roles.has("dark") && isDark(frame) ? "dark" : (sceneRole ?? method.roles[0]).name));
-    return { ...frame, role: campaign.measures ? FIELD : (said.get(frame.key)?.role ?? role) };
-  });
-  const inScenes = found.filter((frame) => roles.get(frame.role)?.has_scene);
-  const folders = new Set(foldersOf(inScenes));
-  const open = inScenes.filter((frame) => !folders.has(folderOf(frame.name))).sort(byTime);
-  const byPause = new Map();
-  splitScenes(open).forEach((some, index) => some.forEach((frame) => byPause.set(frame.key, `Scene ${index + 1}`)));
-  return found
-    .map((frame) => ({ ...frame, scene: roles.get(frame.role)?.has_scene ? (said.get(frame.key)?.scene ?? byPause.get(frame.key) ?? folderOf(frame.name)) : undefined, origin: byPause.has(frame.key) ? "pause" : "folder" }))
+/** Role and scene of each frame: as a person has said, else as the service proposes. */
+function assign(frames, proposal, method, said) {
+  const inScenes = new Set(method.roles.filter((role) => role.has_scene).map((role) => role.name));
+  return frames
+    .map((frame, at) => {
+      const proposed = proposal.frames[at];
+      const { role = proposed.role, scene = proposed.scene ?? "" } = isNight(proposal) ? proposed : (said.get(frame.key) ?? {});
+      return { ...frame, role, scene: inScenes.has(role) ? scene : undefined };
+    })
     .sort(byTime);
-}
-
-/** Frames in the order of their time, split at long pauses and at changes of the exposure. */
-export function splitScenes(frames) {
-  const gaps = frames.slice(1).map((frame, index) => ((frame.header.taken ?? 0) - (frames[index].header.taken ?? 0)) / 1000);
-  const usual = median(gaps) || 0;
-  const scenes = frames.length ? [[frames[0]]] : [];
-  frames.slice(1).forEach((frame, index) => {
-    const ratio = exposureOf(frame) / exposureOf(frames[index]);
-    const changed = ratio > LIMITS.exposureRatio || ratio < 1 / LIMITS.exposureRatio;
-    if (gaps[index] >= Math.max(LIMITS.pause_s, LIMITS.pauses * usual) || (changed && usual > 0 && gaps[index] >= 2 * usual)) scenes.push([]);
-    scenes.at(-1).push(frame);
-  });
-  return scenes;
 }
 
 const byTime = (a, b) => (a.header.taken ?? 0) - (b.header.taken ?? 0) || natural(a.name, b.name);

@@ -42,7 +42,7 @@ function head({ found, rows, seconds }) {
     { class: "head" },
     h("nav", { class: "crumbs", "aria-label": "Breadcrumbs" }, h("a", { href: "/" }, "Start")),
     h("div", { class: "head-row" }, h("h1", { tabindex: "-1" }, title)),
-    h("p", { class: "under" }, h("span", {}, `${counted(rows.length, "file")} read in ${number(seconds, 2)} s`), h("span", {}, "Nothing has been sent")),
+    h("p", { class: "under" }, h("span", {}, `${counted(rows.length, "file")} read in ${number(seconds, 2)} s`), h("span", {}, "No frame has been sent")),
   );
 }
 
@@ -256,7 +256,7 @@ const picker = (title, sub, checked, key, onchange) => h("label", { class: "pick
 
 function afterwards({ method, campaign, scenes: all }) {
   const readings = all.filter((each) => each.scene !== undefined).length;
-  const steps = campaign.measures ? ["measure the frames"] : [!method.whole_frame && !method.finds_region && "draw the region once", method.reference === "meter" && readings && `type ${counted(readings, "meter reading")}`, method.needs_target && "describe the target", method.has_checklist && "sign the checklist", "fit"].filter(Boolean);
+  const steps = campaign.measures ? ["measure the frames"] : [!method.whole_frame && !method.finds_region && "draw the region once", method.finds_region && "draw the region where no code shows the panel", method.reference === "panel" && "choose the panel", method.reference === "meter" && readings && `type ${counted(readings, "meter reading")}`, method.needs_target && "describe the target", method.has_checklist && "sign the checklist", "fit"].filter(Boolean);
   const text = steps.join(", ");
   return h("div", { class: "card" }, h("p", { class: "panel-title" }, "After sending"), h("p", { class: "small" }, `${text.charAt(0).toUpperCase()}${text.slice(1)}.`));
 }

@@ -13,6 +13,7 @@ const show = () =>
     const facts = [
       ["Name", found.name],
       ["Address on certificates", found.address ?? h("span", { class: "muted" }, "Not given")],
+      ["Time zone", found.time_zone ?? h("span", { class: "muted" }, "Not given")],
       ["Incomplete certificates", found.refuses_incomplete_certificates ? "are not published" : "are published with their gaps named"],
       ["Registered", day(found.created_at)],
     ];
@@ -39,10 +40,11 @@ byId("edit").addEventListener("click", async () => {
     title: "Edit details",
     fields: [
       { name: "address", label: "Address on certificates", of: "OrganisationChange", type: "textarea", value: found.address ?? "", required: false },
+      { name: "time_zone", label: "Time zone", of: "OrganisationChange", value: found.time_zone ?? "", required: false },
       { name: "refuses", label: "Incomplete certificates", of: ["OrganisationChange", "refuses_incomplete_certificates"], options: [["no", "Publish, with their gaps named"], ["yes", "Do not publish"]], value: found.refuses_incomplete_certificates ? "yes" : "no", hint: "A certificate is complete if it has what ISO/IEC 17025 asks for." },
     ],
     submit: "Save",
-    action: ({ address, refuses }) => patch("/v1/organisation", { address: address ?? "", refuses_incomplete_certificates: refuses === "yes" }),
+    action: ({ address, time_zone, refuses }) => patch("/v1/organisation", { address: address ?? "", time_zone: time_zone ?? "", refuses_incomplete_certificates: refuses === "yes" }),
   });
   if (changed) show();
 });

@@ -1,0 +1,26 @@
+"""Each journey, and each door once, in `make test`; `make journeys` runs every journey through every door."""
+
+import pytest
+
+from tests.journeys import flight as flights
+from tests.journeys import head as heads
+from tests.journeys import night as nights
+
+pytestmark = pytest.mark.timeout(900)
+
+
+@pytest.mark.parametrize(
+    ("door", "certified"), [("command", True), ("curl", False)], indirect=["door"], ids=["command", "curl"]
+)
+def test_night(door, night, certified):
+    nights.travel(door, night, certified=certified)
+
+
+@pytest.mark.parametrize("door", ["pages"], indirect=True)
+def test_flight(door, flight):
+    flights.travel(door, flight, certified=False)
+
+
+@pytest.mark.parametrize("door", ["client"], indirect=True)
+def test_head(door, head):
+    heads.travel(door, head, certified=True)

@@ -1,0 +1,61 @@
+"""`stilb-server`: the help of each command does nothing, and what a command does not take is refused."""
+
+import importlib
+
+import pytest
+
+from service import command
+from service.command import COMMANDS
+
+
+@pytest.fixture
+def run(monkeypatch, capsys):
+    """Run the command; what it would become is not started, and returned."""
+    started = []
+
+    def execv(_path, arguments):
+        started.append(arguments[1:])
+        return 0
+
+    def run(*arguments):
+        started.clear()
+        monkeypatch.setattr("sys.argv", ["stilb-server", *arguments])
+        try:
+            code = command.main()
+        except SystemExit as end:
+            code = end.code
+        return code, started[:], capsys.readouterr()
+
+    monkeypatch.setattr("os.execv", execv)
+    monkeypatch.setenv("PYTHONSAFEPATH", "")
+    return run
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_shows_an_example_and_does_nothing(run, name):
+    for asked in (["--help"], ["-h"]):
+        code, started, said = run(name, *asked)
+        assert (code, started, said.err) == (0, [], "")
+        assert f"usage: stilb-server {name}" in said.out
+        assert f"Example:\n  stilb-server {name}" in said.out
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_what_a_command_does_not_take_is_refused(run, name):
+    code, started, said = run(name, "--no-such-option")
+    assert (code, started, said.out) == (2, [], "")
+    assert f"usage: stilb-server {name}" in said.err
+
+
+def test_a_command_becomes_its_module_with_its_arguments(run):
+    for arguments in (
+        ["up"],
+        ["up", "service"],
+        ["migrate", "--check"],
+        ["key"],
+        ["pulse", "http://127.0.0.1/livez"],
+    ):
+        code, started, _ = run(*arguments)
+        (module,) = (COMMANDS[name].module for name in arguments[:1])
+        assert (code, started) == (0, [["-m", module, *arguments[1:]]])
+        assert importlib.util.find_spec(module) is not None

@@ -1,0 +1,113 @@
+"""The proposal for a card: method, role and scene of each frame."""
+
+import pytest
+
+from radiometry.methods import get_method
+from service.proposals.card import CardFrame, choose_methods, natural, sort_card, split_scenes
+
+
+def frame(name, minute=0.0, *, signal=0.3, exposure_time_s=0.01, **more):
+    more = {"f_number": 4.0, "iso": 100.0} | more
+    return CardFrame(
+        name=name, taken_s=1e9 + 60 * minute, signal_share=signal, exposure_time_s=exposure_time_s, **more
+    )
+
+
+def sort(frames, *, in_force=(), there=()):
+    best, night, is_night = choose_methods(frames, in_force)
+    spec = night if is_night else best
+    found = sort_card(frames, spec, night=is_night, there=there)
+    return spec.name, is_night, [(each.role, each.scene) for each in found]
+
+
+def test_flat_card_is_split_at_pauses_and_darks_are_found_by_their_centre():
+    card = [frame(f"DCIM/100MEDIA/DJI_{n:04}.DNG", n / 10 + 5 * (n // 4)) for n in range(12)]
+    card += [frame(f"DCIM/100MEDIA/DJI_{n:04}.DNG", n / 10 + 20, signal=0.0) for n in range(12, 14)]
+    method, is_night, found = sort(card)
+    assert (method, is_night) == ("luminance", False)
+    assert found == [("light", f"Scene {1 + n // 4}") for n in range(12)] + [("dark", None)] * 2
+
+
+def test_scene_begins_with_another_exposure_after_two_usual_pauses():
+    card = [frame(f"{n}.DNG", n / 6 + (n > 3) / 3, exposure_time_s=0.01 if n < 4 else 0.05) for n in range(8)]
+    assert [scene for _, scene in sort(card)[2]] == ["Scene 1"] * 4 + ["Scene 2"] * 4
+
+
+@pytest.mark.parametrize("root", ["night/", ""])
+def test_folders_name_scenes(root):
+    card = [frame(f"{root}level-{n % 2}/{n}.DNG", n) for n in range(8)]
+    assert [scene for _, scene in sort(card)[2]] == ["level-0", "level-1"] * 4
+
+
+def test_one_folder_names_a_scene_only_if_its_frames_are_of_one_time():
+    dark = frame("card/dark/9.DNG", 50, signal=0.0)
+    one = [frame(f"card/hall/{n}.DNG", n / 10) for n in range(4)]
+    assert [scene for _, scene in sort([*one, dark])[2]] == ["hall"] * 4 + [None]
+    two = [*one, *(frame(f"card/hall/{n}.DNG", 30 + n / 10) for n in range(4, 8))]
+    assert [scene for _, scene in sort([*two, dark])[2]] == ["Scene 1"] * 4 + ["Scene 2"] * 4 + [None]
+
+
+def test_method_follows_names_bands_pictures_and_what_is_in_force():
+    flats = [*(frame(f"flat/{n}.DNG") for n in range(3)), frame("dark/1.DNG", signal=0.0)]
+    assert sort(flats)[0] == "vignetting"
+    assert [role for role, _ in sort(flats)[2]] == ["flat"] * 3 + ["dark"]
+    assert sort([frame(f"{n}.TIF", band=band) for n, band in enumerate(("Green", "Red"))])[0] == "reflectance"
+    assert sort([frame(f"{n}.JPG", signal=None) for n in range(3)])[::2] == (
+        "sharpness",
+        [("chart", None)] * 3,
+    )
+    plain = [frame(f"100MEDIA/{n}.DNG") for n in range(5)]
+    assert sort(plain, in_force={"luminance"}) == ("luminance", True, [("field", None)] * 5)
+    assert sort(plain)[1] is False
+    # a dark frame beside them is no night
+    assert sort([*plain, frame("100MEDIA/9.DNG", signal=0.0)], in_force={"luminance"})[1] is False
+
+
+def test_scenes_of_a_campaign_go_on():
+    """A second card neither renames the first one's scenes nor joins another light level to them."""
+    there = [frame(f"DJI_{n}.DNG", n / 10, scene="dusk") for n in range(4)]
+    card = [frame(f"DJI_{n}.DNG", n / 10) for n in range(3, 6)]
+    card += [frame(f"DJI_{n}.DNG", 60 + n / 10) for n in range(6, 9)]
+    assert [scene for _, scene in sort(card, there=there)[2]] == ["dusk"] * 3 + ["Scene 1"] * 3
+    taken = [frame(f"DJI_{n}.DNG", n / 10, scene="Scene 1") for n in range(4)]
+    assert [scene for _, scene in sort(card[3:], there=taken)[2]] == ["Scene 2"] * 3
+
+
+def test_frames_without_times_are_one_scene_in_the_order_of_their_names():
+    names = [f"DJI_{n}.DNG" for n in (10, 9, 1)]
+    assert sorted(names, key=natural) == ["DJI_1.DNG", "DJI_9.DNG", "DJI_10.DNG"]
+    assert [each.name for each in split_scenes(frame(name) for name in names)[0]] == sorted(
+        names, key=natural
+    )
+    assert split_scenes([]) == []
+
+
+def test_proposal_over_http(house, stranger):
+    camera = house.post("/v1/cameras", {"make": "DJI", "model": "FC6520", "serial": "0K1XE8"})
+    campaign = house.post("/v1/campaigns", {"camera_id": camera["id"], "method": "luminance"})
+    rows = [
+        {
+            "name": f"DJI_{n}.DNG",
+            "taken_s": 1e9 + 200 * (n // 3) + n,
+            "exposure_time_s": 0.01,
+            "signal_share": 0.2,
+        }
+        for n in range(6)
+    ]
+    asked = {"frames": rows, "camera_id": camera["id"], "campaign_id": campaign["id"]}
+    found = house.post("/v1/proposals", asked, status=200)
+    assert (found["method"], found["kind"]) == ("luminance", "calibration")
+    assert [each["scene"] for each in found["frames"]] == ["Scene 1"] * 3 + ["Scene 2"] * 3
+    for other in ("camera_id", "campaign_id"):
+        answer = stranger.post("/v1/proposals", json={"frames": rows, other: asked[other]})
+        assert answer.status_code == 404
+    refused = house.post("/v1/proposals", {"frames": [{"name": "a.DNG", "f_number": 0}]}, status=422)
+    assert "f_number" in refused["detail"]
+    assert get_method(found["calibration_method"]).name == "luminance"
+
+
+def test_absurd_names_and_exposures_are_sorted_too():
+    """A superscript is a digit and no number, and the square of a tiny f-number is zero."""
+    card = [frame("².DNG"), frame("a/²", 1.0, f_number=1e-300), frame("b.DNG", 2.0, iso=1e8)]
+    assert [role for role, _ in sort(card)[2]] == ["light"] * 3
+    assert split_scenes(card)[0][0].name == "².DNG"

@@ -1,0 +1,132 @@
+"""The time of a frame whose file states no offset: by the zone of its campaign or organisation."""
+
+import struct
+
+import pytest
+
+from tests.service.test_reflectance import CAMERA, CENTRE, NAMES, PANEL, fit
+from tests.support.campaigns import ROI, calibrated_campaign
+from tests.support.data import data_file
+from tests.support.frames import forget_time
+
+pytestmark = pytest.mark.either_database
+
+STATED = b"2026:05:01 20:00:00"
+
+
+def night(house, **stated):
+    campaign = house.campaign(kind="measurement", **stated)
+    house.http.put(f"/v1/campaigns/{campaign['id']}/roi", json=ROI)
+    return campaign
+
+
+def take(house, campaign, at=STATED, *, name="night.DNG"):
+    """A frame with the time of a clock of no known zone."""
+    content = forget_time(house.frame_bytes(signal_dn=300.0, exposure_time_s=0.02), zone_only=True)
+    assert content.count(STATED) >= 1
+    frame = house.upload(campaign, content.replace(STATED, at), role="field", filename=name)
+    house.work()
+    return frame
+
+
+def publish(house, version, start, end, status=200):
+    body = {"valid_from": start, "valid_to": end, "reason": "the flight"}
+    return house.post(f"/v1/calibrations/{version['id']}/publish", body, status=status)
+
+
+def refuse(house, frame, status=409):
+    return house.post("/v1/measurements", {"frame_id": frame["id"]}, status=status)["detail"]
+
+
+def measure(house, frame):
+    job = house.post("/v1/measurements", {"frame_id": frame["id"]}, status=202)
+    house.work()
+    done = house.get(f"/v1/jobs/{job['id']}")
+    return house.get(f"/v1/measurements/{done['result']['measurement_id']}")
+
+
+def test_stated_zone_decides_which_version_is_in_force(house, staged):
+    """20:00 in Berlin is 18:00 in UTC; the campaign's zone counts before the organisation's, also when it is
+    stated after the frame was read."""
+    version = staged(calibrated_campaign)
+    publish(house, version, "2026-05-01T17:30:00Z", "2026-05-01T18:30:00Z")
+    campaign = night(house)
+    frame = take(house, campaign)
+    said = refuse(house, frame)
+    assert "from 2026-05-01T06:00:00Z to 2026-05-02T08:00:00Z" in said
+    assert "neither its file nor its campaign or organisation states a time zone" in said
+    assert "state the campaign's time_zone" in said
+    assert house.http.patch("/v1/organisation", json={"time_zone": "europe/berlin"}).json()["time_zone"] == (
+        "Europe/Berlin"
+    )
+    found = measure(house, frame)
+    assert "2026-05-01T20:00:00 (Europe/Berlin, as its organisation states)" in found["calibration"]["why"]
+    path = f"/v1/campaigns/{campaign['id']}"
+    assert house.http.patch(path, json={"time_zone": "+03:00"}).json()["time_zone"] == "+03:00"
+    said = refuse(house, frame)
+    assert "(+03:00, as its campaign states), and no luminance calibration of its camera is in force" in said
+    assert "state the campaign's time_zone" not in said
+    # what was measured stays as it was measured: 18:00 in UTC
+    series = {"from": "2026-05-01T17:59:00Z", "to": "2026-05-01T18:01:00Z"}
+    assert [row["id"] for row in house.get("/v1/series/measurements", **series)["rows"]] == [found["id"]]
+    assert "time_zone" not in house.http.patch(path, json={"time_zone": ""}).json()
+    for wrong in ("Berlin", "+25:00", "../etc/passwd", "Europe"):
+        assert house.http.patch(path, json={"time_zone": wrong}).status_code == 422
+
+
+def test_hour_that_a_clock_shows_twice_must_be_covered_whole(house, staged):
+    version = staged(calibrated_campaign)
+    campaign = night(house, time_zone="Europe/Berlin")
+    twice = take(house, campaign, b"2026:10:25 02:30:00")
+    publish(house, version, "2026-10-25T01:00:00Z", "2026-10-26T00:00:00Z")
+    said = refuse(house, twice)
+    assert "from 2026-10-25T00:30:00Z to 2026-10-25T01:30:00Z, since its clock was changed" in said
+    publish(house, version, "2026-10-25T00:00:00Z", "2026-10-26T00:00:00Z")
+    measure(house, twice)
+
+
+def test_clock_that_was_never_set_is_named_as_the_cause(house, staged):
+    publish(house, staged(calibrated_campaign), "2026-05-01T00:00:00Z", "2026-05-02T00:00:00Z")
+    frame = take(house, night(house, time_zone="Europe/Berlin"), b"1970:01:01 00:03:00")
+    said = refuse(house, frame, 422)
+    assert "The camera's clock was not set: frame night.DNG states 1970-01-01T00:03:00" in said
+
+
+@pytest.fixture
+def flights(house):
+    """Two flights of one day, each with its panel and its own K."""
+    house.post("/v1/panels", PANEL)
+    made = []
+    for hour in (b"08", b"15"):
+        campaign = house.post(
+            "/v1/campaigns", {"camera_id": house.camera(**CAMERA)["id"], "method": "reflectance"}
+        )
+        house.http.put(f"/v1/campaigns/{campaign['id']}/roi", json=CENTRE)
+        content = data_file(f"sequoia/{NAMES['green']}").read_bytes()
+        content = content.replace(b"2018:04:13 08:", b"2018:04:13 %s:" % hour)
+        house.upload(campaign, content, role="panel", filename="panel.TIF")
+        # another shot of the same place: its bytes must differ
+        shot = struct.pack("<I", len(made)) + b"field"
+        frame = house.upload(campaign, content + shot, role="field", filename="field.TIF")
+        house.work()
+        made.append((fit(house, campaign), frame))
+    return made
+
+
+def test_each_flight_of_a_day_is_measured_with_its_own_k(house, flights):
+    """Both are published for the day, as the documentation says; the second takes the place of the first."""
+    for version, _ in flights:
+        publish(house, version, "2018-04-13T00:00:00Z", "2018-04-14T00:00:00Z")
+    for version, frame in flights:
+        assert measure(house, frame)["calibration"]["id"] == version["id"]
+    # a revoked one is nobody's: the day's other version is in force
+    (first, frame), (second, _) = flights
+    house.post(f"/v1/calibrations/{first['id']}/revoke", {"reason": "wrong panel"}, status=200)
+    assert measure(house, frame)["calibration"]["id"] == second["id"]
+
+
+def test_files_that_are_in_utc_need_no_zone(house, flights):
+    """A Sequoia states no offset and writes UTC: a version for an hour is in force in that hour."""
+    (version, _), (_, late) = flights
+    publish(house, version, "2018-04-13T15:00:00Z", "2018-04-13T16:00:00Z")
+    assert measure(house, late)["calibration"]["id"] == version["id"]

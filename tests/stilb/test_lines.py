@@ -1,0 +1,35 @@
+"""Lines that a command ends with: equal ones are one, with what they hold for."""
+
+from stilb.commands.progress import lines
+from stilb.commands.tables import format_findings
+from stilb.field.push import Report, Told
+
+REGION = "No region (ROI) is drawn yet: draw it on the preview, for the campaign or for this frame."
+
+
+def told(name, outcome, *reasons):
+    return Told(name=name, sha256=name, frame_id=name, outcome=outcome, reasons=reasons)
+
+
+def test_files_of_equal_reasons_are_told_once():
+    files = [told(f"DJI_{number}.DNG", "pending", REGION) for number in range(141)]
+    report = Report(
+        campaign_id="cmp_1", files=(*files, told("dark.DNG", "pass"), told("x.DNG", "fail", "x")), sent=0
+    )
+    assert list(lines(report)) == [
+        "141 files: DJI_0.DNG, DJI_1.DNG, DJI_2.DNG, DJI_3.DNG, DJI_4.DNG and 136 more  pending",
+        f"    {REGION}",
+        "x.DNG  fail",
+        "    x",
+        report.sentence(),
+    ]
+
+
+def test_equal_findings_are_a_line_with_their_subjects():
+    scenes = [f"scene level-{number}" for number in range(20)]
+    found = {"code": "lamp_drift", "severity": "warn", "count": 20, "subjects": scenes, "values": {}}
+    (line,) = format_findings([found | {"detail": "It drifts.", "action": "Wait."}])
+    assert line == (
+        "warn lamp_drift: It drifts. Wait. (scene level-0, scene level-1, scene level-2, scene level-3, "
+        "scene level-4 and 15 more)"
+    )
