@@ -303,6 +303,29 @@ def read_with_meter_and_time(page, team, campaign):
     look(page, "campaign-readings")
 
 
+def test_a_table_instead_of_raw_frames_is_dropped(page, team, tmp_path):
+    campaign = team.client.create_campaign(team.client.create_camera("Nikon", "D70", "7").id)
+    table = tmp_path / "Results.csv"
+    head = " ,Label,Area,Mean,Min,Max,scene,exposure_time,aperture,iso,note"
+    table.write_text(f"{head}\n1,a.NEF,400,1200,1100,5000,lamp,1/60,4,200,dim\n")
+    page.goto(f"/campaigns/{campaign.id}")
+    settle(page)
+    page.get_by_label("Files to send").set_input_files(table)
+    dialog = page.get_by_role("dialog", name="Add the rows of Results.csv")
+    white = dialog.get_by_label("White level [DN]")
+    white.fill("4095")
+    check_access(page, DIALOG)
+    dialog.get_by_role("button", name="Add").click()
+    expect(dialog.get_by_role("alert")).to_contain_text("line 2")
+    page.context.complaints.clear()  # the browser tells every answer of 422
+    white.fill("16 383")
+    dialog.get_by_role("button", name="Add").click()
+    expect(page.locator(".toast")).to_contain_text("1 row added. Not read: note.")
+    (frame,) = team.client.frames(campaign.id)
+    assert (frame.filename, frame.scene) == ("a.NEF", "lamp")
+    look(page, "campaign-table")
+
+
 def test_a_board_may_be_described_after_its_pictures_have_come(page, team):
     campaign = team.client.create_campaign(
         team.client.create_camera("Canon", "EOS 5D", "1").id, method="geometry"

@@ -30,7 +30,11 @@ export function uploadSection(state) {
   const judgeName = (name) => judge(name, patterns.rules()) ?? { role: state.method.roles[0].name };
   const trouble = h("div");
   const given = new Map();
-  const take = async (files) => {
+  const take = async (all) => {
+    const tables = state.method.reference === "meter" ? all.filter(({ name }) => /\.csv$/i.test(name)) : [];
+    for (const table of tables) await (await import("./points.js")).addPoints(state, table);
+    const files = all.filter((each) => !tables.includes(each));
+    if (!files.length) return;
     for (const { file, name } of files) given.set(name, file.size);
     const rows = await readCard(files, { centres: false });
     const { twins, videos } = splitSkipped(rows);
