@@ -15,6 +15,7 @@ from tests.support.fieldwork import write_field_folder
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 HTTP_PAGE = (ROOT / "docs" / "http.md").read_text(encoding="utf-8")
+LINES = re.compile(r"^    (curl .*[^\\\n])$", re.MULTILINE)
 PAGES = (ROOT / "docs" / "pages.md").read_text(encoding="utf-8")
 
 
@@ -36,6 +37,14 @@ def test_every_command_of_the_first_calibration_is_true(embedded, tmp_path):
             capture_output=True,
             text=True,
         )
+        (campaign,) = team.client.campaigns()
+        environment |= {"URL": team.url, "CAMERA": campaign.camera_id, "CAMPAIGN": campaign.id}
+        for page, count in (("dashboards.md", 5), ("tools.md", 1)):
+            lines = LINES.findall((ROOT / "docs" / page).read_text(encoding="utf-8"))
+            assert len(lines) == count
+            for line in lines:
+                asked = line.replace("curl", "curl -sS --fail-with-body", 1)
+                subprocess.run(["sh", "-euc", asked], check=True, cwd=field, env=environment)
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
     assert done.stderr == ""
     states = re.findall(r"^\w+$", done.stdout, re.MULTILINE)
