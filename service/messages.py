@@ -52,7 +52,7 @@ _PREFIXES = ("Value error, ", "Input should ", "String should ", "List should ",
 
 def describe(error: Mapping[str, Any]) -> list[dict[str, str]]:
     """The fields that one of pydantic's errors is about, each with what is wrong with it."""
-    field = ".".join(str(part) for part in error["loc"] if part not in (AS_NUMBER, BY_NAME))
+    field = ".".join(str(part)[:200] for part in error["loc"] if part not in (AS_NUMBER, BY_NAME))
     if error["type"] == "null":
         return [{"field": f"{field}.{name}", "message": error["msg"]} for name in error["ctx"]["names"]]
     message = (

@@ -1,7 +1,7 @@
 """Problems: every refusal of the service, as application/problem+json with a stable code (docs/errors.md)."""
 
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import Any, Final
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
@@ -15,6 +15,9 @@ from store.blobs import BlobDamaged, StorageFull, StorageUnavailable
 from store.errors import Conflict
 from store.files import describe_damage
 from store.usage import QuotaExceeded
+
+
+_MOST_LISTED: Final = 100
 
 
 class Problem(Exception):  # noqa: N818  RFC 9457's own word
@@ -166,9 +169,11 @@ def invalid(errors: Iterable[Mapping[str, Any]]) -> Problem:
     for error in errors:
         if error["type"] == "json_invalid":
             return Problem(interface.BAD_REQUEST, f"The body is not JSON: {_locate_in_json(error)}.")
-    named = [member for error in errors for member in describe(error)]
+    listed = errors[:_MOST_LISTED]
+    named = [member for error in listed for member in describe(error)]
     detail = "; ".join(f"{member['field']}: {member['message']}" for member in named[:5])
-    more = f"; and {len(named) - 5} more" if len(named) > 5 else ""
+    count = len(named) + len(errors) - len(listed)
+    more = f"; and {count - 5} more" if count > 5 else ""
     return Problem(interface.VALIDATION_FAILED, f"{detail}{more}", errors=named)
 
 

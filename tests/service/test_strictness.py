@@ -81,6 +81,18 @@ def test_so_it_is_where_the_route_reads_its_body_itself(house, path):
     assert 'names "value" twice' in answer.json()["detail"]
 
 
+@pytest.mark.parametrize("path", ["/v1/cameras", "/v1/tools/motion"])
+def test_a_wall_of_names_is_read_once_and_answered_in_short(house, path):
+    names = [f'"{n}":1' for n in range(100_000)]
+    for more, said in (([], "; and "), (['"last":1'] * 2, 'names "last" twice')):
+        body = "{" + ",".join([*names, *more, f'"{"x" * 100_000}":1']) + "}"
+        answer = house.http.post(path, content=body, headers={"Content-Type": "application/json"})
+        assert answer.status_code == 422
+        assert said in answer.json()["detail"]
+        assert len(answer.json()["errors"]) <= 100
+        assert len(answer.content) < 64_000
+
+
 def test_no_address_takes_a_verb_that_it_does_not_name(house):
     """Every template of the application, with every verb that it does not have."""
     tried = 0
