@@ -16,7 +16,6 @@ from store.errors import Conflict
 from store.files import describe_damage
 from store.usage import QuotaExceeded
 
-
 _MOST_LISTED: Final = 100
 
 
