@@ -10,33 +10,34 @@ def _gap(code: str, sentence: str, remedy: str) -> Finding:
 LABORATORY_ADDRESS_MISSING = _gap(
     "laboratory_address_missing",
     "The address that is printed below the laboratory's name is missing.",
-    "`PATCH /v1/organisation` with the `address`.",
+    "Enter the address on the page Organisation, or with `stilb organisation --address`.",
 )
 CUSTOMER_MISSING = _gap(
     "customer_missing",
     "The party for whom the calibration was made is missing; this can be your own department.",
-    "`PATCH /v1/campaigns/{id}` with `customer`.",
+    "Enter the `customer` with the details of the campaign.",
 )
 PLACE_MISSING = _gap(
     "place_missing",
     "The place where frames and readings were taken is missing.",
-    "`PATCH /v1/campaigns/{id}` with `place`.",
+    "Enter the `place` with the details of the campaign.",
 )
 CONDITIONS_MISSING = _gap(
     "conditions_missing",
     "The ambient conditions that may affect the result are missing. The procedure requires a room without "
     "daylight and a steady lamp.",
-    "`PATCH /v1/campaigns/{id}` with `conditions`: add the temperature and how long the lamp had been on.",
+    "Describe the `conditions` with the details of the campaign: the temperature and how "
+    "long the lamp had been on.",
 )
 DATE_MISSING = _gap(
     "date_missing",
     "Neither readings nor campaign nor frames have a date.",
-    "`PATCH /v1/campaigns/{id}` with `started_at`.",
+    "Enter the start (`started_at`) with the details of the campaign.",
 )
 RECORDER_MISSING = _gap(
     "recorder_missing",
     "The person who recorded the readings is missing.",
-    "`PATCH /v1/campaigns/{id}` with `recorder`.",
+    "Enter the `recorder` with the details of the campaign.",
 )
 LENS_MISSING = _gap(
     "lens_missing",
@@ -63,12 +64,12 @@ METER_CERTIFICATE_NOT_YET_ISSUED = _gap(
 CHECKLIST_INCOMPLETE = _gap(
     "checklist_incomplete",
     "Items of the procedure's checklist are not ticked.",
-    "`PATCH /v1/campaigns/{id}/checklist`; items that the record proves are ticked automatically.",
+    "Tick them on the campaign's page; items that the record proves are ticked automatically.",
 )
 CHECKLIST_UNSIGNED = _gap(
     "checklist_unsigned",
     "The operator has not signed the checklist.",
-    "`PATCH /v1/campaigns/{id}/checklist` with `signature`.",
+    "Sign it on the campaign's page.",
 )
 
 FINDINGS = declared(globals())

@@ -365,7 +365,7 @@ TEMPORARILY_UNAVAILABLE = _failure(
 WORKER_LOST = _failure(
     "worker_lost",
     "Three workers were lost while they ran this job, so it is `quarantined`. Usually one file is at fault.",
-    "Examine the file with care; a corrected frame (`PATCH /v1/frames/{id}`) is read again.",
+    "Examine the file with care; a corrected frame is read again.",
 )
 
 FINDINGS = declared(globals())

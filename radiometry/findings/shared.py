@@ -94,14 +94,14 @@ WRONG_CAMERA = error(
 EXPOSURE_MISSING = error(
     "exposure_missing",
     "The file lacks the exposure time, f-number or ISO value, or states zero.",
-    "Upload it again with the value from your notes (`exposure_time_s`, `f_number`, `iso`), or correct the "
-    "frame (`PATCH /v1/frames/{id}`).",
+    "Upload it again with the value from your notes (`exposure_time_s`, `f_number`, `iso`), or enter it "
+    "for the frame.",
     *("file", "request"),
 )
 EXPOSURE_IMPLAUSIBLE = error(
     "exposure_implausible",
     "An exposure value is outside the range of any camera.",
-    "Enter the right one, with the upload or with `PATCH /v1/frames/{id}`.",
+    "Enter the right one, with the upload or for the frame.",
     *("file", "request"),
 )
 # of a region or a grid
@@ -125,7 +125,7 @@ ROI_EMPTY = error(
 ROI_OUTSIDE_FRAME = error(
     "roi_outside_frame",
     "A corner of the region lies outside the image.",
-    "Draw the region again, or give the frame a region of its own (`PUT /v1/frames/{id}/roi`).",
+    "Draw the region again, or give the frame a region of its own.",
     *("frame", "request"),
 )
 LINE_INVALID = error(
@@ -174,7 +174,7 @@ ROLE_UNUSED = reason(
     "role_unused",
     "warn",
     "The campaign's fit does not use frames of this role.",
-    "Correct the role with `PATCH /v1/frames/{id}`, or upload the file to its own campaign.",
+    "Correct the role of the frame, or upload the file to its own campaign.",
 )
 # of the signal in its region
 CLIPPED = reason(

@@ -223,7 +223,7 @@ def blur_of_frames(
         raise InputRejected(
             shared.ATTITUDE_MISSING,
             "The file carries no two records of yaw, pitch and roll with their times: how fast the camera "
-            "turned is not known. Type the rotation rate into POST /v1/tools/motion instead.",
+            "turned is not known. Enter the rotation rate instead.",
         )
     return tuple(_blur(shot, turns, optics) for shot in shots)
 

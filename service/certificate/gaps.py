@@ -42,7 +42,7 @@ def _unnamed(certificate: CertificateAnswer) -> Iterator[Found]:
         (
             certificate.laboratory.address,
             gaps.LABORATORY_ADDRESS_MISSING,
-            "The laboratory's address is missing. An administrator can set it with PATCH /v1/organisation.",
+            "The laboratory's address is missing. Enter it on the page Organisation (stilb organisation).",
         ),
         (work.customer, gaps.CUSTOMER_MISSING, "The customer is missing. Enter it on the campaign."),
         (
@@ -116,8 +116,8 @@ def _of_panels(certificate: CertificateAnswer) -> Iterator[Found]:
     if not certificate.panels:
         yield Found(
             code=FINDINGS["panel_unknown"],
-            message="The panel is not registered, and its reflectance was taken from the files. Register "
-            "it with POST /v1/panels, then refit.",
+            message="The panel is not registered, and its reflectance was taken from the files. Choose "
+            "or register it on the page of the campaign, then refit.",
         )
     fitted = {coefficient.band for coefficient in certificate.coefficients}
     for panel in certificate.panels:

@@ -88,7 +88,7 @@ def get_certificate_dcc(
     missing = {"customer": "customer", "first_day": "started_at"}
     lacking = [name for member, name in missing.items() if member not in certificate["work"]]
     if lacking:
-        detail = f"A DCC needs more of the campaign: PATCH /v1/campaigns/{{id}} with {' and '.join(lacking)}."
+        detail = f"A DCC needs more details of the campaign: enter its {' and '.join(lacking)}."
         raise Problem(interface.VALIDATION_FAILED, detail)
     return _answer(request, write_dcc(certificate, country=query.country), "application/xml")
 

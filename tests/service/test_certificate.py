@@ -378,6 +378,7 @@ def test_every_gap_is_found_by_its_rule_and_filled_alone(house, version):
         (found,) = list_gaps(certificate_without(complete, place))
         assert found.code == code
         assert len(found.message) > 30
+        assert "/v1/" not in found.message, "people read it, on pages and on paper"
 
 
 def test_another_organisations_certificate_does_not_exist(house, version):

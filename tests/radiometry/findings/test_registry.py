@@ -91,3 +91,9 @@ def test_a_refusal_ends_with_the_remedy():
     refused = ROI_EMPTY.refuse("It is small.")
     assert refused.message == f"It is small. {ROI_EMPTY.remedy}"
     assert isinstance(refused.code, Finding)
+
+
+def test_what_pages_tell_people_to_do_is_no_request():
+    """Only a refused request, which a program sent, is answered with another one."""
+    shown = [each for each in FINDINGS.values() if set(each.where) != {"request"}]
+    assert [each.code for each in shown if "/v1/" in each.sentence + each.remedy] == []
