@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from fastapi import Depends, Request
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
+from sqlalchemy.exc import SQLAlchemyError
 
 from radiometry.findings import interface
 from service.context import Context, get_context
@@ -82,6 +83,24 @@ def get_caller(
         require_csrf_token(request, context, request.headers.get(CSRF_HEADER, ""))
     context.rates.take(caller.organisation_id)
     return caller
+
+
+def is_known(request: Request) -> bool:
+    """Return whether a key or session is ours; what it may do is seen later."""
+    context: Context = request.app.state.context
+    scheme, _, secret = request.headers.get("authorization", "").partition(" ")
+    if not scheme:
+        token = request.cookies.get(context.sessions.cookie, "")
+        return context.sessions.session_id_of(token) is not None
+    if scheme.lower() != "bearer":
+        return False
+    if context.attempts.is_trusted(secret):
+        return True
+    try:
+        with context.database.reading() as session:
+            return find_key(session, secret) is not None
+    except SQLAlchemyError:
+        return True  # the route tells what is wrong
 
 
 def find_session(request: Request, context: Context) -> Caller | None:

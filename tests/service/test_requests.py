@@ -1,12 +1,15 @@
 """What is wrong with a request is said by field, as a problem, in words."""
 
+import asyncio
 import gzip
 import json
 import unicodedata
 
 import pytest
+from fastapi.testclient import TestClient
 
-from service.limits import MAX_BODY_BYTES
+from service import limits
+from service.limits import MAX_BODY_BYTES, STRANGER_BYTES
 
 CAMERA = {"make": "DJI", "model": "FC6520", "serial": "1"}
 
@@ -150,6 +153,46 @@ def test_a_huge_body_is_refused(house, announced):
         content = body if announced else iter([body[:1000], body[1000:]])
         answer = house.http.post(path, content=content, headers={"Content-Type": "application/json"})
         assert (answer.status_code, answer.json()["code"]) == (413, "upload_too_large")
+
+
+@pytest.mark.parametrize("key", [None, "Bearer nobody", "Basic eA=="])
+@pytest.mark.parametrize("path", ["/v1/cameras", "/v1/tools/motion"])
+def test_of_a_stranger_little_is_read(house, key, path):
+    headers = {"Content-Type": "application/json"} | ({"Authorization": key} if key else {})
+    for content in (b" " * (STRANGER_BYTES + 1), iter([b" "] * (STRANGER_BYTES + 1))):
+        answer = TestClient(house.app).post(path, content=content, headers=headers)
+        assert (answer.status_code, answer.json()["code"]) == (401, "unauthenticated")
+        assert "at most 64000 bytes" in answer.json()["detail"]
+        assert answer.headers["connection"] == "close"
+
+
+@pytest.mark.parametrize(("known", "status"), [(False, 401), (True, 400)])
+def test_a_body_that_is_held_back_is_not_waited_for(house, monkeypatch, known, status):
+    monkeypatch.setattr(limits, "STRANGER_S", 0.05)
+    monkeypatch.setattr(limits, "PAUSE_S", 0.05)
+    sent, arrived = [], iter([{"type": "http.request", "body": b"{", "more_body": True}])
+
+    async def receive():
+        return next(arrived, None) or await asyncio.Event().wait()
+
+    async def send(message):
+        sent.append(message)
+
+    key = house.http.headers["authorization"] if known else "Bearer nobody"
+    headers = {"host": "testserver", "content-length": "9", "authorization": key}
+    scope = {
+        "type": "http",
+        "method": "POST",
+        "path": "/v1/cameras",
+        "raw_path": b"/v1/cameras",
+        "root_path": "",
+        "scheme": "http",
+        "query_string": b"",
+        "client": ("127.0.0.1", 1),
+        "headers": [(name.encode(), text.encode()) for name, text in headers.items()],
+    }
+    asyncio.run(asyncio.wait_for(house.app(scope, receive, send), 30))
+    assert sent[0]["status"] == status
 
 
 def test_compressed_bodies_are_refused_by_name(house):
