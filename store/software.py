@@ -18,7 +18,7 @@ EXTRACTOR = "extract-3"
 """Of the decoder and the statistics. Part of an extraction's key."""
 
 
-RENDERER = "render-2"
+RENDERER = "render-3"
 """Of how certificates, reports and plots are laid out and drawn. A kept file of another is rendered again."""
 
 

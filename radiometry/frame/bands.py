@@ -38,6 +38,17 @@ def name_band(text: str) -> str:
     return _BAND_ALIASES.get(plain, plain) or "unnamed"
 
 
+def label_band(name: str) -> str:
+    """Return the name of a band in words: red_edge is "red edge".
+
+    Parameters
+    ----------
+    name : str
+        Canonical name, as `name_band` returns it.
+    """
+    return name.replace("_", " ")
+
+
 def name_panel(text: str) -> str:
     """Return the serial number of a reflectance panel as it is compared.
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from radiometry.drawing.figure import MOST, Axis, Figure, Mark, Plot, Series
 from radiometry.drawing.text import label_axis, write_quantity, write_unit
+from radiometry.frame.bands import label_band
 from radiometry.reflectance.evaluation import HALF_HOUR_S, USUAL_DRIFT_REL, KAtTime, interpolate
 from radiometry.reflectance.results import Knot
 
@@ -32,7 +33,7 @@ def _build_visits(result: Node, _: Any) -> Iterator[Figure]:  # noqa: ANN401  no
                 y=_compare(p["reflectance_k"], c),
                 name=p["frame"],
                 told=(
-                    f"band {c['band']}, visit {p.get('visit') or 1}",
+                    f"band {label_band(c['band'])}, visit {p.get('visit') or 1}",
                     f"K {p['reflectance_k']:.5g} {write_unit(c['reflectance_k_unit'])}",
                 ),
                 frame_id=p.get("frame_id", ""),
@@ -41,7 +42,7 @@ def _build_visits(result: Node, _: Any) -> Iterator[Figure]:  # noqa: ANN401  no
             for p in points
             if p["band"] == c["band"]
         )
-        series.append(Series(name=c["band"], marks=marks, line=_join(c, timed=timed)))
+        series.append(Series(name=label_band(c["band"]), marks=marks, line=_join(c, timed=timed)))
     if any(each.marks for each in series):
         yield Figure(
             x=Axis(label="time taken, UTC" if timed else "visit to the panel", is_time=timed),
@@ -88,7 +89,7 @@ def _build_time(result: Node, _: Any) -> Iterator[Figure]:  # noqa: ANN401
         ends = [y + sign * u for _, y, u in (*curve, *bars) for sign in (-1.0, 1.0)]
         foot = min(ends) - 0.15 * (max(ends) - min(ends))
         yield Figure(
-            part=c["band"],
+            part=label_band(c["band"]),
             x=Axis(
                 label="visit to the panel" if start_s is None else "since the first visit to the panel [min]"
             ),
@@ -136,8 +137,8 @@ def _build_bands(result: Node, _: Any) -> Iterator[Figure]:  # noqa: ANN401
     for x, c in zip(xs, coefficients, strict=True):
         k, u = c["reflectance_k"], c["expanded_uncertainty"]
         told = (f"{write_quantity(k, u, c['reflectance_k_unit'])} (95 %)",)
-        mark = Mark(x=x, y=k, low=k - u, high=k + u, name=f"band {c['band']}", told=told)
-        series.append(Series(name=c["band"], marks=(mark,)))
+        mark = Mark(x=x, y=k, low=k - u, high=k + u, name=f"band {label_band(c['band'])}", told=told)
+        series.append(Series(name=label_band(c["band"]), marks=(mark,)))
     yield Figure(
         x=Axis(label="wavelength [nm]" if known else "band, in turn", include=(min(xs) - air, max(xs) + air)),
         y=Axis(label=label_axis("K", coefficients[0]["reflectance_k_unit"]), include=(0.0,)),

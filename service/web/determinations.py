@@ -2,11 +2,13 @@
 
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Final
 
 from radiometry.drawing.figure import Axis, Figure, Mark, Series
 from radiometry.drawing.text import label_axis, sort_naturally, write_quantity
 from radiometry.fleet.determinations import Determination, Key
+from radiometry.frame.bands import label_band
 
 _DAY_S: Final = 86_400.0
 _ROOM: Final = 1.15
@@ -106,6 +108,7 @@ def _where(key: Key, *, without: frozenset[str] = frozenset()) -> str:
 
 
 def _parts(key: Key) -> list[str]:
+    key = replace(key, band=key.band and label_band(key.band))
     said = str(key).removeprefix(key.name).removeprefix(" at ").split(", ")
     # of sharpness the model ends with the place in the frame
     return [part for part in (*said, key.model.partition(":")[2]) if part]

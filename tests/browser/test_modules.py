@@ -20,6 +20,10 @@ FORMAT = """async ([base, name, values]) => {
     return values.map((value) => found[name](value));
 }"""
 IN_ORDER = """async ([base, names]) => (await import(`${base}/groups.js`)).inOrder(names, (name) => name)"""
+ISO_VALUES = """async ([base, cases]) => {
+    const { isoValues } = await import(`${base}/card/view.js`);
+    return cases.map((isos) => isoValues(isos.map((iso) => ({ header: { iso } }))));
+}"""
 _AXES = ("scene", "iso", "f_number", "exposure_time_s", "band", "capture_id", "taken_at")
 
 
@@ -122,4 +126,12 @@ def test_times_numbers_and_names_are_written_for_people(run):
         "DJI_10",
         "level-2",
         "level-10",
+    ]
+
+
+def test_card_counts_no_iso_values_where_files_state_none(run):
+    assert run(ISO_VALUES, [[None, None], [100, None, 100], [100, 200]]) == [
+        "",
+        "1 ISO value",
+        "2 ISO values",
     ]

@@ -228,6 +228,23 @@ def test_panel_visits_are_differences_from_k_of_the_band_in_time():
     assert (counted.series[0].line, counted.x.is_time) == ((), False)
 
 
+def test_legends_name_bands_in_words():
+    c = {"band": "red_edge", "reflectance_k": 10.0, "reflectance_k_unit": "1/s", "expanded_uncertainty": 0.1}
+    c["knots"] = [{"at_s": 100.0, "reflectance_k": 10.0, "u_rel": 0.01}]
+    frame = {"frame": "a", "band": "red_edge", "used": True, "reflectance_k": 10.0, "at_s": 100.0, "visit": 1}
+    result = {"band_fits": [{"coefficient": c}], "points": [frame]}
+    (visits,) = figures("reflectance", "visits", result)
+    (bands,) = figures("reflectance", "bands", result)
+    (time,) = figures("reflectance", "time", result)
+    assert [visits.series[0].name, bands.series[0].name, time.part] == ["red edge"] * 3
+    assert bands.series[0].marks[0].name == "band red edge"
+    assert visits.series[0].marks[0].told[0] == "band red edge, visit 1"
+    keys = [Key(name="reflectance_k", unit="1/s", model="m", band=band) for band in ("red_edge", "nir")]
+    rows = [determined(f"v{n}", "c", "2026-05-01", 1.0, key) for n, key in enumerate(keys)]
+    drift = build_drift(rows, {"v0": 1, "v1": 1}, quantity="K")
+    assert [each.name for each in drift.series] == ["band red edge", "band nir"]
+
+
 def day(text):
     return datetime.fromisoformat(text).replace(tzinfo=UTC)
 

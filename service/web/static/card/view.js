@@ -31,6 +31,8 @@ const shortName = (path) => path.split("/").at(-1).replace(/\.\w+$/, "");
 const scenesOf = (found) => found.scenes.filter((each) => each.scene !== undefined);
 const names = (frames) => `${frames.slice(0, 5).map((frame) => shortName(frame.name)).join(", ")}${frames.length > 5 ? ` and ${frames.length - 5} more` : ""}`;
 const isosOf = (frames) => [...new Set(frames.map((frame) => frame.header.iso).filter(Boolean))].sort((a, b) => a - b);
+/** "2 ISO values"; nothing where no file states one. */
+export const isoValues = (frames) => { const { length } = isosOf(frames); return length ? counted(length, "ISO value") : ""; };
 const clock = (instant) => new Date(instant).toISOString().slice(11, 16);
 const between = (from, to, say) => (from === to ? say(from) : `${say(from)} to ${say(to)}`);
 
@@ -54,13 +56,12 @@ function figures(found) {
   const { twins, pictures, videos, others } = found.skipped;
   const skipped = [...twins, ...pictures, ...videos, ...others];
   const kinds = new Set(found.frames.map((frame) => frame.name.split(".").at(-1).toUpperCase()));
-  const isos = isosOf(lit);
   return h(
     "dl",
     { class: "figures" },
     figure(found.pictures ? "Pictures" : "Raw frames", number(found.frames.length, 6), list([bytes(size), kinds.size === 1 && `all ${[...kinds][0]}`])),
-    figure(role.length === 1 ? `${roleLabel(role[0])} frames` : "Other frames", number(lit.length, 6), list([scenesOf(found).length && counted(scenesOf(found).length, "scene"), isos.length && counted(isos.length, "ISO value")])),
-    figure("Dark frames", number(darks.length, 6), darks.length ? list([counted(isosOf(darks).length, "ISO value"), exposuresOf(darks)]) : "none found"),
+    figure(role.length === 1 ? `${roleLabel(role[0])} frames` : "Other frames", number(lit.length, 6), list([scenesOf(found).length && counted(scenesOf(found).length, "scene"), isoValues(lit)])),
+    figure("Dark frames", number(darks.length, 6), darks.length ? list([isoValues(darks), exposuresOf(darks)]) : "none found"),
     figure("Skipped", number(skipped.length, 6), skipped.length ? [list([twins.length && counted(twins.length, "JPEG twin"), pictures.length && counted(pictures.length, "picture"), videos.length && counted(videos.length, "video"), others.length && counted(others.length, "other")]), skippedList(skipped)] : "nothing"),
   );
 }
@@ -230,7 +231,7 @@ function cameraCard({ found: { camera, cameras, frames }, inForce }) {
 function campaignCard({ found, choice, project }, tell) {
   const { offers, campaign } = found;
   const text = {
-    new: () => [`New ${labelOf(campaignOf("new").method).toLowerCase()} calibration`, list([scenesOf(found).length && counted(scenesOf(found).length, "scene"), counted(isosOf(found.frames).length, "ISO value"), found.darks.length && "dark frames"])],
+    new: () => [`New ${labelOf(campaignOf("new").method).toLowerCase()} calibration`, list([scenesOf(found).length && counted(scenesOf(found).length, "scene"), isoValues(found.frames), found.darks.length && "dark frames"])],
     add: (offer) => [`Add to ${titleOf(offer.campaign)}`, `${kindOf(offer.campaign)}, same camera, within ${LIMITS.recentDays} days`],
     night: (offer) => ["Measuring night", `Field frames for ${labelOf(offer.method).toLowerCase()}; never used to calibrate`],
   };
