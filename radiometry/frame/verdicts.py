@@ -159,7 +159,7 @@ def inspect_frames(frames: Sequence[ReviewedFrame]) -> dict[str, list[Reason]]:
         sharing.setdefault(frame.region, []).append(frame)
     by_region = {region: find_usual_format(group) for region, group in sharing.items()}
     return {
-        frame.frame: [*inspect_frame(frame), *_inspect_format(frame, by_region[frame.region], usual)]
+        frame.frame: [*_inspect_format(frame, by_region[frame.region], usual), *inspect_frame(frame)]
         for frame in frames
     }
 

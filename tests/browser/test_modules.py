@@ -24,6 +24,10 @@ ISO_VALUES = """async ([base, cases]) => {
     const { isoValues } = await import(`${base}/card/view.js`);
     return cases.map((isos) => isoValues(isos.map((iso) => ({ header: { iso } }))));
 }"""
+REFUSED = """async ([base, frames]) => {
+    const { refusedCauses } = await import(`${base}/campaign/refused.js`);
+    return refusedCauses({ frames }).map(({ mark, title, where }) => [mark, title, where]);
+}"""
 _AXES = ("scene", "iso", "f_number", "exposure_time_s", "band", "capture_id", "taken_at")
 
 
@@ -134,4 +138,33 @@ def test_card_counts_no_iso_values_where_files_state_none(run):
         "",
         "1 ISO value",
         "2 ISO values",
+    ]
+
+
+def test_frames_of_another_image_size_have_a_line_with_both_sizes(run):
+    def unlike(name, detail, outcome="fail"):
+        return {"filename": name, "outcome": outcome, "code": "format_differs", "detail": detail}
+
+    small, tiny = (
+        "This frame is 60 x 96 pixels, RGGB, others 64 x 96. Take it again.",
+        "30 x 48, others 64 x 96.",
+    )
+    frames = [
+        unlike("a.DNG", small),
+        unlike("b.DNG", tiny),
+        unlike("c.DNG", small),
+        unlike("d.DNG", small, "warn"),
+        {"filename": "e.DNG", "outcome": "fail", "code": "clipped", "detail": "Clipped."},
+        {
+            "filename": "f.DNG",
+            "outcome": "fail",
+            "code": "refused",
+            "refusal_code": "damaged",
+            "detail": "Cut.",
+        },
+    ]
+    assert [[mark, title, where.replace("\u00d7", "x")] for mark, title, where in run(REFUSED, frames)] == [
+        ["bad", "2 frames of another image size", f"{small} (a.DNG, c.DNG)"],
+        ["bad", "1 frame of another image size", f"{tiny} (b.DNG)"],
+        ["bad", "1 frame refused", "Cut. (f.DNG)"],
     ]

@@ -131,3 +131,11 @@ def test_another_format_with_a_region_of_its_own_is_looked_at():
         *("", "warn", "fail"),
         *("warn", "", ""),
     ]
+
+
+def test_another_image_size_stands_before_the_region_that_does_not_fit_it():
+    small = dataclasses.replace(FRAME, frame="small", state="read", format=(2, 2, "RGGB"))
+    others = [dataclasses.replace(FRAME, frame=name) for name in ("a", "b")]
+    found = conclude(inspect_frames([small, *others])["small"])
+    assert [each.code for each in found.reasons[:2]] == [shared.FORMAT_DIFFERS, shared.ROI_UNFIT]
+    assert "2 x 2" in found.reasons[0].detail

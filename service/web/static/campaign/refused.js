@@ -1,4 +1,4 @@
-// Frames that a worker refused: one line per cause, with the buttons that mend it.
+// Frames that a worker refused, or whose image has another size: one line per cause, with the buttons that mend it.
 
 import { small } from "../causes.js";
 import { may } from "../dom.js";
@@ -9,12 +9,13 @@ import { changeDetails } from "./details.js";
 import { askExposure, withdraw } from "./moves.js";
 
 const MOST_NAMED = 5;
+const isUnlike = ({ code, outcome }) => code === "format_differs" && outcome === "fail";
 
-/** [{mark, title, where, actions}] of the frames that were refused. */
+/** [{mark, title, where, actions}] of the frames that were refused, and of those whose image has another size, by its sentence. */
 export function refusedCauses(state) {
-  return [...groupBy(state.frames.filter((frame) => frame.refusal_code), (frame) => frame.refusal_code)].map(([code, some]) => {
+  return [...groupBy(state.frames.filter((frame) => frame.refusal_code || isUnlike(frame)), (frame) => frame.refusal_code ?? frame.detail)].map(([code, some]) => {
     const named = some.slice(0, MOST_NAMED).map((frame) => frame.filename).join(", ");
-    return { mark: "bad", title: `${counted(some.length, "frame")} refused`, where: `${typeset(some[0].detail ?? "")} (${named}${some.length > MOST_NAMED ? ` and ${some.length - MOST_NAMED} more` : ""})`, actions: mendButtons(state, code, some) };
+    return { mark: "bad", title: `${counted(some.length, "frame")} ${isUnlike(some[0]) ? "of another image size" : "refused"}`, where: `${typeset(some[0].detail ?? "")} (${named}${some.length > MOST_NAMED ? ` and ${some.length - MOST_NAMED} more` : ""})`, actions: mendButtons(state, code, some) };
   });
 }
 
