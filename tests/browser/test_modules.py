@@ -28,6 +28,15 @@ REFUSED = """async ([base, frames]) => {
     const { refusedCauses } = await import(`${base}/campaign/refused.js`);
     return refusedCauses({ frames }).map(({ mark, title, where }) => [mark, title, where]);
 }"""
+CLOCKS = """async ([base, clocks, stated]) => {
+    const { assumed, instantOf, zoneOf } = await import(`${base}/campaign/in-time.js`);
+    const at = ([text, zone]) => new Date(instantOf(text, zone)).toISOString();
+    const frame = { taken_at: "2026-05-01T20:00:00" };
+    return [clocks.map(at), stated.map(([own, ours, more]) => {
+        const given = [{ time_zone: own }, { time_zone: ours }];
+        return [zoneOf({ ...frame, ...more }, ...given), assumed([{ ...frame, ...more }], ...given)];
+    })];
+}"""
 _AXES = ("scene", "iso", "f_number", "exposure_time_s", "band", "capture_id", "taken_at")
 
 
@@ -168,3 +177,33 @@ def test_frames_of_another_image_size_have_a_line_with_both_sizes(run):
         ["bad", "1 frame of another image size", f"{tiny} (b.DNG)"],
         ["bad", "1 frame refused", "Cut. (f.DNG)"],
     ]
+
+
+def test_clock_without_an_offset_is_drawn_by_the_stated_zone(run):
+    clocks = [
+        ["2026-05-01T20:00:00", "Europe/Berlin"],
+        ["2026-01-01T20:00:00.500", "Europe/Berlin"],
+        ["2026-03-29T01:30:00", "Europe/Berlin"],  # half an hour before the clock is put forward
+        ["2026-05-01T20:00:00", "+05:30"],
+        ["2026-05-01T20:00:00", None],
+        ["2026-05-01T20:00:00+01:00", "Europe/Berlin"],
+    ]
+    berlin = "Europe/Berlin"
+    stated = [[berlin, "+03:00"], [None, "+03:00"], [None, None], [None, berlin, {"band": "red"}]]
+    stated.append([berlin, None, {"taken_at": "2026-05-01T20:00:00Z"}])
+    instants, said = run(CLOCKS, clocks, stated)
+    assert instants == [
+        "2026-05-01T18:00:00.000Z",
+        "2026-01-01T19:00:00.500Z",
+        "2026-03-29T00:30:00.000Z",
+        "2026-05-01T14:30:00.000Z",
+        "2026-05-01T20:00:00.000Z",
+        "2026-05-01T19:00:00.000Z",
+    ]
+    assert [zone for zone, _ in said] == [berlin, "+03:00", None, None, None]
+    (first, second, third, fourth, last) = (text for _, text in said)
+    assert "read as Europe/Berlin, as the campaign states" in first
+    assert "read as +03:00, as the organisation states" in second
+    assert "drawn as UTC" in third
+    assert fourth == third
+    assert last == ""
