@@ -71,6 +71,7 @@ def test_a_part_that_hangs_is_named(house):
     assert found["warnings"] == ["no worker is at work: jobs wait", "a worker hangs"]
 
 
+@pytest.mark.either_database
 @pytest.mark.parametrize("error", [StorageUnavailable("no"), StorageFull("no"), PermissionError("no")])
 def test_a_file_store_that_takes_nothing(house, error):
     class Blobs:
@@ -83,6 +84,7 @@ def test_a_file_store_that_takes_nothing(house, error):
     assert found["checks"] == {"database": "ok", "writing": "ok", "files": "The file store takes no files."}
 
 
+@pytest.mark.either_database
 def test_a_file_store_that_hangs_costs_one_thread_however_many_ask(house):
     go_on, looks = threading.Event(), []
 
@@ -104,6 +106,7 @@ def test_a_file_store_that_hangs_costs_one_thread_however_many_ask(house):
     wait_until(lambda: house.http.get("/readyz").status_code == 200)
 
 
+@pytest.mark.either_database
 def test_a_passing_slowness_is_named_and_does_not_end_readiness(house):
     go_on = threading.Event()
     go_on.set()
