@@ -212,18 +212,13 @@ def test_a_file_is_rendered_once_and_again_if_it_is_lost(house, monkeypatch):
 
 
 @alone
-def test_words_are_text_and_never_markup(certificate):
+def test_words_are_text_beside_a_letter_that_no_font_can_show(certificate):
     hostile = '#eval("1") *bold* $x$ <b> \\ "quoted" #include "/etc/passwd"'
-    certificate["work"]["place"] = hostile
+    certificate["work"]["place"] = f"Gate \U00074823 {hostile}"
     certificate["checklist"]["items"][0]["note"] = hostile
     text = "".join("".join(read(typeset(lay_out(certificate, "")))).split())
     assert text.count("".join(hostile.split())) == 2
-
-
-@alone
-def test_a_name_that_no_font_can_show_is_printed_without_it(certificate):
-    certificate["work"]["place"] = "Gate \U00074823"
-    assert "Gate" in "".join(read(typeset(lay_out(certificate, ""))))
+    assert "Gate" in text
 
 
 def test_the_region_is_drawn_where_it_lies():
