@@ -63,7 +63,7 @@ def test_a_frame_without_attitudes_says_what_to_do(house):
     house.work()
     problem = house.get(path, **OPTICS, status=422)
     assert problem["code"] == "attitude_missing"
-    assert "/v1/tools/motion" in problem["detail"]
+    assert "Enter the rotation rate" in problem["detail"]
     assert house.get(path, pixel_pitch_um=3.75, status=422)["errors"][0]["field"] == "query.focal_length_mm"
 
 
