@@ -11,7 +11,7 @@ FIT_CODE_VERSION = "0.1.6"
 It is not the version of the product: a release that fits as before keeps it, and with it every stored hash.
 """
 
-MEASURER = "measure-6"
+MEASURER = "measure-7"
 """Of a measurement and its map. Part of a measurement's content hash."""
 
 EXTRACTOR = "extract-3"

@@ -2,17 +2,20 @@
 
 import math
 
+import numpy as np
+
 from radiometry.findings import Raised
 from radiometry.fitting.evidence import FieldCorrection, Values
 from radiometry.fitting.sources import FLICKER
 from radiometry.frame.exposure import Settings
 from radiometry.luminance import codes
 from radiometry.luminance.conditions import FieldConditions
-from radiometry.luminance.lamp_kinds import ANY_DEPTH, LABELS, find_modulation
+from radiometry.luminance.lamp_kinds import LABELS, find_modulation
 
 MAINS_HZ = (50.0, 60.0)
 _NAMED_FLICKER = 0.005
-_SMALL, _LARGEST = 0.01, 0.99
+_LARGEST = 0.99
+_MIDDLES = (np.arange(200) + 0.5) / 200
 
 
 def correct_flicker(
@@ -36,23 +39,21 @@ def correct_flicker(
 
     Notes
     -----
-    A frame shows L (1 + e), e as in `estimate_flicker`, and L is found from what it shows. With x = m h,
-    the rms of 1 / (1 + e) - 1 over all phases, and then over the depths m from a to b, is [1]_::
-
-        u^2 = mean of (1 - x^2)^(-3/2) - 2 (1 - x^2)^(-1/2) + 1
-
-    which for small x is that of e. It averages over frames. Where the depth may be anything, the rms of e is
-    taken, which is the smaller one, and too small for times much shorter than a period.
+    A frame shows L (1 + e), e as in `estimate_flicker`, and L is found from what it shows: it errs by
+    1 / (1 + e) - 1, which is skewed where e is large. u is its rms over all phases and depths, or 1 / 1.96 of
+    what 95 % of them stay below, whichever is larger, so that the expanded interval holds 95 % [1]_. It
+    averages over frames. Where neither depth nor kind is stated, the rms of e is taken, which is smaller, and
+    too small for times much shorter than a period.
 
     References
     ----------
-    .. [1] JCGM 101:2008, 5.3, doi:10.59161/JCGM101-2008
+    .. [1] JCGM 101:2008, 5.3 and 7.7, doi:10.59161/JCGM101-2008
     """
     mains, stated, kind = field.mains_frequency_hz, field.flicker_modulation, field.lamp_kind
     time_s, (low, high) = settings.exposure_time_s, find_modulation(kind, stated)
     largest, one = estimate_flicker(time_s, mains, modulation=(low, high))
-    if (low, high) != ANY_DEPTH:
-        one = _estimate_inverse(largest, low, high) or one
+    if stated is not None or kind is not None:
+        one = _estimate_inverse(largest, low, high)
     values: Values = {
         "mains_frequency_hz": list(MAINS_HZ) if mains is None else mains,
         "modulation": [low, high],
@@ -116,20 +117,12 @@ def estimate_flicker(
 
 
 def _estimate_inverse(largest: float, low: float, high: float) -> float:
-    """Return the rms of 1 / (1 + e) - 1; 0 where rounding would exceed it, and it is that of e."""
-    if largest * high < _SMALL:
-        return 0.0
+    """Return u of 1 / (1 + e) over all phases and the depths from `low` to `high`."""
     # light that goes out altogether is not known at all from a moment of it
-    share = min(largest, _LARGEST / high)
-
-    def integrate(depth: float) -> float:
-        x = share * depth
-        return depth / math.sqrt(1.0 - x * x) - 2.0 * math.asin(x) / share + depth
-
-    if low == high:
-        rest = 1.0 - (share * low) ** 2
-        return math.sqrt(rest**-1.5 - 2.0 * rest**-0.5 + 1.0)
-    return math.sqrt((integrate(high) - integrate(low)) / (high - low))
+    share = min(largest, _LARGEST / high) if high else 0.0
+    depths = low + (high - low) * _MIDDLES[:, None]
+    errors = np.abs(1.0 / (1.0 + share * depths * np.sin(2.0 * np.pi * _MIDDLES)) - 1.0)
+    return max(float(np.sqrt(np.mean(errors**2))), float(np.quantile(errors, 0.95)) / 1.96)
 
 
 def compute_flicker(exposure_time_s: float, *, mains_frequency_hz: float) -> float:
