@@ -222,8 +222,8 @@ def require_preview(frame: FrameRow) -> str:
 
 
 def require_header(frame: FrameRow) -> dict[str, Any]:
-    """Return the metadata of a frame whose pixels can be read."""
-    if frame.header is None or frame.state == "refused":
+    """Return the metadata of a frame that has been read, as one that was refused for its region has."""
+    if frame.header is None:
         raise Problem(
             shared.FRAME_NOT_READ,
             f"{frame.filename} has not been read, or cannot be. Look at another frame, or wait for it.",

@@ -152,6 +152,12 @@ def test_the_parts_of_a_chart_have_names(page, team, service, frame):
     parts = roi_of(team, campaign_id)["regions"]
     assert [part["name"] for part in parts] == ["centre", "corner"]
     assert len(parts[1]["polygon"]) == 3
+    # it is refused for its parts, which are too small, and takes others
+    expect(page.locator("#overview")).to_contain_text("1 frame refused")
+    page.reload()
+    expect(page.get_by_role("button", name="Corner 4 of 4")).to_be_visible()
+    canvas.scroll_into_view_if_needed()
+    expect(page.get_by_role("row", name="grey")).to_contain_text("%")
 
 
 def test_the_wheel_zooms_and_a_drag_moves_a_corner(page, team, service, frame):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from axe_playwright_python.sync_playwright import Axe
 from PIL import Image
-from playwright.sync_api import Browser, BrowserContext, Locator, Page, Playwright, expect
+from playwright.sync_api import Browser, BrowserContext, Locator, Page, Playwright, Response, expect
 
 from bench.pages import find_chromium
 
@@ -48,12 +48,18 @@ def visit(browser: Browser, url: str, *, width: str = "desktop", **settings):
     context.complaints = []
     context.on("console", lambda said: said.type == "error" and context.complaints.append(said.text))
     context.on("weberror", lambda raised: context.complaints.append(str(raised.error)))
+    failing = []
+    context.on("response", lambda answer: answer.status >= 400 and failing.append(_name_answer(answer)))
     context.set_default_timeout(_PATIENCE_MS)
     try:
         yield context
-        assert context.complaints == [], context.complaints
+        assert context.complaints == [], f"{context.complaints}, answers: {failing}"
     finally:
         context.close()
+
+
+def _name_answer(answer: Response) -> str:
+    return f"{answer.request.method} {answer.url}: {answer.status}"
 
 
 def sign_in(context: BrowserContext, key: str) -> Page:

@@ -93,7 +93,7 @@ export function openFrame(state, first, { order, walked: goes, back }) {
     out.textContent = known.left_out === null ? "Leave out" : "Use again";
     gone.textContent = known.withdrawn ? "Restore" : "Withdraw";
     region.textContent = known.roi_origin === "found" ? "Draw another region" : "Draw a region on it";
-    region.hidden = !isRead(known);
+    region.hidden = !known.thumbnail;
     download.href = `/v1/frames/${id}/content`;
     if (walked) {
       goes(id);

@@ -11,7 +11,6 @@ import { imagejPart } from "./imagej-part.js";
 import { lookPart } from "./look.js";
 import { wrong } from "./numbers.js";
 import { faultOf } from "./polygon.js";
-import { isRead } from "./state.js";
 
 const MOST_LISTED = 200;
 
@@ -19,7 +18,8 @@ export function regionSection(state) {
   const element = h("div");
   let tool = null;
   const draw = () => {
-    const drawable = state.frames.filter(isRead);
+    // one that was refused for its region needs another
+    const drawable = state.frames.filter((frame) => frame.thumbnail);
     if (tool) tool.offer(drawable);
     else if (drawable.length) fill(element, (tool = build(state, drawable)).element);
     else if (!element.firstChild) fill(element, empty("No preview yet", "The preview of the first frame appears here once it has been read."));
