@@ -49,11 +49,13 @@ faults: export OPENBLAS_NUM_THREADS = 1
 faults: $(VENV)/dev  ## drill every fault on both deployments and write docs/faults.md, in an hour (SEED=1, ARGS="--only disk")
 	@python -m tests.faults --seed $(or $(SEED),1) $(or $(ARGS),--write)
 
-# Debian's, for the tests of the pages, where it may be installed; where not, they say so and skip.
+# Debian's, for the tests of the pages, where it may be installed; where not, they say so and skip. What drives it
+# is linked with libatomic, which only the whole chromium brings.
 chromium:
-	@[ -n "$$STILB_CHROMIUM" ] || command -v chromium-headless-shell >/dev/null || command -v chromium >/dev/null || [ "$$(id -u)" != 0 ] || ! command -v apt-get >/dev/null \
+	@[ -n "$$STILB_CHROMIUM" ] || command -v chromium >/dev/null || [ "$$(id -u)" != 0 ] || ! command -v apt-get >/dev/null \
+	|| dpkg -s chromium-headless-shell libatomic1 >/dev/null 2>&1 \
 	|| timeout 600 sh -c 'export DEBIAN_FRONTEND=noninteractive; apt-get -qq -o Acquire::http::Timeout=20 update \
-	&& apt-get -qq -o Acquire::http::Timeout=20 install -y --no-install-recommends chromium-headless-shell' >/dev/null 2>&1 || true
+	&& apt-get -qq -o Acquire::http::Timeout=20 install -y --no-install-recommends chromium-headless-shell libatomic1' >/dev/null 2>&1 || true
 
 audit: $(VENV)/run  ## is the audit trail whole, and every row as it says? (HEAD=seq:hash compares a head noted before)
 	@python -m store.audit_check $(HEAD)
