@@ -6,11 +6,12 @@ from typing import Annotated, Literal
 
 from fastapi import Depends, Request
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
-from sqlalchemy.exc import SQLAlchemyError
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import ClientDisconnect
 
 from radiometry.findings import interface
-from service.context import Context, get_context
-from service.problems import Problem
+from service.context import Context
+from service.problems import Problem, RefusedBody
 from service.schemas.base import rfc3339
 from service.sessions import CSRF_HEADER
 from store.queries.keys import Who, find_ended_key, find_key, find_session_key
@@ -60,12 +61,36 @@ class Caller:
         )
 
 
-def get_caller(
+async def get_caller(
     request: Request,
-    context: Annotated[Context, Depends(get_context)],
-    credentials: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)],
+    _key: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)],
 ) -> Caller:
+    """Return who asks; `service/operations.py` has found that out before it read what is asked."""
+    caller: Caller = request.state.caller
+    return caller
+
+
+async def identify(request: Request) -> None:
+    """Find out who asks, for the operation and for the limits of its body; refuse strangers.
+
+    The little that a stranger may say is taken first, so that the answer is read and not a broken connection.
+    """
+    request.state.caller = None
+    try:
+        credentials = await _bearer(request)
+        request.state.caller = await run_in_threadpool(_find_caller, request, credentials)
+    except Problem as problem:
+        try:
+            async for _ in request.stream():
+                pass
+        except (RefusedBody, ClientDisconnect):
+            problem.headers["Connection"] = "close"
+        raise
+
+
+def _find_caller(request: Request, credentials: HTTPAuthorizationCredentials | None) -> Caller:
     """By the key that is sent; else by the session, which must prove that its own page asks for a change."""
+    context: Context = request.app.state.context
     if credentials is not None:
         with context.database.reading() as session:
             found = find_key(session, credentials.credentials)
@@ -83,24 +108,6 @@ def get_caller(
         require_csrf_token(request, context, request.headers.get(CSRF_HEADER, ""))
     context.rates.take(caller.organisation_id)
     return caller
-
-
-def is_known(request: Request) -> bool:
-    """Return whether a key or session is ours; what it may do is seen later."""
-    context: Context = request.app.state.context
-    scheme, _, secret = request.headers.get("authorization", "").partition(" ")
-    if not scheme:
-        token = request.cookies.get(context.sessions.cookie, "")
-        return context.sessions.session_id_of(token) is not None
-    if scheme.lower() != "bearer":
-        return False
-    if context.attempts.is_trusted(secret):
-        return True
-    try:
-        with context.database.reading() as session:
-            return find_key(session, secret) is not None
-    except SQLAlchemyError:
-        return True  # the route tells what is wrong
 
 
 def find_session(request: Request, context: Context) -> Caller | None:

@@ -3,16 +3,16 @@
 import asyncio
 import re
 import time
+from collections import Counter
 from typing import Final
 
-from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import Headers
-from starlette.requests import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from radiometry.findings import interface
-from service.auth import is_known
-from service.problems import Problem, RefusedBody, answer
+from service.attempts import name_address
+from service.auth import Caller
+from service.problems import Problem, RefusedBody
 
 MAX_BODY_BYTES: Final = 4 << 20
 STRANGER_BYTES: Final = 64_000
@@ -21,6 +21,8 @@ STRANGER_S: Final = 5.0
 PAUSE_S: Final = 60.0
 BYTES_PER_S: Final = 1000
 """Who has a key may be on a bad line, which pauses, and carries little."""
+OPEN_BYTES: Final = 64 << 20
+"""Of all bodies under way of one organisation, or of one address without a key."""
 _UPLOADS = re.compile(r"/v1/campaigns/[^/]+/frames|/v1/uploads(/upl_[^/]+)?")
 
 
@@ -30,72 +32,83 @@ def is_upload(path: str) -> bool:
 
 
 class BodyLimit:
-    """Refuses a body that is too large or too slow as soon as that is known, and one that is compressed.
+    """Refuses a body that is too large or too slow as soon as that is known.
 
-    It asks for whom before it takes the first byte. Uploads have a limit of their own.
+    How much is too large depends on who asks, which an operation knows before it takes the first byte.
     """
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
+        self._open: Counter[str] = Counter()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http":
+        headers = Headers(scope=scope) if scope["type"] == "http" else {}
+        if headers.get("content-length", "0") == "0" and "transfer-encoding" not in headers:
             await self._app(scope, receive, send)
             return
-        headers = Headers(scope=scope)
-        if headers.get("content-encoding", "identity").strip().lower() != "identity":
-            await answer(_encoded())(scope, receive, send)
-            return
-        if is_upload(scope["path"]):
-            await self._app(scope, receive, send)
-            return
-        announced = headers.get("content-length", "0")
-        if announced == "0" and "transfer-encoding" not in headers:
-            await self._app(scope, receive, send)
-            return
-        known = await run_in_threadpool(is_known, Request(scope))
-        most = MAX_BODY_BYTES if known else STRANGER_BYTES
-        begun_at, read, is_whole = time.monotonic(), 0, False
-
-        async def limited() -> Message:
-            nonlocal read, is_whole
-            if is_whole:
-                return await receive()
-            if announced.isdigit() and int(announced) > most:
-                raise _too_large() if known else _stranger()
-            allowed_s = (PAUSE_S + read / BYTES_PER_S) if known else STRANGER_S
-            try:
-                message = await asyncio.wait_for(receive(), begun_at + allowed_s - time.monotonic())
-            except TimeoutError:
-                raise _too_slow() if known else _stranger() from None
-            read += len(message.get("body", b""))
-            is_whole = not message.get("more_body", False)
-            if read > most:
-                raise _too_large() if known else _stranger()
-            return message
-
-        await self._app(scope, limited, send)
+        body = _Body(scope, receive, self._open)
+        try:
+            await self._app(scope, body, send)
+        finally:
+            self._open[body.whose] -= body.held
+            if not self._open[body.whose]:
+                del self._open[body.whose]
 
 
-def _too_large() -> RefusedBody:
-    detail = f"The body may have at most {MAX_BODY_BYTES} bytes here. Send it in parts."
+class _Body:
+    """One body, as it comes; of whom, and how much of it is held, counts."""
+
+    def __init__(self, scope: Scope, receive: Receive, held: Counter[str]) -> None:
+        self._scope, self._receive, self._open = scope, receive, held
+        self._begun_at, self._is_begun, self._is_free = time.monotonic(), False, False
+        self.held, self.whose = 0, name_address((scope.get("client") or [None])[0])
+
+    async def __call__(self) -> Message:
+        state = self._scope.get("state", {})
+        caller: Caller | None = state.get("caller")
+        most = MAX_BODY_BYTES if caller else STRANGER_BYTES
+        if not self._is_begun:
+            # the address of a begun upload needs no key: it is a secret of its own
+            self._is_free = is_upload(self._scope["path"]) and (caller is not None or "caller" not in state)
+            self._begin(caller, most)
+        if self._is_free:
+            return await self._receive()
+        due_s = PAUSE_S + self.held / BYTES_PER_S if caller else STRANGER_S
+        try:
+            message = await asyncio.wait_for(self._receive(), self._begun_at + due_s - time.monotonic())
+        except TimeoutError:
+            raise _too_slow(due_s) from None
+        size = len(message.get("body", b""))
+        self.held += size
+        self._open[self.whose] += size
+        self._is_free = not message.get("more_body", False)
+        if self.held > most:
+            raise _too_large(most)
+        if self._open[self.whose] > OPEN_BYTES:
+            raise _too_many()
+        return message
+
+    def _begin(self, caller: Caller | None, most: int) -> None:
+        self._is_begun = True
+        headers = Headers(scope=self._scope)
+        if caller:
+            self.whose = caller.organisation_id
+        announced = headers.get("content-length", "")
+        if not self._is_free and announced.isdigit() and int(announced) > most:
+            raise _too_large(most)
+
+
+def _too_large(most: int) -> RefusedBody:
+    detail = f"The body may have at most {most} bytes here. Send it in parts."
     return RefusedBody(Problem(interface.UPLOAD_TOO_LARGE, detail))
 
 
-def _stranger() -> RefusedBody:
-    detail = (
-        f"Without a key a body has at most {STRANGER_BYTES} bytes and {STRANGER_S:g} s. "
-        "Send a key: Authorization: Bearer <key>."
-    )
-    headers = {"WWW-Authenticate": "Bearer", "Connection": "close"}
-    return RefusedBody(Problem(interface.UNAUTHENTICATED, detail, headers=headers))
+def _too_many() -> RefusedBody:
+    detail = f"Requests under way hold {OPEN_BYTES} bytes already. Wait until some are answered."
+    headers = {"Retry-After": "1", "Connection": "close"}
+    return RefusedBody(Problem(interface.TOO_MANY_REQUESTS, detail, headers=headers))
 
 
-def _too_slow() -> RefusedBody:
-    detail = f"The body paused for {PAUSE_S:g} s, or came at less than {BYTES_PER_S} bytes/s. Send it again."
+def _too_slow(due_s: float) -> RefusedBody:
+    detail = f"The body was not there within {due_s:.0f} s: it paused or came too slowly. Send it again."
     return RefusedBody(Problem(interface.UPLOAD_INCOMPLETE, detail, headers={"Connection": "close"}))
-
-
-def _encoded() -> Problem:
-    detail = "The body is compressed. Send it as it is, without Content-Encoding."
-    return Problem(interface.CONTENT_ENCODED, detail, headers={"Accept-Encoding": "identity"})

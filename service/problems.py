@@ -17,6 +17,9 @@ from store.files import describe_damage
 from store.usage import QuotaExceeded
 
 _MOST_LISTED: Final = 100
+UNREADABLE: Final = (
+    "The body cannot be read: send JSON in UTF-8, without excessive nesting or excessively long numbers."
+)
 
 
 class Problem(Exception):  # noqa: N818  RFC 9457's own word
@@ -138,11 +141,7 @@ def _of_the_framework(request: Request, error: HTTPException) -> Problem:
             detail = f"This address does not accept {request.method}; it accepts {allowed}."
             return Problem(interface.METHOD_NOT_ALLOWED, detail, headers={"Allow": allowed})
         case _:
-            detail = (
-                "The body cannot be read: send JSON in UTF-8, without excessive nesting or excessively "
-                "long numbers."
-            )
-            return Problem(interface.BAD_REQUEST, detail, status=error.status_code, headers=headers)
+            return Problem(interface.BAD_REQUEST, UNREADABLE, status=error.status_code, headers=headers)
 
 
 def over_quota(error: QuotaExceeded) -> Problem:
@@ -165,21 +164,12 @@ def over_quota(error: QuotaExceeded) -> Problem:
 def invalid(errors: Iterable[Mapping[str, Any]]) -> Problem:
     """Name each field that is wrong. The given value is not echoed: it may not even be JSON."""
     errors = list(errors)
-    for error in errors:
-        if error["type"] == "json_invalid":
-            return Problem(interface.BAD_REQUEST, f"The body is not JSON: {_locate_in_json(error)}.")
     listed = errors[:_MOST_LISTED]
     named = [member for error in listed for member in describe(error)]
     detail = "; ".join(f"{member['field']}: {member['message']}" for member in named[:5])
     count = len(named) + len(errors) - len(listed)
     more = f"; and {count - 5} more" if count > 5 else ""
     return Problem(interface.VALIDATION_FAILED, f"{detail}{more}", errors=named)
-
-
-def _locate_in_json(error: Mapping[str, Any]) -> str:
-    """Where it stops being JSON: one reader counts characters, the other says line and column itself."""
-    said, place = error["ctx"]["error"], error["loc"][-1]
-    return f"{said} at character {place}" if isinstance(place, int) else str(said)
 
 
 def located(error: ValidationError, *place: str) -> list[dict[str, Any]]:

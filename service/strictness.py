@@ -1,9 +1,6 @@
-"""Checks that FastAPI lacks: parameters that a route does not know, loose numbers, members given twice."""
+"""Checks that FastAPI lacks: parameters that a route does not know, and loose numbers."""
 
-import json
 import re
-from collections import Counter
-from dataclasses import dataclass
 from typing import Any, Final
 
 from fastapi import Request
@@ -20,14 +17,6 @@ CHANGING: Final = frozenset({"POST", "PUT", "PATCH", "DELETE"})
 _WHOLE: Final = re.compile(r"[+-]?\d+", re.ASCII)
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Operation:
-    """Types that the document states of a request: each parameter in the address, and the body."""
-
-    types: dict[str, str]
-    takes_json: bool
-
-
 async def check_request(request: Request) -> None:
     """Refuse what is not said clearly, before the route reads it its own way."""
     route: APIRoute = request.scope["route"]
@@ -35,17 +24,14 @@ async def check_request(request: Request) -> None:
         # an address with a name of its own is no id of this route
         raise HTTPException(405)
     _refuse_conditions(request)
-    operation = _describe(request, route)
+    types = _find_types(request, route)
     wrong = [
         {"type": kind, "loc": ("query", name)}
         for name, text in request.query_params.multi_items()
-        if (kind := _find_fault(operation.types.get(name), text)) is not None
+        if (kind := _find_fault(types.get(name), text)) is not None
     ]
     if wrong:
         raise invalid([{**each, "msg": ""} for each in wrong])
-    kind = request.headers.get("content-type", "").lower()
-    if operation.takes_json and not kind.startswith("text/"):
-        _refuse_repeated_members(await request.body())
 
 
 def _refuse_conditions(request: Request) -> None:
@@ -68,15 +54,14 @@ def _find_fault(kind: str | None, text: str) -> str | None:
     return None
 
 
-def _describe(request: Request, route: APIRoute) -> _Operation:
+def _find_types(request: Request, route: APIRoute) -> dict[str, str]:
     """Describe one route when it is first asked: the whole document takes seconds of a busy processor."""
-    known: dict[str, _Operation] = request.app.state.operations
+    known: dict[str, dict[str, str]] = request.app.state.operations
     if route.name not in known:
         ((operation,),) = (path.values() for path in _build_paths(route).values())
-        known[route.name] = _Operation(
-            types={each["name"]: _find_type(each["schema"]) for each in operation.get("parameters", ())},
-            takes_json="application/json" in operation.get("requestBody", {}).get("content", {}),
-        )
+        known[route.name] = {
+            each["name"]: _find_type(each["schema"]) for each in operation.get("parameters", ())
+        }
     return known[route.name]
 
 
@@ -89,28 +74,3 @@ def _find_type(schema: dict[str, Any]) -> str:
     """Return the type of a parameter, which may be left out, but is never null."""
     kinds = [each.get("type", "") for each in schema.get("anyOf", [schema]) if each.get("type") != "null"]
     return kinds[0] if len(kinds) == 1 else ""
-
-
-class _Twice(Exception):  # noqa: N818  it is what was found
-    def __init__(self, name: str) -> None:
-        super().__init__(name)
-        self.name = name
-
-
-def _refuse_repeated_members(body: bytes) -> None:
-    """Readers differ in which of two they take, so that what one has checked another does not see."""
-    try:
-        json.loads(body, object_pairs_hook=_collect)
-    except _Twice as twice:
-        message = f"names {json.dumps(twice.name)[:200]} twice in one object; send it once"
-        raise invalid([{"type": "twice", "loc": ("body",), "msg": message}]) from None
-    except (ValueError, RecursionError):
-        return  # whoever reads it says what is wrong
-
-
-def _collect(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    members = dict(pairs)
-    if len(members) < len(pairs):
-        counts = Counter(name for name, _ in pairs)
-        raise _Twice(next(name for name, count in counts.items() if count > 1))
-    return members

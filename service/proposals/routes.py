@@ -3,7 +3,7 @@
 from datetime import UTC, datetime
 from typing import Annotated
 
-from fastapi import APIRouter, Response
+from fastapi import Response
 from pydantic import Field
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -13,6 +13,7 @@ from service.auth import Caller, Uploader
 from service.changes import IdempotencyKey
 from service.context import UsesContext
 from service.lookup import owned
+from service.operations import Router
 from service.proposals.card import CardFrame, choose_methods, sort_card
 from service.routes import problems
 from service.schemas.base import Answer, Form, FrameRole, Method, Number, Positive, Text
@@ -21,7 +22,7 @@ from store.columns import utc_now
 from store.publications import in_force
 from store.tables import Camera, Campaign, FrameRow
 
-router = APIRouter(prefix="/v1", tags=["frames"])
+router = Router(prefix="/v1", tags=["frames"])
 
 
 class FrameOfCard(Form):

@@ -7,13 +7,14 @@ import json
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from fastapi.responses import StreamingResponse
 from pydantic import Field
 
 from service.auth import Admin, Caller
 from service.context import Context, UsesContext
 from service.hosts import absolute
+from service.operations import Router
 from service.paging import Cursor, Limit, Page, Paging
 from service.routes import problems
 from service.schemas.base import Answer, Form, Instant, Text
@@ -44,7 +45,7 @@ class AuditChainAnswer(Answer):
     next: str | None = Field(default=None, description="Address that checks the next entries.")
 
 
-router = APIRouter(prefix="/v1/audit", tags=["audit"])
+router = Router(prefix="/v1/audit", tags=["audit"])
 
 _LARGEST_SEQ = 2**63 - 1
 _MOST_CHECKED = 10_000

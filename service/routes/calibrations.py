@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Annotated, Any, Final
 
 from anyio import to_thread
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from pydantic import ValidationError
 from sqlalchemy import Select, select
 from sqlalchemy.orm import Session, load_only
@@ -21,6 +21,7 @@ from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.immutable import immutable_headers, not_modified, standing_headers
 from service.lookup import Id, owned
+from service.operations import Router
 from service.paging import Page, Paging, UsesPaging
 from service.press.kept import find_rendered, name_source, render_and_keep
 from service.press.orders import order_plot, write_order
@@ -49,7 +50,7 @@ from store.queries.evidence import Evidence, gather
 from store.queries.flight import list_flight, suggest_validity
 from store.tables import Calibration, Camera, Campaign, Panel
 
-router = APIRouter(prefix="/v1", tags=["calibrations"])
+router = Router(prefix="/v1", tags=["calibrations"])
 
 _NARROW: Final = load_only(Calibration.organisation_id, Calibration.campaign_id, Calibration.method)
 

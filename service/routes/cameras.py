@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -10,6 +10,7 @@ from service.auth import Calibrator, Reader
 from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.lookup import Id, owned
+from service.operations import Router
 from service.paging import Listing, Page, page_own
 from service.problems import invalid
 from service.routes import problems
@@ -19,7 +20,7 @@ from store.queries.campaigns import check_again
 from store.queries.equipment import find_or_add_camera
 from store.tables import Camera, Campaign
 
-router = APIRouter(prefix="/v1/cameras", tags=["cameras"])
+router = Router(prefix="/v1/cameras", tags=["cameras"])
 
 
 @router.post(

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from pydantic import ValidationError
 from sqlalchemy import select, true
 from sqlalchemy.orm import Session
@@ -15,6 +15,7 @@ from service.auth import Calibrator, Reader
 from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.lookup import Id, owned
+from service.operations import Router
 from service.paging import Listing, Page, page_own
 from service.problems import Problem, invalid, located
 from service.regions import read_roi
@@ -46,7 +47,7 @@ from store.queries.references import Offer, find_by_serial, find_offer
 from store.tables import Calibration, Camera, Campaign, FrameRow, Panel, Roi
 from store.verdicts import Assessment, assess
 
-router = APIRouter(prefix="/v1/campaigns", tags=["campaigns"])
+router = Router(prefix="/v1/campaigns", tags=["campaigns"])
 
 
 @router.post("", status_code=201, response_model=CampaignAnswer, responses=problems(404))

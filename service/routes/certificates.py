@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Annotated
 
 from anyio import to_thread
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from pydantic import Field
 from sqlalchemy.orm import Session
 
@@ -17,6 +17,7 @@ from service.hosts import absolute
 from service.immutable import not_modified, standing_headers
 from service.lookup import Id, owned
 from service.messages import COUNTRY
+from service.operations import Router
 from service.press.kept import find_rendered, name_source, render_and_keep
 from service.press.orders import Order, order_certificate, write_order
 from service.press.regions import draw_region
@@ -29,7 +30,7 @@ from store.files import Files
 from store.queries.calibration_record import CalibrationRecord, read_calibration_record
 from store.tables import Calibration
 
-router = APIRouter(prefix="/v1/calibrations/{calibration_id}", tags=["certificates"])
+router = Router(prefix="/v1/calibrations/{calibration_id}", tags=["certificates"])
 
 
 class DccOptions(Form):

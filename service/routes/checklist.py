@@ -1,6 +1,6 @@
 """The procedure's checklist, which ticks itself where the record proves an item."""
 
-from fastapi import APIRouter, Response
+from fastapi import Response
 from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
@@ -8,6 +8,7 @@ from service.auth import Calibrator, Reader
 from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.lookup import Id, owned
+from service.operations import Router
 from service.problems import Problem, invalid
 from service.routes import problems
 from service.schemas.checklist import ChecklistAnswer, ChecklistChange, ItemChange, explain_missing_checklist
@@ -23,7 +24,7 @@ from store.queries.checklist import (
 )
 from store.tables import Campaign
 
-router = APIRouter(prefix="/v1/campaigns/{campaign_id}/checklist", tags=["checklist"])
+router = Router(prefix="/v1/campaigns/{campaign_id}/checklist", tags=["checklist"])
 
 
 @router.get("", response_model=ChecklistAnswer, responses=problems(404))

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from datetime import datetime
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from pydantic import Field
 from pydantic_core import from_json
 
@@ -12,6 +12,7 @@ from radiometry.findings import interface
 from service.auth import Reader
 from service.context import UsesContext
 from service.lookup import Id, owned
+from service.operations import Router
 from service.problems import Problem
 from service.ready import Wanted, answer_held
 from service.routes import UNCHANGED, problems
@@ -26,8 +27,8 @@ from store.ready.lookups import Held, find_ready
 from store.ready.publications import show_instant
 from store.tables import Camera
 
-router = APIRouter(prefix="/v1", tags=["coefficients"])
-ready_router = APIRouter(prefix="/v1", tags=["coefficients"])
+router = Router(prefix="/v1", tags=["coefficients"])
+ready_router = Router(prefix="/v1", tags=["coefficients"])
 
 
 @ready_router.get(

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Response
+from fastapi import Query, Response
 from sqlalchemy.orm import Session
 
 from radiometry.methods import get_method
@@ -10,6 +10,7 @@ from radiometry.specification.application import PictureApplication
 from service.auth import Caller, Reader
 from service.context import UsesContext
 from service.lookup import Id, owned
+from service.operations import Router
 from service.problems import invalid
 from service.routes import problems
 from service.schemas.base import Text
@@ -17,7 +18,7 @@ from service.schemas.comparisons import ContrastAnswer
 from store.measuring.comparison import Side, compare_measurements
 from store.tables import Calibration, FrameRow, Measurement
 
-router = APIRouter(prefix="/v1", tags=["measurements"])
+router = Router(prefix="/v1", tags=["measurements"])
 
 
 @router.get(

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Self
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 from pydantic import Field, model_validator
 from sqlalchemy.orm import Session
 
@@ -12,6 +12,7 @@ from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.immutable import immutable_headers, not_modified
 from service.lookup import Id, owned
+from service.operations import Router
 from service.routes import problems, sends_file
 from service.routes.frames import require_header
 from service.schemas.base import WHOLE, Form, Number
@@ -48,7 +49,7 @@ class NewCrop(Form):
         return self
 
 
-router = APIRouter(prefix="/v1", tags=["frames"])
+router = Router(prefix="/v1", tags=["frames"])
 
 
 @router.post(

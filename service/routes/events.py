@@ -4,7 +4,7 @@ import json
 from collections.abc import AsyncIterator
 from typing import Annotated, Any, Final
 
-from fastapi import APIRouter, Header, Response
+from fastapi import Header, Response
 from fastapi.responses import StreamingResponse
 from starlette.concurrency import run_in_threadpool
 
@@ -12,11 +12,12 @@ from service.auth import Caller, Reader
 from service.context import Context, UsesContext
 from service.job_watch import Event, Kind
 from service.lookup import Id, owned
+from service.operations import Router
 from service.routes import problems
 from service.schemas.base import Text
 from store.tables import Campaign, Job
 
-router = APIRouter(prefix="/v1", tags=["events"])
+router = Router(prefix="/v1", tags=["events"])
 
 _STREAM: Final = "text/event-stream"
 _RETRY_MS: Final = 3000

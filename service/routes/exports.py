@@ -4,7 +4,7 @@ import io
 from collections.abc import Callable
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from pydantic import ConfigDict, Field, RootModel, create_model
 
 from radiometry.findings import interface
@@ -14,6 +14,7 @@ from service.auth import Reader
 from service.context import UsesContext
 from service.immutable import immutable_headers, not_modified
 from service.lookup import Id, owned
+from service.operations import Router
 from service.problems import Problem
 from service.routes import UNCHANGED, problems, sends_file
 from service.schemas.base import Answer, Form, PositiveText, Quantity, Text
@@ -62,7 +63,7 @@ class OdmCameras(RootModel[dict[str, dict[str, float | str]]]):
     """Cameras by their name in OpenDroneMap: OpenSfM's model brown, lengths over the larger side."""
 
 
-router = APIRouter(prefix="/v1/calibrations/{calibration_id}/exports", tags=["calibrations"])
+router = Router(prefix="/v1/calibrations/{calibration_id}/exports", tags=["calibrations"])
 
 _ANSWERS = {
     "get_dng_vignette": DngVignetteAnswer,

@@ -3,13 +3,14 @@
 import hashlib
 from dataclasses import asdict
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 from pydantic import Field
 
 from radiometry.findings import Finding, Place, Severity
 from radiometry.methods.findings import FINDINGS
 from service.auth import Reader
 from service.immutable import not_modified, standing_headers
+from service.operations import Router
 from service.routes import problems
 from service.schemas.base import Answer
 
@@ -35,7 +36,7 @@ def describe_findings() -> FindingsAnswer:
     return FindingsAnswer(items=[FindingAnswer.model_validate(asdict(each)) for each in FINDINGS.values()])
 
 
-router = APIRouter(prefix="/v1/findings", tags=["calibrations"])
+router = Router(prefix="/v1/findings", tags=["calibrations"])
 
 
 @router.get("", response_model=FindingsAnswer, responses=problems())

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Response
+from fastapi import Query, Response
 from pydantic import Field
 
 from radiometry.fleet.determinations import Determination, LeftOut, Source
@@ -13,6 +13,7 @@ from radiometry.fleet.verdict import judge_fleet
 from service.auth import Reader
 from service.context import UsesContext
 from service.lookup import Id, owned
+from service.operations import Router
 from service.problems import Problem, invalid
 from service.routes import problems
 from service.routes.tools import stateless
@@ -58,7 +59,7 @@ class DriftAnswer(Answer):
         )
 
 
-router = APIRouter(prefix="/v1", tags=["fleet"])
+router = Router(prefix="/v1", tags=["fleet"])
 
 
 @router.post(

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Annotated, Any
 from urllib.parse import quote
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -18,6 +18,7 @@ from service.frame_answers import answer_frames, answer_write
 from service.frame_uploads import admit, keep_frame
 from service.immutable import send_blob
 from service.lookup import Id, owned
+from service.operations import Router
 from service.paging import Page, UsesPaging
 from service.problems import Problem
 from service.receive import receive
@@ -31,7 +32,7 @@ from store.queries.frames import current_roi, describe_anew, require_role
 from store.tables import Campaign, FrameRow, Job
 from store.verdicts import judge_alone
 
-router = APIRouter(prefix="/v1", tags=["frames"])
+router = Router(prefix="/v1", tags=["frames"])
 
 _BINARY = {"schema": {"type": "string", "format": "binary"}}
 _UPLOAD = {

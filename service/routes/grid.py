@@ -5,7 +5,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any, Final
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from pydantic import Field, WithJsonSchema
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -19,6 +19,7 @@ from service.context import Context, UsesContext
 from service.hosts import absolute
 from service.immutable import not_modified, standing_headers
 from service.lookup import Id, owned
+from service.operations import Router
 from service.paging import Cursor, read_key, write_cursor
 from service.problems import Problem, invalid
 from service.routes import UNCHANGED, problems
@@ -89,7 +90,7 @@ class CampaignGridAnswer(Answer):
     next: str | None = Field(json_schema_extra={"nullable_on_purpose": True})
 
 
-router = APIRouter(prefix="/v1/campaigns/{campaign_id}", tags=["frames"])
+router = Router(prefix="/v1/campaigns/{campaign_id}", tags=["frames"])
 
 _MOST_FRAMES = 5000
 

@@ -2,11 +2,12 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Response
+from fastapi import Query, Response
 
 from service.auth import Reader
 from service.context import UsesContext
 from service.lookup import Id, owned
+from service.operations import Router
 from service.routes import problems
 from service.schemas.base import Answer, Instant, Method
 from service.schemas.history import ImpactAnswer
@@ -33,7 +34,7 @@ class DecisionsAnswer(Answer):
     items: list[DecisionAnswer]
 
 
-router = APIRouter(prefix="/v1", tags=["calibrations"])
+router = Router(prefix="/v1", tags=["calibrations"])
 
 
 @router.get("/calibrations/{calibration_id}/impact", response_model=ImpactAnswer, responses=problems(404))

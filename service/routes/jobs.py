@@ -3,7 +3,7 @@
 import re
 from typing import Annotated, get_args
 
-from fastapi import APIRouter, Header, Query, Response
+from fastapi import Header, Query, Response
 from sqlalchemy import ColumnElement, select
 from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
@@ -13,6 +13,7 @@ from service.auth import Caller, Reader, Scope, require
 from service.changes import Reply, Writes
 from service.context import Context, UsesContext
 from service.lookup import Id, find_owned, owned
+from service.operations import Router
 from service.paging import Page, UsesPaging
 from service.problems import Problem
 from service.routes import problems
@@ -37,7 +38,7 @@ from store.queries.jobs import frames_of, list_causes, select_given_up, select_m
 from store.tables import Calibration, Campaign, FrameRow, Job, Measurement, Organisation
 from store.usage import add_jobs
 
-router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+router = Router(prefix="/v1/jobs", tags=["jobs"])
 
 _WAIT = re.compile(r"\bwait=(\d{1,4})\b")
 _LONGEST_WAIT_S = 60

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Response
+from fastapi import Depends, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -11,6 +11,7 @@ from service.auth import SCOPES, Admin, Caller, get_caller
 from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.lookup import Id, owned
+from service.operations import Router
 from service.paging import Page, UsesPaging
 from service.problems import Problem, invalid
 from service.routes import problems
@@ -19,7 +20,7 @@ from store.columns import utc_now
 from store.queries.keys import create_key, end_sessions, has_other_admin, new_secret
 from store.tables import ApiKey, Organisation
 
-router = APIRouter(prefix="/v1", tags=["keys"])
+router = Router(prefix="/v1", tags=["keys"])
 
 
 @router.post("/organisations", status_code=201, response_model=OrganisationAnswer, responses=problems(409))

@@ -2,20 +2,21 @@
 
 from collections.abc import Callable, Iterable
 
-from fastapi import APIRouter, Response
+from fastapi import Response
 from sqlalchemy.orm import Session
 
 from service.auth import Uploader
 from service.changes import IdempotencyKey
 from service.context import Context, UsesContext
 from service.lookup import Id, owned
+from service.operations import Router
 from service.routes import problems
 from service.schemas.known import HashesAsked, KnownAnswer
 from store.queries.jobs import find_reading_jobs
 from store.queries.known import find_known, find_known_anywhere, read_sizes
 from store.tables import Campaign, FrameRow
 
-router = APIRouter(prefix="/v1", tags=["frames"])
+router = Router(prefix="/v1", tags=["frames"])
 
 
 @router.post("/uploads/known", response_model=KnownAnswer, responses=problems())

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from pydantic import Field
 from sqlalchemy.orm import Session
 
@@ -18,6 +18,7 @@ from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.immutable import not_modified, standing_headers
 from service.lookup import Id, owned
+from service.operations import Router
 from service.regions import read_grid
 from service.routes import problems, sends_stored_file
 from service.routes.frames import require_header, require_preview
@@ -72,7 +73,7 @@ class VerdictsAnswer(Answer):
         )
 
 
-router = APIRouter(prefix="/v1", tags=["frames"])
+router = Router(prefix="/v1", tags=["frames"])
 
 
 @router.post(

@@ -4,7 +4,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Query, Response
+from fastapi import Depends, Query, Response
 from sqlalchemy import Row, select
 from sqlalchemy.exc import IntegrityError
 
@@ -13,6 +13,7 @@ from service.auth import Caller, Uploader, get_caller, require
 from service.changes import IdempotencyKey
 from service.context import Context, UsesContext
 from service.lookup import Id, owned
+from service.operations import Router
 from service.problems import Problem, not_found
 from service.routes import problems
 from service.schemas.base import Text
@@ -33,8 +34,8 @@ from store.queries.manifests import find_manifest, read_stored, write_canonical
 from store.software import read_version
 from store.tables import Campaign, Manifest, SigningKey
 
-router = APIRouter(prefix="/v1", tags=["manifests"])
-keys_router = APIRouter(prefix="/v1", tags=["manifests"])
+router = Router(prefix="/v1", tags=["manifests"])
+keys_router = Router(prefix="/v1", tags=["manifests"])
 
 _MOST_NAMED = 100
 _STATEMENT = (

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 
 from service.auth import Caller, Reader
 from service.context import Context, UsesContext
@@ -11,6 +11,7 @@ from service.immutable import immutable_headers, not_modified
 from service.isolines import answer_isolines
 from service.lookup import Id
 from service.map_tools import OpenMap, open_map
+from service.operations import Router
 from service.profiles import answer_histogram, answer_profile
 from service.routes import UNCHANGED, problems
 from service.routes.measurement_lists import GeoJson
@@ -25,7 +26,7 @@ from service.schemas.map_tools import (
 from service.series import MEDIA_TYPES
 from service.tabular import write_csv
 
-router = APIRouter(prefix="/v1/measurements/{measurement_id}", tags=["measurements"])
+router = Router(prefix="/v1/measurements/{measurement_id}", tags=["measurements"])
 
 _CSV: dict[int | str, dict[str, Any]] = {200: {"content": {"text/csv": {"schema": {"type": "string"}}}}}
 

@@ -3,7 +3,7 @@
 import hashlib
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 
 from radiometry.findings import interface
 from service.auth import Caller, Reader
@@ -13,6 +13,7 @@ from service.immutable import immutable_headers, not_modified
 from service.lookup import Id, owned
 from service.map_tools import map_uncertainty, open_map
 from service.map_values import MOST_VALUES, Layout, Window, read_values
+from service.operations import Router
 from service.problems import Problem, invalid
 from service.routes import UNCHANGED, problems
 from service.routes.measurement_lists import GeoJson
@@ -21,7 +22,7 @@ from service.stac import describe_map, make_item
 from store.blobs import prove_file
 from store.tables import Calibration, FrameRow, Measurement
 
-router = APIRouter(prefix="/v1", tags=["measurements"])
+router = Router(prefix="/v1", tags=["measurements"])
 
 
 @router.get(

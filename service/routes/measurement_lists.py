@@ -4,7 +4,7 @@ import csv
 from collections.abc import Iterator
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from fastapi.responses import JSONResponse, StreamingResponse
 from pydantic import Field
 
@@ -14,6 +14,7 @@ from service.cells import Coordinates, list_cells, list_outlines
 from service.context import Context, UsesContext
 from service.lookup import Id, owned
 from service.measurements import OfCalibration
+from service.operations import Router
 from service.problems import Problem
 from service.routes import problems
 from service.schemas.base import Instant, Text
@@ -31,7 +32,7 @@ from store.ready.measurements import COLUMNS, read_row
 from store.ready.series import Asked, Page
 from store.tables import Campaign, Measurement
 
-router = APIRouter(prefix="/v1", tags=["measurements"])
+router = Router(prefix="/v1", tags=["measurements"])
 
 
 class MeasurementSeriesQuery(SeriesQuery):

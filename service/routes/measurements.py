@@ -4,7 +4,7 @@ from pathlib import PurePath
 from typing import Annotated, Any, Literal
 from urllib.parse import quote
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from pydantic import Field
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -16,6 +16,7 @@ from service.context import Context, UsesContext
 from service.immutable import immutable_headers, not_modified, send_blob
 from service.lookup import Id, owned
 from service.measurements import OfCalibration, answer_measurements
+from service.operations import Router
 from service.paging import Page, UsesPaging
 from service.problems import Problem
 from service.regions import read_grid, read_roi
@@ -70,7 +71,7 @@ class MeasurementRecord(
         return cls.restate(row, **more)
 
 
-router = APIRouter(prefix="/v1", tags=["measurements"])
+router = Router(prefix="/v1", tags=["measurements"])
 
 
 @router.post("/measurements", status_code=202, response_model=JobAnswer, responses=problems(404, 409))

@@ -2,13 +2,14 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from sqlalchemy.orm import Session
 
 from service.auth import Calibrator, Reader
 from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.lookup import Id, owned
+from service.operations import Router
 from service.paging import Listing, Page, page_own
 from service.routes import problems
 from service.schemas.base import Text
@@ -16,7 +17,7 @@ from service.schemas.equipment import MeterAnswer, NewMeter
 from store.queries.equipment import find_or_add_meter
 from store.tables import Meter
 
-router = APIRouter(prefix="/v1/meters", tags=["meters"])
+router = Router(prefix="/v1/meters", tags=["meters"])
 
 
 @router.post(

@@ -1,12 +1,13 @@
 """The calibration methods: what each takes and reports."""
 
-from fastapi import APIRouter, Response
+from fastapi import Response
 
 from service.auth import Reader
+from service.operations import Router
 from service.routes import problems
 from service.schemas.methods import MethodsAnswer, describe_methods
 
-router = APIRouter(prefix="/v1/methods", tags=["calibrations"])
+router = Router(prefix="/v1/methods", tags=["calibrations"])
 
 
 @router.get("", response_model=MethodsAnswer, responses=problems())

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Response
+from fastapi import Query, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -12,6 +12,7 @@ from radiometry.tools.attitude import blur_of_file, compute_turns, read_attitude
 from service.auth import Reader
 from service.context import UsesContext
 from service.lookup import Id, owned
+from service.operations import Router
 from service.problems import invalid
 from service.routes import problems
 from service.schemas.attitudes import (
@@ -28,7 +29,7 @@ from service.tabular import write_csv
 from store.codec import decode_exposure, decode_header
 from store.tables import Camera, Campaign, FrameRow
 
-router = APIRouter(prefix="/v1", tags=["tools"])
+router = Router(prefix="/v1", tags=["tools"])
 
 
 @router.get("/frames/{frame_id}/motion", response_model=FrameMotionAnswer, responses=problems(404))

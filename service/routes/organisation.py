@@ -2,13 +2,14 @@
 
 from typing import Any
 
-from fastapi import APIRouter, Response
+from fastapi import Response
 from pydantic import Field
 from sqlalchemy.orm import Session
 
 from service.auth import Admin, Reader
 from service.changes import Reply, Writes
 from service.context import UsesContext
+from service.operations import Router
 from service.routes import problems
 from service.schemas.base import Answer, ClearableLong, ClearableZone, Form
 from store.settings import Settings
@@ -64,7 +65,7 @@ class OwnOrganisationAnswer(
     usage: UsageAnswer | None = Field(default=None, description="In the answer to GET.")
 
 
-router = APIRouter(prefix="/v1/organisation", tags=["keys"])
+router = Router(prefix="/v1/organisation", tags=["keys"])
 
 
 @router.get("", response_model=OwnOrganisationAnswer, responses=problems())

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
@@ -10,6 +10,7 @@ from service.auth import Calibrator, Reader
 from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.lookup import Id, owned
+from service.operations import Router
 from service.paging import Listing, Page, page_own
 from service.problems import Problem
 from service.routes import problems
@@ -18,7 +19,7 @@ from service.schemas.panels import NewPanel, PanelAnswer
 from store.queries.equipment import find_or_add_panel
 from store.tables import Panel
 
-router = APIRouter(prefix="/v1/panels", tags=["panels"])
+router = Router(prefix="/v1/panels", tags=["panels"])
 
 
 @router.post(

@@ -5,7 +5,7 @@ import json
 from collections.abc import Mapping
 from typing import Annotated, Final
 
-from fastapi import APIRouter, Depends, Query, Request, Response
+from fastapi import Depends, Query, Request, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -15,6 +15,7 @@ from service.auth import Uploader
 from service.changes import Reply, Writes
 from service.frame_uploads import admit
 from service.lookup import Id, owned
+from service.operations import Router
 from service.points_csv import read_points
 from service.problems import Problem, invalid
 from service.routes import problems
@@ -25,7 +26,7 @@ from store.queries.campaigns import Drawing, find_or_add_roi
 from store.queries.frames import NewFrame, find_or_add_frames, require_role, whole_frame
 from store.tables import Campaign, FrameRow
 
-router = APIRouter(prefix="/v1", tags=["frames"])
+router = Router(prefix="/v1", tags=["frames"])
 
 _BYTES: Final = "application/octet-stream"
 """Accepted too: generated clients know no bodies of CSV."""

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Query, Request, Response
+from fastapi import Depends, Query, Request, Response
 from pydantic import Field, TypeAdapter, ValidationError
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -11,6 +11,7 @@ from service.auth import Calibrator, Reader
 from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.lookup import Id, owned
+from service.operations import Router
 from service.paging import Page, UsesPaging
 from service.problems import invalid, located
 from service.routes import problems
@@ -38,7 +39,7 @@ def _name_fields(columns: list[str]) -> list[str]:
     return columns
 
 
-router = APIRouter(prefix="/v1", tags=["readings"])
+router = Router(prefix="/v1", tags=["readings"])
 
 # 1 foot-lambert = 1/pi cd/ft2, 1 footcandle = 1 lm/ft2, with 1 ft = 0.3048 m
 _SI = {"cd/m2": 1.0, "lx": 1.0, "fL": 3.4262590996353905, "fc": 10.763910416709722}
@@ -60,11 +61,11 @@ _CONTENT = {
 
 async def _body(request: Request) -> list[NewReading] | NewReading:
     """Read JSON or CSV, by the content type; each bad field or row is named."""
-    data = await request.body()
     if is_table(request):
-        return read_readings(data)
+        return read_readings(await request.body())
+    data = await request.json()
     try:
-        return (_MANY if data.lstrip()[:1] == b"[" else _ONE).validate_json(data)
+        return (_MANY if isinstance(data, list) else _ONE).validate_python(data)
     except ValidationError as error:
         raise invalid(located(error, "body")) from error
 

@@ -1,6 +1,6 @@
 """Recalls: all versions with one cause, proposed, reviewed and revoked in one step."""
 
-from fastapi import APIRouter, Response
+from fastapi import Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -8,13 +8,14 @@ from service.auth import Publisher, Reader
 from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.lookup import Id, owned
+from service.operations import Router
 from service.paging import Page, UsesPaging
 from service.routes import problems
 from service.schemas.recalls import NewPurge, PurgeAnswer
 from store import recalls
 from store.tables import Meter, Recall
 
-router = APIRouter(prefix="/v1/recalls", tags=["recalls"])
+router = Router(prefix="/v1/recalls", tags=["recalls"])
 
 
 @router.post("", status_code=201, response_model=PurgeAnswer, responses=problems(404))

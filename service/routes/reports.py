@@ -2,7 +2,7 @@
 
 import struct
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 
 from radiometry.drawing.maps import find_step
 from radiometry.findings import interface
@@ -16,6 +16,7 @@ from service.context import Context, UsesContext
 from service.lookup import Id, owned
 from service.map_tools import open_map
 from service.measurements import answer_measurements
+from service.operations import Router
 from service.press.orders import Order, order_sheets
 from service.press.regions import draw_region
 from service.problems import Problem
@@ -26,7 +27,7 @@ from store.files import Files
 from store.queries.calibrations import read_version_statuses
 from store.tables import Calibration, Camera, Campaign, FrameRow, Measurement, Organisation
 
-router = APIRouter(prefix="/v1/measurements/{measurement_id}", tags=["measurements"])
+router = Router(prefix="/v1/measurements/{measurement_id}", tags=["measurements"])
 
 _LINES = 'fill="none" stroke="#ffffff" stroke-opacity="0.9"'
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from pydantic import BaseModel, Field
 from sqlalchemy.orm import Session
 
@@ -16,6 +16,7 @@ from service.certificate import build_rig_certificate, lay_out_rig
 from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.lookup import Id, owned
+from service.operations import Router
 from service.paging import Listing, Page, page_own
 from service.press.orders import Order, order_sheets
 from service.problems import Problem, invalid
@@ -27,7 +28,7 @@ from store.queries.calibration_record import read_calibration_record
 from store.queries.rigs import METHOD, SPEC, find_or_add_rig, list_cameras, list_versions, read_member
 from store.tables import Calibration, Camera, Rig
 
-router = APIRouter(prefix="/v1/rigs", tags=["rigs"])
+router = Router(prefix="/v1/rigs", tags=["rigs"])
 
 MOST_SETS = 20
 

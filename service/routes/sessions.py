@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Query, Response
+from fastapi import Depends, Query, Response
 from sqlalchemy import Select, select
 from sqlalchemy.orm import Session
 
@@ -10,6 +10,7 @@ from service.auth import Caller, get_caller
 from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.lookup import Id, owned
+from service.operations import Router
 from service.paging import Page, UsesPaging
 from service.problems import not_found
 from service.routes import problems
@@ -19,7 +20,7 @@ from store.columns import utc_now
 from store.queries.keys import is_open
 from store.tables import ApiKey, WebSession
 
-router = APIRouter(prefix="/v1/sessions", tags=["keys"])
+router = Router(prefix="/v1/sessions", tags=["keys"])
 
 AnyCaller = Annotated[Caller, Depends(get_caller)]
 OfKey = Annotated[Text | None, Query(description="Only those opened with this key.")]

@@ -3,7 +3,7 @@
 import shutil
 from typing import Any, Literal
 
-from fastapi import APIRouter, Response
+from fastapi import Response
 from fastapi.responses import PlainTextResponse
 from pydantic import Field
 from sqlalchemy import func, select
@@ -11,6 +11,7 @@ from sqlalchemy import func, select
 from radiometry.findings import interface
 from service.auth import Admin
 from service.context import UsesContext
+from service.operations import Router
 from service.problems import Problem
 from service.routes import problems
 from service.schemas.base import Answer
@@ -20,7 +21,7 @@ from store.parts import Part
 from store.queries.resource_counts import count_queue
 from store.tables import Blob
 
-router = APIRouter(tags=["system"])
+router = Router(tags=["system"])
 
 
 class Life(Answer):

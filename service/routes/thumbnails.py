@@ -6,7 +6,7 @@ import logging
 from contextlib import suppress
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from pydantic import Field, StringConstraints
 from sqlalchemy import select
 from sqlalchemy.exc import SQLAlchemyError
@@ -15,6 +15,7 @@ from service.auth import Reader
 from service.context import Context, UsesContext
 from service.immutable import immutable_headers, not_modified, standing_headers
 from service.lookup import Id, owned
+from service.operations import Router
 from service.routes import UNCHANGED, problems
 from service.schemas.base import Answer
 from service.thumbnails import draw_light_thumbnail, tag_of
@@ -46,7 +47,7 @@ class ThumbnailsAnswer(Answer):
     items: list[ThumbnailAnswer]
 
 
-router = APIRouter(prefix="/v1/campaigns/{campaign_id}", tags=["frames"])
+router = Router(prefix="/v1/campaigns/{campaign_id}", tags=["frames"])
 
 
 @router.get("/thumbnails", response_model=ThumbnailsAnswer, responses={**UNCHANGED, **problems(404)})

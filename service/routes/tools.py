@@ -3,7 +3,7 @@
 from collections.abc import Callable, Coroutine, Sequence
 from typing import Annotated, Any, TypeVar
 
-from fastapi import APIRouter, Depends, Query, Request, Response
+from fastapi import Depends, Query, Request, Response
 from pydantic import Field, TypeAdapter, ValidationError
 
 from radiometry.drawing.figure import Figure
@@ -13,6 +13,7 @@ from radiometry.tools.motion import compute_motion
 from service.auth import Reader
 from service.changes import IdempotencyKey
 from service.exposure_csv import read_series, refuse_query
+from service.operations import Router
 from service.problems import invalid, located
 from service.routes import problems
 from service.schemas.base import Form
@@ -32,7 +33,7 @@ def _take_key(_idempotency_key: IdempotencyKey = None) -> None:
     """Every POST takes a key; here nothing is done that could be done twice."""
 
 
-router = APIRouter(prefix="/v1", tags=["tools"])
+router = Router(prefix="/v1", tags=["tools"])
 stateless = [Depends(_take_key)]
 
 
@@ -44,11 +45,11 @@ def _read_one_or_many(form: type[F]) -> Callable[[Request], Coroutine[Any, Any, 
     )
 
     async def read(request: Request) -> list[F] | F:
-        data = await request.body()
         if is_table(request):
-            return _read_table(data, form)
+            return _read_table(await request.body(), form)
+        data = await request.json()
         try:
-            return (many if data.lstrip()[:1] == b"[" else one).validate_json(data)
+            return (many if isinstance(data, list) else one).validate_python(data)
         except ValidationError as error:
             raise invalid(located(error, "body")) from error
 
@@ -80,12 +81,11 @@ def _body_of(form: type[Form]) -> dict[str, Any]:
 
 async def _read_exposures(request: Request, table: Annotated[ExposureTable, Query()]) -> NewExposureSeries:
     """JSON that says all, or a table and in the query what the table does not say."""
-    data = await request.body()
     if is_table(request):
-        return read_series(data, table)
+        return read_series(await request.body(), table)
     refuse_query(table)
     try:
-        return NewExposureSeries.model_validate_json(data)
+        return NewExposureSeries.model_validate(await request.json())
     except ValidationError as error:
         raise invalid(located(error, "body")) from error
 

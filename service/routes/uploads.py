@@ -6,7 +6,7 @@ import secrets
 import time
 from typing import Any, Final
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from radiometry.findings import interface
@@ -15,6 +15,7 @@ from service.changes import IdempotencyKey, Writing
 from service.context import Context, UsesContext
 from service.frame_uploads import admit, keep_frame
 from service.lookup import Id
+from service.operations import Router
 from service.pieces import append
 from service.problems import Problem, invalid, not_found
 from service.regions import read_region
@@ -37,7 +38,7 @@ from store.partials import LASTS_S, Facts, FactsTooLong, Partial, Partials
 from store.queries.keys import find_key, find_key_by_id
 from store.usage import check_room
 
-router = APIRouter(prefix="/v1/uploads", tags=["uploads"])
+router = Router(prefix="/v1/uploads", tags=["uploads"])
 
 _MOST_UNDER_WAY: Final = 10_000
 _ADDRESS: Final = re.compile(r"upl_([0-9A-Za-z]+)_([0-9a-f]{64})", re.ASCII)

@@ -2,7 +2,7 @@
 
 from urllib.parse import urlsplit
 
-from fastapi import APIRouter, Response
+from fastapi import Response
 from sqlalchemy import delete, func, select
 from sqlalchemy.orm import Session
 
@@ -11,6 +11,7 @@ from service.auth import Admin
 from service.changes import Reply, Writes
 from service.context import Context, UsesContext
 from service.lookup import Id, owned
+from service.operations import Router
 from service.paging import Page, UsesPaging
 from service.problems import Problem, invalid, not_found
 from service.routes import problems
@@ -21,7 +22,7 @@ from store.kept_secrets import derive_webhook_secret
 from store.tables import Webhook, WebhookDelivery
 from store.webhooks import TEST
 
-router = APIRouter(prefix="/v1/webhooks", tags=["webhooks"])
+router = Router(prefix="/v1/webhooks", tags=["webhooks"])
 
 _MOST = 20
 

@@ -109,13 +109,6 @@ def test_a_wrong_field_is_named(house, tool, body, field, message):
     assert message in error["message"]
 
 
-@pytest.mark.parametrize("body", [b"", b"{", b"pixel_pitch_um"])
-def test_what_is_no_json_says_where_it_ends(house, body):
-    problem = house.http.post("/v1/tools/motion", content=body).json()
-    assert (problem["status"], problem["code"]) == (400, "bad_request")
-    assert problem["detail"].endswith(f"at line 1 column {min(len(body), 1)}.")
-
-
 @pytest.mark.parametrize("text", ["NaN", "Infinity", "-Infinity", "1e400"])
 def test_numbers_that_are_none_are_refused(house, text):
     body = json.dumps(MOTION | {"exposure_time_s": "?"}).replace('"?"', text)

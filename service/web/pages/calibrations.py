@@ -2,13 +2,14 @@
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Response
+from fastapi import Depends, Response
 
 from radiometry.findings import interface
 from radiometry.methods import get_method
 from service.auth import Reader
 from service.context import UsesContext
 from service.lookup import Id, owned
+from service.operations import Router
 from service.problems import Problem
 from service.web.charts import View, draw_figure, send_svg
 from service.web.rendering import SignedInPage
@@ -16,7 +17,7 @@ from store.queries.evidence import gather
 from store.queries.flight import list_flight
 from store.tables import Calibration, Camera, Campaign
 
-router = APIRouter(include_in_schema=False)
+router = Router(include_in_schema=False)
 
 
 @router.get("/calibrations/{calibration_id}")

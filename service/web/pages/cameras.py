@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Depends, Query, Response
+from fastapi import Depends, Query, Response
 from sqlalchemy import select
 
 from radiometry.findings import interface
@@ -11,6 +11,7 @@ from radiometry.methods import get_method
 from service.auth import Reader
 from service.context import UsesContext
 from service.lookup import Id, owned
+from service.operations import Router
 from service.problems import Problem
 from service.schemas.base import Instant, Method, Text
 from service.web.charts import View, draw_figure, send_svg
@@ -22,7 +23,7 @@ from store.queries.fleet import list_determinations
 from store.queries.validity import list_lifetimes
 from store.tables import Calibration, Camera
 
-router = APIRouter(include_in_schema=False)
+router = Router(include_in_schema=False)
 
 
 @router.get("/cameras")

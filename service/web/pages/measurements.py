@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal, TypeVar
 
-from fastapi import APIRouter, Depends, Query, Request, Response
+from fastapi import Depends, Query, Request, Response
 from pydantic import ValidationError
 
 from radiometry.frame.bands import NAMED_INDICES
@@ -10,6 +10,7 @@ from service.auth import Reader
 from service.context import UsesContext
 from service.lookup import Id, owned
 from service.map_tools import open_map
+from service.operations import Router
 from service.problems import invalid
 from service.profiles import answer_histogram, answer_profile
 from service.schemas.base import Text
@@ -21,7 +22,7 @@ from store.tables import Calibration, FrameRow, Measurement
 
 Asked = TypeVar("Asked", LineOfMap, BinsOfMap)
 
-router = APIRouter(include_in_schema=False)
+router = Router(include_in_schema=False)
 
 
 @router.get("/measurements")

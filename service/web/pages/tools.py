@@ -2,10 +2,11 @@
 
 from typing import Annotated, Final
 
-from fastapi import APIRouter, Depends, Request, Response
+from fastapi import Depends, Request, Response
 
 from radiometry.findings import interface
 from service.auth import Reader
+from service.operations import Router
 from service.problems import Problem
 from service.routes.tools import read_tool_figures
 from service.schemas.tools.exposure import ExposureTable
@@ -14,7 +15,7 @@ from service.web.rendering import SignedInPage
 
 _TOOLS: Final = {"motion": "Motion", "coverage": "Coverage", "exposure": "Exposure"}
 
-router = APIRouter(include_in_schema=False)
+router = Router(include_in_schema=False)
 
 
 @router.get("/tools/{tool}")
