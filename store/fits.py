@@ -137,6 +137,7 @@ def _inputs(session: Session, campaign: Campaign, evidence: Evidence) -> dict[st
                 "role": frame.role,
                 **({"scene": frame.scene} if getattr(frame, "scene", None) else {}),
                 **({"exposure": encode(frame.exposure)} if frame.exposure else {}),
+                **({"clock_offset": offset} if (offset := evidence.offsets.get(frame.frame)) else {}),
                 "roi_sha256": region.sha256,
             }
         )

@@ -6,7 +6,7 @@ A measurement keeps the zone that it was made with.
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta, timezone, tzinfo
 from functools import cache
 from typing import Any
@@ -16,7 +16,9 @@ from pydantic import TypeAdapter
 from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected, shared
+from radiometry.frame import FrameHeader
 from radiometry.frame.clock import has_set_clock, writes_utc
+from store.codec import decode_header
 from store.tables import Campaign, FrameRow, Organisation
 
 # A time without an offset is somewhere between UTC+14 and UTC-12.
@@ -148,6 +150,23 @@ def find_time(stated: str | None, zones: Zones, *, system: str | None = None) ->
         zone=zones.stated,
         why=f"as its {whose} states",
     )
+
+
+def find_offset(header: FrameHeader | None, zones: Zones) -> str | None:
+    """Return the offset of a clock that states none, in a stated zone; None if it may be one of two."""
+    if header is None or zones.stated is None:
+        return None
+    system = header.multispectral.system if header.multispectral else None
+    taken = find_time(header.taken_at, zones, system=system)
+    if taken is None or taken.zone is None or not taken.is_known:
+        return None
+    return taken.earliest.astimezone(_read_zone(taken.zone)).isoformat()[-6:]
+
+
+def read_header(frame: FrameRow, zone: str | None) -> FrameHeader:
+    """Return a frame's header, with the offset of its clock in the zone that a measurement was made with."""
+    header = decode_header(frame.header or {})
+    return replace(header, clock_offset=find_offset(header, Zones(campaign=zone)))
 
 
 def refuse_timeless(filename: str, stated: str | None, *, wanted: str) -> InputRejected:

@@ -6,7 +6,7 @@ from radiometry.findings import InputRejected
 from radiometry.fitting.comparison import MeasuredChange
 from radiometry.specification.application import BandApplication
 from store.applied import read_applied
-from store.codec import decode_header
+from store.frame_times import read_header
 from store.tables import Calibration, FrameRow, Measurement
 
 PanelCalibration = Literal["common", "separate", "unknown"]
@@ -40,7 +40,7 @@ def touch_band(
         change = application.change(
             read_applied(old),
             read_applied(new),
-            header=decode_header(frame.header or {}),
+            header=read_header(frame, measurement.parameters.get("time_zone")),
             incidence_angle_deg=measurement.parameters.get("incidence_angle_deg"),
             common_u_rel=compare_panels(old, new)[1].get(band, 0.0),
         )

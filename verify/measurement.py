@@ -76,7 +76,6 @@ def verify_measurement(record: Node, folder: Path, decoders: DecoderPool) -> lis
             blobs=blobs,
             lend=lend,
             frame=first,
-            header=decoders.read_header(paths[first.id]),
             file=paths[first.id],
             calibration=calibration,
             parameters=record["parameters"],

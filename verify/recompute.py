@@ -99,7 +99,7 @@ def _read(
         return FoundFrame(stated=stated, sha256=sha256, trouble=trouble, signal={})
     try:
         with decoders.hold(path):
-            header = decoders.read_header(path)
+            header = replace(decoders.read_header(path), clock_offset=stated.get("clock_offset"))
             exposure = _expose(stated, header, certificate)
             around = Polygon.from_points(region["points"])
             window = bounding_window(around, height_px=header.height_px, width_px=header.width_px)
@@ -221,6 +221,7 @@ def inputs_of(certificate: Node, found: Recomputed, data: Data) -> Node:
                     if frame.exposure
                     else {}
                 ),
+                **({"clock_offset": stated["clock_offset"]} if "clock_offset" in stated else {}),
                 "roi_sha256": stated["roi_sha256"],
             }
         )

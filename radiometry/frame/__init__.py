@@ -117,6 +117,9 @@ class FrameHeader:
         Manufacturer, model and serial number of the lens.
     taken_at : str or None, default: None
         EXIF DateTimeOriginal as in RFC 3339, with the offset if the file has one.
+    clock_offset : str or None, default: None
+        Offset from UTC that was stated for the clock of a file without one, such as
+        "+02:00".
     orientation : int or None, default: None
         EXIF orientation.
     sensor_temperature_c : float or None, default: None
@@ -173,6 +176,7 @@ class FrameHeader:
     lens_model: str | None = None
     lens_serial: str | None = None
     taken_at: str | None = None
+    clock_offset: str | None = field(default=None, metadata=LATER)
     orientation: int | None = None
     sensor_temperature_c: float | None = None
     software: str | None = None
@@ -188,6 +192,11 @@ class FrameHeader:
     # A whole frame is read cheapest in bands of so many rows, the first of which may be cut by the border.
     band_rows: int = 1
     first_band_rows: int = 1
+
+    @property
+    def zoned_at(self) -> str | None:
+        """`taken_at` with the offset of the file, or with the one stated for its clock."""
+        return self.taken_at and self.taken_at + (self.clock_offset or "")
 
     @property
     def assumes_black(self) -> bool:

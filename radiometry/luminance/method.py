@@ -73,7 +73,7 @@ def make_row(evidence: FrameEvidence[None]) -> FrameRow:
         rendered=evidence.header.rendered,
         from_table=evidence.header.table is not None,
         assumes_black=evidence.header.assumes_black,
-        taken_at=evidence.header.taken_at,
+        taken_at=evidence.header.zoned_at,
         gain_maps=tuple(maps),
     )
 

@@ -1,5 +1,6 @@
 """Time of a frame, and position of the sun at that time."""
 
+from dataclasses import replace
 from datetime import UTC, datetime
 
 from radiometry.findings import InputRejected
@@ -44,10 +45,10 @@ def locate_sun_of(header: FrameHeader) -> SunPosition | None:
     -------
     SunPosition or None
         By time and place, else as the file states it; None if neither is known: of a
-        clock before 2000, which was never set, or of a local time without offset.
+        clock before 2000, which was never set, or of a local time without a stated offset.
     """
-    at, band = read_clock(header), header.multispectral
-    if at is not None and (not has_set_clock(at) or _is_local(header)):
+    at, band = read_clock(replace(header, taken_at=header.zoned_at)), header.multispectral
+    if at is not None and (not has_set_clock(at) or _lacks_zone(header)):
         at = None
     if at is not None and header.latitude_deg is not None and header.longitude_deg is not None:
         return locate_sun(at, latitude_deg=header.latitude_deg, longitude_deg=header.longitude_deg)
@@ -57,8 +58,8 @@ def locate_sun_of(header: FrameHeader) -> SunPosition | None:
     return SunPosition(elevation_deg=light.solar_elevation_deg, azimuth_deg=light.solar_azimuth_deg)
 
 
-def _is_local(header: FrameHeader) -> bool:
-    stated = datetime.fromisoformat(header.taken_at or "").tzinfo is not None
+def _lacks_zone(header: FrameHeader) -> bool:
+    stated = datetime.fromisoformat(header.zoned_at or "").tzinfo is not None
     return not stated and header.multispectral is not None and not writes_utc(header.multispectral.system)
 
 
@@ -80,17 +81,19 @@ def find_tilt(header: FrameHeader, params: TiltParams | None) -> Tilt | None:
     Raises
     ------
     InputRejected
-        `tilt_not_correctable` if the file lacks position or time, or the sun is too
-        low.
+        `tilt_not_correctable` if position, time or its zone is not known, or the sun
+        is too low.
     """
     if params is None:
         return None
     sun = locate_sun_of(header)
     if sun is None:
-        raise InputRejected(
-            codes.TILT_NOT_CORRECTABLE,
-            "The file does not state when and where it was taken (no GPS fix): the position of the sun is "
-            "not known.",
+        placed = header.latitude_deg is not None and header.longitude_deg is not None
+        cause = (
+            "The camera's clock states no time zone, and none is stated for its campaign or organisation"
+            if placed and header.taken_at and _lacks_zone(header)
+            else "The file does not state when and where it was taken (no GPS fix)"
         )
+        raise InputRejected(codes.TILT_NOT_CORRECTABLE, f"{cause}: the position of the sun is not known.")
     require_high_sun(sun)
     return Tilt(sun=sun, params=params)

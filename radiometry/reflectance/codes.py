@@ -59,9 +59,9 @@ HORIZONTAL_IRRADIANCE_LEFT_OUT = flag(
 )
 TILT_NOT_CORRECTABLE = flag(
     "tilt_not_correctable",
-    "The reading of the sunshine sensor was not converted to a level surface: the file lacks position, time "
-    "or attitude, or the sun is under 10 degrees. The tilt is in the uncertainty instead.",
-    "Wait for the GPS fix before the flight, and fly when the sun is higher.",
+    "The reading of the sunshine sensor was not converted to a level surface: the file lacks position, time, "
+    "its zone or attitude, or the sun is under 10 degrees. The tilt is in the uncertainty instead.",
+    "Wait for the GPS fix before the flight, fly when the sun is higher, and state the campaign's time zone.",
     *("calibration", "measurement"),
 )
 SUNSHINE_TILTED = flag(

@@ -201,6 +201,7 @@ def _frame(record: CalibrationRecord, used: dict[str, Any]) -> UsedFrame:
         scene=used.get("scene"),
         exposure=drop_absent(used.get("exposure")),
         taken_at=found.taken_at,
+        clock_offset=used.get("clock_offset"),
         roi_sha256=used["roi_sha256"],
         roi_origin="found" if found.found_by else None,
         roi_found_by=found.found_by,

@@ -94,6 +94,9 @@ class UsedFrame(Answer):
     scene: str | None = None
     exposure: dict[str, Any] | None = None
     taken_at: str | None = None
+    clock_offset: str | None = Field(
+        default=None, description="From UTC, as stated for the clock where `taken_at` has none."
+    )
     roi_sha256: str
     roi_origin: Literal["found"] | None = Field(
         default=None, description="The panel was found in the frame; absent where its region was drawn."

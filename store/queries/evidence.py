@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -13,6 +13,7 @@ from radiometry.findings import shared
 from radiometry.fitting.evidence import Exclusion, FrameEvidence
 from radiometry.frame import FrameHeader
 from radiometry.specification.method import MethodSpec
+from store.frame_times import Zones, find_offset, read_zones
 from store.queries.frame_columns import ExtractionColumns, FrameColumns, read_extractions, read_frames
 from store.queries.frames import region_ids
 from store.queries.memory import Memory
@@ -29,6 +30,8 @@ class Evidence:
     names: dict[str, str]
     hashes: dict[str, str]
     headers: dict[str, FrameHeader]
+    offsets: dict[str, str]
+    """Of clocks that state none, in the zone stated for them; only of methods with readings."""
     rois: dict[str, str]
     unread: list[str]
     """Frames of which nothing is known yet."""
@@ -64,18 +67,24 @@ def gather(
     names = _names(rows)
     read = [row for row in rows if _is_read(row)]
     reference: Reference = find_reference(session, campaign, read)
+    zones = read_zones(session, campaign) if spec.reference else Zones()
+    offsets = {row.id: offset for row in read if (offset := find_offset(row.header, zones))}
     return Evidence(
         frames=[
-            row.keep("row", given, partial(_make_row, spec, row, *given[:2], has_region=given[2]))
+            row.keep("row", given, partial(_make_row, spec, row, *given))
             for row in read
             for given in (
-                (names[row.id], current.get(row.id), spec.whole_frame or regions[row.id] is not None),
+                (
+                    *(names[row.id], current.get(row.id)),
+                    *(spec.whole_frame or regions[row.id] is not None, offsets.get(row.id)),
+                ),
             )
         ],
         readings=reference.readings,
         names=names,
         hashes={names[row.id]: row.sha256 for row in read},
         headers={names[row.id]: row.header for row in read if row.header},
+        offsets={names[frame_id]: offset for frame_id, offset in offsets.items()},
         rois={names[row.id]: current[row.id].roi_id for row in read if row.id in current},
         unread=[names[row.id] for row in rows if not _is_read(row)],
         doubtful=tuple(
@@ -104,7 +113,12 @@ def _names(rows: list[FrameColumns]) -> dict[str, str]:
 
 
 def _make_row(
-    spec: MethodSpec, row: FrameColumns, name: str, extraction: ExtractionColumns | None, *, has_region: bool
+    spec: MethodSpec,
+    row: FrameColumns,
+    name: str,
+    extraction: ExtractionColumns | None,
+    has_region: bool,  # noqa: FBT001  given in order
+    clock_offset: str | None,
 ) -> Any:  # noqa: ANN401  the method's own
     assert row.header is not None  # noqa: S101  it has been read
     return spec.make_row(
@@ -112,7 +126,7 @@ def _make_row(
             frame=name,
             role=row.role,
             scene=row.scene,
-            header=row.header,
+            header=replace(row.header, clock_offset=clock_offset) if clock_offset else row.header,
             exposure=row.exposure,
             statistics=extraction.statistics if extraction else None,
             features=extraction.features if extraction else None,

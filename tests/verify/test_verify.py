@@ -8,7 +8,8 @@ import stilb
 import stilb.__main__
 from stilb.commands.exits import Exit
 from stilb.export import frame_path
-from tests.support.certificates import certificate_of, complete_version
+from tests.support.certificates import WORK, certificate_of, complete_version, export_version
+from tests.support.frames import forget_time
 from tests.support.house import KEY
 from tests.verify.changing import change, nudge, run
 from verify.__main__ import main
@@ -31,6 +32,20 @@ def test_an_untouched_export_agrees(capsys, exported):
     k = repr(fit["coefficient"]["luminance_k"])
     assert f"ISO 3200 K │ {k} │ {k} │ yes" in said
     assert "NO" not in said
+
+
+def test_clocks_are_compared_with_readings_in_the_zone_stated_for_them(house, monkeypatch, tmp_path, capsys):
+    """20:00 in Berlin is 18:00 in UTC; without a zone, 15:00 would be taken for the time of the frames."""
+    write = house.frame_bytes
+    monkeypatch.setattr(house, "frame_bytes", lambda **of: forget_time(write(**of), zone_only=True))
+    work = WORK | {"time_zone": "Europe/Berlin"}
+    version = complete_version(house, work=work, taken_at="2026-05-01T15:00:00Z")
+    certificate = certificate_of(house, version)
+    far = next(each for each in certificate["flags"] if each["flag"] == "reading_far_from_frames")
+    assert far["detail"] == "A reading was taken 3.0 h from the nearest frame."
+    assert {each["clock_offset"] for each in certificate["frames"]} == {"+02:00"}
+    code, said = run(capsys, export_version(house, version, tmp_path / "export"))
+    assert (code, "quantities are the same to the last bit." in said) == (0, True)
 
 
 def test_a_changed_frame_is_found_by_its_hash_and_moves_k(capsys, exported):

@@ -8,7 +8,7 @@ from typing import Any
 from radiometry.frame.roi import Polygon
 from radiometry.specification.application import BandApplication
 from store.applied import read_applied
-from store.codec import decode_header, encode
+from store.codec import encode
 from store.measuring.plan import list_others
 from store.measuring.record import Products
 from worker.maps.packet import write_packet
@@ -37,7 +37,7 @@ def open_capture(task: Task, application: BandApplication) -> Iterator[Capture]:
         for named in list_others(task.parameters):
             row, file = stack.enter_context(task.lend(named["frame_id"]))
             stack.enter_context(task.decoders.hold(file))
-            other = replace(task, frame=row, header=decode_header(row.header or {}), file=file)
+            other = replace(task, frame=row, file=file)
             tasks[_name(other)] = other
         whole = {}
         for number, (band, each) in enumerate(tasks.items(), start=1):

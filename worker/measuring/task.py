@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
 from store.blobs import Blobs, StoredBlob
 from store.codec import decode_exposure
+from store.frame_times import read_header
 from store.software import MEASURER, read_version
 from store.tables import Calibration, FrameRow
 from worker.decode.pool import DecoderPool, Readable
@@ -29,11 +31,15 @@ class Task:
     blobs: Blobs
     lend: Callable[[str], AbstractContextManager[tuple[FrameRow, Readable]]]
     frame: FrameRow
-    header: FrameHeader
     file: Readable
     calibration: Calibration
     parameters: dict[str, Any]
     report: Callable[[float], None]
+
+    @cached_property
+    def header(self) -> FrameHeader:
+        """The file's header, with the zone that the plan states for its clock."""
+        return read_header(self.frame, self.parameters.get("time_zone"))
 
     @property
     def exposure(self) -> Exposure:

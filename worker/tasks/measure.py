@@ -113,7 +113,6 @@ def _make_task(
         blobs=context.blobs,
         lend=lend,
         frame=frame,
-        header=decode_header(frame.header or {}),
         file=file,
         calibration=calibration,
         parameters=claim.parameters,

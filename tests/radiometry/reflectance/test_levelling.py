@@ -6,10 +6,11 @@ import math
 import numpy as np
 import pytest
 
+from radiometry.findings import InputRejected
 from radiometry.frame.light import SunshineIrradiance
 from radiometry.reflectance import application, findings
 from radiometry.reflectance import method as reflectance
-from radiometry.reflectance.clock import locate_sun_of
+from radiometry.reflectance.clock import find_tilt, locate_sun_of, read_clock_s
 from radiometry.reflectance.levelling import measure_light
 from radiometry.reflectance.tilt import TiltParams, level_factor
 from tests.radiometry.reflectance.captures import (
@@ -166,12 +167,18 @@ def test_a_clock_that_was_never_set_is_flagged_when_the_file_is_read():
     assert "clock_not_set" not in flags_of(findings.check_frame(ROW.header))
 
 
-def test_the_local_time_of_a_dji_camera_does_not_locate_the_sun():
+def test_the_local_time_of_a_dji_camera_locates_the_sun_in_a_stated_zone_alone():
     told = dataclasses.replace(ROW.header.multispectral, system="dji")
     assert locate_sun_of(ROW.header) is not None
     local = dataclasses.replace(ROW.header, multispectral=told, taken_at="2024-06-13T11:00:00")
     assert locate_sun_of(local) is None
-    assert locate_sun_of(dataclasses.replace(local, taken_at="2024-06-13T11:00:00+02:00")) is not None
+    with pytest.raises(InputRejected, match="clock states no time zone"):
+        find_tilt(local, TiltParams())
+    in_file = dataclasses.replace(local, taken_at="2024-06-13T11:00:00+02:00")
+    stated = dataclasses.replace(local, clock_offset="+02:00")
+    assert find_tilt(stated, TiltParams()) == find_tilt(in_file, TiltParams())
+    # K of a flight is interpolated on the camera's own clock, whatever is stated after the fit
+    assert read_clock_s(stated) == read_clock_s(local)
 
 
 def _normal(pitch, roll):
