@@ -14,6 +14,7 @@ from sqlalchemy.orm import Session
 from store.tables.calibration import Calibration, Revocation
 from store.tables.campaign import Campaign, Extraction, FrameRow, Reading
 from store.tables.equipment import Camera, Meter, Panel
+from store.tables.identity import Organisation
 from store.tables.kept import CampaignReview, FrameChange
 
 _MOST_AT_ONCE = 5000
@@ -34,6 +35,7 @@ _SHARED: dict[type, Callable[[Any], ColumnElement[bool]]] = {
     Meter: lambda row: Campaign.id.in_(select(Reading.campaign_id).where(Reading.meter_id == row.id)),
     # a campaign that names no panel takes the one that its organisation has
     Panel: lambda row: Campaign.organisation_id == row.organisation_id,
+    Organisation: lambda row: Campaign.organisation_id == row.id,
 }
 
 
@@ -65,7 +67,8 @@ def note_changes(session: Session, _context: object) -> None:
 def raise_revisions(session: Session) -> None:
     """Raise the revision of each campaign that was noted; called before the audit entries are chained."""
     changed: set[str] = session.info.pop("changed_campaigns", set())
-    where = [_SHARED[kind](row) for kind, row in session.info.pop("changed_of_campaigns", ())]
+    shared = session.info.pop("changed_of_campaigns", set())
+    where = [_SHARED[kind](row) for kind, row in shared]
     if where:
         changed |= set(session.scalars(select(Campaign.id).where(or_(*where))))
     if not changed:
@@ -81,6 +84,8 @@ def raise_revisions(session: Session) -> None:
     )
     revisions: dict[str, int] = {row[0]: row[1] for row in revised}
     whole: set[str] = session.info.pop("campaigns_changed_themselves", set())
+    # its time zone holds for all frames
+    whole |= changed if any(kind is Organisation for kind, _ in shared) else set()
     if whole:
         themselves = update(CampaignReview).where(CampaignReview.campaign_id.in_(whole))
         session.execute(themselves.values(whole_revision=CampaignReview.revision))

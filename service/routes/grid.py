@@ -24,7 +24,7 @@ from service.paging import Cursor, read_key, write_cursor
 from service.problems import Problem, invalid
 from service.routes import UNCHANGED, problems
 from service.routes.frames import apply_change
-from service.schemas.base import Answer, Text
+from service.schemas.base import Answer, Text, rfc3339
 from service.schemas.frames import ExpectedFrame, FramesChange, FramesChanged
 from service.thumbnails import tag_of
 from store.queries.audit import name_last_actor
@@ -52,6 +52,13 @@ class GridColumns(Answer):
     band: _Texts
     capture_id: _Texts
     taken_at: _Texts
+    instant: _Texts = Field(
+        description="`taken_at` in UTC, the earlier of two if the clock showed it twice; null if its zone is "
+        "not known."
+    )
+    time_zone: _Texts = Field(
+        description="Of its clock, as campaign or organisation state it; null if none was needed or stated."
+    )
     width_px: _Numbers
     height_px: _Numbers
     roi_id: _Texts = Field(description="Of a frame's own region.")
@@ -220,6 +227,7 @@ def _shape(frames: list[dict[str, Any]], verdicts: Mapping[str, Verdict]) -> Gri
         frame["outcome"] = verdict.outcome if verdict else "pending"
         frame["code"], frame["detail"] = (str(reason.code), reason.detail) if reason else (None, None)
         frame["left_out"] = (frame["left_out"] or {}).get("reason")
+        frame["instant"] = rfc3339(frame["instant"]) if frame["instant"] else None
         frame["withdrawn"] = frame["withdrawn_at"] is not None
         frame["thumbnail"] = tag_of(frame["preview_sha256"], frame["region_id"])
     return GridColumns(**{name: [frame[name] for frame in frames] for name in GridColumns.model_fields})

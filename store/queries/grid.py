@@ -2,11 +2,13 @@
 
 from collections import defaultdict
 from dataclasses import dataclass
+from datetime import UTC
 from typing import Any
 
 from sqlalchemy import ColumnElement, select
 from sqlalchemy.orm import Session
 
+from store.frame_times import find_time, read_zones
 from store.queries.frames import extractor_of, region_ids
 from store.tables import Campaign, ChannelRow, Extraction, FrameChange, FrameRow
 
@@ -23,6 +25,7 @@ COLUMNS = {
     "height_px": _HEADER["height_px"].as_integer(),
     "taken_at": _HEADER["taken_at"].as_string(),
     "band": _HEADER["multispectral"]["band"].as_string(),
+    "system": _HEADER["multispectral"]["system"].as_string(),
     "capture_id": _HEADER["multispectral"]["capture_id"].as_string(),
     "found": FrameRow.found,
 }
@@ -45,6 +48,7 @@ def read_grid(
 
     ``since`` : only those that have changed since this revision of the campaign.
 
+    ``instant`` is None where the zone of the clock is not known, ``time_zone`` where none had to be stated;
     ``signal_dn`` is the mean of the green channels, else of all, in the region that holds for the frame;
     ``clipped_share`` that of the channel with the largest share of pixels at the white level; ``region_id``
     is the region that holds.
@@ -68,10 +72,14 @@ def read_grid(
     ]
     regions = region_ids(session, campaign, placed)
     within = chosen & FrameRow.id.between(frames[0]["id"], frames[-1]["id"])
-    measured = _read_signals(session, campaign, within)
+    measured, zones = _read_signals(session, campaign, within), read_zones(session, campaign)
     for frame in frames:
         region = frame["region_id"] = regions[frame["id"]]
         frame["signal_dn"], frame["clipped_share"] = measured.get((frame["id"], region or ""), (None, None))
+        taken = find_time(frame["taken_at"], zones, system=frame.pop("system"))
+        read = taken is not None and (taken.is_known or taken.zone is not None)
+        frame["instant"] = taken.earliest.astimezone(UTC) if taken and read else None
+        frame["time_zone"] = taken.zone if taken else None
         found = frame.pop("found") or {}
         own = frame["roi_id"] is not None
         frame["roi_origin"] = (

@@ -28,14 +28,9 @@ REFUSED = """async ([base, frames]) => {
     const { refusedCauses } = await import(`${base}/campaign/refused.js`);
     return refusedCauses({ frames }).map(({ mark, title, where }) => [mark, title, where]);
 }"""
-CLOCKS = """async ([base, clocks, stated]) => {
-    const { assumed, instantOf, zoneOf } = await import(`${base}/campaign/in-time.js`);
-    const at = ([text, zone]) => new Date(instantOf(text, zone)).toISOString();
-    const frame = { taken_at: "2026-05-01T20:00:00" };
-    return [clocks.map(at), stated.map(([own, ours, more]) => {
-        const given = [{ time_zone: own }, { time_zone: ours }];
-        return [zoneOf({ ...frame, ...more }, ...given), assumed([{ ...frame, ...more }], ...given)];
-    })];
+CLOCKS = """async ([base, cases]) => {
+    const { assumed } = await import(`${base}/campaign/in-time.js`);
+    return cases.map(([campaign, ...frames]) => assumed(frames, campaign));
 }"""
 _AXES = ("scene", "iso", "f_number", "exposure_time_s", "band", "capture_id", "taken_at")
 
@@ -179,31 +174,23 @@ def test_frames_of_another_image_size_have_a_line_with_both_sizes(run):
     ]
 
 
-def test_clock_without_an_offset_is_drawn_by_the_stated_zone(run):
-    clocks = [
-        ["2026-05-01T20:00:00", "Europe/Berlin"],
-        ["2026-01-01T20:00:00.500", "Europe/Berlin"],
-        ["2026-03-29T01:30:00", "Europe/Berlin"],  # half an hour before the clock is put forward
-        ["2026-05-01T20:00:00", "+05:30"],
-        ["2026-05-01T20:00:00", None],
-        ["2026-05-01T20:00:00+01:00", "Europe/Berlin"],
+def test_what_is_assumed_of_clocks_without_an_offset_is_told(run):
+    berlin, known, unknown = (
+        {"time_zone": zone, "instant": at}
+        for zone, at in (
+            ("Europe/Berlin", "2026-05-01T18:00:00Z"),
+            (None, "2026-05-01T18:00:00Z"),
+            (None, None),
+        )
+    )
+    cases = [
+        [{"time_zone": "Europe/Berlin"}, berlin, berlin],
+        [{}, berlin, known],
+        [{}, unknown],
+        [{}, known],
     ]
-    berlin = "Europe/Berlin"
-    stated = [[berlin, "+03:00"], [None, "+03:00"], [None, None], [None, berlin, {"band": "red"}]]
-    stated.append([berlin, None, {"taken_at": "2026-05-01T20:00:00Z"}])
-    instants, said = run(CLOCKS, clocks, stated)
-    assert instants == [
-        "2026-05-01T18:00:00.000Z",
-        "2026-01-01T19:00:00.500Z",
-        "2026-03-29T00:30:00.000Z",
-        "2026-05-01T14:30:00.000Z",
-        "2026-05-01T20:00:00.000Z",
-        "2026-05-01T19:00:00.000Z",
-    ]
-    assert [zone for zone, _ in said] == [berlin, "+03:00", None, None, None]
-    (first, second, third, fourth, last) = (text for _, text in said)
-    assert "read as Europe/Berlin, as the campaign states" in first
-    assert "read as +03:00, as the organisation states" in second
-    assert "drawn as UTC" in third
-    assert fourth == third
-    assert last == ""
+    campaign, organisation, silent, nothing = run(CLOCKS, cases)
+    assert campaign.endswith("is read as Europe/Berlin, as the campaign states; drawn in UTC.")
+    assert organisation.endswith("is read as Europe/Berlin, as the organisation states; drawn in UTC.")
+    assert "drawn as UTC" in silent
+    assert nothing == ""

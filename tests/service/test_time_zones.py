@@ -74,6 +74,29 @@ def test_stated_zone_decides_which_version_is_in_force(house, staged):
         assert house.http.patch(path, json={"time_zone": wrong}).status_code == 422
 
 
+def test_grid_states_the_instant_of_each_frame(house):
+    """A zone that is stated later is another grid, whole."""
+    campaign = night(house)
+    take(house, campaign)
+    take(house, campaign, b"2026:10:25 02:30:00", name="twice.DNG")
+    house.upload(campaign, house.frame_bytes(signal_dn=300.0), role="field", filename="known.DNG")
+    house.work()
+
+    def look(**since):
+        answer = house.get(f"/v1/campaigns/{campaign['id']}/grid", **since)
+        frames = answer["frames"]
+        return answer, list(zip(frames["filename"], frames["instant"], frames["time_zone"], strict=True))
+
+    known, berlin = ("known.DNG", "2026-05-01T20:00:00Z", None), "Europe/Berlin"
+    before, rows = look()
+    assert rows == [("night.DNG", None, None), ("twice.DNG", None, None), known]
+    house.http.patch("/v1/organisation", json={"time_zone": berlin})
+    after, rows = look(since=before["since"])
+    night_at, twice_at = "2026-05-01T18:00:00Z", "2026-10-25T00:30:00Z"
+    assert rows == [("night.DNG", night_at, berlin), ("twice.DNG", twice_at, berlin), known]
+    assert not after["partial"]
+
+
 def test_hour_that_a_clock_shows_twice_must_be_covered_whole(house, staged):
     version = staged(calibrated_campaign)
     campaign = night(house, time_zone="Europe/Berlin")

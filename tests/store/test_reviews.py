@@ -211,6 +211,8 @@ def test_every_change_raises_the_revision_of_its_campaigns_alone(house):
     first, second = revisions(house, mine, other)
     house.post("/v1/panels", PANEL)
     assert revisions(house, mine, other) == [first + 1, second + 1]
+    house.http.patch("/v1/organisation", json={"time_zone": "Europe/Berlin"})
+    assert revisions(house, mine, other) == [first + 2, second + 2]
 
 
 @pytest.mark.either_database
