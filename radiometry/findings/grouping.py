@@ -48,9 +48,12 @@ class FindingGroup:
     count : int
         Number of occurrences.
     subjects : tuple of str
-        Where they occurred, the first hundred; empty if they hold for the whole.
+        Where each of the first hundred occurred; "" for the whole.
     values : Mapping
-        Numbers by name, a list each in the order of the subjects.
+        Numbers by name, a list each in the order of the subjects; "detail" where the occurrences differ in
+        their sentences.
+    sentence : str
+        What the finding means.
     detail : str
         What was found: the sentence of all occurrences if it is the same, else that of the finding.
     action : str
@@ -62,6 +65,7 @@ class FindingGroup:
     count: int
     subjects: tuple[str, ...]
     values: Mapping[str, tuple[Any, ...]]
+    sentence: str
     detail: str
     action: str
 
@@ -82,15 +86,17 @@ def group_findings(occurrences: Iterable[Occurrence]) -> tuple[FindingGroup, ...
 
 
 def _join(some: list[Occurrence]) -> FindingGroup:
-    first, named = some[0], [each for each in some if each.subject][:MOST_SUBJECTS]
-    names = dict.fromkeys(name for each in named for name in each.values)
+    first, shown = some[0], some[:MOST_SUBJECTS]
+    names = dict.fromkeys(name for each in shown for name in each.values)
     same = all(each.detail == first.detail for each in some)
+    details = {} if same else {"detail": tuple(each.detail for each in shown)}
     return FindingGroup(
         code=first.finding.code,
         severity=first.severity,
         count=len(some),
-        subjects=tuple(dict.fromkeys(each.subject for each in named)),
-        values={name: tuple(each.values.get(name) for each in named) for name in names},
+        subjects=tuple(each.subject for each in shown),
+        values={name: tuple(each.values.get(name) for each in shown) for name in names} | details,
+        sentence=first.finding.sentence,
         detail=first.detail if same and first.detail else first.finding.sentence,
         action=first.finding.remedy,
     )

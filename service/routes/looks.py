@@ -25,6 +25,7 @@ from service.routes.frames import require_header, require_preview
 from service.routes.tools import stateless
 from service.schemas.base import Answer, Form
 from service.schemas.campaigns import Point
+from service.schemas.findings import FindingGroupAnswer, group_flags
 from service.schemas.frames import VerdictAnswer
 from service.schemas.jobs import JobAnswer
 from service.schemas.measured_parts import FlagAnswer
@@ -55,6 +56,7 @@ class GridLook(Answer):
         default=None, description="Of lanes: largest standard uncertainty of a point's place on the road."
     )
     flags: list[FlagAnswer]
+    findings: list[FindingGroupAnswer] = Field(description="The flags, equal ones as one.")
 
 
 class FrameVerdict(VerdictAnswer):
@@ -122,12 +124,14 @@ def look_at_grid(frame_id: Id, body: NewGrid, caller: Reader, context: UsesConte
     header = require_header(frame)
     size = {"height_px": header["height_px"], "width_px": header["width_px"]}
     bounding_window(application.outline(grid), **size)
+    flags = [encode(flag) for flag in application.check_grid(grid, **size)]
     return GridLook(
         corners=[list(corner) for corner in grid.corners],
         rows=grid.rows,
         columns=grid.columns,
         point_u_m=describe_lanes(lanes)["point_u_m"] if lanes else None,
-        flags=[FlagAnswer.model_validate(encode(flag)) for flag in application.check_grid(grid, **size)],
+        flags=[FlagAnswer.model_validate(flag) for flag in flags],
+        findings=group_flags(flags),
     ).respond()
 
 

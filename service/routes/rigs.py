@@ -23,7 +23,9 @@ from service.problems import Problem, invalid
 from service.routes import problems, sends_file
 from service.routes.certificates import send_certificate_json, send_pdf
 from service.schemas.base import PositiveText, Text
+from service.schemas.findings import group_flags
 from service.schemas.rigs import NewRig, RigAnswer, RigCertificateAnswer, RigFile, RigOrientationAnswer
+from store.codec import encode
 from store.queries.calibration_record import read_calibration_record
 from store.queries.rigs import METHOD, SPEC, find_or_add_rig, list_cameras, list_versions, read_member
 from store.tables import Calibration, Camera, Rig
@@ -129,6 +131,7 @@ def get_rig_orientation(
                 "at": members[0].at,
                 "calibration_ids": [each.version for each in members],
                 "orientation": orientation,
+                "findings": group_flags(encode(raised) for raised in orientation.flags),
             }
             for members, orientation in found
         ],

@@ -11,12 +11,15 @@ from radiometry.methods.findings import FINDINGS
 from service.schemas.base import Answer
 
 
-class FindingGroupAnswer(Answer, restates=FindingGroup, fields="code count detail action"):
+class FindingGroupAnswer(Answer, restates=FindingGroup, fields="code count sentence detail action"):
     """Equal findings as one."""
 
     severity: Severity
-    subjects: list[str] = Field(description="Where it was found, the first hundred; empty for the whole.")
-    values: dict[str, Any] = Field(description="Numbers by name, a list each in the order of `subjects`.")
+    subjects: list[str] = Field(description='Where each of the first hundred was found; "" for the whole.')
+    values: dict[str, Any] = Field(
+        description="Numbers by name, a list each in the order of `subjects`; `detail` where what was found "
+        "differs."
+    )
 
 
 def group_flags(raised: Iterable[Mapping[str, Any]]) -> list[FindingGroupAnswer]:

@@ -9,6 +9,7 @@ from radiometry.fleet.rigs import RigStability
 from service.schemas.base import EACH_ONCE, Answer, Form, Instant, Quantity, Text
 from service.schemas.calibrations import Gap
 from service.schemas.certificates import FlagInWords, Item, Laboratory, Work
+from service.schemas.findings import FindingGroupAnswer
 from service.schemas.fleet import VersionLeftOut
 from store.queries.rigs import SPEC
 from store.tables import Rig
@@ -58,6 +59,7 @@ class RigSetAnswer(Answer):
     at: Instant
     calibration_ids: list[str]
     orientation: OrientationAnswer
+    findings: list[FindingGroupAnswer] = Field(description="Its flags, equal ones as one.")
 
 
 class RigStabilityAnswer(Answer, restates=RigStability):

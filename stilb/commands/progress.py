@@ -1,7 +1,8 @@
 """Progress of a push on stderr: a bar with rate and remaining time on a terminal, else one line per step."""
 
 import math
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 from rich.console import Console
@@ -16,9 +17,11 @@ from rich.progress import (
 )
 
 from stilb.commands.tables import name_some
-from stilb.field.push import Listener, Report
+from stilb.field.push import Listener, Report, Told
 from stilb.problem import Problem
 from stilb.side_by_side import Progress as Sent
+
+_NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
 class _Screen:
@@ -75,16 +78,30 @@ def tell_retry(console: Console, problem: Problem, pause_s: float) -> None:
 
 
 def lines(report: Report) -> Iterator[str]:
-    """Return the lines at the end: files that do not simply pass, by their reasons, then the sum."""
-    alike: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+    """Return the lines at the end: files that do not simply pass, by their reasons, then the sum.
+
+    Reasons that differ only in numbers are one, with the range of each number.
+    """
+    alike: dict[tuple[str, ...], list[Told]] = {}
     for file in report.files:
         if file.outcome != "pass" or file.reasons:
-            alike.setdefault((file.outcome, file.reasons), []).append(file.name)
-    for (outcome, reasons), names in alike.items():
-        yield f"{name_some(names, 'files')}  {outcome}"
-        yield from (f"    {reason}" for reason in reasons)
+            words = (_NUMBER.sub("#", reason) for reason in file.reasons)
+            alike.setdefault((file.outcome, *words), []).append(file)
+    for (outcome, *_), files in alike.items():
+        yield f"{name_some([file.name for file in files], 'files')}  {outcome}"
+        yield from (f"    {_merge(some)}" for some in zip(*(file.reasons for file in files), strict=True))
     if report.left_out:
         yield f"left out, no rule fits: {', '.join(report.left_out)}"
     if report.receipt:
         yield f"receipt: {report.receipt}"
     yield report.sentence()
+
+
+def _merge(reasons: Sequence[str]) -> str:
+    """Return sentences that are equal but for their numbers as one."""
+    ranges = (
+        (min(numbers, key=float), max(numbers, key=float))
+        for numbers in zip(*map(_NUMBER.findall, reasons), strict=True)
+    )
+    spans = (low if float(low) == float(high) else f"{low} to {high}" for low, high in ranges)
+    return _NUMBER.sub(lambda _: next(spans), reasons[0])

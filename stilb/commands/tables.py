@@ -85,8 +85,9 @@ def format_findings(found: Iterable[Mapping[str, Any]]) -> list[str]:
     """Return a line for equal findings: severity, code, what was found and what to do, and where."""
     lines = []
     for each in found:
-        subjects, more = each["subjects"][:_MOST_NAMED], each["count"] - _MOST_NAMED
-        where = ", ".join(subjects) + (f" and {more} more" if more > 0 else "")
+        subjects = [*dict.fromkeys(filter(None, each["subjects"]))]
+        more = len(subjects) - _MOST_NAMED + each["count"] - len(each["subjects"])
+        where = ", ".join(subjects[:_MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
         place = f" ({where})" if subjects else ""
         lines.append(f"{each['severity']} {each['code']}: {each['detail']} {each['action']}{place}")
     return lines

@@ -25,6 +25,20 @@ def test_files_of_equal_reasons_are_told_once():
     ]
 
 
+def test_reasons_that_differ_only_in_numbers_are_told_once():
+    clipped = ("{}% of the region is clipped, at ISO 3200.", "Expose less.")
+    shares = {"a.DNG": "0.35", "b.DNG": "12", "c.DNG": "12.0"}
+    files = [told(name, "fail", clipped[0].format(share), clipped[1]) for name, share in shares.items()]
+    report = Report(campaign_id="cmp_1", files=(*files, told("d.DNG", "fail", "Damaged.")), sent=0)
+    assert list(lines(report))[:-1] == [
+        "a.DNG, b.DNG, c.DNG  fail",
+        "    0.35 to 12% of the region is clipped, at ISO 3200.",
+        "    Expose less.",
+        "d.DNG  fail",
+        "    Damaged.",
+    ]
+
+
 def test_equal_findings_are_a_line_with_their_subjects():
     scenes = [f"scene level-{number}" for number in range(20)]
     found = {"code": "lamp_drift", "severity": "warn", "count": 20, "subjects": scenes, "values": {}}

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from radiometry.findings import Finding, flag
+from radiometry.findings.grouping import Occurrence, group_findings
 from radiometry.findings.shared import RENDERED, ROI_EMPTY
 from radiometry.methods.findings import FINDINGS, collect_findings
 
@@ -91,6 +92,18 @@ def test_a_refusal_ends_with_the_remedy():
     refused = ROI_EMPTY.refuse("It is small.")
     assert refused.message == f"It is small. {ROI_EMPTY.remedy}"
     assert isinstance(refused.code, Finding)
+
+
+def test_a_group_keeps_what_was_found_at_each_subject():
+    found = [
+        Occurrence(finding=RENDERED, severity="warn", subject=subject, detail=detail)
+        for subject, detail in (("frame a", "R."), ("frame a", "B."), ("", "All."))
+    ]
+    (group,) = group_findings(found)
+    assert (group.count, group.subjects, group.detail) == (3, ("frame a", "frame a", ""), RENDERED.sentence)
+    assert group.values == {"detail": ("R.", "B.", "All.")}
+    (group,) = group_findings(found[:1] * 2)
+    assert (group.detail, group.sentence, group.values) == ("R.", RENDERED.sentence, {})
 
 
 def test_what_pages_tell_people_to_do_is_no_request():

@@ -4,7 +4,7 @@ import { all, get, getOr } from "../api.js";
 import { byId, fill, h } from "../dom.js";
 import { labelOf } from "../methods.js";
 import { empty, failed, load } from "../states.js";
-import { drawFlags, explainFlags } from "../flags.js";
+import { drawFindings } from "../flags.js";
 import { drawBudget, drawModels, reportedModel } from "./detail.js";
 import { offerDecisions } from "./decide.js";
 import { drawStatus, drawVerdict } from "./result.js";
@@ -23,7 +23,7 @@ async function start() {
   const calibration = get(`/v1/calibrations/${id}`);
   showStatus(calibration);
   load(byId("verdict"), () => calibration, drawVerdict);
-  load(byId("flags"), async () => explainFlags((await calibration).diagnostics.flags ?? []), drawFlags);
+  load(byId("flags"), async () => (await calibration).findings, drawFindings);
   load(byId("points"), () => calibration, (found) => drawPoints(found, choice));
   load(byId("made"), () => calibration, drawMade);
   try {

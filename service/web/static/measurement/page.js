@@ -3,7 +3,7 @@
 import { get } from "../api.js";
 import { bars } from "../bars.js";
 import { byId, fill, h, may, prose } from "../dom.js";
-import { drawFlags, explainFlags } from "../flags.js";
+import { drawFindings } from "../flags.js";
 import { number, percent, tag, time, typeset, words } from "../format.js";
 import { labelOf } from "../methods.js";
 import { empty, load } from "../states.js";
@@ -35,7 +35,7 @@ load(byId("map"), drawableMap, (drawn) => drawn);
 load(byId("with"), withFalloff, drawCalibration);
 load(byId("budget"), () => measurement, drawBudget);
 load(byId("better"), () => measurement, ({ to_do_better: sentences }) => (sentences.length ? h("ul", { class: "better" }, sentences.map((each) => h("li", {}, prose(each)))) : h("p", { class: "muted" }, "No suggestions.")));
-load(byId("flags"), async () => explainFlags((await measurement).flags), drawFlags);
+load(byId("flags"), async () => (await measurement).findings, drawFindings);
 load(byId("made"), () => measurement, drawRecord);
 
 async function drawableMap() {

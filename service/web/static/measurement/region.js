@@ -2,7 +2,7 @@
 
 import { post } from "../api.js";
 import { fill, h } from "../dom.js";
-import { explainFlags } from "../flags.js";
+import { detailOf } from "../flags.js";
 import { number } from "../format.js";
 import { about, choices, decimal, field } from "../campaign/forms.js";
 import { RegionCanvas } from "../campaign/canvas.js";
@@ -70,11 +70,10 @@ export function regionPart({ place = null, kinds: offered = KINDS.map(([name]) =
       if (!error.code) throw error;
       return fill(checked, h("p", { class: "note warn" }, error.message));
     }
-    const flags = await explainFlags(answer.flags);
     if (asked !== editor.points.join(" ")) return;
     fill(
       checked,
-      flags.map(({ sentence, remedy, found: [{ detail }] }) => h("p", { class: "note warn" }, h("strong", {}, sentence), ` ${detail} ${remedy}`)),
+      answer.findings.map((finding) => h("p", { class: "note warn" }, h("strong", {}, finding.sentence), ` ${detailOf(finding, 0)} ${finding.action}`)),
       answer.point_u_m === undefined ? null : h("p", { class: "small muted" }, `Points are known to ${number(answer.point_u_m, 2)} m on the road, from the corners alone.`),
     );
   }

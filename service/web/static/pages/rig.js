@@ -3,7 +3,7 @@
 import { get } from "../api.js";
 import { byId, filename, fill, h, table } from "../dom.js";
 import { counted, number, quantity, tag, time } from "../format.js";
-import { drawFlags, explainFlags } from "../flags.js";
+import { drawFindings } from "../flags.js";
 import { shorten } from "../shorten.js";
 import { empty, load } from "../states.js";
 
@@ -46,7 +46,7 @@ load(byId("orientation"), () => newest, (set) => {
   ];
 });
 
-load(byId("flags"), async () => explainFlags((await newest)?.orientation.flags ?? []), drawFlags);
+load(byId("flags"), async () => (await newest)?.findings ?? [], drawFindings);
 
 const drawStability = (asked) =>
   load(byId("stability"), () => asked, ({ stability }) => {
