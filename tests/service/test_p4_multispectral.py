@@ -115,6 +115,30 @@ def test_a_p4_multispectral_is_read_shown_fitted_and_measured(sqlite_house, camp
     assert interval == ["2020-06-04T21:01:00Z", "2020-06-05T23:01:00Z"]
 
 
+def test_a_stated_zone_levels_the_light_of_a_p4(sqlite_house, campaign, frames):
+    house, path = sqlite_house, f"/v1/campaigns/{campaign['id']}"
+
+    def work(job):
+        house.work()
+        return house.get(f"/v1/jobs/{job['id']}")["result"]
+
+    house.http.put(f"{path}/roi", json=REGION)
+    house.work()
+    light = {}
+    for zone in ("", "America/Chicago"):
+        assert house.http.patch(path, json={"time_zone": zone}).status_code == 200
+        fitted = work(house.post(f"{path}/calibrations", {}, status=202))["calibration_id"]
+        told = [each["code"] for each in house.get(f"/v1/calibrations/{fitted}")["findings"]]
+        assert ("tilt_not_correctable" in told) is not bool(zone)
+        body = {"frame_id": frames["nir"]["id"], "calibration_id": fitted}
+        made = house.get(
+            f"/v1/measurements/{work(house.post('/v1/measurements', body, status=202))['measurement_id']}"
+        )
+        assert made["mean"]["value"] == pytest.approx(0.5, rel=1e-9)
+        light[zone] = made["reflected"]["i_ss_basis"]
+    assert light == {"": "oriented", "America/Chicago": "levelled"}
+
+
 def test_a_thermal_band_is_stored_and_left_out(sqlite_house):
     camera = sqlite_house.camera(make="MicaSense", model="Altum-PT", serial="A1")
     made = sqlite_house.post("/v1/campaigns", {"camera_id": camera["id"], "method": "reflectance"})
