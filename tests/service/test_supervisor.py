@@ -76,32 +76,25 @@ def test_a_signal_stops_everything_in_order(tmp_path, sig):
 
 
 def test_a_part_that_does_not_heed_the_stop_is_killed(tmp_path):
-    with launched(tmp_path, parts=("serve", "stubborn")) as process:
-        ready(process)
-        wait_until(lambda: "deaf" in (tmp_path / "logs" / "stubborn.log").read_text())
+    with launched(tmp_path, parts=("serve", "stubborn"), STILB_KEY=GIVEN) as process:
+        assert ready(process)[1] == GIVEN
+        log = tmp_path / "logs" / "stubborn.log"
+        # nor is it given a key, which it does not need
+        wait_until(lambda: log.read_text() == "deaf, without the key\n")
         process.terminate()
         assert process.wait(90) == 0
         assert "stubborn did not stop within 1 s and is killed" in process.stderr.read()
         assert marked(process.mark) == set()
 
 
-def test_a_part_that_needs_no_key_is_given_none(tmp_path):
-    with launched(tmp_path, parts=("serve", "stubborn"), STILB_KEY=GIVEN) as process:
-        assert ready(process)[1] == GIVEN
-        log = tmp_path / "logs" / "stubborn.log"
-        wait_until(lambda: log.read_text() == "deaf, without the key\n")
-
-
 def test_a_second_signal_does_not_wait(tmp_path):
-    with launched(tmp_path, parts=("serve", "stubborn")) as process:
+    with launched(tmp_path, parts=("serve", "stubborn"), STILB_TEST_STOP_S="3600") as process:
         ready(process)
         wait_until(lambda: "deaf" in (tmp_path / "logs" / "stubborn.log").read_text())
-        begun = time.monotonic()
         process.terminate()
-        time.sleep(0.1)
+        wait_until(lambda: not children_named(process, "serve"), "the end of what heeds the stop")
         process.terminate()
         assert process.wait(90) == 0
-        assert time.monotonic() - begun < 1.0
         assert marked(process.mark) == set()
 
 
@@ -192,12 +185,12 @@ def test_a_part_that_hangs_is_killed_and_started_again(tmp_path):
 
 
 def test_nobody_is_killed_for_the_time_in_which_everything_was_stopped(tmp_path):
-    hang_s = 5.0
+    hang_s = 2.0
     limits = {"STILB_HANG_S": str(hang_s), "STILB_DATABASE_TIMEOUT_S": "1"}
     with launched(tmp_path, parts=("serve", "beat"), **limits) as process:
         ready(process)
         (beating,) = children_named(process, "beat")
-        for sig, lasts_s in ((signal.SIGSTOP, hang_s + 2), (signal.SIGCONT, 2)):
+        for sig, lasts_s in ((signal.SIGSTOP, hang_s + 1.5), (signal.SIGCONT, 1)):
             for pid in (process.pid, beating):
                 os.kill(pid, sig)
             time.sleep(lasts_s)

@@ -58,7 +58,12 @@ def _launch(parts: str, before: str) -> int:
         Roster(
             before=[[*SELF, step] for step in before.split(",") if step],
             parts=[
-                Part(name=part, command=[*SELF, part], stop_within_s=1.0, has_pulse=part in {"beat", "hang"})
+                Part(
+                    name=part,
+                    command=[*SELF, part],
+                    stop_within_s=float(os.environ.get("STILB_TEST_STOP_S", "1")),
+                    has_pulse=part in {"beat", "hang"},
+                )
                 for part in parts.split(",")
                 if part
             ],
