@@ -4,7 +4,7 @@ import json
 
 from tests.support.deployments import Embedded, short_folder
 
-FITS = 100
+FITS = 5
 
 
 def read_lines(path, message):

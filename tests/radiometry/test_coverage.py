@@ -37,9 +37,7 @@ def series_of(seed, errors, chosen):
     return collect_series(drawn.rows, drawn.readings, chosen)[0]
 
 
-@pytest.mark.parametrize(
-    ("errors", "given"), [(APERTURES, False), (READINGS, False), (Errors(), False), (Errors(), True)]
-)
+@pytest.mark.parametrize(("errors", "given"), [(APERTURES, False), (READINGS, False), (Errors(), True)])
 def test_the_interval_holds_the_truth(errors, given):
     chosen = params(errors, given=given)
     found = [
@@ -56,7 +54,7 @@ def test_the_interval_holds_the_truth(errors, given):
     assert np.std(deviations) == pytest.approx(claimed, rel=0.15)
 
 
-@pytest.mark.parametrize("f_number", [0.003, 0.015, 0.03])
+@pytest.mark.parametrize("f_number", [0.003, 0.03])
 def test_luminance_at_a_calibrated_f_number_does_not_have_its_error(f_number):
     """Whatever the f-numbers are: 1.1 % in L, where K of the ISO value alone would err by up to 6 %."""
     errors, deviations, stated = Errors(f_number=f_number), [], []
@@ -93,14 +91,13 @@ def scatter(series, rel, random):
     return dataclasses.replace(series, candidates=spoilt)
 
 
-@pytest.mark.parametrize(("rel", "given"), [(0.003, False), (0.02, True)])
-def test_the_interval_holds_the_truth_where_frames_scatter(rel, given):
-    """Fifty times to a hundred times what pixel noise explains: u(K) grows by what the mean takes of it."""
-    chosen = params(APERTURES, given=given)
+def test_the_interval_holds_the_truth_where_frames_scatter():
+    """A hundred times what pixel noise explains: u(K) grows by what the mean takes of it."""
+    chosen = params(APERTURES, given=True)
     held, grown = [], []
     for seed in range(CAMPAIGNS // 2):
         plain = series_of(seed, APERTURES, chosen)
-        spoilt = scatter(plain, rel, np.random.default_rng([1, seed]))
+        spoilt = scatter(plain, 0.02, np.random.default_rng([1, seed]))
         before, after = (
             curves.fit_coefficient(each, chosen, calibration_u_rel=0.0)[0] for each in (plain, spoilt)
         )
@@ -114,7 +111,7 @@ def test_treating_points_as_independent_claims_too_much():
     """The same points with every error a point's own: u(K) is too small, the truth is lost."""
     chosen = params(READINGS, given=True)
     held, ratios = [], []
-    for seed in range(100):
+    for seed in range(50):
         series = series_of(seed, READINGS, chosen)
         curve = curves._curve(series, chosen)
         n = len(curve.rhs)

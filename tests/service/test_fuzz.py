@@ -10,7 +10,7 @@ from service.upload_headers import PIECES
 from tests.support.everything import make_one_of_each
 from tests.support.house import KEY
 
-EXAMPLES = 3
+EXAMPLES = 2
 # Where a request that the document allows may be refused as of a wrong form: no schema says that two fields
 # go together (body, query), what time it is, what the database and the operator hold, or which query goes
 # with which body.

@@ -57,12 +57,12 @@ def test_it_says_in_one_line_where_it_serves(tmp_path):
 
 def test_the_key_is_kept_from_start_to_start_unless_one_is_given(tmp_path):
     keys = []
-    for settings in ({}, {}, {"STILB_KEY": GIVEN}, {}):
+    for settings in ({}, {"STILB_KEY": GIVEN}, {}):
         with launched(tmp_path, **settings) as process:
             keys.append(ready(process)[1])
             process.terminate()
             process.communicate(timeout=90)
-    assert keys == [keys[0], keys[0], GIVEN, keys[0]]
+    assert keys == [keys[0], GIVEN, keys[0]]
 
 
 @pytest.mark.parametrize("sig", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
@@ -208,8 +208,6 @@ def test_on_a_full_disk_it_waits_for_room_and_goes_on(tmp_path):
             time.sleep(5)
             assert process.poll() is None
         wait_until(lambda: children_named(process, "write"), "the part that needs room", timeout_s=30)
-        time.sleep(0.5)
-        assert children_named(process, "write")
 
 
 def test_a_second_start_on_the_same_data_is_refused(tmp_path):

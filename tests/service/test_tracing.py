@@ -85,7 +85,8 @@ def test_one_trace_leads_from_the_request_over_the_job_to_the_version(house, sta
     assert not [name for name in found if "livez" in name]
 
 
-def test_an_endpoint_that_is_away_stops_nothing(traced):
+def test_an_endpoint_that_is_away_stops_nothing(traced, monkeypatch):
+    monkeypatch.setattr(tracing, "_EXPORT_WITHIN_S", 0.1)
     traced(f"http://127.0.0.1:{pick_port()}")
     for _ in range(3000):  # more than its queue holds
         with tracing.span("job fit", kind="CONSUMER", parent=None, known={"job_id": "j"}) as note:
