@@ -15,7 +15,9 @@ def go(method, team, folder, camera=""):
     return play(method, stage)
 
 
-@pytest.mark.parametrize("method", [spec.name for spec in METHODS if spec.name != "luminance"])
+@pytest.mark.parametrize(
+    "method", [spec.name for spec in METHODS if spec.name not in {"luminance", "vignetting"}]
+)
 def test_the_truth_is_found(embedded, method, tmp_path, capsys):
     with embedded.team() as team:
         assert go(method, team, tmp_path), capsys.readouterr().out
@@ -30,11 +32,11 @@ def test_the_truth_is_found_with_another_multispectral_camera(embedded, tmp_path
         assert "NDVI" in capsys.readouterr().out
 
 
-def test_the_second_time_changes_nothing(embedded, tmp_path, capsys):
+def test_the_second_time_finds_the_same_truth_and_changes_nothing(embedded, tmp_path, capsys):
     with embedded.team() as team:
         tables = []
         for _ in range(2):
-            assert go("vignetting", team, tmp_path)
+            assert go("vignetting", team, tmp_path), capsys.readouterr().out
             shown = capsys.readouterr().out
             tables.append(shown[shown.index("vignetting beside") :])
         assert tables[0] == tables[1]
