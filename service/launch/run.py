@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 
 from service.launch import valkey
 from service.launch.folder import claimed
@@ -69,7 +70,8 @@ def _run(settings: Settings, roster: Roster, signals: Signals, stack: ExitStack)
     stack.callback(supervisor.stop, signals)
     if broker is not None:
         serve_hints = valkey.valkey_command(valkey.valkey_binary(), data, broker)
-        supervisor.start(Part(name="valkey", command=serve_hints, serves_others=True))
+        stop = partial(valkey.end, broker)
+        supervisor.start(Part(name="valkey", command=serve_hints, serves_others=True, stop=stop))
     for command in roster.before:
         _run_to_its_end(command, environment, lock)
     for part in roster.parts:

@@ -59,6 +59,8 @@ class Part:
     """It finds the bootstrap key in STILB_KEY; those that read strangers' bytes do not."""
     serves_others: bool = False
     """It is stopped only after the parts that need it."""
+    stop: Callable[[], object] | None = None
+    """Asks it to stop where a signal takes longer."""
     has_pulse: bool = False
     """It touches the file in STILB_PULSE while its work goes on, and is killed when it does not."""
 
@@ -135,7 +137,9 @@ class Supervisor:
                 for child in self._children
                 if child.process is not None and child.part.serves_others == serving
             ]
-            for _, process in running:
+            for part, process in running:
+                if part.stop is not None:
+                    part.stop()
                 process.terminate()
             started = time.monotonic()
             for part, process in running:

@@ -76,16 +76,21 @@ def socket_path(data: Path) -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def answers(sock: Path) -> bool:
+def answers(sock: Path, *, asked: bytes = b"PING") -> bool:
     """Return True if the server behind the socket is ready."""
     with socket.socket(socket.AF_UNIX) as client:
         client.settimeout(1.0)
         try:
             client.connect(str(sock))
-            client.sendall(b"PING\r\n")
+            client.sendall(asked + b"\r\n")
             return client.recv(64).startswith(b"+PONG")
         except OSError:
             return False
+
+
+def end(sock: Path) -> None:
+    """Ask the server to end at once; a signal it notices when it wakes the next time."""
+    answers(sock, asked=b"SHUTDOWN NOSAVE NOW FORCE")
 
 
 def _short_folder() -> Path:
