@@ -183,7 +183,7 @@ def test_what_has_arrived_before_a_cut_is_not_sent_again(team, campaign, tmp_pat
 def test_files_arrive_whole_through_lines_that_break(embedded, tmp_path):
     """The benchmark, at a size where its seconds mean nothing."""
     few = Cuts(
-        resets=3, silences=0, kills=0, file_bytes=2 * MEGABYTE, rate=8.0 * MEGABYTE, lines=2, at_once=2,
+        resets=1, silences=0, kills=0, file_bytes=2 * MEGABYTE, rate=8.0 * MEGABYTE, lines=2, at_once=2,
         slowest=1e5, fastest=4e5, lasts_s=(1.0, 1.5), every_s=(0.3, 0.6),
     )  # fmt: skip
     found = run(few, embedded, tmp_path)
@@ -317,7 +317,7 @@ def test_the_same_small_files_from_two_clients_of_which_one_is_killed(embedded, 
 @pytest.mark.parametrize("form", ["raw", "multipart"])
 def test_memory_stays_flat_however_large_the_file(embedded, team, campaign, shots, form):
     team.push(campaign, shots[:2])
-    size, boundary = 300 * MEGABYTE, "stilb"
+    size, boundary = 150 * MEGABYTE, "stilb"
     opening = b'--stilb\r\nContent-Disposition: form-data; name="file"; filename="f"\r\n\r\n'
     start, end = (b"", b"") if form == "raw" else (opening, b"\r\n--stilb--\r\n")
     kind = "application/octet-stream" if form == "raw" else f"multipart/form-data; boundary={boundary}"
