@@ -128,17 +128,13 @@ def test_every_frame_reading_item_and_share_is_printed(printed):
 
 
 @alone
-def test_a_change_of_any_result_shows_on_paper(printed):
-    certificate, _, pages = printed
-    changed = copy.deepcopy(certificate)
-    changed["result"]["iso_fits"][0]["coefficient"]["luminance_k"] = 77.77
-    assert "77.77" not in "".join(pages)
-    assert "77.77" in read(typeset(lay_out(changed, "")))[0]
-
-
-@alone
-def test_tables_go_on_over_pages_with_their_heads_and_long_names_stay_inside(certificate):
+def test_tables_go_on_over_pages_and_words_are_text(certificate):
+    """Heads are repeated, long names stay inside, and a letter that no font can show does no harm."""
+    hostile = '#eval("1") *bold* $x$ <b> \\ "quoted" #include "/etc/passwd"'
     long = copy.deepcopy(certificate)
+    long["result"]["iso_fits"][0]["coefficient"]["luminance_k"] = 77.77
+    long["work"]["place"] = f"Gate \U00074823 {hostile}"
+    long["checklist"]["items"][0]["note"] = hostile
     long["frames"] = [
         frame | {"frame": f"{'N' * 60}-{i}.DNG"} for i in range(4) for frame in certificate["frames"]
     ]
@@ -148,6 +144,10 @@ def test_tables_go_on_over_pages_with_their_heads_and_long_names_stay_inside(cer
     assert len(with_frames) > 3
     for page in with_frames:
         assert "SHA-256" in page
+    text = "".join("".join(pages).split())
+    assert text.count("".join(hostile.split())) == 2
+    assert "Gate" in text
+    assert "77.77" in pages[0]
     total = len(pages)
     for number, page in enumerate(pages, start=1):
         assert f"page {number} of {total}" in " ".join(page.split())
@@ -209,16 +209,6 @@ def test_a_file_is_rendered_once_and_again_if_it_is_lost(house, monkeypatch):
     assert len(rendered) == 3
     monkeypatch.setattr("service.press.kept.RENDERER", "another")
     assert find_rendered(context, name_source(b"a")) is None
-
-
-@alone
-def test_words_are_text_beside_a_letter_that_no_font_can_show(certificate):
-    hostile = '#eval("1") *bold* $x$ <b> \\ "quoted" #include "/etc/passwd"'
-    certificate["work"]["place"] = f"Gate \U00074823 {hostile}"
-    certificate["checklist"]["items"][0]["note"] = hostile
-    text = "".join("".join(read(typeset(lay_out(certificate, "")))).split())
-    assert text.count("".join(hostile.split())) == 2
-    assert "Gate" in text
 
 
 def test_the_region_is_drawn_where_it_lies():

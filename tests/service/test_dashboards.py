@@ -24,12 +24,16 @@ DOCS = Path(__file__).parents[2] / "docs"
 PUBLICATION = {"valid_from": "2026-05-01T00:00:00Z", "reason": "spring"}
 
 
-@pytest.fixture
-def measured(house):
+def measure_once(house):
     version = calibrate(house, upload_campaign(house, isos=(3200,)))
     house.post(f"/v1/calibrations/{version['id']}/publish", PUBLICATION, status=200)
     measure(house, field_frame(house, version["campaign_id"]), version)
     return version
+
+
+@pytest.fixture
+def measured(staged):
+    return staged(measure_once)
 
 
 def test_only_listed_origins_may_read(house):

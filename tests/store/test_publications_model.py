@@ -304,7 +304,7 @@ decisions = st.lists(
 
 @pytest.mark.either_database
 @settings(
-    max_examples=40,
+    max_examples=15,
     deadline=None,
     derandomize=True,
     suppress_health_check=[HealthCheck.function_scoped_fixture],

@@ -161,7 +161,7 @@ def scratch(house, campaign_id):
 
 def test_kept_reviews_equal_those_from_scratch(house):
     field = Field(house, seed=3)
-    for step in range(36):
+    for step in range(24):
         act = field.random.choice(ACTS)
         act(field)
         for campaign in (field.campaign, field.other):
