@@ -26,11 +26,10 @@ class _Failures:
     count: int
     last_at: float
 
-    @property
-    def wait_s(self) -> float:
+    def wait_s(self, free: int) -> float:
         """Return how long all attempts are refused after the last failure."""
-        over = self.count - FREE
-        return min(2.0**over, LONGEST_WAIT_S) if over >= 0 else 0.0
+        over = self.count - free
+        return min(2.0 ** min(over, 10), LONGEST_WAIT_S) if over >= 0 else 0.0
 
 
 class Attempts:
@@ -40,8 +39,9 @@ class Attempts:
     proxy that hides addresses.
     """
 
-    def __init__(self, clock: Callable[[], float] = time.time) -> None:
+    def __init__(self, clock: Callable[[], float] = time.time, *, free: int = FREE) -> None:
         self._clock = clock
+        self._free = free
         self._lock = Lock()
         self._failures: OrderedDict[str, _Failures] = OrderedDict()
         self._others: dict[str, list[_Failures]] = {}
@@ -62,8 +62,9 @@ class Attempts:
         if not found:
             return 0.0
         total = _Failures(sum(each.count for each in found), max(each.last_at for each in found))
+        longest_s = total.wait_s(self._free)
         # no longer where the clock has been set back since
-        return min(max(0.0, total.last_at + total.wait_s - self._clock()), total.wait_s)
+        return min(max(0.0, total.last_at + longest_s - self._clock()), longest_s)
 
     def tell(self) -> dict[str, tuple[int, float]]:
         """Return the newest failures that this process has seen, for the others."""
@@ -98,7 +99,7 @@ class Attempts:
         return 0 if found is None or self._is_forgotten(found) else found.count
 
     def _is_forgotten(self, failures: _Failures) -> bool:
-        return self._clock() > failures.last_at + failures.wait_s + FORGOTTEN_AFTER_S
+        return self._clock() > failures.last_at + failures.wait_s(self._free) + FORGOTTEN_AFTER_S
 
 
 def name_address(host: str | None) -> str:

@@ -1,8 +1,10 @@
 """Authentication: an API key of one organisation with its scopes, or a browser session opened with it."""
 
+import asyncio
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from fastapi import Depends, Request
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
@@ -10,6 +12,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import ClientDisconnect
 
 from radiometry.findings import interface
+from service.attempts import name_address
 from service.context import Context
 from service.problems import Problem, RefusedBody
 from service.schemas.base import rfc3339
@@ -28,6 +31,8 @@ SCOPE_WORDS: dict[Scope, str] = {
 """What a key may do, as the pages name it."""
 SCOPES = tuple(SCOPE_WORDS)
 
+LATEST_S: Final = 5.0
+"""What strangers wait at most for their answer."""
 _SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 _bearer = HTTPBearer(auto_error=False, scheme_name="key", description="A key of your organisation.")
 
@@ -80,12 +85,33 @@ async def identify(request: Request) -> None:
         credentials = await _bearer(request)
         request.state.caller = await run_in_threadpool(_find_caller, request, credentials)
     except Problem as problem:
+        late_s = _count_refusal(request) if problem.code == interface.UNAUTHENTICATED else 0.0
         try:
             async for _ in request.stream():
                 pass
-        except (RefusedBody, ClientDisconnect):
+            await _wait(request, late_s)
+        except RefusedBody:
             problem.headers["Connection"] = "close"
+            await asyncio.sleep(late_s)
+        except ClientDisconnect:
+            pass
         raise
+
+
+def _count_refusal(request: Request) -> float:
+    """Return how late a stranger is answered [s]: one address that keeps asking leaves time to others."""
+    context: Context = request.app.state.context
+    address = name_address(request.client.host if request.client else None)
+    context.refused.fail(address)
+    return min(context.refused.wait_s(address), LATEST_S)
+
+
+async def _wait(request: Request, late_s: float) -> None:
+    """Wait, unless who asked has left."""
+    with suppress(TimeoutError):
+        async with asyncio.timeout(late_s):
+            while (await request.receive())["type"] != "http.disconnect":
+                pass
 
 
 def _find_caller(request: Request, credentials: HTTPAuthorizationCredentials | None) -> Caller:

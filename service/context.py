@@ -47,6 +47,11 @@ class Context:
         return Attempts()
 
     @cached_property
+    def refused(self) -> Attempts:
+        """Requests without a key that is known, of which many are answered late."""
+        return Attempts(free=50)
+
+    @cached_property
     def quotas(self) -> Quotas:
         return Quotas.of(self.settings)
 

@@ -17,6 +17,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from radiometry.findings import interface
 from service import problems
+from service.attempts import name_address
 from service.job_watch import JobWatch
 from service.metrics import Metrics
 from service.problems import Problem
@@ -29,6 +30,7 @@ COME_BACK_S = 2
 _REQUEST_ID = "X-Request-ID"
 _PLAIN = re.compile(r"[\w.:-]{1,64}", re.ASCII)
 # what machines ask for every few seconds, and what a page loads
+_REFUSED = frozenset({401, 403})
 _UNLOGGED = ("/livez", "/readyz", "/metrics", "/static/")
 _LINGER_S = 1.0
 _OURS = 500
@@ -99,6 +101,8 @@ class Traffic:
                 self.metrics.requests.labels(method, route, exchange.status).observe(took_s)
                 told = {"method": method, "route": route, "status": exchange.status}
                 note(told, name=f"{method} {route}", failed=exchange.status >= _OURS)
+                if exchange.status in _REFUSED:
+                    told["address"] = name_address((scope.get("client") or [None])[0])
                 if not route.startswith(_UNLOGGED):
                     log.info("request", extra={"fields": told | {"duration_s": round(took_s, 4)}})
                 self._open.discard(exchange)

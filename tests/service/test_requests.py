@@ -3,12 +3,14 @@
 import asyncio
 import gzip
 import json
+import time
 import unicodedata
 
 import pytest
 from fastapi.testclient import TestClient
 
-from service import limits
+from service import auth, limits
+from service.attempts import LONGEST_WAIT_S, Attempts
 from service.limits import MAX_BODY_BYTES, STRANGER_BYTES
 
 CAMERA = {"make": "DJI", "model": "FC6520", "serial": "1"}
@@ -192,6 +194,28 @@ def test_a_body_that_is_held_back_is_not_waited_for(house, monkeypatch, known, s
     }
     asyncio.run(asyncio.wait_for(house.app(scope, receive, send), 30))
     assert sent[0]["status"] == status
+
+
+def test_who_keeps_asking_without_a_key_is_answered_late_and_logged(house, monkeypatch, caplog):
+    monkeypatch.setattr(auth, "LATEST_S", 0.3)
+    refused = Attempts(free=2)
+    monkeypatch.setitem(house.app.state.context.__dict__, "refused", refused)
+    caplog.set_level("INFO")
+    took_s = []
+    with house.with_key("nobody") as wrong:
+        for client in (wrong, wrong, house.http):
+            begun = time.monotonic()
+            client.get("/v1/cameras")
+            took_s.append(time.monotonic() - begun)
+    assert took_s[1] >= 0.3 > max(took_s[0], took_s[2])
+    told = [record.fields for record in caplog.records if record.message == "request"]
+    assert [(each["status"], each.get("address")) for each in told[-3:]] == [
+        *[(401, "testclient")] * 2,
+        (200, None),
+    ]
+    for _ in range(1100):
+        refused.fail("testclient")
+    assert refused.wait_s("testclient") <= LONGEST_WAIT_S
 
 
 def test_all_bodies_of_an_organisation_under_way_have_a_limit(house, monkeypatch):
