@@ -29,18 +29,22 @@ PANEL = {
 }
 
 
+def read_contents(bands=tuple(NAMES)):
+    return {band: data_file(f"sequoia/{NAMES[band]}").read_bytes() for band in bands}
+
+
 @pytest.fixture
 def contents():
-    return {band: data_file(f"sequoia/{name}").read_bytes() for band, name in NAMES.items()}
+    return read_contents()
 
 
-def begin(house, contents, *, panel=True, **more):
+def begin(house, bands=tuple(NAMES), *, panel=True, **more):
     camera = house.camera(**CAMERA)
     if panel:
         house.post("/v1/panels", PANEL)
     campaign = house.post("/v1/campaigns", {"camera_id": camera["id"], "method": "reflectance", **more})
     house.http.put(f"/v1/campaigns/{campaign['id']}/roi", json=CENTRE)
-    for band, content in contents.items():
+    for band, content in read_contents(bands).items():
         house.upload(campaign, content, role="panel", filename=NAMES[band])
     house.work()
     return campaign
@@ -58,8 +62,13 @@ def fit(house, campaign, **params):
     return house.get(f"/v1/calibrations/{job['result']['calibration_id']}")
 
 
-def test_a_capture_becomes_one_k_a_band(house, contents):
-    campaign = begin(house, contents)
+def begin_and_fit(house, bands=tuple(NAMES)):
+    campaign = begin(house, bands)
+    return campaign, fit(house, campaign)
+
+
+def test_a_capture_becomes_one_k_a_band(house, staged):
+    campaign, version = staged(begin_and_fit)
     frames = frames_of(house, campaign)
     assert frames.keys() == NAMES.keys()
     assert len({frame["capture_id"] for frame in frames.values()}) == 1
@@ -72,7 +81,6 @@ def test_a_capture_becomes_one_k_a_band(house, contents):
         assert "exposure_not_manual" not in frame["warnings"]
     assert frames["green"]["statistics"][0]["mean_dn"] == pytest.approx(24125.28, abs=0.005)
 
-    version = fit(house, campaign)
     assert version["configuration"]["sunshine_sensor"]["serial"] == frames["green"]["sunshine"]["serial"]
     ks = {row["band"]: row for row in version["coefficients"]}
     assert [row["band"] for row in version["coefficients"]] == ["green", "red", "red_edge", "nir"]
@@ -94,8 +102,8 @@ def test_a_capture_becomes_one_k_a_band(house, contents):
     assert [(row["band"], row["value"]) for row in found] == [("nir", ks["nir"]["value"])]
 
 
-def test_what_is_missing_is_said_by_name(house, contents):
-    campaign = begin(house, {"green": contents["green"]}, panel=False)
+def test_what_is_missing_is_said_by_name(house):
+    campaign = begin(house, ["green"], panel=False)
     answer = house.get(f"/v1/campaigns/{campaign['id']}")
     (said,) = answer["missing"]
     assert said.startswith("the panel's reflectance is not known (band green): register the panel")
@@ -108,8 +116,8 @@ def test_what_is_missing_is_said_by_name(house, contents):
     assert any("once" in advice for advice in answer["advice"])
 
 
-def test_of_two_panels_one_must_be_named(house, contents):
-    campaign = begin(house, {"green": contents["green"]})
+def test_of_two_panels_one_must_be_named(house, staged):
+    campaign = staged(begin, bands=("green",))
     brighter = PANEL | {"serial": "P-50", "bands": [{"band": "green", "reflectance": 0.5}]}
     named = house.post("/v1/panels", brighter)
     assert "name it (panel_id)" in house.get(f"/v1/campaigns/{campaign['id']}")["missing"][0]
@@ -118,15 +126,15 @@ def test_of_two_panels_one_must_be_named(house, contents):
     assert house.get(f"/v1/campaigns/{campaign['id']}")["panel_id"] == named["id"]
 
 
-def test_parameters_of_another_method_are_refused_by_name(house, contents):
-    campaign = begin(house, {"green": contents["green"]})
+def test_parameters_of_another_method_are_refused_by_name(house, staged):
+    campaign = staged(begin, bands=("green",))
     path = f"/v1/campaigns/{campaign['id']}/calibrations"
     problem = house.post(path, {"model": "affine", "tolerance": 0.1}, status=422)
     assert {error["field"] for error in problem["errors"]} == {"body.model", "body.tolerance"}
 
 
-def test_without_the_sunshine_sensor_k_holds_for_one_light(house, contents):
-    campaign = begin(house, {"green": contents["green"]})
+def test_without_the_sunshine_sensor_k_holds_for_one_light(house, staged):
+    campaign = staged(begin, bands=("green",))
     version = fit(house, campaign, normalisation="panel_only")
     (row,) = version["coefficients"]
     assert row["value"] == pytest.approx(0.18 / I_SQ["green"], rel=1e-5)
@@ -149,9 +157,8 @@ def read_map(house, measurement):
         return file.asarray(), json.loads(file.pages[0].description)
 
 
-def test_the_panel_measures_itself_and_the_map_agrees(house, contents):
-    campaign = begin(house, contents)
-    version = fit(house, campaign)
+def test_the_panel_measures_itself_and_the_map_agrees(house, staged):
+    campaign, version = staged(begin_and_fit)
     frame = frames_of(house, campaign)["green"]
     found = measure(house, frame, calibration_id=version["id"], products=["map"])
     assert found["method"] == "reflectance"
@@ -192,9 +199,8 @@ def flight_of(house, campaign, contents):
     return flight["id"]
 
 
-def test_an_index_of_a_capture_is_that_of_its_maps(house, contents):
-    campaign = begin(house, contents)
-    version = fit(house, campaign)
+def test_an_index_of_a_capture_is_that_of_its_maps(house, staged, contents):
+    campaign, version = staged(begin_and_fit)
     frames = frames_of(house, campaign)
     once = house.post(
         f"/v1/campaigns/{flight_of(house, campaign, contents)}/measurements",
@@ -240,7 +246,7 @@ def test_an_index_of_a_capture_is_that_of_its_maps(house, contents):
 
 
 def test_a_flight_is_one_request_and_each_frame_that_fails_is_named(house, contents):
-    campaign = begin(house, {"green": contents["green"], "red": contents["red"]})
+    campaign = begin(house, ["green", "red"])
     fit_of_green = fit(house, campaign, exclude=[])
     plot = f"/v1/calibrations/{fit_of_green['id']}/plot.svg"
     before = house.http.get(plot)
@@ -268,9 +274,8 @@ def test_a_flight_is_one_request_and_each_frame_that_fails_is_named(house, conte
     assert [at[:19] for at in certificate["flight"]] == ["2018-04-13T08:06:58"]
 
 
-def test_an_index_of_a_flight_names_what_has_not_been_read(house, contents):
-    campaign = begin(house, contents)
-    version = fit(house, campaign)
+def test_an_index_of_a_flight_names_what_has_not_been_read(house, staged, contents):
+    campaign, version = staged(begin_and_fit)
     body = {"calibration_id": version["id"], "index": "ndvi"}
     cut = contents | {"red": contents["red"][:-9000]}
     flight_id = flight_of(house, campaign, {band: cut[band] for band in ("nir", "red")})
@@ -295,9 +300,8 @@ def test_an_index_of_a_flight_names_what_has_not_been_read(house, contents):
         ({"index": "ndvi"}, "capture_incomplete"),
     ],
 )
-def test_what_cannot_be_measured_is_said_before_the_job(house, contents, body, code):
-    campaign = begin(house, {"green": contents["green"]})
-    version = fit(house, campaign)
+def test_what_cannot_be_measured_is_said_before_the_job(house, staged, body, code):
+    campaign, version = staged(begin_and_fit, bands=("green",))
     (frame,) = frames_of(house, campaign).values()
     body = {"frame_id": frame["id"], "calibration_id": version["id"], **body}
     assert house.post("/v1/measurements", body, status=422)["code"] == code
