@@ -50,6 +50,7 @@ def test_what_nobody_touched_stands_as_the_trail_says(lived_in):
     assert report.compared > 30
 
 
+@pytest.mark.either_database
 @pytest.mark.parametrize(
     ("statement", "faults"),
     [
@@ -94,6 +95,7 @@ def test_what_was_changed_in_sql_is_named(lived_in, statement, faults):
     assert any(faults in fault for fault in report.faults), report.faults
 
 
+@pytest.mark.either_database
 @pytest.mark.parametrize(
     ("table", "column"), [("calibration", "result"), ("measurement", "result"), ("frame", "header")]
 )
