@@ -1,6 +1,6 @@
 """A tenth of the matrix, with quick leases and short faults; `make faults` drills all of it."""
 
-import pytest
+from dataclasses import replace
 
 from tests.faults import report
 from tests.faults.drill import BOTH
@@ -11,8 +11,7 @@ from tests.support.deployments import QUICK
 from tests.support.fieldwork import write_campaign
 
 
-@pytest.mark.parametrize("kind", BOTH)
-def test_nothing_is_lost_doubled_or_wrong(kind, tmp_path):
+def test_nothing_is_lost_doubled_or_wrong(tmp_path):
     (tmp_path / "shots").mkdir()
     shots = write_campaign(tmp_path / "shots")
     half, scenes = len(shots) // 2, 1 + len(LEVELS)
@@ -24,7 +23,9 @@ def test_nothing_is_lost_doubled_or_wrong(kind, tmp_path):
         settings=QUICK,
         hasten=HASTEN,
     )
-    matrix.run([QUIET, *(fault for fault in FAULTS if kind in fault.in_tests)], [kind])
+    # the truth of one deployment is that of the other
+    drilled = [replace(QUIET, on=BOTH[:1]), *(replace(fault, on=fault.in_tests) for fault in FAULTS)]
+    matrix.run([fault for fault in drilled if fault.on], BOTH)
     complaints = [f"{row.fault}: {complaint}" for row in matrix.rows for complaint in report.complaints(row)]
     assert not complaints, "\n".join(complaints)
     assert not [row.skipped for row in matrix.rows if row.skipped]
