@@ -22,6 +22,7 @@ def small_disk(folder: Path, *, megabytes: int = 96) -> Iterator[Path]:
     if sys.platform != "linux":
         pytest.skip("a small disk of its own needs Linux")
     before, where = os.open("/proc/thread-self/ns/mnt", os.O_RDONLY), Path.cwd()
+    root = os.open("/", os.O_RDONLY)
     try:
         _call("unshare", _CLONE_NEWNS)
         # Threads that were started since share its folders, and a thread that shares them may not go back.
@@ -32,11 +33,15 @@ def small_disk(folder: Path, *, megabytes: int = 96) -> Iterator[Path]:
         finally:
             _call("unshare", _CLONE_FS)
             _call("setns", before, _CLONE_NEWNS)
+            # which leads out of a chroot
+            os.fchdir(root)
+            os.chroot(".")
             os.chdir(where)
     except PermissionError as error:
         pytest.skip(f"a small disk of its own needs root: {error}")
     finally:
         os.close(before)
+        os.close(root)
 
 
 @contextmanager
