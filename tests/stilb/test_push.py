@@ -243,7 +243,8 @@ def test_a_campaign_by_its_project_number(signed_in, team, card):
     assert named.id in ended.err
 
 
-def test_a_service_that_went_away(signed_in, card):
+def test_a_service_that_went_away(signed_in, card, monkeypatch):
+    monkeypatch.setattr("stilb.transport._LONGEST_PAUSE_S", 0.01)
     ended = signed_in("push", card, "--campaign", "c", "--url", "http://127.0.0.1:9", "--key", "k")
     assert (ended.code, ended.out) == (Exit.NETWORK, "")
     assert "run this again: it continues" in ended.err
