@@ -32,7 +32,7 @@ def spoil(drawn, count, factor):
     return rows, chosen
 
 
-@pytest.mark.parametrize(("count", "factor"), [(1, 0.5), (3, 0.7), (3, 0.5), (3, 1.3)])
+@pytest.mark.parametrize(("count", "factor"), [(1, 0.5), (3, 0.5), (3, 1.3)])
 def test_outliers_cost_least_squares_much_and_the_robust_fit_little(count, factor):
     drawn = draw(3)
     rows, chosen = spoil(drawn, count, factor)

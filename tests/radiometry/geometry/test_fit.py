@@ -5,8 +5,6 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
 from radiometry.findings import InputRejected, shared
@@ -136,11 +134,11 @@ def test_figures_and_json(opencv_fit):
     assert b"NaN" not in adapter.dump_json(opencv_fit)
 
 
-@settings(max_examples=20, deadline=None)
-@given(order=st.permutations(range(15)))
-def test_the_order_of_frames_changes_no_bit(order, simulated):
-    rows = [simulated[place] for place in order]
-    assert geometry_fit.fit_geometry(rows, FREE) == geometry_fit.fit_geometry(simulated, FREE)
+def test_the_order_of_frames_changes_no_bit(simulated):
+    first, random = geometry_fit.fit_geometry(simulated, FREE), np.random.default_rng(4)
+    for _ in range(3):
+        rows = [simulated[place] for place in random.permutation(len(simulated))]
+        assert geometry_fit.fit_geometry(rows, FREE) == first
 
 
 def test_parameters_of_a_charuco_board():

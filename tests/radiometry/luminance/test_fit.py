@@ -75,11 +75,10 @@ def test_order_changes_nothing_to_the_last_bit(drawn):
     params = Params(panel_rho=0.8)
     first = luminance.fit(drawn.rows, drawn.readings, params)
     shuffler = python_random.Random(4)
-    for _ in range(3):
-        rows, readings = list(drawn.rows), list(drawn.readings)
-        shuffler.shuffle(rows)
-        shuffler.shuffle(readings)
-        assert luminance.fit(rows, readings, params) == first
+    rows, readings = list(drawn.rows), list(drawn.readings)
+    shuffler.shuffle(rows)
+    shuffler.shuffle(readings)
+    assert luminance.fit(rows, readings, params) == first
 
 
 @pytest.mark.parametrize("model", ["proportional", "affine", "power", "semilog"])

@@ -19,7 +19,7 @@ VARIANTS = {
 }
 FILES = {name: make_dng(make_samples(40, 48, each.bits), each) for name, each in VARIANTS.items()}
 QUICK = settings(
-    max_examples=150,
+    max_examples=75,
     deadline=5000,
     derandomize=True,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
