@@ -94,6 +94,7 @@ class _Guarded(HttpToolsProtocol):
     _peer: str | None = None
     _due: asyncio.TimerHandle | None = None
     _header_bytes = 0
+    _named_bytes = 0
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(_Joining(transport, self.loop))  # type: ignore[arg-type]
@@ -120,7 +121,15 @@ class _Guarded(HttpToolsProtocol):
 
     def on_message_begin(self) -> None:
         super().on_message_begin()
+        self._named_bytes = 0
         self._expect_headers()
+
+    def on_header(self, name: bytes, value: bytes) -> None:
+        # those of one packet are read before their bytes are counted above
+        self._named_bytes += len(name) + len(value)
+        if self._named_bytes > _HEADER_BYTES:
+            raise ValueError("the headers are too long")
+        super().on_header(name, value)
 
     def on_headers_complete(self) -> None:
         self._expect_nothing()

@@ -67,7 +67,12 @@ class KnownHosts:
             await self._app(scope, receive, send)
             return
         hosts: Hosts = scope["app"].state.context.hosts
-        host = Headers(scope=scope).get("host", "")
+        named = Headers(scope=scope).getlist("host")
+        if len(named) != 1 and scope["path"] not in _FOR_MACHINES:
+            detail = f"The request has {len(named)} Host headers. Send one."
+            await answer(Problem(interface.BAD_REQUEST, detail))(scope, receive, send)
+            return
+        host = "".join(named)
         reached_at = (scope.get("server") or ("",))[0] or ""
         listed = hosts.is_listed(host)
         known = listed or hosts.is_own(host, reached_at)

@@ -132,6 +132,14 @@ def test_headers_without_end_are_cut():
         pytest.fail("a megabyte of headers was taken")
 
 
+@pytest.mark.parametrize(("size", "status"), [(60_000, b"200"), (70_000, b"400")])
+def test_headers_that_come_at_once_have_the_same_limit(size, status):
+    with serving() as port, ExitStack() as stack:
+        connection = connect(stack, port)
+        connection.sendall(b"GET / HTTP/1.1\r\nHost: x\r\nX-More: " + b"x" * size + b"\r\n\r\n")
+        assert connection.recv(1000).startswith(b"HTTP/1.1 " + status)
+
+
 def test_who_left_makes_room():
     with serving(per_peer=3) as port:
         for _ in range(5):

@@ -1,5 +1,6 @@
 """What a stranger writes into `Host` comes back nowhere."""
 
+import asyncio
 import socket
 
 import pytest
@@ -69,6 +70,35 @@ def test_where_names_are_listed_others_are_refused(ask):
         assert (answer.status_code, answer.json()["code"]) == (421, "host_not_allowed"), host
         assert "evil" not in answer.text
         assert ask(host, listed, path="/livez").status_code == 200
+
+
+def test_a_request_names_one_host(house):
+    async def ask(hosts, path):
+        sent = []
+        scope = {
+            "type": "http",
+            "method": "GET",
+            "path": path,
+            "raw_path": path.encode(),
+            "root_path": "",
+            "scheme": "http",
+            "query_string": b"",
+            "client": ("127.0.0.1", 1),
+            "headers": [(b"host", host) for host in hosts],
+        }
+
+        async def receive():
+            return {"type": "http.disconnect"}
+
+        async def send(message):
+            sent.append(message)
+
+        await house.app(scope, receive, send)
+        return sent[0]["status"]
+
+    for hosts, status in (((), 400), ((b"localhost",) * 2, 400), ((b"localhost",), 401)):
+        assert asyncio.run(ask(hosts, "/v1/cameras")) == status
+    assert asyncio.run(ask((), "/livez")) == 200  # as probes ask that speak HTTP/1.0
 
 
 def test_a_listed_scheme_makes_the_cookie_secure(house, ask):
