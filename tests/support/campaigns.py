@@ -63,7 +63,7 @@ def calibrated_campaign(house: House, *, isos=ISOS, **params) -> dict:
 
 def published_campaign(house: House, *, isos=ISOS, valid_from="2026-05-01T00:00:00Z", reason="first") -> dict:
     """The version that the campaign gives, from then on in force; as it was before it was published."""
-    version = calibrated_campaign(house, isos=isos)
+    version = house.stage(calibrated_campaign, isos=isos)
     publication = {"valid_from": valid_from, "reason": reason}
     house.post(f"/v1/calibrations/{version['id']}/publish", publication, status=200)
     return version

@@ -98,4 +98,5 @@ def staged(request, house, stages):
     def bring(recipe, **arguments):
         return stages.bring(house, server, recipe, arguments)
 
+    house.stage = bring
     return bring
