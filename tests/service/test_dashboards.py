@@ -13,7 +13,7 @@ from starlette.testclient import TestClient
 
 from service.app import build_app
 from store.tables import ReadyCells
-from tests.support.campaigns import calibrate, upload_campaign
+from tests.support.campaigns import published_campaign
 from tests.support.house import KEY
 from tests.support.live import serving
 from tests.support.measuring import field_frame, measure
@@ -21,12 +21,10 @@ from tests.support.measuring import field_frame, measure
 pytestmark = pytest.mark.either_database
 
 DOCS = Path(__file__).parents[2] / "docs"
-PUBLICATION = {"valid_from": "2026-05-01T00:00:00Z", "reason": "spring"}
 
 
 def measure_once(house):
-    version = calibrate(house, upload_campaign(house, isos=(3200,)))
-    house.post(f"/v1/calibrations/{version['id']}/publish", PUBLICATION, status=200)
+    version = house.stage(published_campaign, isos=(3200,))
     measure(house, field_frame(house, version["campaign_id"]), version)
     return version
 

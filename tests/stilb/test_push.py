@@ -54,14 +54,11 @@ def uploads(live, monkeypatch):
     return counts
 
 
-def test_a_folder_goes_over_and_is_told_in_one_line(signed_in, campaign, card):
+def test_a_folder_goes_over_and_is_told_in_one_line(signed_in, campaign, card, team):
+    """Roles and scenes follow from its folders."""
     ended = signed_in("push", card, "--campaign", campaign.id)
     assert ended.code == Exit.DONE, ended.err
     assert ended.out.splitlines()[-1] == "10 of 10 received, 6 pass, 4 warn"
-
-
-def test_roles_and_scenes_follow_from_the_folders(signed_in, campaign, card, team):
-    signed_in("push", card, "--campaign", campaign.id, "--no-wait")
     said = Counter((frame.role, frame.scene) for frame in team.client.frames(campaign.id))
     lights = {("light", f"level-{n}"): 2 for n in (1, 2, 3, 4)}
     assert said == {("dark", None): 2, **lights}
