@@ -25,7 +25,7 @@ LONGEST_PAUSE_S = 8.0
 START_WITHIN_S = 120.0
 """How long a part may take to its first beat: it loads much, perhaps from a slow disk."""
 _LONGEST_TURN_S = 3.0
-"""The launcher looks once a second; beyond this it was stopped itself, and the parts perhaps with it."""
+"""The launcher looks once a second; beyond this, or half the patience, it was stopped, perhaps parts too."""
 LOG_BYTES = 16 << 20
 
 
@@ -102,7 +102,7 @@ class Supervisor:
         self._hang_s = hang_s
         self._report = report
         self._children: list[_Child] = []
-        self._clock = AwakeClock(_LONGEST_TURN_S)
+        self._clock = AwakeClock(min(_LONGEST_TURN_S, hang_s / 2))
         self._was_full = False
 
     def start(self, part: Part) -> None:

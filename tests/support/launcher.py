@@ -89,7 +89,7 @@ def _beat() -> None:
     pulse = Pulse(os.environ["STILB_PULSE"])
     while True:
         pulse.beat()
-        time.sleep(0.1)
+        time.sleep(0.5)
 
 
 def _hang() -> None:
