@@ -1,5 +1,6 @@
 """Types and base classes shared by all forms and answers."""
 
+import dataclasses
 import inspect
 import re
 import types
@@ -210,7 +211,7 @@ answered_as: dict[Any, Any] = {datetime: Instant, date: Day}
 
 
 def describe_fields(source: type) -> dict[str, str]:
-    """Return the sentence of each field, from the section Attributes of its class's docstring."""
+    """Return the sentence of each field: of its metadata, else of the section Attributes of its class."""
     said: dict[str, str] = {}
     names: list[str] = []
     section = inspect.cleandoc(source.__doc__ or "").partition("Attributes\n----------\n")[2]
@@ -219,7 +220,10 @@ def describe_fields(source: type) -> dict[str, str]:
             names = line.partition(" : ")[0].split(", ")
         else:
             said |= {name: f"{said.get(name, '')} {line.strip()}".strip() for name in names}
-    return said
+    stated = dataclasses.fields(source) if dataclasses.is_dataclass(source) else ()
+    return said | {
+        each.name: each.metadata["description"] for each in stated if "description" in each.metadata
+    }
 
 
 def _as_answered(kind: Any) -> Any:  # noqa: ANN401

@@ -1,25 +1,39 @@
-"""Style of the docstrings: how they open everywhere, and their sections in the science."""
+"""Style of the docstrings: how they open everywhere, and which of the science have sections."""
 
 import ast
-import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
 import pytest
 
-from radiometry.specification.method import MethodSpec
-
 ROOT = Path(__file__).parents[2]
-ROOMS = ("radiometry", "simulation", "store", "worker", "service", "stilb", "verify", "demo", "bench")
+SCIENCE = ROOT / "radiometry"
+OTHERS = ("simulation", "store", "worker", "service", "verify", "demo")
+ROOMS = ("radiometry", "stilb", "bench", *OTHERS)
 OPENINGS = frozenset(("Give", "Gives", "Say", "Tell", "Hold", "Holds", "Let", "Look", "Looks"))
 OPENINGS |= {"What", "Who", "Of", "Whether", "From"}
 INLINE = ("Takes", "Source:")
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef)
+PARAMETERS = "Parameters\n----------\n"
+PUBLIC = '__all__ = ["f", "F"]\n'
 
 
-def test_docstrings_open_with_a_result_and_name_their_parameters():
+def test_docstrings_follow_the_style():
     assert not [fault for path in list_files() for fault in find_faults(path, path.read_text())]
+
+
+def test_all_lists_what_other_rooms_import():
+    wrong = set()
+    for path in SCIENCE.rglob("*.py"):
+        tree = ast.parse(path.read_text())
+        if (listed := list_all(tree)) is not None:
+            own = {node.name for node in tree.body if isinstance(node, DOCUMENTED[1:])}
+            imported = _list_imported().get(path, set())
+            wrong |= {
+                f"{path.relative_to(ROOT)}: {name}" for name in imported - listed | listed & own - imported
+            }
+    assert not wrong
 
 
 @pytest.mark.parametrize(
@@ -28,33 +42,32 @@ def test_docstrings_open_with_a_result_and_name_their_parameters():
         ('def f():\n    """Give one."""', "opens with Give"),
         ('class F:\n    """What it is."""', "opens with What"),
         ('def f(x):\n    """Return x.\n\n    Takes x : m, a length\n    """', "has Takes"),
-        ('def f(x):\n    """Return x."""', "has no Parameters section"),
-        ("def f(x):\n    return x", "has no Parameters section"),
-        ('class F:\n    def f(self, *, x):\n        """Return x."""', "has no Parameters section"),
+        (PUBLIC + 'def f(x):\n    """Return x."""', "has no Parameters section"),
+        (PUBLIC + "def f(x):\n    return x", "has no Parameters section"),
+        (PUBLIC + 'class F:\n    def g(self, *, x):\n        """Return x."""', "has no Parameters section"),
+        (
+            PUBLIC + f'def g(x):\n    """Return x.\n\n    {PARAMETERS}    x : float"""',
+            "needs no Parameters section",
+        ),
     ],
 )
 def test_lint_finds_each_fault(source, fault):
-    assert any(text.endswith(fault) for text in find_faults(ROOT / "radiometry/example.py", source))
+    source = source.replace("\n----------", "\n    ----------")
+    assert any(text.endswith(fault) for text in find_faults(SCIENCE / "example.py", source))
 
 
-def test_lint_accepts_numpydoc_and_private_helpers():
+def test_lint_accepts_sections_of_the_public_and_one_line_elsewhere():
     source = (
+        '__all__ = ["f"]\n'
         'def f(x):\n    """Return x.\n\n    Parameters\n    ----------\n    x : float\n    """\n'
-        "def _g(x):\n    return x\n"
-        "class F:\n    def __post_init__(self, x):\n        pass\n"
-        '    def size(self):\n        """Return the size."""'
+        'def g(x):\n    """Return x."""\n'
+        "class F:\n    def h(self, x):\n        return x"
     )
-    assert not list(find_faults(ROOT / "radiometry/example.py", source))
-
-
-def test_functions_that_a_room_keeps_to_itself_need_no_sections():
-    path = ROOT / "radiometry/frame/roi.py"
-    assert not list(find_faults(path, 'def only_roi_knows(signal):\n    """Return True."""'))
-    assert list(find_faults(path, 'def bounding_window(polygon):\n    """Return it."""'))
+    assert not list(find_faults(SCIENCE / "example.py", source))
 
 
 def test_simulation_needs_no_sections():
-    assert not list(find_faults(ROOT / "simulation/example.py", 'def f(x):\n    """Return x."""'))
+    assert not list(find_faults(ROOT / "simulation/example.py", PUBLIC + 'def f(x):\n    """Return x."""'))
 
 
 def list_files() -> list[Path]:
@@ -71,37 +84,58 @@ def find_faults(path: Path, source: str) -> Iterator[str]:
         if (first := text.split(" ")[0]) in OPENINGS:
             yield f"{where} opens with {first}"
         yield from (f"{where} has {word}" for word in INLINE if f"\n{word}" in text)
-    if path.is_relative_to(ROOT / "radiometry"):
-        for function in _list_public_functions(tree.body):
-            arguments = [*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs]
-            takes = [one for one in arguments if one.arg not in {"self", "cls"}]
-            text = ast.get_docstring(function) or ""
-            if takes and "Parameters\n----------\n" not in text and _is_used_outside(path, function.name):
-                yield f"{path.relative_to(ROOT)}: {function.name} has no Parameters section"
+    if path.is_relative_to(SCIENCE):
+        yield from _find_section_faults(path, tree)
 
 
-def _is_used_outside(path: Path, name: str) -> bool:
-    """Return True unless a room of the science keeps this function to itself: one sentence is then enough."""
-    room = path.relative_to(ROOT / "radiometry").parts[0]
-    if (ROOT / "radiometry" / room / "method.py").exists() and name in MethodSpec.__dataclass_fields__:
-        return False  # the specification says what each method's function takes
-    return not path.exists() or any(name in words for other, words in _list_words().items() if other != room)
+def _find_section_faults(path: Path, tree: ast.Module) -> Iterator[str]:
+    """Sections are for the public API of the science, and only there."""
+    listed = list_all(tree)
+    public = _list_imported().get(path, set()) if listed is None else listed
+    shown = set(_list_functions(tree.body, public))
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.FunctionDef):
+            continue
+        arguments = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
+        takes = any(one.arg not in {"self", "cls"} for one in arguments)
+        has_section = PARAMETERS in (ast.get_docstring(node) or "")
+        if node in shown and takes and not has_section:
+            yield f"{path.relative_to(ROOT)}: {node.name} has no Parameters section"
+        if node not in shown and has_section and listed is not None:
+            yield f"{path.relative_to(ROOT)}: {node.name} needs no Parameters section"
+
+
+def list_all(tree: ast.Module) -> set[str] | None:
+    """Return the names in `__all__`, None where a module has none."""
+    for node in tree.body:
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__":
+            return set(ast.literal_eval(node.value))
+    return None
 
 
 @cache
-def _list_words() -> dict[str, set[str]]:
-    """Return the words of each room of radiometry, and of the rooms beside it together."""
-    words: dict[str, set[str]] = {}
-    for root in ("radiometry", "store", "worker", "service", "verify", "bench", "demo", "simulation"):
-        for path in (ROOT / root).rglob("*.py"):
-            room = path.relative_to(ROOT / root).parts[0] if root == "radiometry" else ""
-            words.setdefault(room, set()).update(re.findall(r"\w+", path.read_text()))
-    return words
+def _list_imported() -> dict[Path, set[str]]:
+    """Return the names that other rooms import from each module of the science."""
+    imported: dict[Path, set[str]] = {}
+    for path in (path for room in OTHERS for path in (ROOT / room).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("radiometry"):
+                module = ROOT / node.module.replace(".", "/")
+                names = {each.name for each in node.names if not _is_module(module / each.name)}
+                file = module / "__init__.py" if module.is_dir() else module.with_suffix(".py")
+                imported.setdefault(file, set()).update(names)
+    return imported
 
 
-def _list_public_functions(body: list[ast.stmt]) -> Iterator[ast.FunctionDef]:
+def _is_module(path: Path) -> bool:
+    return path.is_dir() or path.with_suffix(".py").exists()
+
+
+def _list_functions(body: list[ast.stmt], public: set[str]) -> Iterator[ast.FunctionDef]:
+    """Return the functions of these names, and the public methods of the classes."""
     for node in body:
-        if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
-            yield from _list_public_functions(node.body)
-        if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
+        if isinstance(node, ast.FunctionDef) and node.name in public:
             yield node
+        if isinstance(node, ast.ClassDef) and node.name in public:
+            methods = (each for each in node.body if isinstance(each, ast.FunctionDef))
+            yield from (each for each in methods if not each.name.startswith("_"))
