@@ -102,7 +102,7 @@ def _draw_residuals(result: Node, x: Axis, place: Callable[[Node], float | None]
 
 
 def _build_scene_residuals(result: Node, _: Rows) -> tuple[Figure, ...]:
-    levels = {p["scene"]: p["luminance_cd_m2"] or 0.0 for p in result["points"]}
+    levels = {p["scene"]: p.get("luminance_cd_m2") or 0.0 for p in result["points"]}
     places = {
         scene: float(n) for n, scene in enumerate(sorted(sort_naturally(levels), key=levels.__getitem__))
     }
@@ -208,9 +208,10 @@ def _tick(result: Node, name: str, form: str) -> tuple[tuple[float, str], ...]:
 
 def _mark(p: Node, x: float, y: float) -> Mark:
     exposure = f"{write_exposure(p['exposure_time_s'])}, f/{p['f_number']:g}, ISO {p['iso']:g}"
-    told = [f"{p['scene']}, {exposure}", f"signal {p['adjusted_signal_dn']:.5g} DN"]
-    if p["luminance_cd_m2"] is not None:
-        told[1] += f", L {p['luminance_cd_m2']:.4g} cd/m²"
+    told = [
+        f"{p['scene']}, {exposure}",
+        f"signal {p['adjusted_signal_dn']:.5g} DN, L {p['luminance_cd_m2']:.4g} cd/m²",
+    ]
     if p["used"]:
         told.append(f"residual {100.0 * p['residual_rel']:+.2f} % of L")
     return Mark(
