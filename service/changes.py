@@ -38,6 +38,8 @@ class Reply:
     jobs: list[Job] = field(default_factory=list)
     frame_bytes: Sequence[int] = ()
     """Size of each frame that was added, which counts for the quotas."""
+    had_room: bool = False
+    """Whether they were counted when their uploads began."""
 
 
 class Writing:
@@ -118,9 +120,14 @@ def _run_all(
         jobs = [job.id for reply in replies for job in reply.jobs]
         sizes = [size for reply in replies for size in reply.frame_bytes]
         if jobs or sizes:
-            quotas, count = context.quotas, len(jobs)
             charge(
-                session, caller.organisation_id, quotas, frames=len(sizes), size_bytes=sum(sizes), jobs=count
+                session,
+                caller.organisation_id,
+                context.quotas,
+                context.partials,
+                sizes_bytes=sizes,
+                had_room=all(reply.had_room for reply in replies if reply.frame_bytes),
+                jobs=len(jobs),
             )
         answers = iter([JSONResponse(reply.body.dump(), reply.status, reply.headers) for reply in replies])
         # made before the commit: an answer that cannot be made changes nothing

@@ -21,6 +21,7 @@ from store.blobs import Blobs
 from store.broker import Hints
 from store.database import Database
 from store.files import Files
+from store.partials import Partials
 from store.ready.lookups import Lookups
 from store.reviews import Reviews
 from store.settings import Settings
@@ -54,6 +55,10 @@ class Context:
     @cached_property
     def quotas(self) -> Quotas:
         return Quotas.of(self.settings)
+
+    @property
+    def partials(self) -> Partials:
+        return Partials.of(self.settings)
 
     @cached_property
     def rates(self) -> Rates:

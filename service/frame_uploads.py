@@ -1,6 +1,6 @@
 """Uploaded files on their way into a campaign: whether there is room, and the frame that each becomes."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import PurePosixPath
@@ -38,6 +38,7 @@ class _Arrival:
     campaign_id: str
     new: NewFrame
     drawing: Drawing | None
+    had_room: bool
 
 
 def admit(
@@ -48,22 +49,35 @@ def admit(
     size_bytes: int,
     *,
     role: str,
+    begin: Callable[[], object] | None = None,
 ) -> bool:
     """Refuse a role that the campaign does not take, and a file without room that it does not have already.
 
-    False where there is none and the file is not known yet.
+    False where there is none and the file is not known yet. ``begin`` : takes the room that was found
     """
+    keeps = begin is not None and context.quotas.limits_files
 
     def check() -> bool:
-        with context.database.reading() as session:
+        database, by = context.database, (caller.key_id, caller.organisation_id)
+        with database.writing(*by) if keeps else database.reading() as session:
             campaign = owned(session, Campaign, campaign_id, caller)
             require_role(campaign, role)
             try:
-                check_room(session, caller.organisation_id, size_bytes, context.quotas)
+                check_room(
+                    session,
+                    caller.organisation_id,
+                    context.quotas,
+                    context.partials,
+                    size_bytes=size_bytes,
+                    keep=keeps,
+                )
             except QuotaExceeded:
-                if sha256 is not None and not find_known(session, campaign, [sha256]):
+                if sha256 is None and begin is None:
+                    return False
+                if sha256 is None or not find_known(session, campaign, [sha256]):
                     raise
-                return sha256 is not None
+            if begin is not None:
+                begin()
         return True
 
     try:
@@ -83,8 +97,12 @@ async def keep_frame(
     upload: Upload,
     region: NewRoi | None,
     blob: StoredBlob,
+    had_room: bool = False,
 ) -> Response:
-    """Make a stored file a frame of a campaign, or find the one that it is already."""
+    """Make a stored file a frame of a campaign, or find the one that it is already.
+
+    ``had_room`` : since its upload began
+    """
     new = NewFrame(
         blob=blob,
         filename=_plain_name(upload.filename or f"{blob.sha256[:12]}.bin"),
@@ -93,7 +111,7 @@ async def keep_frame(
         roi_id=None,
         supplied=upload.supplied(),
     )
-    arrival = _Arrival(campaign_id, new, read_roi(region) if region else None)
+    arrival = _Arrival(campaign_id, new, read_roi(region) if region else None, had_room)
     answer = await context.together.do(
         caller.key_id,
         (writing.with_content(blob.sha256), arrival),
@@ -114,8 +132,8 @@ def _add_frames(caller: Caller, session: Session, arrivals: Sequence[_Arrival]) 
         roi = find_or_add_roi(session, caller.organisation_id, each.drawing) if each.drawing else None
         arrived.append((campaign, replace(each.new, roi_id=roi.id if roi else None)))
     replies = []
-    for (campaign, new), (frame, is_new, to_read) in zip(
-        arrived, find_or_add_frames(session, arrived), strict=True
+    for arrival, (campaign, new), (frame, is_new, to_read) in zip(
+        arrivals, arrived, find_or_add_frames(session, arrived), strict=True
     ):
         by = caller.key_id
         jobs = (
@@ -126,7 +144,9 @@ def _add_frames(caller: Caller, session: Session, arrivals: Sequence[_Arrival]) 
         stored = new.blob if is_new else None
         body = answer_write(session, frame, campaign, jobs, stored=stored)
         status, sizes = (200, []) if stored is None else (201, [stored.size_bytes])
-        replies.append(Reply(status=status, body=body, jobs=jobs, frame_bytes=sizes))
+        replies.append(
+            Reply(status=status, body=body, jobs=jobs, frame_bytes=sizes, had_room=arrival.had_room)
+        )
     return replies
 
 

@@ -151,8 +151,8 @@ def over_quota(error: QuotaExceeded) -> Problem:
     advice = "Wait until some are done." if passes else "Ask the operator of the service for more space."
     return Problem(
         interface.QUOTA_EXCEEDED,
-        f"Your organisation may have {error.limit} {what} and has {error.used}; this request exceeds it. "
-        f"{advice}",
+        f"Your organisation may have {error.limit} {what} and has {error.used}"
+        f"{'' if passes else ', unfinished uploads included'}; this request exceeds it. {advice}",
         status=429 if passes else 507,
         headers={"Retry-After": "10" if passes else "60"},
         quota=error.quota,

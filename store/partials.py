@@ -92,8 +92,7 @@ class Partials:
                     file.write(_STATE.pack(0, b"", len(text)) + text)
                     file.flush()
                     os.fsync(file.fileno())
-                known = self.find(token, facts.organisation_id)
-                if known is None or known.read_facts().frame_id:
+                if not self.is_under_way(token, facts.organisation_id):
                     Partial(path).remove()
                 # of two that come at once with one token, the second finds the first one's
                 with suppress(FileExistsError):
@@ -111,17 +110,22 @@ class Partials:
                 return partial
         return None
 
+    def is_under_way(self, token: str, organisation_id: str) -> bool:
+        """Return whether the upload of this token has begun and is no frame yet."""
+        known = self.find(token, organisation_id)
+        return known is not None and not known.read_facts().frame_id
+
     def count(self, organisation_id: str) -> int:
         """Return how many uploads of an organisation are under way."""
         return sum(1 for _ in self._under_way(organisation_id))
 
-    def count_bytes(self, organisation_id: str) -> int:
-        """Return the size [bytes] that the uploads under way will have together."""
-        size_bytes = 0
+    def list_facts(self, organisation_id: str) -> list[Facts]:
+        """Return what the uploads under way will be."""
+        found = []
         for partial in self._under_way(organisation_id):
             with suppress(FileNotFoundError):
-                size_bytes += partial.read_facts().size_bytes
-        return size_bytes
+                found.append(partial.read_facts())
+        return [facts for facts in found if facts.expires_at > time.time()]
 
     def sweep(self) -> int:
         """Remove what has expired; return how many."""

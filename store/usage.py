@@ -3,16 +3,21 @@
 The counts of an organisation lie in one row, which whoever adds to them locks until the commit: two that come
 at once are counted one after the other. Before anybody is refused they are counted again. Of jobs an upper
 bound is kept, which a job that ends does not lower: where it reaches the quota, the jobs are counted.
+
+An upload in pieces takes the room of its frame when it begins, and is refused then or never.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import timedelta
 from typing import Final, Literal
 
 from sqlalchemy import func, select, update
+from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
 from store.columns import utc_now
+from store.partials import Facts, Partials
 from store.settings import Settings
 from store.tables import Blob, Campaign, FrameRow, Job, Organisation, Usage
 
@@ -38,6 +43,10 @@ class Quotas:
     stored_bytes: int
     frames: int
     jobs_waiting: int
+
+    @property
+    def limits_files(self) -> bool:
+        return bool(self.stored_bytes or self.frames)
 
     @classmethod
     def of(cls, settings: Settings) -> "Quotas":
@@ -67,21 +76,43 @@ def read_usage(session: Session, organisation_id: str) -> Used:
     )
 
 
-def check_room(session: Session, organisation_id: str, size_bytes: int, quotas: Quotas) -> None:
-    """Raise QuotaExceeded when one more frame is too much as it looks now: before its bytes are sent."""
-    row = session.get(Usage, organisation_id) or _count(session, organisation_id)
-    _refuse_over(row.frames + 1, row.stored_bytes + size_bytes, quotas, frames=1, size_bytes=size_bytes)
+def check_room(
+    session: Session,
+    organisation_id: str,
+    quotas: Quotas,
+    partials: Partials,
+    *,
+    size_bytes: int,
+    keep: bool = False,
+) -> None:
+    """Raise QuotaExceeded when one more frame is too much as it looks now: before its bytes are sent.
+
+    With ``keep`` it stays as it looks until the commit.
+    """
+    row = _lock(session, organisation_id)[0] if keep else session.get(Usage, organisation_id)
+    row = row or _count(session, organisation_id)
+    used = {"frames": row.frames, "stored_bytes": row.stored_bytes}
+    _refuse_over(session, organisation_id, quotas, partials, [size_bytes], **used)
     if quotas.jobs_waiting and row.jobs_most >= quotas.jobs_waiting:
         _refuse_long_queue(session, organisation_id, quotas.jobs_waiting, room_for=1)
 
 
 def charge(
-    session: Session, organisation_id: str, quotas: Quotas, *, frames: int, size_bytes: int, jobs: int
+    session: Session,
+    organisation_id: str,
+    quotas: Quotas,
+    partials: Partials,
+    *,
+    sizes_bytes: Sequence[int],
+    had_room: bool,
+    jobs: int,
 ) -> None:
-    """Count what a transaction has added, or raise QuotaExceeded.
+    """Count the frames and jobs that a transaction has added, or raise QuotaExceeded.
 
-    It is called last, because the counts stay locked until the commit.
+    It is called last, because the counts stay locked until the commit. ``had_room`` : all of the frames have
+    it since their uploads began
     """
+    frames, size_bytes = len(sizes_bytes), sum(sizes_bytes)
     session.flush()
     row = session.execute(
         update(Usage)
@@ -96,7 +127,9 @@ def charge(
     ).first()
     # an organisation that was founded after the counts were made has none yet
     used = row or _lock(session, organisation_id)[0]
-    _refuse_over(used.frames, used.stored_bytes, quotas, frames=frames, size_bytes=size_bytes)
+    if not had_room:
+        before = {"frames": used.frames - frames, "stored_bytes": used.stored_bytes - size_bytes}
+        _refuse_over(session, organisation_id, quotas, partials, sizes_bytes, **before)
     if jobs and quotas.jobs_waiting and used.jobs_most > quotas.jobs_waiting:
         _refuse_long_queue(session, organisation_id, quotas.jobs_waiting)
         bound = _count_jobs(session, organisation_id, "queued", "running")
@@ -128,13 +161,32 @@ def recount_all(session: Session) -> None:
 
 
 def _refuse_over(
-    total_frames: int, total_bytes: int, quotas: Quotas, *, frames: int, size_bytes: int
+    session: Session,
+    organisation_id: str,
+    quotas: Quotas,
+    partials: Partials,
+    sizes_bytes: Sequence[int],
+    *,
+    frames: int,
+    stored_bytes: int,
 ) -> None:
-    """Raise QuotaExceeded if the totals, of which the last two are new, are too much."""
-    if quotas.frames and frames and total_frames > quotas.frames:
-        raise QuotaExceeded("frames", limit=quotas.frames, used=total_frames - frames)
-    if quotas.stored_bytes and frames and total_bytes > quotas.stored_bytes:
-        raise QuotaExceeded("stored_bytes", limit=quotas.stored_bytes, used=total_bytes - size_bytes)
+    """Raise QuotaExceeded if new frames have no room beside those that are stored and those under way."""
+    if not sizes_bytes or not quotas.limits_files:
+        return
+    begun = _list_begun(session, partials.list_facts(organisation_id))
+    frames, stored_bytes = frames + len(begun), stored_bytes + sum(begun)
+    if quotas.frames and frames + len(sizes_bytes) > quotas.frames:
+        raise QuotaExceeded("frames", limit=quotas.frames, used=frames)
+    if quotas.stored_bytes and stored_bytes + sum(sizes_bytes) > quotas.stored_bytes:
+        raise QuotaExceeded("stored_bytes", limit=quotas.stored_bytes, used=stored_bytes)
+
+
+def _list_begun(session: Session, begun: Sequence[Facts]) -> list[int]:
+    """Return the sizes [bytes] that uploads under way will add; a file that its campaign has adds none."""
+    hashes = {facts.sha256 for facts in begun if facts.sha256}
+    rows = select(FrameRow.campaign_id, FrameRow.sha256).where(FrameRow.sha256.in_(hashes))
+    known = {(row[0], row[1]) for row in session.execute(rows)} if hashes else set()
+    return [facts.size_bytes for facts in begun if (facts.campaign_id, facts.sha256) not in known]
 
 
 def _refuse_long_queue(session: Session, organisation_id: str, limit: int, *, room_for: int = 0) -> None:
@@ -152,10 +204,13 @@ def _lock(session: Session, organisation_id: str) -> tuple[Usage, bool]:
     found = session.get(Usage, organisation_id, with_for_update=True, populate_existing=True)
     if found is not None:
         return found, False
-    # founded after the counts were made; two that come at once meet in the primary key, and try again
+    # founded after the counts were made; of two that come at once the second finds the first one's
     made = Usage(organisation_id=organisation_id, frames=0, stored_bytes=0, jobs_most=0, counted_at=utc_now())
-    session.add(made)
-    session.flush()
+    try:
+        with session.begin_nested():
+            session.add(made)
+    except IntegrityError:
+        return session.get_one(Usage, organisation_id, with_for_update=True), False
     _recount(session, made)
     return made, True
 

@@ -77,7 +77,8 @@ QUOTA_EXCEEDED = _refusal(
     507,
     "quota_exceeded",
     "Your organisation would use more than it may: `quota` names what (`stored_bytes`, `frames`, or, with "
-    "the status 429, `jobs_waiting`), `limit` how much it may, `used` how much it uses. Nothing was kept.",
+    "the status 429, `jobs_waiting`), `limit` how much it may, `used` how much it uses, "
+    "unfinished uploads included. Nothing was kept.",
     "Wait for `Retry-After` seconds while waiting jobs get fewer; for files ask the operator for more space "
     "(`STILB_QUOTA_BYTES`, `STILB_QUOTA_FRAMES`).",
     retryable=True,

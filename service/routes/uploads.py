@@ -36,11 +36,11 @@ from service.upload_headers import (
 from store.blobs import StoredBlob
 from store.partials import LASTS_S, Facts, FactsTooLong, Partial, Partials
 from store.queries.keys import find_key, find_key_by_id
-from store.usage import check_room
 
 router = Router(prefix="/v1/uploads", tags=["uploads"])
 
 _MOST_UNDER_WAY: Final = 10_000
+_OF_THE_FILE: Final = ("campaign_id", "size_bytes", "sha256", "said")
 _ADDRESS: Final = re.compile(r"upl_([0-9A-Za-z]+)_([0-9a-f]{64})", re.ASCII)
 
 _PIECE = {
@@ -109,7 +109,6 @@ async def begin_upload(
     size_bytes = read_length(length, context.settings.max_upload_bytes)
     said = read_metadata(headers.metadata)
     frame = read_said(said)
-    await run_in_threadpool(_admit, context, caller, frame, size_bytes)
     address, partial = await run_in_threadpool(
         _begin, context, caller, frame, said, size_bytes, idempotency_key
     )
@@ -174,22 +173,6 @@ def end_upload(upload_id: Id, request: Request, context: UsesContext) -> Respons
     return Response(status_code=204, headers={"Tus-Resumable": TUS})
 
 
-def _admit(context: Context, caller: Caller, frame: FrameSaid, size_bytes: int) -> None:
-    admit(context, frame.campaign_id, caller, frame.sha256, size_bytes, role=frame.role)
-    partials = Partials.of(context.settings)
-    under_way = partials.count(caller.organisation_id)
-    if under_way >= _MOST_UNDER_WAY:
-        raise Problem(
-            interface.TOO_MANY_UPLOADS,
-            f"Your organisation has {under_way} unfinished uploads. Finish or end some.",
-            headers={"Retry-After": "60"},
-        )
-    if context.quotas.stored_bytes:
-        awaited_bytes = partials.count_bytes(caller.organisation_id)
-        with context.database.reading() as session:
-            check_room(session, caller.organisation_id, size_bytes + awaited_bytes, context.quotas)
-
-
 def _begin(
     context: Context,
     caller: Caller,
@@ -209,18 +192,38 @@ def _begin(
     )
     text = idempotency_key or secrets.token_hex(32)
     token = context.sessions.upload_token(f"{caller.organisation_id}:{text}")
-    try:
-        partial = Partials.of(context.settings).begin(token, facts)
-    except FactsTooLong:
-        message = "is too long"
-        raise invalid([{"type": "upload", "loc": ("header", "Upload-Metadata"), "msg": message}]) from None
+    partials, organisation_id = context.partials, caller.organisation_id
+    if not partials.is_under_way(token, organisation_id):
+        _refuse_too_many(partials.count(organisation_id))
+        file = (frame.campaign_id, caller, frame.sha256, size_bytes)
+        admit(context, *file, role=frame.role, begin=lambda: _keep_facts(partials, token, facts))
+    partial = partials.find(token, organisation_id)
+    if partial is None:
+        raise not_found("upload")
     kept = partial.read_facts()
-    if (kept.campaign_id, kept.sha256, kept.said) != (facts.campaign_id, facts.sha256, facts.said):
+    if any(getattr(kept, name) != getattr(facts, name) for name in _OF_THE_FILE):
         raise Problem(
             interface.IDEMPOTENCY_KEY_REUSED,
             "This Idempotency-Key was used for another request. Use a new one for each new request.",
         )
     return f"upl_{caller.organisation_id.removeprefix('org_')}_{token}", partial
+
+
+def _refuse_too_many(under_way: int) -> None:
+    if under_way >= _MOST_UNDER_WAY:
+        raise Problem(
+            interface.TOO_MANY_UPLOADS,
+            f"Your organisation has {under_way} unfinished uploads. Finish or end some.",
+            headers={"Retry-After": "60"},
+        )
+
+
+def _keep_facts(partials: Partials, token: str, facts: Facts) -> None:
+    try:
+        partials.begin(token, facts)
+    except FactsTooLong:
+        message = "is too long"
+        raise invalid([{"type": "upload", "loc": ("header", "Upload-Metadata"), "msg": message}]) from None
 
 
 def _end_writer(partial: Partial) -> None:
@@ -231,7 +234,7 @@ def _end_writer(partial: Partial) -> None:
 def _find(context: Context, request: Request, upload_id: str) -> Partial:
     """Return the upload of an address. A key need not come along; one of others finds nothing."""
     match = _ADDRESS.fullmatch(upload_id)
-    partial = Partials.of(context.settings).find(match[2], f"org_{match[1]}") if match else None
+    partial = context.partials.find(match[2], f"org_{match[1]}") if match else None
     if partial is None:
         detail = "There is no such upload: it was ended, or it has expired. Begin it again."
         raise Problem(interface.NOT_FOUND, detail)
@@ -296,6 +299,7 @@ async def _make_frame(context: Context, partial: Partial, facts: Facts, blob: St
         upload=upload,
         region=read_region(upload.roi) if upload.roi is not None else None,
         blob=blob,
+        had_room=True,
     )
     frame = json.loads(bytes(answer.body))
     await run_in_threadpool(partial.become, frame["id"], frame.get("job_id", ""))

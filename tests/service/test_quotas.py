@@ -1,5 +1,6 @@
 """What one organisation may use: a number, a refusal that names it, and nobody else's matter."""
 
+import time
 from concurrent.futures import ThreadPoolExecutor
 from datetime import timedelta
 
@@ -10,12 +11,13 @@ import stilb
 from service.problems import Problem
 from service.rates import Rates
 from store.columns import utc_now
+from store.partials import Partial
 from store.settings import Settings
 from store.tables import Usage
 from store.usage import Quotas, recount_all
 from tests.support.house import KEY
 from tests.support.live import serving
-from tests.support.resumable import begin_upload, describe
+from tests.support.resumable import PIECE, TUS, begin_upload, describe
 
 pytestmark = pytest.mark.either_database
 
@@ -43,14 +45,65 @@ def send(house, campaign, content, **headers):
     return house.http.post(path, params={"role": "dark"}, content=content, headers=headers)
 
 
-def test_what_has_not_come_yet_of_an_upload_in_pieces_counts(house, limit):
-    campaign = house.campaign()["id"]
+def begin(house, campaign, content, **headers):
+    return house.http.post("/v1/uploads", headers=describe(campaign["id"], content) | headers)
+
+
+def finish(house, place, content):
+    return house.http.patch(place, content=content, headers=PIECE | {"Upload-Offset": "0"})
+
+
+@pytest.mark.parametrize("quotas", [{"quota_bytes": 150}, {"quota_frames": 1}])
+def test_an_upload_that_has_begun_keeps_its_room(house, limit, quotas):
+    campaign = house.campaign()
+    limit(**quotas)
+    named = {"Idempotency-Key": "a"}
+    begun = begin(house, campaign, b"a" * 100, **named)
+    for refused in (begin(house, campaign, b"b" * 100), send(house, campaign, b"b" * 100)):
+        assert (refused.status_code, refused.json()["code"]) == (507, "quota_exceeded"), refused.text
+        assert refused.json()["used"] in {100, 1}
+    again = begin(house, campaign, b"a" * 100, **named)
+    assert (again.status_code, again.headers["Location"]) == (201, begun.headers["Location"])
+    # also if the operator allows less meanwhile
+    limit(quota_bytes=1, quota_frames=1)
+    done = finish(house, begun.headers["Location"], b"a" * 100)
+    assert (done.status_code, done.headers["Upload-Complete"]) == (204, "?1"), done.text
+    limit(**quotas)
+    # its campaign has the file: it needs no more room
+    repeated = begin(house, campaign, b"a" * 100, **named)
+    assert finish(house, repeated.headers["Location"], b"a" * 100).status_code == 204
+    assert usage(house)["stored_bytes"] == 100
+
+
+def test_a_frame_whose_upload_was_not_told_so_takes_its_room_once(house, limit, monkeypatch):
+    campaign = house.campaign()
     limit(quota_bytes=150)
-    place = begin_upload(house, campaign, b"a" * 100)
-    refused = house.http.post("/v1/uploads", headers=describe(campaign, b"b" * 100))
-    assert (refused.status_code, refused.json()["code"]) == (507, "quota_exceeded")
+    place = begin_upload(house, campaign["id"], b"a" * 100)
+    with monkeypatch.context() as broken:
+        broken.setattr(Partial, "become", lambda *_: (_ for _ in ()).throw(FileNotFoundError))
+        assert finish(house, place, b"a" * 100).status_code == 404
+    assert usage(house)["stored_bytes"] == 100
+    assert send(house, campaign, b"b" * 50).status_code == 201
+    assert house.http.head(place, headers=TUS).headers["Upload-Complete"] == "?1"
+
+
+def test_an_upload_that_is_ended_or_has_expired_gives_its_room_back(house, limit, monkeypatch):
+    campaign = house.campaign()
+    limit(quota_bytes=150)
+    place = begin_upload(house, campaign["id"], b"a" * 100)
     assert house.http.delete(place).status_code == 204
-    begin_upload(house, campaign, b"b" * 100)
+    begin_upload(house, campaign["id"], b"b" * 100)
+    now = time.time()
+    monkeypatch.setattr(time, "time", lambda: now + 8 * 24 * 3600)
+    assert send(house, campaign, b"c" * 100).status_code == 201
+
+
+def test_of_uploads_that_begin_at_once_as_many_as_have_room(house, limit):
+    campaign = house.campaign()
+    limit(quota_bytes=250)
+    with ThreadPoolExecutor(8) as threads:
+        answers = list(threads.map(lambda n: begin(house, campaign, bytes([65 + n]) * 100), range(8)))
+    assert sorted(answer.status_code for answer in answers) == [201] * 2 + [507] * 6
 
 
 def test_what_is_used_is_shown(house, limit):

@@ -95,7 +95,7 @@ def test_one_token_is_one_upload_until_it_is_a_frame(partials):
     first.become("frm_1")
     assert partials.find("token", "org_1").read_facts().frame_id == "frm_1"
     assert (partials.count("org_1"), partials.begin("token", FACTS).read_offset()) == (0, 0)
-    assert (partials.count("org_1"), partials.count_bytes("org_1")) == (1, 6)
+    assert [facts.size_bytes for facts in partials.list_facts("org_1")] == [6]
 
 
 def test_what_has_expired_is_not_found_and_is_swept(partials, monkeypatch):
