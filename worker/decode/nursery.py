@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import mmap
 import os
 import select
 import signal
@@ -9,6 +10,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,6 +20,9 @@ from worker.decode.settings import DecoderLimits
 _ROOT: Final = Path(__file__).resolve().parents[2]
 _START_SECONDS: Final = 60.0
 _BIRTH_SECONDS: Final = 20.0
+_LOOK_SECONDS: Final = 0.5
+# One may be lost with its zygote, and one with the next.
+_ORDERS: Final = 3
 _END_SECONDS: Final = 5.0
 _LONGEST_WORD: Final = 4096
 # The kernel cuts this to its own limit for a socket: fewer changes of process on the way.
@@ -38,6 +43,7 @@ class Cell:
         self.talk, self._its_talk = socket.socketpair()
         self._line, self._its_line = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self.pid: int | None = None
+        self._is_lost = False
         # a matter of speed only
         with contextlib.suppress(OSError):
             self._its_talk.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _ANSWER_BYTES)
@@ -47,15 +53,15 @@ class Cell:
         with self._its_talk, self._its_line:
             socket.send_fds(control, [b"cell"], [self._its_talk.fileno(), self._its_line.fileno()])
 
-    def await_birth(self) -> bool:
-        """Return True if there is, or was, such a process."""
+    def await_birth(self, seconds: float) -> bool:
+        """Return True once the process is there, or its order is lost, which `is_over` tells."""
         if self.pid is None:
-            self.pid = self._hear(_BIRTH_SECONDS).get("pid")
-        return self.pid is not None
+            self.pid = self._hear(seconds).get("pid")
+        return self.pid is not None or self._is_lost
 
     def is_over(self) -> bool:
-        """Return True if the process is known to have ended, or never was."""
-        return self.pid is not None and bool(_poll(self._line, 0))
+        """Return True if the process has ended, or its zygote before it began."""
+        return self._is_lost or (self.pid is not None and _poll(self._line, 0))
 
     def give(self, descriptor: int) -> None:
         """Hand over the file, which only makes it this file's cell."""
@@ -87,7 +93,8 @@ class Cell:
         try:
             word = self._line.recv(_LONGEST_WORD)
         except OSError:
-            return {}
+            word = b""
+        self._is_lost = not word
         return dict(json.loads(word)) if word else {}
 
 
@@ -100,21 +107,25 @@ def _poll(line: socket.socket, seconds: float) -> bool:
 class Nursery:
     """Thread-safe. Starts the zygote when it is first needed, and again whenever it has died.
 
-    One cell is ordered ahead: it is forked, shut in and warmed up while the one before it computes.
+    A fork shares the zygote of the process that started it, whose part it is to start it again: both orders
+    and answers go through sockets that outlive it. One cell is ordered ahead: it is forked, shut in and
+    warmed up while the one before it computes.
     """
 
     def __init__(self, bounds: DecoderLimits) -> None:
         self._bounds = bounds
         self._lock = threading.Lock()
         self._process: subprocess.Popen[bytes] | None = None
-        self._control: socket.socket | None = None
+        self._pid = memoryview(mmap.mmap(-1, mmap.PAGESIZE)).cast("q")
+        self._control, self._its_control = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._spare: Cell | None = None
         self._sandbox: Sandbox | None = None
+        self._is_owner = True
 
     @property
     def pid(self) -> int | None:
         """Return the zygote's process id."""
-        return self._process.pid if self._process else None
+        return self._pid[0] or None
 
     def start(self) -> Sandbox:
         """Start the zygote unless it runs; what holds in its cells."""
@@ -123,19 +134,23 @@ class Nursery:
             assert self._sandbox is not None  # noqa: S101  it comes with the zygote
             return self._sandbox
 
+    def look_after(self) -> None:
+        """Start the zygote again if it has died, without waiting for it: orders do."""
+        if self._process is not None and self._process.poll() is not None:
+            self._launch()
+
     def take(self) -> Cell:
         """A cell that has seen no file."""
         with self._lock:
             cell, self._spare = self._spare, None
-            if cell is not None and (not cell.await_birth() or cell.is_over()):
+            for _ in range(_ORDERS):
+                cell = cell or self._order()
+                if self._await_birth(cell):
+                    return cell
                 cell.close()
                 cell = None
-            cell = cell or self._order()
-            if not cell.await_birth():
-                cell.close()
-                self._stop()
-                raise DecoderUnavailable("The decoding processes' zygote does not answer.")
-            return cell
+            self._kill()
+            raise DecoderUnavailable("The decoding processes' zygote does not answer.")
 
     def prepare(self) -> None:
         """Order the next cell ahead, unless one waits already."""
@@ -145,78 +160,92 @@ class Nursery:
     def close(self) -> None:
         """End the zygote, and with it every cell."""
         with self._lock:
-            self._stop()
+            self._kill()
+            self._control.close()
+            self._its_control.close()
 
-    def abandon(self) -> None:
-        """Forget a zygote that belongs to the parent of this process: after a fork it is not ours to end."""
-        self._process = None
+    def share(self) -> None:
+        """Go on in a fork: cells of its own, of the zygote that is there."""
+        self._lock, self._is_owner = threading.Lock(), False
+        self._process = self._spare = None
 
     def _order(self) -> Cell:
-        for _ in range(2):
-            control = self._ensure_started()
-            cell = Cell()
-            try:
-                cell.order_from(control)
-            except OSError:
-                cell.close()
-                self._stop()
-            else:
-                return cell
-        raise DecoderUnavailable("The decoding processes' zygote takes no orders.")
-
-    def _ensure_started(self) -> socket.socket:
-        if self._control is not None and self._process is not None and self._process.poll() is None:
-            return self._control
-        self._stop()
-        ours, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        with its:
-            self._process = subprocess.Popen(  # noqa: S603  our own interpreter, our own module
-                [*_command(), *_arguments(self._bounds)],
-                stdin=its.fileno(),
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-                env=_environment(),
-                start_new_session=True,  # Ctrl-C in a terminal is for the parent alone
-            )
-        self._control = ours
+        self._ensure_started()
+        cell = Cell()
         try:
-            self._sandbox = self._await_ready(ours)
+            cell.order_from(self._control)
+        except OSError as error:
+            cell.close()
+            raise DecoderUnavailable("The decoding processes' zygote takes no orders.") from error
+        return cell
+
+    def _await_birth(self, cell: Cell) -> bool:
+        """Wait while a zygote that dies is replaced, which serves what was ordered of the one before."""
+        end = time.monotonic() + _BIRTH_SECONDS
+        while not cell.await_birth(_LOOK_SECONDS):
+            if time.monotonic() > end:
+                return False
+            self._ensure_started()
+        return not cell.is_over()
+
+    def _ensure_started(self) -> None:
+        if not self._is_owner or (self._process is not None and self._process.poll() is None):
+            return
+        self._launch()
+        try:
+            self._sandbox = self._await_ready()
         except DecoderUnavailable:
-            self._stop()
+            self._kill()
             raise
-        return ours
 
-    def _await_ready(self, control: socket.socket) -> Sandbox:
-        control.settimeout(_START_SECONDS)
+    def _launch(self) -> None:
+        self._kill()
+        with contextlib.suppress(BlockingIOError):
+            while True:  # what the one before may have said last
+                self._control.recv(_LONGEST_WORD, socket.MSG_DONTWAIT)
+        self._process = subprocess.Popen(  # noqa: S603  our own interpreter, our own module
+            [*_command(), *_arguments(self._bounds)],
+            stdin=self._its_control.fileno(),
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            env=_environment(),
+            start_new_session=True,  # Ctrl-C in a terminal is for the parent alone
+        )
+        self._pid[0] = self._process.pid
+
+    def _await_ready(self) -> Sandbox:
+        end, ready = time.monotonic() + _START_SECONDS, b""
+        while not ready and time.monotonic() < end and self._process and self._process.poll() is None:
+            ready = self._control.recv(_LONGEST_WORD) if _poll(self._control, 0.02) else b""
         try:
-            ready = json.loads(control.recv(_LONGEST_WORD) or b"{}")
-            if ready.get("ready") is True and ready.get("threads") == 1:
-                return Sandbox(**ready["sandbox"])
-        except (OSError, ValueError, TypeError) as error:
+            told = json.loads(ready or b"{}")
+            if told.get("ready") is True and told.get("threads") == 1:
+                return Sandbox(**told["sandbox"])
+        except (ValueError, TypeError) as error:
             raise DecoderUnavailable(f"The decoding processes do not start: {error!r}.") from error
-        raise DecoderUnavailable(f"The decoding processes do not start: {self._autopsy(ready)}.")
+        raise DecoderUnavailable(f"The decoding processes do not start: {self._autopsy(told)}.")
 
-    def _autopsy(self, ready: dict[str, Any]) -> str:
-        if ready:
+    def _autopsy(self, told: dict[str, Any]) -> str:
+        if told:
             return "they do not keep to the protocol"
         assert self._process is not None  # noqa: S101  it has just been started
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            code = self._process.wait(timeout=1.0)
-            return f"ended by {signal.Signals(-code).name}" if code < 0 else f"ended with code {code}"
-        return "they hung up"
+        code = self._process.poll()
+        if code is None:
+            return f"they are not ready after {_START_SECONDS:g} s"
+        return f"ended by {signal.Signals(-code).name}" if code < 0 else f"ended with code {code}"
 
-    def _stop(self) -> None:
+    def _kill(self) -> None:
+        """End the zygote; a fork leaves it to its owner to notice."""
         spare, self._spare = self._spare, None
-        process, self._process = self._process, None
-        control, self._control = self._control, None
-        self._sandbox = None
         if spare is not None:
             spare.close()
-        if process is not None:
-            process.kill()
-            process.wait()
-        if control is not None:
-            control.close()
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+            self._process, self._pid[0] = None, 0
+        elif not self._is_owner and self._pid[0]:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(self._pid[0], signal.SIGKILL)
 
 
 def _command() -> list[str]:

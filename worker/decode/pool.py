@@ -47,6 +47,7 @@ class DecoderPool:
         self._limits = DecoderLimits(
             memory_bytes=memory_bytes, cpu_seconds=cpu_seconds, wall_seconds=wall_seconds
         )
+        self._nursery = Nursery(self._limits)
         self._begin()
 
     def start(self) -> Sandbox:
@@ -112,11 +113,14 @@ class DecoderPool:
     ) -> None:
         self.close()
 
+    def look_after(self) -> None:
+        """Start the zygote again if it has died: what its owner does while forks use it."""
+        self._nursery.look_after()
+
     def _begin(self) -> None:
         self._owner = os.getpid()
         self._lock = threading.Lock()
         self._room = threading.Semaphore(self._size)
-        self._nursery = Nursery(self._limits)
         self._holds: Counter[Path] = Counter()
         self._idle: defaultdict[Path, list[Decoder]] = defaultdict(list)
         self._busy: list[Decoder] = []
@@ -124,7 +128,7 @@ class DecoderPool:
     def _look_for_fork(self) -> None:
         """After a fork the sockets lead to the parent's cells, whose answers would be mixed up."""
         if os.getpid() != self._owner:
-            self._nursery.abandon()
+            self._nursery.share()
             for decoder in (*self._busy, *(each for idle in self._idle.values() for each in idle)):
                 decoder.abandon()
             self._begin()

@@ -218,17 +218,32 @@ def test_threads_share_the_processes(good):
         assert len(pool.pids()) <= 2
 
 
-def test_a_fork_gets_processes_of_its_own(good):
-    code = (
-        "import os, sys, pathlib; from worker.decode.pool import DecoderPool\n"
-        "path = pathlib.Path(sys.argv[1]); pool = DecoderPool(1); pool.read_header(path)\n"
-        "before = pool.pids()\n"
-        "if os.fork() == 0:\n"
-        "    pool.read_header(path); same = pool.pids() == before; pool.close(); os._exit(same)\n"
-        "status = os.waitstatus_to_exitcode(os.wait()[1])\n"
-        "pool.read_header(path); assert pool.pids() == before; pool.close(); sys.exit(status)"
-    )
-    done = subprocess.run([sys.executable, "-c", code, str(good)], cwd=ROOT, check=False)
+FORKS = """
+import os, pathlib, signal, sys, time
+from worker.decode.pool import DecoderPool
+path, pool = pathlib.Path(sys.argv[1]), DecoderPool(1)
+pool.start()
+zygote = pool.pids()[0]
+fork = os.fork()
+if not fork:
+    with pool.hold(path):
+        pool.read_header(path)
+        before = pool.pids()
+        os.kill(zygote, signal.SIGKILL)
+        pool.read_window(path, (0, 0, 16, 16))
+        after = pool.pids()
+    os._exit(not (before[0] == zygote and len(before) == len(after) == 2 and not set(before) & set(after)))
+while (ended := os.waitpid(fork, os.WNOHANG))[0] == 0:
+    pool.look_after()
+    time.sleep(0.02)
+pool.read_header(path)
+pool.close()
+sys.exit(os.waitstatus_to_exitcode(ended[1]))
+"""
+
+
+def test_a_fork_has_cells_of_the_same_zygote_which_its_owner_replaces(good):
+    done = subprocess.run([sys.executable, "-c", FORKS, str(good)], cwd=ROOT, check=False)
     assert done.returncode == 0
 
 
