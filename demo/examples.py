@@ -37,8 +37,6 @@ _QUERIES: dict[str, Node] = {
     "get_campaign_motion": {"focal_length_mm": 3.98, "pixel_pitch_um": 3.75},
     "get_camera_validity": {"method": "luminance"},
     "get_coefficients": {"method": "luminance"},
-    "get_dng_gain_map": {"f_number": 4},
-    "get_dng_vignette": {"f_number": 4},
     "get_drift": {"method": "luminance", "tolerance": 0.04},
     "get_frame_motion": {"focal_length_mm": 3.98, "pixel_pitch_um": 3.75},
 }

@@ -1,6 +1,5 @@
 """Vignetting: flat fields at six f-numbers of a lens whose axis does not meet the middle of the sensor."""
 
-import json
 import math
 from pathlib import Path
 
@@ -73,7 +72,7 @@ def _export(
     f_number: float,
     falloff: stilb.Coefficient,
 ) -> list[Finding]:
-    """Save the forms of other programs; two of them correct the farthest corner to 1."""
+    """Save the forms of other programs; the correction map corrects the farthest corner to 1."""
     share = _corner(camera, camera.share(f_number))
     u = falloff.standard_uncertainty / (1.0 - falloff.value)
 
@@ -81,14 +80,6 @@ def _export(
         return stage.client.save_form(calibration.id, stage.folder / name, **query)
 
     gains = tifffile.imread(save("correction.tif", f_number=f_number))
-    dng = json.loads(save("dng.json", f_number=f_number).read_text(encoding="utf-8"))
     save("lensfun.xml", **_LENSFUN)
-    left = {
-        "correction.tif": (_corner(camera, gains) * share, u),
-        # FixVignetteRadial counts the radius from its centre to the farthest corner
-        "dng.json": ((1.0 + sum(dng["k"])) * share, math.hypot(u, dng["largest_error_rel"])),
-    }
-    return [
-        Finding(what=f"f/{f_number:g}, {name}", value=value, standard_uncertainty=u, truth=1.0, unit="1")
-        for name, (value, u) in left.items()
-    ]
+    what, value = f"f/{f_number:g}, correction.tif", _corner(camera, gains) * share
+    return [Finding(what=what, value=value, standard_uncertainty=u, truth=1.0, unit="1")]

@@ -1,16 +1,17 @@
 """A database of Lensfun with one camera and one lens."""
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 from xml.sax.saxutils import escape
 
 from radiometry.findings import InputRejected, interface
-from radiometry.frame.xmp import FORBIDDEN_IN_XML
 from radiometry.specification.exports import ExportOption, ExportSubject
 
 FULL_FRAME_DIAGONAL_MM: Final = math.hypot(36.0, 24.0)
+FORBIDDEN_IN_XML: Final = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _DATABASE_VERSION: Final = 1
 
 

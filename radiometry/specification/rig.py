@@ -34,7 +34,7 @@ class RigMember:
 class RigExport:
     """Form in which another program reads a rig.
 
-    ``write`` : ``(orientation, members, name) -> str or bytes``
+    ``write`` : ``(orientation, members, name) -> str``
     """
 
     filename: str
@@ -42,7 +42,7 @@ class RigExport:
     operation: str
     description: str
     label: str
-    write: Callable[[Any, Sequence[RigMember], str], str | bytes]
+    write: Callable[[Any, Sequence[RigMember], str], str]
 
 
 @dataclass(frozen=True, kw_only=True)

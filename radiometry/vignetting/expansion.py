@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from radiometry.findings import InputRejected, shared
 from radiometry.vignetting.application import evaluate
 from radiometry.vignetting.grid import Vector
 from radiometry.vignetting.results import Coefficient
@@ -62,11 +61,6 @@ def average_share(
     InputRejected
         `vignetting_not_calibrated` for another channel, or outside the range.
     """
-    if not channels:
-        raise InputRejected(
-            shared.VIGNETTING_NOT_CALIBRATED,
-            "No channel is left to export: name one or more that the calibration has.",
-        )
     shares = [
         evaluate(coefficients, rows, cols, channel=channel, f_number=f_number).share for channel in channels
     ]

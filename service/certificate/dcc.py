@@ -4,7 +4,7 @@ import base64
 import xml.etree.ElementTree as ET
 from typing import Final
 
-from radiometry.frame.xmp import FORBIDDEN_IN_XML
+from radiometry.frame.lensfun import FORBIDDEN_IN_XML
 from radiometry.methods import get_method
 from service.press.pages import STAMPS
 from service.press.sheet import Node, write_json

@@ -22,30 +22,6 @@ from store.fits import read_result
 from store.tables import Calibration, Camera
 
 
-class _DngAnswer(Answer):
-    f_number: float
-    width_px: int = Field(description="Of the frames: the active area, where a file states one.")
-    height_px: int
-    largest_error_rel: float = Field(description="Of the gain times the fitted V, anywhere in the frame.")
-
-
-class DngVignetteAnswer(_DngAnswer):
-    """FixVignetteRadial: gain = 1 + k0 r^2 + ... + k4 r^10, r = 1 at the corner farthest from the centre."""
-
-    k: list[float] = Field(min_length=5, max_length=5)
-    centre_x_share: float = Field(description="0 at the first column, 1 at the last.")
-    centre_y_share: float = Field(description="0 at the first row, 1 at the last.")
-    opcode_list_base64: str = Field(description="One opcode, big endian, as OpcodeList3 holds it.")
-
-
-class DngGainMapAnswer(_DngAnswer):
-    """GainMap: 65 x 65 gains 1 / V from edge to edge for each position of the mosaic."""
-
-    opcode_list_base64: str = Field(
-        description="Four opcodes, or one, big endian, as OpcodeList2 holds them."
-    )
-
-
 class CameraFile(Answer):
     """A camera's geometry with its uncertainties."""
 
@@ -66,8 +42,6 @@ class OdmCameras(RootModel[dict[str, dict[str, float | str]]]):
 router = Router(prefix="/v1/calibrations/{calibration_id}/exports", tags=["calibrations"])
 
 _ANSWERS = {
-    "get_dng_vignette": DngVignetteAnswer,
-    "get_dng_gain_map": DngGainMapAnswer,
     "get_camera_json": CameraFile,
     "get_odm_cameras": OdmCameras,
 }

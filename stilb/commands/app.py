@@ -51,7 +51,6 @@ _SECTIONS: Final = {
         ("motion", motion.motion, "stilb motion P-17 --focal-length 3.98"),
         ("rig", rig.rig, "stilb rig rig_01 --save rig.json"),
         ("fleet", fleet.fleet, "stilb fleet geometry 0K1XE8 0K1XE9 --tolerance 0.5"),
-        ("correct", calibration.correct, "stilb correct cal_01 DJI_0001.DNG --f-number 2.8 --to corrected"),
     ),
     "Records": (
         ("export", calibration.export, "stilb export cal_01 out"),

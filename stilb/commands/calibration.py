@@ -3,7 +3,6 @@
 import csv
 import json
 import re
-from collections import Counter
 from collections.abc import Sequence
 from difflib import get_close_matches
 from http import HTTPStatus
@@ -106,32 +105,6 @@ def calibrate(
             said["exclude"] = _exclusions(client, campaign_id, exclude)
         calibration = client.calibrate(campaign_id, **said)
     output.answer(calibration.raw, *format_calibration(calibration))
-
-
-@command
-def correct(
-    output: Output,
-    calibration: CalibrationId,
-    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="DNGs of this camera.")],
-    f_number: Annotated[float, typer.Option(help="F-number of the files.")],
-    to: Annotated[Path, typer.Option(metavar="FOLDER", help="Folder for the copies.")],
-    *,
-    gain_map: Annotated[bool, typer.Option("--gain-map", help="Gains of each colour, in GainMap.")] = False,
-) -> None:
-    """Copy DNGs with a vignetting version's opcode, which raw converters apply."""
-    twins = {name for name, count in Counter(file.name.casefold() for file in files).items() if count > 1}
-    if twins:
-        names = ", ".join(sorted(file.name for file in files if file.name.casefold() in twins))
-        raise typer.BadParameter(f"these files would become one in {to}: {names}")
-    to.mkdir(parents=True, exist_ok=True)
-    with output.client() as client:
-        copies = [
-            str(
-                client.save_corrected(calibration, file, to / file.name, f_number=f_number, gain_map=gain_map)
-            )
-            for file in files
-        ]
-    output.answer({"files": copies}, *copies)
 
 
 @command

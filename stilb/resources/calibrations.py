@@ -1,14 +1,11 @@
 """Calibrations: fitted, published, revoked, handed out."""
 
-import base64
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from stilb.details import Moment, as_text
 from stilb.export import OnExport, export
-from stilb.field.dng import copy_with_opcodes
 from stilb.records import Calibration, Job
 from stilb.resources.campaigns import Campaigns
 from stilb.resources.jobs import Jobs
@@ -88,9 +85,8 @@ class Calibrations(Campaigns, Jobs):
     def save_form(self, calibration_id: str, path: PathLike, **query: str | float) -> Path:
         """Save a version in the form that another program reads; the file's name says which.
 
-        Of vignetting `lensfun.xml`, `dng.json`, `gain-map.json`, `correction.tif`, `vignetting.xmp`,
-        `residuals.tif`; of geometry `opencv.yaml`, `ros.yaml`, `cameras.txt`, `metashape.xml`, `pix4d.cam`,
-        `geometry.xmp`, `cameras.json`, `lensfun-distortion.xml`, `camera.json`.
+        Of vignetting `lensfun.xml`, `correction.tif`, `residuals.tif`; of geometry `opencv.yaml`,
+        `cameras.json`, `lensfun-distortion.xml`, `camera.json`.
 
         ``query`` is what the form needs, such as ``f_number=2.8``.
         """
@@ -98,32 +94,6 @@ class Calibrations(Campaigns, Jobs):
         where = address("calibrations", calibration_id, "exports", path.name)
         self._transport.download(Call(method="GET", path=where, query=query), path)
         return path
-
-    def save_corrected(
-        self,
-        calibration_id: str,
-        source: PathLike,
-        target: PathLike,
-        *,
-        f_number: float,
-        gain_map: bool = False,
-    ) -> Path:
-        """Copy a DNG with a vignetting version's opcode for raw converters; its raw numbers stay.
-
-        ``gain_map`` : GainMap, with gains of each colour, rather than FixVignetteRadial, with one for all.
-        Do not send the copy as a frame: the opcode is recorded, and the falloff is still in its numbers.
-        """
-        name, stage = ("gain-map.json", 2) if gain_map else ("dng.json", 3)
-        where = address("calibrations", calibration_id, "exports", name)
-        found = json.loads(
-            self._transport.send(Call(method="GET", path=where, query={"f_number": f_number})).content
-        )
-        opcodes, size_px = (
-            base64.b64decode(found["opcode_list_base64"]),
-            (found["width_px"], found["height_px"]),
-        )
-        copy_with_opcodes(Path(source), Path(target), opcodes, stage=stage, size_px=size_px)
-        return Path(target)
 
     def points_csv(self, calibration_id: str) -> str:
         return self._text(address("calibrations", calibration_id, "points.csv"))

@@ -41,8 +41,7 @@ class Rigs(Equipment):
     def save_rig(self, rig_id: str, path: PathLike[str] | str) -> Path:
         """Save the newest orientation as the file's name says.
 
-        For another program `opencv.yaml`, `ros.zip` or `rig.json`; its certificate `certificate.pdf` or
-        `certificate.json`.
+        For another program `opencv.yaml` or `rig.json`; `certificate.pdf` and `certificate.json` too.
         """
         path = Path(path)
         folder = () if path.stem == "certificate" else ("exports",)

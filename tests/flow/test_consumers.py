@@ -17,7 +17,7 @@ import pytest
 import tifffile
 from rich.console import Console
 
-from demo import geometry, reflectance, vignetting
+from demo import geometry, reflectance
 from demo.display import Display
 from demo.journey import Stage
 from tests.flow.test_generated_clients import install
@@ -30,7 +30,7 @@ FOLDER = Path(__file__).parent / "consumers"
 PAGE = ROOT / "docs" / "consumers.md"
 REAL = data.FOLDER / "p4m" / "DJI_0015.TIF"
 BOARDS = (ROOT / "docs" / "dashboards.md").read_text(encoding="utf-8")
-PARTS = ("geometry", "sidecars", "maps", "certificates", "series")
+PARTS = ("geometry", "maps", "certificates", "series")
 
 
 def fetch(team, path, target, **options):
@@ -48,22 +48,18 @@ def save_exports(team, version, folder, *names, **query):
 
 @pytest.fixture(scope="module")
 def saved(embedded, shots, tmp_path_factory):
-    """The files of a geometry, a vignetting, a luminance and a reflectance version, as a user saves them."""
+    """The files of a geometry, a luminance and a reflectance version, as a user saves them."""
     folder = tmp_path_factory.mktemp("saved")
     with new_team(embedded.url, embedded.key) as team:
         client = team.client
         stage = Stage(client=client, folder=folder / "frames", display=Display(Console()), quick=True)
-        for demo in (geometry, vignetting, reflectance):
+        for demo in (geometry, reflectance):
             assert demo.run(stage), demo.__name__
         (campaign, *_) = client.campaigns(method="geometry")
         # fx and fy that differ, which not every program can say
         uneven = client.calibrate(campaign.id, fix_aspect_ratio=False)
-        plain = ("opencv.yaml", "ros.yaml", "cameras.txt", "cameras.json", "geometry.xmp", "camera.json")
+        plain = ("opencv.yaml", "cameras.json", "camera.json")
         save_exports(team, uneven.id, folder, *plain)
-        (campaign,) = client.campaigns(method="vignetting")
-        (falloff,) = client.calibrations(campaign.id)
-        save_exports(team, falloff.id, folder, "correction.tif", f_number=2.0)
-        save_exports(team, falloff.id, folder, "vignetting.xmp", f_number=2.0, channel="G1")
         save_luminance(team, embedded, shots, folder)
         (measured,) = [each for each in client.measurements() if "map_tif" in str(each.raw.get("links"))][:1]
         save_map(client, measured, folder / "map.tif")

@@ -1,19 +1,15 @@
-"""A rig for other programs: OpenCV's YAML, ROS's files, and JSON with covariances."""
+"""A rig for other programs: OpenCV's YAML, and JSON with covariances."""
 
 import dataclasses
-import io
 import json
-import re
-import zipfile
 from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-import scipy
 
 from radiometry.frame.opencv import cv2
 from radiometry.geometry.camera import PARAMETERS
-from radiometry.geometry.exports import export_ros, quote
+from radiometry.geometry.exports import quote
 from radiometry.geometry.rig.results import RigFit
 from radiometry.specification.rig import RigExport, RigMember
 
@@ -89,59 +85,6 @@ def export_json(orientation: RigFit, members: Sequence[RigMember], name: str) ->
     return json.dumps(content, indent=2, allow_nan=False) + "\n"
 
 
-def export_ros_files(orientation: RigFit, members: Sequence[RigMember], name: str) -> bytes:
-    """Write a ZIP file with the camera_info file of each camera and their transforms, for ROS.
-
-    Parameters
-    ----------
-    orientation : RigFit
-        Orientation of the rig.
-    members : sequence of RigMember
-        Versions, the reference first.
-    name : str
-        Name of the rig.
-
-    Returns
-    -------
-    bytes
-        ZIP file: camera_info/<frame>.yaml of each camera, and static_transforms.yaml, a list of
-        geometry_msgs/TransformStamped from the reference to each other camera: the translation [m] is the
-        camera's centre in the reference's frame, the quaternion turns the camera's axes into the reference's.
-        Frames are optical: x right, y down, z forward.
-    """
-    frames = {each.serial: f"camera_{re.sub('[^A-Za-z0-9_]', '_', each.serial)}" for each in members}
-    files = {
-        f"camera_info/{frames[each.serial]}.yaml": export_ros(each.fitted, camera_name=frames[each.serial])
-        for each in members
-    }
-    transforms = [
-        {
-            "header": {"frame_id": frames[orientation.reference]},
-            "child_frame_id": frames[pose.camera],
-            "transform": {
-                "translation": {axis: getattr(pose, axis).value for axis in "xyz"},
-                "rotation": dict(zip("xyzw", _turn_back(pose.matrix), strict=True)),
-            },
-        }
-        for pose in orientation.poses
-    ]
-    # JSON is YAML, but for numbers such as 1e-05, which YAML 1.1 takes for text
-    text = re.sub(r"(?<![\d.])(\d+)e", r"\1.0e", json.dumps(transforms, indent=2))
-    files["static_transforms.yaml"] = f"# rig {json.dumps(name)}\n{text}\n"
-    packed = io.BytesIO()
-    with zipfile.ZipFile(packed, "w") as archive:
-        for path, text in files.items():
-            archive.writestr(zipfile.ZipInfo(path), text)
-    return packed.getvalue()
-
-
-def _turn_back(matrix: tuple[tuple[float, ...], ...]) -> list[float]:
-    quaternion: list[float] = (
-        scipy.spatial.transform.Rotation.from_matrix(np.transpose(matrix)).as_quat(canonical=True).tolist()
-    )
-    return quaternion
-
-
 EXPORTS: Final = (
     RigExport(
         filename="opencv.yaml",
@@ -158,13 +101,5 @@ EXPORTS: Final = (
         operation="get_rig_json",
         description="Cameras and orientation of the newest set with their covariances.",
         write=export_json,
-    ),
-    RigExport(
-        filename="ros.zip",
-        label="ROS",
-        media_type="application/zip",
-        operation="get_rig_ros_zip",
-        description="Each camera's camera_info YAML and the static transforms of the newest set, for ROS.",
-        write=export_ros_files,
     ),
 )

@@ -52,26 +52,7 @@ def geometry(folder):
     read = [storage.getNode(name).mat() for name in ("camera_matrix", "distortion_coefficients")]
     off = max(largest(read[0], matrix), largest(read[1][0], distortion))
     add(f"OpenCV {cv2.__version__}, FileStorage", "opencv.yaml", "matrix and coefficients", off)
-    colmap(folder, spatial, seen)
     opendronemap(folder, spatial, seen)
-    ros(folder, matrix, distortion)
-
-
-def colmap(folder, spatial, seen):
-    import pycolmap
-
-    model = folder / "colmap"
-    model.mkdir(exist_ok=True)
-    shutil.copy(folder / "cameras.txt", model)
-    for name in ("images.txt", "points3D.txt", "rigs.txt", "frames.txt"):
-        (model / name).touch()
-    reconstruction = pycolmap.Reconstruction()
-    reconstruction.read_text(str(model))
-    (camera,) = reconstruction.cameras.values()
-    # the centre of the first pixel is at (0.5, 0.5)
-    found = np.array(camera.img_from_cam(spatial)) - 0.5
-    program = f"COLMAP, pycolmap {version('pycolmap')}"
-    add(program, "cameras.txt", "475 points, projected by COLMAP", largest(found, seen), "px")
 
 
 def opendronemap(folder, spatial, seen):
@@ -84,72 +65,6 @@ def opendronemap(folder, spatial, seen):
     found = camera.world_to_pixel((spatial * (1, -1, -1)).T).T
     program = f"OpenDroneMap's model, orthority {version('orthority')}"
     add(program, "cameras.json", "475 points, projected by orthority", largest(found, seen), "px")
-
-
-def ros(folder, matrix, distortion):
-    code = (
-        "import json, sys; from camera_calibration_parsers import readCalibration; "
-        "name, info = readCalibration(sys.argv[1]); "
-        "print(json.dumps([list(info.k if hasattr(info, 'k') else info.K),"
-        " list(info.d if hasattr(info, 'd') else info.D)]))"
-    )
-    python = shutil.which("python3", path="/usr/bin")
-    done = python and subprocess.run(
-        [python, "-c", code, str(folder / "ros.yaml")], check=False, capture_output=True, text=True
-    )
-    if not done or "No module named" in done.stderr:
-        add("ROS, camera_calibration_parsers", "ros.yaml", "not installed here: not read", np.nan)
-        return
-    assert done.returncode == 0, done.stderr
-    k, d = json.loads(done.stdout.splitlines()[-1])
-    off = max(largest(k, matrix.ravel()), largest(d, distortion))
-    add("ROS, camera_calibration_parsers", "ros.yaml", "matrix and coefficients", off)
-
-
-def sidecars(folder):
-    if not shutil.which("exiftool"):
-        add("MicaSense's library", "geometry.xmp, vignetting.xmp", "exiftool is not here: not read", np.nan)
-        return
-    import cv2
-    import micasense.image
-
-    _, matrix, distortion = load_camera(folder)
-    pitch_um = json.loads((folder / "camera.json").read_text())["pixel_pitch_um"]
-    gains = cv2.imread(str(folder / "correction.tif"), cv2.IMREAD_UNCHANGED)
-    read = micasense.image.Image.__new__(micasense.image.Image)
-    read.raw = lambda: gains
-    lens = load_frame(folder, "vignetting.xmp", gains.shape)
-    read.vignette_center, read.vignette_polynomial = lens.vignette_center(), lens.vignette_polynomial()
-    stated = load_frame(folder, "geometry.xmp", gains.shape)
-    read.distortion_parameters, read.principal_point = (
-        stated.distortion_parameters(),
-        stated.principal_point(),
-    )
-    read.focal_length = stated.focal_length_mm()
-    read.focal_plane_resolution_px_per_mm = (1000 / pitch_um,) * 2
-    program = f"MicaSense's library {version('micasense-imageprocessing')}, exiftool"
-    # the gains of one channel, of float32; those of the others are of other curves
-    found = (np.asarray(read.vignette()[0]).T * np.ones_like(gains))[::2, 1::2]
-    off = np.abs(found / gains[::2, 1::2] - 1).max()
-    add(program, "vignetting.xmp", "gain of each pixel of G1 against correction.tif", off, "of the gain")
-    mean = (matrix[0, 0] + matrix[1, 1]) / 2
-    wanted = np.array([[mean, 0, matrix[0, 2]], [0, mean, matrix[1, 2]], [0, 0, 1]])
-    off = largest(read.cv2_camera_matrix(), wanted)
-    add(program, "geometry.xmp", "camera matrix, with the mean of fx and fy", off, "px")
-    off = largest(np.ravel(read.cv2_distortion_coeff()), distortion)
-    add(program, "geometry.xmp", "distortion coefficients", off)
-
-
-def load_frame(folder, sidecar, shape):
-    """Write a frame with a sidecar's XMP for its own, and read it as the library does."""
-    import cv2
-    import micasense.metadata
-
-    image = folder / f"{sidecar}.tif"
-    cv2.imwrite(str(image), np.full(shape, 1000, np.uint16))
-    packet = f"-XMP<={folder / sidecar}"
-    subprocess.run(["exiftool", "-q", "-overwrite_original", packet, str(image)], check=True)
-    return micasense.metadata.Metadata(str(image))
 
 
 def maps(folder):
