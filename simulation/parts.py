@@ -114,9 +114,6 @@ class Sensor:
         System gain at ``base_iso`` [DN/e]; it is proportional to the ISO value.
     read_noise_e, full_well_e : float
         Standard deviation of the read noise and largest number of electrons [e].
-    spill_share : float
-        Share of the electrons beyond the full well that flow along the column, half of them each way, into
-        the next pixels that have room (blooming); the others are drained.
     dark_current_e_s : float
         Electrons without light [e/s]; with ``compensates_dark`` their mean is subtracted, their noise stays.
     row_noise_e : float
@@ -144,7 +141,6 @@ class Sensor:
     base_iso: float = 100.0
     read_noise_e: float = 0.0
     full_well_e: float = math.inf
-    spill_share: float = 0.0
     dark_current_e_s: float = 0.0
     compensates_dark: bool = False
     row_noise_e: float = 0.0
@@ -181,19 +177,6 @@ class Sensor:
         rows = np.arange(window.row0, window.row0 + window.height) % 2
         cols = np.arange(window.col0, window.col0 + window.width) % 2
         return strengths.reshape(2, 2)[rows[:, None], cols[None, :]]
-
-    def overflow(self, electrons: Plane | NDArray[np.int64]) -> Plane:
-        """Return what the pixels keep of their electrons, and take up of what others cannot keep."""
-        kept = np.asarray(np.minimum(electrons, self.full_well_e), np.float64)
-        if self.spill_share > 0.0:
-            spilt = (electrons - kept) * self.spill_share / 2.0
-            for column, source in ((kept, spilt), (kept[::-1], spilt[::-1])):
-                flowing = np.zeros(kept.shape[1:])
-                for place, added in enumerate(source):
-                    taken = np.minimum(flowing, self.full_well_e - column[place])
-                    column[place] += taken
-                    flowing = flowing - taken + added
-        return kept
 
     def pick(self, light: Plane, window: Window) -> Plane:
         """Return the light of each site's own colour, (row, col), from that of all three, (row, col, 3)."""
@@ -234,7 +217,7 @@ class Sensor:
 
         """
         gain = self.gain(iso)
-        electrons = self.overflow(random.poisson(mean_e) if self.photon_noise else mean_e)
+        electrons = np.minimum(random.poisson(mean_e) if self.photon_noise else mean_e, self.full_well_e)
         if self.bend_rel:
             white_e = min((self.white_level_dn - self.black_level_dn) / gain, self.full_well_e)
             electrons = electrons * (1.0 - self.bend_rel * electrons / white_e)

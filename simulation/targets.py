@@ -122,31 +122,6 @@ class Edge:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Spot:
-    """A bright disc in the middle of a square box, with a halo about it that falls with 1 / r^2."""
-
-    name: str
-    row0: int
-    col0: int
-    size: int = 96
-    radius_px: float = 5.0
-    blur_px: float = 0.8
-    halo_share: float = 0.002
-
-    @property
-    def region(self) -> Region:
-        """The box as a region."""
-        return _box(self.name, self.row0, self.col0, self.size, self.size)
-
-    def fill(self) -> Plane:
-        """Return the shares in the box, 1 in the middle of the disc."""
-        row, col = np.mgrid[: self.size, : self.size] - (self.size - 1) / 2.0
-        away = np.hypot(row, col)
-        halo = self.halo_share / (1.0 + (away / self.radius_px) ** 2)
-        return np.asarray(ndtr((self.radius_px - away) / self.blur_px) * (1.0 - halo) + halo, np.float64)
-
-
-@dataclass(frozen=True, kw_only=True)
 class Star:
     """A Siemens star of sines or ``bars`` in a square box, blurred by a Gaussian; its centre in indices."""
 
@@ -194,7 +169,7 @@ class Chart:
     ``magnified`` : scale of a colour about the middle of the frame, where it is not 1; of edges alone
     """
 
-    parts: Sequence[Edge | Star | Spot]
+    parts: Sequence[Edge | Star]
     magnified: Mapping[str, float] = field(default_factory=dict)
 
     def draw(self, camera: Camera, window: Window) -> Plane:

@@ -28,8 +28,7 @@ _FREQUENCIES = (
 SPEC: Final = MethodSpec(
     name="sharpness",
     label="Sharpness",
-    description="The MTF from slanted edges or Siemens stars, in the centre and towards the corners; "
-    "blooming from a saturated spot.",
+    description="The MTF from slanted edges or Siemens stars, in the centre and towards the corners.",
     schema_version=1,
     roles=(CHART,),
     params=Params,
@@ -61,7 +60,6 @@ SPEC: Final = MethodSpec(
         CoefficientKind(
             name="lateral_colour_px", label="Lateral colour against green, outwards", units=("px",)
         ),
-        CoefficientKind(name="blooming_px", label="Blooming, as a length of saturated pixels", units=("px",)),
         CoefficientKind(
             name="corner_falloff",
             label="Loss towards the corners",

@@ -3,14 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from radiometry.frame.exposure import Exposure
 from radiometry.sharpness.features import EdgeResponse, Estimate, Features, RegionResponse, StarResponse
 from radiometry.sharpness.resolution import find_resolving_power
 from radiometry.sharpness.rows import FrameRow, Params
-from radiometry.sharpness.spots import SpotResponse
 
 MTF50 = "mtf50_cycles_per_pixel"
-BLOOMING = "blooming_px"
 RESOLVING_POWER = "resolving_power_cycles_per_pixel"
 
 _MOST_NAMES = 3
@@ -34,7 +31,7 @@ class Candidate:
         Name of the channel.
     f_number : float or None
         F-number.
-    response : EdgeResponse, StarResponse, SpotResponse or None
+    response : EdgeResponse, StarResponse or None
         Response of the channel; None if the channel was refused.
     left_out : str
         "" if it counts, else the reason.
@@ -45,9 +42,8 @@ class Candidate:
     region: RegionResponse
     channel: str
     f_number: float | None
-    response: EdgeResponse | StarResponse | SpotResponse | None
+    response: EdgeResponse | StarResponse | None
     left_out: str
-    exposure: Exposure | None = None
 
     @property
     def kind(self) -> str:
@@ -62,8 +58,6 @@ class Candidate:
     @property
     def figure(self) -> str:
         """Name of the coefficient that is compared between frames and positions."""
-        if self.kind == "saturated_spot":
-            return BLOOMING
         return MTF50 if self.kind == "slanted_edge" else RESOLVING_POWER
 
     def measure(self, params: Params) -> Estimate | None:
@@ -114,11 +108,7 @@ def collect_candidates(rows: Sequence[FrameRow], params: Params) -> tuple[Candid
         left_out = f"excluded by {exclusion.by}: {exclusion.reason}" if exclusion else ""
         f_number = row.exposure.f_number if row.exposure is not None else None
         for region in row.features.regions:
-            responses: tuple[EdgeResponse | StarResponse | SpotResponse, ...] = (
-                *region.edges,
-                *region.stars,
-                *(region.spots or ()),
-            )
+            responses: tuple[EdgeResponse | StarResponse, ...] = (*region.edges, *region.stars)
             outcomes = [
                 *((each.channel, each, left_out) for each in responses),
                 *((each.channel, None, left_out or each.message) for each in region.refused),
@@ -132,7 +122,6 @@ def collect_candidates(rows: Sequence[FrameRow], params: Params) -> tuple[Candid
                     f_number=f_number,
                     response=response,
                     left_out=reason,
-                    exposure=row.exposure,
                 )
                 for channel, response, reason in outcomes
             ]
@@ -145,7 +134,7 @@ def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] =
     wanted = [row for row in rows if row.role == "chart" and row.frame not in excluded]
     found = []
     if not wanted and not unread:
-        found.append("no chart frame that can be used: photograph edges, stars or spots in role chart")
+        found.append("no chart frame that can be used: photograph edges or stars in role chart")
     if unread:
         found.append(f"frames that are not read yet: {_list(unread)}")
     undrawn = [row.frame for row in wanted if row.features is None and not row.has_region]

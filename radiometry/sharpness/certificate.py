@@ -8,7 +8,7 @@ CERTIFICATE: Final = CertificateText(
     procedure="Modulation transfer function of the camera against spatial frequency, per position and "
     "channel, from slanted edges (ISO 12233, e-SFR) or Siemens stars",
     equation="MTF(f) = |F{LSF}(f)| / |F{LSF}(0)|, where f is in cycles per pixel of the whole sensor",
-    headlines=frozenset({"mtf50_cycles_per_pixel", "resolving_power_cycles_per_pixel", "blooming_px"}),
+    headlines=frozenset({"mtf50_cycles_per_pixel", "resolving_power_cycles_per_pixel"}),
     columns=(
         FRAME,
         Column(name="position", head="position", form="text", share=1.2),

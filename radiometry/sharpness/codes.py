@@ -93,15 +93,4 @@ STAR_TOO_SMALL = error(
     "Go closer, or use a star of fewer cycles.",
 )
 
-SPOT_REGION_SMALL = error(
-    "spot_region_small",
-    "The region around a spot has fewer than 8 places of a channel on one side of its middle.",
-    "Draw a larger region, with the spot in its middle.",
-)
-BLOOMING_FOUND = flag(
-    "blooming_found",
-    "A saturated spot adds more than 1 px of saturation, and two standard uncertainties, to its neighbours.",
-    "Leave out what lies within the stated reach of saturated places, or expose so that nothing saturates.",
-)
-
 FINDINGS = declared(globals())

@@ -16,7 +16,6 @@ from radiometry.sharpness.edges import measure_edge
 from radiometry.sharpness.features import EdgeResponse, Features, Refusal, RegionResponse, StarResponse
 from radiometry.sharpness.rows import Target
 from radiometry.sharpness.sampling import LUMINANCE, Plane, Tone, average_sites, read_planes
-from radiometry.sharpness.spots import SpotResponse, measure_spot
 from radiometry.sharpness.stars import measure_star
 
 R = TypeVar("R")
@@ -67,7 +66,7 @@ def extract_features(
         found.append(_measure_region(frame, region, window, target=target, tone=tone))
         row0, col0 = window.row0 - frame.row0, window.col0 - frame.col0
         inside[row0 : row0 + window.height, col0 : col0 + window.width] = True
-    if not any(each.edges or each.stars or each.spots for each in found):
+    if not any(each.edges or each.stars for each in found):
         raise _explain(found)
     features = Features(
         kind=target.kind,
@@ -85,7 +84,6 @@ def _measure_region(
     edges: list[EdgeResponse] = []
     stars: list[StarResponse] = []
     refused: list[Refusal] = []
-    spots: list[SpotResponse] = []
     if target.kind == "slanted_edge":
         turned = _runs_along_rows(frame, window, tone)
         planes = read_planes(frame, window, tone=tone, transposed=turned)
@@ -100,9 +98,6 @@ def _measure_region(
                 plane,
                 lambda one: measure_edge(one, order=target.edge_order, orientation=orientation, box=box),
             )
-    elif target.kind == "saturated_spot":
-        for plane in read_planes(frame, window, tone=tone, transposed=False):
-            _try(spots, refused, plane, lambda one: measure_spot(one, window=window))
     else:
         planes = read_planes(frame, window, tone=tone, transposed=False)
         centre, radius_px = _find_star(frame, region, window, planes, target=target, tone=tone)
@@ -120,7 +115,6 @@ def _measure_region(
         edges=tuple(edges),
         stars=tuple(stars),
         refused=tuple(refused),
-        spots=tuple(spots) or None,
     )
 
 

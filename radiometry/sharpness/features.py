@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, field
 
-from radiometry.sharpness.spots import SpotResponse
 from radiometry.specification.stored import LATER
 
 CURVE_STEP_CYCLES_PER_PIXEL = 0.01
@@ -171,8 +170,6 @@ class RegionResponse:
         Responses by channel.
     refused : tuple of Refusal
         Channels without a response.
-    spots : tuple of SpotResponse or None
-        Spots by channel; None if the target is not a spot.
     """
 
     name: str
@@ -181,7 +178,6 @@ class RegionResponse:
     edges: tuple[EdgeResponse, ...]
     stars: tuple[StarResponse, ...]
     refused: tuple[Refusal, ...]
-    spots: tuple[SpotResponse, ...] | None = field(default=None, metadata=LATER)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 from radiometry.findings import Raised, shared
 from radiometry.sharpness import codes
-from radiometry.sharpness.blooming import Blooming
 from radiometry.sharpness.candidates import Candidate
 from radiometry.sharpness.falloff import CENTRE_RADIUS_REL
 from radiometry.sharpness.results import EdgeColour, FalloffTable, PositionFit
@@ -13,7 +12,6 @@ from radiometry.sharpness.rows import Params
 LARGEST_OVERSHOOT = 0.05
 LARGEST_DEPARTURE_PX = 0.25
 SCATTER_RATIO = 4.0
-LEAST_BLOOMING_PX = 1.0
 LARGEST_COLOUR_PX = 1.0
 _OVERSHOOT_ERRORS = 3.0
 
@@ -147,29 +145,4 @@ def check_colours(colours: Sequence[EdgeColour]) -> list[Raised]:
         )
         for each in colours
         if abs(each.shift.value) - 2.0 * each.shift.standard_uncertainty > LARGEST_COLOUR_PX
-    ]
-
-
-def check_blooming(blooming: Sequence[Blooming]) -> list[Raised]:
-    """Check what saturated spots add to their neighbours.
-
-    Parameters
-    ----------
-    blooming : sequence of Blooming
-        Results of all spots.
-
-    Returns
-    -------
-    list of Raised
-        Flags: blooming_found.
-    """
-    return [
-        codes.BLOOMING_FOUND.at(
-            each.direction,
-            f"Channel {each.channel}{f', position {each.position}' if each.position else ''}: "
-            f"{each.blooming.value:.2g} px of saturation (u {each.blooming.standard_uncertainty:.1g} px), as "
-            f"far as {each.reach_px:.0f} px, at {each.overexposure:.1f} times the light that saturates.",
-        )
-        for each in blooming
-        if each.blooming.value > max(LEAST_BLOOMING_PX, 2.0 * each.blooming.standard_uncertainty)
     ]

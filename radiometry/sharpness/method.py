@@ -15,20 +15,17 @@ References
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import replace
 
 from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import CoefficientValue, Extracted, Region
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
-from radiometry.sharpness.blooming import Blooming, SpotShot, fit_blooming
-from radiometry.sharpness.candidates import BLOOMING, Candidate, collect_candidates, missing
+from radiometry.sharpness.candidates import Candidate, collect_candidates, missing
 from radiometry.sharpness.colour import LATERAL_COLOUR, measure_colours
 from radiometry.sharpness.extraction import extract_features
 from radiometry.sharpness.falloff import compare_positions
 from radiometry.sharpness.features import Features
 from radiometry.sharpness.findings import (
-    check_blooming,
     check_candidates,
     check_colours,
     check_falloff,
@@ -38,7 +35,6 @@ from radiometry.sharpness.findings import (
 from radiometry.sharpness.merging import merge_position
 from radiometry.sharpness.results import Fit, Point, PositionFit
 from radiometry.sharpness.rows import FrameRow, Params, Target
-from radiometry.sharpness.spots import SpotResponse
 
 
 def extract(
@@ -90,13 +86,10 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     candidates = collect_candidates(rows, params)
     used = [each for each in candidates if not each.left_out]
     if not used:
-        raise InputRejected(shared.FIT_INCOMPLETE, "No edge, star or spot of the chart frames can be used.")
+        raise InputRejected(shared.FIT_INCOMPLETE, "No edge or star of the chart frames can be used.")
     colours = measure_colours(used)
-    blooming, candidates = _fit_spots(candidates, params)
-    shown = [each for each in used if not isinstance(each.response, SpotResponse)]
     positions = tuple(
-        merge_position(list(group), params)
-        for _, group in itertools.groupby(shown, key=lambda each: each.key)
+        merge_position(list(group), params) for _, group in itertools.groupby(used, key=lambda each: each.key)
     )
     falloff = compare_positions(positions)
     return Fit(
@@ -108,41 +101,8 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
             *check_positions(positions),
             *check_falloff(positions, falloff),
             *check_colours(colours),
-            *check_blooming(blooming),
         ),
         lateral_colour=colours or None,
-        blooming=blooming or None,
-    )
-
-
-def _fit_spots(
-    candidates: Sequence[Candidate], params: Params
-) -> tuple[tuple[Blooming, ...], tuple[Candidate, ...]]:
-    """Return the blooming of all spots, and the candidates, those left out that are of no use.
-
-    Raises
-    ------
-    InputRejected
-        `fit_incomplete` if no spot is saturated in one picture and not in another.
-    """
-    shots = [
-        SpotShot(
-            frame=each.frame,
-            position=each.region.name,
-            f_number=each.exposure.f_number,
-            iso=each.exposure.iso,
-            exposure_time_s=each.exposure.exposure_time_s,
-            spot=each.response,
-        )
-        for each in candidates
-        if isinstance(each.response, SpotResponse) and each.exposure and not each.left_out
-    ]
-    found, why = fit_blooming(shots, ratio_u_rel=params.exposure_ratio_u_rel, black_u_dn=params.black_u_dn)
-    if shots and not found:
-        raise InputRejected(shared.FIT_INCOMPLETE, f"The fit cannot start: {next(iter(why.values()))}.")
-    return found, tuple(
-        replace(each, left_out=why.get((each.frame, each.region.name, each.channel), each.left_out))
-        for each in candidates
     )
 
 
@@ -184,21 +144,6 @@ def list_coefficients(fitted: Fit) -> tuple[CoefficientValue, ...]:
         )
         for each in fitted.lateral_colour or ()
         if each.radial is not None
-    ]
-    figures += [
-        CoefficientValue(
-            name=BLOOMING,
-            value=each.blooming.value,
-            standard_uncertainty=each.blooming.standard_uncertainty,
-            unit=each.blooming.unit,
-            model=f"saturated_spot:{each.position} {each.direction}".replace(": ", ":"),
-            f_number=each.f_number,
-            iso=each.iso,
-            channel=each.channel,
-            flags=_flags_at(fitted, each.direction),
-            effective_dof=each.effective_dof,
-        )
-        for each in fitted.blooming or ()
     ]
     figures += [
         CoefficientValue(

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Any, Final
 
 from radiometry.drawing.figure import MOST, Axis, Figure, Mark, Plot, Series
-from radiometry.drawing.text import write_exposure, write_quantity
+from radiometry.drawing.text import write_quantity
 from radiometry.specification.key_figures import choose_channel
 
 Node = dict[str, Any]
@@ -95,29 +95,6 @@ def _build_radii(result: Node, _: Any) -> Iterator[Figure]:  # noqa: ANN401
         )
 
 
-def _build_blooming(result: Node, _: Any) -> Iterator[Figure]:  # noqa: ANN401
-    """Per direction, what is added against the distance."""
-    rows = result.get("blooming") or ()
-    for direction in dict.fromkeys(each["direction"] for each in rows):
-        series = []
-        for each in rows:
-            if each["direction"] == direction:
-                name = f"{each['channel']}, {write_exposure(each['exposure_time_s'])}"
-                marks = []
-                for p in each["added"]:
-                    y, u = 100.0 * p["added_rel"], 200.0 * p["standard_uncertainty_rel"]
-                    told = (f"{p['distance_px']:g} px: {write_quantity(y, u)} % of saturation",)
-                    marks.append(Mark(x=p["distance_px"], y=y, low=y - u, high=y + u, name=name, told=told))
-                line = tuple((mark.x, mark.y) for mark in marks)
-                series.append(Series(name=name, marks=tuple(marks), line=line))
-        yield Figure(
-            part=direction,
-            x=Axis(label="distance [px]", include=(0.0,)),
-            y=Axis(label="added [% of saturation]", include=(0.0,)),
-            series=tuple(series),
-        )
-
-
 def _find_figure(position: Node) -> Node | None:
     """Return the coefficient that a position is looked up for, None if it has none."""
     named = {coefficient["name"]: coefficient for coefficient in position["coefficients"]}
@@ -158,5 +135,4 @@ PLOTS: Final = (
     ),
     Plot(name="places", title="Places on the frame", build=_build_places),
     Plot(name="radius", title="MTF50 and distance", build=_build_radii, most_printed=1),
-    Plot(name="blooming", title="Blooming of a saturated spot", build=_build_blooming, most_printed=MOST),
 )

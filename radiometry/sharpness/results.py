@@ -4,7 +4,6 @@ from dataclasses import dataclass, field
 
 from radiometry.findings import Raised
 from radiometry.fitting.evidence import Quantity
-from radiometry.sharpness.blooming import Blooming
 from radiometry.specification.stored import LATER
 
 
@@ -260,4 +259,3 @@ class Fit:
     points: tuple[Point, ...]
     flags: tuple[Raised, ...]
     lateral_colour: tuple[EdgeColour, ...] | None = field(default=None, metadata=LATER)
-    blooming: tuple[Blooming, ...] | None = field(default=None, metadata=LATER)

@@ -8,7 +8,7 @@ from radiometry.fitting.evidence import Exclusion, FrameEvidence
 from radiometry.sharpness.features import Features
 from radiometry.specification.parameters import check_parameters, parameter
 
-Kind = Literal["slanted_edge", "siemens_star", "saturated_spot"]
+Kind = Literal["slanted_edge", "siemens_star"]
 ToneCurve = Literal["linear", "srgb", "gamma"]
 FrameRow = FrameEvidence[Features]
 
@@ -28,7 +28,7 @@ class StarCentre:
 
 @dataclass(frozen=True, kw_only=True)
 class Target:
-    """Photographed target; every region of a frame shows one edge, one star or one spot.
+    """Photographed target; every region of a frame shows one edge or one star.
 
     Attributes
     ----------
@@ -89,19 +89,6 @@ class Params:
         label="Contrast at the limiting resolution",
         description="Contrast at which a star counts as resolved, relative to its contrast far outside.",
         bounds="[0.01, 0.9]",
-    )
-    exposure_ratio_u_rel: float = parameter(
-        0.02,
-        label="Uncertainty of exposure time ratios",
-        description="Of a saturated spot: relative standard uncertainty of the ratio of two exposure times.",
-        bounds="[0, 0.5]",
-    )
-    black_u_dn: float = parameter(
-        1.0,
-        label="Uncertainty of the black level",
-        description="Of a saturated spot: standard uncertainty of the black level in the file.",
-        unit="DN",
-        bounds="[0, 1000]",
     )
     exclude: tuple[Exclusion, ...] = ()
 

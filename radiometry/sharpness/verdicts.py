@@ -10,7 +10,6 @@ from radiometry.sharpness.falloff import CENTRE_RADIUS_REL, CORNER_RADIUS_REL
 from radiometry.sharpness.merging import merge_position
 from radiometry.sharpness.results import PositionFit
 from radiometry.sharpness.rows import FrameRow, Params
-from radiometry.sharpness.spots import SpotResponse
 
 GOOD_REPEATS = 3
 BLURRED_REL = 0.1
@@ -65,11 +64,7 @@ def plan(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
     tuple of str
         Suggestions, as fragments.
     """
-    usable = [
-        each
-        for each in collect_candidates(rows, params)
-        if not each.left_out and not isinstance(each.response, SpotResponse)
-    ]
+    usable = [each for each in collect_candidates(rows, params) if not each.left_out]
     keys = sorted({each.key for each in usable})
     positions = [merge_position([each for each in usable if each.key == key], params) for key in keys]
     found = [*_plan_repeats(positions), *_plan_places(positions), *_plan_directions(positions)]

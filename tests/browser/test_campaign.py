@@ -514,21 +514,21 @@ def test_a_board_and_a_panel_are_described_where_the_method_wants_them(page, tea
     page.get_by_role("radio", name="Sharpness").check()
     page.get_by_role("radio", name=re.compile("^Siemens stars")).check()
     expect(page.get_by_label("Cycles of the star")).to_be_visible()
-    page.get_by_role("radio", name=re.compile("^Saturated spots")).check()
+    page.get_by_role("radio", name=re.compile("^Slanted edges")).check()
     expect(page.get_by_label("Cycles of the star")).to_have_count(0)
     check_access(page)
     page.get_by_role("button", name="Create campaign").click()
     page.wait_for_url("**/campaigns/cmp_*")
     settle(page)
     with team.http() as http:
-        board, reflecting, spots = http.get("/v1/campaigns").json()["items"]
+        board, reflecting, edges = http.get("/v1/campaigns").json()["items"]
         (panel,) = http.get("/v1/panels").json()["items"]
     assert (
         board["target"] | {"kind": "checkerboard", "columns": 9, "rows": 6, "square_size_mm": 24.8}
         == board["target"]
     )
     assert reflecting["panel_id"] == panel["id"]
-    assert (spots["target"]["kind"], spots["target"]["tone_curve"]) == ("saturated_spot", "linear")
+    assert (edges["target"]["kind"], edges["target"]["tone_curve"]) == ("slanted_edge", "linear")
     assert json.dumps(panel["bands"]).count("reflectance") == 2
 
 

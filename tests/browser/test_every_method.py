@@ -45,7 +45,7 @@ def test_a_version_is_shown_and_published_and_stands_on_its_camera_s_page(servic
             expect(page.locator("#verdict table")).to_be_hidden()
             shown = page.locator(".plot-card .chart")
             expect(shown.first).to_be_visible()
-            # those that this version has nothing for are gone: linearity, blooming
+            # those that this version has nothing for are gone: linearity
             assert shown.count() in {len(get_method(method).plots), len(get_method(method).plots) - 1}
             certificate = (
                 page.locator("#version-status").get_by_role("link", name="PDF").get_attribute("href")

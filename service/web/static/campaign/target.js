@@ -92,7 +92,7 @@ function chart(standing) {
     h(
       "div",
       { class: "choices", role: "radiogroup", "aria-label": "Chart" },
-      choices("chart", [["slanted_edge", "Slanted edges", "Each region shows one edge, tilted by a few degrees."], ["siemens_star", "Siemens stars", "Each region shows one star."], ["saturated_spot", "Saturated spots", "Each region shows one bright spot in its middle, saturated in some frames and not in others."]], (chosen) => ((kind = chosen), draw()), kind),
+      choices("chart", [["slanted_edge", "Slanted edges", "Each region shows one edge, tilted by a few degrees."], ["siemens_star", "Siemens stars", "Each region shows one star."]], (chosen) => ((kind = chosen), draw()), kind),
     ),
     more,
   );
