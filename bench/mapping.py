@@ -13,7 +13,7 @@ from bench.subject import CAMERA, KINDS, Scale, measure_kinds, require_equal, sa
 from bench.timing import compare, take_turns
 from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
-from radiometry.luminance.applying import APPLICATION
+from radiometry.luminance import SPEC
 from radiometry.luminance.maps import MapScale
 from simulation.dng import Compression
 from worker.decode.malloc import keep_memory, share_one_arena
@@ -57,7 +57,7 @@ def map_ours(pool: DecoderPool, path: Path, target: Path) -> None:
     with pool.hold(path):
         header: FrameHeader = pool.read_header(path)
         facts = MapFacts(header=header, exposure=_EXPOSURE, software="stilb", description={"unit": "cd/m2"})
-        write_map(pool, make_subject(APPLICATION, path, header, _SCALE), facts, target)
+        write_map(pool, make_subject(SPEC.application, path, header, _SCALE), facts, target)
 
 
 def map_plainly(path: Path, target: Path) -> None:

@@ -5,17 +5,14 @@ from typing import Final
 from radiometry.findings import shared
 from radiometry.fitting.evidence import Extracted
 from radiometry.frame.statistics import state_row
-from radiometry.luminance import codes, method
-from radiometry.luminance.applying import APPLICATION
-from radiometry.luminance.budget import explain_budget
-from radiometry.luminance.certificate import CERTIFICATE
-from radiometry.luminance.gaps import find_gaps
-from radiometry.luminance.key_figures import list_key_figures
-from radiometry.luminance.plots import PLOTS, split
+from radiometry.luminance import application, codes, maps, measurement, method, surface
+from radiometry.luminance.conditions import FieldConditions
+from radiometry.luminance.presentation import CERTIFICATE, PLOTS, explain_budget, list_key_figures, split
 from radiometry.luminance.results import Fit
 from radiometry.luminance.rows import Params, Reading
-from radiometry.luminance.suggestions import plan
+from radiometry.luminance.suggestions import find_gaps, plan
 from radiometry.luminance.verdicts import judge
+from radiometry.specification.application import SurfaceApplication
 from radiometry.specification.coefficients import Budget, CoefficientEffect, CoefficientKind
 from radiometry.specification.grid import Grid
 from radiometry.specification.method import MethodSpec
@@ -71,7 +68,28 @@ SPEC: Final = MethodSpec(
     plots=PLOTS,
     split=split,
     certificate=CERTIFICATE,
-    application=APPLICATION,
+    application=SurfaceApplication(
+        quantity="luminance",
+        view=codes.OBSERVER_DIFFERS,
+        unit="cd/m2",
+        options=("grid", "reflectance", "frame_ids"),
+        conditions=FieldConditions,
+        name_channels=maps.name_channels,
+        choose_coefficient=application.choose_coefficient,
+        request=measurement.Request,
+        correction=measurement.Vignetting,
+        outline=surface.outline,
+        check_grid=surface.check_grid,
+        find_window=measurement.find_window,
+        find_map_scale=maps.find_map_scale,
+        needs_scale=measurement.needs_scale,
+        measure=measurement.measure,
+        compute_map=maps.compute_map,
+        change=application.change_luminance,
+        foresee=application.foresee_k,
+        unforeseen=codes.F_NUMBER_NOT_CALIBRATED,
+        rim_px=maps.RIM_PX,
+    ),
     applied="iso_fits",
     list_budgets=lambda fitted: tuple(
         Budget(holds_for={"iso": fit.coefficient.iso}, lines=explain_budget(fit)) for fit in fitted.iso_fits

@@ -1,21 +1,51 @@
-"""A luminance coefficient applied to a new frame."""
+"""A luminance coefficient applied to a signal, with the effect of each source of error."""
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected, Raised, shared
 from radiometry.fitting import models
+from radiometry.fitting.comparison import PERCENT, MeasuredChange
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame.exposure import Exposure, Settings, require_plausible
 from radiometry.frame.statistics import ChannelStatistics, Signal, measure_signal
 from radiometry.luminance import codes
-from radiometry.luminance.coefficient import Aperture, Coefficient
-from radiometry.luminance.effects import SAME_SETTING_REL, Conversion, list_source_effects
-from radiometry.luminance.measured import AppliedLuminance
 from radiometry.luminance.points import DETECTION_ERRORS, MOST_SATURATED_SHARE
+from radiometry.luminance.results import Aperture, Coefficient, Rows
 from radiometry.vignetting.lens import LensShare
 
 _SAME_TIME_REL = 0.02
+NOISE = "pixel noise"
+SAME_SETTING_REL = 1e-3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effect:
+    """Effect of one standard uncertainty of one independent source on a luminance."""
+
+    source: str
+    # True if the same error is in every luminance of the frame: it can cancel in a ratio and never averages
+    # down; else it is this luminance's own noise
+    shared: bool
+    effect_cd_m2: float  # with its sign
+
+
+@dataclass(frozen=True, kw_only=True)
+class AppliedLuminance:
+    """Luminance of a region in a frame, with its uncertainty and flags."""
+
+    luminance_cd_m2: Quantity
+    signal_dn: float  # N, black included
+    adjusted_signal_dn: float  # (N - D) / V; N - D without vignetting correction
+    rhs: float  # X
+    # their sum of squares is the variance; the shared ones of one frame's luminances are in one order
+    effects: tuple[Effect, ...]
+    flags: tuple[Raised, ...]
+    lens_share: Quantity | None = None  # V; None without vignetting correction
 
 
 def apply_coefficient(
@@ -26,48 +56,18 @@ def apply_coefficient(
 ) -> AppliedLuminance:
     """Compute the luminance of a region in a new frame.
 
-    Parameters
-    ----------
-    statistics : sequence of ChannelStatistics
-        Statistics of the region, one row per channel.
-    exposure : Exposure
-        Exposure of the frame.
-    coefficients : sequence of Coefficient
-        Coefficients of the version, one per ISO value.
-
-    Returns
-    -------
-    AppliedLuminance
-        Luminance with its effects, and the flags `outside_exposure_times`,
-        `outside_f_numbers`, `f_number_not_calibrated`, `outside_signals`,
-        `saturated`, `below_detection`.
-
-    Raises
-    ------
-    InputRejected
-        `iso_not_calibrated` if there is no coefficient for the frame's ISO value;
-        `exposure_implausible`; `vignetting_not_calibrated` for a K that was fitted
-        with vignetting (see `lens.correct_signal`).
-
-    Notes
-    -----
-    L = X f^2 / (t S), with X where the model has the signal N - D. For N - D = K
-    X::
+    L = X f^2 / (t S), with X where the model has the signal N - D. For N - D = K X::
 
         L = (N - D) f^2 / (K t S)
         (u_L/L)^2 = (u_K/K)^2 + (u_t/t)^2 + (u_S/S)^2 + 4 (u_f/f)^2 + (u_N^2 + u_D^2) / (N - D)^2
 
-    u_S is 0, because K was fitted at the same setting.
-    K is that of the frame's f-number if it was calibrated, so that only the rest of
-    the f-number's error counts; else it is K of the ISO value. The error of an
-    exposure time that was calibrated is in K too, and cancels as far as it is. For
-    other models the covariance of their parameters is propagated through their
-    inverse [1]_. Nothing is clipped: a signal below dark gives a negative luminance
-    with its uncertainty.
+    u_S is 0, because K was fitted at the same setting. K is that of the frame's f-number if it was
+    calibrated, so that only the rest of the f-number's error counts; else it is K of the ISO value. The error
+    of an exposure time that was calibrated is in K too, and cancels as far as it is. For other models the
+    covariance of their parameters is propagated through their inverse [1]. Nothing is clipped: a signal below
+    dark gives a negative luminance with its uncertainty.
 
-    References
-    ----------
-    .. [1] JCGM 100:2008, 5.2.2, doi:10.59161/JCGM100-2008E
+    [1] JCGM 100:2008, 5.2.2, doi:10.59161/JCGM100-2008E
     """
     coefficient = choose_coefficient(coefficients, iso=exposure.iso)
     signal = measure_signal(statistics, channel=coefficient.channel)
@@ -83,35 +83,9 @@ def apply_to_signal(
 ) -> AppliedLuminance:
     """Compute the luminance of a signal: of a region, of a cell, or of a single pixel.
 
-    Parameters
-    ----------
-    signal : Signal
-        Mean raw value, black included [DN].
-    exposure : Exposure
-        Exposure of the frame.
-    coefficient : Coefficient
-        Coefficient for the frame's ISO value.
-    share : LensShare or None, default: None
-        Relative illumination V at this place and f-number, if vignetting is
-        corrected.
-
-    Returns
-    -------
-    AppliedLuminance
-        Luminance with the effect of each source.
-
-    Raises
-    ------
-    InputRejected
-        `exposure_implausible`, `fit_failed`; `vignetting_not_calibrated` if K needs
-        V and has none, or the reverse.
-
-    Notes
-    -----
-    The equation is that of `apply_coefficient`, with each source's effect separate:
-    two luminances of a frame share the same error times their sensitivities, and
-    each has its own noise. A K that was fitted with vignetting applies to (N - D) /
-    V in place of N - D.
+    The equation is that of `apply_coefficient`, with each source's effect separate: two luminances of a frame
+    share the same error times their sensitivities, and each has its own noise. A K that was fitted with
+    vignetting applies to (N - D) / V in place of N - D.
     """
     require_alike(coefficient, corrected=share is not None)
     settings = exposure.on_basis(coefficient.exposure_basis)
@@ -148,20 +122,7 @@ def apply_to_signal(
 
 
 def find_aperture(coefficient: Coefficient, settings: Settings) -> Aperture | None:
-    """Return the calibration of a frame's f-number.
-
-    Parameters
-    ----------
-    coefficient : Coefficient
-        Coefficient for the frame's ISO value.
-    settings : Settings
-        Settings of the frame on the coefficient's basis.
-
-    Returns
-    -------
-    Aperture or None
-        None if the f-number was not calibrated, or the version is older.
-    """
+    """Return the calibration of a frame's f-number."""
     for aperture in coefficient.apertures or ():
         if math.isclose(aperture.f_number, settings.f_number, rel_tol=SAME_SETTING_REL):
             return aperture
@@ -169,20 +130,7 @@ def find_aperture(coefficient: Coefficient, settings: Settings) -> Aperture | No
 
 
 def foresee_k(coefficients: Sequence[Coefficient], *, iso: float) -> float:
-    """Return the standard uncertainty of K at an f-number that was not calibrated.
-
-    Parameters
-    ----------
-    coefficients : sequence of Coefficient
-        Coefficients of the version, one per ISO value.
-    iso : float
-        ISO value.
-
-    Returns
-    -------
-    float
-        Standard uncertainty, in the unit of K: the f-number's own error is added.
-    """
+    """Return the standard uncertainty of K at an f-number that was not calibrated."""
     coefficient = choose_coefficient(coefficients, iso=iso)
     slope = coefficient.parameters[1] if coefficient.model == "power" else 1.0
     by_f_number = 2.0 * slope * coefficient.luminance_k * coefficient.f_number_u_rel
@@ -190,20 +138,7 @@ def foresee_k(coefficients: Sequence[Coefficient], *, iso: float) -> float:
 
 
 def require_alike(coefficient: Coefficient, *, corrected: bool) -> None:
-    """Refuse K for a signal corrected for vignetting if K's was not, and the reverse.
-
-    Parameters
-    ----------
-    coefficient : Coefficient
-        Coefficient to apply.
-    corrected : bool
-        True if the signal is corrected for vignetting.
-
-    Raises
-    ------
-    InputRejected
-        `vignetting_not_calibrated`.
-    """
+    """Refuse K for a signal corrected for vignetting if K's was not, and the reverse."""
     if coefficient.vignetting is not None and not corrected:
         raise InputRejected(
             shared.VIGNETTING_NOT_CALIBRATED,
@@ -218,20 +153,7 @@ def require_alike(coefficient: Coefficient, *, corrected: bool) -> None:
 
 
 def choose_coefficient(coefficients: Sequence[Coefficient], *, iso: float) -> Coefficient:
-    """Return the coefficient of an ISO value; between two calibrated values nothing is interpolated.
-
-    Parameters
-    ----------
-    coefficients : sequence of Coefficient
-        Coefficients of the version, one per ISO value.
-    iso : float
-        ISO value of the frame.
-
-    Raises
-    ------
-    InputRejected
-        `iso_not_calibrated` if there is none.
-    """
+    """Return the coefficient of an ISO value; between two calibrated values nothing is interpolated."""
     for coefficient in coefficients:
         if coefficient.iso == iso:
             return coefficient
@@ -244,19 +166,7 @@ def choose_coefficient(coefficients: Sequence[Coefficient], *, iso: float) -> Co
 
 
 def luminance_per_dn(coefficient: Coefficient, exposure: Exposure) -> float:
-    """Compute the slope of a luminance map: L = (N - D) * slope.
-
-    Returns
-    -------
-    float
-        f^2 / (K t S) [cd/m2 per DN above dark], with K at the frame's f-number.
-
-    Raises
-    ------
-    InputRejected
-        `fit_failed` if the calibration's model is not proportional, so that its map
-        is not a scale.
-    """
+    """Compute the slope of a luminance map: L = (N - D) * slope."""
     if coefficient.model != "proportional":
         raise InputRejected(
             shared.FIT_FAILED,
@@ -308,3 +218,172 @@ def _flags(
         detail = f"{adjusted_dn:.3g} DN above dark, standard uncertainty {u_adjusted_dn:.3g} DN."
         raised.append(shared.BELOW_DETECTION.at("", detail))
     return raised
+
+
+@dataclass(frozen=True)
+class Conversion:
+    """A frame's settings, what was calibrated of them, its luminance and luminance per X [cd/m2]."""
+
+    settings: Settings
+    aperture: Aperture | None
+    luminance: float
+    scale: float
+
+
+def list_source_effects(
+    coefficient: Coefficient,
+    signal: Signal,
+    share: LensShare | None,
+    *,
+    adjusted_dn: float,
+    conversion: Conversion,
+) -> tuple[Effect, ...]:
+    """List each source's effect on L = X scale [cd/m2]; correlated parameters as independent combinations."""
+    by_signal, by_parameters = models.invert_gradient(coefficient.model, coefficient.parameters, adjusted_dn)
+    scale, luminance = conversion.scale, conversion.luminance
+    through = share.value if share else 1.0
+    by_lens = [-by_signal * adjusted_dn * effect / through for effect in share.effects] if share else []
+    # semilog has no K that scales with the meter
+    meter_u_rel = coefficient.meter_calibration_u_rel if coefficient.model != "semilog" else 0.0
+    dark_u_dn = coefficient.dark_signal_standard_uncertainty_dn
+    known = _split_known(coefficient, by_parameters * scale, conversion)
+    shared = [
+        *(("fit of K", effect) for effect in known[0]),
+        ("meter calibration", luminance * meter_u_rel),
+        ("dark signal", -by_signal * dark_u_dn / through * scale),
+        *(("exposure time", effect) for effect in known[1]),
+        *(("f-number", effect) for effect in known[2]),
+        ("ISO setting", 0.0),  # K was fitted at the same setting
+        *(("vignetting", effect * scale) for effect in by_lens),
+    ]
+    noise = Effect(
+        source=NOISE, shared=False, effect_cd_m2=by_signal * signal.standard_uncertainty_dn / through * scale
+    )
+    return (*(Effect(source=name, shared=True, effect_cd_m2=effect) for name, effect in shared), noise)
+
+
+def _split_known(
+    coefficient: Coefficient, by_parameters: NDArray[np.float64], conversion: Conversion
+) -> tuple[list[float], list[float], list[float]]:
+    """Return the effects of the fit, of the exposure times and of the f-numbers [cd/m2].
+
+    An error that the calibration's frames had as well is in K already. With g the share of it in ln K, its
+    effect on L is L (1 - g), and nothing if all frames had it.
+    """
+    aperture, luminance = conversion.aperture, conversion.luminance
+    by_time, by_f_number = (
+        luminance * coefficient.exposure_time_u_rel,
+        2.0 * luminance * coefficient.f_number_u_rel,
+    )
+    errors = aperture.errors if aperture else coefficient.errors
+    if errors is None:
+        return _combine(coefficient.covariance, by_parameters), [by_time], [by_f_number]
+    gradient = np.append(by_parameters, -luminance) if aperture else by_parameters
+    times = (gradient @ np.array(errors.exposure_times)).tolist()
+    met = [
+        math.isclose(time, conversion.settings.exposure_time_s, rel_tol=SAME_SETTING_REL)
+        for time in coefficient.exposure_times_s
+    ]
+    if any(met):
+        times[met.index(True)] += by_time
+    else:
+        times.append(by_time)
+    f_numbers = _combine(errors.f_numbers, gradient)
+    return _combine(errors.fit, gradient), times, f_numbers if aperture else [*f_numbers, by_f_number]
+
+
+def _combine(covariance: Rows, gradient: NDArray[np.float64]) -> list[float]:
+    """Return the effects of independent combinations of correlated errors."""
+    variances, directions = np.linalg.eigh(np.array(covariance))
+    found: list[float] = (gradient @ (directions * np.sqrt(np.maximum(variances, 0.0)))).tolist()
+    return found
+
+
+def change_luminance(
+    old: Sequence[Coefficient],
+    new: Sequence[Coefficient],
+    *,
+    exposure: Exposure,
+    signal_dn: float | None,
+    lens_share: float = 1.0,
+    common_u_rel: float = 0.0,
+) -> MeasuredChange:
+    """Compute how a luminance measured with `old` would change if it were measured with `new`.
+
+    With X from the model at N - D [1]::
+
+        L = X f^2 / (t S)        change = L_new / L_old - 1
+
+    The error of N is the same in both versions and cancels for signals above dark.
+
+    [1] JCGM 100:2008, 5.2.2, doi:10.59161/JCGM100-2008E
+    """
+    before, after = _at_iso(old, exposure.iso), _at_iso(new, exposure.iso)
+    if before is None or after is None:
+        lacking = "The version used" if before is None else "The version that would take its place"
+        return MeasuredChange.untold(f"{lacking} holds no coefficient for ISO {exposure.iso:g}.")
+    for was, becomes, why in (
+        (
+            before.channel,
+            after.channel,
+            f"One version takes the {before.channel} signal, the other {after.channel}.",
+        ),
+        (
+            before.vignetting,
+            after.vignetting,
+            "The versions are corrected with different vignetting, or one of them with none.",
+        ),
+        (
+            before.conditions,
+            after.conditions,
+            "The versions state different lamps, responses or distances: measure again to correct for them.",
+        ),
+    ):
+        if was != becomes:
+            return MeasuredChange.untold(why)
+    if signal_dn is None:
+        if {before.model, after.model} != {"proportional"}:
+            return MeasuredChange.untold(
+                "The measured signal was not kept; K alone tells the change for proportional models."
+            )
+        ratio = _k(before, exposure).luminance_k / _k(after, exposure).luminance_k
+    else:
+        ratio = _ratio(before, after, exposure, signal_dn, lens_share)
+    if not math.isfinite(ratio):
+        return MeasuredChange.untold("The signal is so near the dark signal that a ratio says nothing.")
+    squares = [_k_u_rel(_k(each, exposure)) ** 2 for each in (before, after)]
+    u_rel = math.sqrt(max(0.0, math.fsum(squares) - 2.0 * common_u_rel**2))
+    change = Quantity(
+        value=100.0 * (ratio - 1.0), standard_uncertainty=100.0 * abs(ratio) * u_rel, unit=PERCENT
+    )
+    return MeasuredChange(change=change, basis="k_ratio" if signal_dn is None else "signal", why=None)
+
+
+def _ratio(
+    before: Coefficient, after: Coefficient, exposure: Exposure, signal_dn: float, lens_share: float
+) -> float:
+    was, becomes = (_luminance(each, exposure, signal_dn, lens_share) for each in (before, after))
+    return becomes / was if was > 0.0 else math.nan
+
+
+def _luminance(coefficient: Coefficient, exposure: Exposure, signal_dn: float, lens_share: float) -> float:
+    settings = exposure.on_basis(coefficient.exposure_basis)
+    dark_dn = coefficient.at(settings.exposure_time_s).dark_signal_dn
+    adjusted_dn = (signal_dn - dark_dn) / lens_share
+    aperture = find_aperture(coefficient, settings)
+    rhs = models.invert(coefficient.model, coefficient.parameters, adjusted_dn)
+    rhs /= aperture.x_factor if aperture else 1.0
+    return rhs * settings.f_number**2 / (settings.exposure_time_s * settings.iso)
+
+
+def _k(coefficient: Coefficient, exposure: Exposure) -> Coefficient | Aperture:
+    """Return what has the K of the frame: its f-number if that was calibrated, else the ISO value."""
+    return find_aperture(coefficient, exposure.on_basis(coefficient.exposure_basis)) or coefficient
+
+
+def _k_u_rel(held: Coefficient | Aperture) -> float:
+    return held.luminance_k_standard_uncertainty / abs(held.luminance_k)
+
+
+def _at_iso(coefficients: Sequence[Coefficient], iso: float) -> Coefficient | None:
+    return next((coefficient for coefficient in coefficients if coefficient.iso == iso), None)

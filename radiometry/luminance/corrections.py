@@ -1,17 +1,27 @@
-"""Errors of the field that the calibration does not contain: spectrum, focus and stray light."""
+"""Errors of the field that the calibration does not contain: spectrum, flicker, focus and stray light."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from radiometry.findings import Raised
 from radiometry.fitting.evidence import FieldCorrection, Quantity, Values
 from radiometry.fitting.shared_errors import FOCUS, STRAY
+from radiometry.fitting.sources import FLICKER
+from radiometry.frame.exposure import Settings
 from radiometry.luminance import codes
-from radiometry.luminance.coefficient import Coefficient
-from radiometry.luminance.conditions import CalibrationConditions, Colour, FieldConditions
-from radiometry.luminance.lamp_kinds import LABELS, list_spectra
-from radiometry.luminance.measured import AppliedLuminance, Effect
+from radiometry.luminance.application import AppliedLuminance, Effect
+from radiometry.luminance.conditions import (
+    LABELS,
+    CalibrationConditions,
+    Colour,
+    FieldConditions,
+    find_modulation,
+    list_spectra,
+)
+from radiometry.luminance.results import Coefficient
 from radiometry.spectral.curves import is_table, list_lamps, list_responses, name_curve
 from radiometry.spectral.mismatch import (
     DEFAULT_U_REL,
@@ -35,25 +45,16 @@ _USUAL_GLARE = 0.04
 _UNKNOWN_GLARE = _USUAL_GLARE / math.sqrt(3.0) * math.hypot(1.0, _GLARE_REL)
 
 
+MAINS_HZ = (50.0, 60.0)
+_NAMED_FLICKER = 0.005
+_LARGEST = 0.99
+_MIDDLES = (np.arange(200) + 0.5) / 200
+
+
 def correct_spectrum(
     field: FieldConditions, coefficient: Coefficient, colour: Colour | None
 ) -> tuple[FieldCorrection, tuple[Raised, ...]]:
-    """Correct the spectral mismatch as far as lamp, response and light are known.
-
-    Parameters
-    ----------
-    field : FieldConditions
-        Conditions of the measurement.
-    coefficient : Coefficient
-        Coefficient with the conditions of its calibration.
-    colour : tuple[float, float] or None
-        R/G and B/G of the measured region.
-
-    Returns
-    -------
-    tuple[FieldCorrection, tuple of Raised]
-        Correction, and `spectral_mismatch_unknown` where the uncertainty is only assumed.
-    """
+    """Correct the spectral mismatch as far as lamp, response and light are known."""
     known = coefficient.conditions or CalibrationConditions()
     lamp, response, light = known.lamp, known.camera_response, field.light_source
     stated = field.spectral_mismatch_u_rel
@@ -151,22 +152,8 @@ def _describe_ends(values: Values) -> str:
 def correct_focus(field: FieldConditions, coefficient: Coefficient) -> FieldCorrection:
     """Correct the light that a lens loses when it is focused nearer.
 
-    Parameters
-    ----------
-    field : FieldConditions
-        Conditions of the measurement.
-    coefficient : Coefficient
-        Coefficient with the conditions of its calibration.
-
-    Returns
-    -------
-    FieldCorrection
-        Correction, or only its uncertainty if a distance or the focal length is not known.
-
-    Notes
-    -----
     The illuminance on the sensor falls with (1 + m)^2, m = c / (d - c) for the focal length c and the
-    distance d [1]_::
+    distance d [1]::
 
         L = L_shown (1 + m)^2 / (1 + m_cal)^2
 
@@ -174,9 +161,7 @@ def correct_focus(field: FieldConditions, coefficient: Coefficient) -> FieldCorr
     unknown distance may be anything from 1 m on, an unknown focal length is taken as 15 mm; the largest
     effect over sqrt(3) is then the uncertainty, and nothing is corrected.
 
-    References
-    ----------
-    .. [1] S. F. Ray, Applied Photographic Optics, 3rd edition, Focal Press 2002, chapter 7
+    [1] S. F. Ray, Applied Photographic Optics, 3rd edition, Focal Press 2002, chapter 7
     """
     known = coefficient.conditions or CalibrationConditions()
     here, there, focal_mm = field.distance_m, known.focus_distance_m, known.focal_length_mm
@@ -214,20 +199,6 @@ def correct_stray_light(
 ) -> tuple[FieldCorrection, tuple[Raised, ...]]:
     """Subtract the light that the lens scatters over the frame.
 
-    Parameters
-    ----------
-    field : FieldConditions
-        Conditions of the measurement.
-    mean_cd_m2 : float or None
-        Mean luminance of the whole frame [cd/m2]; None for a model that has no map.
-
-    Returns
-    -------
-    tuple[FieldCorrection, tuple of Raised]
-        Correction, or `stray_light_unknown`.
-
-    Notes
-    -----
     With the glare g that a black trap shows::
 
         L = L_shown - g L_mean
@@ -255,20 +226,7 @@ def correct_stray_light(
 
 
 def apply_corrections(applied: AppliedLuminance, corrections: Sequence[FieldCorrection]) -> AppliedLuminance:
-    """Correct a luminance, and add what is left of each error to its effects.
-
-    Parameters
-    ----------
-    applied : AppliedLuminance
-        Luminance by the calibration alone.
-    corrections : sequence of FieldCorrection
-        Corrections of the frame.
-
-    Returns
-    -------
-    AppliedLuminance
-        Corrected luminance, with one more shared effect per correction.
-    """
+    """Correct a luminance, and add what is left of each error to its effects."""
     if not corrections:
         return applied
     factor = math.prod(each.factor for each in corrections)
@@ -293,13 +251,93 @@ def _name(lamp: str) -> str:
 
 
 def is_same(lamp: str, light: str) -> bool:
-    """Return True if two lamps are the same table, or of the same name.
-
-    Returns
-    -------
-    bool
-        True if both have the same spectrum.
-    """
+    """Return True if two lamps are the same table, or of the same name."""
     if is_table(lamp) or is_table(light):
         return lamp.strip() == light.strip()
     return _name(lamp) == _name(light)
+
+
+def correct_flicker(
+    field: FieldConditions, settings: Settings, *, frames: int
+) -> tuple[FieldCorrection, tuple[Raised, ...]]:
+    """Estimate the error of an exposure that is no whole number of flicker periods.
+
+    A frame shows L (1 + e), e as in `estimate_flicker`, and L is found from what it shows: it errs by 1 / (1
+    + e) - 1, which is skewed where e is large. u is its rms over all phases and depths, or 1 / 1.96 of what
+    95 % of them stay below, whichever is larger, so that the expanded interval holds 95 % [1]. It averages
+    over frames. Where neither depth nor kind is stated, the rms of e is taken, which is smaller, and too
+    small for times much shorter than a period.
+
+    [1] JCGM 101:2008, 5.3 and 7.7, doi:10.59161/JCGM101-2008
+    """
+    mains, stated, kind = field.mains_frequency_hz, field.flicker_modulation, field.lamp_kind
+    time_s, (low, high) = settings.exposure_time_s, find_modulation(kind, stated)
+    largest, one = estimate_flicker(time_s, mains, modulation=(low, high))
+    if stated is not None or kind is not None:
+        one = _estimate_inverse(largest, low, high)
+    values: Values = {
+        "mains_frequency_hz": list(MAINS_HZ) if mains is None else mains,
+        "modulation": [low, high],
+        "exposure_share": largest,
+    }
+    supply = "assumed: mains frequency of 50 or 60 Hz" if mains is None else f"{mains:g} Hz mains"
+    depth = f"modulation {low:g}" if stated is not None else f"modulation assumed from {low:g} to {high:g}"
+    if kind is not None and stated is None:
+        values["lamp_kind"] = kind
+        depth = f"{LABELS[kind]}: {depth}"
+    basis = (
+        f"{supply}, {depth}, of which {time_s:g} s show {largest:.1%}" if mains != 0.0 else "direct current"
+    )
+    line = FieldCorrection(
+        source=FLICKER,
+        u_rel=one / math.sqrt(frames),
+        basis=basis,
+        assumed=True if mains is None or (stated is None and kind is None) else None,
+        values=values,
+    )
+    if mains is not None or line.u_rel <= _NAMED_FLICKER:
+        return line, ()
+    detail = f"At {time_s:g} s, light of 50 or 60 Hz mains can err by {high * largest:.1%}."
+    return line, (codes.FLICKER_UNKNOWN.at("", detail),)
+
+
+def estimate_flicker(
+    exposure_time_s: float, mains_frequency_hz: float | None, *, modulation: tuple[float, float]
+) -> tuple[float, float]:
+    """Return the largest relative error of an exposure under fully modulated light, and its rms.
+
+    With the largest error h of `compute_flicker` at full modulation, a phase that is anywhere and a depth
+    that is anywhere from a to b, both with equal probability [1]::
+
+        u^2 = h^2 / 2 (a^2 + a b + b^2) / 3
+
+    [1] JCGM 100:2008, 4.3.7 and 4.4.5, doi:10.59161/JCGM100-2008E
+    """
+    frequencies = MAINS_HZ if mains_frequency_hz is None else (mains_frequency_hz,)
+    largest = max(compute_flicker(exposure_time_s, mains_frequency_hz=each) for each in frequencies)
+    low, high = modulation
+    return largest, largest * math.sqrt((low * low + low * high + high * high) / 6.0)
+
+
+def _estimate_inverse(largest: float, low: float, high: float) -> float:
+    """Return u of 1 / (1 + e) over all phases and the depths from `low` to `high`."""
+    # light that goes out altogether is not known at all from a moment of it
+    share = min(largest, _LARGEST / high) if high else 0.0
+    depths = low + (high - low) * _MIDDLES[:, None]
+    errors = np.abs(1.0 / (1.0 + share * depths * np.sin(2.0 * np.pi * _MIDDLES)) - 1.0)
+    return max(float(np.sqrt(np.mean(errors**2))), float(np.quantile(errors, 0.95)) / 1.96)
+
+
+def compute_flicker(exposure_time_s: float, *, mains_frequency_hz: float) -> float:
+    """Compute the largest relative error of an exposure under fully modulated light.
+
+    Light 1 + m sin(2 pi f t + phase), f twice the mains frequency, averaged over the exposure time t::
+
+        largest error = m |sin(pi f t)| / (pi f t)
+
+    It is 0 for t = n / f. A rolling shutter turns it into bands, which a region averages in part.
+    """
+    turns = 2.0 * mains_frequency_hz * exposure_time_s
+    if not turns:
+        return 0.0
+    return abs(math.sin(math.pi * turns)) / (math.pi * turns)

@@ -1,4 +1,4 @@
-"""Per-pixel luminance of a window of a frame, for maps that are made block by block."""
+"""Luminance of every pixel of a window, and the relative illumination that it is divided by."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -12,11 +12,11 @@ from radiometry.fitting.evidence import FieldCorrection
 from radiometry.frame import Frame
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.opencv import cv2
-from radiometry.frame.statistics import GREY
+from radiometry.frame.roi import Polygon, Window, mask
+from radiometry.frame.statistics import GREY, Signal, mean_variance, name_site, rounding_variance
 from radiometry.luminance.application import choose_coefficient, luminance_per_dn, require_alike
-from radiometry.luminance.coefficient import Coefficient
-from radiometry.luminance.lens import compute_shares
-from radiometry.vignetting.lens import Lens
+from radiometry.luminance.results import Coefficient
+from radiometry.vignetting.lens import Lens, LensShare
 
 Plane = NDArray[np.float32]
 Sums = NDArray[np.unsignedinteger]
@@ -30,30 +30,18 @@ _CHUNK_ROWS = 16
 """Even, so that every chunk starts at the same CFA position; few, so that it stays in the cache."""
 
 
+_PLANES = ("R", "G", "B")
+
+
 @dataclass(frozen=True, kw_only=True)
 class MapScale:
-    """Conversion of a frame's raw values to luminance: L = (N - dark) slope - offset.
-
-    Attributes
-    ----------
-    slope_cd_m2_per_dn : float
-        Slope [cd/m2 per DN].
-    dark_signal_dn : float
-        Dark signal [DN].
-    channel : str
-        "green" or "grey", the calibration's signal.
-    lens : Lens or None, default: None
-        Relative illumination, for a K that was fitted with vignetting: L = (N - D)
-        slope / V, pixel by pixel.
-    offset_cd_m2 : float, default: 0.0
-        Stray light [cd/m2].
-    """
+    """Conversion of a frame's raw values to luminance: L = (N - dark) slope - offset."""
 
     slope_cd_m2_per_dn: float
     dark_signal_dn: float
-    channel: str
-    lens: Lens | None = None
-    offset_cd_m2: float = 0.0
+    channel: str  # the calibration's signal
+    lens: Lens | None = None  # for a K that was fitted with vignetting: L = (N - D) slope / V
+    offset_cd_m2: float = 0.0  # stray light
 
 
 def find_map_scale(
@@ -63,26 +51,7 @@ def find_map_scale(
     lens: Lens | None = None,
     corrections: Sequence[FieldCorrection] = (),
 ) -> MapScale:
-    """Return the scale of a frame's map.
-
-    Parameters
-    ----------
-    coefficients : tuple of Coefficient
-        Coefficients of the version, one per ISO value.
-    exposure : Exposure
-        Exposure of the frame.
-    lens : Lens or None, default: None
-        Relative illumination, if vignetting is corrected.
-    corrections : sequence of FieldCorrection, default: ()
-        Corrections of the frame.
-
-    Raises
-    ------
-    InputRejected
-        `iso_not_calibrated`; `fit_failed` if the calibration's model is not
-        proportional; `vignetting_not_calibrated` if K needs the lens and has none,
-        or the reverse.
-    """
+    """Return the scale of a frame's map."""
     coefficient = choose_coefficient(coefficients, iso=exposure.iso)
     require_alike(coefficient, corrected=lens is not None)
     time_s = exposure.on_basis(coefficient.exposure_basis).exposure_time_s
@@ -99,30 +68,13 @@ def find_map_scale(
 def sum_signal(frame: Frame, *, channel: str) -> tuple[Sums, int]:
     """Compute each pixel's signal as a whole number of parts of one DN.
 
-    Parameters
-    ----------
-    frame : Frame
-        Window of the frame.
-    channel : str
-        "green" or "grey".
+    For "green" of a mosaic it is a green position's own value, and elsewhere the mean of the four green
+    neighbours. For "grey" of a mosaic it is the 3 x 3 mean with weights 1 2 1, 2 4 2, 1 2 1 over 16, in which
+    each of the four CFA positions has the weight of a quarter wherever it is placed. For a colour image it is
+    the green plane or the mean of the three, for a grey image the value itself.
 
-    Returns
-    -------
-    tuple[Sums, int]
-        Signal [DN / parts], (row, col), and the number of parts.
-
-    Notes
-    -----
-    For "green" of a mosaic it is a green position's own value, and elsewhere the
-    mean of the four green neighbours. For "grey" of a mosaic it is the 3 x 3 mean
-    with weights 1 2 1, 2 4 2, 1 2 1 over 16, in which each of the four CFA
-    positions has the weight of a quarter wherever it is placed. For a colour image
-    it is the green plane or the mean of the three, for a grey image the value
-    itself.
-
-    Beyond the window's border the values are mirrored at the outermost pixels,
-    which keeps the pattern in phase: a block that is not at the frame's border must
-    be read with RIM_PX more on each side.
+    Beyond the window's border the values are mirrored at the outermost pixels, which keeps the pattern in
+    phase: a block that is not at the frame's border must be read with RIM_PX more on each side.
     """
     parts, bands = _sum_bands(frame, channel=channel)
     return np.concatenate([sums for _, sums in bands]), parts
@@ -199,24 +151,9 @@ def _add_sides(sums: Sums, band: Sums) -> None:
 def compute_map(frame: Frame, scale: MapScale) -> Plane:
     """Compute the luminance of every pixel of a window.
 
-    Parameters
-    ----------
-    frame : Frame
-        Window of the frame.
-    scale : MapScale
-        Scale of the map.
-
-    Returns
-    -------
-    Plane
-        Luminance [cd/m2], (row, col); NaN where a value that N is made of is
-        saturated.
-
-    Notes
-    -----
-    L = (N - D) f^2 / (K t S) with N from `sum_signal`, each value the float32
-    nearest to it. Nothing is clipped: noise below dark is a negative luminance.
-    With a lens this is divided by the float32 nearest to V of the pixel.
+    L = (N - D) f^2 / (K t S) with N from `sum_signal`, each value the float32 nearest to it. Nothing is
+    clipped: noise below dark is a negative luminance. With a lens this is divided by the float32 nearest to V
+    of the pixel.
     """
     parts, bands = _sum_bands(frame, channel=scale.channel)
     # one product per possible number, not per pixel; those beyond the table are saturated, where wrapped
@@ -242,13 +179,7 @@ def compute_map(frame: Frame, scale: MapScale) -> Plane:
 
 
 def average_map(frame: Frame, scale: MapScale) -> float:
-    """Compute the mean luminance of a window, band by band; saturated pixels count as saturation.
-
-    Returns
-    -------
-    float
-        Mean [cd/m2]; with saturated pixels a lower bound.
-    """
+    """Compute the mean luminance of a window, band by band; saturated pixels count as saturation."""
     total = 0.0
     for row in range(0, frame.samples_dn.shape[0], _BAND_ROWS):
         band = replace(frame, samples_dn=frame.samples_dn[row : row + _BAND_ROWS], row0=frame.row0 + row)
@@ -264,20 +195,7 @@ def _tabulate(slope: float, dark_dn: float, top: int, parts: int) -> Plane:
 
 
 def find_saturated(frame: Frame, *, channel: str) -> NDArray[np.bool_] | None:
-    """Return the pixels at which a value that the signal is made of is saturated.
-
-    Parameters
-    ----------
-    frame : Frame
-        Window of the frame.
-    channel : str
-        "green" or "grey".
-
-    Returns
-    -------
-    ndarray of bool or None
-        True for these pixels, (row, col); None if there is none.
-    """
+    """Return the pixels at which a value that the signal is made of is saturated."""
     samples, white = frame.samples_dn, np.array(frame.white_level_dn)
     if not samples.size or samples.max() < white.min():
         return None
@@ -300,20 +218,7 @@ def find_saturated(frame: Frame, *, channel: str) -> NDArray[np.bool_] | None:
 
 
 def find_measured(frame: Frame, *, channel: str) -> NDArray[np.bool_]:
-    """Return the pixels whose signals are their own and not their neighbours'.
-
-    Parameters
-    ----------
-    frame : Frame
-        Window of the frame.
-    channel : str
-        "green" or "grey".
-
-    Returns
-    -------
-    ndarray of bool
-        True for these pixels, (row, col).
-    """
+    """Return the pixels whose signals are their own and not their neighbours'."""
     shape = frame.samples_dn.shape[:2]
     if frame.cfa in ("rgb", GREY) or channel == GREY:
         return np.ones(shape, np.bool_)
@@ -330,3 +235,117 @@ def _green_sites(frame: Frame) -> list[tuple[slice, slice]]:
         for site, letter in enumerate(frame.cfa)
         if letter == "G"
     ]
+
+
+@dataclass(frozen=True)
+class _Part:
+    """The pixels of one channel in a window, and their position in the frame."""
+
+    channel: str
+    part: tuple[slice | int, ...]  # of the samples
+    rows: slice
+    cols: slice
+
+
+def name_channels(cfa: str, *, channel: str) -> tuple[str, ...]:
+    """Name the channels of a frame that a calibration's signal is made of."""
+    if cfa == GREY:
+        return (GREY,)
+    if cfa == "rgb":
+        return _PLANES if channel == GREY else ("G",)
+    sites = tuple(name_site(cfa, index) for index in range(4))
+    return tuple(dict.fromkeys(site for site in sites if channel == GREY or site.startswith("G")))
+
+
+def correct_signal(
+    frame: Frame, polygon: Polygon, signal: Signal, lens: Lens, *, channel: str, dark_signal_dn: float
+) -> tuple[Signal, LensShare]:
+    """Correct a region's signal for vignetting.
+
+    For an even surface N is the region's mean and V the harmonic mean of V_i. For a structured one, no part
+    of the surface has more weight because the lens transmits more there::
+
+        V = 1 / mean(1 / V_i),   N = D + V mean((N_i - D) / V_i)
+
+    The channels have the same weights as in the uncorrected signal: both greens equal, every CFA position of
+    "grey" equal. Noise is the standard deviation of (N_i - D) / V_i, which the falloff itself does not widen.
+    """
+    height, width = frame.samples_dn.shape[:2]
+    inside = mask(polygon, Window(row0=frame.row0, col0=frame.col0, height=height, width=width))
+    gains, lights = [], []
+    for each in _list_parts(frame, channel=channel):
+        chosen = inside[each.rows, each.cols]
+        if not chosen.any():
+            continue
+        plane = lens.compute_plane(*_places(frame, each), channel=each.channel)
+        gains.append(1.0 / plane[chosen].astype(np.float64))
+        lights.append((frame.samples_dn[each.part][chosen] - dark_signal_dn) * gains[-1])
+    if channel == GREY:
+        gains, lights = [np.concatenate(gains)], [np.concatenate(lights)]
+    count = len(gains)
+    harmonic = 1.0 / (sum(float(gain.mean()) for gain in gains) / count)
+    light = sum(float(found.mean()) for found in lights) / count
+    spreads = [(_spread(found) * harmonic, found.size) for found in lights]
+    variance = sum(mean_variance(std_dn, n) for std_dn, n in spreads) / count**2
+    share = lens.over(polygon, channels=name_channels(frame.cfa, channel=channel))
+    corrected = replace(
+        signal,
+        value_dn=dark_signal_dn + light * harmonic,
+        standard_uncertainty_dn=math.sqrt(variance),
+        rounding_dn=math.sqrt(sum(rounding_variance(std_dn) for std_dn, _ in spreads)) / count,
+    )
+    effects = tuple(effect * harmonic / share.value for effect in share.effects)
+    return corrected, LensShare(value=harmonic, effects=effects)
+
+
+def _spread(values: NDArray[np.float64]) -> float:
+    return float(values.std(ddof=1)) if values.size > 1 else 0.0
+
+
+def compute_shares(frame: Frame, lens: Lens, *, channel: str) -> NDArray[np.float32]:
+    """Compute V of each pixel's signal as a map has it.
+
+    A pixel that has its own value has its own channel's V. One that has the mean of its neighbours has the
+    mean of the channels' V at its own place: over two pixels V is a plane.
+    """
+    height, width = frame.samples_dn.shape[:2]
+    rows, cols = np.arange(height) + frame.row0, np.arange(width) + frame.col0
+    channels = name_channels(frame.cfa, channel=channel)
+    shares = np.empty((height, width), np.float32)
+    for top in range(0, height, _BAND_ROWS):
+        band = rows[top : top + _BAND_ROWS]
+        planes = [lens.compute_plane(band, cols, channel=name) for name in channels]
+        shares[top : top + _BAND_ROWS] = sum(planes[1:], planes[0]) / np.float32(len(planes))
+        if channel == GREY or frame.cfa in ("rgb", GREY):
+            continue
+        for each in _list_parts(frame, channel=channel):
+            plane, first = planes[channels.index(each.channel)], (each.rows.start - top) % 2
+            shares[top : top + _BAND_ROWS][first::2, each.cols] = plane[first::2, each.cols]
+    return shares
+
+
+def _list_parts(frame: Frame, *, channel: str) -> list[_Part]:
+    every = slice(None)
+    if frame.cfa == GREY:
+        return [_Part(GREY, (every, every), every, every)]
+    wanted = name_channels(frame.cfa, channel=channel)
+    if frame.cfa == "rgb":
+        return [
+            _Part(name, (every, every, index), every, every)
+            for index, name in enumerate(_PLANES)
+            if name in wanted
+        ]
+    parts = []
+    for index in range(4):
+        name = name_site(frame.cfa, index)
+        rows = slice((index // 2 - frame.row0) % 2, None, 2)
+        cols = slice((index % 2 - frame.col0) % 2, None, 2)
+        if name in wanted:
+            parts.append(_Part(name, (rows, cols), rows, cols))
+    return parts
+
+
+def _places(frame: Frame, part: _Part) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the rows and columns, in the frame, of a part's pixels."""
+    height, width = frame.samples_dn.shape[:2]
+    return (np.arange(height) + frame.row0)[part.rows], (np.arange(width) + frame.col0)[part.cols]

@@ -5,7 +5,9 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from radiometry.findings import Raised
+import numpy as np
+
+from radiometry.findings import Raised, shared
 from radiometry.fitting.evidence import FieldCorrection, Quantity
 from radiometry.frame import Frame
 from radiometry.frame.exposure import Exposure
@@ -13,105 +15,123 @@ from radiometry.frame.grid import Grid
 from radiometry.frame.roi import Polygon, Window, bounding_window
 from radiometry.frame.statistics import Signal
 from radiometry.luminance import codes, method
-from radiometry.luminance.application import choose_coefficient
-from radiometry.luminance.averaging import SCATTER, add_signal, flag_scatter
-from radiometry.luminance.camera import CalibratedCamera, add_up
-from radiometry.luminance.cells import illuminate, measure_surface
-from radiometry.luminance.coefficient import Coefficient
-from radiometry.luminance.conditions import CalibrationConditions, FieldConditions, measure_colour
-from radiometry.luminance.corners import check_grid
-from radiometry.luminance.corrections import correct_focus, correct_spectrum, correct_stray_light
-from radiometry.luminance.effects import share_out
-from radiometry.luminance.findings import find_flags, find_mixed, find_mixed_light
-from radiometry.luminance.flicker import correct_flicker
+from radiometry.luminance.application import AppliedLuminance, choose_coefficient
+from radiometry.luminance.conditions import CalibrationConditions, Colour, FieldConditions, measure_colour
+from radiometry.luminance.corrections import (
+    correct_flicker,
+    correct_focus,
+    correct_spectrum,
+    correct_stray_light,
+)
 from radiometry.luminance.maps import average_map, find_map_scale, sum_signal
-from radiometry.luminance.measured import Measured, Percentile
-from radiometry.luminance.pixels import PERCENTILES, Correction, PixelSignal, order_pixels
-from radiometry.luminance.surface import lay_grid
+from radiometry.luminance.pixels import (
+    PERCENTILES,
+    SCATTER,
+    Correction,
+    PixelSignal,
+    add_signal,
+    flag_scatter,
+    order_pixels,
+)
+from radiometry.luminance.results import Coefficient
+from radiometry.luminance.surface import (
+    CalibratedCamera,
+    Surface,
+    add_up,
+    check_grid,
+    illuminate,
+    lay_grid,
+    measure_surface,
+)
+from radiometry.spectral.curves import list_responses
+from radiometry.spectral.mismatch import LEAST_U_REL, fit_colour_remedy
 from radiometry.vignetting.lens import Lens
 
 # A flicker over whole periods is not exactly 0.
 _ROUNDING = 1e-9
 # The extremes of fifty cells then lie within 3 % of each other, half of what a known camera is flagged for.
 _CLEAR_REL = 0.01
+Corners = Sequence[tuple[float, float]]
+# As well as a hand draws the same region twice, of the frame's diagonal.
+_NEAR_SHARE = 0.02
+# Mean over median, of a region and of a cell. Light that rises by three times over a cell as an exponential,
+# more than a lamp's pool does within 3 m, has 5 %; pools of light in a region of the road have 25 %.
+_MIXED_REGION, _MIXED_CELL = 0.25, 0.05
+# Three standard errors of mean less median of a normal distribution, in those of its mean; and of rounding.
+_SKEW_ERRORS, _ROUNDING_DN = 3.0 * math.sqrt(math.pi / 2.0 - 1.0), 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Share:
+    """Contribution of one source to the mean's uncertainty."""
+
+    source: str
+    shared: bool  # the same error in every pixel of the frame, which no mean reduces
+    standard_uncertainty_cd_m2: float
+    variance_share: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Percentile:
+    """A percentile of the region's pixels."""
+
+    percent: int
+    luminance: Quantity
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """Luminance of a region with its whole budget; all values are finite, what does not exist is None."""
+
+    pixels: int
+    signal_dn: float
+    dark_signal_dn: float
+    channel: str
+    model: str
+    exposure_basis: str
+    mean: Quantity  # of the region's signal, as the calibration was made
+    shared_u_cd_m2: float
+    noise_u_cd_m2: float
+    smallest: Quantity  # of single pixels, with a single pixel's noise, as the percentiles
+    largest: Quantity
+    median: Quantity  # with the median's own noise
+    percentiles: tuple[Percentile, ...]
+    budget: tuple[Share, ...]
+    surface: Surface | None
+    illuminance_lx: Quantity | None
+    saturated_share: float
+    vignetting: str  # "none", or the name of the version that vignetting was corrected with
+    flags: tuple[Raised, ...]
+    lens_share: Quantity | None = None
+    corrections: tuple[FieldCorrection, ...] = ()  # that all luminances contain, maps included
 
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """Region, grid and reflectance of a measurement.
-
-    Attributes
-    ----------
-    polygon : Polygon
-        Region to measure.
-    grid : Grid or None, default: None
-        Grid of cells to measure, if any.
-    reflectance : float or None, default: None
-        Reflectance rho of the surface, (0, 1]; None if no illuminance is requested.
-    conditions : FieldConditions or None, default: None
-        Light and surroundings; None for those of the calibration, as in a laboratory.
-    """
+    """Region, grid and reflectance of a measurement."""
 
     polygon: Polygon
     grid: Grid | None = None
-    reflectance: float | None = None
-    conditions: FieldConditions | None = None
+    reflectance: float | None = None  # rho of the surface, (0, 1]; None if no illuminance is requested
+    conditions: FieldConditions | None = None  # None for those of the calibration, as in a laboratory
 
 
 @dataclass(frozen=True, kw_only=True)
 class Vignetting:
-    """Version that a frame's vignetting is corrected with.
+    """Version that a frame's vignetting is corrected with."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the version in the answer.
-    lens : Lens
-        Relative illumination at the frame's f-number.
-    """
-
-    name: str
-    lens: Lens
+    name: str  # in the answer
+    lens: Lens  # at the frame's f-number
 
 
 def find_window(request: Request, *, height_px: int, width_px: int) -> Window:
-    """Return the window of a frame that a measurement reads.
-
-    Parameters
-    ----------
-    request : Request
-        Region and grid.
-    height_px, width_px : int
-        Size of the frame [px].
-
-    Returns
-    -------
-    Window
-        Smallest one that contains the region and the grid; of a frame of the field the whole, whose mean
-        the glare depends on.
-
-    Raises
-    ------
-    InputRejected
-        `roi_outside_frame`, `roi_empty` or `grid_invalid`.
-    """
+    """Return the window of a frame that a measurement reads."""
     part = _find_part(request, height_px=height_px, width_px=width_px)
     return part if request.conditions is None else Window(row0=0, col0=0, height=height_px, width=width_px)
 
 
 def needs_scale(request: Request) -> bool:
-    """Return True if a measurement needs the scale of a map, which a model may not have: to subtract glare.
-
-    Parameters
-    ----------
-    request : Request
-        Region, grid and conditions.
-
-    Returns
-    -------
-    bool
-        True if the request states a glare.
-    """
+    """Return True if a measurement needs the scale of a map to subtract glare; a model may not have one."""
     return request.conditions is not None and request.conditions.glare_share is not None
 
 
@@ -156,54 +176,14 @@ def measure(
 ) -> Measured:
     """Measure the luminance of a frame.
 
-    Parameters
-    ----------
-    frame : Frame
-        Window returned by `find_window`.
-    request : Request
-        Region, grid and reflectance.
-    exposure : Exposure
-        Exposure of the frame.
-    coefficients : sequence of Coefficient
-        Coefficients of the version, one per ISO value.
-    calibrated : sequence of Polygon
-        Regions of the calibration.
-    correction : Vignetting or None, default: None
-        Vignetting version, if vignetting is corrected.
-    rendered : bool, default: False
-        True if the frame is a converted image.
-    repeats : iterable of Frame, default: ()
-        The same window of further frames of the same scene at the same exposure,
-        with which the frame is averaged.
-
-    Returns
-    -------
-    Measured
-        Luminances and flags: those of `application.apply_coefficient`,
-        `no_vignetting_correction`, `roi_elsewhere`, `observer_differs`, `rendered`,
-        `frames_disagree`, `mixed_surface`, `diffuse_assumed`, those of
-        `corners.check_grid`, and of the conditions `spectral_mismatch_unknown`,
-        `flicker_unknown`, `stray_light_unknown`.
-
-    Raises
-    ------
-    InputRejected
-        `iso_not_calibrated`, `exposure_implausible`, `fit_failed`, `roi_empty`,
-        `grid_invalid`; `vignetting_not_calibrated` if K needs the correction and
-        has none, or the reverse.
-
-    Notes
-    -----
-    The mean of the region and of each cell is `application.apply_coefficient` of
-    its statistics: measured as it was calibrated. E = pi L / rho holds for a
-    diffuse surface; rho is taken as exact. With a correction every signal above
-    dark is divided by V (see `lens.correct_signal`). All luminances take the same
+    The mean of the region and of each cell is `application.apply_coefficient` of its statistics: measured as
+    it was calibrated. E = pi L / rho holds for a diffuse surface; rho is taken as exact. With a correction
+    every signal above dark is divided by V (see `lens.correct_signal`). All luminances take the same
     corrections of the field (see `corrections`), found in the first frame.
 
-    Repeated frames are averaged pixel by pixel. Their noise averages; every shared
-    error remains; what they scatter beyond noise is a source of its own (see
-    `averaging.evaluate_scatter`). In a grid the part that all cells have in common
-    is shared by them, the rest is each cell's own.
+    Repeated frames are averaged pixel by pixel. Their noise averages; every shared error remains; what they
+    scatter beyond noise is a source of its own (see `averaging.evaluate_scatter`). In a grid the part that
+    all cells have in common is shared by them, the rest is each cell's own.
     """
     coefficient = choose_coefficient(coefficients, iso=exposure.iso)
     coefficient = coefficient.at(exposure.on_basis(coefficient.exposure_basis).exposure_time_s)
@@ -279,7 +259,7 @@ def measure(
             Percentile(percent=percent, luminance=luminance(pixel))
             for percent, pixel in zip(PERCENTILES, pixels.percentiles, strict=True)
         ),
-        budget=share_out(region),
+        budget=_share_out(region),
         surface=surface,
         illuminance_lx=illuminate(region.luminance_cd_m2, request.reflectance),
         saturated_share=max(signal.saturated_share for signal, _ in signals),
@@ -326,3 +306,123 @@ def _find_corrections(
         u_rel=pairs[0][0].u_rel,
     )
     return made, (*itertools.chain.from_iterable(flags for _, flags in pairs), *mixed)
+
+
+def _share_out(applied: AppliedLuminance) -> tuple[Share, ...]:
+    """Add up the effects of each source; the variance shares add up to one."""
+    total = applied.luminance_cd_m2.standard_uncertainty
+    names = dict.fromkeys((effect.source, effect.shared) for effect in applied.effects)
+    shares = []
+    for source, is_shared in names:
+        u = math.hypot(*(e.effect_cd_m2 for e in applied.effects if e.source == source))
+        shares.append(
+            Share(
+                source=source,
+                shared=is_shared,
+                standard_uncertainty_cd_m2=u,
+                variance_share=(u / total) ** 2 if total > 0.0 else 0.0,
+            )
+        )
+    return tuple(shares)
+
+
+def find_flags(
+    frame: Frame,
+    measured: Sequence[Corners],
+    calibrated: Sequence[Polygon],
+    *,
+    rendered: bool,
+    corrected: bool = False,
+) -> tuple[Raised, ...]:
+    """Return the flags that limit the claims of a measurement from the air."""
+    flags = [] if corrected else _find_falloff(frame, measured, calibrated)
+    if rendered:
+        flags.append(shared.RENDERED.at("", "The frame is no raw file."))
+    detail = "Luminance towards the camera, not towards a driver 60 m or a pedestrian 1.5 m away."
+    flags.append(codes.OBSERVER_DIFFERS.at("", detail))
+    return tuple(flags)
+
+
+def _find_falloff(frame: Frame, measured: Sequence[Corners], calibrated: Sequence[Polygon]) -> list[Raised]:
+    """Return the flags of an uncorrected measurement: K holds where it was fitted, and how far that is."""
+    detail = "Vignetting was corrected with: none."
+    flags = [codes.NO_VIGNETTING_CORRECTION.at("", detail)]
+    distance = _farthest_px(measured, calibrated)
+    diagonal = math.hypot(frame.height_px, frame.width_px)
+    if distance > _NEAR_SHARE * diagonal:
+        detail = (
+            f"It reaches {distance:.0f} px beyond the calibration's region, "
+            f"{distance / diagonal:.0%} of the frame's diagonal."
+        )
+        flags.append(codes.ROI_ELSEWHERE.at("", detail))
+    return flags
+
+
+def find_mixed(
+    region: Signal, cells: Sequence[Sequence[Signal]], *, dark_signal_dn: float
+) -> tuple[Raised, ...]:
+    """Return `mixed_surface` where a mean is that of unlike parts: a kerb, a lamp, a passing car's light."""
+    if not cells:
+        share = _measure_skew(region, dark_signal_dn)
+        detail = f"The mean differs from the median by {share:+.0%} of it."
+        return (codes.MIXED_SURFACE.at("", detail),) if abs(share) > _MIXED_REGION else ()
+    shares = {
+        (row, column): _measure_skew(signal, dark_signal_dn)
+        for row, line in enumerate(cells, start=1)
+        for column, signal in enumerate(line, start=1)
+    }
+    found = [place for place, share in shares.items() if abs(share) > _MIXED_CELL]
+    if not found:
+        return ()
+    worst = max(found, key=lambda place: abs(shares[place]))
+    detail = (
+        f"{len(found)} of the cells; most in row {worst[0]}, column {worst[1]}, whose mean differs from its "
+        f"median by {shares[worst]:+.0%} of it."
+    )
+    return (codes.MIXED_SURFACE.at("grid", detail),)
+
+
+def find_mixed_light(
+    colours: Sequence[Colour], *, response: str | None, channel: str, u_rel: float
+) -> tuple[Raised, ...]:
+    """Return `mixed_light` where no single spectral correction holds for all cells.
+
+    ln F = a + b ln(R/G) + c ln(B/G) of `fit_colour_remedy` differs between two cells by what one factor for
+    both is wrong about their ratio. An unknown camera may be any of the library's.
+    """
+    if len(colours) < 2:
+        return ()
+    cameras = list_responses() if response is None else (response,)
+    remedies = [fit_colour_remedy((each,), channel=channel, calibrated=("A",)) for each in cameras]
+    spread = max(float(np.ptp(np.log(colours) @ (each.red, each.blue))) for each in remedies)
+    error, allowed = math.expm1(spread), max(u_rel, LEAST_U_REL)
+    if error <= 2.0 * allowed:
+        return ()
+    of = "" if response else " with one of the published cameras"
+    detail = (
+        f"The ratio of two cells may be wrong by {error:.0%}{of}; the budget holds {allowed:.0%} for all."
+    )
+    return (codes.MIXED_LIGHT.at("grid", detail),)
+
+
+def _measure_skew(signal: Signal, dark_signal_dn: float) -> float:
+    """Compute mean less median beyond noise, relative to the median; 0 where it is not above dark."""
+    median = signal.value_dn - signal.skew_dn - dark_signal_dn
+    if median <= 0.0:
+        return 0.0
+    allowed = _SKEW_ERRORS * signal.standard_uncertainty_dn + _ROUNDING_DN
+    return math.copysign(max(0.0, abs(signal.skew_dn) - allowed), signal.skew_dn) / median
+
+
+def _farthest_px(measured: Sequence[Corners], calibrated: Sequence[Polygon]) -> float:
+    """Compute how far a corner lies beyond the nearest bounding box of the calibration's regions [px]."""
+    if not calibrated:
+        return 0.0
+    return max(min(_beyond_px(point, box) for box in calibrated) for corners in measured for point in corners)
+
+
+def _beyond_px(point: tuple[float, float], polygon: Polygon) -> float:
+    xs, ys = zip(*polygon.points, strict=True)
+    right = max(min(xs) - point[0], point[0] - max(xs), 0.0)
+    down = max(min(ys) - point[1], point[1] - max(ys), 0.0)
+    return math.hypot(right, down)

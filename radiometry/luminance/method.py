@@ -2,10 +2,9 @@
 
     N - D = K X,   X = t S L / f^2          apply: L = (N - D) f^2 / (K t S)
 
-N is the region's mean raw value, D its dark signal, L the luminance METER's reading
-of the scene. The procedure (standard operating procedure "Drone Camera
-Calibration", equation 1) also describes an X computed from N itself; that needs the
-K that is to be fitted, and is not implemented. The weighting of
+N is the region's mean raw value, D its dark signal, L the luminance METER's reading of the scene. The
+procedure (standard operating procedure "Drone Camera Calibration", equation 1) also describes an X computed
+from N itself; that needs the K that is to be fitted, and is not implemented. The weighting of
 `radiometry.fitting.curve` replaces the plain regression of the procedure.
 """
 
@@ -14,21 +13,29 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from radiometry.findings import InputRejected, shared
+import scipy
+
+from radiometry.findings import InputRejected, Raised, shared
 from radiometry.fitting.evidence import CoefficientValue, FrameEvidence
+from radiometry.fitting.sources import IMPLAUSIBLE_SCATTER_REL
 from radiometry.frame import Frame
+from radiometry.frame.darkness import flag_not_dark
 from radiometry.frame.roi import Polygon, Window, mask
 from radiometry.frame.statistics import ChannelStatistics, compute_statistics
 from radiometry.luminance import codes
-from radiometry.luminance.checks import check_iso_fit, check_series
-from radiometry.luminance.curves import fit_series
-from radiometry.luminance.lamp import check_reading_times
-from radiometry.luminance.lamp_kinds import LABELS
-from radiometry.luminance.missing import list_missing, list_unread_scenes, require_shares
-from radiometry.luminance.points import collect_series
-from radiometry.luminance.results import Fit, IsoFit, SpectralQuality
+from radiometry.luminance.conditions import LABELS
+from radiometry.luminance.fit import fit_series
+from radiometry.luminance.points import DETECTION_ERRORS, FEW_POINTS, IsoSeries, check_dark, collect_series
+from radiometry.luminance.results import Aperture, Coefficient, Fit, IsoFit, ModelFit, SpectralQuality
 from radiometry.luminance.rows import FrameRow, Params, Reading
-from radiometry.luminance.scenes import check_scenes, meter_calibration_u_rel, summarise_scenes
+from radiometry.luminance.scenes import (
+    check_reading_times,
+    check_scenes,
+    meter_calibration_u_rel,
+    summarise_scenes,
+)
+from radiometry.luminance.suggestions import list_missing, list_unread_scenes, require_shares
+from radiometry.luminance.verdicts import inspect_darks
 from radiometry.spectral.curves import describe_curve, list_lamps, list_responses
 from radiometry.spectral.mismatch import compute_f1_prime
 
@@ -37,14 +44,14 @@ _USUAL_CERTIFICATE_U_REL = 0.015
 _MOST_NAMES = 3
 
 
-def extract(frame: Frame, polygon: Polygon) -> tuple[ChannelStatistics, ...]:
-    """Compute the statistics of a region, one row per channel.
+_NONLINEARITY = 0.02
+_IMPLAUSIBLE_RATIO = 4.0
+_CHANCE = 0.01
+_AICC_DIFFERENCE = 10.0
 
-    Raises
-    ------
-    InputRejected
-        `roi_empty` if no pixel of the frame belongs to the region.
-    """
+
+def extract(frame: Frame, polygon: Polygon) -> tuple[ChannelStatistics, ...]:
+    """Compute the statistics of a region, one row per channel."""
     height, width = frame.samples_dn.shape[:2]
     inside = mask(polygon, Window(row0=frame.row0, col0=frame.col0, height=height, width=width))
     if not inside.any():
@@ -53,13 +60,7 @@ def extract(frame: Frame, polygon: Polygon) -> tuple[ChannelStatistics, ...]:
 
 
 def make_row(evidence: FrameEvidence[None]) -> FrameRow:
-    """Convert the evidence of a frame to the row that the fit uses.
-
-    Raises
-    ------
-    ValueError
-        If the frame has no exposure.
-    """
+    """Convert the evidence of a frame to the row that the fit uses."""
     if evidence.exposure is None:
         raise ValueError(f"a light or dark frame without its exposure: {evidence.frame}")
     maps = (opcode.sha256 for opcode in evidence.header.opcodes if opcode.name == "GainMap")
@@ -83,15 +84,7 @@ def missing(
 ) -> tuple[str, ...]:
     """List by name what the fit still lacks.
 
-    Returns
-    -------
-    tuple of str
-        Fragments of sentences; empty if the fit can start with every frame.
-
-    Notes
-    -----
-    A scene without a reading is named although the other scenes may be enough:
-    `fit` then leaves it out.
+    A scene without a reading is named although the other scenes may be enough: `fit` then leaves it out.
     """
     lacking = list_missing(rows, readings, params, unread=unread)
     return (*lacking, *list_unread_scenes(rows, readings, params))
@@ -100,29 +93,8 @@ def missing(
 def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> Fit:
     """Fit K for every ISO value of a campaign.
 
-    Returns
-    -------
-    Fit
-        Coefficients, points and flags. Per ISO value: `dark_exposure_differs`,
-        `dark_from_black_level`, `dark_from_few_frames`, `dark_varies`,
-        `dark_not_dark`, `nonlinear`, `implausible_k`, `few_points`,
-        `tolerance_exceeded`, `scatter_exceeds_uncertainty`, `scatter_implausible`,
-        `offset_significant`, `outliers_discounted`, `gain_maps_differ`, `rendered`,
-        `meter_repeatability_estimated`, `apex_missing`. Per scene:
-        `lamp_drift`, `rho_cross_check`, `reading_far_from_frames`. Of the whole:
-        `meter_certificate_missing`, `semilog_model`.
-
-    Raises
-    ------
-    InputRejected
-        `fit_incomplete` if fewer than three scenes of an ISO value can be used, or
-        frames are not extracted yet. `fit_failed` if the fit does not converge.
-        `vignetting_not_calibrated` if V of a light frame is not given.
-
-    Notes
-    -----
-    The same input in any order gives the same result to the last bit. All values
-    are finite; what does not exist is None.
+    The same input in any order gives the same result to the last bit. All values are finite; what does not
+    exist is None.
     """
     lacking = list_missing(rows, readings, params)
     if lacking:
@@ -175,7 +147,9 @@ def list_coefficients(fitted: Fit) -> tuple[CoefficientValue, ...]:
     where: dict[str, list[str]] = {raised.where: [] for raised in fitted.flags}
     for raised in fitted.flags:
         where[raised.where].append(raised.flag)
-    ks, apertures, darks = [], [], []
+    ks: list[CoefficientValue] = []
+    apertures: list[CoefficientValue] = []
+    darks: list[CoefficientValue] = []
     for coefficient in sorted((each.coefficient for each in fitted.iso_fits), key=lambda each: each.iso):
         flags = sorted({*where.get("", []), *where.get(f"iso {coefficient.iso:g}", [])})
         held: dict[str, Any] = {
@@ -184,30 +158,19 @@ def list_coefficients(fitted: Fit) -> tuple[CoefficientValue, ...]:
             "model": coefficient.model,
             "flags": tuple(flags),
         }
-        ks.append(
-            CoefficientValue(
+        of_k: tuple[Coefficient | Aperture, ...] = (coefficient, *(coefficient.apertures or ()))
+        for each in of_k:
+            value = CoefficientValue(
                 name="luminance_k",
-                value=coefficient.luminance_k,
-                standard_uncertainty=coefficient.luminance_k_standard_uncertainty,
+                value=each.luminance_k,
+                standard_uncertainty=each.luminance_k_standard_uncertainty,
                 unit=coefficient.luminance_k_unit,
-                effective_dof=coefficient.effective_dof,
-                coverage_factor=coefficient.coverage_factor,
+                f_number=each.f_number if isinstance(each, Aperture) else None,
+                effective_dof=each.effective_dof,
+                coverage_factor=each.coverage_factor,
                 **held,
             )
-        )
-        apertures += [
-            CoefficientValue(
-                name="luminance_k",
-                value=aperture.luminance_k,
-                standard_uncertainty=aperture.luminance_k_standard_uncertainty,
-                unit=coefficient.luminance_k_unit,
-                f_number=aperture.f_number,
-                effective_dof=aperture.effective_dof,
-                coverage_factor=aperture.coverage_factor,
-                **held,
-            )
-            for aperture in coefficient.apertures or ()
-        ]
+            (apertures if isinstance(each, Aperture) else ks).append(value)
         darks.append(
             CoefficientValue(
                 name="dark_signal_dn",
@@ -232,3 +195,116 @@ def _weigh_certificate(iso_fits: Sequence[IsoFit]) -> str:
         f"Without the meter's scale, U(K) is {factor * u_rel:.1%} at ISO {widest.iso:g}. With a meter "
         f"certificate of U = {2 * _USUAL_CERTIFICATE_U_REL:.0%} (k = 2) it would be {with_it:.1%}, traceable."
     )
+
+
+def check_series(series: IsoSeries, rows: Sequence[FrameRow], params: Params) -> list[Raised]:
+    """Check the frames that entered the fit."""
+    where = f"iso {series.iso:g}"
+    used = {candidate.frame for candidate in series.used}
+    light = [row for row in rows if row.frame in used]
+    flags = check_dark(series)
+    excluded = {exclusion.frame for exclusion in params.exclude}
+    mine = [row for row in rows if row.exposure.iso == series.iso and row.frame not in excluded]
+    doubted = {frame: reason for frame, (reason,) in inspect_darks(mine, params).items()}
+    flags += flag_not_dark({frame: why for frame, why in doubted.items() if why.outcome == "fail"}, where)
+    if len(used) < FEW_POINTS:
+        flags.append(shared.FEW_POINTS.at(where, f"Points: {len(used)}."))
+    rendered = sum(row.rendered for row in light)
+    if rendered:
+        flags.append(shared.RENDERED.at(where, f"Rendered frames: {rendered} of {len(light)}."))
+    tabled = sum(row.from_table for row in mine)
+    if tabled:
+        detail = f"Rows of a table: {tabled} of {len(mine)} frames."
+        flags.append(shared.STATISTICS_FROM_TABLE.at(where, detail))
+    assumed = sum(row.assumes_black for row in light)
+    if assumed:
+        use = "for plausibility alone" if series.dark_times_s else "as the dark signal"
+        detail = f"Frames without a black level: {assumed} of {len(light)}; 0 DN is used {use}."
+        flags.append(shared.BLACK_LEVEL_ASSUMED.at(where, detail))
+    maps = {tuple(sorted(row.gain_maps)) for row in light}
+    if len(maps) > 1:
+        flags.append(codes.GAIN_MAPS_DIFFER.at(where, f"Different sets of gain maps: {len(maps)}."))
+    without = sum(not row.exposure.has_apex for row in light)
+    if params.exposure_basis == "apex" and without:
+        flags.append(codes.APEX_MISSING.at(where, f"Frames without APEX values: {without}."))
+    return flags
+
+
+def check_iso_fit(series: IsoSeries, iso_fit: IsoFit, params: Params) -> list[Raised]:
+    """Check the result of the fit."""
+    where = f"iso {series.iso:g}"
+    by_model = {fit.model: fit for fit in iso_fit.models}
+    flags: list[Raised] = []
+    if "power" in by_model and abs(by_model["power"].parameters[1] - 1.0) > _NONLINEARITY:
+        exponent, error = by_model["power"].parameters[1], by_model["power"].covariance[1][1] ** 0.5
+        flags.append(codes.NONLINEAR.at(where, f"Exponent {exponent:.4f}, standard error {error:.4f}."))
+    k = by_model["proportional"].parameters[0]  # one parameter, points above dark: it always converges
+    if not 1 / _IMPLAUSIBLE_RATIO <= k / iso_fit.expected_k <= _IMPLAUSIBLE_RATIO:
+        flags.append(codes.IMPLAUSIBLE_K.at(where, f"K {k:.4g}, expected {iso_fit.expected_k:.4g}."))
+    flags += _check_scatter(by_model[params.model], where)
+    flags += _check_offset(by_model, series, iso_fit.coefficient, where)
+    flags += _check_repeatability(by_model[params.model], params, where)
+    if not iso_fit.passed:
+        width = f", U {iso_fit.expanded_u_rel:.1%}" if iso_fit.expanded_u_rel is not None else ""
+        if not width and params.acceptance not in {None, "simple"}:
+            width = ", U unknown without a meter certificate, which the decision rule needs"
+        detail = (
+            f"Largest error in L {iso_fit.largest_residual_rel:.1%}{width}, tolerance "
+            f"{params.tolerance_rel:.1%}."
+        )
+        flags.append(codes.TOLERANCE_EXCEEDED.at(where, detail))
+    return flags
+
+
+def _check_repeatability(chosen: ModelFit, params: Params, where: str) -> list[Raised]:
+    """Name a scatter that no meter or shutter has; else, that the meter's repeatability was estimated."""
+    given = params.meter_repeatability_rel is not None or chosen.meter_repeatability_rel is None
+    reading = 0.0 if given else chosen.meter_repeatability_rel or 0.0
+    frame = chosen.frame_scatter_rel or 0.0
+    if max(reading, frame) > IMPLAUSIBLE_SCATTER_REL:
+        detail = f"Estimated: {reading:.1%} for one meter reading, {frame:.1%} between frames."
+        return [shared.SCATTER_IMPLAUSIBLE.at(where, detail)]
+    return [] if given else [codes.METER_REPEATABILITY_ESTIMATED.at(where, f"Estimated: {reading:.2%}.")]
+
+
+def _check_offset(
+    by_model: dict[str, ModelFit], series: IsoSeries, coefficient: Coefficient, where: str
+) -> list[Raised]:
+    """Compare the affine model with the proportional one; at 10 in AICc the latter has hardly any support."""
+    weakest_dn = coefficient.signal_range_dn[0]
+    rate, u_rate = coefficient.dark_rate_dn_per_s or 0.0, coefficient.dark_rate_standard_uncertainty_dn_per_s
+    if not series.dark.rate_measured and u_rate and abs(rate) > DETECTION_ERRORS * u_rate:
+        longest_s = max(coefficient.exposure_times_s, key=lambda time_s: abs(time_s - series.dark.time_s))
+        offset = rate * (longest_s - series.dark.time_s)
+        detail = (
+            f"Offset that differs by {offset:+.3g} DN between {longest_s:g} s and {series.dark.time_s:g} s, "
+            "taken as dark current: take dark frames at both times."
+        )
+        return [codes.OFFSET_SIGNIFICANT.at(where, detail)]
+    with_offset, without = by_model.get("affine"), by_model["proportional"]
+    if with_offset is None or with_offset.aicc is None or without.aicc is None:
+        return []
+    better = without.aicc - with_offset.aicc
+    if better <= _AICC_DIFFERENCE:
+        return []
+    offset, u_offset = with_offset.parameters[1], with_offset.covariance[1][1] ** 0.5
+    detail = (
+        f"Offset {offset:+.3g} DN, standard uncertainty {u_offset:.2g} DN: {abs(offset) / weakest_dn:.0%} of "
+        f"the weakest point; AICc is better by {better:.0f}."
+    )
+    return [codes.OFFSET_SIGNIFICANT.at(where, detail)]
+
+
+def _check_scatter(chosen: ModelFit, where: str) -> list[Raised]:
+    """Test at 99 % by chi^2 whether the points scatter more than the stated sources explain."""
+    stated = chosen.chi_squared if chosen.stated_chi_squared is None else chosen.stated_chi_squared
+    if stated is None or stated <= scipy.special.chdtri(chosen.dof, _CHANCE):
+        return []
+    between = (
+        f"; between frames {chosen.frame_scatter_rel:.2%}" if chosen.frame_scatter_rel is not None else ""
+    )
+    detail = (
+        f"chi^2 / dof by the stated sources {stated / chosen.dof:.3g}{between}; "
+        f"Birge ratio {chosen.birge_ratio:.3f}."
+    )
+    return [shared.SCATTER_EXCEEDS_UNCERTAINTY.at(where, detail)]

@@ -1,17 +1,20 @@
-"""Single pixels of a region: extremes, percentiles, and the noise of one pixel."""
+"""Single pixels of a region with their noise, and several frames of one scene as one."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
-from radiometry.findings import InputRejected, shared
+from radiometry.findings import InputRejected, Raised, shared
+from radiometry.fitting.repeats import shows_scatter
 from radiometry.frame import Frame
 from radiometry.frame.roi import Polygon, Window, mask
-from radiometry.frame.statistics import GREY, name_site
-from radiometry.luminance.lens import compute_shares, name_channels
-from radiometry.luminance.maps import Sums, find_measured, sum_signal
+from radiometry.frame.statistics import GREY, Signal, name_site
+from radiometry.luminance import codes
+from radiometry.luminance.maps import Sums, compute_shares, find_measured, name_channels, sum_signal
 from radiometry.vignetting.lens import Lens, LensShare
 
 PERCENTILES = (5, 10, 90, 95)
@@ -25,91 +28,48 @@ _OUTLIER_SIGMAS = 5.0
 _MAD_TO_SIGMA = 1.4826
 
 
+SCATTER = "scatter between repeats"
+_COVERAGE = 0.95
+_FLAG_LEVEL = 0.99
+_WORTH_NAMING_REL = 0.01
+Values = NDArray[np.float64]
+
+
 @dataclass(frozen=True, kw_only=True)
 class PixelSignal:
-    """Signal of a single pixel of the region, black included, and that pixel's noise.
-
-    Attributes
-    ----------
-    value_dn : float
-        Signal [DN].
-    noise_dn : float
-        Standard deviation of its noise [DN].
-    share : LensShare or None, default: None
-        Relative illumination V at the pixel, if vignetting is corrected.
-    """
+    """Signal of a single pixel of the region, black included, and that pixel's noise."""
 
     value_dn: float
     noise_dn: float
-    share: LensShare | None = None
+    share: LensShare | None = None  # V at the pixel, if vignetting is corrected
 
 
 @dataclass(frozen=True, kw_only=True)
 class PixelSignals:
-    """Order statistics of a region's pixels.
-
-    Attributes
-    ----------
-    pixels : int
-        Number of pixels.
-    smallest, largest : PixelSignal
-        Extremes.
-    median : PixelSignal
-        Median; its `noise_dn` is the median's own, not a pixel's: many pixels make
-        it.
-    percentiles : tuple of PixelSignal
-        Percentiles in the order of PERCENTILES.
-    """
+    """Order statistics of a region's pixels."""
 
     pixels: int
     smallest: PixelSignal
     largest: PixelSignal
-    median: PixelSignal
-    percentiles: tuple[PixelSignal, ...]
+    median: PixelSignal  # its `noise_dn` is the median's own, not a pixel's
+    percentiles: tuple[PixelSignal, ...]  # in the order of PERCENTILES
 
 
 @dataclass(frozen=True)
 class NoiseCurve:
-    """Variance of a pixel's noise at some levels, interpolated between them by straight lines.
-
-    Attributes
-    ----------
-    levels_dn : ndarray of float64
-        Levels [DN], (n,).
-    variances_dn2 : ndarray of float64
-        Variances at the levels [DN^2], (n,).
-    """
+    """Variance of a pixel's noise at some levels, interpolated between them by straight lines."""
 
     levels_dn: NDArray[np.float64]
     variances_dn2: NDArray[np.float64]
 
     def at(self, level_dn: float) -> float:
-        """Return the standard deviation at a level; beyond the ends it is that of the ends.
-
-        Parameters
-        ----------
-        level_dn : float
-            Level [DN].
-
-        Returns
-        -------
-        float
-            Standard deviation [DN].
-        """
+        """Return the standard deviation at a level; beyond the ends it is that of the ends."""
         return math.sqrt(float(np.interp(level_dn, self.levels_dn, self.variances_dn2)))
 
 
 @dataclass(frozen=True)
 class Correction:
-    """Lens with which a region's pixels are corrected; they are ordered by (N - dark) / V.
-
-    Attributes
-    ----------
-    lens : Lens
-        Relative illumination at the frame's f-number.
-    dark_signal_dn : float
-        Dark signal [DN].
-    """
+    """Lens with which a region's pixels are corrected; they are ordered by (N - dark) / V."""
 
     lens: Lens
     dark_signal_dn: float
@@ -125,37 +85,12 @@ def order_pixels(
 ) -> PixelSignals:
     """Compute the extremes, the median and the percentiles of a region's pixels.
 
-    Parameters
-    ----------
-    frame : Frame
-        Window of the mosaic that contains the region.
-    polygon : Polygon
-        Region.
-    channel : str
-        "green" or "grey".
-    correction : Correction or None, default: None
-        Lens and dark signal, if vignetting is corrected.
-    signal : tuple[Sums, int] or None, default: None
-        Signal of each pixel as from `maps.sum_signal`, if it is not this frame's alone
-        but the sum over repeated frames.
+    Only measured pixels count: the green CFA positions for "green"; for "grey" of a mosaic each pixel's local
+    mean over the pattern, as in a map. Percentiles between two pixels are interpolated in proportion (numpy's
+    "linear"). The median's noise is sqrt(pi / 2) times a mean's [1]. A percentile that lies between two
+    corrected pixels has the position of the nearest one.
 
-    Raises
-    ------
-    InputRejected
-        `roi_empty` if the region contains no measured pixel.
-
-    Notes
-    -----
-    Only measured pixels count: the green CFA positions for "green"; for "grey" of a
-    mosaic each pixel's local mean over the pattern, as in a map. Percentiles
-    between two pixels are interpolated in proportion (numpy's "linear"). The
-    median's noise is sqrt(pi / 2) times a mean's [1]_. A percentile that lies
-    between two corrected pixels has the position of the nearest one.
-
-    References
-    ----------
-    .. [1] M. G. Kendall, A. Stuart, The Advanced Theory of Statistics 1, section
-           10.11
+    [1] M. G. Kendall, A. Stuart, The Advanced Theory of Statistics 1, section 10.11
     """
     sums, parts = signal or sum_signal(frame, channel=channel)
     height, width = sums.shape
@@ -234,35 +169,14 @@ def estimate_pixel_noise(
 ) -> NoiseCurve:
     """Estimate the noise of single pixels from one frame, whatever the scene shows.
 
-    Parameters
-    ----------
-    sums : ndarray of unsignedinteger
-        Signals [DN / parts], (row, col).
-    inside : ndarray of bool
-        Measured pixels of the region, (row, col).
-    parts : int
-        Parts of one DN in `sums`.
-    lag : int
-        Distance of neighbours that share no raw value [px].
+    Three neighbours a, b, c of the same CFA position in a line: a - 2 b + c is free of the light and of its
+    gradient, and its variance is 6 times a pixel's. Edges of the scene are outliers beyond 5 sigma of the
+    median deviation and are rejected. Noise grows with the signal: the triples are sorted by their mean into
+    bins of equal number. The variance is never less than that of rounding, 1/12 DN^2, and is that alone for a
+    region without any triple. Temporal noise is derived from differences as in [1], here of neighbours
+    instead of frames.
 
-    Returns
-    -------
-    NoiseCurve
-        Variance of the noise by level.
-
-    Notes
-    -----
-    Three neighbours a, b, c of the same CFA position in a line: a - 2 b + c is free
-    of the light and of its gradient, and its variance is 6 times a pixel's. Edges
-    of the scene are outliers beyond 5 sigma of the median deviation and are
-    rejected. Noise grows with the signal: the triples are sorted by their mean into
-    bins of equal number. The variance is never less than that of rounding, 1/12
-    DN^2, and is that alone for a region without any triple. Temporal noise is
-    derived from differences as in [1]_, here of neighbours instead of frames.
-
-    References
-    ----------
-    .. [1] EMVA Standard 1288, release 4.0, 2021, section 6.5
+    [1] EMVA Standard 1288, release 4.0, 2021, section 6.5
     """
     step = max(1, math.ceil(sums.size / _MOST_PIXELS_FOR_NOISE))
     threes = [
@@ -310,3 +224,92 @@ def _variance(squares: NDArray[np.float64]) -> float:
     spread = max(_MAD_TO_SIGMA * math.sqrt(float(np.median(squares))), 1.0)
     kept = squares[squares <= (_OUTLIER_SIGMAS * spread) ** 2]
     return max(float(kept.mean()) / 6 if kept.size else 0.0, _ROUNDING_VARIANCE)
+
+
+def average_signals(
+    signals: Sequence[Signal], *, dark_signal_dn: float, drift_rel: Values | None = None
+) -> tuple[Signal, float]:
+    """Average the signals of one region in repeated frames.
+
+    Noise averages, the error of rounding does not: it is the same in frames that are alike. With u_i the
+    noise of each frame and r_i the error of rounding in it::
+
+        u^2 = sum(u_i^2) / n^2 + mean(r_i^2)
+
+    For the scatter see `evaluate_scatter`.
+    """
+    count = len(signals)
+    if count == 1:
+        return signals[0], 0.0
+    rounding = np.array([signal.rounding_dn**2 for signal in signals])
+    noise = np.array([signal.standard_uncertainty_dn**2 for signal in signals]) - rounding
+    values = np.array([signal.value_dn for signal in signals])
+    steady = values - dark_signal_dn
+    if drift_rel is not None:
+        steady /= 1.0 + drift_rel
+    mean = replace(
+        signals[0],
+        value_dn=float(values.mean()),
+        standard_uncertainty_dn=math.sqrt(float(noise.sum()) / count**2 + float(rounding.mean())),
+        saturated_share=max(signal.saturated_share for signal in signals),
+    )
+    return mean, evaluate_scatter(steady, noise)
+
+
+def add_signal(summed: tuple[Sums, int] | None, signal: tuple[Sums, int]) -> tuple[Sums, int]:
+    """Add the signal of each pixel of one more frame."""
+    if summed is None:
+        return signal
+    return summed[0].astype(np.uint32, copy=False) + signal[0], summed[1] + signal[1]
+
+
+def evaluate_scatter(values: Values, noise_variances: Values) -> float:
+    """Evaluate the uncertainty of a mean by what its values scatter beyond their noise.
+
+    With s^2 the variance of the values and w the mean variance of their noise, the whole variance of the mean
+    is [1]::
+
+        max(w, s^2) / n          if (n - 1) s^2 / w is within a quantile of chi^2
+        (s t / 1.96)^2 / n       otherwise, with Student's t for n - 1 degrees of freedom
+
+    The excess is this less w / n. The second form gives an interval of 1.96 standard uncertainties the
+    coverage of Student's interval: the scatter of few frames is itself hardly known. For the quantile see
+    `repeats.shows_scatter`.
+
+    [1] JCGM 100:2008, 4.2 and G.3, doi:10.59161/JCGM100-2008E
+    """
+    count = values.size
+    observed, expected = float(values.var(ddof=1)), float(noise_variances.mean())
+    if shows_scatter(observed, expected, count):
+        observed *= (float(scipy.special.stdtrit(count - 1, (1 + _COVERAGE) / 2)) / 1.96) ** 2
+    return math.sqrt(max(0.0, observed - expected) / count)
+
+
+def find_drift(cells: Sequence[Sequence[Signal]], *, dark_signal_dn: float) -> tuple[Values, float]:
+    """Find how the light of all cells together differs between repeated frames."""
+    values = np.array([[signal.value_dn for signal in cell] for cell in cells]) - dark_signal_dn
+    own = [[signal.standard_uncertainty_dn**2 - signal.rounding_dn**2 for signal in cell] for cell in cells]
+    mean = float(values.mean())
+    if mean <= 0.0:
+        return np.zeros(values.shape[1]), 0.0
+    totals = values.mean(axis=0) / mean
+    noise = np.array(own).sum(axis=0) / (len(cells) * mean) ** 2
+    return totals - 1.0, evaluate_scatter(totals, noise)
+
+
+def flag_scatter(signals: Sequence[Signal], *, dark_signal_dn: float) -> tuple[Raised, ...]:
+    """Return the flag `frames_disagree` if repeated frames differ beyond noise, and by 1 % or more."""
+    count = len(signals)
+    if count == 1:
+        return ()
+    values = np.array([signal.value_dn for signal in signals]) - dark_signal_dn
+    mean, observed = abs(float(values.mean())), float(values.var(ddof=1))
+    noise = float(np.mean([signal.standard_uncertainty_dn**2 for signal in signals]))
+    largest_noise = noise * float(scipy.special.chdtri(count - 1, 1.0 - _FLAG_LEVEL)) / (count - 1)
+    if observed < max((_WORTH_NAMING_REL * mean) ** 2, largest_noise):
+        return ()
+    detail = (
+        f"The signals above dark of {count} frames go from {values.min():.4g} to {values.max():.4g} DN, "
+        f"{(values.max() - values.min()) / (mean or 1.0):.1%} of their mean."
+    )
+    return (codes.FRAMES_DISAGREE.at("", detail),)

@@ -8,7 +8,7 @@ from radiometry.frame.exposure import Exposure, Settings
 from radiometry.frame.keeping import Keeping
 from radiometry.frame.statistics import ChannelStatistics, measure_signal
 from radiometry.frame.statistics import Signal as MeasuredSignal
-from radiometry.luminance.lamp_kinds import LABELS, LampKind
+from radiometry.luminance.conditions import LABELS, LampKind
 from radiometry.specification.parameters import check_parameters, parameter
 from radiometry.specification.stored import LATER
 from radiometry.spectral.curves import list_lamps, list_responses, read_lamp, read_response
@@ -224,7 +224,6 @@ class Params(Keeping):
     )
 
     def __post_init__(self) -> None:
-        """Check every parameter against its range and choices, and that the curves can be read."""
         check_parameters(self)
         if self.lamp is not None:
             read_lamp(self.lamp)
@@ -234,57 +233,23 @@ class Params(Keeping):
 
 @dataclass(frozen=True, kw_only=True)
 class FrameRow(Keeping):
-    """One frame of a campaign as input of the fit.
-
-    Attributes
-    ----------
-    frame : str
-        Name of the frame in messages and points; unique in a campaign.
-    role : str
-        "light" or "dark".
-    scene : str or None
-        Name of the light level; None for a dark frame.
-    exposure : Exposure
-        Exposure of the frame.
-    statistics : tuple of ChannelStatistics or None
-        Rows of `extract`; None until the frame is extracted or has its region.
-    has_region : bool, default: True
-        False if no region is drawn for it.
-    rendered : bool, default: False
-        True if the frame is a converted image.
-    from_table : bool, default: False
-        True if the frame is a row of a table, without pixels.
-    assumes_black : bool, default: False
-        True if the file states no black level, so that 0 is read for it.
-    taken_at : str or None, default: None
-        Time at which the frame was taken, as in RFC 3339, with or without offset.
-    gain_maps : tuple of str, default: ()
-        Hash of each GainMap opcode of the file.
-    lens_share : Quantity or None, default: None
-        Mean V of its region at its f-number, if the fit corrects vignetting.
-    """
+    """One frame of a campaign as input of the fit."""
 
     frame: str
     role: str
     scene: str | None
     exposure: Exposure
-    statistics: tuple[ChannelStatistics, ...] | None
+    statistics: tuple[ChannelStatistics, ...] | None  # None until the frame is extracted or has its region
     has_region: bool = True
     rendered: bool = False
-    from_table: bool = False
-    assumes_black: bool = False
-    taken_at: str | None = None
-    gain_maps: tuple[str, ...] = ()
-    lens_share: Quantity | None = None
+    from_table: bool = False  # a row of a table, without pixels
+    assumes_black: bool = False  # the file states no black level, so that 0 is read for it
+    taken_at: str | None = None  # RFC 3339, with or without offset
+    gain_maps: tuple[str, ...] = ()  # hash of each GainMap opcode of the file
+    lens_share: Quantity | None = None  # mean V of its region, if the fit corrects vignetting
 
     def measure(self, channel: str) -> MeasuredSignal:
-        """Compute the signal of the frame's region once: verdicts, plan and fit all need it.
-
-        Parameters
-        ----------
-        channel : str
-            As in `measure_signal`.
-        """
+        """Compute the signal of the frame's region once: verdicts, plan and fit all need it."""
         return self.keep(channel, None, lambda: measure_signal(self.statistics or (), channel=channel))
 
     def settings_on(self, basis: str) -> Settings:
@@ -294,31 +259,12 @@ class FrameRow(Keeping):
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """One meter reading of a scene.
-
-    Attributes
-    ----------
-    scene : str
-        Name of the scene.
-    quantity : str
-        "luminance" [cd/m2] or "illuminance" [lx].
-    value : float
-        Reading in that unit, above 0.
-    meter : str or None, default: None
-        Name of the meter.
-    expanded_uncertainty_rel : float or None, default: None
-        Relative expanded uncertainty from the meter's certificate; None if there is
-        none.
-    coverage_factor : float or None, default: None
-        Coverage factor from the same certificate.
-    taken_at : str or None, default: None
-        Time of the reading, as in RFC 3339 with its offset.
-    """
+    """One meter reading of a scene."""
 
     scene: str
-    quantity: str
+    quantity: str  # "luminance" [cd/m2] or "illuminance" [lx]
     value: float
     meter: str | None = None
-    expanded_uncertainty_rel: float | None = None
-    coverage_factor: float | None = None
-    taken_at: str | None = field(default=None, metadata=LATER)
+    expanded_uncertainty_rel: float | None = None  # from the meter's certificate; None if there is none
+    coverage_factor: float | None = None  # from the same certificate
+    taken_at: str | None = field(default=None, metadata=LATER)  # RFC 3339 with its offset

@@ -1,23 +1,25 @@
-"""Advice on what a luminance campaign lacks for a good fit, beyond what any fit needs."""
+"""Advice on a luminance campaign: what keeps it from its fit, what would improve it, and the next frames."""
 
 import itertools
 import math
 import statistics as python_statistics
+from collections import Counter
 from collections.abc import Sequence
 
 from radiometry.drawing.text import sort_naturally
-from radiometry.findings import shared
+from radiometry.findings import InputRejected, shared
+from radiometry.fitting.evidence import list_unknown_exclusions
 from radiometry.luminance import codes
-from radiometry.luminance.agreement import DOUBTFUL_REL, measure_brightness
-from radiometry.luminance.dark import check_dark
-from radiometry.luminance.flicker import compute_flicker
-from radiometry.luminance.lamp import check_reading_times
-from radiometry.luminance.lamp_kinds import find_modulation
-from radiometry.luminance.messages import show_time
-from radiometry.luminance.missing import list_unread_scenes
-from radiometry.luminance.points import FEW_POINTS, FEWEST_SCENES, IsoSeries, collect_series
+from radiometry.luminance.conditions import find_modulation
+from radiometry.luminance.corrections import compute_flicker
+from radiometry.luminance.points import FEW_POINTS, FEWEST_SCENES, IsoSeries, check_dark, collect_series
 from radiometry.luminance.rows import FrameRow, Params, Reading
-from radiometry.luminance.scenes import check_scenes, summarise_scenes
+from radiometry.luminance.scenes import check_reading_times, check_scenes, summarise_scenes
+from radiometry.luminance.verdicts import DOUBTFUL_REL, measure_brightness, show_time
+from radiometry.specification.grid import Gap
+
+_MOST_NAMES = 3
+
 
 GOOD_SCENES = 5
 """Usable light levels per ISO value. The models have one or two parameters: five levels leave three degrees
@@ -30,20 +32,109 @@ out three times; over a factor of three it would be 0.012."""
 
 # the repeatability of a good meter: less is not seen beside it
 _FLICKER = 0.01
+GOOD_SIGNAL = 0.5
+"""Signal above dark to expose for, as a fraction of the span from dark to white: a stop below white."""
+
+_STOP_THIRDS = 3
+_EVERY_CAMERA_S = 1e-3, 1.0
+"""Exposure times that a camera with manual exposure has; others are suggested if a frame shows them."""
+
+
+def list_missing(
+    rows: Sequence[FrameRow],
+    readings: Sequence[Reading],
+    params: Params,
+    *,
+    unread: Sequence[str] = (),
+) -> list[str]:
+    """List by name what keeps a fit from starting."""
+    excluded = {exclusion.frame for exclusion in params.exclude}
+    found = list_unknown_exclusions(params.exclude, [*(row.frame for row in rows), *unread])
+    wanted = [row for row in rows if row.frame not in excluded]
+    waiting = sort_naturally({*unread} - excluded)
+    if waiting:
+        found.append(f"{_name_frames(waiting, 'has', 'have')} not been read yet")
+    found += _list_unmeasured(wanted)
+    light = [row for row in wanted if row.role == "light"]
+    sceneless = sort_naturally(row.frame for row in light if not row.scene)
+    if sceneless:
+        found.append(f"{_name_frames(sceneless, 'has', 'have')} no scene: say which light level it is")
+    if not light and not waiting:
+        return [*found, "the campaign has no light frame"]
+    if waiting:  # they may be of any ISO value
+        return found
+    unmeasured = {row.exposure.iso for row in light if not row.statistics}
+    for series in collect_series(rows, readings, params):
+        usable = len({candidate.scene for candidate in series.used})
+        if usable < FEWEST_SCENES and series.iso not in unmeasured:
+            found.append(
+                f"ISO {series.iso:g} has {usable} usable scene{'' if usable == 1 else 's'}, "
+                f"a fit needs {FEWEST_SCENES}: {_reasons(series)}"
+            )
+    return found
+
+
+def require_shares(rows: Sequence[FrameRow], params: Params) -> None:
+    """Refuse a fit in which some signals would be divided by V and others not."""
+    excluded = {exclusion.frame for exclusion in params.exclude}
+    light = [row for row in rows if row.role == "light" and row.statistics and row.frame not in excluded]
+    lacking = sort_naturally(row.frame for row in light if row.lens_share is None)
+    if params.vignetting is not None and lacking:
+        raise InputRejected(
+            shared.VIGNETTING_NOT_CALIBRATED,
+            f"The fit corrects vignetting, and {_name_frames(lacking, 'has', 'have')} no V of its "
+            "region: give it the vignetting version.",
+        )
+
+
+def list_unread_scenes(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> list[str]:
+    """List the scenes that have light frames but no luminance reading."""
+    excluded = {exclusion.frame for exclusion in params.exclude}
+    read = {reading.scene for reading in readings if reading.quantity == "luminance"}
+    shown = {row.scene for row in rows if row.role == "light" and row.scene and row.frame not in excluded}
+    return [f"scene {scene} has no luminance reading" for scene in sort_naturally(shown - read)]
+
+
+def _list_unmeasured(rows: Sequence[FrameRow]) -> list[str]:
+    """List the frames without statistics, with whether they lack a region or wait for a worker."""
+    regionless = sort_naturally(row.frame for row in rows if not row.statistics and not row.has_region)
+    waiting = sort_naturally(row.frame for row in rows if not row.statistics and row.has_region)
+    found = []
+    if regionless and len(regionless) == len(rows):
+        found.append("the campaign has no region (ROI)")
+    elif regionless:
+        found.append(f"{_name_frames(regionless, 'has', 'have')} no region (ROI)")
+    if waiting:
+        found.append(f"{_name_frames(waiting, 'has', 'have')} no statistics yet")
+    return found
+
+
+def _name_frames(names: Sequence[str], one: str, several: str) -> str:
+    """Name the first few frames and count the rest, up to the verb."""
+    if len(names) == 1:
+        return f"frame {names[0]} {one}"
+    if len(names) <= _MOST_NAMES:
+        return f"frames {', '.join(names[:-1])} and {names[-1]} {several}"
+    first = ", ".join(names[:_MOST_NAMES])
+    return f"frames {first} and {len(names) - _MOST_NAMES} more {several}"
+
+
+def _reasons(series: IsoSeries) -> str:
+    """State why the frames of the scenes that do not count were left out."""
+    usable = {candidate.scene for candidate in series.used}
+    lost = {c.scene: c.left_out for c in series.candidates if c.scene not in usable}
+    if not lost:
+        return "photograph more light levels"
+    return ", ".join(
+        f"scene {scene}: a frame was left out because {lost[scene]}" for scene in sort_naturally(lost)
+    )
 
 
 def plan(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> tuple[str, ...]:
     """List by name what to add while the lamp is still in place.
 
-    Returns
-    -------
-    tuple of str
-        Fragments of sentences, the gravest first.
-
-    Notes
-    -----
-    Nothing here keeps a fit from starting: that is in `list_missing`. Scenes
-    without a reading are in both, since a fit can also be made without them.
+    Nothing here keeps a fit from starting: that is in `list_missing`. Scenes without a reading are in both,
+    since a fit can also be made without them.
     """
     found = list_unread_scenes(rows, readings, params)
     found += [
@@ -67,13 +158,6 @@ def _plan_darks(series: IsoSeries) -> list[str]:
     """Convert the flags of the fit to advice."""
     if not series.dark_times_s or not series.used:
         return []
-    raised = check_dark(
-        series.dark,
-        iso=series.iso,
-        light_times_s=[candidate.settings.exposure_time_s for candidate in series.used],
-        dark_times_s=series.dark_times_s,
-        weakest_signal_dn=min(c.above_dark_dn for c in series.used),
-    )
     advice: dict[str, str] = {
         codes.DARK_FROM_FEW_FRAMES: "fewer than three dark frames at {iso}: add some at other apertures",
         codes.DARK_VARIES: "the dark frames at {iso} differ too much for its weakest signal: repeat them",
@@ -81,7 +165,7 @@ def _plan_darks(series: IsoSeries) -> list[str]:
     }
     return [
         advice[found.flag].format(iso=f"ISO {series.iso:g}", detail=found.detail.rstrip("."))
-        for found in raised
+        for found in check_dark(series)
     ]
 
 
@@ -186,3 +270,74 @@ def _plan_readings(rows: Sequence[FrameRow], readings: Sequence[Reading], params
         for meter in meters
     ]
     return found
+
+
+def find_gaps(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> tuple[Gap, ...]:
+    """List the frames to add, each with its scene, ISO value and f-number as far as they are known."""
+    lit = [row for row in rows if row.role == "light" and row.scene]
+    read = {each.scene: each.value for each in readings if each.quantity == "luminance"}
+    shown = {(row.scene, row.exposure.iso, row.exposure.f_number) for row in lit}
+    scenes = sort_naturally({row.scene for row in lit if row.scene} | read.keys())
+    taken_s = [row.exposure.exposure_time_s for row in rows]
+    common = Counter((iso, f_number) for _, iso, f_number in shown)
+    series = collect_series(rows, readings, params)
+    spans = {each.iso: _find_span(each) for each in series}
+    light = _measure_light(series)
+    ks = [value / read[scene] for scene, value in light.items() if scene in read]
+    if ks:
+        light = {scene: python_statistics.median(ks) * value for scene, value in read.items()} | light
+    gaps = [
+        Gap(
+            role="light",
+            at={"scene": scene, "iso": iso, "f_number": f_number},
+            exposure_time_s=_suggest_time(
+                light.get(scene), spans.get(iso), iso=iso, f_number=f_number, taken_s=taken_s
+            ),
+        )
+        for scene in scenes
+        for (iso, f_number), count in sorted(common.items())
+        if 1 < len(scenes) <= 2 * count and (scene, iso, f_number) not in shown
+    ]
+    darks = {row.exposure.iso for row in rows if row.role == "dark"}
+    for iso in sorted({row.exposure.iso for row in lit} - darks):
+        here = [row.exposure for row in lit if row.exposure.iso == iso]
+        (f_number, _), *_ = Counter(each.f_number for each in here).most_common()
+        time_s = python_statistics.median_low(each.exposure_time_s for each in here)
+        gaps.append(Gap(role="dark", at={"iso": iso, "f_number": f_number}, exposure_time_s=time_s))
+    for one in series:
+        levels = sorted({c.luminance_cd_m2 for c in one.used if c.luminance_cd_m2 is not None})
+        short = GOOD_SCENES - len({candidate.scene for candidate in one.used})
+        if levels and short > 0:
+            noun = "level" if short == 1 else "levels"
+            text = f"{short} more {noun} {place_levels(levels)}"
+            gaps.append(Gap(role="light", at={"iso": one.iso}, text=text))
+    return tuple(gaps)
+
+
+def _measure_light(series: Sequence[IsoSeries]) -> dict[str, float]:
+    """Return K L of each scene, which is nearly the same at all ISO values [DN*m2/(cd*s) times cd/m2]."""
+    found: dict[str, list[float]] = {}
+    for one in series:
+        for scene, frames in measure_brightness(one).items():
+            found.setdefault(scene, []).extend(frames.values())
+    return {scene: python_statistics.median(values) for scene, values in found.items()}
+
+
+def _find_span(series: IsoSeries) -> float | None:
+    return min((candidate.span_dn for candidate in series.candidates), default=None)
+
+
+def _suggest_time(
+    light: float | None, span_dn: float | None, *, iso: float, f_number: float, taken_s: Sequence[float]
+) -> float | None:
+    """Return the time for `GOOD_SIGNAL`, rounded down to a third of a stop.
+
+    None if no light is known, or if the camera may not have that time: it is beyond `_EVERY_CAMERA_S` and
+    those of the campaign's frames.
+    """
+    if light is None or span_dn is None:
+        return None
+    time_s = GOOD_SIGNAL * span_dn * f_number**2 / (light * iso) if light * iso > 0 else math.inf
+    if not min(_EVERY_CAMERA_S[0], *taken_s) <= time_s <= max(_EVERY_CAMERA_S[1], *taken_s):
+        return None
+    return float(2.0 ** (math.floor(_STOP_THIRDS * math.log2(time_s)) / _STOP_THIRDS))

@@ -1,123 +1,94 @@
-"""A lit surface seen in perspective: its grid of cells in the image, and its uniformity."""
+"""A lit surface seen in perspective: its cells in the image, their luminances and their uniformity."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings import InputRejected
+from radiometry.findings import InputRejected, Raised, shared
+from radiometry.fitting.evidence import FieldCorrection, Quantity
+from radiometry.fitting.sources import FLICKER
+from radiometry.frame import Frame
+from radiometry.frame.exposure import Exposure
 from radiometry.frame.grid import MAX_CELLS_A_SIDE, Grid
 from radiometry.frame.lanes import find_homography
 from radiometry.frame.roi import MAX_COORDINATE_PX, Polygon
-from radiometry.luminance import codes
+from radiometry.frame.statistics import ChannelStatistics, Signal, measure_signal
+from radiometry.luminance import codes, method
+from radiometry.luminance.application import NOISE, AppliedLuminance, Effect, apply_to_signal
+from radiometry.luminance.corrections import apply_corrections
+from radiometry.luminance.maps import correct_signal
+from radiometry.luminance.pixels import SCATTER, Values, average_signals, find_drift
+from radiometry.luminance.results import Coefficient
+from radiometry.vignetting.lens import Lens, LensShare
 
-Matrix = NDArray[np.float64]
-Lattice = NDArray[np.float64]
+_OF_CELLS = {
+    shared.SATURATED: "Saturated",
+    shared.BELOW_DETECTION: "Below detection",
+    codes.OUTSIDE_SIGNALS: "Outside the calibrated signals",
+}
+_LOCAL: Final = frozenset({FLICKER})
+"""Sources that may err in each cell on its own (see `surface.judge_uniformity`)."""
+
+Array = NDArray[np.float64]
+Corners = Sequence[tuple[float, float]]
+LEAST_CELL_PX = 4.0
+"""Width of a cell below which the lens's blur and the rim's half pixels are much of it."""
+
+# of the frame's diagonal: from 17 mm to 215 mm of a 35 mm camera
+_FOCAL_LENGTHS = np.geomspace(0.4, 5.0, 60)
+# Distortion of an uncorrected lens and a road's crown, beside the corners' own uncertainty.
+_ANGLE_DEG, _RATIO_LN = 5.0, math.log(1.1)
+_ERRORS = 3.0
+Read = tuple[Signal, LensShare | None]
+_GREENS = ("G1", "G2", "G")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Surface:
+    """A grid's cells and figures. ``cells`` : rows of columns; ``cell_model`` : "projective"."""
+
+    cell_model: str
+    cells: tuple[tuple[Quantity, ...], ...]
+    l_av_cd_m2: Quantity
+    l_min_cd_m2: Quantity
+    l_max_cd_m2: Quantity
+    u_o: Quantity | None
+    u_l: tuple[Quantity | None, ...]
+    average_to_min: Quantity | None
+    max_to_min: Quantity | None
+    illuminance_lx: Quantity | None
 
 
 @dataclass(frozen=True, kw_only=True)
 class Cells:
-    """Luminances of a grid's cells, and the effect of each source of error on them.
+    """Luminances of a grid's cells, and the effect of each source of error on them."""
 
-    Attributes
-    ----------
-    values_cd_m2 : ndarray of float64
-        Luminances [cd/m2], (rows, columns).
-    noise_cd_m2 : ndarray of float64
-        Noise of each cell [cd/m2], (rows, columns), independent between two cells.
-    shared_cd_m2 : ndarray of float64
-        Effect of one standard uncertainty of m independent sources, each of which
-        errs alike in all cells [cd/m2], (m, rows, columns).
-    local_cd_m2 : ndarray of float64
-        The same of sources that may err alike in all cells, or in each cell on its
-        own [cd/m2], (l, rows, columns).
-    """
-
-    values_cd_m2: Matrix
-    noise_cd_m2: Matrix
-    shared_cd_m2: NDArray[np.float64]
-    local_cd_m2: NDArray[np.float64]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Estimate:
-    """A value with its standard uncertainty.
-
-    Attributes
-    ----------
-    value, standard_uncertainty : float
-        Value and its standard uncertainty, in the same unit.
-    """
-
-    value: float
-    standard_uncertainty: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class Uniformity:
-    """Uniformity of a lit surface; a ratio is None if its denominator is not positive.
-
-    Attributes
-    ----------
-    average_cd_m2, smallest_cd_m2, largest_cd_m2 : Estimate
-        Mean, smallest and largest luminance of the cells [cd/m2].
-    u_o : Estimate or None
-        Overall uniformity, L_min / L_av.
-    u_l : tuple of Estimate or None
-        Longitudinal uniformity: for each row of cells, its smallest over its
-        largest.
-    average_to_min : Estimate or None
-        L_av / L_min.
-    max_to_min : Estimate or None
-        L_max / L_min.
-    """
-
-    average_cd_m2: Estimate
-    smallest_cd_m2: Estimate
-    largest_cd_m2: Estimate
-    u_o: Estimate | None
-    u_l: tuple[Estimate | None, ...]
-    average_to_min: Estimate | None
-    max_to_min: Estimate | None
+    values_cd_m2: Array  # (rows, columns)
+    noise_cd_m2: Array  # (rows, columns), independent between two cells
+    # one standard uncertainty of each source that errs alike in all cells, (sources, rows, columns)
+    shared_cd_m2: Array
+    # the same of sources that may err alike in all cells, or in each cell on its own
+    local_cd_m2: Array
 
 
 def lay_grid(grid: Grid) -> tuple[tuple[Polygon, ...], ...]:
     """Divide the image of a surface into the images of its equal cells.
 
-    Parameters
-    ----------
-    grid : Grid
-        Corners of the surface, rows and columns.
-
-    Returns
-    -------
-    tuple of tuple of Polygon
-        Cells, row by row of the surface.
-
-    Raises
-    ------
-    InputRejected
-        `grid_invalid` unless the corners are those of a convex quadrilateral.
-
-    Notes
-    -----
-    A camera maps a plane to a plane by a homography [1]_. With h from the unit
-    square to the corners::
+    A camera maps a plane to a plane by a homography [1]. With h from the unit square to the corners::
 
         (x, y, 1) ~ h (u, v, 1),   u = column / columns, v = row / rows                                (1)
 
-    Lines stay lines, so each cell is the quadrilateral of its four lattice points.
-    Bilinear cells would be equal fractions of the IMAGE's edges: in perspective the
-    far cells would cover more of the surface than the near ones, and averages over
-    cells would give the far end too little weight. Lens distortion is not
+    Lines stay lines, so each cell is the quadrilateral of its four lattice points. Bilinear cells would be
+    equal fractions of the IMAGE's edges: in perspective the far cells would cover more of the surface than
+    the near ones, and averages over cells would give the far end too little weight. Lens distortion is not
     corrected.
 
-    References
-    ----------
-    .. [1] R. Hartley, A. Zisserman, Multiple View Geometry in Computer Vision,
-           Cambridge 2004, section 2.3, doi:10.1017/CBO9780511811685
+    [1] R. Hartley, A. Zisserman, Multiple View Geometry in Computer Vision, Cambridge 2004, section 2.3,
+    doi:10.1017/CBO9780511811685
     """
     points = lay_lattice(grid)
     return tuple(
@@ -132,40 +103,13 @@ def lay_grid(grid: Grid) -> tuple[tuple[Polygon, ...], ...]:
 
 
 def outline(grid: Grid) -> Polygon:
-    """Return the quadrilateral of the surface itself.
-
-    Parameters
-    ----------
-    grid : Grid
-        Corners of the surface.
-
-    Raises
-    ------
-    InputRejected
-        `grid_invalid`.
-    """
+    """Return the quadrilateral of the surface itself."""
     _require_convex(grid.corners)
     return Polygon.from_points(grid.corners)
 
 
-def lay_lattice(grid: Grid) -> Lattice:
-    """Compute the images of the lattice points between the cells of a grid.
-
-    Parameters
-    ----------
-    grid : Grid
-        Corners of the surface, rows and columns.
-
-    Returns
-    -------
-    ndarray of float64
-        Points (x, y) [px], (rows + 1, columns + 1, 2); neighbouring cells share them to the last bit.
-
-    Raises
-    ------
-    InputRejected
-        `grid_invalid`.
-    """
+def lay_lattice(grid: Grid) -> Array:
+    """Compute the images of the lattice points between the cells of a grid."""
     if not (1 <= grid.rows <= MAX_CELLS_A_SIDE and 1 <= grid.columns <= MAX_CELLS_A_SIDE):
         raise InputRejected(
             codes.GRID_INVALID, f"A grid has 1 to {MAX_CELLS_A_SIDE} rows and as many columns of cells."
@@ -176,7 +120,7 @@ def lay_lattice(grid: Grid) -> Lattice:
         np.arange(grid.rows + 1) / grid.rows, np.arange(grid.columns + 1) / grid.columns, indexing="ij"
     )
     projected = np.stack([u, v, np.ones_like(u)], axis=-1) @ h.T
-    points: Lattice = projected[..., :2] / projected[..., 2:]
+    points: Array = projected[..., :2] / projected[..., 2:]
     # the given corners, free of rounding: a corner on the frame's border must not leave it
     for (row, col), corner in zip(((0, 0), (0, -1), (-1, -1), (-1, 0)), grid.corners, strict=True):
         points[row, col] = corner
@@ -199,82 +143,342 @@ def _require_convex(corners: Sequence[tuple[float, float]]) -> None:
         )
 
 
-def judge_uniformity(cells: Cells) -> Uniformity:
+def check_grid(grid: Grid, *, height_px: int, width_px: int) -> tuple[Raised, ...]:
+    """Return the flags of a grid's corners, before anything is measured.
+
+    With h1 and h2 the first two columns of the homography from the unit square, about the frame's centre, and
+    w = diag(1/f^2, 1/f^2, 1) for the focal length f [px], angle and ratio of the sides are [1]::
+
+        cos angle = h1' w h2 / sqrt(h1' w h1  h2' w h2),   ratio = sqrt(h1' w h1 / h2' w h2)
+
+    The focal length is not known: the one is taken, between 0.4 and 5 times the frame's diagonal, that makes
+    the best rectangle of the corners. Corners that are flagged are therefore those of no camera's rectangle,
+    by more than 5 degrees or 10 % and three standard uncertainties of the corners; others may still be wrong.
+
+    [1] Z. Zhang, IEEE Trans. Pattern Anal. 22, 1330 (2000), section 2.3, doi:10.1109/34.888718
+    """
+    points = lay_lattice(grid)
+    flags = _judge_shape(grid, math.hypot(height_px, width_px), (width_px / 2.0, height_px / 2.0))
+    if _is_mirrored(grid.corners):
+        detail = "Row 1 is on the other side of the surface than the corners' names say."
+        flags.append(codes.GRID_MIRRORED.at("grid", detail))
+    width = _measure_narrowest(points)
+    if width < LEAST_CELL_PX:
+        detail = f"The narrowest cell is {width:.1f} px wide."
+        flags.append(codes.CELLS_SMALL.at("grid", detail))
+    return tuple(flags)
+
+
+def _judge_shape(grid: Grid, diagonal_px: float, centre: tuple[float, float]) -> list[Raised]:
+    """Return the flag of corners that no camera sees of a rectangle with these sides."""
+    focal_px = _FOCAL_LENGTHS * diagonal_px
+    angles, ratios = _compute_shape(grid.corners, focal_px, centre)
+    aspect_ln = np.log(ratios / grid.aspect) if grid.aspect else np.zeros_like(ratios)
+    misfits = np.maximum(np.abs(angles - 90.0) / _ANGLE_DEG, np.abs(aspect_ln) / _RATIO_LN)
+    best = int(misfits.argmin())
+    if misfits[best] <= 1.0:
+        return []
+    u_angle = u_ratio = 0.0
+    for moved in _move_corners(grid.corners, grid.corner_u_px or 0.0):
+        angle, ratio = _compute_shape(moved, focal_px[best : best + 1], centre)
+        u_angle = math.hypot(u_angle, angle[0] - angles[best])
+        u_ratio = math.hypot(u_ratio, math.log(ratio[0] / ratios[best]))
+    is_skew = abs(angles[best] - 90.0) > _ANGLE_DEG + _ERRORS * u_angle
+    if not is_skew and abs(aspect_ln[best]) <= _RATIO_LN + _ERRORS * u_ratio:
+        return []
+    sides = f", sides of {ratios[best]:.3g} to 1 in place of {grid.aspect:.3g} to 1" if grid.aspect else ""
+    detail = f"The most likely shape has corners of {angles[best]:.0f}° in place of 90°{sides}."
+    return [codes.CORNERS_IMPLAUSIBLE.at("grid", detail)]
+
+
+def _compute_shape(corners: Corners, focal_px: Array, centre: tuple[float, float]) -> tuple[Array, Array]:
+    """Return the angle [deg] and the ratio of the sides for each focal length."""
+    h = find_homography([(x - centre[0], y - centre[1]) for x, y in corners])
+    first, second = h[:, 0], h[:, 1]
+
+    def multiply(one: Array, other: Array) -> Array:
+        product: Array = float(one[:2] @ other[:2]) / focal_px**2 + float(one[2] * other[2])
+        return product
+
+    sizes = multiply(first, first), multiply(second, second)
+    cosine = multiply(first, second) / np.sqrt(sizes[0] * sizes[1])
+    return np.degrees(np.arccos(cosine)), np.sqrt(sizes[0] / sizes[1])
+
+
+def _move_corners(corners: Corners, by_px: float) -> list[list[tuple[float, float]]]:
+    """Return the corners with each of the eight coordinates moved in turn."""
+    moves = np.eye(8).reshape(8, 4, 2) * by_px
+    return [[(float(x), float(y)) for x, y in np.array(corners) + move] for move in moves]
+
+
+def _is_mirrored(corners: Corners) -> bool:
+    """Return True for corners that run counterclockwise on the screen."""
+    x, y = np.array(corners).T
+    return bool(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) < 0.0)
+
+
+def _measure_narrowest(points: Array) -> float:
+    """Compute the width of the narrowest cell: its area over its longest side [px]."""
+    across, along = np.diff(points, axis=0), np.diff(points, axis=1)
+    longest = np.maximum(
+        np.maximum(*(np.linalg.norm(side, axis=-1) for side in (along[:-1], along[1:]))),
+        np.maximum(*(np.linalg.norm(side, axis=-1) for side in (across[:, :-1], across[:, 1:]))),
+    )
+    diagonals = points[1:, 1:] - points[:-1, :-1], points[1:, :-1] - points[:-1, 1:]
+    area = 0.5 * np.abs(
+        diagonals[0][..., 0] * diagonals[1][..., 1] - diagonals[0][..., 1] * diagonals[1][..., 0]
+    )
+    return float((area / longest).min())
+
+
+def displace_cells(grid: Grid, values: Array) -> Array:
+    """Compute the effect of one standard uncertainty of each corner coordinate on the cells' values.
+
+    A corner that moves takes the middle of each cell to another place of the surface, by the homography; the
+    value there differs by the gradient of the cells' values.
+    """
+    if grid.corner_u_px is None:
+        return np.zeros((0, *values.shape))
+    middles = np.stack(
+        [
+            np.tile((np.arange(grid.columns) + 0.5) / grid.columns, grid.rows),
+            np.repeat((np.arange(grid.rows) + 0.5) / grid.rows, grid.columns),
+            np.ones(grid.rows * grid.columns),
+        ]
+    )
+    back: Array = np.linalg.inv(find_homography(grid.corners)).astype(np.float64)
+    along, down = (
+        np.gradient(values, axis=axis) if values.shape[axis] > 1 else 0.0 * values for axis in (1, 0)
+    )
+    effects = []
+    for moved in _move_corners(grid.corners, grid.corner_u_px):
+        u, v, w = back @ find_homography(moved) @ middles
+        shift_u, shift_v = (
+            size * (there / w - here).reshape(values.shape)
+            for size, there, here in zip((grid.columns, grid.rows), (u, v), middles[:2], strict=True)
+        )
+        effects.append(along * shift_u + down * shift_v)
+    return np.array(effects)
+
+
+def judge_uniformity(
+    cells: Cells, *, shown: tuple[tuple[Quantity, ...], ...] = (), reflectance: float | None = None
+) -> Surface:
     """Compute average, extremes and their ratios, each with its uncertainty.
 
-    Parameters
-    ----------
-    cells : Cells
-        Luminances of the cells with their errors.
-
-    Returns
-    -------
-    Uniformity
-        Uniformity as in [1]_, applied to the cells' means.
-
-    Notes
-    -----
-    With g the gradient of a value in the cells' luminances L_i, n_i a cell's noise
-    and e_ki the effect of shared source k on it [2]_::
+    With g the gradient of a value in the cells' luminances L_i, n_i a cell's noise and e_ki the effect of
+    shared source k on it [2]::
 
         u^2 = sum_i (g_i n_i)^2 + sum_k (sum_i g_i e_ki)^2
             + sum_l max((sum_i g_i e_li)^2, sum_i (g_i e_li)^2)
 
-    A source that scales all luminances (K, t, f, ISO) has e_ki ~ L_i. A ratio does
-    not change with scale, sum_i g_i L_i = 0, so such a source cancels
-    automatically. The dark signal, which is subtracted, does not: it has more
-    weight in a dark cell. A local source l is one of which it is not known whether all
-    cells have its error: flicker, as lamps hang on three phases and a rolling shutter
-    exposes rows one after the other. It is taken as what errs more, so that it neither
-    averages nor cancels. Of equal cells the first is the smallest or the largest.
+    A source that scales all luminances (K, t, f, ISO) has e_ki ~ L_i. A ratio does not change with scale,
+    sum_i g_i L_i = 0, so such a source cancels automatically. The dark signal, which is subtracted, does not:
+    it has more weight in a dark cell. A local source l is one of which it is not known whether all cells have
+    its error: flicker, as lamps hang on three phases and a rolling shutter exposes rows one after the other.
+    It is taken as what errs more, so that it neither averages nor cancels. Of equal cells the first is the
+    smallest or the largest.
 
-    References
-    ----------
-    .. [1] EN 13201-3:2015 (U_o, U_l)
-    .. [2] JCGM 100:2008, 5.1.2, and 5.2.2 for what is shared,
-           doi:10.59161/JCGM100-2008E
+    [1] EN 13201-3:2015 (U_o, U_l)
+    [2] JCGM 100:2008, 5.1.2, and 5.2.2 for what is shared, doi:10.59161/JCGM100-2008E
     """
     values = cells.values_cd_m2
     average_gradient = np.full(values.shape, 1.0 / values.size)
     average, smallest, largest = float(values.mean()), float(values.min()), float(values.max())
     low, high = _only(values, int(values.argmin())), _only(values, int(values.argmax()))
-    return Uniformity(
-        average_cd_m2=_figure(cells, average, average_gradient),
-        smallest_cd_m2=_figure(cells, smallest, low),
-        largest_cd_m2=_figure(cells, largest, high),
+    l_av = _propagate(cells, average, average_gradient, "cd/m2")
+    return Surface(
+        cell_model="projective",
+        cells=shown,
+        l_av_cd_m2=l_av,
+        l_min_cd_m2=_propagate(cells, smallest, low, "cd/m2"),
+        l_max_cd_m2=_propagate(cells, largest, high, "cd/m2"),
         u_o=_ratio(cells, (smallest, low), (average, average_gradient)),
         u_l=tuple(_line(cells, row) for row in range(values.shape[0])),
         average_to_min=_ratio(cells, (average, average_gradient), (smallest, low)),
         max_to_min=_ratio(cells, (largest, high), (smallest, low)),
+        illuminance_lx=illuminate(l_av, reflectance),
     )
 
 
-def _line(cells: Cells, row: int) -> Estimate | None:
+def _line(cells: Cells, row: int) -> Quantity | None:
     values = cells.values_cd_m2
     start, line = row * values.shape[1], values[row]
     low, high = start + int(line.argmin()), start + int(line.argmax())
     return _ratio(cells, (float(line.min()), _only(values, low)), (float(line.max()), _only(values, high)))
 
 
-def _only(values: Matrix, index: int) -> Matrix:
+def _only(values: Array, index: int) -> Array:
     """Return the gradient of one cell's own luminance."""
     gradient = np.zeros(values.shape)
     gradient.flat[index] = 1.0
     return gradient
 
 
-def _ratio(cells: Cells, above: tuple[float, Matrix], below: tuple[float, Matrix]) -> Estimate | None:
+def _ratio(cells: Cells, above: tuple[float, Array], below: tuple[float, Array]) -> Quantity | None:
     """Compute a quotient: its gradient is (g_above - quotient g_below) / below."""
     if below[0] <= 0.0:
         return None
     quotient = above[0] / below[0]
-    return _figure(cells, quotient, (above[1] - quotient * below[1]) / below[0])
+    return _propagate(cells, quotient, (above[1] - quotient * below[1]) / below[0], "1")
 
 
-def _figure(cells: Cells, value: float, gradient: Matrix) -> Estimate:
+def _propagate(cells: Cells, value: float, gradient: Array, unit: str) -> Quantity:
     noise = float(np.sum((gradient * cells.noise_cd_m2) ** 2))
     shared = np.einsum("rc,krc->k", gradient, cells.shared_cd_m2)
     alike = np.einsum("rc,krc->k", gradient, cells.local_cd_m2) ** 2
     apart = np.sum((gradient * cells.local_cd_m2) ** 2, axis=(1, 2))
     local = float(np.maximum(alike, apart).sum())
-    return Estimate(value=value, standard_uncertainty=math.sqrt(noise + float(shared @ shared) + local))
+    u = math.sqrt(noise + float(shared @ shared) + local)
+    return Quantity(value=value, standard_uncertainty=u, unit=unit)
+
+
+@dataclass(frozen=True)
+class CalibratedCamera:
+    """Exposure, coefficient, lens and corrections with which every region of a frame is measured."""
+
+    exposure: Exposure
+    coefficient: Coefficient
+    lens: Lens | None
+    corrections: tuple[FieldCorrection, ...]
+
+    def convert_signal(self, signal: Signal, share: LensShare | None) -> AppliedLuminance:
+        """Return the luminance of a signal, corrected."""
+        applied = apply_to_signal(signal, exposure=self.exposure, coefficient=self.coefficient, share=share)
+        return apply_corrections(applied, self.corrections)
+
+    def read_signal(self, frame: Frame, polygon: Polygon, *, of_grid: bool = False) -> Read:
+        """Return the signal of a region, and V if vignetting is corrected."""
+        statistics = method.extract(frame, polygon)
+        if of_grid:
+            _require_green(statistics, frame)
+        signal = measure_signal(statistics, channel=self.coefficient.channel)
+        if self.lens is None:
+            return signal, None
+        return correct_signal(
+            frame,
+            polygon,
+            signal,
+            self.lens,
+            channel=self.coefficient.channel,
+            dark_signal_dn=self.coefficient.dark_signal_dn,
+        )
+
+    def apply_to_region(
+        self, read: Sequence[Read], *, drift: tuple[Values, float] | None = None
+    ) -> AppliedLuminance:
+        """Apply the coefficient to the mean of a region's signals.
+
+        ``drift`` is that of the whole grid (see `averaging.find_drift`): the shared part of the scatter.
+        """
+        signal, scatter_dn = average_signals(
+            [signal for signal, _ in read],
+            dark_signal_dn=self.coefficient.dark_signal_dn,
+            drift_rel=drift[0] if drift else None,
+        )
+        # V depends on the place alone
+        applied = self.convert_signal(signal, read[0][1])
+        if len(read) == 1:
+            return applied
+        per_dn = add_up(applied.effects, source=NOISE) / signal.standard_uncertainty_dn
+        own = Effect(source=SCATTER, shared=drift is None, effect_cd_m2=scatter_dn * per_dn)
+        more = [own]
+        if drift is not None:
+            shared = drift[1] * applied.luminance_cd_m2.value
+            more.append(Effect(source=SCATTER, shared=True, effect_cd_m2=shared))
+        effects = (*applied.effects, *more)
+        u = math.hypot(*(effect.effect_cd_m2 for effect in effects))
+        luminance = replace(applied.luminance_cd_m2, standard_uncertainty=u)
+        return replace(applied, luminance_cd_m2=luminance, effects=effects)
+
+
+def _require_green(statistics: tuple[ChannelStatistics, ...], frame: Frame) -> None:
+    """Refuse a cell without green pixels, which would be measured with another colour than was calibrated."""
+    if "G" in frame.cfa and not any(row.channel in _GREENS for row in statistics):
+        raise InputRejected(
+            codes.GRID_INVALID,
+            "A cell of the grid holds no green pixel: take fewer rows or columns, or fly lower.",
+        )
+
+
+def add_up(effects: Sequence[Effect], *, shared: bool | None = None, source: str | None = None) -> float:
+    """Add up the effects that are shared or not, or of one source."""
+    return math.hypot(
+        *(e.effect_cd_m2 for e in effects if shared in {None, e.shared} and source in {None, e.source})
+    )
+
+
+def measure_surface(
+    frames: Sequence[Sequence[Sequence[Read]]],
+    camera: CalibratedCamera,
+    grid: Grid,
+    *,
+    reflectance: float | None,
+) -> tuple[Surface, tuple[Raised, ...]]:
+    """Apply the calibration to every cell as it was read in each frame, and judge them together."""
+    cells = [list(zip(*lines, strict=True)) for lines in zip(*frames, strict=True)]
+    drift = None
+    if len(frames) > 1:
+        signals = [[signal for signal, _ in cell] for line in cells for cell in line]
+        drift = find_drift(signals, dark_signal_dn=camera.coefficient.dark_signal_dn)
+    applied = [[camera.apply_to_region(cell, drift=drift) for cell in line] for line in cells]
+    values = np.array([[one.luminance_cd_m2.value for one in line] for line in applied])
+    displaced = displace_cells(grid, values)
+    shown = tuple(
+        tuple(_widen(one.luminance_cd_m2, by) for one, by in zip(line, more, strict=True))
+        for line, more in zip(applied, np.linalg.norm(displaced, axis=0), strict=True)
+    )
+    surface = judge_uniformity(_gather(applied, values, displaced), shown=shown, reflectance=reflectance)
+    return surface, _summarise_cells(applied)
+
+
+def _summarise_cells(applied: Sequence[Sequence[AppliedLuminance]]) -> tuple[Raised, ...]:
+    """Count the cells to which a flag applies, and name the first."""
+    found: dict[str, list[str]] = {finding.code: [] for finding in _OF_CELLS}
+    for row, line in enumerate(applied):
+        for col, one in enumerate(line):
+            for raised in one.flags:
+                if raised.flag in found:
+                    found[raised.flag].append(f"row {row + 1}, column {col + 1}")
+    return tuple(
+        finding.at("grid", f"{what}: {len(cells)} of the cells, the first in {cells[0]}.")
+        for finding, what in _OF_CELLS.items()
+        if (cells := found[finding.code])
+    )
+
+
+def _gather(applied: Sequence[Sequence[AppliedLuminance]], values: Array, displaced: Array) -> Cells:
+    """Separate the cells' effects into those that they share and each one's own."""
+    noise = np.array([[add_up(one.effects, shared=False) for one in line] for line in applied])
+    shared, local = (
+        np.moveaxis(np.array([[_list_shared(one, is_local=each) for one in line] for line in applied]), -1, 0)
+        for each in (False, True)
+    )
+    return Cells(
+        values_cd_m2=values,
+        noise_cd_m2=noise,
+        shared_cd_m2=np.concatenate([shared, displaced]),
+        local_cd_m2=local,
+    )
+
+
+def _list_shared(applied: AppliedLuminance, *, is_local: bool) -> list[float]:
+    return [
+        each.effect_cd_m2 for each in applied.effects if each.shared and (each.source in _LOCAL) is is_local
+    ]
+
+
+def _widen(luminance: Quantity, by_cd_m2: float) -> Quantity:
+    return replace(luminance, standard_uncertainty=math.hypot(luminance.standard_uncertainty, by_cd_m2))
+
+
+def illuminate(luminance: Quantity, reflectance: float | None) -> Quantity | None:
+    """Compute E = pi L / rho [lx]."""
+    if reflectance is None:
+        return None
+    factor = math.pi / reflectance
+    return Quantity(
+        value=luminance.value * factor,
+        standard_uncertainty=luminance.standard_uncertainty * factor,
+        unit="lx",
+    )

@@ -1,25 +1,88 @@
 """Verdict on every frame of a luminance campaign, from the same evidence that its fit will use."""
 
 import math
-from collections.abc import Mapping, Sequence
+import statistics as python_statistics
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
+from statistics import NormalDist
 
-from radiometry.findings import Reason
+from radiometry.drawing.text import sort_naturally
+from radiometry.findings import Reason, shared
 from radiometry.fitting.evidence import Exclusion
-from radiometry.frame.statistics import ChannelStatistics, select_rows
+from radiometry.frame.darkness import TAKE_AGAIN, inspect_black
+from radiometry.frame.exposure import Settings, compute_rhs
+from radiometry.frame.statistics import ChannelStatistics, Signal, select_rows
 from radiometry.frame.verdicts import ReviewedFrame, Verdict, conclude, inspect_frames
-from radiometry.luminance.agreement import (
-    expect_signals,
-    find_repeats,
-    inspect_agreement,
-    inspect_scenes,
-    measure_brightness,
+from radiometry.luminance import codes
+from radiometry.luminance.points import (
+    DETECTION_ERRORS,
+    EXPOSURE_RATIO,
+    MOST_SATURATED_SHARE,
+    Candidate,
+    IsoSeries,
+    collect_series,
+    is_below_detection,
+    is_saturated,
+    signal_error_dn,
+    time_ratio,
 )
-from radiometry.luminance.darkness import inspect_darks, name_unusable
-from radiometry.luminance.evenness import inspect_evenness
-from radiometry.luminance.exposure import inspect_exposure
-from radiometry.luminance.points import IsoSeries, collect_series
 from radiometry.luminance.rows import FrameRow, Params, Reading
+from radiometry.luminance.scenes import check_scenes, summarise_scenes
+
+ABOVE_OTHERS_SHARE = 0.001
+"""Of the span from black to white, above the darkest dark frame of the same ISO and a like time: a tenth of
+the weakest useful signal. Dark frames of one time differ by noise and by a wandering black level, together
+about a tenth of this."""
+
+NEAR_WHITE_SHARE = 0.95
+"""Of the span from dark to white. The last 5 % are where sensors bend first, and a lamp that rises by as
+much would clip the next frame."""
+
+AIM_SHARE = 0.80
+"""Where the highlights should come to lie: a quarter of a stop below `NEAR_WHITE_SHARE`, which is what a
+camera that moves in thirds of a stop can hit."""
+
+USEFUL_SHARE = 0.01
+"""Of the span. Black levels wander between frames by about a ten-thousandth of it (0.4 DN of 12 bits), which
+is 1 % of such a signal and more of a weaker one."""
+
+USEFUL_ERRORS = 50.0
+"""Standard errors above dark: one is then 2 % of the signal, half of the tolerance of 4 %."""
+
+_UNKNOWN_EXCESS = 4.0
+"""Told of a region of which most is clipped: two stops, after which the next frame shows how many more."""
+
+_HIGHLIGHT_SIGMAS = NormalDist().inv_cdf(1.0 - MOST_SATURATED_SHARE)
+_LESS = "a shorter time, a smaller aperture (larger f-number) or a lower ISO"
+_MORE = "a longer time, a larger aperture (smaller f-number) or a brighter level"
+UNEVEN_REL = 0.05
+"""Standard deviation of the light over the region, of its mean. A meter's spot somewhere in the region then
+differs from the region's mean by about as much, more than the tolerance of 4 %. A slope has it when one end
+is 17 % brighter than the other."""
+
+SKEWED_REL = 0.02
+"""Distance of mean and median, of the signal: half of the tolerance. A tape or an edge that takes 2 % of the
+region and gives no light reaches it."""
+
+JUDGED_SHARE = 0.05
+"""Of the span from dark to white. In a weaker signal, what read noise differs between frames looks like
+unevenness: a fifth of it, at 3 DN, would be 9 % of a signal of 1 %, and is 1 % here."""
+
+_ERRORS = 3.0
+_NORMAL_MEDIAN = math.sqrt(math.pi / 2 - 1)
+"""Standard error of mean minus median in units of the mean's, of a normal distribution."""
+
+_ROUNDING_DN = 0.5
+DOUBTFUL_REL = 0.25
+"""Distance of a frame's brightness from the median of its scene. Markings of aperture and time err by up to
+5.6 % and 6.7 %, a lens that vignettes wide open by some more; a next light level lies further off."""
+
+LIKE_REL = 0.10
+"""A scene that a doubtful frame would fit better agrees with it to what markings err."""
+
+_MOST_NAMES = 4
+_THIRDS = ("", " 1/3", " 2/3")
 
 
 def judge(
@@ -27,10 +90,8 @@ def judge(
 ) -> dict[str, Verdict]:
     """Judge each frame of a campaign.
 
-    Notes
-    -----
-    Light frames are judged by dark frames without an elevated dark signal, so that
-    one mistake is reported once.
+    Light frames are judged by dark frames without an elevated dark signal, so that one mistake is reported
+    once.
     """
     reasons = inspect_frames(frames)
     darks = inspect_darks(rows, params)
@@ -77,3 +138,360 @@ def _inspect_series(
 def _quietest(darks: Sequence[Sequence[ChannelStatistics]]) -> float:
     """Return the noise of the quietest dark frame [DN], 0 if there is none."""
     return min((math.sqrt(math.fsum(r.std_dn**2 for r in rows) / len(rows)) for rows in darks), default=0.0)
+
+
+def inspect_darks(rows: Sequence[FrameRow], params: Params) -> dict[str, list[Reason]]:
+    """Find the dark frames with an elevated dark signal.
+
+    A dark frame is compared with the darkest of its ISO value whose time is within a factor of two, because
+    dark current grows with time. It is also compared with the black level, if the file states one: if the
+    lamp was on in all of them, they agree with each other.
+    """
+    darks = [row for row in rows if row.role == "dark" and row.statistics]
+    signals = {row.frame: row.measure(params.channel) for row in darks}
+    by_iso: dict[float, list[FrameRow]] = {}
+    for row in darks:
+        by_iso.setdefault(row.exposure.iso, []).append(row)
+    found = {}
+    for group in by_iso.values():
+        times = {r.frame: r.exposure.on_basis(params.exposure_basis).exposure_time_s for r in group}
+        group.sort(key=lambda row: (signals[row.frame].value_dn, row.frame))
+        for row in group:
+            time_s = times[row.frame]
+            darkest = next(r for r in group if time_ratio(times[r.frame], [time_s]) <= EXPOSURE_RATIO)
+            signal = signals[row.frame]
+            reason = _above_others(row, darkest, signals) or inspect_black(
+                signal.value_dn, black_level_dn=signal.black_level_dn, white_level_dn=signal.white_level_dn
+            )
+            if reason is not None:
+                found[row.frame] = [reason]
+    return found
+
+
+def name_unusable(rows: Sequence[FrameRow], found: Mapping[str, Sequence[Reason]]) -> list[str]:
+    """Name the dark frames by which light frames are not judged, so that one mistake is reported once."""
+    unusable = {frame for frame, reasons in found.items() if reasons[0].outcome == "fail"}
+    for iso in {row.exposure.iso for row in rows if row.frame in unusable}:
+        group = [row for row in rows if row.role == "dark" and row.statistics and row.exposure.iso == iso]
+        left = [row for row in group if row.frame not in unusable]
+        left.sort(key=lambda row: (row.measure("green").value_dn, row.frame))
+        unusable |= {row.frame for row in left[1:]}
+    return sorted(unusable)
+
+
+def _above_others(row: FrameRow, darkest: FrameRow, signals: dict[str, Signal]) -> Reason | None:
+    signal, least = signals[row.frame], signals[darkest.frame]
+    excess = signal.value_dn - least.value_dn
+    error = math.hypot(signal.standard_uncertainty_dn, least.standard_uncertainty_dn)
+    if excess <= max(
+        ABOVE_OTHERS_SHARE * max(signal.white_level_dn - signal.black_level_dn, 1.0), DETECTION_ERRORS * error
+    ):
+        return None
+    detail = (
+        f"Its mean is {excess:.3g} DN above that of {darkest.frame}, a dark frame of the same ISO and a like "
+        f"time: this one saw light. {TAKE_AGAIN}"
+    )
+    return shared.DARK_NOT_DARK.reason(detail)
+
+
+def inspect_exposure(candidate: Candidate, channel: str, *, expected_signal_dn: float | None) -> list[Reason]:
+    """Check whether a light frame has too much or too little light, and by how many stops.
+
+    The highlights are where a normal distribution has 0.1 % above it, mean + 3.09 std, and never above the
+    largest sample. For a clipped region they are where a distribution with its median and its clipped
+    fraction has 0.1 % above it.
+    """
+    given = channel, expected_signal_dn
+    return candidate.keep("exposure", given, _inspect, candidate, *given)
+
+
+def _inspect(candidate: Candidate, channel: str, expected_signal_dn: float | None) -> list[Reason]:
+    dark, span, rows = candidate.dark, candidate.span_dn, candidate.select_rows(channel)
+    if is_saturated(candidate.signal):
+        return [_clipped(candidate, rows, expected_signal_dn)]
+    highlights = max(min(row.max_dn, row.mean_dn + _HIGHLIGHT_SIGMAS * row.std_dn) for row in rows)
+    if highlights - dark.signal_dn >= NEAR_WHITE_SHARE * span:
+        share = (highlights - dark.signal_dn) / span
+        detail = (
+            f"The highlights of the region reach {min(share, 1.0):.0%} of white. Give it "
+            f"{show_stops(share / AIM_SHARE)} less light: {_LESS}."
+        )
+        return [codes.NEARLY_CLIPPED.reason(detail)]
+    return _inspect_weakness(candidate)
+
+
+def _inspect_weakness(candidate: Candidate) -> list[Reason]:
+    adjusted = candidate.above_dark_dn
+    error = signal_error_dn(candidate.signal, candidate.dark)
+    useful = max(USEFUL_SHARE * candidate.span_dn, USEFUL_ERRORS * error)
+    if is_below_detection(candidate.signal, candidate.dark):
+        # what may be nothing but noise says only how many stops are needed at least
+        stops = show_stops(useful / max(adjusted, error))
+        detail = (
+            f"The signal is {adjusted:.3g} DN above dark, with a standard error of {error:.2g} DN: the fit "
+            f"leaves it out. Give it at least {stops} more light: {_MORE}."
+        )
+        return [shared.TOO_DARK.reason(detail)]
+    if adjusted < useful:
+        detail = (
+            f"The signal is {adjusted:.3g} DN above dark; from {useful:.3g} DN on it is useful. "
+            f"Give it {show_stops(useful / adjusted)} more light: {_MORE}."
+        )
+        return [shared.WEAK_SIGNAL.reason(detail)]
+    return []
+
+
+def _clipped(
+    candidate: Candidate, rows: Sequence[ChannelStatistics], expected_signal_dn: float | None
+) -> Reason:
+    dark_dn = candidate.dark.signal_dn
+    excess = [_estimate_highlights(row) - dark_dn for row in rows if row.saturated_share < 0.5]
+    if expected_signal_dn is not None:
+        excess.append(expected_signal_dn)
+    if len(excess) == 0:
+        amount = f"at least {show_stops(_UNKNOWN_EXCESS)}"
+    else:
+        amount = show_stops(max(1.0, max(excess) / (AIM_SHARE * candidate.span_dn)))
+    detail = (
+        f"{candidate.signal.saturated_share:.2%} of the region is clipped, more than "
+        f"{MOST_SATURATED_SHARE:.1%}: the fit leaves it out. Give it {amount} less light: {_LESS}."
+    )
+    return shared.CLIPPED.reason(detail)
+
+
+def _estimate_highlights(row: ChannelStatistics) -> float:
+    """Estimate the level that 0.1 % of the samples would exceed if nothing had clipped them [DN]."""
+    if row.saturated_share <= 0.0:
+        return row.mean_dn + _HIGHLIGHT_SIGMAS * row.std_dn
+    clipped_at = NormalDist().inv_cdf(1.0 - row.saturated_share)
+    sigma = (row.white_level_dn - row.median_dn) / clipped_at
+    return row.median_dn + _HIGHLIGHT_SIGMAS * max(sigma, 0.0)
+
+
+def inspect_evenness(
+    candidates: Sequence[Candidate], channel: str, *, dark_std_dn: float
+) -> dict[str, list[Reason]]:
+    """Find the light frames of an ISO value that show more than one evenly lit surface.
+
+    The model of the variance is, with S the signal above dark [1]::
+
+        std^2 = std_dark^2 + g S + (u S)^2
+
+    Photon noise g S, with a gain g that no file states, and unevenness u S both add to the dark frames' std.
+    For every frame (std^2 - std_dark^2) / S is g or more, so the least of the series is a gain that is never
+    too small, and::
+
+        u^2 >= ((std^2 - std_dark^2) / S - g) / S
+
+    This is a lower bound of the unevenness: it shows most of it if the series also contains weak signals, and
+    nothing in a single frame. In addition, the mean and median of a surface agree to noise, to rounding, and
+    to the skewness of photon noise, g / 6 <= std^2 / (6 S); if they do not, part of the region is something
+    else.
+
+    [1] EMVA Standard 1288, release 4.0, 2021, equation for temporal and spatial variance
+    """
+    given = channel, dark_std_dn
+    spreads = [
+        (candidate.frame, *spread)
+        for candidate in candidates
+        if (spread := candidate.keep("spread", given, _measure, candidate, *given))
+    ]
+    gain = max(0.0, min((most for _, _, most, _, _ in spreads), default=0.0))
+    found = {}
+    for frame, least, _, adjusted, skew in spreads:
+        unevenness = math.sqrt(max(0.0, least - gain) / adjusted)
+        if skew is not None and (unevenness > UNEVEN_REL or abs(skew) > SKEWED_REL):
+            found[frame] = [_uneven(unevenness, skew)]
+    return found
+
+
+def _measure(
+    candidate: Candidate, channel: str, dark_std_dn: float
+) -> tuple[float, float, float, float | None] | None:
+    """Return the least and the greatest spread, the signal [DN] and its skew; no skew where it is weak."""
+    if is_saturated(candidate.signal) or is_below_detection(candidate.signal, candidate.dark):
+        return None
+    rows, adjusted = candidate.select_rows(channel), candidate.above_dark_dn
+    per_dn, error = _measure_spread(rows, adjusted, dark_std_dn)
+    skew = None
+    if adjusted >= JUDGED_SHARE * candidate.span_dn:
+        skew = max((_measure_skew(row, adjusted) for row in rows), key=abs)
+    return per_dn - _ERRORS * error, per_dn + _ERRORS * error, adjusted, skew
+
+
+def _measure_spread(
+    rows: Sequence[ChannelStatistics], adjusted_dn: float, dark_std_dn: float
+) -> tuple[float, float]:
+    """Compute (std^2 - std_dark^2) / S and its standard error [DN]: var(std^2) = 2 std^4 / n."""
+    variance = math.fsum(row.std_dn**2 for row in rows) / len(rows)
+    error = variance * math.sqrt(2.0 / sum(row.n for row in rows))
+    return (variance - dark_std_dn**2) / adjusted_dn, error / adjusted_dn
+
+
+def _measure_skew(row: ChannelStatistics, adjusted_dn: float) -> float:
+    """Compute mean minus median beyond noise, relative to the signal."""
+    difference = row.mean_dn - row.median_dn
+    noise = _ERRORS * _NORMAL_MEDIAN * row.std_dn / math.sqrt(row.n)
+    allowed = noise + row.std_dn**2 / (6.0 * adjusted_dn) + _ROUNDING_DN
+    return math.copysign(max(0.0, abs(difference) - allowed), difference) / adjusted_dn
+
+
+def _uneven(unevenness: float, skew: float) -> Reason:
+    said = []
+    if unevenness > UNEVEN_REL:
+        said.append(f"the light varies over the region by at least {unevenness:.0%} beyond noise")
+    if abs(skew) > SKEWED_REL:
+        side = "below" if skew < 0.0 else "above"
+        said.append(f"the mean lies {abs(skew):.1%} {side} the median: part of it shows something else")
+    text = ", and ".join(said)
+    detail = (
+        f"{text[0].upper()}{text[1:]}. Look at the preview: does the region still lie on the measured "
+        "surface, without tape, edge or shadow? Redraw it, give this frame a region of its own, or even "
+        "out the light."
+    )
+    return shared.UNEVEN.reason(detail, "warn")
+
+
+def inspect_scenes(
+    rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params
+) -> dict[str, list[Reason]]:
+    """Check which light frames lack a scene or its reading, and in which scenes the lamp drifted."""
+    read = sort_naturally({reading.scene for reading in readings if reading.quantity == "luminance"})
+    scenes = summarise_scenes(readings, panel_rho=params.panel_rho)
+    drifts = {
+        raised.where: raised.detail for raised in check_scenes(scenes) if raised.flag == codes.LAMP_DRIFT
+    }
+
+    @cache
+    def inspect(scene: str | None) -> list[Reason]:
+        if not scene:
+            detail = "Nobody said which light level this frame shows: give it its scene."
+            return [codes.SCENE_MISSING.reason(detail)]
+        reasons = [] if scene in read else [_reading_missing(scene, read)]
+        if f"scene {scene}" in drifts:
+            detail = (
+                f"{drifts[f'scene {scene}']} The lamp drifted in scene {scene}: let it warm up, then "
+                "repeat the frames and the readings of this level."
+            )
+            reasons.append(codes.LAMP_DRIFT.reason(detail))
+        return reasons
+
+    return {row.frame: inspect(row.scene) for row in rows if row.role == "light"}
+
+
+def _reading_missing(scene: str, read: Sequence[str]) -> Reason:
+    named = ", ".join(read[:_MOST_NAMES]) + (
+        f" and {len(read) - _MOST_NAMES} more" if len(read) > _MOST_NAMES else ""
+    )
+    there = f"; there are readings of {named}" if read else ""
+    detail = (
+        f"Scene {scene} has no luminance reading{there}. Read the meter while the lamp still "
+        "burns at this level, or correct the name."
+    )
+    return codes.READING_MISSING.reason(detail)
+
+
+def find_repeats(rows: Sequence[FrameRow], params: Params) -> dict[str, list[Reason]]:
+    """Find the light frames that repeat another of the same scene and settings."""
+    groups: dict[tuple[str, Settings], list[str]] = {}
+    for row in sorted(rows, key=lambda row: row.frame):
+        if row.role == "light" and row.scene:
+            groups.setdefault((row.scene, row.settings_on(params.exposure_basis)), []).append(row.frame)
+    found: dict[str, list[Reason]] = {}
+    for (scene, settings), (earlier, *repeats) in groups.items():
+        detail = (
+            f"{earlier} shows scene {scene} at {show_settings(settings)} already: a repeat "
+            "shares the errors of reading and aperture and adds next to nothing. Change the aperture or "
+            "the level."
+        )
+        reasons = [shared.REDUNDANT.reason(detail, "warn")]
+        found |= dict.fromkeys(repeats, reasons)
+    return found
+
+
+def measure_brightness(series: IsoSeries) -> dict[str, dict[str, float]]:
+    """Compute the signal above dark per t S / f^2 of each frame, which is K L."""
+
+    def sum_up() -> dict[str, dict[str, float]]:
+        found: dict[str, dict[str, float]] = {}
+        for candidate in series.candidates:
+            value = candidate.keep("brightness", None, _measure_one, candidate)
+            if value is not None:
+                found.setdefault(candidate.scene, {})[candidate.frame] = value
+        return found
+
+    return series.keep("brightness", None, sum_up)
+
+
+def _measure_one(candidate: Candidate) -> float | None:
+    lost = is_saturated(candidate.signal) or is_below_detection(candidate.signal, candidate.dark)
+    if lost or candidate.above_dark_dn < USEFUL_SHARE * candidate.span_dn:
+        return None
+    return candidate.above_dark_dn / _per_luminance(candidate)
+
+
+def expect_signals(series: IsoSeries, brightness: dict[str, dict[str, float]]) -> dict[str, float]:
+    """Predict the signal above dark of clipped frames from the other frames of their scene."""
+    medians = {scene: python_statistics.median(frames.values()) for scene, frames in brightness.items()}
+    return {
+        candidate.frame: medians[candidate.scene] * _per_luminance(candidate)
+        for candidate in series.candidates
+        if is_saturated(candidate.signal) and candidate.scene in medians
+    }
+
+
+def inspect_agreement(brightness: dict[str, dict[str, float]]) -> dict[str, list[Reason]]:
+    """Find the frames of one ISO value that disagree with their scene, and the scene that they would fit.
+
+    A frame is compared with the median of its scene's frames, itself among them. If two disagree, it is not
+    known which is wrong, and both are named.
+    """
+    medians = {scene: python_statistics.median(frames.values()) for scene, frames in brightness.items()}
+    found = {}
+    for scene, frames in brightness.items():
+        for frame, value in frames.items():
+            ratio = value / medians[scene]
+            if abs(ratio - 1.0) > DOUBTFUL_REL:
+                fitting = _find_fitting(value, medians.items())
+                found[frame] = [_doubtful(scene, ratio, fitting)]
+    return found
+
+
+def _find_fitting(value: float, medians: Iterable[tuple[str, float]]) -> str:
+    distances = sorted((abs(value / median - 1.0), scene) for scene, median in medians)
+    return distances[0][1] if distances and distances[0][0] <= LIKE_REL else ""
+
+
+def _doubtful(scene: str, ratio: float, fitting: str) -> Reason:
+    hint = f"It would fit scene {fitting}. " if fitting else ""
+    detail = (
+        f"Its settings taken into account, this frame is {ratio:.2f} times as bright as the frames of scene "
+        f"{scene} at this ISO. {hint}Check its scene; if that is right, the lamp or the camera "
+        "moved: take it again."
+    )
+    return codes.SCENE_DOUBTFUL.reason(detail)
+
+
+def _per_luminance(candidate: Candidate) -> float:
+    return compute_rhs(candidate.settings, luminance_cd_m2=1.0)
+
+
+def show_time(time_s: float) -> str:
+    """Format an exposure time as it is marked: 1/125 s, 0.5 s, 2 s."""
+    reciprocal = round(1.0 / time_s)
+    if reciprocal > 2 and abs(time_s * reciprocal - 1.0) < 0.01:
+        return f"1/{reciprocal} s"
+    return f"{time_s:g} s"
+
+
+def show_settings(settings: Settings) -> str:
+    """Format the three values of an exposure."""
+    return f"ISO {settings.iso:g}, {show_time(settings.exposure_time_s)}, f/{settings.f_number:g}"
+
+
+def show_stops(ratio: float) -> str:
+    """Format a ratio of light in stops, rounded up to the thirds that a camera can set."""
+    thirds = max(1, math.ceil(3.0 * math.log2(ratio) - 1e-9))
+    whole, rest = divmod(thirds, 3)
+    number = (f"{whole}" if whole else "") + _THIRDS[rest]
+    return f"{number.strip()} {'stop' if thirds <= 3 else 'stops'}"

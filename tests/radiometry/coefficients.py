@@ -1,6 +1,6 @@
 """A luminance coefficient with round numbers."""
 
-from radiometry.luminance.coefficient import Coefficient
+from radiometry.luminance.results import Coefficient
 
 COEFFICIENT = Coefficient(
     iso=3200.0,

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from radiometry.fitting.curve import fit_curve
-from radiometry.luminance import curves
+from radiometry.luminance import fit as luminance_fit
 from radiometry.luminance.application import apply_coefficient
-from radiometry.luminance.method import Params
+from radiometry.luminance.fit import report_points
 from radiometry.luminance.points import collect_series
-from radiometry.luminance.report import report_points
+from radiometry.luminance.rows import Params
 from simulation.luminance import Errors
 from tests.radiometry.campaigns import TRUE_K, draw
 
@@ -41,9 +41,9 @@ def series_of(seed, errors, chosen):
 def test_the_interval_holds_the_truth(errors, given):
     chosen = params(errors, given=given)
     found = [
-        curves.fit_coefficient(series_of(seed, errors, chosen), chosen, calibration_u_rel=errors.calibration)[
-            0
-        ]
+        luminance_fit.fit_coefficient(
+            series_of(seed, errors, chosen), chosen, calibration_u_rel=errors.calibration
+        )[0]
         for seed in range(CAMPAIGNS)
     ]
     deviations = np.array([c.luminance_k - TRUE_K for c in found])
@@ -62,7 +62,9 @@ def test_luminance_at_a_calibrated_f_number_does_not_have_its_error(f_number):
     for seed in range(60):
         drawn = draw(seed, errors=errors)
         series = collect_series(drawn.rows, drawn.readings, chosen)[0]
-        coefficient, fitted = curves.fit_coefficient(series, chosen, calibration_u_rel=errors.calibration)
+        coefficient, fitted = luminance_fit.fit_coefficient(
+            series, chosen, calibration_u_rel=errors.calibration
+        )
         row = next(row for row in drawn.rows if row.frame == series.used[seed % len(series.used)].frame)
         found = apply_coefficient(
             row.statistics, exposure=row.exposure, coefficients=[coefficient]
@@ -99,7 +101,7 @@ def test_the_interval_holds_the_truth_where_frames_scatter():
         plain = series_of(seed, APERTURES, chosen)
         spoilt = scatter(plain, 0.02, np.random.default_rng([1, seed]))
         before, after = (
-            curves.fit_coefficient(each, chosen, calibration_u_rel=0.0)[0] for each in (plain, spoilt)
+            luminance_fit.fit_coefficient(each, chosen, calibration_u_rel=0.0)[0] for each in (plain, spoilt)
         )
         held.append(abs(after.luminance_k - TRUE_K) <= after.expanded_uncertainty)
         grown.append(after.luminance_k_standard_uncertainty / before.luminance_k_standard_uncertainty)
@@ -113,7 +115,7 @@ def test_treating_points_as_independent_claims_too_much():
     held, ratios = [], []
     for seed in range(50):
         series = series_of(seed, READINGS, chosen)
-        curve = curves._curve(series, chosen)
+        curve = luminance_fit._curve(series, chosen)
         n = len(curve.rhs)
         alone = dataclasses.replace(
             curve, scenes=tuple(map(str, range(n))), f_numbers=tuple(range(n)), times_s=tuple(range(n))

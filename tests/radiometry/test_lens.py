@@ -16,9 +16,15 @@ from radiometry.frame.grid import Grid
 from radiometry.frame.roi import Polygon
 from radiometry.frame.statistics import measure_signal
 from radiometry.luminance import method as luminance
-from radiometry.luminance.change import change_luminance
-from radiometry.luminance.lens import compute_shares, correct_signal, name_channels
-from radiometry.luminance.maps import RIM_PX, compute_map, find_map_scale
+from radiometry.luminance.application import change_luminance
+from radiometry.luminance.maps import (
+    RIM_PX,
+    compute_map,
+    compute_shares,
+    correct_signal,
+    find_map_scale,
+    name_channels,
+)
 from radiometry.luminance.measurement import Request, Vignetting, measure
 from radiometry.vignetting.lens import Lens
 from radiometry.vignetting.method import Coefficient

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import tifffile
 
-from radiometry.luminance.method import Params
+from radiometry.luminance.rows import Params
 from simulation.camera import change, take
 from simulation.flats import FAST_LENS, plan_flats
 from store.codec import encode

@@ -8,7 +8,7 @@ import pytest
 from radiometry.fitting.comparison import compare_quantities
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame.exposure import Exposure
-from radiometry.luminance.change import change_luminance
+from radiometry.luminance.application import change_luminance
 from radiometry.luminance.conditions import CalibrationConditions
 from tests.radiometry.coefficients import COEFFICIENT
 

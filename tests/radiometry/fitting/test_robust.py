@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from radiometry.luminance import codes
-from radiometry.luminance.method import Params
+from radiometry.luminance.rows import Params
 from tests.radiometry.campaigns import TRUE_K, draw
 from tests.radiometry.luminance.exact import fit, raised
 

@@ -5,7 +5,7 @@ import dataclasses
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.statistics import ChannelStatistics
 from radiometry.luminance import method as luminance
-from radiometry.luminance.method import FrameRow, Params, Reading
+from radiometry.luminance.rows import FrameRow, Params, Reading
 
 K, DARK = 30.0, 256.0
 SCENES = {"bright": 50.0, "middle": 5.0, "dim": 0.5}

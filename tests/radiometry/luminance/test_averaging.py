@@ -9,7 +9,7 @@ import pytest
 from radiometry.findings.advice import advise
 from radiometry.frame.grid import Grid
 from radiometry.frame.statistics import Signal
-from radiometry.luminance.averaging import SCATTER, average_signals
+from radiometry.luminance.pixels import SCATTER, average_signals
 from simulation.field import draw_field
 from tests.radiometry.luminance.test_measurement import CORNERS, PER_DN, flags, make_frame, measured, noisy
 

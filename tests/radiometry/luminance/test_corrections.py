@@ -11,9 +11,14 @@ from radiometry.frame.exposure import Exposure, Settings
 from radiometry.frame.grid import Grid
 from radiometry.frame.roi import Polygon
 from radiometry.luminance.conditions import CalibrationConditions, FieldConditions
-from radiometry.luminance.corrections import correct_focus, correct_spectrum, correct_stray_light
-from radiometry.luminance.decision import compute_risk, decide
-from radiometry.luminance.flicker import compute_flicker, correct_flicker
+from radiometry.luminance.corrections import (
+    compute_flicker,
+    correct_flicker,
+    correct_focus,
+    correct_spectrum,
+    correct_stray_light,
+)
+from radiometry.luminance.fit import compute_risk, decide
 from radiometry.luminance.maps import compute_map, find_map_scale
 from radiometry.luminance.measurement import Request, find_window, measure
 from radiometry.spectral.mismatch import compute_mismatch, estimate_u_rel, fit_colour_remedy

@@ -12,11 +12,11 @@ from scipy.stats import multivariate_normal
 
 from radiometry.findings import InputRejected
 from radiometry.luminance import codes
-from radiometry.luminance import coefficient as luminance_coefficient
 from radiometry.luminance import method as luminance
 from radiometry.luminance.application import apply_coefficient
-from radiometry.luminance.flicker import estimate_flicker
-from radiometry.luminance.method import Params
+from radiometry.luminance.corrections import estimate_flicker
+from radiometry.luminance.results import Coefficient
+from radiometry.luminance.rows import Params
 from tests.radiometry.luminance.exact import (
     DARK,
     DARKS,
@@ -86,7 +86,7 @@ def test_results_are_plain_finite_json(drawn, model):
     result = luminance.fit(drawn.rows, drawn.readings, Params(model=model))
     text = json.dumps(dataclasses.asdict(result), allow_nan=False)
     back = json.loads(text)["iso_fits"][0]["coefficient"]
-    again = TypeAdapter(luminance_coefficient.Coefficient).validate_python(back)
+    again = TypeAdapter(Coefficient).validate_python(back)
     assert again.luminance_k == result.iso_fits[0].coefficient.luminance_k
     exposure = drawn.rows[0].exposure
     apply_coefficient(drawn.rows[0].statistics, exposure=exposure, coefficients=[again])

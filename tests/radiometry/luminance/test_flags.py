@@ -10,9 +10,9 @@ import pytest
 from radiometry.findings import shared
 from radiometry.frame.statistics import Signal
 from radiometry.luminance import codes as luminance_codes
-from radiometry.luminance.budget import explain_budget
-from radiometry.luminance.dark import estimate_dark
-from radiometry.luminance.method import Params, Reading
+from radiometry.luminance.points import estimate_dark
+from radiometry.luminance.presentation import explain_budget
+from radiometry.luminance.rows import Params, Reading
 from tests.radiometry.luminance.exact import (
     DARK,
     DARKS,

@@ -2,7 +2,7 @@
 
 import pytest
 
-from radiometry.luminance.gaps import find_gaps
+from radiometry.luminance.suggestions import find_gaps
 from tests.radiometry.luminance.exact import DARKS, LIGHTS, PARAMS, READINGS, dark, light
 
 

@@ -7,9 +7,8 @@ import pytest
 from radiometry.findings import shared
 from radiometry.fitting.evidence import Exclusion
 from radiometry.frame.statistics import measure_signal
-from radiometry.luminance.agreement import DOUBTFUL_REL
-from radiometry.luminance.dark import estimate_dark
-from radiometry.luminance.verdicts import judge
+from radiometry.luminance.points import estimate_dark
+from radiometry.luminance.verdicts import DOUBTFUL_REL, judge
 from tests.radiometry.evidence import (
     DARK,
     DARKS,

@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from radiometry.luminance.messages import show_stops, show_time
+from radiometry.luminance.verdicts import show_stops, show_time
 from tests.radiometry.evidence import DARK, DARKS, ROWS, SPAN, WHITE, dark, light
 from tests.radiometry.luminance.judged import codes, odd, only, verdicts
 

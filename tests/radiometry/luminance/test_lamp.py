@@ -5,9 +5,9 @@ import math
 
 import pytest
 
-from radiometry.luminance.lamp import Change, check_reading_times, follow_lamp
-from radiometry.luminance.method import Params, Reading
 from radiometry.luminance.points import collect_series
+from radiometry.luminance.rows import Params, Reading
+from radiometry.luminance.scenes import Change, check_reading_times, follow_lamp
 from tests.radiometry.campaigns import TRUE_K, draw
 from tests.radiometry.luminance.exact import LIGHTS, PARAMS, READINGS, fit, light
 

@@ -8,10 +8,14 @@ import pytest
 
 from radiometry.frame.exposure import Exposure, Settings
 from radiometry.frame.grid import Grid
-from radiometry.luminance.conditions import CalibrationConditions, FieldConditions
-from radiometry.luminance.corrections import correct_spectrum
-from radiometry.luminance.flicker import correct_flicker
-from radiometry.luminance.lamp_kinds import LABELS, find_modulation, get_kind
+from radiometry.luminance.conditions import (
+    LABELS,
+    CalibrationConditions,
+    FieldConditions,
+    find_modulation,
+    list_spectra,
+)
+from radiometry.luminance.corrections import correct_flicker, correct_spectrum
 from radiometry.luminance.measurement import Request, measure
 from radiometry.spectral.curves import list_responses, read_lamp, read_observer, read_response
 from tests.radiometry.coefficients import COEFFICIENT
@@ -130,7 +134,7 @@ def test_profile_replaces_any_depth_and_ten_percent():
 
 V = read_observer()
 SPECTRA = {
-    kind: [read_lamp(each) / (read_lamp(each) @ V) for each in get_kind(kind).lamps] for kind in LABELS
+    kind: [read_lamp(each) / (read_lamp(each) @ V) for each in list_spectra(kind, None)] for kind in LABELS
 }
 GRID = np.arange(81) * 5.0
 

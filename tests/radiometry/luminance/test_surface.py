@@ -33,17 +33,17 @@ def cells_of(values, noise=0.0, shared=(), local=()):
 
 def test_the_example_of_the_procedure():
     found = judge_uniformity(cells_of(ROAD))
-    assert found.average_cd_m2.value == pytest.approx(0.78667, abs=5e-6)
+    assert found.l_av_cd_m2.value == pytest.approx(0.78667, abs=5e-6)
     assert found.u_o.value == pytest.approx(0.57203, abs=5e-6)
     assert found.max_to_min.value == pytest.approx(2.6667, abs=5e-5)
     assert found.average_to_min.value == pytest.approx(0.786667 / 0.45, abs=5e-6)
     assert [line.value for line in found.u_l] == pytest.approx([0.8 / 1.2, 0.6, 0.45 / 0.7])
-    assert (found.smallest_cd_m2.value, found.largest_cd_m2.value) == (0.45, 1.2)
+    assert (found.l_min_cd_m2.value, found.l_max_cd_m2.value) == (0.45, 1.2)
 
 
 def test_an_error_of_k_is_whole_in_the_average_and_absent_from_ratios():
     found = judge_uniformity(cells_of(ROAD, shared=[0.03 * np.array(ROAD)]))
-    assert found.average_cd_m2.standard_uncertainty == pytest.approx(0.03 * 0.786667, rel=1e-5)
+    assert found.l_av_cd_m2.standard_uncertainty == pytest.approx(0.03 * 0.786667, rel=1e-5)
     ratios = [found.u_o, found.average_to_min, found.max_to_min, *found.u_l]
     assert max(ratio.standard_uncertainty for ratio in ratios) < 1e-15
 
@@ -52,7 +52,7 @@ def test_an_error_of_the_dark_signal_does_not_cancel_in_a_ratio():
     """U = (m - d) / (a - d): dU/dd = (m - a) / a^2, and likewise for the others."""
     found = judge_uniformity(cells_of(ROAD, shared=[0.01]))
     average = np.mean(ROAD)
-    assert found.average_cd_m2.standard_uncertainty == pytest.approx(0.01)
+    assert found.l_av_cd_m2.standard_uncertainty == pytest.approx(0.01)
     assert found.u_o.standard_uncertainty == pytest.approx(0.01 * (average - 0.45) / average**2)
     assert found.max_to_min.standard_uncertainty == pytest.approx(0.01 * (1.2 - 0.45) / 0.45**2)
     assert found.u_l[1].standard_uncertainty == pytest.approx(0.01 * (1.0 - 0.6) / 1.0**2)
@@ -61,14 +61,14 @@ def test_an_error_of_the_dark_signal_does_not_cancel_in_a_ratio():
 def test_flicker_neither_averages_nor_cancels():
     """10 % of each cell: whole in the average, and in ratios as of cells that err on their own."""
     found = judge_uniformity(cells_of(ROAD, local=[0.1 * np.array(ROAD)]))
-    assert found.average_cd_m2.standard_uncertainty == pytest.approx(0.0786667, rel=1e-5)
+    assert found.l_av_cd_m2.standard_uncertainty == pytest.approx(0.0786667, rel=1e-5)
     assert found.max_to_min.standard_uncertainty == pytest.approx(0.1 * np.sqrt(2) * 1.2 / 0.45)
 
 
 def test_noise_averages_down_and_the_smallest_cell_is_part_of_the_average():
     found = judge_uniformity(cells_of(ROAD, noise=0.02))
     average, n = np.mean(ROAD), 15
-    assert found.average_cd_m2.standard_uncertainty == pytest.approx(0.02 / np.sqrt(n))
+    assert found.l_av_cd_m2.standard_uncertainty == pytest.approx(0.02 / np.sqrt(n))
     others = (n - 1) * (0.45 / (n * average**2)) ** 2
     own = (1 / average - 0.45 / (n * average**2)) ** 2
     assert found.u_o.standard_uncertainty == pytest.approx(0.02 * np.sqrt(others + own))
@@ -96,7 +96,7 @@ def test_uncertainties_are_those_of_drawn_errors(values, dark, seed):
         )
         for _ in range(400)
     ]
-    for name in ("average_cd_m2", "u_o", "max_to_min", "average_to_min"):
+    for name in ("l_av_cd_m2", "u_o", "max_to_min", "average_to_min"):
         spread = np.std([getattr(one, name).value for one in drawn])
         # 400 draws scatter by 3.5 %; the second order of a ratio adds less
         assert spread == pytest.approx(getattr(claimed, name).standard_uncertainty, rel=0.2)

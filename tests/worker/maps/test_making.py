@@ -13,7 +13,7 @@ from PIL import ExifTags, Image
 
 from bench.subject import Scale, make_mosaic
 from radiometry.frame.exposure import Exposure
-from radiometry.luminance.applying import APPLICATION
+from radiometry.luminance import SPEC
 from radiometry.luminance.maps import MapScale, compute_map
 from tests.support.frames import write_raw
 from worker.decode.metadata import read_metadata
@@ -57,7 +57,7 @@ def make(decoders, path, *, scale=SCALE, **place):
     target = path.with_suffix(".tif")
     made = make_map(
         decoders,
-        make_subject(APPLICATION, path, header, scale),
+        make_subject(SPEC.application, path, header, scale),
         facts,
         target,
         style=LUMINANCE,
@@ -151,7 +151,7 @@ import sys
 from pathlib import Path
 import worker.__main__
 from radiometry.frame.exposure import Exposure
-from radiometry.luminance.applying import APPLICATION
+from radiometry.luminance import SPEC
 from radiometry.luminance.maps import MapScale
 from radiometry.luminance.measurement import Request, find_window, measure
 from radiometry.frame.roi import Polygon
@@ -174,7 +174,7 @@ with DecoderPool(1) as decoders:
     del frame
     scale = MapScale(slope_cd_m2_per_dn=0.004, dark_signal_dn=256.3, channel="green")
     facts = MapFacts(header=header, exposure=exposure, software="stilb", description={})
-    make_map(decoders, make_subject(APPLICATION, path, header, scale), facts, path.with_suffix(".tif"),
+    make_map(decoders, make_subject(SPEC.application, path, header, scale), facts, path.with_suffix(".tif"),
              style=LUMINANCE, caption="whole")
 status = Path("/proc/self/status").read_text()
 print(wide * high, status.partition("VmHWM:")[2].split()[0])

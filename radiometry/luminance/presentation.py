@@ -1,6 +1,7 @@
-"""Plots of a luminance version: the curve, residuals, K per aperture, and the dark signal."""
+"""Plots, key figures, uncertainty budget and certificate text of a luminance version."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, Final
 
@@ -9,6 +10,10 @@ import numpy as np
 from radiometry.drawing.figure import Axis, Figure, Mark, Plot, Series
 from radiometry.drawing.text import label_axis, sort_naturally, write_exposure, write_quantity
 from radiometry.fitting.models import predict
+from radiometry.fitting.sources import DARK_CURRENT, READING, SCATTER
+from radiometry.luminance.results import IsoFit
+from radiometry.specification.certificate import CertificateText
+from radiometry.specification.key_figures import KeyFigure
 
 Node = dict[str, Any]
 Rows = Callable[[], Sequence[Any]]
@@ -17,14 +22,19 @@ _X: Final = "X = t S L / f²  [cd·s/m²]"
 _ALONG: Final = 80
 
 
-def split(result: Node) -> Iterator[Node]:
-    """Yield a result per ISO value.
+_RULES: Final = {
+    "simple": "The verdict compares the largest deviation of a point from the luminance meter with the "
+    "tolerance. Measurement uncertainty is not taken into account in this decision.",
+    "guarded": "Decision rule (ILAC-G8:09/2019, guard band w = U): the largest deviation of a point from the "
+    "luminance meter plus the expanded uncertainty of K at its f-number must not exceed the tolerance.",
+    "shared_risk": "Decision rule (JCGM 106:2012, shared risk): the largest deviation of a point from the "
+    "luminance meter must not exceed the tolerance, and the expanded uncertainty of K must not exceed it "
+    "either. The parties share the risk of a wrong decision.",
+}
 
-    Parameters
-    ----------
-    result : dict
-        Stored result.
-    """
+
+def split(result: Node) -> Iterator[Node]:
+    """Yield a result per ISO value."""
     return ({**result, "iso_fits": [fit]} for fit in result["iso_fits"])
 
 
@@ -264,4 +274,115 @@ PLOTS: Final = (
     ),
     Plot(name="dark-exposure", title="Dark signal and exposure time", build=_build_dark_by_exposure),
     Plot(name="dark-time", title="Dark signal and time", build=_build_dark_by_time),
+)
+
+
+def list_key_figures(result: dict[str, Any]) -> tuple[KeyFigure, ...]:
+    """Return K of each ISO value of a stored result."""
+    return tuple(
+        KeyFigure(
+            group=f"ISO {c['iso']:g}",
+            label="K",
+            value=c["luminance_k"],
+            standard_uncertainty=c["luminance_k_standard_uncertainty"],
+            unit=c["luminance_k_unit"],
+            expanded_uncertainty=c.get("expanded_uncertainty"),
+            coverage_factor=c.get("coverage_factor"),
+            passed=fit.get("passed"),
+        )
+        for fit in result["iso_fits"]
+        for c in (fit["coefficient"],)
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class BudgetLine:
+    """One source of u(K)."""
+
+    source: str
+    kind: str  # "A" (evaluated from scatter) or "B" (evaluated by other means)
+    input_uncertainty: float
+    input_unit: str
+    sensitivity: float | None  # `u_rel` per `input_uncertainty`; None if the input is exact
+    u_rel: float
+    u: float  # in the unit of K
+    variance_share: float
+
+
+def explain_budget(iso_fit: IsoFit) -> tuple[BudgetLine, ...]:
+    """List the uncertainty of each source and the sensitivity of K to it.
+
+    u_j(K) / K = c_j u(x_j), with c_j the sensitivity of K to a source that all points share in part. An
+    f-number enters squared (c = 2 if every frame has the same), and less if several average out [1]. A
+    frame's own scatter averages: c = 0.3 for eleven frames alike. Birge's excess is a statement about K
+    itself: its sensitivity is 1.
+
+    [1] JCGM 100:2008, 5.1.3 and 5.2.2, doi:10.59161/JCGM100-2008E
+    """
+    coefficient = iso_fit.coefficient
+    chosen = next(model for model in iso_fit.models if model.model == coefficient.model)
+    inputs = {
+        "dark signal": (coefficient.dark_signal_standard_uncertainty_dn, "DN"),
+        DARK_CURRENT: (coefficient.dark_rate_standard_uncertainty_dn_per_s or 0.0, "DN/s"),
+        "f-number": (
+            coefficient.f_number_u_rel if chosen.f_number_u_rel is None else chosen.f_number_u_rel,
+            "1",
+        ),
+        "exposure time": (coefficient.exposure_time_u_rel, "1"),
+        "meter calibration": (coefficient.meter_calibration_u_rel, "1"),
+    }
+    if chosen.meter_repeatability_rel is not None:
+        inputs[READING] = (chosen.meter_repeatability_rel, "1")
+    if chosen.frame_scatter_rel is not None:
+        inputs[SCATTER] = (chosen.frame_scatter_rel, "1")
+    lines = []
+    for entry in iso_fit.budget:
+        uncertainty, unit = inputs.get(entry.source, (entry.u_rel, "1"))
+        lines.append(
+            BudgetLine(
+                source=entry.source,
+                kind=entry.kind,
+                input_uncertainty=uncertainty,
+                input_unit=unit,
+                sensitivity=entry.u_rel / uncertainty if uncertainty > 0.0 else None,
+                u_rel=entry.u_rel,
+                u=entry.u_rel * abs(coefficient.luminance_k),
+                variance_share=entry.variance_share,
+            )
+        )
+    return tuple(lines)
+
+
+def state_conditions(parameters: Mapping[str, Any], result: Mapping[str, Any]) -> tuple[str, ...]:
+    """State the decision rule of a version, and the light and distance that its K holds for."""
+    rule = parameters.get("acceptance") or "simple"
+    risks = [fit["beyond_tolerance_risk"] for fit in result["iso_fits"] if "beyond_tolerance_risk" in fit]
+    risk = ""
+    if risks:
+        risk = f" A deviation is beyond the tolerance with a probability of up to {max(risks):.0%}."
+    elif rule != "simple":
+        risk = " K is relative only: its expanded uncertainty is unknown, and this rule accepts nothing."
+    spectral = result.get("spectral") or {"lamp": "not recorded", "camera_response": "not recorded"}
+    index = f", f1' = {spectral['f1_prime']:.0%}" if spectral.get("f1_prime") is not None else ""
+    distance_m = parameters.get("focus_distance_m")
+    distance = "not recorded" if distance_m is None else f"{distance_m:g} m"
+    return (
+        f"{_RULES[rule]}{risk}",
+        (
+            f"K holds for light of the lamp of its calibration. Lamp: {spectral['lamp']}. Camera response: "
+            f"{spectral['camera_response']}{index}."
+        ),
+        f"Distance to the calibrated surface: {distance}.",
+    )
+
+
+CERTIFICATE: Final = CertificateText(
+    procedure="Luminance coefficient K of a camera against a luminance meter, one per ISO value and one at "
+    "each f-number, following the standard operating procedure “Drone Camera Calibration”; K fitted by "
+    "generalised least squares",
+    equation="N - D = K X,  X = t S L / f²",
+    headlines=frozenset({"luminance_k"}),
+    layout="curve",
+    columns=(),  # luminance has sheets of its own
+    state=state_conditions,
 )
