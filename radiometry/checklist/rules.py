@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from radiometry.checklist.facts import Facts, FrameFacts, IsoFacts
-from radiometry.drawing.text import sort_naturally, write_exposure
+from radiometry.drawing.text import name_few, sort_naturally, write_exposure
 
 Source = Literal["campaign", "frames", "readings", "region", "statistics", "version"]
 
@@ -213,7 +213,7 @@ def _fit(facts: Facts) -> dict[str, Finding]:
 
 def _lack_of_frames(facts: Facts, frames: Sequence[FrameFacts]) -> str:
     if facts.unread:
-        return f"Not read yet: {_name(facts.unread)}."
+        return f"Not read yet: {name_few('', facts.unread, most=_MOST_NAMES)}."
     return "" if frames else "There are no such frames yet."
 
 
@@ -309,9 +309,5 @@ def _list_isos(isos: Iterable[IsoFacts]) -> str:
 
 
 def _list(frames: Sequence[FrameFacts]) -> str:
-    return f"{len(frames)} frame{'s' * (len(frames) != 1)} ({_name([frame.name for frame in frames])})"
-
-
-def _name(names: Sequence[str]) -> str:
-    shown = ", ".join(names[:_MOST_NAMES])
-    return shown + (f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else "")
+    named = name_few("", [frame.name for frame in frames], most=_MOST_NAMES)
+    return f"{len(frames)} frame{'s' * (len(frames) != 1)} ({named})"

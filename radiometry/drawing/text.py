@@ -122,6 +122,25 @@ def sort_naturally(names: Iterable[str]) -> list[str]:
     return sorted(names, key=natural_key)
 
 
+def name_few(noun: str, names: Iterable[str], *, most: int = 3) -> str:
+    """Return the first of some names, and how many more there are: frames a, b, c and 9 more.
+
+    Parameters
+    ----------
+    noun : str
+        What is named, in the singular; left out if the names begin with it, as Scene 1 does.
+    names : iterable of str
+        Names.
+    most : int, default: 3
+        How many are named.
+    """
+    ordered = sort_naturally(names)
+    shown = ", ".join(ordered[:most]) + (f" and {len(ordered) - most} more" if len(ordered) > most else "")
+    if all(name.lower().startswith(noun) for name in ordered):
+        return shown
+    return f"{noun}{'s' * (len(ordered) != 1)} {shown}"
+
+
 def write_unit(unit: str) -> str:
     """Return a unit as print sets it, from the way in which it is typed.
 

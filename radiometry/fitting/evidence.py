@@ -4,6 +4,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
+from radiometry.drawing.text import name_few
 from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon
@@ -121,10 +122,8 @@ def list_unknown_exclusions(exclude: Sequence[Exclusion], frames: Collection[str
     list of str
         Fragments that can be joined by "; ", by name.
     """
-    return [
-        f"frame {name} is to be left out, but the campaign has no such frame"
-        for name in sorted({each.frame for each in exclude} - set(frames))
-    ]
+    unknown = {each.frame for each in exclude} - set(frames)
+    return [f"to be left out, but not of this campaign: {name_few('frame', unknown)}"] if unknown else []
 
 
 @dataclass(frozen=True, kw_only=True)

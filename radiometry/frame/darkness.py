@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
+from radiometry.drawing.text import name_few, sort_naturally
 from radiometry.findings import Raised, Reason, shared
 from radiometry.frame import FrameHeader
 
@@ -14,7 +15,6 @@ LIT_SHARE = 0.05
 values of a campaign; this is light."""
 
 TAKE_AGAIN = "Switch the lamp off, cover the lens and take it again."
-_MOST_NAMES = 3
 
 
 def inspect_black(mean_dn: float, *, black_level_dn: float, white_level_dn: float) -> Reason | None:
@@ -84,9 +84,7 @@ def name_not_dark(found: Mapping[str, Reason]) -> str:
     str
         The first names in order, the number of the others, and one reason.
     """
-    names = sorted(found)
-    more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
-    return f"{', '.join(names[:_MOST_NAMES])}{more}: {found[names[0]].detail}"
+    return f"{name_few('', found)}: {found[sort_naturally(found)[0]].detail}"
 
 
 def flag_assumed_black(headers: Sequence[FrameHeader]) -> list[Raised]:

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.drawing.text import sort_naturally
+from radiometry.drawing.text import name_few
 from radiometry.findings import Finding
 from radiometry.fitting.evidence import list_unknown_exclusions
 from radiometry.geometry import codes
@@ -58,14 +58,14 @@ def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] =
     """List, by name, what keeps a fit from starting."""
     excluded = {exclusion.frame for exclusion in params.exclude}
     found = list_unknown_exclusions(params.exclude, [*(row.frame for row in rows), *unread])
-    found += [f"frame {name} has not been read yet" for name in sort_naturally({*unread} - excluded)]
+    unread = [name for name in unread if name not in excluded]
+    if unread:
+        found.append(f"not read yet: {name_few('frame', unread)}")
     charts = [row for row in rows if row.role == CHART and row.frame not in excluded]
-    found += [
-        f"frame {row.frame} waits for its board to be looked for"
-        for row in sorted(charts, key=lambda row: row.frame)
-        if row.features is None
-    ]
-    waiting = len(unread) + sum(row.features is None for row in charts)
+    unsearched = [row.frame for row in charts if row.features is None]
+    if unsearched:
+        found.append(f"not searched for the board yet: {name_few('frame', unsearched)}")
+    waiting = len(unread) + len(unsearched)
     usable = sum(not candidate.left_out for candidate in collect_candidates(rows, params))
     if usable + waiting < FEWEST_VIEWS:
         found.append(f"{FEWEST_VIEWS} views of the board are needed at least, {usable} can be used")

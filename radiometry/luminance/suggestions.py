@@ -6,7 +6,7 @@ import statistics as python_statistics
 from collections import Counter
 from collections.abc import Sequence
 
-from radiometry.drawing.text import sort_naturally
+from radiometry.drawing.text import name_few, sort_naturally
 from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import list_unknown_exclusions
 from radiometry.luminance import codes
@@ -17,9 +17,6 @@ from radiometry.luminance.rows import FrameRow, Params, Reading
 from radiometry.luminance.scenes import check_reading_times, check_scenes, summarise_scenes
 from radiometry.luminance.verdicts import DOUBTFUL_REL, measure_brightness, show_time
 from radiometry.specification.grid import Gap
-
-_MOST_NAMES = 3
-
 
 GOOD_SCENES = 5
 """Usable light levels per ISO value. The models have one or two parameters: five levels leave three degrees
@@ -51,14 +48,13 @@ def list_missing(
     excluded = {exclusion.frame for exclusion in params.exclude}
     found = list_unknown_exclusions(params.exclude, [*(row.frame for row in rows), *unread])
     wanted = [row for row in rows if row.frame not in excluded]
-    waiting = sort_naturally({*unread} - excluded)
+    waiting = {*unread} - excluded
     if waiting:
-        found.append(f"{_name_frames(waiting, 'has', 'have')} not been read yet")
+        found.append(f"not read yet: {name_few('frame', waiting)}")
     found += _list_unmeasured(wanted)
     light = [row for row in wanted if row.role == "light"]
-    sceneless = sort_naturally(row.frame for row in light if not row.scene)
-    if sceneless:
-        found.append(f"{_name_frames(sceneless, 'has', 'have')} no scene: say which light level it is")
+    if sceneless := [row.frame for row in light if not row.scene]:
+        found.append(f"no scene: {name_few('frame', sceneless)}")
     if not light and not waiting:
         return [*found, "the campaign has no light frame"]
     if waiting:  # they may be of any ISO value
@@ -78,12 +74,12 @@ def require_shares(rows: Sequence[FrameRow], params: Params) -> None:
     """Refuse a fit in which some signals would be divided by V and others not."""
     excluded = {exclusion.frame for exclusion in params.exclude}
     light = [row for row in rows if row.role == "light" and row.statistics and row.frame not in excluded]
-    lacking = sort_naturally(row.frame for row in light if row.lens_share is None)
+    lacking = [row.frame for row in light if row.lens_share is None]
     if params.vignetting is not None and lacking:
         raise InputRejected(
             shared.VIGNETTING_NOT_CALIBRATED,
-            f"The fit corrects vignetting, and {_name_frames(lacking, 'has', 'have')} no V of its "
-            "region: give it the vignetting version.",
+            f"The fit corrects vignetting. No V of the region: {name_few('frame', lacking)}. Give them the "
+            "vignetting version.",
         )
 
 
@@ -92,31 +88,21 @@ def list_unread_scenes(rows: Sequence[FrameRow], readings: Sequence[Reading], pa
     excluded = {exclusion.frame for exclusion in params.exclude}
     read = {reading.scene for reading in readings if reading.quantity == "luminance"}
     shown = {row.scene for row in rows if row.role == "light" and row.scene and row.frame not in excluded}
-    return [f"scene {scene} has no luminance reading" for scene in sort_naturally(shown - read)]
+    return [f"no luminance reading: {name_few('scene', shown - read)}"] if shown - read else []
 
 
 def _list_unmeasured(rows: Sequence[FrameRow]) -> list[str]:
     """List the frames without statistics, with whether they lack a region or wait for a worker."""
-    regionless = sort_naturally(row.frame for row in rows if not row.statistics and not row.has_region)
-    waiting = sort_naturally(row.frame for row in rows if not row.statistics and row.has_region)
+    regionless = [row.frame for row in rows if not row.statistics and not row.has_region]
+    waiting = [row.frame for row in rows if not row.statistics and row.has_region]
     found = []
     if regionless and len(regionless) == len(rows):
         found.append("the campaign has no region (ROI)")
     elif regionless:
-        found.append(f"{_name_frames(regionless, 'has', 'have')} no region (ROI)")
+        found.append(f"no region (ROI): {name_few('frame', regionless)}")
     if waiting:
-        found.append(f"{_name_frames(waiting, 'has', 'have')} no statistics yet")
+        found.append(f"no statistics yet: {name_few('frame', waiting)}")
     return found
-
-
-def _name_frames(names: Sequence[str], one: str, several: str) -> str:
-    """Name the first few frames and count the rest, up to the verb."""
-    if len(names) == 1:
-        return f"frame {names[0]} {one}"
-    if len(names) <= _MOST_NAMES:
-        return f"frames {', '.join(names[:-1])} and {names[-1]} {several}"
-    first = ", ".join(names[:_MOST_NAMES])
-    return f"frames {first} and {len(names) - _MOST_NAMES} more {several}"
 
 
 def _reasons(series: IsoSeries) -> str:
@@ -125,19 +111,18 @@ def _reasons(series: IsoSeries) -> str:
     lost = {c.scene: c.left_out for c in series.candidates if c.scene not in usable}
     if not lost:
         return "photograph more light levels"
-    return ", ".join(
-        f"scene {scene}: a frame was left out because {lost[scene]}" for scene in sort_naturally(lost)
-    )
+    scenes: dict[str, list[str]] = {}
+    for scene, why in lost.items():
+        scenes.setdefault(why, []).append(scene)
+    return ", ".join(f"{name_few('scene', names)} left out ({why})" for why, names in scenes.items())
 
 
 def plan(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> tuple[str, ...]:
     """List by name what to add while the lamp is still in place.
 
-    Nothing here keeps a fit from starting: that is in `list_missing`. Scenes without a reading are in both,
-    since a fit can also be made without them.
+    Nothing here keeps a fit from starting: that is in `list_missing`.
     """
-    found = list_unread_scenes(rows, readings, params)
-    found += [
+    found = [
         f"the readings of {far.where} do not belong to its frames. {far.detail} Correct the time, or read "
         "and photograph it again"
         for far in check_reading_times(rows, readings)

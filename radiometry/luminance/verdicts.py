@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import cache
 from statistics import NormalDist
 
-from radiometry.drawing.text import sort_naturally
+from radiometry.drawing.text import name_few, sort_naturally
 from radiometry.findings import Reason, shared
 from radiometry.fitting.evidence import Exclusion
 from radiometry.frame.darkness import TAKE_AGAIN, inspect_black
@@ -81,7 +81,6 @@ DOUBTFUL_REL = 0.25
 LIKE_REL = 0.10
 """A scene that a doubtful frame would fit better agrees with it to what markings err."""
 
-_MOST_NAMES = 4
 _THIRDS = ("", " 1/3", " 2/3")
 
 
@@ -380,12 +379,9 @@ def inspect_scenes(
 
 
 def _reading_missing(scene: str, read: Sequence[str]) -> Reason:
-    named = ", ".join(read[:_MOST_NAMES]) + (
-        f" and {len(read) - _MOST_NAMES} more" if len(read) > _MOST_NAMES else ""
-    )
-    there = f"; there are readings of {named}" if read else ""
+    there = f"; there are readings of {name_few('', read)}" if read else ""
     detail = (
-        f"Scene {scene} has no luminance reading{there}. Read the meter while the lamp still "
+        f"No luminance reading of {name_few('scene', [scene])}{there}. Read the meter while the lamp still "
         "burns at this level, or correct the name."
     )
     return codes.READING_MISSING.reason(detail)

@@ -2,14 +2,13 @@
 
 from collections.abc import Sequence
 
+from radiometry.drawing.text import name_few
 from radiometry.noise.blocks import FrameRow
 from radiometry.noise.fit import FittedChannel
 from radiometry.noise.results import Point
 from radiometry.noise.rows import DARK, Params
 from radiometry.noise.stacks import Stack, group_by_channel, make_stacks
 from radiometry.noise.transfer import FEWEST_LEVELS
-
-_MOST_NAMES = 3
 
 
 def collect_stacks(rows: Sequence[FrameRow], params: Params) -> dict[tuple[float, str], list[Stack]]:
@@ -30,7 +29,7 @@ def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] =
     here = [row for row in rows if row.frame not in excluded]
     waiting = [row.frame for row in here if row.features is None]
     lacking = [
-        f"{_name(group)} {what}"
+        f"{what}: {name_few('frame', group)}"
         for group, what in ((unread, "not read yet"), (waiting, "not extracted yet"))
         if group
     ]
@@ -56,12 +55,6 @@ def _complain(iso: float, channel: str, stacks: Sequence[Stack]) -> str:
             f"at least {FEWEST_LEVELS}"
         )
     return ""
-
-
-def _name(frames: Sequence[str]) -> str:
-    named = sorted(frames)
-    more = f" and {len(named) - _MOST_NAMES} more" if len(named) > _MOST_NAMES else ""
-    return f"{', '.join(named[:_MOST_NAMES])}{more}"
 
 
 def describe_points(

@@ -5,7 +5,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from radiometry.drawing.text import sort_naturally
+from radiometry.drawing.text import name_few
 from radiometry.findings import Finding, InputRejected, Raised
 from radiometry.fitting.evidence import list_unknown_exclusions
 from radiometry.frame.multispectral import Multispectral
@@ -93,13 +93,13 @@ def list_missing(
     """
     excluded = {exclusion.frame for exclusion in params.exclude}
     found = list_unknown_exclusions(params.exclude, [*(row.frame for row in rows), *unread])
-    found += [f"frame {name} has not been read yet" for name in sort_naturally({*unread} - excluded)]
     panels = [row for row in rows if row.role == PANEL and row.frame not in excluded]
-    for row in sorted(panels, key=lambda each: each.frame):
-        if not row.has_region:
-            found.append(f"frame {row.frame} has no region: draw it on the panel")
-        elif row.features is None:
-            found.append(f"frame {row.frame} waits for its region to be computed")
+    groups = {
+        "not read yet": {*unread} - excluded,
+        "no region on the panel": [row.frame for row in panels if not row.has_region],
+        "not extracted yet": [row.frame for row in panels if row.has_region and row.features is None],
+    }
+    found += [f"{what}: {name_few('frame', names)}" for what, names in groups.items() if names]
     if not panels and not unread:
         found.append("the campaign has no panel frame")
     return [*found, *list_contradictions(readings, params)]

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from radiometry.drawing.text import name_few
 from radiometry.sharpness.features import EdgeResponse, Estimate, Features, RegionResponse, StarResponse
 from radiometry.sharpness.resolution import find_resolving_power
 from radiometry.sharpness.rows import FrameRow, Params
@@ -10,7 +11,6 @@ from radiometry.sharpness.rows import FrameRow, Params
 MTF50 = "mtf50_cycles_per_pixel"
 RESOLVING_POWER = "resolving_power_cycles_per_pixel"
 
-_MOST_NAMES = 3
 
 Key = tuple[str, str, str, float]
 
@@ -136,17 +136,11 @@ def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] =
     if not wanted and not unread:
         found.append("no chart frame that can be used: photograph edges or stars in role chart")
     if unread:
-        found.append(f"frames that are not read yet: {_list(unread)}")
+        found.append(f"not read yet: {name_few('frame', unread)}")
     undrawn = [row.frame for row in wanted if row.features is None and not row.has_region]
     waiting = [row.frame for row in wanted if row.features is None and row.has_region]
     if undrawn:
-        found.append(f"frames without a region: {_list(undrawn)}")
+        found.append(f"no region: {name_few('frame', undrawn)}")
     if waiting:
-        found.append(f"frames that are not extracted yet: {_list(waiting)}")
+        found.append(f"not extracted yet: {name_few('frame', waiting)}")
     return tuple(found)
-
-
-def _list(names: Sequence[str]) -> str:
-    shown = ", ".join(sorted(names)[:_MOST_NAMES])
-    more = len(names) - _MOST_NAMES
-    return f"{shown} and {more} more" if more > 0 else shown

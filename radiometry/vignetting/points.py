@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from radiometry.drawing.text import name_few
 from radiometry.findings import InputRejected
 from radiometry.vignetting import codes
 from radiometry.vignetting.features import FrameRow
@@ -11,8 +12,6 @@ from radiometry.vignetting.light import ChannelLight, FlatLight, leave_out, meas
 from radiometry.vignetting.quality import Quality, inspect_flat
 from radiometry.vignetting.results import Point
 from radiometry.vignetting.rows import DARK, FLAT, Params
-
-_MOST_NAMES = 3
 
 
 @dataclass(frozen=True)
@@ -52,22 +51,16 @@ def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] =
     flats = [row for row in rows if row.role == FLAT and row.frame not in excluded]
     waiting = [row.frame for row in rows if row.features is None and row.frame not in excluded]
     lacking = [
-        f"{_name(group)} {what}"
+        f"{what}: {name_few('frame', group)}"
         for group, what in ((unread, "not read yet"), (waiting, "not extracted yet"))
         if group
     ]
     without = [row.frame for row in flats if row.exposure is None]
     if without:
-        lacking.append(f"{_name(without)} without exposure time, f-number and ISO")
+        lacking.append(f"no exposure time, f-number and ISO: {name_few('frame', without)}")
     if not flats and not unread:
         lacking.append("no flat frame: photograph an even, format-filling surface at each f-number")
     return tuple(lacking)
-
-
-def _name(frames: Sequence[str]) -> str:
-    named = sorted(frames)
-    more = f" and {len(named) - _MOST_NAMES} more" if len(named) > _MOST_NAMES else ""
-    return f"{', '.join(named[:_MOST_NAMES])}{more}"
 
 
 def collect_candidates(rows: Sequence[FrameRow], params: Params) -> tuple[Candidate, ...]:

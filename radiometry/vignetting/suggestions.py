@@ -5,6 +5,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 
+from radiometry.drawing.text import name_few
 from radiometry.specification.grid import Gap
 from radiometry.vignetting.features import FrameRow
 from radiometry.vignetting.light import EXPOSURE_RATIO
@@ -34,11 +35,11 @@ def plan(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
     """
     candidates = collect_candidates(rows, params)
     used = [candidate for candidate in candidates if not candidate.left_out]
-    advice = [
-        f"take {each.row.frame} again: {each.left_out}"
-        for each in candidates
-        if each.quality is not None and each.left_out
-    ]
+    spoilt: dict[str, list[str]] = {}
+    for each in candidates:
+        if each.quality is not None and each.left_out:
+            spoilt.setdefault(each.left_out, []).append(each.row.frame)
+    advice = [f"take again: {name_few('frame', frames)} ({why})" for why, frames in spoilt.items()]
     by_f_number: dict[float, list[Candidate]] = {}
     for candidate in used:
         if candidate.light:

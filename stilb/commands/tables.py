@@ -89,5 +89,10 @@ def format_findings(found: Iterable[Mapping[str, Any]]) -> list[str]:
         more = len(subjects) - _MOST_NAMED + each["count"] - len(each["subjects"])
         where = ", ".join(subjects[:_MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
         place = f" ({where})" if subjects else ""
-        lines.append(f"{each['severity']} {each['code']}: {each['detail']} {each['action']}{place}")
+        told = (
+            each["detail"]
+            if each["detail"].endswith(each["action"])
+            else f"{each['detail']} {each['action']}"
+        )
+        lines.append(f"{each['severity']} {each['code']}: {told}{place}")
     return lines

@@ -204,7 +204,7 @@ def test_frames_that_are_left_out_say_why(simulated):
         (lambda _: [], "3 views of the board are needed at least, 0 can be used"),
         (
             lambda rows: [dataclasses.replace(rows[0], features=None), *rows[1:]],
-            "frame view-000 waits for its board to be looked for",
+            "not searched for the board yet: frame view-000",
         ),
     ],
 )
@@ -221,14 +221,11 @@ def test_what_is_missing_by_name(simulated):
     exclude = (Exclusion(frame="nobody", reason="x", by="y"), Exclusion(frame="later", reason="x", by="y"))
     params = dataclasses.replace(FREE, exclude=exclude)
     assert geometry_views.missing(simulated, params, unread=["later", "soon"]) == (
-        "frame nobody is to be left out, but the campaign has no such frame",
-        "frame soon has not been read yet",
+        "to be left out, but not of this campaign: frame nobody",
+        "not read yet: frame soon",
     )
     # what is still coming may be enough
-    assert geometry_views.missing(simulated[:1], FREE, unread=["b", "a"]) == (
-        "frame a has not been read yet",
-        "frame b has not been read yet",
-    )
+    assert geometry_views.missing(simulated[:1], FREE, unread=["b", "a"]) == ("not read yet: frames a, b",)
 
 
 def test_a_good_set_raises_nothing():

@@ -40,7 +40,7 @@ def test_a_scene_without_a_reading_names_those_that_have_one():
     }
     (reason,) = found["dim-3200-8"].reasons
     assert (reason.code, reason.outcome) == ("reading_missing", "pending")
-    assert "Scene dim has no luminance reading; there are readings of bright, middle." in reason.detail
+    assert "No luminance reading of scene dim; there are readings of bright, middle." in reason.detail
     lux_only = [*READINGS[:2], reading("dim", 10.0, quantity="illuminance")]
     assert codes(ROWS, "dim-3200-8", lux_only) == ["reading_missing"]
 

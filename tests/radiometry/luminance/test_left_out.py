@@ -72,17 +72,17 @@ def test_nothing_is_missing():
         (
             (*ROWS, light("dim", 11.0, name="new", statistics=None)),
             READINGS,
-            "frame new has no statistics yet",
+            "no statistics yet: frame new",
         ),
         (
             (*ROWS, dataclasses.replace(light("dim", 11.0, name="new"), scene=None)),
             READINGS,
-            "frame new has no scene",
+            "no scene: frame new",
         ),
         (
             ROWS,
             READINGS[1:],
-            "ISO 3200 has 2 usable scenes, a fit needs 3: scene bright: a frame was left out ",
+            "ISO 3200 has 2 usable scenes, a fit needs 3: scene bright left out (",
         ),
         (LIGHTS[:6], READINGS, "ISO 3200 has 2 usable scenes, a fit needs 3: photograph more light levels"),
         (ROWS, [], "ISO 3200 has 0 usable scenes"),
@@ -104,11 +104,19 @@ def test_frames_that_are_still_measured_are_no_missing_light_levels():
 def test_a_scene_without_a_reading_is_named_and_does_not_stop_the_others():
     scenes = ("level-10", "level-2")
     rows = (*ROWS, *(dataclasses.replace(light("dim", 11.0, name=each), scene=each) for each in scenes))
-    assert luminance.missing(rows, READINGS, PARAMS) == (
-        "scene level-2 has no luminance reading",
-        "scene level-10 has no luminance reading",
-    )
+    assert luminance.missing(rows, READINGS, PARAMS) == ("no luminance reading: scenes level-2, level-10",)
     assert fit(rows).passed
+
+
+def test_scenes_that_are_left_out_for_one_reason_are_one():
+    """As of a card whose scenes were proposed, and whose readings have other names."""
+    names = {scene: f"Scene {n}" for n, scene in enumerate(("bright", "middle", "dim"), start=1)}
+    rows = [dataclasses.replace(row, scene=names.get(row.scene)) for row in ROWS]
+    left_out = "Scene 1, Scene 2, Scene 3 left out (its scene has no luminance reading)"
+    assert luminance.missing(rows, READINGS, PARAMS) == (
+        f"ISO 3200 has 0 usable scenes, a fit needs 3: {left_out}",
+        "no luminance reading: Scene 1, Scene 2, Scene 3",
+    )
 
 
 def test_a_scene_of_which_every_frame_is_excluded_needs_no_reading():
@@ -121,29 +129,29 @@ def test_a_campaign_without_a_region_says_so_once():
     bare = [dataclasses.replace(row, statistics=None, has_region=False) for row in ROWS]
     assert luminance.missing(bare, READINGS, PARAMS) == ("the campaign has no region (ROI)",)
     assert luminance.missing((*bare[:1], *ROWS[1:]), READINGS, PARAMS) == (
-        "frame bright-3200-5.6 has no region (ROI)",
+        "no region (ROI): frame bright-3200-5.6",
     )
 
 
 def test_the_first_of_many_waiting_frames_are_named_and_the_rest_counted():
     waiting = [dataclasses.replace(row, statistics=None) for row in ROWS]
     assert luminance.missing(waiting, READINGS, PARAMS) == (
-        "frames bright-3200-5.6, bright-3200-8, bright-3200-16 and 12 more have no statistics yet",
+        "no statistics yet: frames bright-3200-5.6, bright-3200-8, bright-3200-16 and 12 more",
     )
     assert luminance.missing((*waiting[:2], *ROWS[2:]), READINGS, PARAMS) == (
-        "frames bright-3200-5.6 and bright-3200-8 have no statistics yet",
+        "no statistics yet: frames bright-3200-5.6, bright-3200-8",
     )
 
 
 def test_what_is_not_read_yet_is_named_and_may_be_the_light_frames():
-    assert luminance.missing((), (), PARAMS, unread=("b", "a")) == ("frames a and b have not been read yet",)
+    assert luminance.missing((), (), PARAMS, unread=("b", "a")) == ("not read yet: frames a, b",)
     assert luminance.missing((), (), PARAMS) == ("the campaign has no light frame",)
 
 
 def test_excluding_an_unknown_frame_is_said():
     params = dataclasses.replace(PARAMS, exclude=(Exclusion(frame="ghost", reason="", by="me"),))
     assert luminance.missing(ROWS, READINGS, params) == (
-        "frame ghost is to be left out, but the campaign has no such frame",
+        "to be left out, but not of this campaign: frame ghost",
     )
 
 

@@ -68,8 +68,8 @@ def test_what_is_missing_is_named_and_keeps_the_fit_from_starting(keep, message)
 def test_what_waits_is_named():
     rows = [dataclasses.replace(row, features=None) for row in take(SMALL, 18)[:1]]
     assert noise.missing(rows, PARAMS, unread=("x",)) == (
-        "x not read yet",
-        "flat-100-0.02-0 not extracted yet",
+        "not read yet: frame x",
+        "not extracted yet: frame flat-100-0.02-0",
     )
 
 

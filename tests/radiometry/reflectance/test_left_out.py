@@ -122,13 +122,13 @@ def test_what_a_fit_still_lacks_is_named():
     params = reflectance.Params(exclude=(Exclusion(frame="nobody", reason="blurred", by="Ann"),))
     lacking = reflectance.missing([waiting, regionless, *rows[2:]], READINGS, params, unread=["new"])
     assert lacking == (
-        "frame nobody is to be left out, but the campaign has no such frame",
-        "frame new has not been read yet",
-        "frame panel-0-green waits for its region to be computed",
-        "frame panel-0-red has no region: draw it on the panel",
+        "to be left out, but not of this campaign: frame nobody",
+        "not read yet: frame new",
+        "no region on the panel: frame panel-0-red",
+        "not extracted yet: frame panel-0-green",
     )
     assert reflectance.missing((), (), PARAMS) == ("the campaign has no panel frame",)
-    with pytest.raises(InputRejected, match="cannot start: frame panel-0-green waits"):
+    with pytest.raises(InputRejected, match="cannot start: not extracted yet: frame panel-0-green"):
         reflectance.fit([waiting], READINGS, PARAMS)
 
 

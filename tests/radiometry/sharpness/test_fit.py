@@ -211,11 +211,11 @@ def test_what_is_missing_is_named(rows):
     waiting = dataclasses.replace(rows[0], features=None)
     undrawn = dataclasses.replace(rows[1], features=None, has_region=False)
     assert sharpness.missing([], PARAMS)[0].startswith("no chart frame that can be used")
-    assert sharpness.missing([], PARAMS, unread=["a"]) == ("frames that are not read yet: a",)
+    assert sharpness.missing([], PARAMS, unread=["a"]) == ("not read yet: frame a",)
     assert sharpness.missing(rows, PARAMS) == ()
     assert sharpness.missing([waiting, undrawn], PARAMS) == (
-        "frames without a region: frame-1",
-        "frames that are not extracted yet: frame-0",
+        "no region: frame-1",
+        "not extracted yet: frame-0",
     )
     with pytest.raises(InputRejected, match="frame-0") as refused:
         sharpness.fit([waiting, *rows[1:]], PARAMS)

@@ -399,12 +399,12 @@ def test_what_is_missing_is_named():
         "no flat frame: photograph an even, format-filling surface at each f-number",
     )
     assert vignetting.missing([waiting], NONE, unread=["new"]) == (
-        "new not read yet",
-        "late not extracted yet",
+        "not read yet: frame new",
+        "not extracted yet: frame late",
     )
     without = dataclasses.replace(flat(SMALL, 1, name="bare"), exposure=None)
-    assert vignetting.missing([without], NONE) == ("bare without exposure time, f-number and ISO",)
-    with pytest.raises(InputRejected, match="late not extracted yet") as refusal:
+    assert vignetting.missing([without], NONE) == ("no exposure time, f-number and ISO: frame bare",)
+    with pytest.raises(InputRejected, match="not extracted yet: frame late") as refusal:
         vignetting.fit([waiting], NONE)
     assert refusal.value.code == "fit_incomplete"
 

@@ -224,7 +224,7 @@ def test_the_plan_says_what_to_add():
     )
     clipped = flat(SMALL, 1, name="bright", target=surface(1.02))
     (again,) = suggestions.plan([clipped], NONE)
-    assert again.startswith("take bright again: ")
+    assert again.startswith("take again: frame bright (")
     assert "no dark frames at ISO 100: add 3 with the lens covered" in suggestions.plan(rows, NONE)
     full = [flat(SMALL, n, f, name=f"{f:g}-{n}") for f in (1.4, 2.0) for n in (1, 2, 3)]
     assert suggestions.plan([*full, *DARKS], NONE) == ()

@@ -8,7 +8,7 @@ import { groupBy } from "../groups.js";
 const PANEL = "panel";
 /** What a sentence of the service is about, and the part of the campaign's page that mends it; none for what a worker does. */
 const PARTS = [
-  [/not (been )?read yet|not extracted yet|no statistics yet|waits for/, null, null],
+  [/\byet\b/, null, null],
   [/region/, "region", "Draw region"],
   [/panel.* (reflectance|uncertainty)/, PANEL, "Choose panel…"],
   [/target|say what/, "target", "Describe target"],
@@ -20,8 +20,8 @@ const PARTS = [
 const MOST_NAMED = 6;
 const listed = (names, between = ", ") => `${names.slice(0, MOST_NAMED).join(between)}${names.length > MOST_NAMED ? ` and ${names.length - MOST_NAMED} more` : ""}`;
 
-/** Names and numbers aside, the same sentence is the same cause. */
-const causeOf = (sentence) => sentence.replace(/frames? .*? (?=has|have|waits|without)/g, "frame ").replace(/\b(has|have)\b/g, "have").replace(/scene \S+/g, "scene").replace(/\d+(\.\d+)?/g, "0");
+/** Names and numbers aside, the same sentence is the same cause; names follow a colon. */
+const causeOf = (sentence) => sentence.split(": ")[0].replace(/\d+(\.\d+)?/g, "0");
 
 export const capital = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 
@@ -31,23 +31,19 @@ export function missingCauses(sentences) {
     const [first, ...more] = some;
     const [, part, button] = PARTS.find(([pattern]) => pattern.test(first));
     const [title, ...rest] = first.split(": ");
-    const said = more.length ? title.replace(/^(frame|scene) \S+ (has|waits)\b/, (_, noun, verb) => `${some.length} ${noun}s ${verb === "has" ? "have" : "wait"}`) : title;
-    const named = said === title ? more.map(capital) : some.map((each) => /^\w+ (\S+)/.exec(each)[1]);
-    const list = listed(named, said === title ? "; " : ", ");
-    return { title: capital(said), where: [capital(rest.join(": ")), more.length && list].filter(Boolean).join(". "), part, button };
+    return { title: capital(title), where: [capital(rest.join(": ")), listed(more.map(capital), "; ")].filter(Boolean).join(". "), part, button };
   });
 }
 
 /** Findings of the campaign itself: those of frames are told with the frames. */
 const ofCampaign = (findings) => findings.filter(({ subjects }) => subjects.every((each) => !each.startsWith("frame ")));
 
-/** The list before a fit: what was refused, what is needed, and what would improve it and is not said there; the panel is asked for. */
+/** The list before a fit: what was refused, what is needed, and what would improve it; the panel is asked for. */
 export function beforeTheFit({ missing, advice, findings = [] }, title, refused, askForPanel) {
   const found = ofCampaign(findings).map(({ detail, action, subjects }) => ({ title: detail.replace(/\.$/, ""), where: `${capital(listed(subjects))}. ${action}`, part: "readings", button: "Readings" }));
   if (!missing.length && !advice.length && !refused.length && !found.length) return null;
-  const needed = new Set(missing.map(causeOf));
   const line = (mark, tag) => ({ title, where, part, button }) => ({ mark: part ? mark : "wait", title, where, tag: tag?.(), actions: part && may(part === "frames" ? "upload" : "calibrate") ? [part === PANEL ? small(button, askForPanel) : smallLink(button, `#${part}`)] : [] });
-  const lines = [...refused, ...found.map(line("warn")), ...missingCauses(missing).map(line("warn", () => h("span", { class: "tag warn" }, "needed"))), ...missingCauses(advice.filter((each) => !needed.has(causeOf(each)))).map(line("gap"))];
+  const lines = [...refused, ...found.map(line("warn")), ...missingCauses(missing).map(line("warn", () => h("span", { class: "tag warn" }, "needed"))), ...missingCauses(advice).map(line("gap"))];
   const [shown, more] = [lines.slice(0, 6), lines.slice(6)];
   return h(
     "section",
