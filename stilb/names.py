@@ -1,12 +1,21 @@
-"""File names that every file system takes, made of names that others gave."""
+"""File names as every file system takes them, and as a shell does."""
 
+import os
 import re
+import shlex
+import subprocess
+from pathlib import Path
 
 _FORBIDDEN = re.compile(r'[<>:"/\\|?*\x00-\x1f\x7f]')
 # Devices of Windows, with any extension.
 _RESERVED = re.compile(r"(con|prn|aux|nul|com[0-9¹²³]|lpt[0-9¹²³])( *\..*)?", re.IGNORECASE)
 # Of the 255 that a name may have, the rest is for what is added to it.
 _MOST_BYTES = 180
+
+
+def quote(path: Path) -> str:
+    """Return a path as it is typed in a command."""
+    return (subprocess.list2cmdline if os.name == "nt" else shlex.join)([str(path)])
 
 
 def plain_stem(filename: str) -> str:

@@ -24,6 +24,7 @@ from stilb.field.plan import FILENAME, read_plan, read_spreadsheet
 from stilb.field.push import Report, as_json
 from stilb.field.template import LAMP_HELP, read_methods, write_template
 from stilb.method import DEFAULT_METHOD
+from stilb.names import quote
 from stilb.problem import Unclear
 
 app = typer.Typer(help="A campaign in a folder: camera, meter, readings and frames.", no_args_is_help=True)
@@ -63,7 +64,7 @@ def init(  # noqa: PLR0913, PLR0917 (the command's options)
     said |= {name: said[name] or stated.get(name, "") for name in ("make", "model", "serial")}
     text = write_template(
         said,
-        folder=str(folder),
+        folder=quote(folder),
         has_readings=(folder / "readings.csv").exists(),
         night=night,
         light=light,
@@ -73,7 +74,7 @@ def init(  # noqa: PLR0913, PLR0917 (the command's options)
             file.write(text)
     except FileExistsError:
         raise Unclear(f"{path} exists already: edit it, or remove it first") from None
-    output.answer({"path": str(path)}, f"Fill in {path}, then: stilb campaign run {folder}")
+    output.answer({"path": str(path)}, f"Fill in {path}, then: stilb campaign run {quote(folder)}")
 
 
 @app.command("run", epilog="Example: stilb campaign run card")
@@ -104,7 +105,7 @@ def run(
         _settle(output, client, others, replace=replace_readings)
     unread: list[str] = []
     if not plan.rules:
-        files, unread = place(output, folder, campaign.id, files)
+        files, unread = place(output, folder, files, campaign_id=campaign.id)
     report = transfer(output, folder, campaign.id, files, left_out=left_out, attest=not unread)
     report = add_unread(report, unread)
     if not fit:

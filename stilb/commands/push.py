@@ -7,9 +7,10 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from time import sleep
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from rich.table import Table
 
 from stilb.commands.completion import complete_campaign, complete_role
 from stilb.commands.exits import Exit
@@ -26,6 +27,7 @@ from stilb.field.push import Report, Told, as_json, push_files
 from stilb.field.startup import describe_entry
 from stilb.field.watch import Watch
 from stilb.login import read_login
+from stilb.names import quote
 from stilb.problem import Problem, Unclear, missing
 from stilb.records import Campaign
 
@@ -86,16 +88,19 @@ def push(  # noqa: PLR0913  each is an option
     if at_login is False:
         output.answer(*_end_at_login(folder))
         return
+    rules = _rules(folder, role, scene)
+    if dry_run:
+        output.answer(*_preview(output, folder, campaign, rules, raw_only=role is None))
+        return
     find = partial(_find_campaign, output, folder, campaign)
-    found = _wait_for_service(output, find, every_s=every) if watch else find()
-    rules, campaign_id = _rules(folder, role, scene), found.id
-    list_files = partial(sort_files, folder, rules or ANY_RULES, raw_only=role is None)
+    campaign_id = (_wait_for_service(output, find, every_s=every) if watch else find()).id
     if watch and at_login:
         more = ["--role", role, *(["--scene", scene] if scene else [])] if role else []
         more += [] if wait else ["--no-wait"]
         more += ["--receipt", str(receipt.resolve())] if receipt else []
         _begin_at_login(output, folder, ["--campaign", campaign_id, "--every", f"{every:g}", *more])
     if watch:
+        list_files = partial(sort_files, folder, rules or ANY_RULES, raw_only=role is None)
         found_files = partial(_list_or_note, output, list_files)
         follow(
             output,
@@ -108,30 +113,50 @@ def push(  # noqa: PLR0913  each is an option
             placed=not rules,
         )
         return
-    files, left_out = list_files()
-    if not files:
-        raise Unclear(f"No file in {folder} matches a rule. {_how(left_out)}")
+    files, left_out = _list_files(folder, rules or ANY_RULES, raw_only=role is None)
     unread: list[str] = []
     if not rules:
-        files, unread = place(output, folder, campaign_id, files)
-    if dry_run:
-        rows = [{"name": file.name, "role": file.role, "scene": file.scene or ""} for file in files]
-        shown = table(("file", "role", "scene"), [tuple(row.values()) for row in rows])
-        output.answer({"files": rows, "left_out": left_out + unread}, shown, "nothing was sent")
-        return
+        files, unread = place(output, folder, files, campaign_id=campaign_id)
     report = transfer(
         output, folder, campaign_id, files, left_out=left_out, wait=wait, receipt=receipt, attest=not unread
     )
     finish(output, add_unread(report, unread))
 
 
+def _preview(
+    output: Output, folder: Path, named: str | None, rules: Sequence[Rule], *, raw_only: bool
+) -> tuple[dict[str, Any], Table, str]:
+    """Return role and scene of each file; the campaign need not have begun."""
+    files, left_out = _list_files(folder, rules or ANY_RULES, raw_only=raw_only)
+    if not rules:
+        about: dict[str, str] = {}
+        with output.client() as client:
+            plan = read_plan(folder) if named is None and (folder / FILENAME).exists() else None
+            if found := client.find_campaign(named) if named else plan and find_planned(client, plan):
+                about = {"campaign_id": found.id}
+            elif plan:
+                about = {"method": plan.method, "kind": plan.kind}
+        files, unread = place(output, folder, files, **about)
+        left_out += unread
+    rows = [{"name": file.name, "role": file.role, "scene": file.scene or ""} for file in files]
+    shown = table(("file", "role", "scene"), [tuple(row.values()) for row in rows])
+    return {"files": rows, "left_out": left_out}, shown, "nothing was sent"
+
+
+def _list_files(
+    folder: Path, rules: Sequence[Rule], *, raw_only: bool = False
+) -> tuple[list[FieldFile], list[str]]:
+    files, left_out = sort_files(folder, rules, raw_only=raw_only)
+    if not files:
+        raise Unclear(f"No file in {folder} matches a rule. {_how(left_out)}")
+    return files, left_out
+
+
 def send_night(output: Output, folder: Path, named: str | None) -> Report:
     """Send a folder to a campaign that is measured then; without a plan every raw file is a field frame."""
     campaign = _find_campaign(output, folder, named)
     planned = (folder / FILENAME).exists()
-    files, left_out = sort_files(folder, read_plan(folder).rules if planned else NIGHT_RULES)
-    if not files:
-        raise Unclear(f"No file in {folder} matches a rule. {_how(left_out)}")
+    files, left_out = _list_files(folder, read_plan(folder).rules if planned else NIGHT_RULES)
     return transfer(output, folder, campaign.id, files, left_out=left_out)
 
 
@@ -193,7 +218,8 @@ def follow(
             if settled:
                 try:
                     if placed:
-                        every, _ = place(output, folder, campaign_id, [*sent.values(), *settled])
+                        files = [*sent.values(), *settled]
+                        every, _ = place(output, folder, files, campaign_id=campaign_id)
                         settled = every[len(sent) :]
                     report = transfer(output, folder, campaign_id, settled, attest=False)
                 except Problem as problem:  # a network that is lost comes back
@@ -268,11 +294,11 @@ def _rules(folder: Path, role: str | None, scene: str | None) -> tuple[Rule, ...
 
 
 def place(
-    output: Output, folder: Path, campaign_id: str, files: Sequence[FieldFile]
+    output: Output, folder: Path, files: Sequence[FieldFile], **about: str
 ) -> tuple[list[FieldFile], list[str]]:
     """Have the service propose role and scene of each file, and tell the proposal."""
     with output.client() as client:
-        placed, unread = place_files(client, campaign_id, folder, files)
+        placed, unread = place_files(client, folder, files, **about)
     counts = Counter(file.scene or file.role for file in placed)
     output.note(f"proposed: {', '.join(f'{name} {count}' for name, count in counts.items())}")
     return placed, unread
@@ -283,13 +309,15 @@ def _find_campaign(output: Output, folder: Path, named: str | None) -> Campaign:
         if named is not None:
             return client.find_campaign(named)
         if not (folder / FILENAME).exists():
-            raise typer.BadParameter(f"give --campaign, or create a {FILENAME}: stilb campaign init {folder}")
+            raise typer.BadParameter(
+                f"give --campaign, or create a {FILENAME}: stilb campaign init {quote(folder)}"
+            )
         plan = read_plan(folder)
         found = find_planned(client, plan)
         if found is None:
             raise missing(
                 f"Campaign {plan.project_number!r} of this camera does not exist yet. "
-                f"Create it and send all frames: stilb campaign run {folder}"
+                f"Create it and send all frames: stilb campaign run {quote(folder)}"
             )
         return found
 

@@ -64,9 +64,9 @@ def read_camera(folder: Path) -> dict[str, str]:
 
 
 def place_files(
-    client: Client, campaign_id: str, folder: Path, files: Sequence[FieldFile]
+    client: Client, folder: Path, files: Sequence[FieldFile], **about: str
 ) -> tuple[list[FieldFile], list[str]]:
-    """Return the files with the roles and scenes that the service proposes, and those without a header."""
+    """Return the files as `Client.propose` places them, and those without a header."""
     headers = {file.name: header for file in files if (header := read_header(file.path))}
     known = [file for file in files if file.name in headers]
     asked = [
@@ -74,7 +74,7 @@ def place_files(
         | {name: value for name, value in headers[file.name].items() if name not in _CAMERA}
         for file in known
     ]
-    placed = client.propose(asked, campaign_id=campaign_id)["frames"] if asked else []
+    placed = client.propose(asked, **about)["frames"] if asked else []
     found = [
         replace(file, role=each["role"], scene=each.get("scene"))
         for file, each in zip(known, placed, strict=True)

@@ -9,6 +9,7 @@ from typing import Any, cast
 
 from stilb.details import CameraDetails, CampaignDetails, MeasureDetails, Polygon, Reading
 from stilb.field.files import NIGHT_RULES, ROLES, Rule
+from stilb.names import quote
 from stilb.problem import Unclear
 from stilb.upload import FrameDetails
 
@@ -89,7 +90,7 @@ def read_plan(folder: Path) -> Plan:
     try:
         said = tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise Unclear(f"{path} does not exist. Create it: stilb campaign init {folder}") from None
+        raise Unclear(f"{path} does not exist. Create it: stilb campaign init {quote(folder)}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise Unclear(
             f"{path} cannot be read: {error}. Compare it with the file that stilb campaign init writes "

@@ -109,10 +109,16 @@ def test_flat_card_is_sorted_as_the_page_sorts_it(signed_in, campaign, tmp_path,
         taken_at = datetime(2026, 5, 1, 20, 0, 10 * (n % 4), tzinfo=UTC) + timedelta(minutes=5 * (n // 4))
         level = {"signal_dn": 0.0} if n > 5 else {}
         write_frame(tmp_path / "100MEDIA" / f"DJI_{n:04}.DNG", seed=n, taken_at=taken_at, **level)
-    shown = signed_in("push", tmp_path, "--campaign", campaign.id, "--dry-run", "--json").json
+    planned = tmp_path / "not begun"
+    shutil.copytree(tmp_path / "100MEDIA", planned / "100MEDIA")
+    signed_in("campaign", "init", planned)
+    for folder, *named in (tmp_path / "100MEDIA",), (planned,), (planned, "--campaign", campaign.id):
+        shown = signed_in("push", folder, *named, "--dry-run", "--json").json
+        roles = [(each["role"], each["scene"]) for each in shown["files"]]
+        assert roles == [("light", "Scene 1")] * 4 + [("light", "Scene 2")] * 2 + [("dark", "")] * 2
+    assert f"stilb campaign run '{planned}'" in signed_in("push", planned).err
+    shutil.rmtree(planned)
     assert list(team.client.frames(campaign.id)) == []
-    roles = [(each["role"], each["scene"]) for each in shown["files"]]
-    assert roles == [("light", "Scene 1")] * 4 + [("light", "Scene 2")] * 2 + [("dark", "")] * 2
     signed_in("push", tmp_path, "--campaign", campaign.id)
     later = write_frame(tmp_path / "more" / "DJI_0009.DNG", taken_at=datetime(2026, 5, 1, 23, tzinfo=UTC))
     signed_in("push", later.parent, "--campaign", campaign.id)
