@@ -132,7 +132,7 @@ def _refuse_hidden_mosaic(image: Directory) -> None:
     if tags.CFA_PATTERN in image and image.integer(tags.PHOTOMETRIC, -1) != tags.PHOTOMETRIC_CFA:
         raise files.UNSUPPORTED_LAYOUT.refuse(
             "The file states a colour pattern (CFAPattern), and an image that is no mosaic of colours "
-            "(PhotometricInterpretation). Send it as the camera wrote it."
+            "(PhotometricInterpretation)."
         )
 
 

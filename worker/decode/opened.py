@@ -72,8 +72,7 @@ def _check_levels(header: FrameHeader) -> None:
     for black_dn, white_dn in zip(header.black_level_dn, header.white_level_dn, strict=True):
         if black_dn >= white_dn:
             raise files.LEVELS_CONTRADICTORY.refuse(
-                f"The file's black level of {black_dn:g} DN is not below its white level of {white_dn:g} DN. "
-                "Send the file as the camera wrote it."
+                f"The file's black level of {black_dn:g} DN is not below its white level of {white_dn:g} DN."
             )
 
 
