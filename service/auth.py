@@ -1,7 +1,6 @@
 """Authentication: an API key of one organisation with its scopes, or a browser session opened with it."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Annotated, Final, Literal
@@ -165,12 +164,15 @@ def require(caller: Caller, scope: Scope) -> None:
         raise Problem(interface.SCOPE_MISSING, detail)
 
 
-def _require(scope: Scope) -> Callable[[Caller], Awaitable[Caller]]:
-    async def check(caller: Annotated[Caller, Depends(get_caller)]) -> Caller:
-        require(caller, scope)
-        return caller
+@dataclass(frozen=True)
+class Needs:
+    """The scope that an operation needs: `service/operations.py` has checked it before it read the body."""
 
-    return check
+    scope: Scope
+
+    async def __call__(self, caller: Annotated[Caller, Depends(get_caller)]) -> Caller:
+        """Return who asks."""
+        return caller
 
 
 def describe_refusal(ended: ApiKey | None) -> str:
@@ -184,8 +186,8 @@ def _unauthenticated(detail: str) -> Problem:
     return Problem(interface.UNAUTHENTICATED, detail, headers={"WWW-Authenticate": "Bearer"})
 
 
-Reader = Annotated[Caller, Depends(_require("read"))]
-Uploader = Annotated[Caller, Depends(_require("upload"))]
-Calibrator = Annotated[Caller, Depends(_require("calibrate"))]
-Publisher = Annotated[Caller, Depends(_require("publish"))]
-Admin = Annotated[Caller, Depends(_require("admin"))]
+Reader = Annotated[Caller, Depends(Needs("read"))]
+Uploader = Annotated[Caller, Depends(Needs("upload"))]
+Calibrator = Annotated[Caller, Depends(Needs("calibrate"))]
+Publisher = Annotated[Caller, Depends(Needs("publish"))]
+Admin = Annotated[Caller, Depends(Needs("admin"))]

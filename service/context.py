@@ -74,6 +74,11 @@ class Context:
         return CapacityLimiter(2)
 
     @cached_property
+    def readers(self) -> CapacityLimiter:
+        """Large bodies are read one at a time: between any two steps of one the loop gets its turn."""
+        return CapacityLimiter(1)
+
+    @cached_property
     def together(self) -> Together:
         return Together()
 

@@ -31,7 +31,7 @@ class ContentDigests:
             await self._app(scope, receive, send)
             return
         headers = Headers(scope=scope)
-        names = ("content-digest",) if is_upload(scope["path"]) else ("content-digest", "repr-digest")
+        names = ("content-digest",) if is_upload(scope) else ("content-digest", "repr-digest")
         announced = {name: ", ".join(headers.getlist(name)) for name in names if name in headers}
         await self._app(scope, _Compared(receive, announced) if announced else receive, send)
 

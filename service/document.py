@@ -12,11 +12,11 @@ from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
 from radiometry.findings import interface, shared
+from service.operations import CHANGING
 from service.problems import problem_body
 from service.routes import problems
 from service.schemas.fits import NewCalibration, describe_requests
 from service.schemas.methods import describe_versions
-from service.strictness import CHANGING
 from service.tabular import write_csv
 from service.upload_headers import PIECES
 

@@ -1,6 +1,7 @@
 """Problems: every refusal of the service, as application/problem+json with a stable code (docs/errors.md)."""
 
 from collections.abc import Iterable, Mapping
+from json import JSONDecoder
 from typing import Any, Final
 
 from fastapi import FastAPI, Request
@@ -8,6 +9,7 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from pydantic import ValidationError
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 
 from radiometry.findings import Finding, InputRejected, interface
 from service.messages import describe
@@ -17,6 +19,8 @@ from store.files import describe_damage
 from store.usage import QuotaExceeded
 
 _MOST_LISTED: Final = 100
+_MORE: Final = {"type": "more", "loc": (), "msg": ""}
+_DECODER: Final = JSONDecoder()
 UNREADABLE: Final = (
     "The body cannot be read: send JSON in UTF-8, without excessive nesting or excessively long numbers."
 )
@@ -108,6 +112,11 @@ def install(app: FastAPI) -> None:
     async def http(request: Request, error: HTTPException) -> JSONResponse:
         return answer(error.problem if isinstance(error, RefusedBody) else _of_the_framework(request, error))
 
+    @app.exception_handler(ClientDisconnect)
+    async def cut(_request: Request, _error: ClientDisconnect) -> JSONResponse:
+        detail = "The connection was lost before the end of the body."
+        return answer(Problem(interface.UPLOAD_INCOMPLETE, detail))
+
     @app.exception_handler(Exception)
     async def unexpected(_request: Request, _error: Exception) -> JSONResponse:
         detail = "Internal error. It has been logged. Try again, and tell the operator if it persists."
@@ -164,17 +173,28 @@ def over_quota(error: QuotaExceeded) -> Problem:
 def invalid(errors: Iterable[Mapping[str, Any]]) -> Problem:
     """Name each field that is wrong. The given value is not echoed: it may not even be JSON."""
     errors = list(errors)
-    listed = errors[:_MOST_LISTED]
-    named = [member for error in listed for member in describe(error)]
+    named = [member for error in errors[:_MOST_LISTED] for member in describe(error)]
     detail = "; ".join(f"{member['field']}: {member['message']}" for member in named[:5])
-    count = len(named) + len(errors) - len(listed)
+    count = len(named) + len(errors[_MOST_LISTED:])
     more = f"; and {count - 5} more" if count > 5 else ""
-    return Problem(interface.VALIDATION_FAILED, f"{detail}{more}", errors=named)
+    return Problem(interface.VALIDATION_FAILED, f"{detail}{more}", errors=named[:_MOST_LISTED])
 
 
 def located(error: ValidationError, *place: str) -> list[dict[str, Any]]:
-    """Return what pydantic found, and where in the request."""
-    return [{**each, "loc": (*place, *each["loc"])} for each in error.errors(include_url=False)]
+    """Return what pydantic found, and where in the request; beyond the first hundred only how many there are.
+
+    Of many it makes a text in a tenth of the time and memory that a list takes.
+    """
+    count = error.error_count()
+    if count <= _MOST_LISTED:
+        found: list[Any] = error.errors(include_url=False)
+    else:
+        text, found, end = error.json(include_url=False, include_input=False), [], 0
+        while len(found) < _MOST_LISTED:
+            each, end = _DECODER.raw_decode(text, end + 1)
+            found.append(each)
+    listed = [{**each, "loc": (*place, *each["loc"])} for each in found]
+    return listed + [_MORE] * (count - len(listed))
 
 
 def answer(problem: Problem) -> JSONResponse:

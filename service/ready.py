@@ -19,8 +19,8 @@ from radiometry.methods import get_method
 from radiometry.specification.application import SurfaceApplication
 from service.context import Context
 from service.immutable import not_modified, standing_headers
+from service.operations import NUMBER
 from service.schemas.base import BandName, Form, Instant, Method, PositiveText, Text
-from service.strictness import NUMBER
 from store.ready.lookups import Held
 from store.ready.publications import key_of
 

@@ -12,13 +12,13 @@ from fastapi import Request
 from python_multipart.exceptions import MultipartParseError
 from python_multipart.multipart import MultipartParser, parse_options_header
 from starlette.concurrency import run_in_threadpool
-from starlette.requests import ClientDisconnect
 
 from radiometry.findings import Finding, interface
 from service.problems import Problem
 from store.blobs import Blobs, BlobWriter, StoredBlob
 
 _FLUSH_BYTES = 1 << 20
+_MOST_PARTS = 100
 _REPR_DIGEST = re.compile(r"sha-256=:([A-Za-z0-9+/=]+):")
 
 
@@ -45,31 +45,25 @@ async def receive(request: Request, blobs: Blobs, *, max_bytes: int, admit: Admi
     if announced > max_bytes:
         raise _too_large(max_bytes)
     admitted = await run_in_threadpool(admit, expected, announced)
-    try:
-        with blobs.writer() as writer:
-            form = _find_form(request, writer)
-            take = writer.write if form is None else form.feed
-            rest = await _drain(request.stream(), take, max_bytes)
+    with blobs.writer() as writer:
+        form = _find_form(request, writer)
+        take = writer.write if form is None else form.feed
+        rest = await _drain(request.stream(), take, max_bytes)
 
-            def finish() -> Received:
-                take(rest)
-                filename = None if form is None else form.finish()
-                if expected is not None and writer.sha256 != expected:
-                    raise Problem(
-                        interface.DIGEST_MISMATCH,
-                        f"The file arrived as SHA-256 {writer.sha256}, not the announced {expected}. "
-                        "Send it again.",
-                    )
-                if not admitted or writer.size_bytes > announced:
-                    admit(writer.sha256, writer.size_bytes)
-                return Received(blob=writer.commit(), filename=filename)
+        def finish() -> Received:
+            take(rest)
+            filename = None if form is None else form.finish()
+            if expected is not None and writer.sha256 != expected:
+                raise Problem(
+                    interface.DIGEST_MISMATCH,
+                    f"The file arrived as SHA-256 {writer.sha256}, not the announced {expected}. "
+                    "Send it again.",
+                )
+            if not admitted or writer.size_bytes > announced:
+                admit(writer.sha256, writer.size_bytes)
+            return Received(blob=writer.commit(), filename=filename)
 
-            return await run_in_threadpool(finish)
-    except ClientDisconnect as error:
-        raise Problem(
-            interface.UPLOAD_INCOMPLETE,
-            "The connection was lost before the end of the file.",
-        ) from error
+        return await run_in_threadpool(finish)
 
 
 def _find_form(request: Request, writer: BlobWriter) -> "_FilePart | None":
@@ -115,7 +109,7 @@ class _FilePart:
         self._writer = writer
         self._name = self._value = self._disposition = b""
         self._inside = False
-        self._found = 0
+        self._found = self._parts = 0
         self._filename = ""
         self._ended = False
         if not boundary:
@@ -148,6 +142,9 @@ class _FilePart:
         return self._filename or None
 
     def _begin(self) -> None:
+        self._parts += 1
+        if self._parts > _MOST_PARTS:
+            raise _bad_form(f"it has more than {_MOST_PARTS} parts")
         self._disposition = b""
         self._inside = False
 

@@ -5,19 +5,23 @@ import io
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from functools import partial
+from itertools import islice
+from typing import Any, Final, TypeVar
 
 from fastapi import Request
 from pydantic import ValidationError
 
 from radiometry.findings import interface
+from service.operations import NUMBER, read_apart, read_document, refuse_load
 from service.problems import Problem, invalid, located
 from service.schemas.base import Form
-from service.strictness import NUMBER
 
 F = TypeVar("F", bound=Form)
+T = TypeVar("T")
 
 UNREAD = ""
+_MOST_COLUMNS: Final = 200
 
 _GROUPED = re.compile(r"\d{1,3}(,\d{3})+")
 
@@ -42,18 +46,28 @@ def read_sheet(
 
     ``name_fields`` : of the columns in small letters, the field that each holds; UNREAD for none
     """
+    refuse_load(data, *",;\t\r\n")
     try:
         text = data.decode("utf-8-sig")
         # the separator is the one of the first line; a lone CR ends a line too
-        separator = max(",;\t", key=text.splitlines()[0].count) if text.strip() else ","
+        separator = max(",;\t", key=re.split(r"[\r\n]", text, maxsplit=1)[0].count)
         reader = csv.DictReader(io.StringIO(text, newline=None), delimiter=separator)
-        columns = [name.strip().lower() for name in reader.fieldnames or []]
+        columns = [name.strip().lower() for name in (reader.fieldnames or [])[: _MOST_COLUMNS + 1]]
+        if len(columns) > _MOST_COLUMNS:
+            raise refuse_columns(f"must name at most {_MOST_COLUMNS} columns", columns)
         reader.fieldnames = name_fields(columns)
         return _read_rows(reader, separator, form, kind)
     except UnicodeDecodeError as error:
         raise Problem(interface.BAD_REQUEST, "The CSV is not UTF-8. Save it as CSV UTF-8.") from error
     except csv.Error as error:
         raise Problem(interface.BAD_REQUEST, f"The CSV cannot be read: {error}.") from error
+
+
+async def read_sheet_or_document(
+    request: Request, read: Callable[[bytes], T], validate: Callable[[Any], T]
+) -> T:
+    """Read a body that is a table or JSON, by its content type; each bad field or row is named."""
+    return await read_apart(request, read if is_table(request) else partial(read_document, validate=validate))
 
 
 def is_table(request: Request) -> bool:
@@ -69,7 +83,9 @@ def refuse_columns(message: str, columns: list[str]) -> Problem:
 def _read_rows(reader: "csv.DictReader[str]", separator: str, form: type[F], kind: Kind) -> list[F]:
     forms: list[F] = []
     errors: list[dict[str, Any]] = []
-    for row in reader:
+    rows = 0
+    for row in islice(reader, kind.most + 1):
+        rows += 1
         line = f"line {reader.line_num}"
         if None in row:
             message = "has more cells than line 1 names; a decimal comma needs semicolons between the cells"
@@ -83,7 +99,7 @@ def _read_rows(reader: "csv.DictReader[str]", separator: str, form: type[F], kin
             forms.append(form.model_validate({**kind.usual, **cells}))
         except ValidationError as error:
             errors += located(error, line)
-    if not 0 < len(forms) + len(errors) <= kind.most:
+    if not 0 < rows <= kind.most:
         message = f"must hold 1 to {kind.most} {kind.rows_are} below its first line"
         errors = [{"type": "csv", "loc": ("csv",), "msg": message}]
     if errors:

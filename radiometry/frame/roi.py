@@ -15,7 +15,7 @@ from radiometry.findings import InputRejected, shared
 MAX_POINTS = 1000
 MAX_COORDINATE_PX = 1e6
 
-_MACRO = re.compile(r"\s*(makePolygon|makeRectangle)\s*\(([^()]*)\)\s*;?\s*", re.ASCII)
+_MACRO = re.compile(r"\s*(makePolygon|makeRectangle)\s*\(([^()]*)\)\s*(?:;\s*)?", re.ASCII)
 
 # ImageJ moves every crossing right by this much, so that rounding never decides who owns a centre on an edge.
 _EDGE_SHIFT_PX = 1e-8

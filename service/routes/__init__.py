@@ -2,11 +2,10 @@
 
 from typing import Any
 
-from fastapi import Depends, FastAPI
+from fastapi import FastAPI
 from fastapi.routing import APIRoute
 
 from service.ready import ReadyAnswers
-from service.strictness import check_request
 
 _MEANINGS = {
     400: "The body cannot be read.",
@@ -111,10 +110,11 @@ def include_routes(app: FastAPI) -> None:
     for usual in coefficients.ready_router.routes:
         if isinstance(usual, APIRoute):
             app.router.routes.append(ReadyAnswers(usual))
-    app.include_router(coefficients.ready_router, dependencies=[Depends(check_request)])
-    app.include_router(system.router)
-    app.include_router(manifests.keys_router, dependencies=[Depends(check_request)])
+    app.include_router(coefficients.ready_router)
+    app.include_router(system.probes)
+    app.include_router(manifests.keys_router)
     for module in (
+        system,
         keys,
         sessions,
         cameras,
@@ -157,4 +157,4 @@ def include_routes(app: FastAPI) -> None:
         motion,
         tools,
     ):
-        app.include_router(module.router, dependencies=[Depends(check_request)])
+        app.include_router(module.router)

@@ -3,7 +3,7 @@
 from typing import Annotated, Any
 
 from fastapi import Depends, Query, Request, Response
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -13,11 +13,11 @@ from service.context import UsesContext
 from service.lookup import Id, owned
 from service.operations import Router
 from service.paging import Page, UsesPaging
-from service.problems import invalid, located
+from service.problems import invalid
 from service.routes import problems
 from service.schemas.base import Text
 from service.schemas.campaigns import MOST_READINGS, NewReading, ReadingAnswer, ReadingsAnswer
-from service.sheets import Kind, is_table, read_sheet, refuse_columns
+from service.sheets import Kind, read_sheet, read_sheet_or_document, refuse_columns
 from store.columns import utc_now
 from store.queries.campaigns import add_readings
 from store.tables import Campaign, Meter, Reading
@@ -61,13 +61,11 @@ _CONTENT = {
 
 async def _body(request: Request) -> list[NewReading] | NewReading:
     """Read JSON or CSV, by the content type; each bad field or row is named."""
-    if is_table(request):
-        return read_readings(await request.body())
-    data = await request.json()
-    try:
-        return (_MANY if isinstance(data, list) else _ONE).validate_python(data)
-    except ValidationError as error:
-        raise invalid(located(error, "body")) from error
+    return await read_sheet_or_document(
+        request,
+        read_readings,
+        lambda data: (_MANY if isinstance(data, list) else _ONE).validate_python(data),
+    )
 
 
 @router.post(

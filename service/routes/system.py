@@ -3,7 +3,7 @@
 import shutil
 from typing import Any, Literal
 
-from fastapi import Response
+from fastapi import APIRouter, Response
 from fastapi.responses import PlainTextResponse
 from pydantic import Field
 from sqlalchemy import func, select
@@ -21,6 +21,8 @@ from store.parts import Part
 from store.queries.resource_counts import count_queue
 from store.tables import Blob
 
+probes = APIRouter(tags=["system"])
+"""As probes ask, with whatever parameters."""
 router = Router(tags=["system"])
 
 
@@ -55,13 +57,13 @@ class Readiness(Answer):
     parts: list[PartAnswer]
 
 
-@router.get("/livez", response_model=Life)
+@probes.get("/livez", response_model=Life)
 async def get_livez() -> Response:
     """The process answers: without a thread or the database, for which others may wait."""
     return Life(status="ok").respond()
 
 
-@router.get("/readyz", response_model=Readiness, responses={503: problems()[503]})
+@probes.get("/readyz", response_model=Readiness, responses={503: problems()[503]})
 async def get_readyz(context: UsesContext) -> Response:
     """Requests can be served: database and file store answer, the schema is ours, and no stop was requested.
 
@@ -118,7 +120,7 @@ def get_operator_health(caller: Admin, context: UsesContext) -> Response:
         ).respond()
 
 
-@router.get(
+@probes.get(
     "/metrics",
     response_class=PlainTextResponse,
     responses={

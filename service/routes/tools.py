@@ -1,10 +1,11 @@
 """The calculators: nothing is stored, the same question always has the same answer."""
 
 from collections.abc import Callable, Coroutine, Sequence
+from functools import partial
 from typing import Annotated, Any, TypeVar
 
 from fastapi import Depends, Query, Request, Response
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter
 
 from radiometry.drawing.figure import Figure
 from radiometry.tools.coverage import compute_coverage
@@ -14,14 +15,13 @@ from service.auth import Reader
 from service.changes import IdempotencyKey
 from service.exposure_csv import read_series, refuse_query
 from service.operations import Router
-from service.problems import invalid, located
 from service.routes import problems
 from service.schemas.base import Form
 from service.schemas.tools.coverage import CoverageAnswer, CoveragesAnswer, NewCoverage
 from service.schemas.tools.exposure import ExposureAnswer, ExposureTable, NewExposureSeries
 from service.schemas.tools.motion import MotionAnswer, MotionsAnswer, NewMotion
 from service.schemas.tools.settings import MOST_CASES
-from service.sheets import Kind, is_table, read_sheet, refuse_columns
+from service.sheets import Kind, is_table, read_sheet, read_sheet_or_document, refuse_columns
 from service.tool_plots import draw_tool, plot_exponents, plot_footprints, plot_motion
 
 F = TypeVar("F", bound=Form)
@@ -45,13 +45,11 @@ def _read_one_or_many(form: type[F]) -> Callable[[Request], Coroutine[Any, Any, 
     )
 
     async def read(request: Request) -> list[F] | F:
-        if is_table(request):
-            return _read_table(await request.body(), form)
-        data = await request.json()
-        try:
-            return (many if isinstance(data, list) else one).validate_python(data)
-        except ValidationError as error:
-            raise invalid(located(error, "body")) from error
+        return await read_sheet_or_document(
+            request,
+            partial(_read_table, form=form),
+            lambda data: (many if isinstance(data, list) else one).validate_python(data),
+        )
 
     return read
 
@@ -81,13 +79,11 @@ def _body_of(form: type[Form]) -> dict[str, Any]:
 
 async def _read_exposures(request: Request, table: Annotated[ExposureTable, Query()]) -> NewExposureSeries:
     """JSON that says all, or a table and in the query what the table does not say."""
-    if is_table(request):
-        return read_series(await request.body(), table)
-    refuse_query(table)
-    try:
-        return NewExposureSeries.model_validate(await request.json())
-    except ValidationError as error:
-        raise invalid(located(error, "body")) from error
+    if not is_table(request):
+        refuse_query(table)
+    return await read_sheet_or_document(
+        request, partial(read_series, told=table), NewExposureSeries.model_validate
+    )
 
 
 def _body_of_series() -> dict[str, Any]:

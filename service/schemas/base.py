@@ -76,6 +76,8 @@ TimeZone = Annotated[Text, AfterValidator(_name_zone), Field(examples=["Europe/B
 ClearableZone = Annotated[Clearable, AfterValidator(lambda text: text and _name_zone(text))]
 # as a camera, a data sheet or a person writes it
 BandName = Annotated[Text, AfterValidator(name_band)]
+_MOST_UNKNOWN: Final = 3
+"""Names of one object that are named one by one."""
 EACH_ONCE: Final[JsonDict] = {"uniqueItems": True}
 Sha256 = Annotated[str, StringConstraints(pattern=SHA256)]
 
@@ -141,8 +143,16 @@ class Form(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _no_null(cls, value: Any) -> Any:  # noqa: ANN401
-        if isinstance(value, dict) and (names := [name for name, member in value.items() if member is None]):
+    def _refuse_names(cls, value: Any) -> Any:  # noqa: ANN401
+        if not isinstance(value, dict):
+            return value
+        if len(value) > len(cls.model_fields) + _MOST_UNKNOWN:
+            # one error for all: a document of such objects would make more of them than memory holds
+            names = sorted(value.keys() - cls.model_fields.keys())
+            said = ", ".join(name[:40] for name in names[:10])
+            message = "has {count} names that are not known here, such as {said}"
+            raise PydanticCustomError("names", message, {"count": len(names), "said": said})
+        if names := [name for name, member in value.items() if member is None]:
             raise PydanticCustomError("null", "null is not a value here; leave it out", {"names": names})
         return value
 

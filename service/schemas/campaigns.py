@@ -2,7 +2,15 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, create_model, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    ConfigDict,
+    FailFast,
+    Field,
+    create_model,
+    model_validator,
+)
 
 from radiometry.methods import METHODS
 from service.schemas.base import (
@@ -186,11 +194,11 @@ class NamedRegion(Form):
     """One of several parts that are measured separately: an edge, a star."""
 
     name: Text
-    polygon: Annotated[list[Point], Field(min_length=3, max_length=1000)]
+    polygon: Annotated[list[Point], Field(min_length=3, max_length=1000), FailFast()]
 
 
 _GAP = r"[ \t\n]*"
-_NUMBER = rf"{_GAP}[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?{_GAP}"
+_NUMBER = rf"{_GAP}[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?{_GAP}"
 _PAIR = f"{_NUMBER},{_NUMBER}"
 _POLYGON = rf"makePolygon{_GAP}\({_PAIR}(,{_PAIR}){{2,}}\)"
 _SIZE = _PAIR.replace("[-+]", "[+]")
