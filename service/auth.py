@@ -101,6 +101,8 @@ def _count_refusal(request: Request) -> float:
     """Return how late a stranger is answered [s]: one address that keeps asking leaves time to others."""
     context: Context = request.app.state.context
     address = name_address(request.client.host if request.client else None)
+    if "authorization" in request.headers:
+        context.traffic.metrics.wrong_keys.inc()
     context.refused.fail(address)
     return min(context.refused.wait_s(address), LATEST_S)
 

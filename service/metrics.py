@@ -3,13 +3,13 @@
 import os
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
-from itertools import accumulate, product
+from itertools import accumulate, chain, product
 from pathlib import Path
 from threading import Lock
 from time import monotonic
 from typing import get_args
 
-from prometheus_client import Histogram, Metric, generate_latest
+from prometheus_client import Counter, Histogram, Metric, disable_created_metrics, generate_latest
 from prometheus_client.core import GaugeMetricFamily, HistogramMetricFamily
 from prometheus_client.multiprocess import MultiProcessCollector
 from prometheus_client.registry import Collector
@@ -25,7 +25,9 @@ from store.parts import State as PartState
 from store.queries.resource_counts import QueueCounts, Totals, count_queue, count_totals
 from store.software import read_version
 
-_REQUEST_BOUNDS_S = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 60.0)
+disable_created_metrics()  # type: ignore[no-untyped-call]
+
+_REQUEST_BOUNDS_S = (0.005, 0.025, 0.1, 0.5, 2.5, 10.0, 60.0)
 _TOTALS_TAKE_S = 0.06
 """Totals that take longer are counted less often, so that they take at most a thousandth of the time."""
 
@@ -34,18 +36,30 @@ class Metrics:
     """The metrics of this process, and what it counted last."""
 
     def __init__(self) -> None:
-        self.requests = Histogram(
+        self._durations = Histogram(
             "stilb_request_duration_seconds",
             "Time from a request to the end of its answer.",
-            ("method", "route", "status"),
+            ("method", "route"),
             registry=None,
             buckets=_REQUEST_BOUNDS_S,
         )
+        self._requests = Counter(
+            "stilb_requests",
+            "Requests, by the status of their answer.",
+            ("method", "route", "status"),
+            registry=None,
+        )
+        self.wrong_keys = Counter("stilb_wrong_keys", "Keys that opened nothing.", registry=None)
         self.totals_every_s = 60.0
         """Totals are counted once in this time at most, however often the metrics are asked for."""
         self._totals: Totals | None = None
         self._counted_s, self._rests = 0.0, 1.0
         self._counting = Lock()
+
+    def observe(self, method: str, route: str, status: int, *, took_s: float) -> None:
+        """Count a request that has its answer."""
+        self._durations.labels(method, route).observe(took_s)
+        self._requests.labels(method, route, status).inc()
 
     def render(self, session: Session, *, data: Path) -> bytes:
         queue = count_queue(session)
@@ -61,9 +75,9 @@ class Metrics:
 
     def _collect_requests(self) -> Iterable[Metric]:
         """Return what all processes behind this port counted, also those that were replaced."""
-        shared = "PROMETHEUS_MULTIPROC_DIR" in os.environ
-        counted: Collector = MultiProcessCollector(None) if shared else self.requests  # type: ignore[no-untyped-call]
-        return counted.collect()
+        if "PROMETHEUS_MULTIPROC_DIR" in os.environ:
+            return MultiProcessCollector(None).collect()  # type: ignore[no-untyped-call, no-any-return]
+        return chain(*(each.collect() for each in (self._durations, self._requests, self.wrong_keys)))
 
 
 class _Collected(Collector):

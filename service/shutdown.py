@@ -98,7 +98,7 @@ class Traffic:
                 route = getattr(scope.get("route"), "path", "none")
                 method = scope["method"] if scope["method"] in _METHODS else "other"
                 took_s = monotonic() - began
-                self.metrics.requests.labels(method, route, exchange.status).observe(took_s)
+                self.metrics.observe(method, route, exchange.status, took_s=took_s)
                 told = {"method": method, "route": route, "status": exchange.status}
                 note(told, name=f"{method} {route}", failed=exchange.status >= _OURS)
                 if exchange.status in _REFUSED:

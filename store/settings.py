@@ -91,6 +91,7 @@ class Settings(BaseSettings):
     hang_s: Seconds = HANG_S
     pulse: str = ""
     log: Literal["text", "json"] = "text"
+    health_for: Literal["everybody", "operator"] = "everybody"
     decoder_memory_bytes: int = Field(default=3 * 1024**3, ge=256 * 1024**2)
     decoder_cpu_s: int = Field(default=60, ge=1, le=86_400)
     decoder_wall_s: Seconds = 120.0

@@ -3,13 +3,13 @@
 import shutil
 from typing import Any, Literal
 
-from fastapi import APIRouter, Response
+from fastapi import APIRouter, Depends, Request, Response
 from fastapi.responses import PlainTextResponse
 from pydantic import Field
 from sqlalchemy import func, select
 
 from radiometry.findings import interface
-from service.auth import Admin
+from service.auth import Admin, Caller, identify
 from service.context import UsesContext
 from service.operations import Router
 from service.problems import Problem
@@ -24,6 +24,12 @@ from store.tables import Blob
 probes = APIRouter(tags=["system"])
 """As probes ask, with whatever parameters."""
 router = Router(tags=["system"])
+
+
+_ONLY_FOR_THE_OPERATOR: dict[int | str, dict[str, Any]] = {
+    status: problems()[status] for status in (401, 403, 503)
+}
+"""What may be answered where `STILB_HEALTH_FOR` is `operator`."""
 
 
 class Life(Answer):
@@ -51,10 +57,25 @@ class PartAnswer(Answer):
 
 
 class Readiness(Answer):
+    """Only the operator is told more than the status, where `STILB_HEALTH_FOR` says so."""
+
     status: Literal["ok", "degraded"]
-    warnings: list[str] = Field(description="What waits, and why. Requests are served all the same.")
-    damaged_files: int = Field(description="Damaged or missing ones; the same upload heals each.")
-    parts: list[PartAnswer]
+    warnings: list[str] | None = Field(
+        default=None, description="What waits, and why. Requests are served all the same."
+    )
+    damaged_files: int | None = Field(
+        default=None, description="Damaged or missing ones; the same upload heals each."
+    )
+    parts: list[PartAnswer] | None = None
+
+
+async def require_operator(request: Request, context: UsesContext) -> None:
+    """Ask for a key of the operator, where the settings say so."""
+    if context.settings.health_for == "operator":
+        await identify(request)
+        caller: Caller = request.state.caller
+        if not caller.operator:
+            raise Problem(interface.SCOPE_MISSING, "Only the operator can see this.")
 
 
 @probes.get("/livez", response_model=Life)
@@ -63,21 +84,27 @@ async def get_livez() -> Response:
     return Life(status="ok").respond()
 
 
-@probes.get("/readyz", response_model=Readiness, responses={503: problems()[503]})
-async def get_readyz(context: UsesContext) -> Response:
+@probes.get("/readyz", response_model=Readiness, responses=_ONLY_FOR_THE_OPERATOR)
+async def get_readyz(request: Request, context: UsesContext) -> Response:
     """Requests can be served: database and file store answer, the schema is ours, and no stop was requested.
 
     Answers within two seconds. `degraded`, and 200, without a worker: what is sent is kept, and waits.
     """
     if context.traffic.stopping:
         raise stopping()
+    is_told = context.settings.health_for == "everybody" or "authorization" in request.headers
+    if is_told:
+        await require_operator(request, context)
     report = await context.health.look()
     if (unfit := report.unfit) is not None and unfit.code is not None:
         found = {finding.name: finding.detail or "ok" for finding in report.findings}
         detail = f"Not ready ({unfit.name}): {unfit.detail}"
-        raise Problem(unfit.code, detail, headers={"Retry-After": "2"}, checks=found)
-    parts = [PartAnswer.of(part) for part in report.parts]
+        extra: dict[str, Any] = {"checks": found} if is_told else {}
+        raise Problem(unfit.code, detail, headers={"Retry-After": "2"}, **extra)
     status: Literal["ok", "degraded"] = "degraded" if report.warnings else "ok"
+    if not is_told:
+        return Readiness(status=status).respond()
+    parts = [PartAnswer.of(part) for part in report.parts]
     return Readiness(
         status=status, warnings=report.warnings, damaged_files=report.damaged_files, parts=parts
     ).respond()
@@ -122,9 +149,10 @@ def get_operator_health(caller: Admin, context: UsesContext) -> Response:
 
 @probes.get(
     "/metrics",
+    dependencies=[Depends(require_operator)],
     response_class=PlainTextResponse,
     responses={
-        503: problems()[503],
+        **_ONLY_FOR_THE_OPERATOR,
         200: {"content": {"text/plain": {"example": "stilb_oldest_queued_job_age_seconds 0\n"}}},
     },
 )

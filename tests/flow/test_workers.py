@@ -76,7 +76,7 @@ def test_several_processes_are_one_service(service):
     counted = sum(
         float(line.rpartition(" ")[2])
         for line in ask("/metrics").text.splitlines()
-        if line.startswith("stilb_request_duration_seconds_count") and "/v1/cameras" in line
+        if line.startswith("stilb_requests_total") and "/v1/cameras" in line
     )
     assert counted >= 6 + 12 + len(answers)
 

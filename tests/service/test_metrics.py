@@ -147,12 +147,39 @@ def test_requests_are_timed_by_route_not_by_address(house):
     house.get(f"/v1/cameras/{camera}")
     house.get("/v1/cameras/cam_none", status=404)
     house.http.get("/nowhere")
-    name = "stilb_request_duration_seconds"
-    samples = read_samples(house, name)
-    assert samples["_count", "GET", "/v1/cameras/{camera_id}", "200"] == 2
-    assert samples["_count", "GET", "/v1/cameras/{camera_id}", "404"] == 1
-    assert samples["_count", "GET", "none", "404"] == 1
-    assert samples["_sum", "GET", "/v1/cameras/{camera_id}", "200"] > 0
+    answered = read_samples(house, "stilb_requests")
+    assert answered["_total", "GET", "/v1/cameras/{camera_id}", "200"] == 2
+    assert answered["_total", "GET", "/v1/cameras/{camera_id}", "404"] == 1
+    assert answered["_total", "GET", "none", "404"] == 1
+    timed = read_samples(house, "stilb_request_duration_seconds")
+    assert timed["_count", "GET", "/v1/cameras/{camera_id}"] == 3
+    assert timed["_sum", "GET", "/v1/cameras/{camera_id}"] > 0
+
+
+def test_wrong_keys_are_counted(house):
+    with house.with_key("nobody") as wrong:
+        wrong.get("/v1/cameras")
+        wrong.post("/sign-in", data={"key": "nobody"})
+        del wrong.headers["Authorization"]
+        wrong.get("/v1/cameras")
+    assert read_samples(house, "stilb_wrong_keys") == {("_total",): 2}
+
+
+def test_metrics_and_details_are_the_operators_where_the_settings_say_so(house, monkeypatch):
+    founded = house.post("/v1/organisations", {"name": "Another City"})
+    context = house.app.state.context
+    monkeypatch.setitem(
+        context.__dict__, "settings", house.settings.model_copy(update={"health_for": "operator"})
+    )
+    with house.with_key(founded["key"]["secret"]) as other, house.with_key("nobody") as wrong:
+        assert [http.get("/metrics").status_code for http in (house.http, other, wrong)] == [200, 403, 401]
+        assert [http.get("/readyz").status_code for http in (house.http, other, wrong)] == [200, 403, 401]
+        assert "parts" in house.get("/readyz")
+        del wrong.headers["Authorization"]
+        assert wrong.get("/metrics").status_code == 401
+        assert wrong.get("/readyz").json() == {"status": "degraded"}
+        monkeypatch.setattr(context.traffic, "stopping", True)
+        assert wrong.get("/readyz").status_code == 503
 
 
 def test_no_client_makes_series_without_bound(house):

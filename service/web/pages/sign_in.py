@@ -101,6 +101,7 @@ def _refuse(
     wait_s = context.attempts.wait_s(unfit.id) if unfit else 0.0
     if wait_s > 0:
         return _too_many(request, next_address, wait_s)
+    context.traffic.metrics.wrong_keys.inc()
     for each in who:
         context.attempts.fail(each)
     if unfit is not None and unfit.revoked_at is None and "read" not in unfit.scopes:
