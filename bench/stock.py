@@ -25,6 +25,7 @@ from store.tables import (
     Campaign,
     CoefficientRow,
     FrameRow,
+    IssuedCertificate,
     MeasuredRow,
     Measurement,
     Organisation,
@@ -76,6 +77,8 @@ def _make_camera(organisation: str, camera: int) -> Rows:
     yield Camera, {"id": f"cam_{camera}", "organisation_id": organisation, **named}
     yield Campaign, {"id": f"cmp_{camera}", "organisation_id": organisation, **of}
     yield Slot, {"id": camera + 1, "configuration": "{}", **of}
+    document = _sha(f"certificate {camera}")
+    yield Blob, {"sha256": document, "size_bytes": 1}
     for version in range(1, VERSIONS + 1):
         calibration = _calibration(organisation, camera, version)
         publication = _publication(camera, version)
@@ -84,6 +87,8 @@ def _make_camera(organisation: str, camera: int) -> Rows:
         made = make_ready(Publication(**publication), Calibration(**calibration), rows)
         yield Calibration, calibration
         yield Publication, publication
+        # or the service would issue them, beside what is measured
+        yield IssuedCertificate, _issue(publication, document)
         yield from ((CoefficientRow, each) for each in coefficients)
         yield from made.items()
 
@@ -117,6 +122,19 @@ def _publication(camera: int, version: int) -> Row:
         "known_to": None,
         "reason": "annual calibration",
         "superseded_by": None,
+    }
+
+
+def _issue(publication: Row, document: str) -> Row:
+    return {
+        "calibration_id": publication["calibration_id"],
+        "amendment": 0,
+        "number": publication["calibration_id"],
+        "publication_id": publication["id"],
+        "json_sha256": document,
+        "pdf_sha256": document,
+        "at_upgrade": False,
+        "issued_at": publication["known_from"],
     }
 
 

@@ -295,10 +295,16 @@ def _manage(http: httpx.Client) -> None:
     hook_id = _post(http, "webhooks", hook)["id"]
     _post(http, f"webhooks/{hook_id}/test", {})
     _send(http, "PATCH", f"webhooks/{hook_id}", {"enabled": False})
-    settings = {"address": "124 W Michigan Ave, Lansing", "refuses_incomplete_certificates": False}
-    _send(http, "PATCH", "organisation", settings)
     _post(http, "jobs/retry", {"state": "failed", "code": "temporarily_unavailable"})
     _post(http, "jobs/dismiss", {"state": "failed", "code": "not_a_raw_file"})
+
+
+def _introduce(http: httpx.Client) -> None:
+    """State the laboratory, and who signs its certificates."""
+    own = http.get("/v1/keys/own").json()["id"]
+    _send(http, "PATCH", f"keys/{own}", {"person": "A. Meier", "role": "head of the laboratory"})
+    settings = {"name": "Lansing Light Laboratory", "address": "124 W Michigan Ave, Lansing"}
+    _send(http, "PATCH", "organisation", settings | {"refuses_incomplete_certificates": False})
 
 
 def _post(http: httpx.Client, path: str, body: object) -> Node:
@@ -329,6 +335,7 @@ def main() -> int:
 
                 client = stilb.Client(service.url, service.key)
                 with patch.object(httpx.Client, "send", heard), client:
+                    _introduce(http)
                     for method in METHODS:
                         stage = Stage(client=client, folder=folder / method.name, display=display, quick=True)
                         if not play(method.name, stage):

@@ -15,6 +15,7 @@ import uvicorn
 from fastapi import FastAPI
 
 from service.app import build_app
+from service.certificate import Backlog
 from service.connections import Connections, guarding, raise_file_limit
 from service.context import Context
 from service.forking import serve_forked, share_metrics
@@ -30,7 +31,7 @@ from service.signing import read_seed
 from service.vitals import Vitals
 from store.blobs import blobs_from_url
 from store.broker import Hints
-from store.chores import sweep_floor
+from store.chores import repeat, sweep_floor
 from store.database import Database
 from store.logs import configure_logging
 from store.partials import Partials
@@ -124,6 +125,7 @@ def _serve(app: FastAPI, settings: Settings, files: int, listening: socket | Non
         notice_s=settings.stop_notice_s,
     )
     sweep_floor(context.blobs, Partials.of(settings))
+    repeat("certificates", Backlog(context).issue_next)
     presence = Presence(context.database, "service")
     vitals = Vitals(
         presence,

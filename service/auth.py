@@ -16,7 +16,7 @@ from service.context import Context
 from service.problems import Problem, RefusedBody
 from service.schemas.base import rfc3339
 from service.sessions import CSRF_HEADER
-from store.queries.keys import Who, find_ended_key, find_key, find_session_key
+from store.queries.keys import UNNAMED, Person, Who, find_ended_key, find_key, find_session_key
 from store.tables import ApiKey, Organisation
 
 Scope = Literal["read", "upload", "calibrate", "publish", "admin"]
@@ -44,9 +44,15 @@ class Caller:
     operator: bool
     """The key's organisation runs this service."""
     key_name: str
+    person: Person | None
     organisation_name: str
     session_id: str | None
     """Of the browser that asks; None for who sends the key itself."""
+
+    @property
+    def named(self) -> str:
+        """Return who asks as documents name them."""
+        return self.person.name if self.person else UNNAMED
 
     @property
     def who(self) -> Who:
@@ -60,6 +66,7 @@ class Caller:
             scopes=frozenset(key.scopes),
             operator=organisation.operator,
             key_name=key.name,
+            person=Person.behind(key),
             organisation_name=organisation.name,
             session_id=session_id,
         )

@@ -59,6 +59,12 @@ class Writing:
         """Do it in a transaction of its own."""
         return run_all(caller, [(self, None)], lambda session, _: [change(session)])[0]
 
+    def replay(self, caller: Caller) -> JSONResponse | None:
+        """Return the answer that this request had before, for one that has to prepare what it changes."""
+        with self.context.database.reading() as session:
+            earlier = self._earlier(session, caller)
+        return None if earlier is None else _replay(earlier)
+
     def _keep(self, session: Session, caller: Caller, reply: Reply) -> None:
         if self._key is not None:
             session.add(

@@ -71,9 +71,17 @@ class CampaignChange(CampaignDetails, total=False):
     archived: bool
 
 
+class PersonDetails(TypedDict, total=False):
+    """Person who uses a key, as certificates name who fitted and approved; a text of "" is taken away."""
+
+    person: str
+    role: str
+
+
 class OrganisationChange(TypedDict, total=False):
     """Statements of an organisation; a text of "" is taken away."""
 
+    name: str  # as certificates print it; it cannot be taken away
     address: str  # as certificates print it
     refuses_incomplete_certificates: bool
     time_zone: str  # of its cameras' clocks, for files without an offset: Europe/Berlin, or +02:00

@@ -1,6 +1,8 @@
 """Everything that a calibration or a measurement depends on, in a folder; a repeated export fetches the rest.
 
-certificate.json  certificate.pdf   as the service gives them
+certificate.json  certificate.pdf   as they were issued; of a draft as the service derives them
+amendment-1.json  amendment-1.pdf   and so on, where there are any
+status.json                         how the version stands at the time of the export, and the hashes of these
 readings.json     roi.json          the meter readings and regions that went in
 panels.json                         the reflectance panels, where there are any
 frames/<hash>-<name>                every frame, byte for byte
@@ -18,12 +20,17 @@ from typing import Any
 from stilb.transport import Call, Transport, address, hash_file
 
 CERTIFICATE, READINGS, PANELS, REGIONS = "certificate.json", "readings.json", "panels.json", "roi.json"
+STATUS = "status.json"
 RECORD, MAP = "record.json", "map.tif"
 
 _SHA256 = re.compile(r"[0-9a-f]{64}")
 # What a certificate adds where two frames share a file name.
 _TOLD_APART = re.compile(r" \([0-9a-f]{8}\)$")
 _LONGEST_NAME = 100
+_STATUS = (
+    *("id", "method", "version", "state", "valid_from", "valid_to", "superseded_by", "revoked_reason"),
+    "certificates",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,6 +58,11 @@ def frame_path(frame: Mapping[str, Any]) -> str:
     return f"frames/{sha256[:12]}-{named.rstrip('.')}"
 
 
+def name_issued(issued: Mapping[str, Any]) -> str:
+    """Return the name of an issued certificate's files in an export, without their endings."""
+    return f"amendment-{issued['amendment']}" if issued["amendment"] else "certificate"
+
+
 def export(transport: Transport, calibration_id: str, folder: Path, on_progress: OnExport | None) -> Path:
     """Fetch it all; a file counts only when its hash is the certificate's."""
     (folder / "frames").mkdir(parents=True, exist_ok=True)
@@ -74,6 +86,14 @@ def export(transport: Transport, calibration_id: str, folder: Path, on_progress:
                 )
             )
     transport.download(Call(method="GET", path=f"{of_version}/certificate.pdf"), folder / "certificate.pdf")
+    status = transport.json(Call(method="GET", path=of_version))
+    for issued in status.get("certificates", [])[1:]:
+        for form in ("json", "pdf"):
+            which = {"amendment": issued["amendment"]}
+            call = Call(method="GET", path=f"{of_version}/certificate.{form}", query=which)
+            path = folder / f"{name_issued(issued)}.{form}"
+            transport.download(call, path, sha256=issued[f"{form}_sha256"])
+    _write_json(folder / STATUS, {name: status[name] for name in _STATUS if name in status})
     _write_json(folder / READINGS, certificate["readings"])
     if certificate.get("panels"):
         _write_json(folder / PANELS, certificate["panels"])

@@ -110,6 +110,8 @@ class Key(Record):
 
     id: str
     name: str
+    person: str | None = None  # who uses it, as certificates name them
+    role: str | None = None
     scopes: tuple[str, ...]
     created_at: datetime
     expires_at: datetime | None = None
@@ -140,6 +142,7 @@ class Session(Record):
     id: str
     key_id: str
     key_name: str
+    person: str | None = None  # of the key
     browser: str | None = None  # as it names itself
     created_at: datetime
     expires_at: datetime
@@ -179,6 +182,8 @@ class OwnKey(Record):
 
     id: str
     name: str
+    person: str | None = None
+    role: str | None = None
     scopes: tuple[str, ...]
 
     @property

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from sqlalchemy import select
+from sqlalchemy import or_, select
 from sqlalchemy.exc import SQLAlchemyError
 
 from store.audit_check import check_audit
@@ -24,7 +24,7 @@ from store.blobs import BlobDamaged, Blobs, StorageUnavailable, blobs_from_url
 from store.database import Database
 from store.migrate import NewerSchema, migrate
 from store.schema import require_own_schema
-from store.tables import Blob
+from store.tables import Blob, IssuedCertificate
 
 _DATABASE: Final = "stilb.sqlite"
 _MOST_LINES: Final = 50
@@ -97,12 +97,20 @@ def _check_files(database: Database, blobs: Blobs, faults: tuple[str, ...]) -> P
         try:
             blobs.prove(sha256, lambda _size: None)
         except BlobDamaged as damage:
-            found.append(f"the file {sha256} is {damage.damage}")
+            found.append(f"the file {sha256}{_name_certificate(database, sha256)} is {damage.damage}")
             continue
         except StorageUnavailable as error:
             return Proven(files=files, size_bytes=size_bytes, faults=(*found, str(error)))
         files, size_bytes = files + 1, size_bytes + size
     return Proven(files=files, size_bytes=size_bytes, faults=tuple(found))
+
+
+def _name_certificate(database: Database, sha256: str) -> str:
+    """Return which issued certificate a file is, in words; "" for any other file."""
+    mine = or_(IssuedCertificate.json_sha256 == sha256, IssuedCertificate.pdf_sha256 == sha256)
+    with database.reading() as session:
+        number = session.scalar(select(IssuedCertificate.number).where(mine).limit(1))
+    return f" of certificate {number}" if number else ""
 
 
 def _list_files(database: Database) -> Iterator[tuple[str, int]]:

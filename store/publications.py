@@ -51,10 +51,7 @@ def publish(
     """
     slot = _lock_slot(session, calibration)
     # under the lock only: whoever held it before may have revoked this version
-    if session.get(Revocation, calibration.id):
-        raise Conflict(
-            shared.CALIBRATION_REVOKED, "This version was revoked; a revoked version stays revoked."
-        )
+    require_not_revoked(session, calibration)
     now = _next_instant(session, slot)
     row = Publication(
         slot_id=slot.id,
@@ -76,6 +73,14 @@ def publish(
     session.flush()
     write_ready(session, [*remainders, row])
     return row
+
+
+def require_not_revoked(session: Session, calibration: Calibration) -> None:
+    """Raise Conflict for a version that can never be published again."""
+    if session.get(Revocation, calibration.id):
+        raise Conflict(
+            shared.CALIBRATION_REVOKED, "This version was revoked; a revoked version stays revoked."
+        )
 
 
 def revoke(session: Session, calibration: Calibration, *, reason: str, by: str) -> None:

@@ -3,6 +3,8 @@
 from collections.abc import Iterator
 
 from radiometry import methods
+from stilb.export import name_issued
+from stilb.transport import hash_file
 from store.codec import drop_absent, encode
 from store.fits import hash_content
 from store.queries.frames import name_extractor
@@ -12,8 +14,11 @@ from verify.compare import ABSENT, Row, compare
 from verify.data import Data, Node
 from verify.recompute import Recomputed, hash_region, inputs_of
 
-_DECIDED_LATER = ("validity", "published", "checklist", "gaps")
-"""What may rightly have changed since a certificate was handed out."""
+_DECIDED_LATER = (
+    *("validity", "published", "checklist", "gaps"),
+    *("number", "issued", "approved_by", "statements"),
+)
+"""What may rightly have changed since a draft was handed out; what was issued stays."""
 
 
 def check(certificate: Node, data: Data, found: Recomputed) -> list[Row]:
@@ -29,6 +34,7 @@ def check(certificate: Node, data: Data, found: Recomputed) -> list[Row]:
         *_figures(certificate, found),
         *_content(certificate, data, found),
         *_own_copy(certificate, data),
+        *_issued_files(data),
     ]
 
 
@@ -115,9 +121,22 @@ def _content(certificate: Node, data: Data, found: Recomputed) -> Iterator[Row]:
 
 def _own_copy(certificate: Node, data: Data) -> Iterator[Row]:
     """The data bring the certificate as it was handed out with them."""
-    kept = {name: value for name, value in certificate.items() if name not in _DECIDED_LATER}
-    theirs = {name: value for name, value in data.certificate.items() if name not in _DECIDED_LATER}
+    both = certificate, data.find_copy(certificate)
+    left_out = () if all("issued" in each for each in both) else _DECIDED_LATER
+    kept, theirs = ({name: each[name] for name in each if name not in left_out} for each in both)
     yield from compare("the data's own certificate", kept, theirs)
+
+
+def _issued_files(data: Data) -> Iterator[Row]:
+    """The files of what was issued are, byte for byte, those that the service has kept."""
+    for issued in data.status.get("certificates", []):
+        for form in ("json", "pdf"):
+            path = data.folder / f"{name_issued(issued)}.{form}"
+            found = hash_file(path) if path.exists() else ABSENT
+            stated = issued[f"{form}_sha256"]
+            yield Row(
+                group="issued files", quantity=f"{path.name} SHA-256", certificate=stated, recomputed=found
+            )
 
 
 def _without(node: Node, name: str) -> Node:

@@ -7,10 +7,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
+from urllib.parse import parse_qsl, urlsplit
 
 import stilb
-from stilb.export import CERTIFICATE, PANELS, READINGS, REGIONS, frame_path
+from stilb.export import CERTIFICATE, PANELS, READINGS, REGIONS, STATUS, frame_path, name_issued
 
 Node = dict[str, Any]
 
@@ -21,13 +21,23 @@ class Unusable(Exception):  # noqa: N818  it says what was found
 
 @dataclass(frozen=True, kw_only=True)
 class Data:
-    """An export, read. ``certificate``: its own copy, which need not be the one that is checked."""
+    """An export, read.
+
+    ``certificate``: its own copy, which need not be the one that is checked. ``status``: of the version when
+    it was exported, with the hashes of what was issued; empty in exports from before there was any.
+    """
 
     folder: Path
     certificate: Node
+    status: Node
     readings: list[Node]
     panels: list[Node]
     regions: list[Node]
+
+    def find_copy(self, certificate: Node) -> Node:
+        """Return the data's own copy of a certificate: of an amendment the amendment."""
+        amends = certificate.get("issued", {}).get("amends")
+        return _read_json(self.folder / f"{name_issued(amends)}.json") if amends else self.certificate
 
     def path(self, frame: Node) -> Path:
         """Where a frame of a certificate lies, if it is there; earlier exports named some differently."""
@@ -46,10 +56,11 @@ def read_certificate(place: str, key: str) -> Node:
         return _checked(_read_json(Path(place)), place)
     server, path = split_address(place)
     parts = path.strip("/").split("/")
+    amendment = int(dict(parse_qsl(urlsplit(place).query)).get("amendment", 0))
     with stilb.Client(server, key) as client:
         match parts:
             case ["v1", "calibrations", calibration_id, _]:
-                return _checked(client.certificate(calibration_id), place)
+                return _checked(client.certificate(calibration_id, amendment=amendment), place)
             case ["v1", "measurements", measurement_id, *_]:
                 return _checked(client.measurement_record(measurement_id), place)
             case ["v1", "rigs", rig_id, *_]:
@@ -108,6 +119,7 @@ def _read_folder(folder: Path) -> Data:
     return Data(
         folder=folder,
         certificate=certificate,
+        status=_read_json(folder / STATUS) if (folder / STATUS).exists() else {},
         readings=_read_json(folder / READINGS),
         panels=_read_json(folder / PANELS) if certificate.get("panels") else [],
         regions=_read_json(folder / REGIONS),

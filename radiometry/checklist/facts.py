@@ -87,14 +87,11 @@ class VersionFacts:
     ----------
     version : int
         Number of the version.
-    plot : str
-        Address of its plot.
     isos : tuple of IsoFacts
         Results, one per ISO value.
     """
 
     version: int
-    plot: str
     isos: tuple[IsoFacts, ...]
 
 

@@ -197,7 +197,6 @@ def _fit(facts: Facts) -> dict[str, Finding]:
     version = facts.version
     isos = version.isos if version else ()
     name = f"Version {version.version}" if version else ""
-    plot = version.plot if version else ""
     points = sum(iso.points for iso in isos)
     lacking = _lack_of_version(facts)
     said = {
@@ -205,7 +204,7 @@ def _fit(facts: Facts) -> dict[str, Finding]:
         "rhs": f"{name}: RHS = t S L / f^2 of {points} points, with L the luminance meter's reading: "
         "computed from the pixel intensity it would need the K it looks for. The fit in ln RHS is reported "
         "beside the others, as semilog.",
-        "plot": f"{name}: signal against RHS and ln RHS per ISO, {plot}.",
+        "plot": f"{name}: signal against RHS and ln RHS per ISO are plotted with it.",
         "regression": f"{name}: {'; '.join(map(_format_k, isos))}.",
     }
     return {f"calibration_{key}": _judge("version", lacking, text) for key, text in said.items()}

@@ -7,6 +7,23 @@ def _gap(code: str, sentence: str, remedy: str) -> Finding:
     return Finding(code, "warn", ("certificate",), sentence, remedy)
 
 
+APPROVER_MISSING = _gap(
+    "approver_missing",
+    "Nobody has signed: the key that published states no person. The certificate is marked as a draft.",
+    "State name and role with the key, on the page Organisation or with `stilb key change`, and publish "
+    "again: an amendment is issued.",
+)
+AUTHOR_MISSING = _gap(
+    "author_missing",
+    "The person who fitted is missing: the key that fitted states none.",
+    "State name and role with the key, on the page Organisation or with `stilb key change`, before you "
+    "publish.",
+)
+LABORATORY_NAME_MISSING = _gap(
+    "laboratory_name_missing",
+    "The laboratory's name is missing: the organisation still has the name that it was founded with.",
+    "Enter the name on the page Organisation, or with `stilb organisation --name`.",
+)
 LABORATORY_ADDRESS_MISSING = _gap(
     "laboratory_address_missing",
     "The address that is printed below the laboratory's name is missing.",

@@ -3,16 +3,30 @@
 from service.certificate.dataset import describe_dataset
 from service.certificate.dcc import write_dcc
 from service.certificate.document import build_certificate
-from service.certificate.publishing import warn_of_gaps
+from service.certificate.issuing import (
+    Backlog,
+    Prepared,
+    build_issued,
+    draw_preview,
+    find_issued,
+    gather,
+    prepare,
+)
 from service.certificate.report import lay_out_report
 from service.certificate.rig import build_rig_certificate, lay_out_rig
 
 __all__ = [
+    "Backlog",
+    "Prepared",
     "build_certificate",
+    "build_issued",
     "build_rig_certificate",
     "describe_dataset",
+    "draw_preview",
+    "find_issued",
+    "gather",
     "lay_out_report",
     "lay_out_rig",
-    "warn_of_gaps",
+    "prepare",
     "write_dcc",
 ]

@@ -5,12 +5,12 @@ from service.press.sheet import Node
 _FORMS = {"certificate.json": "application/json", "certificate.pdf": "application/pdf"}
 
 
-def describe_dataset(certificate: Node, *, address: str) -> Node:
+def describe_dataset(certificate: Node, *, address: str, validity: Node) -> Node:
     """Return a certificate as JSON-LD that needs no context from elsewhere.
 
-    ``address`` : of the version, where its certificate is.
+    ``address`` : of the version, where its certificate is. ``validity`` : of the version, as it stands now
     """
-    laboratory, item, validity = certificate["laboratory"], certificate["item"], certificate["validity"]
+    laboratory, item = certificate["laboratory"], certificate["item"]
     maker = {"@type": "Organization", **laboratory}
     published = certificate["published"][:1]
     described = {

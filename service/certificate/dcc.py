@@ -7,7 +7,7 @@ from typing import Final
 from radiometry.frame.lensfun import FORBIDDEN_IN_XML
 from radiometry.methods import get_method
 from service.press.pages import STAMPS
-from service.press.sheet import Node, write_json
+from service.press.sheet import Node
 
 _VERSION: Final = "3.1.2"
 _UNKNOWN: Final = "not recorded"
@@ -26,10 +26,10 @@ _UNITS: Final = {
 """What is counted, such as DN, pixels and stops, is of unit one."""
 
 
-def write_dcc(certificate: Node, *, country: str) -> bytes:
+def write_dcc(certificate: Node, *, country: str, state: str, document: bytes) -> bytes:
     """Write a certificate that has a customer and days, with its JSON as the document.
 
-    ``country`` : of the laboratory, two letters of ISO 3166.
+    ``country`` : of the laboratory, two letters of ISO 3166. ``state`` : which it is marked with
     """
     root = ET.Element("dcc:digitalCalibrationCertificate", schemaVersion=_VERSION)
     root.set("xmlns:dcc", "https://ptb.de/dcc")
@@ -43,17 +43,17 @@ def write_dcc(certificate: Node, *, country: str) -> bytes:
     _add_contact(contact, laboratory["name"], laboratory.get("address"), country)
     person = _add(_add(administrative, "respPersons"), "respPerson")
     _say(_add(person, "person"), "name", _find_person(certificate))
-    _add(person, "mainSigner", "true" if "signature" in certificate["checklist"] else "false")
+    _add(person, "mainSigner", "true" if "approved_by" in certificate else "false")
     _add_contact(_add(administrative, "customer"), certificate["work"]["customer"], None, None)
     statements = _add(administrative, "statements")
-    stamp = STAMPS[certificate["validity"]["state"]]
+    stamp = STAMPS[state]
     for words in [*([f"{stamp}."] if stamp else []), certificate["traceability"], *certificate["statements"]]:
         _say(_add(statements, "statement"), "declaration", words)
     _add_result(_add(_add(root, "measurementResults"), "measurementResult"), certificate)
-    document = _add(root, "document")
-    _add(document, "fileName", "certificate.json")
-    _add(document, "mimeType", "application/json")
-    _add(document, "dataBase64", base64.b64encode(write_json(certificate).encode()).decode())
+    attached = _add(root, "document")
+    _add(attached, "fileName", "certificate.json")
+    _add(attached, "mimeType", "application/json")
+    _add(attached, "dataBase64", base64.b64encode(document).decode())
     ET.indent(root)
     return b'<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode").encode()
 
@@ -159,10 +159,7 @@ def _add_quantity(quantity: ET.Element, row: Node) -> None:
 
 
 def _find_person(certificate: Node) -> str:
-    signature, published = certificate["checklist"].get("signature"), certificate["published"]
-    if signature:
-        return str(signature["name"])
-    return str(published[-1]["by"] if published else certificate["author"])
+    return str(certificate["approved_by"]["name"] if "approved_by" in certificate else certificate["author"])
 
 
 def _add_contact(contact: ET.Element, name: str, address: str | None, country: str | None) -> None:

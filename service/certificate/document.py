@@ -1,6 +1,6 @@
 """The certificate of a version, built from its calibration record. No value is changed here."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from datetime import date
 from typing import Any
 
@@ -9,8 +9,8 @@ from radiometry.frame.statistics import ChannelStatistics, measure_signal
 from radiometry.methods import get_method
 from radiometry.methods.findings import FINDINGS
 from service.certificate.gaps import list_gaps
-from service.certificate.words import format_traceability, format_vignetting, list_statements
-from service.schemas.calibrations import Gap
+from service.certificate.words import amend, format_traceability, format_vignetting, list_statements
+from service.schemas.calibrations import Gap, PersonAnswer
 from service.schemas.certificates import (
     Budget,
     CertificateAnswer,
@@ -19,6 +19,7 @@ from service.schemas.certificates import (
     Checklist,
     DaysFrom,
     FlagInWords,
+    Issued,
     Item,
     Laboratory,
     PublishedBy,
@@ -35,6 +36,7 @@ from service.schemas.certificates import (
 from service.schemas.equipment import CameraAnswer
 from store.codec import drop_absent, encode_statistics
 from store.queries.calibration_record import CalibrationRecord
+from store.queries.keys import Person, name_laboratory
 from store.statements import state_budgets, state_coefficients
 from store.tables import Calibration
 
@@ -95,8 +97,14 @@ SCHEMA_VERSION = 1
 _SI = {"luminance": "cd/m2", "illuminance": "lx"}
 
 
-def build_certificate(record: CalibrationRecord) -> CertificateAnswer:
-    """Build the whole document, with the items that it lacks."""
+def build_certificate(
+    record: CalibrationRecord,
+    *,
+    issued: Issued | None = None,
+    approved_by: Person | None = None,
+    published: Sequence[PublishedBy] = (),
+) -> CertificateAnswer:
+    """Build the whole document, with the items that it lacks; a draft unless it is being issued."""
     row = record.calibration
     meters, panels = describe_meters(record), _panels(record)
     spec = get_method(row.method)
@@ -107,7 +115,9 @@ def build_certificate(record: CalibrationRecord) -> CertificateAnswer:
     certificate = CertificateAnswer(
         schema_version=SCHEMA_VERSION,
         title="Certificate of calibration",
-        number=_number(record, row),
+        number=f"{_number(record, row)}-amendment-{issued.amends.amendment}"
+        if issued and issued.amends
+        else _number(record, row),
         calibration_id=row.id,
         content_sha256=row.content_sha256,
         version=row.version,
@@ -115,7 +125,7 @@ def build_certificate(record: CalibrationRecord) -> CertificateAnswer:
         procedure=text.procedure,
         equation=text.equation,
         configuration=row.configuration,
-        laboratory=Laboratory.restate(record.organisation),
+        laboratory=Laboratory.restate(record.organisation, name=name_laboratory(record.organisation)),
         item=_item(record),
         work=describe_work(record),
         meters=meters,
@@ -137,13 +147,27 @@ def build_certificate(record: CalibrationRecord) -> CertificateAnswer:
         checklist=_checklist(record),
         software={**row.software, "extractor": row.inputs["extractor"]},
         author=_name(record, row.created_by),
+        fitted_by=PersonAnswer.restate(record.fitted_by) if record.fitted_by else None,
+        approved_by=PersonAnswer.restate(approved_by) if approved_by else None,
         created_at=row.created_at,
-        published=_published(record),
-        validity=_validity(record),
-        statements=list_statements(spec, vignetting, row.parameters, result),
+        issued=issued,
+        published=list(published),
+        validity=Validity.restate(published[-1], state="published") if issued else _validity(record),
+        statements=[
+            *([amend(issued.amends, published[-1].reason)] if issued and issued.amends else []),
+            *list_statements(spec, vignetting, row.parameters, result),
+        ],
     )
     gaps = [Gap(code=found.code, message=found.message) for found in list_gaps(certificate)]
     return certificate.model_copy(update={"gaps": gaps})
+
+
+def list_published(record: CalibrationRecord) -> list[PublishedBy]:
+    """Return every publication of a version, oldest first."""
+    return [
+        PublishedBy.restate(act.publication, by=_name(record, act.by), at=act.publication.known_from)
+        for act in record.acts
+    ]
 
 
 def _item(record: CalibrationRecord) -> Item:
@@ -158,7 +182,7 @@ def _number(record: CalibrationRecord, version: Calibration) -> str:
 
 
 def _name(record: CalibrationRecord, key_id: str) -> str:
-    """Return the name of the key that acted; a process that acted without a key is named as it is."""
+    """Return the person whose key acted; a process that acted without a key is named as it is."""
     return record.names.get(key_id, key_id)
 
 
@@ -238,13 +262,6 @@ def _checklist(record: CalibrationRecord) -> Checklist:
     )
 
 
-def _published(record: CalibrationRecord) -> list[PublishedBy]:
-    return [
-        PublishedBy.restate(act.publication, by=_name(record, act.by), at=act.publication.known_from)
-        for act in record.acts
-    ]
-
-
 def _validity(record: CalibrationRecord) -> Validity:
     status, revocation = record.status, record.revocation
     revoked = None
@@ -254,8 +271,4 @@ def _validity(record: CalibrationRecord) -> Validity:
             at=revocation.revoked_at,
             reason=revocation.reason,
         )
-    return Validity.restate(
-        status,
-        superseded_by_number=_number(record, record.successor) if record.successor else None,
-        revoked=revoked,
-    )
+    return Validity.restate(status, revoked=revoked)

@@ -7,6 +7,7 @@ from radiometry.findings import Finding, gaps
 from radiometry.methods import get_method
 from radiometry.methods.findings import FINDINGS
 from service.schemas.certificates import CertificateAnswer, UsedMeter
+from store.queries.keys import UNNAMED_LABORATORY
 
 _MOST_NAMED = 3
 
@@ -23,7 +24,7 @@ def list_gaps(certificate: CertificateAnswer) -> list[Found]:
     """Return every missing item of a certificate, in the order of the printed pages.
 
     What the record cannot contain is entered once, on the campaign and the organisation, and is missing until
-    then. The authorisation is never missing: it is the publication itself.
+    then.
     """
     return [
         *_unnamed(certificate),
@@ -38,7 +39,23 @@ def _unnamed(certificate: CertificateAnswer) -> Iterator[Found]:
     """Check 7.8.2.1 b, c, e, g, i, o and 7.8.4.1 b: the items that a person has to enter."""
     work = certificate.work
     lens = certificate.item.lens or not get_method(certificate.method).certificate.holds_for_lens or None
+    name = certificate.laboratory.name
     for value, code, message in (
+        (
+            certificate.approved_by if certificate.published else "a draft",
+            gaps.APPROVER_MISSING,
+            "Nobody signs it. State your name and role with your key (page Organisation, stilb key change).",
+        ),
+        (
+            certificate.fitted_by,
+            gaps.AUTHOR_MISSING,
+            "Who fitted is missing. State name and role with the key (page Organisation, stilb key change).",
+        ),
+        (
+            None if name == UNNAMED_LABORATORY else name,
+            gaps.LABORATORY_NAME_MISSING,
+            "The laboratory's name is missing. Enter it on the page Organisation (stilb organisation).",
+        ),
         (
             certificate.laboratory.address,
             gaps.LABORATORY_ADDRESS_MISSING,

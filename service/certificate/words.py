@@ -4,7 +4,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from radiometry.specification.method import MethodSpec, Scope
-from service.schemas.certificates import UsedMeter, UsedPanel
+from service.schemas.base import rfc3339
+from service.schemas.certificates import Amended, UsedMeter, UsedPanel
 
 RELATES = (
     "This certificate relates only to the item named on it, in the state in which it was calibrated, and "
@@ -30,6 +31,14 @@ _RELATIVE = (
     "certificate would give is stated under Flags."
 )
 WHOLE = "This certificate may be reproduced only in full."
+
+
+def amend(amends: Amended, reason: str) -> str:
+    """Return the statement that identifies an amendment, as ISO/IEC 17025, 7.8.8, asks."""
+    return (
+        f"Amendment {amends.amendment} to certificate {amends.number}, issued {rfc3339(amends.issued_at)}, "
+        f"which is kept as it was issued. Reason: {reason}"
+    )
 
 
 def list_statements(

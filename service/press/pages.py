@@ -13,7 +13,7 @@ from service.press.results import result_sections
 from service.press.sheet import Node, facts, flow, section, table, write_json
 
 STAMPS = {
-    "draft": "Draft: not authorised",
+    "draft": "Draft: nobody has signed",
     "revoked": "Revoked",
     "superseded": "Superseded",
     "published": "",
@@ -30,10 +30,16 @@ def front_matter(certificate: Node, state: str) -> Node:
     return same | {"attached": write_json(certificate), "stamp": STAMPS[state]}
 
 
+def find_state(certificate: Node) -> str:
+    """Return the state that a certificate is marked with; one that nobody has signed stays a draft."""
+    state: str = certificate["validity"]["state"]
+    return "draft" if state == "published" and "approved_by" not in certificate else state
+
+
 def lay_out(certificate: Node, preview: str) -> Node:
     """Return everything that the template sets. ``preview`` : an SVG of a frame with the region, or ""."""
     is_curve = get_method(certificate["method"]).certificate.layout == "curve"
-    return front_matter(certificate, certificate["validity"]["state"]) | {
+    return front_matter(certificate, find_state(certificate)) | {
         "item": _item(certificate),
         "work": list_work(certificate),
         "results": _summary(certificate) if is_curve else general.summarise(certificate),
@@ -123,23 +129,31 @@ def _sentences(certificate: Node) -> list[str]:
 
 def _authority(certificate: Node) -> list[list[str]]:
     validity = certificate["validity"]
-    rows = [["Calibrated", f"{certificate['author']}, {stamp(certificate['created_at'])}"]]
+    fitted_by = _name(certificate.get("fitted_by"), certificate["author"])
+    rows = [["Calibrated", f"{fitted_by}, {stamp(certificate['created_at'])}"]]
     for act in certificate["published"]:
         end = f"to {stamp(act['valid_to'])}" if "valid_to" in act else "on"
-        text = f"{act['by']}, {stamp(act['at'])}: {act['reason']} (from {stamp(act['valid_from'])} {end})"
-        rows.append(["Published", text])
+        by = _name(certificate.get("approved_by"), act["by"])
+        text = f"{by}, {stamp(act['at'])}: {act['reason']} (from {stamp(act['valid_from'])} {end})"
+        rows.append(["Approved" if "approved_by" in certificate else "Published", text])
+    issued = certificate.get("issued", {})
+    if issued.get("at_upgrade"):
+        when = "at an upgrade of the service: the version was published before certificates were kept"
+        rows.append(["Issued", f"{stamp(issued['at'])}, {when}"])
     if "valid_from" in validity:
         start = stamp(validity["valid_from"])
         end = f"to {stamp(validity['valid_to'])}" if "valid_to" in validity else "until superseded or revoked"
         rows.append(["Valid", f"from {start} {end}"])
-    if "superseded_by" in validity:
-        rows.append(["Superseded by", f"certificate {validity['superseded_by_number']}"])
     if "revoked" in validity:
         revoked = validity["revoked"]
         rows.append(["Revoked", f"{revoked['by']}, {stamp(revoked['at'])}: {revoked['reason']}"])
     if not certificate["published"]:
         rows.append(["Published", "no; this is a draft"])
     return rows
+
+
+def _name(person: Node | None, unnamed: str) -> str:
+    return f"{person['name']}, {person['role']}" if person else unnamed
 
 
 def list_flag(flag: Node) -> list[str]:
@@ -162,7 +176,7 @@ def _checklist(certificate: Node) -> Node:
     signed = "Not signed."
     if signature:
         when = stamp(signature["signed_at"])
-        signed = f"Signed by {signature['name']} with the key “{signature['signed_by']}” on {when}."
+        signed = f"Signed by {signature['name']} on {when}."
     lines = table(["", "item", "done by, time"], rows, align="lll", widths=[0.3, 7, 2.4])
     return section("Checklist of the procedure", [lines, flow(signed)])
 

@@ -16,7 +16,7 @@ from radiometry import methods
 from radiometry.findings import interface
 from radiometry.fitting.evidence import Exclusion
 from service.auth import Calibrator, Caller, Publisher, Reader
-from service.certificate import warn_of_gaps
+from service.certificate import prepare
 from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.immutable import immutable_headers, not_modified, standing_headers
@@ -30,6 +30,7 @@ from service.routes import problems, sends_file
 from service.schemas.calibrations import (
     IN_FORCE,
     CalibrationAnswer,
+    IssuedAnswer,
     NewPublication,
     NewRevocation,
     State,
@@ -44,11 +45,12 @@ from store.codec import encode
 from store.falloff import choose_falloff
 from store.fits import leave_out_doubtful, list_missing, make_params
 from store.impact import list_touched
+from store.issued import keep_issued, list_issued
 from store.queries.calibrations import coefficients_of, history, read_version_statuses
 from store.queries.campaigns import count_being_read
 from store.queries.evidence import Evidence, gather
 from store.queries.flight import list_flight, suggest_validity
-from store.tables import Calibration, Camera, Campaign, Panel
+from store.tables import Calibration, Camera, Campaign, Panel, Publication
 
 router = Router(prefix="/v1", tags=["calibrations"])
 
@@ -203,30 +205,35 @@ async def get_plot_svg(
     response_model=CalibrationAnswer,
     responses=problems(404, 409),
 )
-def publish_calibration(
+async def publish_calibration(
     calibration_id: Id, body: NewPublication, caller: Publisher, context: UsesContext, writing: Writes
 ) -> Response:
     """Put a version in force in [valid_from, valid_to). It replaces what was in force there.
 
-    `warnings` name what its certificate lacks of what ISO/IEC 17025 asks for.
+    Its certificate is issued with it, and kept: the answer waits until its pages are set. A version that is
+    published again is issued an amendment; the original stays. `warnings` name what the certificate lacks of
+    what ISO/IEC 17025 asks for.
     """
 
     def change(session: Session) -> Reply:
         calibration = owned(session, Calibration, calibration_id, caller)
-        warnings = warn_of_gaps(session, calibration, record)
-        publications.publish(
+        publication = publications.publish(
             session,
             calibration,
             valid_from=body.valid_from,
             valid_to=body.valid_to,
             reason=body.reason,
         )
-        return Reply(status=200, body=_answer(session, calibration).model_copy(update={"warnings": warnings}))
+        keep_issued(session, publication, prepared.printed)
+        answer = _answer(session, calibration)
+        return Reply(status=200, body=answer.model_copy(update={"warnings": prepared.gaps}))
 
-    with context.database.reading() as reading:
-        campaign_id = owned(reading, Calibration, calibration_id, caller).campaign_id
-        record = context.reviews.find(reading, campaign_id).record
-    return writing.run(caller, change)
+    if (earlier := await run_in_threadpool(writing.replay, caller)) is not None:
+        return earlier
+    prepared = await to_thread.run_sync(
+        prepare, context, calibration_id, caller, body, limiter=context.presses
+    )
+    return await run_in_threadpool(writing.run, caller, change)
 
 
 @router.post(
@@ -263,7 +270,7 @@ def _read_params(
                 f"exclude.{index}.frame_id: this campaign has no such frame in use.",
             )
         name = evidence.names[exclusion.frame_id]
-        exclusions.append(Exclusion(frame=name, reason=exclusion.reason, by=caller.key_name))
+        exclusions.append(Exclusion(frame=name, reason=exclusion.reason, by=caller.named))
     said["exclude"] = tuple(sorted(exclusions, key=lambda e: e.frame))
     corrector = methods.get_method(campaign.method).corrected_by
     asked = said.pop(corrector, None) if corrector else None
@@ -291,6 +298,10 @@ def _answer(session: Session, calibration: Calibration) -> CalibrationAnswer:
     status = read_version_statuses(session, [calibration.id])[calibration.id]
     coefficients = coefficients_of(session, [calibration.id])[calibration.id]
     answer = CalibrationAnswer.of(calibration, status, coefficients, whole=True)
+    answer.certificates = [
+        IssuedAnswer.restate(each, reason=session.get_one(Publication, each.publication_id).reason)
+        for each in list_issued(session, calibration.id)
+    ]
     if status.state == "draft":
         start, end = suggest_validity(session, calibration)
         answer.suggested_validity = SuggestedValidity(valid_from=start, valid_to=end)

@@ -1,39 +1,58 @@
 """The certificate of a version: as JSON, and the same as PDF."""
 
 import hashlib
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Annotated
 
 from anyio import to_thread
 from fastapi import Query, Request, Response
+from fastapi.concurrency import run_in_threadpool
 from pydantic import Field
-from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
 from service.auth import Caller, Reader
-from service.certificate import build_certificate, describe_dataset, write_dcc
+from service.certificate import (
+    build_certificate,
+    describe_dataset,
+    draw_preview,
+    find_issued,
+    gather,
+    write_dcc,
+)
 from service.context import Context, UsesContext
 from service.hosts import absolute
-from service.immutable import not_modified, standing_headers
+from service.immutable import not_modified, send_blob, standing_headers
 from service.lookup import Id, owned
 from service.messages import COUNTRY
 from service.operations import Router
 from service.press.kept import find_rendered, name_source, render_and_keep
 from service.press.orders import Order, order_certificate, write_order
-from service.press.regions import draw_region
+from service.press.pages import find_state
 from service.press.sheet import Node, write_json
-from service.problems import Problem
+from service.problems import Problem, not_found
 from service.routes import UNCHANGED, problems, sends_file, sends_stored_file
 from service.schemas.base import Form
-from service.schemas.certificates import CertificateAnswer
-from store.files import Files
-from store.queries.calibration_record import CalibrationRecord, read_calibration_record
-from store.tables import Calibration
+from service.schemas.certificates import CertificateAnswer, Validity
+from store.blobs import BlobDamaged
+from store.issued import is_published, list_issued
+from store.queries.calibration_record import CalibrationRecord
+from store.queries.calibrations import read_version_statuses
+from store.tables import Calibration, IssuedCertificate
 
 router = Router(prefix="/v1/calibrations/{calibration_id}", tags=["certificates"])
 
 
-class DccOptions(Form):
+class Chosen(Form):
+    """Which of the certificates that were issued of a version."""
+
+    amendment: int = Field(
+        default=0, ge=0, description="The number of an amendment; without it, the original."
+    )
+
+
+class DccOptions(Chosen):
     """Entries of a DCC that the certificate lacks."""
 
     country: str = Field(
@@ -41,68 +60,104 @@ class DccOptions(Form):
     )
 
 
-@router.get("/certificate.json", response_model=CertificateAnswer, responses={**UNCHANGED, **problems(404)})
-def get_certificate(calibration_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
+@router.get(
+    "/certificate.json",
+    response_model=CertificateAnswer,
+    responses={**UNCHANGED, **problems(404, 416, 500)},
+)
+async def get_certificate(
+    calibration_id: Id,
+    query: Annotated[Chosen, Query()],
+    request: Request,
+    caller: Reader,
+    context: UsesContext,
+) -> Response:
     """Everything that a laboratory hands out with a calibration, and what is needed to recompute it.
 
-    Its figures never change; who published or revoked it and what was ticked may: the ETag follows all of it.
+    Of a published version these are the bytes that were issued with its publication. What was decided since
+    stands with the version, which the header `Link` names (rel `status`). Of a draft it is derived when it is
+    read: the ETag follows all of it.
     """
-    with context.database.reading() as session:
-        certificate = build_certificate(_gather(context, session, calibration_id, caller)).dump()
-    return send_certificate_json(request, certificate)
+    issued = await _find(context, calibration_id, caller, query.amendment)
+
+    def send() -> Response:
+        if issued is not None:
+            return _send_issued(request, context, issued, issued.json_sha256, "application/json", {})
+        return send_certificate_json(request, _derive(context, calibration_id)[0])
+
+    return await run_in_threadpool(send)
 
 
 @router.get("/certificate.pdf", response_class=Response, responses=sends_stored_file("application/pdf"))
 async def get_certificate_pdf(
-    calibration_id: Id, request: Request, caller: Reader, context: UsesContext
+    calibration_id: Id,
+    query: Annotated[Chosen, Query()],
+    request: Request,
+    caller: Reader,
+    context: UsesContext,
 ) -> Response:
     """The certificate on paper (PDF/A-3): the very numbers of certificate.json, with plots and the region.
 
-    certificate.json is attached to it, byte for byte.
+    certificate.json is attached to it, byte for byte; of a published version it is kept as issued, too.
 
     A table of more than 200 rows ends with a sentence that says so; certificate.json holds all of them.
     """
+    issued = await _find(context, calibration_id, caller, query.amendment)
+    if issued is not None:
+        named, sha256 = _name_pdf(issued.number), issued.pdf_sha256
+        return await run_in_threadpool(
+            _send_issued, request, context, issued, sha256, "application/pdf", named
+        )
 
     def order() -> tuple[str, Order]:
-        with context.database.reading() as session:
-            record = _gather(context, session, calibration_id, caller)
-        certificate = build_certificate(record).dump()
-        return certificate["number"], order_certificate(certificate, _draw_preview(record, context.files))
+        certificate, record = _derive(context, calibration_id)
+        return certificate["number"], order_certificate(certificate, draw_preview(record, context.files))
 
     return await send_pdf(request, context, order)
 
 
 @router.get("/certificate.xml", response_class=Response, responses=sends_file("application/xml"))
-def get_certificate_dcc(
+async def get_certificate_dcc(
     calibration_id: Id,
     query: Annotated[DccOptions, Query()],
     request: Request,
     caller: Reader,
     context: UsesContext,
 ) -> Response:
-    """The certificate as a Digital Calibration Certificate (DCC 3.1.2).
+    """The certificate as a Digital Calibration Certificate (DCC 3.1.2), marked as the version stands now.
 
     certificate.json is its document. A DCC needs a customer and the days of the work: 422 without.
     """
-    with context.database.reading() as session:
-        certificate = build_certificate(_gather(context, session, calibration_id, caller)).dump()
-    missing = {"customer": "customer", "first_day": "started_at"}
-    lacking = [name for member, name in missing.items() if member not in certificate["work"]]
-    if lacking:
-        detail = f"A DCC needs more details of the campaign: enter its {' and '.join(lacking)}."
-        raise Problem(interface.VALIDATION_FAILED, detail)
-    return _answer(request, write_dcc(certificate, country=query.country), "application/xml")
+    issued = await _find(context, calibration_id, caller, query.amendment)
+
+    def send() -> Response:
+        certificate, document, validity = _read(context, calibration_id, issued)
+        missing = {"customer": "customer", "first_day": "started_at"}
+        lacking = [name for member, name in missing.items() if member not in certificate["work"]]
+        if lacking:
+            detail = f"A DCC needs more details of the campaign: enter its {' and '.join(lacking)}."
+            raise Problem(interface.VALIDATION_FAILED, detail)
+        state = find_state(certificate | {"validity": validity})
+        dcc = write_dcc(certificate, country=query.country, state=state, document=document)
+        return _answer(request, dcc, "application/xml")
+
+    return await run_in_threadpool(send)
 
 
 @router.get("/dataset.jsonld", response_class=Response, responses=sends_file("application/ld+json"))
-def get_dataset_jsonld(
+async def get_dataset_jsonld(
     calibration_id: Id, request: Request, caller: Reader, context: UsesContext
 ) -> Response:
     """The certificate as a schema.org Dataset with Dublin Core terms (JSON-LD), for a catalogue."""
-    with context.database.reading() as session:
-        certificate = build_certificate(_gather(context, session, calibration_id, caller)).dump()
-    described = describe_dataset(certificate, address=absolute(request, f"/v1/calibrations/{calibration_id}"))
-    return _answer(request, write_json(described).encode(), "application/ld+json")
+    issued = await _find(context, calibration_id, caller, 0)
+
+    def send() -> Response:
+        certificate, _, validity = _read(context, calibration_id, issued)
+        address = absolute(request, f"/v1/calibrations/{calibration_id}")
+        described = describe_dataset(certificate, address=address, validity=validity)
+        return _answer(request, write_json(described).encode(), "application/ld+json")
+
+    return await run_in_threadpool(send)
 
 
 def send_certificate_json(request: Request, certificate: Node) -> Response:
@@ -115,38 +170,85 @@ async def send_pdf(request: Request, context: Context, order: Callable[[], tuple
 
     def make() -> Response:
         number, ordered = order()
-        name = "".join(c if c.isascii() and (c.isalnum() or c in "-_.") else "_" for c in number)
-        headers = {"Content-Disposition": f'inline; filename="{name}.pdf"'}
         written = write_order(ordered)
         source = name_source(written)
         pdf = find_rendered(context, source) or render_and_keep(context, source, written)
-        return _answer(request, pdf, "application/pdf", headers)
+        return _answer(request, pdf, "application/pdf", _name_pdf(number))
 
     return await to_thread.run_sync(make, limiter=context.presses)
 
 
-def _gather(context: Context, session: Session, calibration_id: str, caller: Caller) -> CalibrationRecord:
-    calibration = owned(session, Calibration, calibration_id, caller)
-    state = context.reviews.find(session, calibration.campaign_id).record
-    return read_calibration_record(session, calibration, state)
+async def _find(
+    context: Context, calibration_id: str, caller: Caller, amendment: int
+) -> IssuedCertificate | None:
+    """Return what was issued of the caller's version; None of a draft."""
+
+    def find() -> list[IssuedCertificate] | None:
+        with context.database.reading() as session:
+            owned(session, Calibration, calibration_id, caller)
+            found = list_issued(session, calibration_id)
+            return None if not found and is_published(session, calibration_id) else found
+
+    found = await run_in_threadpool(find)
+    if found is None:
+        found = await to_thread.run_sync(find_issued, context, calibration_id, limiter=context.presses)
+    if amendment and amendment >= len(found):
+        raise not_found("amendment")
+    return found[amendment] if found else None
 
 
-def _draw_preview(record: CalibrationRecord, files: Files) -> str:
-    """The largest frame of something lit that has a preview, with the region in which it was measured."""
-    inputs = record.calibration.inputs
-    shown = [
-        (size_px, sha256, used["roi_sha256"])
-        for used in inputs["frames"]
-        if used["role"] != "dark"
-        and (size_px := record.frames[used["sha256"]].size_px)
-        and (sha256 := record.frames[used["sha256"]].preview_sha256)
-    ]
-    if not shown:
-        return ""
-    (width_px, height_px), sha256, key = max(shown, key=lambda one: one[0][0] * one[0][1])
-    png = b"".join(files.open(sha256)[1])
-    parts = inputs.get("roi_parts", {}).get(key) or [{"points": inputs["rois"][key]}]
-    return draw_region(png, width_px, height_px, [part["points"] for part in parts])
+def _read(
+    context: Context, calibration_id: str, issued: IssuedCertificate | None
+) -> tuple[Node, bytes, Node]:
+    """Return a certificate, its bytes, and how its version stands now."""
+    with context.database.reading() as session:
+        status = read_version_statuses(session, [calibration_id])[calibration_id]
+    if issued is None:
+        certificate, _ = _derive(context, calibration_id)
+        content = write_json(certificate).encode()
+    else:
+        with _naming(issued):
+            content = b"".join(context.files.open(issued.json_sha256)[1])
+        certificate = json.loads(content)
+    return certificate, content, Validity.restate(status).dump()
+
+
+def _derive(context: Context, calibration_id: str) -> tuple[Node, CalibrationRecord]:
+    """Return the certificate of a draft, and what it is derived from."""
+    with context.database.reading() as session:
+        record = gather(context, session, session.get_one(Calibration, calibration_id))
+    return build_certificate(record).dump(), record
+
+
+def _send_issued(
+    request: Request,
+    context: Context,
+    issued: IssuedCertificate,
+    sha256: str,
+    media_type: str,
+    headers: dict[str, str],
+) -> Response:
+    status = {"Link": f'</v1/calibrations/{issued.calibration_id}>; rel="status"'}
+    with _naming(issued):
+        return send_blob(request, context.files, sha256, media_type, {**status, **headers})
+
+
+@contextmanager
+def _naming(issued: IssuedCertificate) -> Iterator[None]:
+    """Name the certificate if its file is damaged: no upload brings it back."""
+    try:
+        yield
+    except BlobDamaged as damage:
+        raise Problem(
+            interface.STORED_FILE_DAMAGED,
+            f"The stored file {damage.sha256} of certificate {issued.number} is {damage.damage}, and nothing "
+            "is handed out in its place. The operator of the service restores it from a backup or an export.",
+        ) from damage
+
+
+def _name_pdf(number: str) -> dict[str, str]:
+    name = "".join(c if c.isascii() and (c.isalnum() or c in "-_.") else "_" for c in number)
+    return {"Content-Disposition": f'inline; filename="{name}.pdf"'}
 
 
 def _answer(

@@ -145,7 +145,7 @@ def apply_change(session: Session, frame: FrameRow, body: FrameChange, caller: C
     if "scene" in said:
         frame.scene = said.pop("scene") or None
     if (left_out := said.pop("left_out", None)) is not None:
-        reason = {"reason": body.reason or "Left out in the grid.", "by": caller.key_name}
+        reason = {"reason": body.reason or "Left out in the grid.", "by": caller.named}
         frame.left_out = reason if left_out else None
     changed = False
     if (withdrawn := said.pop("withdrawn", None)) is not None and withdrawn != (

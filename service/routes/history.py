@@ -5,16 +5,19 @@ from typing import Annotated
 from fastapi import Query, Response
 
 from service.auth import Reader
+from service.certificate import build_issued, gather
 from service.context import UsesContext
 from service.lookup import Id, owned
 from service.operations import Router
 from service.routes import problems
 from service.schemas.base import Answer, Instant, Method
+from service.schemas.calibrations import NewPublication
 from service.schemas.history import ImpactAnswer
 from service.schemas.validity import LifetimeAnswer, ValidityAnswer
 from store.columns import utc_now
 from store.impact import assess, find_in_force
-from store.queries.decisions import Decision, key_names, list_decisions
+from store.queries.decisions import Decision, list_decisions
+from store.queries.keys import name_people
 from store.queries.validity import list_lifetimes
 from store.tables import Calibration, Camera
 
@@ -48,22 +51,22 @@ def get_impact(
     instant = at or utc_now()
     with context.database.reading() as session:
         calibration = owned(session, Calibration, calibration_id, caller)
-        against = find_in_force(session, calibration, instant)
+        against, own = find_in_force(session, calibration, instant), f"version {calibration.version}"
         if against is None:
-            said = (
-                f"Nothing is in force then: version {calibration.version} would be the first for that time."
-            )
-            return ImpactAnswer.of(calibration, instant, said, None).respond()
-        if against.calibration.id == calibration.id:
-            said = (
-                f"Version {calibration.version} itself is in force then: publishing it changes nothing there."
-            )
+            said = f"Nothing is in force then: {own} would be the first for that time."
+        elif against.calibration.id == calibration.id:
+            said = f"{own.capitalize()} itself is in force then: publishing it changes nothing there."
         else:
             said = (
                 f"Version {against.calibration.version} is in force then: "
-                f"publishing version {calibration.version} would take its place."
+                f"publishing {own} would take its place."
             )
-        return ImpactAnswer.of(calibration, instant, said, assess(session, calibration, against)).respond()
+        found = assess(session, calibration, against) if against else None
+        record = gather(context, session, calibration)
+        publication = NewPublication(valid_from=instant, reason=said)
+        answer = ImpactAnswer.of(calibration, instant, said, found)
+        answer.warnings = build_issued(session, record, caller, publication).gaps
+    return answer.respond()
 
 
 @router.get("/cameras/{camera_id}/decisions", response_model=DecisionsAnswer, responses=problems(404))
@@ -72,7 +75,7 @@ def list_camera_decisions(camera_id: Id, caller: Reader, context: UsesContext) -
     with context.database.reading() as session:
         owned(session, Camera, camera_id, caller)
         found = list_decisions(session, camera_id)
-        names = key_names(session, caller.organisation_id)
+        names = name_people(session, caller.organisation_id)
     return DecisionsAnswer(items=[DecisionAnswer.of(row, names) for row in found]).respond()
 
 
@@ -93,5 +96,5 @@ def get_camera_validity(
     with context.database.reading() as session:
         owned(session, Camera, camera_id, caller)
         found = list_lifetimes(session, camera_id, method, known)
-        names = key_names(session, caller.organisation_id)
+        names = name_people(session, caller.organisation_id)
     return ValidityAnswer(known_at=known, items=[LifetimeAnswer.of(row, names) for row in found]).respond()

@@ -15,9 +15,17 @@ from service.operations import Router
 from service.paging import Page, UsesPaging
 from service.problems import Problem, invalid
 from service.routes import problems
-from service.schemas.keys import KeyAnswer, NewKey, NewOrganisation, OrganisationAnswer, OwnKeyAnswer
+from service.routes.organisation import require_free_name
+from service.schemas.keys import (
+    KeyAnswer,
+    KeyChange,
+    NewKey,
+    NewOrganisation,
+    OrganisationAnswer,
+    OwnKeyAnswer,
+)
 from store.columns import utc_now
-from store.queries.keys import create_key, end_sessions, has_other_admin, new_secret
+from store.queries.keys import Person, create_key, end_sessions, has_other_admin, new_secret
 from store.tables import ApiKey, Organisation
 
 router = Router(prefix="/v1", tags=["keys"])
@@ -32,8 +40,7 @@ def create_organisation(body: NewOrganisation, caller: Admin, writing: Writes) -
         )
 
     def change(session: Session) -> Reply:
-        if session.scalar(select(Organisation).where(Organisation.name == body.name)):
-            raise Problem(interface.CONFLICT, f"The organisation {body.name!r} exists already.")
+        require_free_name(session, body.name)
         organisation = Organisation(name=body.name)
         session.add(organisation)
         session.flush()
@@ -68,6 +75,24 @@ def get_own_key(caller: Annotated[Caller, Depends(get_caller)], context: UsesCon
         return OwnKeyAnswer.restate(key, organisation=organisation).respond()
 
 
+@router.patch("/keys/{key_id}", response_model=KeyAnswer, responses=problems(404))
+def change_key(key_id: Id, body: KeyChange, caller: Admin, writing: Writes) -> Response:
+    """State the person behind a key, with name and role ("" for none). Issued certificates stay as they are.
+
+    Whoever publishes with the key signs the certificates that are issued then.
+    """
+
+    def change(session: Session) -> Reply:
+        key = owned(session, ApiKey, key_id, caller)
+        for name, value in body.model_dump(exclude_unset=True).items():
+            setattr(key, name, value or None)
+        _require_both(key.person, key.role)
+        session.flush()
+        return Reply(status=200, body=KeyAnswer.restate(key))
+
+    return writing.run(caller, change)
+
+
 @router.delete("/keys/{key_id}", response_model=KeyAnswer, responses=problems(404, 409))
 def revoke_key(key_id: Id, caller: Admin, writing: Writes) -> Response:
     """Revoke a key at once, and end the sessions opened with it. It stays in the record.
@@ -94,12 +119,22 @@ def _create(session: Session, organisation_id: str, new: NewKey) -> KeyAnswer:
     if new.expires_at is not None and new.expires_at <= utc_now():
         message = "lies in the past: such a key would open nothing"
         raise invalid([{"type": "expiry", "loc": ("body", "expires_at"), "msg": message}])
+    _require_both(new.person, new.role)
     key = create_key(
         session,
         organisation_id=organisation_id,
         name=new.name,
+        person=Person(new.person, new.role) if new.person and new.role else None,
         scopes=list(new.scopes),
         secret=secret,
         expires_at=new.expires_at,
     )
     return KeyAnswer.restate(key, secret=secret)
+
+
+def _require_both(person: str | None, role: str | None) -> None:
+    """Refuse half a signature."""
+    if bool(person) != bool(role):
+        lacking = "role" if person else "person"
+        message = "is missing: a certificate names a person with name and role"
+        raise invalid([{"type": "person", "loc": ("body", lacking), "msg": message}])

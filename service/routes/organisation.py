@@ -4,20 +4,24 @@ from typing import Any
 
 from fastapi import Response
 from pydantic import Field
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from radiometry.findings import interface
 from service.auth import Admin, Reader
 from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.operations import Router
+from service.problems import Problem
 from service.routes import problems
-from service.schemas.base import Answer, ClearableLong, ClearableZone, Form
+from service.schemas.base import Answer, ClearableLong, ClearableZone, Form, Text
 from store.settings import Settings
 from store.tables import Organisation
 from store.usage import Quotas, Used, read_usage
 
 
 class OrganisationChange(Form):
+    name: Text | None = Field(default=None, description="Of your laboratory, as certificates print it.")
     address: ClearableLong | None = Field(
         default=None, description="Of your laboratory, as certificates print it."
     )
@@ -31,6 +35,13 @@ class OrganisationChange(Form):
         description="Of the clocks of your cameras, for files that state no offset and campaigns that state "
         "no other: an IANA name or an offset. Files of Parrot and MicaSense cameras are in UTC.",
     )
+
+
+def require_free_name(session: Session, name: str, *, but: str = "") -> None:
+    """Refuse a name that another organisation has."""
+    taken = select(Organisation.id).where(Organisation.name == name, Organisation.id != but)
+    if session.scalar(taken) is not None:
+        raise Problem(interface.CONFLICT, f"The organisation {name!r} exists already.")
 
 
 class UsageAnswer(Answer):
@@ -78,12 +89,14 @@ def get_organisation(caller: Reader, context: UsesContext) -> Any:  # noqa: ANN4
     return OwnOrganisationAnswer.restate(row, usage=usage).respond()
 
 
-@router.patch("", response_model=OwnOrganisationAnswer, responses=problems())
+@router.patch("", response_model=OwnOrganisationAnswer, responses=problems(409))
 def change_organisation(body: OrganisationChange, caller: Admin, writing: Writes) -> Response:
-    """Set the address on certificates, the time zone of the cameras ("" for none), and what is refused."""
+    """Set name and address of certificates, the time zone of cameras ("" for none), and what is refused."""
 
     def change(session: Session) -> Reply:
         organisation = session.get_one(Organisation, caller.organisation_id)
+        if body.name is not None:
+            require_free_name(session, body.name, but=organisation.id)
         for name, value in body.model_dump(exclude_unset=True).items():
             setattr(organisation, name, None if value == "" else value)
         session.flush()

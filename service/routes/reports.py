@@ -25,6 +25,7 @@ from service.routes import sends_stored_file
 from service.routes.certificates import send_pdf
 from store.files import Files
 from store.queries.calibrations import read_version_statuses
+from store.queries.keys import name_laboratory
 from store.tables import Calibration, Camera, Campaign, FrameRow, Measurement, Organisation
 
 router = Router(prefix="/v1/measurements/{measurement_id}", tags=["measurements"])
@@ -57,7 +58,7 @@ async def get_measurement_report(
                 camera=session.get_one(Camera, version.camera_id),
                 place=session.get_one(Campaign, row.campaign_id).place,
                 exposure=frame.exposure,
-                by=session.get_one(Organisation, row.organisation_id).name,
+                by=name_laboratory(session.get_one(Organisation, row.organisation_id)),
                 label=spec.label,
                 version=version,
                 status=read_version_statuses(session, [version.id])[version.id],

@@ -80,5 +80,7 @@ def _is_admin(caller: Caller) -> bool:
 
 
 def _answer(session: Session, row: WebSession, caller: Caller) -> SessionAnswer:
-    name = session.get_one(ApiKey, row.key_id).name
-    return SessionAnswer.restate(row, key_name=name, current=row.id == caller.session_id)
+    key = session.get_one(ApiKey, row.key_id)
+    return SessionAnswer.restate(
+        row, key_name=key.name, person=key.person, current=row.id == caller.session_id
+    )

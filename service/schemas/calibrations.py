@@ -11,7 +11,8 @@ from service.schemas.base import Answer, Form, Instant, LongText, Method
 from service.schemas.findings import FindingGroupAnswer, group_flags
 from store.codec import drop_absent
 from store.queries.calibrations import VersionStatus
-from store.tables import Calibration, CoefficientRow
+from store.queries.keys import Person
+from store.tables import Calibration, CoefficientRow, IssuedCertificate
 
 IN_FORCE = "in_force"
 SCOPE_MEANING = (
@@ -19,6 +20,10 @@ SCOPE_MEANING = (
     "holds for ratios alone. Absent where the method checks no certificate of a reference."
 )
 State = Literal["draft", "published", "superseded", "revoked"]
+
+
+class PersonAnswer(Answer, restates=Person):
+    """The person who fitted or approved, as the key states it."""
 
 
 class NewPublication(Form):
@@ -73,6 +78,18 @@ class KeyFigureAnswer(Answer, restates=KeyFigure):
     """One of the few figures of a version that a person looks for first."""
 
 
+class IssuedAnswer(
+    Answer,
+    restates=IssuedCertificate,
+    fields="amendment number issued_at at_upgrade fitted_by approved_by json_sha256 pdf_sha256",
+):
+    """A certificate that was issued with a publication: the original, or an amendment beside it."""
+
+    fitted_by: PersonAnswer | None = None
+    approved_by: PersonAnswer | None = Field(default=None, description="Absent: nobody has signed it.")
+    reason: str = Field(description="Of the publication.")
+
+
 class SuggestedValidity(Answer):
     valid_from: Instant
     valid_to: Instant | None = Field(
@@ -99,6 +116,9 @@ class CalibrationAnswer(
         default=None, description="The flags of `diagnostics`, equal ones as one; not in lists."
     )
     inputs: dict[str, Any] | None = None
+    certificates: list[IssuedAnswer] | None = Field(
+        default=None, description="As they were issued, the original first; not in lists."
+    )
     suggested_validity: SuggestedValidity | None = Field(
         default=None,
         description="Of a draft: in force from then on, its campaign's frames are measured with it.",

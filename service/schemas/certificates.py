@@ -9,7 +9,7 @@ from radiometry.fitting import evidence
 from radiometry.specification.application import FoundBy
 from radiometry.specification.method import Scope
 from service.schemas.base import Answer, Instant, Method
-from service.schemas.calibrations import Gap
+from service.schemas.calibrations import Gap, PersonAnswer
 from service.schemas.equipment import Certificate as MeterCertificate
 from service.schemas.equipment import Lens
 from store.queries.calibrations import VersionStatus
@@ -172,9 +172,29 @@ class Checklist(Answer):
     signature: Signature | None = None
 
 
-class PublishedBy(Answer, restates=Publication, fields="valid_from valid_to reason"):
+class Amended(Answer):
+    """The certificate that this one amends; it is kept as it was issued."""
+
+    amendment: int = Field(description="Of this document, from 1 on.")
+    number: str
+    issued_at: Instant
+    json_sha256: str
+
+
+class Issued(Answer):
+    """How the certificate was issued; a draft is not."""
+
+    at: Instant
+    at_upgrade: bool = Field(
+        description="Whether the version was published before certificates were kept as issued."
+    )
+    amends: Amended | None = None
+
+
+class PublishedBy(Answer, restates=Publication, fields="valid_from valid_to"):
     by: str
     at: Instant
+    reason: str
 
 
 class Revoked(Answer):
@@ -183,8 +203,7 @@ class Revoked(Answer):
     reason: str
 
 
-class Validity(Answer, restates=VersionStatus, fields="state valid_from valid_to superseded_by"):
-    superseded_by_number: str | None = Field(default=None, description="The successor's certificate.")
+class Validity(Answer, restates=VersionStatus, fields="state valid_from valid_to"):
     revoked: Revoked | None = None
 
 
@@ -233,9 +252,14 @@ class CertificateAnswer(Answer):
     software: dict[str, Any] = Field(
         description="The fit code version (`stilb`), the release (`release`) and the packages that fitted."
     )
-    author: str
+    author: str = Field(description="The person who fitted.")
+    fitted_by: PersonAnswer | None = None
+    approved_by: PersonAnswer | None = Field(
+        default=None, description="Who signs for it. Absent: a draft, or nobody has signed."
+    )
     created_at: Instant
-    published: list[PublishedBy]
-    validity: Validity
+    issued: Issued | None = None
+    published: list[PublishedBy] = Field(description="The publication that it was issued with.")
+    validity: Validity = Field(description="As published; what was decided since stands with the version.")
     statements: list[str]
     gaps: list[Gap] = Field(default=[], description="What ISO/IEC 17025, 7.8, asks for and is absent.")

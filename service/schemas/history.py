@@ -6,7 +6,7 @@ from pydantic import Field
 
 from radiometry.fitting.comparison import Comparison
 from service.schemas.base import Answer, Instant, Quantity
-from service.schemas.calibrations import CalibrationAnswer
+from service.schemas.calibrations import CalibrationAnswer, Gap
 from store.impact import CoefficientChange, Impact, Touched
 from store.publications import InForce
 from store.tables import Calibration, CoefficientRow
@@ -110,6 +110,9 @@ class ImpactAnswer(Answer):
     flags_lost: list[FlagAt]
     measurements: list[TouchedMeasurement] = Field(
         description="Made with the version in force; what this one would make of each."
+    )
+    warnings: list[Gap] = Field(
+        default=[], description="What its certificate would lack, published with your key."
     )
 
     @classmethod

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from service.auth import Scope
-from service.schemas.base import Answer, Form, Instant, Text
+from service.schemas.base import Answer, Clearable, Form, Instant, Text
 from store.tables import ApiKey, Organisation, WebSession
 
 
@@ -17,6 +17,10 @@ class NewKey(Form):
         list[Scope],
         Field(min_length=1, max_length=5, description="What the key may do; it cannot be changed later."),
     ]
+    person: Text | None = Field(
+        default=None, description="Who uses the key: certificates name who fitted and who approved."
+    )
+    role: Text | None = Field(default=None, description="Of the person in the laboratory.")
     expires_at: Instant | None = Field(
         default=None,
         description="The key, and sessions opened with it, end then; without it, when revoked. "
@@ -24,8 +28,17 @@ class NewKey(Form):
     )
 
 
+class KeyChange(Form):
+    person: Clearable | None = Field(
+        default=None, description='Who uses the key, as certificates name them; "" takes them away.'
+    )
+    role: Clearable | None = Field(default=None, description="Of the person in the laboratory.")
+
+
 class KeyAnswer(
-    Answer, restates=ApiKey, fields="id name scopes created_at expires_at last_used_at revoked_at"
+    Answer,
+    restates=ApiKey,
+    fields="id name person role scopes created_at expires_at last_used_at revoked_at",
 ):
     scopes: list[Scope]
     secret: str | None = Field(
@@ -41,7 +54,7 @@ class OrganisationNamed(Answer, restates=Organisation, fields="id name"):
     pass
 
 
-class OwnKeyAnswer(Answer, restates=ApiKey, fields="id name created_at expires_at last_used_at"):
+class OwnKeyAnswer(Answer, restates=ApiKey, fields="id name person role created_at expires_at last_used_at"):
     """The key of the one who asks, and the organisation that it belongs to."""
 
     scopes: list[Scope]
@@ -65,6 +78,7 @@ class SessionAnswer(
     """A browser that is signed in with a key."""
 
     key_name: str
+    person: str | None = Field(default=None, description="Of the key.")
     current: bool = Field(description="Whether it is the one that asks.")
 
 

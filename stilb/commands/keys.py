@@ -9,9 +9,15 @@ from stilb.commands.exits import Exit
 from stilb.commands.moments import read_moment
 from stilb.commands.output import Output, command
 from stilb.commands.tables import table
-from stilb.details import OrganisationChange
+from stilb.details import OrganisationChange, PersonDetails
 
 app = typer.Typer(no_args_is_help=True, help="Manage the keys of your organisation.")
+
+
+PersonNamed = Annotated[
+    str | None, typer.Option(help='Who uses it: certificates name who fitted and approved. "" for nobody.')
+]
+RoleNamed = Annotated[str | None, typer.Option(help="Of the person in the laboratory.")]
 
 
 @app.command("list", epilog="Example: stilb key list")
@@ -23,12 +29,18 @@ def list_keys(
     with output.client() as client:
         found = [key for key in client.api_keys() if every or not key.ended]
     rows = [
-        (key.name, ", ".join(key.scopes), key.state, f"{key.last_used_at or 'never'}", key.id)
+        (
+            key.name,
+            key.person or "",
+            ", ".join(key.scopes),
+            key.state,
+            f"{key.last_used_at or 'never'}",
+            key.id,
+        )
         for key in found
     ]
-    output.answer(
-        {"items": [key.raw for key in found]}, table(("name", "scopes", "state", "last used", "key"), rows)
-    )
+    columns = ("name", "person", "scopes", "state", "last used", "key")
+    output.answer({"items": [key.raw for key in found]}, table(columns, rows))
 
 
 @app.command("create", epilog="Example: stilb key create laptop --scope read --scope upload")
@@ -38,12 +50,29 @@ def create_key(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Person or device that uses it.")],
     scope: Annotated[list[str], typer.Option(help="read, upload, calibrate, publish, admin; repeatable.")],
     expires: Annotated[str | None, typer.Option(help="Day, or time with its zone.")] = None,
+    person: PersonNamed = None,
+    role: RoleNamed = None,
 ) -> None:
     """Make a key and print its secret, once."""
     with output.client() as client:
-        made = client.create_key(name, scope, expires_at=read_moment(expires))
+        made = client.create_key(name, scope, expires_at=read_moment(expires), **_describe(person, role))
     output.note(f"Key {made.name!r} ({made.id}) was made. The secret is not shown again:")
     output.answer(made.raw, str(made.secret))
+
+
+@app.command("change", epilog='Example: stilb key change laptop --person "A. Meier" --role physicist')
+@command
+def change_key(
+    output: Output,
+    named: Annotated[str, typer.Argument(metavar="KEY", help="Its id or name.")],
+    person: PersonNamed = None,
+    role: RoleNamed = None,
+) -> None:
+    """State who uses a key, as certificates name them."""
+    with output.client() as client:
+        changed = client.change_key(named, **_describe(person, role))
+    whose = f"{changed.person}, {changed.role}" if changed.person else "nobody"
+    output.answer(changed.raw, f"Key {changed.name!r} ({changed.id}) is used by {whose}")
 
 
 @app.command("revoke", epilog="Example: stilb key revoke key_01")
@@ -64,10 +93,11 @@ def organisation(
         str | None,
         typer.Option(help='Of the cameras, for files without an offset: Europe/Berlin, +02:00, or "".'),
     ] = None,
+    name: Annotated[str | None, typer.Option(help="As certificates print it.")] = None,
     address: Annotated[str | None, typer.Option(help='As certificates print it, or "" for none.')] = None,
 ) -> None:
     """Show your organisation, or change what it states."""
-    said = {"time_zone": time_zone, "address": address}
+    said = {"time_zone": time_zone, "name": name, "address": address}
     change = cast("OrganisationChange", {name: text for name, text in said.items() if text is not None})
     with output.client() as client:
         found = client.change_organisation(**change) if change else client.organisation()
@@ -95,3 +125,8 @@ def audit(
     )
     if found.state != "intact":
         raise typer.Exit(Exit.FINDINGS)
+
+
+def _describe(person: str | None, role: str | None) -> PersonDetails:
+    said = {"person": person, "role": role}
+    return cast("PersonDetails", {name: text for name, text in said.items() if text is not None})

@@ -69,14 +69,20 @@ class Calibrations(Campaigns, Jobs):
         """Take a version out of force; the answer lists the measurements that rest on it."""
         return self._post(address("calibrations", calibration_id, "revoke"), {"reason": reason})
 
-    def certificate(self, calibration_id: str) -> dict[str, Any]:
-        """Return what is handed out with a version, and all that is needed to compute it again."""
-        return self._get(address("calibrations", calibration_id, "certificate.json"))
+    def certificate(self, calibration_id: str, *, amendment: int = 0) -> dict[str, Any]:
+        """Return what is handed out with a version, and all that is needed to compute it again.
 
-    def certificate_dcc(self, calibration_id: str, *, country: str) -> str:
+        Of a published version it is the original as it was issued, or an amendment by its number; how the
+        version stands since is in `calibration`.
+        """
+        query = {"amendment": amendment} if amendment else {}
+        return self._get(address("calibrations", calibration_id, "certificate.json"), query)
+
+    def certificate_dcc(self, calibration_id: str, *, country: str, amendment: int = 0) -> str:
         """Return the certificate as DCC XML; ``country`` : of the laboratory, two letters of ISO 3166."""
         path = address("calibrations", calibration_id, "certificate.xml")
-        return self._transport.send(Call(method="GET", path=path, query={"country": country})).text
+        query = {"country": country} | ({"amendment": str(amendment)} if amendment else {})
+        return self._transport.send(Call(method="GET", path=path, query=query)).text
 
     def export(self, calibration_id: str, folder: PathLike, *, on_progress: OnExport | None = None) -> Path:
         """Put everything that a version rests on into a folder; see ``stilb.export``. Safe to call again."""

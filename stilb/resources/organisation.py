@@ -7,7 +7,7 @@ from typing import Any, Unpack
 import httpx
 
 from stilb.connection import Connection
-from stilb.details import Moment, OrganisationChange, as_text
+from stilb.details import Moment, OrganisationChange, PersonDetails, as_text
 from stilb.problem import Unclear, missing
 from stilb.records import AuditChain, AuditEntry, Key, Session
 from stilb.transport import Call, address
@@ -27,12 +27,22 @@ class Organisation(Connection):
         """Return all keys, also those that have ended, without their secrets."""
         return map(Key.of, self._transport.items(address("keys")))
 
-    def create_key(self, name: str, scopes: Sequence[str], *, expires_at: Moment | None = None) -> Key:
+    def create_key(
+        self,
+        name: str,
+        scopes: Sequence[str],
+        *,
+        expires_at: Moment | None = None,
+        **person: Unpack[PersonDetails],
+    ) -> Key:
         """Make a key; its ``secret`` is in this answer only."""
-        body = {"name": name, "scopes": list(scopes)}
-        return Key.of(
-            self._post(address("keys"), body | ({"expires_at": as_text(expires_at)} if expires_at else {}))
-        )
+        end = {"expires_at": as_text(expires_at)} if expires_at else {}
+        return Key.of(self._post(address("keys"), {"name": name, "scopes": list(scopes), **end, **person}))
+
+    def change_key(self, key: Key | str, **person: Unpack[PersonDetails]) -> Key:
+        """State who uses a key, by its id or its name: that person signs the certificates it publishes."""
+        path = address("keys", self._id_of(key) if isinstance(key, str) else key.id)
+        return Key.of(self._transport.json(Call(method="PATCH", path=path, json=dict(person))))
 
     def revoke_key(self, key: Key | str) -> Key:
         """Revoke a key, by its id or its name, and end its sessions."""

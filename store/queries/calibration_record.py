@@ -13,10 +13,12 @@ from radiometry.methods import get_method
 from radiometry.specification.application import FoundBy
 from store.queries.calibrations import VersionStatus, coefficients_of, read_version_statuses
 from store.queries.checklist import ChecklistItem, RecordState, read_checklist, read_signature
-from store.queries.decisions import Act, key_names, list_publishings
+from store.queries.decisions import Act, list_publishings
 from store.queries.flight import list_flight
 from store.queries.frames import statistics_of
+from store.queries.keys import UNNAMED, Person, name_people
 from store.tables import (
+    ApiKey,
     Blob,
     Calibration,
     Camera,
@@ -64,8 +66,8 @@ class FrameAsUsed:
 class CalibrationRecord:
     """``readings``: of each reading in the version's inputs, the row it was; None where no row fits.
 
-    ``coefficients``: in the version's order. ``frames``: by content hash. ``names``: of every key that
-    appears, its name.
+    ``coefficients``: in the version's order. ``frames``: by content hash. ``names``: of every key, the
+    person's.
     """
 
     calibration: Calibration
@@ -73,7 +75,6 @@ class CalibrationRecord:
     campaign: Campaign
     organisation: Organisation
     status: VersionStatus
-    successor: Calibration | None
     revocation: Revocation | None
     acts: list[Act]
     coefficients: list[CoefficientRow]
@@ -84,6 +85,7 @@ class CalibrationRecord:
     signature: ChecklistSignature | None
     flight: list[datetime]
     names: dict[str, str]
+    fitted_by: Person | None
 
 
 def read_calibration_record(
@@ -95,14 +97,12 @@ def read_calibration_record(
     """
     campaign = session.get_one(Campaign, calibration.campaign_id)
     readings = _readings_used(session, calibration)
-    status = read_version_statuses(session, [calibration.id])[calibration.id]
     return CalibrationRecord(
         calibration=calibration,
         camera=session.get_one(Camera, calibration.camera_id),
         campaign=campaign,
         organisation=session.get_one(Organisation, calibration.organisation_id),
-        status=status,
-        successor=session.get_one(Calibration, status.superseded_by) if status.superseded_by else None,
+        status=read_version_statuses(session, [calibration.id])[calibration.id],
         revocation=session.get(Revocation, calibration.id),
         acts=_acts(session, calibration),
         coefficients=coefficients_of(session, [calibration.id])[calibration.id],
@@ -112,7 +112,8 @@ def read_calibration_record(
         checklist=read_checklist(session, campaign, state),
         signature=read_signature(session, campaign),
         flight=list_flight(session, calibration),
-        names=key_names(session, calibration.organisation_id),
+        names=name_people(session, calibration.organisation_id, unnamed=UNNAMED),
+        fitted_by=Person.behind(session.get(ApiKey, calibration.created_by)),
     )
 
 

@@ -246,7 +246,6 @@ def _version_facts(version: Calibration | None) -> VersionFacts | None:
         return None
     return VersionFacts(
         version=version.version,
-        plot=f"/v1/calibrations/{version.id}/plot.svg",
         isos=tuple(_iso_facts(version, fit["coefficient"]) for fit in version.result["iso_fits"]),
     )
 

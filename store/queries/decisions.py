@@ -7,7 +7,7 @@ from typing import Literal
 from sqlalchemy import Select, select
 from sqlalchemy.orm import Session
 
-from store.tables import ApiKey, AuditEntry, Calibration, Publication, Revocation, Slot
+from store.tables import AuditEntry, Calibration, Publication, Revocation, Slot
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,9 +85,3 @@ def list_decisions(session: Session, camera_id: str) -> list[Decision]:
             )
         )
     return sorted(found, key=lambda each: (each.at, each.calibration.id), reverse=True)
-
-
-def key_names(session: Session, organisation_id: str) -> dict[str, str]:
-    """Return the name of every key of an organisation, also of those that were revoked."""
-    rows = session.execute(select(ApiKey.id, ApiKey.name).where(ApiKey.organisation_id == organisation_id))
-    return {row[0]: row[1] for row in rows}

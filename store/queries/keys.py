@@ -5,12 +5,49 @@ import secrets
 from collections.abc import Collection
 from dataclasses import dataclass
 from datetime import datetime
+from typing import Final
 
 from sqlalchemy import ColumnElement, Select, and_, not_, select, update
 from sqlalchemy.orm import Session
 
 from store.columns import utc_now
 from store.tables import ApiKey, Organisation, WebSession
+
+UNNAMED: Final = "an unnamed person"
+"""Whoever acted with a key that states no person, as documents name them."""
+UNNAMED_LABORATORY: Final = "Unnamed laboratory"
+_FOUNDING_NAME: Final = "operator"
+"""Of the operator's organisation until it states its own."""
+
+
+@dataclass(frozen=True)
+class Person:
+    """The person behind a key, as certificates name who fitted and who approved."""
+
+    name: str
+    role: str
+
+    @classmethod
+    def behind(cls, key: ApiKey | None) -> "Person | None":
+        """Return the person that a key states; None without."""
+        return cls(key.person, key.role) if key and key.person and key.role else None
+
+
+def name_laboratory(organisation: Organisation) -> str:
+    """Return an organisation's name as documents print it."""
+    unstated = organisation.operator and organisation.name == _FOUNDING_NAME
+    return UNNAMED_LABORATORY if unstated else organisation.name
+
+
+def name_people(session: Session, organisation_id: str, *, unnamed: str | None = None) -> dict[str, str]:
+    """Return the person of every key of an organisation, also of those that were revoked.
+
+    ``unnamed`` : in place of a person that is not stated; else the key's own name
+    """
+    rows = session.execute(
+        select(ApiKey.id, ApiKey.name, ApiKey.person).where(ApiKey.organisation_id == organisation_id)
+    )
+    return {row[0]: row[2] or unnamed or row[1] for row in rows}
 
 
 def new_secret() -> str:
@@ -25,10 +62,13 @@ def create_key(
     scopes: list[str],
     secret: str,
     expires_at: datetime | None = None,
+    person: Person | None = None,
 ) -> ApiKey:
     key = ApiKey(
         organisation_id=organisation_id,
         name=name,
+        person=person.name if person else None,
+        role=person.role if person else None,
         scopes=scopes,
         sha256=_hash(secret),
         expires_at=expires_at,
@@ -117,7 +157,7 @@ def ensure_operator(session: Session, secret: str, scopes: list[str]) -> None:
     """Found the operator's organisation and give it the bootstrap key, unless both exist."""
     operator = session.scalar(select(Organisation).where(Organisation.operator))
     if operator is None:
-        operator = Organisation(name="operator", operator=True)
+        operator = Organisation(name=_FOUNDING_NAME, operator=True)
         session.add(operator)
         session.flush()
     if session.scalar(select(ApiKey).where(ApiKey.sha256 == _hash(secret))) is None:

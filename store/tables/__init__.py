@@ -2,7 +2,14 @@
 
 from store.tables.audit import AuditChain, AuditEntry, AuditHead
 from store.tables.base import Audited, Base
-from store.tables.calibration import Calibration, CoefficientRow, Publication, Revocation, Slot
+from store.tables.calibration import (
+    Calibration,
+    CoefficientRow,
+    IssuedCertificate,
+    Publication,
+    Revocation,
+    Slot,
+)
 from store.tables.campaign import Blob, Campaign, ChannelRow, Extraction, FrameRow, Reading, Roi
 from store.tables.crop import Crop
 from store.tables.equipment import Camera, Meter, Panel, Rig
@@ -38,6 +45,7 @@ __all__ = [
     "FrameRow",
     "FrameVerdict",
     "IdempotentAnswer",
+    "IssuedCertificate",
     "Job",
     "Manifest",
     "MeasuredRow",

@@ -114,3 +114,30 @@ class Revocation(Audited, Base):
     reason: Mapped[str]
     revoked_by: Mapped[str]
     revoked_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
+
+
+class IssuedCertificate(Audited, Base):
+    """A certificate as it was issued when a version was published (triggers hold it).
+
+    Attributes
+    ----------
+    amendment : int
+        0 of the original; each later publication of the version issues the next one beside it.
+    at_upgrade : bool
+        Whether the version was published before certificates were kept: its certificate was issued later.
+    """
+
+    __tablename__ = "issued_certificate"
+
+    calibration_id: Mapped[str] = mapped_column(ForeignKey("calibration.id"), primary_key=True)
+    amendment: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    number: Mapped[str]
+    publication_id: Mapped[str] = mapped_column(ForeignKey("publication.id"))
+    json_sha256: Mapped[str] = mapped_column(ForeignKey("blob.sha256"))
+    pdf_sha256: Mapped[str] = mapped_column(ForeignKey("blob.sha256"))
+    fitted_by: Mapped[Json | None]
+    """Name and role; None of a key without a person."""
+    approved_by: Mapped[Json | None]
+    """Likewise; nobody has signed a certificate without."""
+    at_upgrade: Mapped[bool]
+    issued_at: Mapped[datetime] = mapped_column(UtcDateTime)

@@ -31,6 +31,8 @@ class ApiKey(Audited, Base):
 
     Attributes
     ----------
+    person, role : str or None
+        Who uses the key, as certificates name who fitted and who approved.
     last_used_at : datetime or None
         To ten minutes.
     """
@@ -42,6 +44,8 @@ class ApiKey(Audited, Base):
     id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("key"))
     organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"), index=True)
     name: Mapped[str]
+    person: Mapped[str | None]
+    role: Mapped[str | None]
     sha256: Mapped[str] = mapped_column(String(64), unique=True)
     scopes: Mapped[list[str]]
     created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)

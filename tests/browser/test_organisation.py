@@ -9,16 +9,22 @@ from tests.support.browser import check_access, look, settle, sign_in, visit
 from tests.support.furnishing import furnish
 
 
-def test_a_key_is_made_seen_once_used_and_revoked(page, browser, service):
+def test_a_key_is_made_seen_once_used_and_revoked(page, context, browser, service):
     page.goto("/organisation")
     settle(page)
     page.keyboard.press("Tab")
     page.get_by_role("button", name="New key…").focus()
     page.keyboard.press("Enter")
     page.get_by_label("Name", exact=True).fill("Field tablet 2")
+    page.get_by_label("Person", exact=True).fill("A. Meier")
     page.get_by_label("send", exact=True).check()
     check_access(page)
     look(page, "key-new")
+    page.keyboard.press("Enter")
+    # half a signature is none
+    expect(page.get_by_role("dialog")).to_contain_text("a certificate names a person with name and role")
+    context.complaints.clear()
+    page.get_by_label("Role", exact=True).fill("physicist")
     page.keyboard.press("Enter")
     made = page.locator("#made")
     secret = made.locator("code").inner_text()
@@ -27,6 +33,7 @@ def test_a_key_is_made_seen_once_used_and_revoked(page, browser, service):
     look(page, "key-made")
     row = page.locator("#keys").get_by_role("row").filter(has_text="Field tablet 2")
     expect(row).to_contain_text("never used")
+    expect(row).to_contain_text("A. Meier")
     made.get_by_role("button", name="I have saved it").click()
     assert secret not in page.content()
     with visit(browser, service.url, color_scheme="dark", width="phone") as tablet:
@@ -35,6 +42,7 @@ def test_a_key_is_made_seen_once_used_and_revoked(page, browser, service):
         settle(other)
         expect(other.locator("#keys")).to_contain_text("ask an administrator")
         expect(other.locator("#sessions").get_by_role("row")).to_have_count(2)
+        expect(other.locator(".who-name")).to_have_text("A. Meier")
         look(other, "dark-keys")
         page.reload()
         settle(page)
@@ -42,6 +50,10 @@ def test_a_key_is_made_seen_once_used_and_revoked(page, browser, service):
         expect(page.locator("#sessions").get_by_role("row")).to_have_count(2)
         other.reload()
         expect(other).to_have_url(re.compile("/sign-in"))
+    row.get_by_role("button", name="Person of Field tablet 2").click()
+    page.get_by_label("Role", exact=True).fill("head of the laboratory")
+    page.get_by_role("button", name="Save").click()
+    expect(row).to_contain_text("head of the laboratory")
     row.get_by_role("button", name="Revoke Field tablet 2").click()
     page.get_by_role("button", name="Revoke key").click()
     expect(row).to_have_count(0)
@@ -98,10 +110,12 @@ def test_details_are_edited(browser, service, team, scheme):
         page.goto("/organisation/details")
         settle(page)
         page.get_by_role("button", name="Edit…").click()
+        page.get_by_label("Name on certificates").fill(f"Laboratory in the {scheme}")
         page.get_by_label("Address on certificates").fill("Platz 1, 10587 Berlin")
         check_access(page)
         page.get_by_role("button", name="Save").click()
         expect(page.locator("#details")).to_contain_text("Platz 1")
+        expect(page.locator("#details")).to_contain_text(f"Laboratory in the {scheme}")
         expect(page.locator("#storage")).to_contain_text("no limit")
         look(page, f"organisation-{scheme}")
 

@@ -257,7 +257,8 @@ def publish(keys: Keyboard) -> None:
     passed(page, "procedure-8-publish")
     illustrate(page, "publish")
     keys.press(dialog.get_by_role("button", name="Publish", exact=True))
-    expect(page.locator("#version-status")).to_contain_text("published")
+    expect(page.locator("#version-status")).to_contain_text("published", timeout=PATIENCE_MS)
+    expect(page.locator("#version-status")).to_contain_text("not signed")
     settle(page)
 
 

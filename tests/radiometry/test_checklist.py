@@ -48,7 +48,7 @@ COMPLETE = Facts(
     unread=(),
     readings={"bright": (54.4, 54.5), "middle": (2.94,), "dim": (0.26,)},
     region=((8.0, 8.0), (88.0, 8.0), (88.0, 56.0)),
-    version=VersionFacts(version=1, plot="/plot", isos=(ISO, replace(ISO, iso=6400.0))),
+    version=VersionFacts(version=1, isos=(ISO, replace(ISO, iso=6400.0))),
 )
 
 

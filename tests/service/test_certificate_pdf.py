@@ -104,7 +104,7 @@ def test_the_results_stand_on_the_first_page(printed):
         assert row in first
     for said in ("0K1XE8-luminance-1", "A. Meier", "City of Lansing", "Main Street 1", "PTB Braunschweig"):
         assert said in first
-    assert "Draft: not authorised" in first
+    assert "Draft: nobody has signed" in first
     assert "page 1 of" in first
 
 

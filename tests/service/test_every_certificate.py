@@ -122,7 +122,7 @@ def test_a_dcc_has_its_coefficients_in_units_of_d_si(sqlite_house, version_of, c
     assert (refused.status_code, "enter its customer" in refused.json()["detail"]) == (422, True)
     certificate = certificate_by(method)
     certificate["work"] |= {"customer": "A & <B>\x01", "first_day": "2026-05-01", "last_day": "2026-05-02"}
-    root = read_dcc(write_dcc(certificate, country="DE"))
+    root = read_dcc(write_dcc(certificate, country="DE", state="draft", document=b"{}"))
     assert root.findtext(".//respPerson/mainSigner") == "false"  # nobody has signed the checklist
     assert root.findtext("administrativeData/customer/name/content") == "A & <B>\ufffd"
     stated = [
@@ -211,7 +211,7 @@ def test_every_number_on_paper_is_one_of_the_jsons(sqlite_house, version_of, cer
     labels = {each.name: each.label for each in methods.get_method(method).coefficients}
     for name in headlines & {row["name"] for row in certificate["coefficients"]}:
         assert "".join(labels[name].split()) in "".join(first.split())
-    assert "Draft: not authorised" in first
+    assert "Draft: nobody has signed" in first
     for frame in certificate["frames"]:
         assert frame["sha256"] in whole
     for statement in certificate["statements"]:
@@ -234,8 +234,8 @@ def test_it_is_published_with_the_gaps_it_has_or_not_at_all(sqlite_house, versio
     body = {"valid_from": "2026-01-01T00:00:00Z", "reason": "spring"}
     house = sqlite_house
     expected = {
-        *("laboratory_address_missing", "customer_missing", "place_missing", "conditions_missing"),
-        "recorder_missing",
+        *("approver_missing", "author_missing", "laboratory_name_missing", "laboratory_address_missing"),
+        *("customer_missing", "place_missing", "conditions_missing", "recorder_missing"),
         *(["lens_missing"] if method in ("sharpness", "geometry") else []),
     }
     try:

@@ -75,6 +75,9 @@ def test_keys_are_made_listed_and_revoked(signed_in, team):
     assert made.out.startswith("stilb_")
     assert "not shown again" in made.err
     assert "expires 2090-01-01" in signed_in("key", "list").out
+    said = signed_in("key", "change", "tablet", "--person", "A. Meier", "--role", "physicist")
+    assert "is used by A. Meier, physicist" in said.out
+    assert "A. Meier" in signed_in("key", "list").out
     assert signed_in("key", "revoke", "nobody").code == Exit.NOT_FOUND
     with stilb.Client(team.url, made.out.strip(), retries=0) as tablet:
         assert tablet.own_key().name == "tablet"

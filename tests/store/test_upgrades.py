@@ -12,7 +12,11 @@ from pathlib import Path
 import pytest
 from sqlalchemy import Boolean, LargeBinary, MetaData, text
 
+from service.certificate import Backlog
 from store.audit_check import main as check_audit
+from store.audit_rows import check_rows
+from store.blobs import blobs_from_url
+from store.codec import drop_absent
 from store.database import Database
 from store.migrate import migrate
 from tests.support.house import House
@@ -86,12 +90,17 @@ def test_every_release_is_here():
     assert {path.name.removesuffix(".json.xz") for path in RELEASES.iterdir()} == set(CHANGES)
 
 
+def upgrade(database, release):
+    recorded = json.loads(lzma.decompress((RELEASES / f"{release}.json.xz").read_bytes()))
+    migrate(database, recorded["schema"])
+    fill(database, recorded["tables"])
+    migrate(database)
+    return recorded
+
+
 @pytest.mark.parametrize("release", CHANGES)
 def test_rows_of_a_release_are_answered_as_it_answered_them(release, empty, tmp_path, monkeypatch):
-    recorded = json.loads(lzma.decompress((RELEASES / f"{release}.json.xz").read_bytes()))
-    migrate(empty, recorded["schema"])
-    fill(empty, recorded["tables"])
-    migrate(empty)
+    recorded = upgrade(empty, release)
     with House(empty, tmp_path) as house:
         for path, before in recorded["answers"].items():
             now = house.get(path)
@@ -100,3 +109,51 @@ def test_rows_of_a_release_are_answered_as_it_answered_them(release, empty, tmp_
             assert found == [], path
     monkeypatch.setenv("STILB_DATABASE_URL", empty.url.render_as_string(hide_password=False))
     assert check_audit([]) == 0
+
+
+@pytest.mark.parametrize("release", CHANGES)
+def test_certificates_of_a_release_are_issued_once(release, empty, tmp_path, request, monkeypatch):
+    """On SQLite with files on the disk, on PostgreSQL with files in S3."""
+    recorded = upgrade(empty, release)
+    (tmp_path / "blobs").mkdir()
+    place = str(tmp_path / "blobs")
+    if not empty.is_sqlite:
+        place = f"s3://{request.getfixturevalue('s3_bucket')}"
+    published = [path for path in recorded["answers"] if path.startswith("/v1/calibrations/")]
+
+    def start():
+        house = House(empty, tmp_path)
+        house.blobs = blobs_from_url(place, tmp_path)
+        return house
+
+    def read(house):
+        files = [f"{path}/certificate.{form}" for path in published for form in ("json", "pdf")]
+        return {
+            file: (found := house.http.get(file)).content + found.headers["ETag"].encode() for file in files
+        }
+
+    with start() as house:
+        # the service that issues them is killed after the first
+        assert Backlog(house.app.state.context).issue_next() == 1.0
+    with start() as house:
+        backlog = Backlog(house.app.state.context)
+        assert [backlog.issue_next() for _ in published] == [1.0] * (len(published) - 1) + [3600.0]
+        issued = read(house)
+        assert all(b"%PDF-" in content for file, content in issued.items() if file.endswith(".pdf"))
+        certificate = house.get(f"{published[0]}/certificate.json")
+        assert certificate["issued"]["at_upgrade"] is True
+        assert certificate["result"] == recorded_result(recorded, published[0])
+    monkeypatch.setattr("store.software.FIT_CODE_VERSION", "9.9.9")
+    monkeypatch.setattr("service.certificate.words.RELATES", "Another sentence.")
+    monkeypatch.setattr("service.press.kept.RENDERER", "render-99")
+    with start() as house:
+        assert Backlog(house.app.state.context).issue_next() == 3600.0
+        assert read(house) == issued
+    assert check_rows(empty).faults == []
+
+
+def recorded_result(recorded, path):
+    table = recorded["tables"]["calibration"]
+    rows = [dict(zip(table["columns"], row, strict=True)) for row in table["rows"]]
+    (row,) = [each for each in rows if path.endswith(each["id"])]
+    return drop_absent(json.loads(row["result"]))

@@ -31,10 +31,21 @@ WORK = {
 }
 
 
+LABORATORY = {"name": "Lansing Light Laboratory", "address": "Main Street 1"}
+PERSON = {"person": "A. Meier", "role": "physicist"}
+
+
+def name_person(house: House, **changes) -> None:
+    """State who uses the key of the tests."""
+    own = house.get("/v1/keys/own")["id"]
+    assert house.http.patch(f"/v1/keys/{own}", json=PERSON | changes).status_code == 200
+
+
 def complete_version(house: House, *, meter=METER, work=WORK, taken_at="2026-05-01T20:00:00Z", isos=(3200,)):
     """A version of a camera with its lens, its meter and certificate, its checklist signed."""
     house.camera(lens={"make": "DJI", "model": "MFT 15mm F1.7 ASPH", "serial": "L1"})
-    assert house.http.patch("/v1/organisation", json={"address": "Main Street 1"}).status_code == 200
+    assert house.http.patch("/v1/organisation", json=LABORATORY).status_code == 200
+    name_person(house)
     campaign = upload_campaign(house, readings=False, isos=isos)
     path = f"/v1/campaigns/{campaign['id']}"
     assert house.http.patch(path, json=work).status_code == 200
@@ -79,7 +90,7 @@ class InHouse(Transport):
 
     def send(self, call):
         self.asked.append(call.path)
-        answer = self._house.http.request(call.method, call.path)
+        answer = self._house.http.request(call.method, call.path, params=call.query)
         assert answer.status_code == 200, answer.text
         return answer
 

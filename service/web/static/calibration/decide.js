@@ -12,6 +12,9 @@ import { drawImpact, drawTouched } from "./impact.js";
 /** The field of the campaign that fills a gap of its certificate. */
 const FIELD_OF_GAP = { customer_missing: "customer", place_missing: "place", conditions_missing: "conditions", date_missing: "started_at", recorder_missing: "recorder" };
 
+/** Gaps that are filled on the pages of the organisation: with its keys, and in its details. */
+const OF_ORGANISATION = new Set(["approver_missing", "author_missing", "laboratory_name_missing", "laboratory_address_missing"]);
+
 /** Buttons for what this key may decide; `decided(said)` hears of it. */
 export function offerDecisions(place, calibration, decided) {
   const button = (text, style, onclick) => h("button", { type: "button", class: style, onclick }, text);
@@ -20,7 +23,7 @@ export function offerDecisions(place, calibration, decided) {
     place,
     may("calibrate") ? button("Refit…", null, () => fitAnew(calibration)) : null,
     may("publish") && !revoked ? button("Revoke…", "danger", () => revoke(calibration, decided)) : null,
-    may("publish") && !revoked ? button(calibration.state === "draft" ? "Publish…" : "Publish for another period…", calibration.state === "draft" ? "primary" : null, (event) => publish(event.target, calibration, decided)) : null,
+    may("publish") && !revoked ? button(calibration.state === "draft" ? "Publish…" : "Publish again…", calibration.state === "draft" ? "primary" : null, (event) => publish(event.target, calibration, decided)) : null,
   );
 }
 
@@ -30,16 +33,13 @@ async function publish(button, calibration, decided) {
   const suggested = found.suggested_validity ?? { valid_from: found.valid_from };
   const { signature } = await getOr(`/v1/campaigns/${calibration.campaign_id}/checklist`, {});
   const impact = h("div", { class: "impact", "aria-live": "polite" });
-  const gaps = h("div");
-  const showGaps = () => load(gaps, () => get(`/v1/calibrations/${calibration.id}/certificate.json`), (certificate) => drawGaps(certificate, calibration, showGaps));
-  showGaps();
   const show = () => {
     const at = instant(document.getElementById("ask-valid_from").value);
-    if (at) load(impact, () => get(`/v1/calibrations/${calibration.id}/impact?at=${encodeURIComponent(at)}`), (found) => drawImpact(found, calibration.method));
+    if (at) load(impact, () => get(`/v1/calibrations/${calibration.id}/impact?at=${encodeURIComponent(at)}`), (found) => [drawGaps(found.warnings, calibration, show), drawImpact(found, calibration.method)]);
   };
   const asked = ask({
     title: `Publish version ${calibration.version}`,
-    body: [gaps, impact],
+    body: [found.certificates?.length ? h("p", { class: "small muted" }, "Its certificate stays as it was issued. This publication issues an amendment beside it, with your reason.") : null, impact],
     fields: [
       { name: "valid_from", label: "In force from (UTC)", of: "NewPublication", type: "datetime-local", value: typed(suggested.valid_from) },
       { name: "valid_to", label: "Until (UTC)", of: "NewPublication", type: "datetime-local", value: typed(suggested.valid_to), required: false },
@@ -58,7 +58,7 @@ async function publish(button, calibration, decided) {
 }
 
 /** What the certificate would lack, with the fields that are filled in at once. */
-function drawGaps({ gaps = [] }, calibration, again) {
+function drawGaps(gaps, calibration, again) {
   if (!gaps.length) return h("p", { class: "note good" }, "The certificate lacks nothing that ISO/IEC 17025, 7.8, asks for.");
   const only = gaps.map(({ code }) => FIELD_OF_GAP[code]).filter(Boolean);
   const fillIn = async (event) => act(event.target, async () => (await editDetails(await get(`/v1/campaigns/${calibration.campaign_id}`), { only })) && again());
@@ -73,6 +73,7 @@ function drawGaps({ gaps = [] }, calibration, again) {
           "p",
           { class: "actions" },
           only.length ? h("button", { type: "button", onclick: fillIn }, "Fill in") : null,
+          gaps.some(({ code }) => OF_ORGANISATION.has(code)) ? h("a", { class: "button quiet", href: "/organisation" }, "Open the organisation") : null,
           lens ? h("button", { type: "button", onclick: async (event) => act(event.target, async () => (await editCamera(calibration.camera_id)) && again()) }, "Register the lens") : null,
           h("a", { class: "button quiet", href: `/campaigns/${calibration.campaign_id}#checklist` }, "Open the campaign"),
         )

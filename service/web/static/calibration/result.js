@@ -17,9 +17,16 @@ export function drawStatus([calibration, successor]) {
     calibration.revoked_reason ? ["Revoked because", calibration.revoked_reason] : null,
     ["Fitted", time(calibration.created_at)],
     ["Campaign", h("a", { href: `/campaigns/${calibration.campaign_id}` }, methodOf(calibration.method).reference === "meter" ? "frames and readings" : "its frames")],
-    ["Certificate", h("span", {}, h("a", { href: `/v1/calibrations/${calibration.id}/certificate.pdf` }, "PDF"), " · ", h("a", { href: `/v1/calibrations/${calibration.id}/certificate.json` }, "JSON"))],
+    ["Certificate", certificates(calibration)],
   ];
   return h("dl", { class: "facts status card" }, facts.filter(Boolean).map((each) => figure(...each)));
+}
+
+/** What was issued, the original first; of a draft, what would be. */
+function certificates({ id, certificates: issued = [] }) {
+  const links = (query) => [h("a", { href: `/v1/calibrations/${id}/certificate.pdf${query}` }, "PDF"), " · ", h("a", { href: `/v1/calibrations/${id}/certificate.json${query}` }, "JSON")];
+  if (!issued.length) return h("span", {}, links(""));
+  return issued.map((each) => h("div", { title: each.number }, each.amendment ? `Amendment ${each.amendment}: ` : null, links(each.amendment ? `?amendment=${each.amendment}` : ""), h("span", { class: "sub" }, `${each.at_upgrade ? "issued at an upgrade" : "issued"} ${day(each.issued_at)}, ${each.approved_by ? `signed by ${each.approved_by.name}, ${each.approved_by.role}` : "nobody has signed"}`)));
 }
 
 /** Of a superseded version: whether what is left of its time is now. */

@@ -11,7 +11,7 @@ const organisation = () => get("/v1/organisation");
 const show = () =>
   load(byId("details"), organisation, (found) => {
     const facts = [
-      ["Name", found.name],
+      ["Name on certificates", found.name],
       ["Address on certificates", found.address ?? h("span", { class: "muted" }, "Not given")],
       ["Time zone", found.time_zone ?? h("span", { class: "muted" }, "Not given")],
       ["Incomplete certificates", found.refuses_incomplete_certificates ? "are not published" : "are published with their gaps named"],
@@ -39,12 +39,13 @@ byId("edit").addEventListener("click", async () => {
   const changed = await ask({
     title: "Edit details",
     fields: [
+      { name: "name", label: "Name on certificates", of: "OrganisationChange", value: found.name, maxlength: 200 },
       { name: "address", label: "Address on certificates", of: "OrganisationChange", type: "textarea", value: found.address ?? "", required: false },
       { name: "time_zone", label: "Time zone", of: "OrganisationChange", value: found.time_zone ?? "", required: false },
       { name: "refuses", label: "Incomplete certificates", of: ["OrganisationChange", "refuses_incomplete_certificates"], options: [["no", "Publish, with their gaps named"], ["yes", "Do not publish"]], value: found.refuses_incomplete_certificates ? "yes" : "no", hint: "A certificate is complete if it has what ISO/IEC 17025 asks for." },
     ],
     submit: "Save",
-    action: ({ address, time_zone, refuses }) => patch("/v1/organisation", { address: address ?? "", time_zone: time_zone ?? "", refuses_incomplete_certificates: refuses === "yes" }),
+    action: ({ name, address, time_zone, refuses }) => patch("/v1/organisation", { name, address: address ?? "", time_zone: time_zone ?? "", refuses_incomplete_certificates: refuses === "yes" }),
   });
   if (changed) show();
 });

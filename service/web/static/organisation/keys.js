@@ -1,6 +1,6 @@
 // The keys of the organisation: what each may do, until when, and when it was last used.
 
-import { all, get, post, send } from "../api.js";
+import { all, get, patch, post, send } from "../api.js";
 import { ask } from "../ask.js";
 import { about, boxes } from "../campaign/forms.js";
 import { small } from "../causes.js";
@@ -31,12 +31,13 @@ function draw([keys, ownId]) {
   if (!listed.length) return empty("No keys");
   const columns = [
     { head: "Key", header: true, cell: (key) => [mark(judge(key)), " ", key.name, h("span", { class: "sub" }, key.id === ownId ? "your key" : `made ${day(key.created_at)}`)] },
+    { head: "Person", cell: (key) => (key.person ? [key.person, h("span", { class: "sub" }, key.role)] : h("span", { class: "muted" }, "not stated")) },
     { head: "Permissions", cell: (key) => h("span", { class: "chips" }, Object.entries(SCOPES).filter(([scope]) => key.scopes.includes(scope)).map(([, word]) => h("span", { class: "chip" }, word))) },
     { head: "Expires", cell: expiry },
     { head: "Last used", cell: (key) => (key.last_used_at ? h("time", { datetime: key.last_used_at, title: `${key.last_used_at}, to ten minutes` }, ago(key.last_used_at)) : h("span", { class: "muted" }, "never used")) },
   ];
   if (shown === "ended") columns.push({ head: "Revoked", cell: (key) => time(key.revoked_at) });
-  else if (may("admin")) columns.push({ head: "", class: "number", cell: (key) => (key.id === ownId ? "" : small("Revoke…", () => revoke(key), { class: "small-button danger", "aria-label": `Revoke ${key.name}` })) });
+  else if (may("admin")) columns.push({ head: "", class: "number", cell: (key) => [small("Person…", () => name(key), { "aria-label": `Person of ${key.name}` }), key.id === ownId ? "" : [" ", small("Revoke…", () => revoke(key), { class: "small-button danger", "aria-label": `Revoke ${key.name}` })]] });
   const notes = [
     listed.some(isIdle) ? h("p", { class: "small muted" }, mark("warn"), ` Not used for ${IDLE_DAYS} days: revoke it if it is no longer needed.`) : null,
     may("admin") ? null : h("p", { class: "small muted" }, "To get another key or permission, ask an administrator of your organisation."),
@@ -63,19 +64,37 @@ async function make() {
     title: "New key",
     fields: [
       { name: "name", label: "Name", of: "NewKey", maxlength: 200 },
+      ...signing(),
       { name: "expires_on", label: "Last day (UTC)", of: ["NewKey", "expires_at"], type: "date", value: inAYear, required: false, hint: "Empty: valid until it is revoked." },
     ],
     after: boxes("Permissions", about("NewKey", "scopes"), Object.entries(SCOPES).map(box)),
     submit: "Make key",
-    action: ({ name, expires_on, ...ticked }) => {
+    action: ({ name, person, role, expires_on, ...ticked }) => {
       const scopes = Object.keys(SCOPES).filter((scope) => ticked[`scope-${scope}`]);
-      return post("/v1/keys", { name, scopes, ...(expires_on ? { expires_at: `${expires_on}T23:59:59Z` } : {}) });
+      return post("/v1/keys", { name, scopes, ...(person ? { person } : {}), ...(role ? { role } : {}), ...(expires_on ? { expires_at: `${expires_on}T23:59:59Z` } : {}) });
     },
   });
   if (!key) return;
   tellSecret(key.secret, `Key “${key.name}” is made.`);
   shown = "active";
   await show();
+}
+
+/** Name and role of who uses a key, one field each. */
+const signing = ({ person, role } = {}) => [
+  { name: "person", label: "Person", of: "NewKey", value: person, maxlength: 200, required: false },
+  { name: "role", label: "Role", of: "NewKey", value: role, maxlength: 200, required: false },
+];
+
+async function name(key) {
+  const changed = await ask({
+    title: `Person of “${key.name}”`,
+    body: h("p", {}, "Certificates name who fitted and who approved. Without a person, what is published with this key is marked as a draft."),
+    fields: signing(key),
+    submit: "Save",
+    action: ({ person, role }) => patch(`/v1/keys/${key.id}`, { person: person ?? "", role: role ?? "" }),
+  });
+  if (changed) await show();
 }
 
 async function revoke(key) {
