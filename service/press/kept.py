@@ -3,8 +3,8 @@
 import hashlib
 import logging
 import subprocess
-import sys
-from pathlib import Path
+import threading
+from contextlib import suppress
 from typing import Final
 
 from sqlalchemy.exc import SQLAlchemyError
@@ -12,13 +12,21 @@ from sqlalchemy.exc import SQLAlchemyError
 from service.context import Context
 from store.blobs import BlobDamaged, StorageFull, StorageUnavailable
 from store.files import keep_blob
+from store.sandbox.start import build_command, build_environment
 from store.software import RENDERER
 from store.tables import Rendering
 
 log = logging.getLogger(__name__)
 
-_ROOT: Final = Path(__file__).parents[2]
 _WITHIN_S: Final = 300.0
+_MOST_BYTES: Final = 128 << 20
+_MOST_SAID: Final = 1000
+_THREADS: Final = {"RAYON_NUM_THREADS": "2"}
+"""Of Typst: each keeps address space, which is limited."""
+
+
+class RenderingFailed(Exception):  # noqa: N818  it says what happened
+    """The process ended without the file: by its limits, or by an error of ours."""
 
 
 def name_source(content: bytes) -> str:
@@ -44,7 +52,7 @@ def find_rendered(context: Context, source: str) -> bytes | None:
 
 def render_and_keep(context: Context, source: str, order: bytes) -> bytes:
     """Return a new file, which is kept where there is room."""
-    rendered = render_apart(order)
+    rendered = render_apart(order, require=context.settings.decoder_sandbox == "require")
     try:
         with context.blobs.writer() as writer:
             writer.write(rendered)
@@ -57,9 +65,29 @@ def render_and_keep(context: Context, source: str, order: bytes) -> bytes:
     return rendered
 
 
-def render_apart(order: bytes) -> bytes:
-    """Render an order in a process that ends."""
-    command = [sys.executable, "-m", "service.press"]
-    return subprocess.run(  # noqa: S603  our own module
-        command, cwd=_ROOT, input=order, stdout=subprocess.PIPE, check=True, timeout=_WITHIN_S
-    ).stdout
+def render_apart(order: bytes, *, require: bool = False) -> bytes:
+    """Render an order in a process that is shut in and ends. ``require`` : fully shut in, or not at all."""
+    process = subprocess.Popen(  # noqa: S603  our own module
+        [*build_command("service.press"), *(["--require"] if require else [])],
+        env=build_environment() | _THREADS,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+    )
+    assert process.stdin is not None  # noqa: S101  narrows the type: both are pipes
+    assert process.stdout is not None  # noqa: S101
+    late = threading.Timer(_WITHIN_S, process.kill)
+    late.start()
+    try:
+        with process:
+            with suppress(BrokenPipeError), process.stdin:
+                process.stdin.write(order)
+            rendered = process.stdout.read(_MOST_BYTES)
+            if process.stdout.read(1):
+                process.kill()
+    finally:
+        late.cancel()
+    if process.returncode:
+        reason = rendered[-_MOST_SAID:].decode(errors="replace")
+        raise RenderingFailed(f"exit code {process.returncode}: {reason}")
+    return rendered

@@ -1,14 +1,32 @@
 """Sheets into PDF, with Typst: the same bytes for the same content."""
 
 import json
+import threading
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Final, Literal
 
 import typst
 
-_TEMPLATES: Final = Path(__file__).parent
+_FOLDER: Final = Path(__file__).parent
+_TEMPLATES: Final = {path.name: path.read_bytes() for path in _FOLDER.glob("*.typ")}
 _STANDARD: Final = "a-3b"  # what archives keep, and may carry its data
+
+
+class _Local(threading.local):
+    """The compiler of a thread, made when this module is imported: it looks for its folder."""
+
+    def __init__(self) -> None:
+        fonts = typst.Fonts(include_system_fonts=False)
+        self.compiler = typst.Compiler(b"", _FOLDER, font_paths=fonts, ignore_system_fonts=True)
+
+
+_LOCAL: Final = _Local()
+
+
+def start_threads() -> None:
+    """Have Typst start its threads, as long as this process may: they serve every later document."""
+    _LOCAL.compiler.compile(format="pdf", timestamp=0)
 
 
 def typeset(sheets: dict[str, Any]) -> bytes:
@@ -21,14 +39,12 @@ def typeset(sheets: dict[str, Any]) -> bytes:
 
 
 def _set(sheets: dict[str, Any], standard: Literal["a-3b"] | None) -> bytes:
-    # a compiler that has failed does not find its template again
-    compiler = typst.Compiler(
-        (_TEMPLATES / sheets.get("template", "certificate.typ")).read_bytes(),
-        font_paths=typst.Fonts(include_system_fonts=False),
-        ignore_system_fonts=True,
+    pdf = _LOCAL.compiler.compile(
+        _TEMPLATES[sheets.get("template", "certificate.typ")],
+        format="pdf",
         sys_inputs={"certificate": json.dumps(sheets)},
+        pdf_standards=standard,
+        timestamp=int(datetime.fromisoformat(sheets["created_at"]).timestamp()),
     )
-    timestamp = int(datetime.fromisoformat(sheets["created_at"]).timestamp())
-    pdf = compiler.compile(format="pdf", pdf_standards=standard, timestamp=timestamp)
     assert isinstance(pdf, bytes)  # noqa: S101  narrows the type: one document was asked for
     return pdf

@@ -191,7 +191,7 @@ def test_a_long_table_is_cut_with_a_sentence_and_the_json_is_whole(certificate):
 def test_a_file_is_rendered_once_and_again_if_it_is_lost(house, monkeypatch):
     rendered = []
     monkeypatch.setattr(
-        "service.press.kept.render_apart", lambda _: rendered.append(1) or b"%PDF" + bytes(rendered)
+        "service.press.kept.render_apart", lambda _, **__: rendered.append(1) or b"%PDF" + bytes(rendered)
     )
     context = house.app.state.context
 

@@ -69,7 +69,7 @@ class House:
         )
         context.traffic.metrics.totals_every_s = 0.0
         # a process for each picture takes longer than the picture
-        self._stack.enter_context(patch("service.press.kept.render_apart", render))
+        self._stack.enter_context(patch("service.press.kept.render_apart", lambda order, **_: render(order)))
         self.app = _idle_apps.pop() if _idle_apps else build_app(context)
         self.app.state.context = context
         self._stack.callback(_idle_apps.append, self.app)

@@ -8,24 +8,22 @@ import errno
 import fcntl
 import mmap
 import os
-import resource
 import socket
 import sys
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 from radiometry.findings import InputRejected
+from store.sandbox.restrictions import OPEN_FILES, Restrictions, Sandbox
 from worker.decode import messages
 from worker.decode.budget import Budget
 from worker.decode.pieces import start_second_thread
 from worker.decode.reader import Reader, Window
-from worker.decode.sandbox import Restrictions, Sandbox
 from worker.decode.settings import NOT_SHUT_IN, DecoderLimits
 from worker.decode.source import Source, SourceDamagedError
 from worker.decode.warmup import own_memory, warm_up
 
 TALK: Final = 0
-_OPEN_FILES: Final = 16
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +50,6 @@ def live(prepared: Prepared, expected: Sandbox) -> int:
     talk = socket.socket(fileno=os.dup(TALK))
     if prepared.restrictions.shut_in(start_second_thread) != expected:
         return NOT_SHUT_IN
-    _limit_process()
     own_memory()
     warm_up(prepared.first_file, prepared.first_stream)
     descriptor = _receive_file(talk)
@@ -73,16 +70,6 @@ def live(prepared: Prepared, expected: Sandbox) -> int:
         budget.begin_request()
 
 
-def _limit_process() -> None:
-    for limit, most in (
-        (resource.RLIMIT_CORE, 0),
-        (resource.RLIMIT_FSIZE, 0),
-        (resource.RLIMIT_NPROC, 0),
-        (resource.RLIMIT_NOFILE, _OPEN_FILES),
-    ):
-        resource.setrlimit(limit, (most, most))
-
-
 def _receive_file(talk: socket.socket) -> int | None:
     """The file's descriptor, which comes with the first byte; None when there will be no file."""
     with talk:
@@ -99,7 +86,7 @@ def _map(descriptor: int) -> mmap.mmap | bytes:
     # a mapping of nothing is refused by the system
     content = mmap.mmap(descriptor, size, access=mmap.ACCESS_READ) if size else b""
     # the descriptor, and the copy that Python keeps with the mapping
-    os.closerange(3, _OPEN_FILES)
+    os.closerange(3, OPEN_FILES)
     return content
 
 

@@ -8,16 +8,14 @@ import select
 import signal
 import socket
 import subprocess
-import sys
 import threading
 import time
-from pathlib import Path
 from typing import Any, Final
 
-from worker.decode.sandbox import Sandbox
+from store.sandbox.restrictions import Sandbox
+from store.sandbox.start import build_command, build_environment
 from worker.decode.settings import DecoderLimits
 
-_ROOT: Final = Path(__file__).resolve().parents[2]
 _START_SECONDS: Final = 60.0
 _BIRTH_SECONDS: Final = 20.0
 _LOOK_SECONDS: Final = 0.5
@@ -204,11 +202,11 @@ class Nursery:
             while True:  # what the one before may have said last
                 self._control.recv(_LONGEST_WORD, socket.MSG_DONTWAIT)
         self._process = subprocess.Popen(  # noqa: S603  our own interpreter, our own module
-            [*_command(), *_arguments(self._bounds)],
+            [*build_command("worker.decode"), *_arguments(self._bounds)],
             stdin=self._its_control.fileno(),
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
-            env=_environment(),
+            env=build_environment(),
             start_new_session=True,  # Ctrl-C in a terminal is for the parent alone
         )
         self._pid[0] = self._process.pid
@@ -248,25 +246,9 @@ class Nursery:
                 os.kill(self._pid[0], signal.SIGKILL)
 
 
-def _command() -> list[str]:
-    return [sys.executable, "-s", "-P", "-m", "worker.decode"]
-
-
 def _arguments(bounds: DecoderLimits) -> list[str]:
     return [
         *("--parent", str(os.getpid())),
         *("--memory-bytes", str(bounds.memory_bytes)),
         *("--cpu-seconds", str(bounds.cpu_seconds)),
     ]
-
-
-def _environment() -> dict[str, str]:
-    """Nothing that the service knows: no settings, no credentials. One thread per library."""
-    kept = {name: os.environ[name] for name in ("PATH", "LANG") if name in os.environ}
-    return {
-        **kept,
-        "PYTHONPATH": str(_ROOT),
-        "PYTHONDONTWRITEBYTECODE": "1",
-        "OMP_NUM_THREADS": "1",
-        "OPENBLAS_NUM_THREADS": "1",
-    }

@@ -11,9 +11,9 @@ from typing import Self
 
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.proof import Proof
+from store.sandbox.restrictions import Sandbox
 from worker.decode.decoder import PREVIEW_SIDE_PX, Decoder, DecoderCrashed, DecoderKilled, Readable, path_of
 from worker.decode.nursery import DecoderUnavailable, Nursery
-from worker.decode.sandbox import Sandbox
 from worker.decode.settings import DecoderLimits
 
 __all__ = [

@@ -19,11 +19,11 @@ from typing import Any, Final, NoReturn
 
 import imagecodecs
 
+from store.sandbox.restrictions import Restrictions, Sandbox
 from worker.decode import cell
 from worker.decode.budget import read_address_space
 from worker.decode.libraw import check_version
 from worker.decode.messages import BrokenMessageError
-from worker.decode.sandbox import Restrictions, Sandbox
 from worker.decode.settings import DecoderLimits
 from worker.decode.warmup import make_smallest_dng, make_smallest_stream, warm_up
 

@@ -15,11 +15,11 @@ import pytest
 
 from radiometry.findings import InputRejected, files
 from simulation.tiff import LONG
+from store.sandbox.calls import build_filter
+from store.sandbox.restrictions import Restrictions, Sandbox
 from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
 from worker.decode import nursery, reader, warmup
-from worker.decode.calls import build_filter
 from worker.decode.pool import DecoderCrashed, DecoderKilled, DecoderPool
-from worker.decode.sandbox import Restrictions, Sandbox
 
 SAMPLES = make_samples(64, 96, 14)
 linux = pytest.mark.skipif(
@@ -36,7 +36,7 @@ def good(save):
 def hostile(monkeypatch):
     """A pool whose cells obey their files."""
     command = [sys.executable, "-s", "-P", "-m", "tests.worker.decode.probing"]
-    monkeypatch.setattr(nursery, "_command", lambda: command)
+    monkeypatch.setattr(nursery, "build_command", lambda _module: command)
     with DecoderPool(1, wall_seconds=1.5) as pool:
         yield pool
 
@@ -98,8 +98,9 @@ def test_the_same_probe_outside_a_cell_reaches_the_world(world):
 @linux
 def test_landlock_alone_holds_on_the_second_thread_too():
     code = """
-from worker.decode import pieces, sandbox
-restrictions = sandbox.Restrictions()
+from store.sandbox.restrictions import Restrictions
+from worker.decode import pieces
+restrictions = Restrictions()
 restrictions._filter = []
 held = restrictions.shut_in(pieces.start_second_thread)
 opened = []

@@ -1,4 +1,6 @@
-"""Restrictions that the kernel puts on a cell before it reads a file: files, network, processes, signals.
+"""Restrictions that the kernel puts on a process before it reads what a stranger wrote.
+
+They are of files, network, processes and signals.
 
 Landlock and seccomp need no rights, so this works as any user and in plain containers. Both are asked by way
 of ctypes: three system calls and a short program, where libraries bring more than is used.
@@ -7,13 +9,14 @@ of ctypes: three system calls and a short program, where libraries bring more th
 import ctypes
 import os
 import platform
+import resource
 import signal
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from worker.decode.calls import OWN_PID, build_filter
+from store.sandbox.calls import OWN_PID, build_filter
 
 _PR_SET_PDEATHSIG, _PR_SET_NO_NEW_PRIVS = 1, 38
 _SECCOMP: Final = {"x86_64": 317, "aarch64": 277}
@@ -25,11 +28,18 @@ _FILE_RIGHTS: Final = ((5, (1 << 16) - 1), (3, (1 << 15) - 1), (2, (1 << 14) - 1
 _NETWORK_SINCE, _SCOPES_SINCE = 4, 6
 _TCP_RIGHTS = 0b11  # bind and connect
 _SCOPES = 0b11  # abstract sockets and signals
+OPEN_FILES: Final = 16
+_LIMITS: Final = (
+    (resource.RLIMIT_CORE, 0),
+    (resource.RLIMIT_FSIZE, 0),
+    (resource.RLIMIT_NPROC, 0),
+    (resource.RLIMIT_NOFILE, OPEN_FILES),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sandbox:
-    """Restrictions of a cell. ``landlock`` : the version in use, 0 for none."""
+    """Restrictions that hold. ``landlock`` : the version in use, 0 for none."""
 
     no_new_privs: bool
     landlock: int
@@ -111,7 +121,10 @@ class Restrictions:
         no_new_privs = self._libc.prctl(_PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0
         landlock = self._landlock if self._restrict_files() else 0
         meanwhile()
-        return Sandbox(no_new_privs=no_new_privs, landlock=landlock, seccomp=self._restrict_calls())
+        seccomp = self._restrict_calls()
+        for limit, most in _LIMITS:
+            resource.setrlimit(limit, (most, most))
+        return Sandbox(no_new_privs=no_new_privs, landlock=landlock, seccomp=seccomp)
 
     def _restrict_calls(self) -> bool:
         if not self._filter:
