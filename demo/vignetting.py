@@ -9,8 +9,8 @@ import tifffile
 import stilb
 from demo.findings import Finding
 from demo.journey import Stage, begin, calibrate, conclude, register, take
-from radiometry.vignetting.curve import evaluate_curve, find_farthest_corner
-from radiometry.vignetting.grid import Grid
+from radiometry.vignetting.blocks import Grid
+from radiometry.vignetting.falloff import evaluate_curve, find_farthest_corner
 from simulation.camera import Camera, change
 from simulation.flats import FALLOFFS, FAST_LENS, plan_flats
 from simulation.parts import Plane

@@ -9,8 +9,8 @@ from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure, Settings
 from radiometry.frame.roi import Window
 from radiometry.reflectance.lens import FrameSize, evaluate_polynomial
-from radiometry.vignetting.curve import evaluate_curve
-from radiometry.vignetting.grid import Grid
+from radiometry.vignetting.blocks import Grid
+from radiometry.vignetting.falloff import evaluate_curve
 from simulation.light import Lamp
 from simulation.parts import Body, Lens, Plane, Sensor, Shutter
 

@@ -12,7 +12,7 @@ from radiometry.fitting.evidence import Region
 from radiometry.frame import Frame
 from radiometry.frame.exposure import Settings
 from radiometry.frame.roi import Polygon, Window
-from radiometry.vignetting.grid import Grid
+from radiometry.vignetting.blocks import Grid
 from simulation.camera import Camera, Shot, Target, change, take
 from simulation.light import Lamp
 from simulation.parts import Plane

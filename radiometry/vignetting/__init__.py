@@ -1,25 +1,28 @@
-"""The parts of the vignetting calibration; `radiometry.vignetting.method` is its door."""
+"""Vignetting: the fraction V of the light that the lens transmits at every place, per f-number and channel.
+
+The falloff is fitted to flat fields, in place of the profiles of the "Four Vision" report, 3.3.2::
+
+    signal - dark = A V(r)          V(r) = 1 + k1 r^2 + k2 r^4 + k3 r^6
+
+r = 1 at half of the frame's diagonal, from a fitted centre; dividing by V corrects.
+"""
 
 from typing import Final
 
 from radiometry.specification.application import Correction
+from radiometry.specification.certificate import FRAME, CertificateText, Column
 from radiometry.specification.coefficients import CoefficientEffect, CoefficientKind
 from radiometry.specification.grid import Grid
 from radiometry.specification.method import MethodSpec, drop_readings, drop_target
 from radiometry.specification.roles import DARK, FLAT
-from radiometry.vignetting import codes, method
-from radiometry.vignetting.budget import list_budgets
-from radiometry.vignetting.certificate import CERTIFICATE
-from radiometry.vignetting.features import Features
-from radiometry.vignetting.key_figures import list_key_figures
+from radiometry.vignetting import codes, fit
+from radiometry.vignetting.blocks import Features
+from radiometry.vignetting.exports import EXPORTS
 from radiometry.vignetting.lens import Lens, average_over_polygon
 from radiometry.vignetting.plots import PLOTS
 from radiometry.vignetting.points import missing
-from radiometry.vignetting.results import Fit
-from radiometry.vignetting.rows import Params
-from radiometry.vignetting.suggestions import find_gaps, plan
-from radiometry.vignetting.verdicts import judge
-from radiometry.vignetting.written import EXPORTS
+from radiometry.vignetting.results import Fit, Params, list_budgets, list_key_figures
+from radiometry.vignetting.verdicts import find_gaps, judge, plan
 
 __all__ = ["SPEC"]
 
@@ -45,18 +48,35 @@ SPEC: Final = MethodSpec(
         CoefficientKind(name="centre_col_px", label="Centre column", units=("px",)),
     ),
     findings=codes.FINDINGS,
-    extract=drop_target(method.extract),
+    extract=drop_target(fit.extract),
     missing=drop_readings(missing),
     judge=lambda frames, rows, _, params: judge(frames, rows, params),
     plan=drop_readings(plan),
     grid=Grid(rows="f_number"),
     find_gaps=drop_readings(find_gaps),
-    fit=drop_readings(method.fit),
-    list_coefficients=method.list_coefficients,
+    fit=drop_readings(fit.fit),
+    list_coefficients=fit.list_coefficients,
     list_key_figures=list_key_figures,
     list_budgets=list_budgets,
     plots=PLOTS,
-    certificate=CERTIFICATE,
+    certificate=CertificateText(
+        procedure="Light falloff over the frame, one per f-number and channel, from frames of a uniform "
+        "surface; centre and coefficients fitted by weighted least squares",
+        equation="(N - D) / A = 1 + k1 r² + k2 r⁴ + k3 r⁶, where r is the distance from the fitted centre in "
+        "units of half the frame's diagonal",
+        headlines=frozenset({"corner_falloff"}),
+        columns=(
+            FRAME,
+            Column(name="role", head="role", form="text", share=0.7),
+            Column(name="f_number", head="f/", share=0.6),
+            Column(name="signal_share", head="signal", form="percent"),
+            Column(name="saturated_share", head="saturated", form="percent"),
+            Column(name="gradient_rel", head="gradient", form="percent"),
+            Column(name="gradient_standard_uncertainty_rel", head="u(gradient)", form="percent"),
+        ),
+        traceability="The result is a ratio of light within one frame; no external standard enters. The "
+        "frames themselves are tested for non-uniform light, which is reported among the flags.",
+    ),
     exports=EXPORTS,
     applied="channel_fits",
     correction=Correction(lens=Lens, average_over_polygon=average_over_polygon),

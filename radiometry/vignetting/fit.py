@@ -1,301 +1,359 @@
-"""Falloff of one f-number and channel, from all of its flat frames."""
+"""The fit of a campaign: every f-number and channel, with flags, thresholds and coefficients."""
 
+import itertools
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Sequence
 
 import numpy as np
 
-from radiometry.findings import InputRejected, shared
-from radiometry.fitting.evidence import MOST_DOF
-from radiometry.frame.packing import pack
-from radiometry.vignetting.curve import (
+from radiometry.findings import InputRejected, Raised, shared
+from radiometry.fitting.evidence import MOST_DOF, CoefficientValue, Extracted, Quantity, Region
+from radiometry.frame import Frame, FrameHeader
+from radiometry.frame.darkness import flag_assumed_black, flag_not_dark
+from radiometry.frame.exposure import Exposure
+from radiometry.frame.statistics import CHANNELS
+from radiometry.vignetting import codes
+from radiometry.vignetting.blocks import Features, FrameRow, Vector, extract_features
+from radiometry.vignetting.channels import FittedChannel, farthest_radius, find_best, fit_channel
+from radiometry.vignetting.falloff import (
+    CENTRE_U,
+    Blocks,
+    Solution,
     evaluate_curve,
     evaluate_slopes,
-    find_farthest_corner,
-    list_corners,
+    find_largest_rise,
     propagate,
     sample_radii,
 )
-from radiometry.vignetting.darkness import DarkError
-from radiometry.vignetting.flats import merge_flats
-from radiometry.vignetting.grid import Grid
-from radiometry.vignetting.least_squares import solve_falloff
-from radiometry.vignetting.quality import measure_gradient
-from radiometry.vignetting.results import ChannelFit, Coefficient, CornerVariance
-from radiometry.vignetting.solution import CENTRE, LIGHT, USUAL, Blocks, Matrix, Solution, is_apart
-from radiometry.vignetting.turning import find_turned_light
+from radiometry.vignetting.light import EXPOSURE_RATIO, find_not_dark
+from radiometry.vignetting.points import (
+    FLAGGED_GRADIENT_REL,
+    Candidate,
+    collect_candidates,
+    describe_points,
+    flag_frame,
+    missing,
+    require_one_lens,
+)
+from radiometry.vignetting.results import DARK, EQUATION, Coefficient, Fit, Params, Threshold
 
-DARKEST_SHARE = 0.02
-"""Less than this in a corner is the edge of the image circle, which no such curve describes."""
+LIMITS = (0.02, 0.10)  # The falloffs about which the report asks
 
-_CHI_SQUARED_ERRORS = 3.0
-_SEEN_GRADIENT = 0.005
-"""Per half diagonal: planes that differ by less do not show that the light did not turn."""
+_ERRORS = 3.0
+_SURE_ERRORS = 2.0
+_RISE = 0.005
+_MISFIT_REL = 0.005
+_FAR_CENTRE = 0.1  # Of the half diagonal: lenses and sensors are mounted ten times better than that
 
-
-CENTRE_DRIFT_U = 0.02
-"""By so much the centre differs from one f-number to the next, in half diagonals."""
-
-
-@dataclass(frozen=True)
-class FittedChannel:
-    """One f-number and channel: the stored result, and the fits on which it rests.
-
-    Attributes
-    ----------
-    fit : ChannelFit
-        Result of the fit.
-    solution : Solution
-        Fit of the result.
-    alone : Solution
-        The same without knowledge of the centre from another f-number.
-    not_turned : bool
-        True if the light did not turn in the frame as the camera was stated to turn.
-    """
-
-    fit: ChannelFit
-    solution: Solution
-    alone: Solution
-    not_turned: bool
+Fitted = Sequence[FittedChannel]
 
 
-def fit_channel(
-    flats: Sequence[Blocks],
-    *,
-    f_number: float,
-    channel: str,
-    turns_deg: Sequence[float] = (),
-    known: Solution | None = None,
-) -> FittedChannel:
-    """Fit one channel of one f-number.
-
-    Parameters
-    ----------
-    flats : sequence of Blocks
-        Blocks of each frame in a fixed order, at least one.
-    f_number : float
-        F-number.
-    channel : str
-        Name of the channel.
-    turns_deg : sequence of float, default: ()
-        Angle by which the camera was turned at each frame [deg]; empty if it was not.
-    known : Solution or None, default: None
-        Fit of another f-number of the channel, whose centre this one shares unless it contradicts.
-
-    Returns
-    -------
-    FittedChannel
-        Result and its fits.
-
-    Raises
-    ------
-    InputRejected
-        `fit_failed` if hardly any light is left in a corner.
-
-    Notes
-    -----
-    The plane in the light is fitted always, with what turned frames show of it: it is never dropped because
-    it is not significant, for then the centre would be that of the light.
-
-    A dark level that is wrong by e changes A V to A V + e = (A + e) V', V' - 1 = (V - 1) / (1 + e/A): the k
-    shrink by one factor, and the centre stays. So u(e/A)^2 k k' is added to the covariance of k.
-    """
-    blocks, planes = merge_flats(flats)
-    alone = solve_falloff(blocks)
-    turned = find_turned_light(planes, turns_deg)
-    prior, not_turned = USUAL, False
-    if turned is not None:
-        apart = turned[0] - alone.parameters[LIGHT]
-        not_turned = math.hypot(*apart) > _SEEN_GRADIENT and is_apart(
-            apart, turned[1] + alone.gradient_covariance
-        )
-        if not not_turned:
-            prior = prior.replace(LIGHT, *turned)
-            alone = solve_falloff(blocks, prior)
-    solution = alone
-    if known is not None:
-        centre, spread = _expect_centre(known)
-        own = alone.find_covariance()[CENTRE, CENTRE]
-        if not is_apart(alone.parameters[CENTRE] - centre, own + spread):
-            solution = solve_falloff(blocks, prior.replace(CENTRE, centre, spread))
-    fit = _conclude(solution, blocks, f_number=f_number, channel=channel, frames=len(flats))
-    return FittedChannel(fit=fit, solution=solution, alone=alone, not_turned=not_turned)
+def find_thresholds(fitted: Fitted) -> tuple[Threshold, ...]:
+    """Find from which f-number on the falloff is below 2 % and below 10 %, in every channel."""
+    worst: dict[float, tuple[float, float]] = {}
+    for each in fitted:
+        of = each.fit.coefficient
+        found = (each.fit.largest_falloff, of.corner_falloff_standard_uncertainty)
+        worst[of.f_number] = max(worst.get(of.f_number, (-math.inf, 0.0)), found)
+    return tuple(_find_threshold(worst, limit) for limit in LIMITS)
 
 
-def find_best(fitted: Iterable[FittedChannel]) -> FittedChannel:
-    """Return the f-number of one channel whose flats determine the centre best.
-
-    Parameters
-    ----------
-    fitted : iterable of FittedChannel
-        F-numbers of one channel.
-
-    Returns
-    -------
-    FittedChannel
-        One of them.
-    """
-    return min(fitted, key=lambda each: float(np.trace(each.alone.find_covariance()[CENTRE, CENTRE])))
-
-
-def _expect_centre(known: Solution) -> tuple[Matrix, Matrix]:
-    """Return the centre at another f-number and its covariance [R]."""
-    own = known.find_covariance()[CENTRE, CENTRE]
-    return known.parameters[CENTRE], own + CENTRE_DRIFT_U**2 * np.eye(2)
-
-
-def _conclude(
-    solution: Solution, blocks: Blocks, *, f_number: float, channel: str, frames: int
-) -> ChannelFit:
-    dark_u_rel = _relate_dark_error(solution, blocks.dark)
-    by_dark = np.zeros((5, 5))
-    by_dark[:3, :3] = dark_u_rel**2 * np.outer(solution.k, solution.k)
-    covariance = solution.find_covariance_of_lens() + by_dark
-    model_u_rel = _measure_misfit(solution, blocks)
-    coefficient, slopes = _build(
-        solution,
-        covariance,
-        blocks.grid,
-        f_number=f_number,
-        channel=channel,
-        model_u_rel=model_u_rel,
-    )
-    gradient, gradient_u = measure_gradient(solution, blocks)
-    counted = np.isfinite(blocks.standard_error)
-    corners = np.array(list_corners(blocks.grid.height_px, blocks.grid.width_px))
-    mean_corner = float(np.mean(1.0 - _share_at(coefficient, corners[:, 0], corners[:, 1])))
-    share = 1.0 - coefficient.corner_falloff
-    certain, level, whole = (
-        float(propagate(slopes, solution.find_covariance_of_lens(known=known))) ** 2 for known in (4, 2, 0)
-    )
-    variances = {
-        ("noise of the flats", "A"): certain,
-        ("centre of the falloff", "B"): level - certain,
-        ("plane of light", "A"): whole - level,
-        ("dark level", "A"): float(propagate(slopes, by_dark)) ** 2,
-        ("shape of the curve", "A"): (model_u_rel * share) ** 2,
-    }
-    of_dark = {name: by_dark[index, index] for index, name in enumerate(("k1", "k2", "k3"))}
-    total = np.diag(covariance)[:3].tolist()
-    freedom = {
-        "corner_falloff": (variances["dark level", "A"], math.fsum(variances.values())),
-        **{name: (of_dark[name], each) for name, each in zip(of_dark, total, strict=True)},
-    }
-    return ChannelFit(
-        coefficient=coefficient,
-        frames=frames,
-        chi_squared=solution.chi_squared,
-        dof=solution.dof,
-        birge_ratio=math.sqrt(max(1.0, solution.chi_squared / solution.dof)),
-        residual_rms_rel=float(np.sqrt(np.mean(solution.residual[counted] ** 2))),
-        mean_corner_falloff=mean_corner,
-        largest_falloff=find_largest_falloff(coefficient),
-        gradient_rel=gradient,
-        gradient_standard_uncertainty_rel=gradient_u,
-        gradient_fitted=True,
-        centre_held=solution.centre_held,
-        residuals=pack(np.where(counted, solution.residual, np.nan), dtype="<f2"),
-        block_px=blocks.grid.block_px,
-        dark_u_rel=dark_u_rel,
-        corner_variances=tuple(
-            CornerVariance(source=source, kind=kind, variance=max(0.0, variance))
-            for (source, kind), variance in variances.items()
-        ),
-        effective_dof={
-            name: min(MOST_DOF, blocks.dark.dof * (whole_of / part) ** 2) if part else MOST_DOF
-            for name, (part, whole_of) in freedom.items()
-        },
+def _find_threshold(worst: dict[float, tuple[float, float]], limit: float) -> Threshold:
+    """Answer for the value, and again for the value shifted by twice its uncertainty either way."""
+    answers = [_answer(worst, limit, errors) for errors in (0.0, -_SURE_ERRORS, _SURE_ERRORS)]
+    return Threshold(
+        falloff=limit,
+        lowest_f_number=answers[0][0],
+        from_f_number=answers[0][1],
+        is_sure=len(set(answers)) == 1,
     )
 
 
-def _relate_dark_error(solution: Solution, dark: DarkError) -> float:
-    """Return u(e/A), e the error of the dark level and A the light at the centre."""
-    return math.hypot(dark.shared, dark.own) / abs(solution.level) if solution.level else 0.0
+def _answer(
+    worst: dict[float, tuple[float, float]], limit: float, errors: float
+) -> tuple[float | None, float | None]:
+    below = {f_number: value + errors * u < limit for f_number, (value, u) in worst.items()}
+    lowest = min((f_number for f_number, is_below in below.items() if is_below), default=None)
+    highest_above = max((f_number for f_number, is_below in below.items() if not is_below), default=0.0)
+    return lowest, min((f_number for f_number in below if f_number > highest_above), default=None)
 
 
-def find_largest_falloff(coefficient: Coefficient) -> float:
-    """Return 1 - V where it is largest, from the centre to the farthest corner.
+def check_frames(candidates: Sequence[Candidate], rows: Sequence[FrameRow], params: Params) -> list[Raised]:
+    """Check the frames that were used, and those that were not."""
+    flags = []
+    for candidate in candidates:
+        if candidate.quality is not None:
+            flags += flag_frame(candidate.row.frame, candidate.quality)
+        elif candidate.left_out:
+            flags.append(codes.FLAT_LEFT_OUT.at(f"frame {candidate.row.frame}", f"{candidate.left_out}."))
+    used = [candidate for candidate in candidates if not candidate.left_out]
+    rendered = sum(candidate.row.header.rendered for candidate in used)
+    if rendered:
+        flags.append(shared.RENDERED.at("", f"Rendered frames: {rendered} of {len(used)}."))
+    flags += flag_assumed_black([each.row.header for each in used])
+    return flags + _check_darks(used) + _check_darkness(used, rows, params)
 
-    Parameters
-    ----------
-    coefficient : Coefficient
-        Falloff of one f-number and channel.
+
+def _check_darkness(used: Sequence[Candidate], rows: Sequence[FrameRow], params: Params) -> list[Raised]:
+    excluded = {exclusion.frame for exclusion in params.exclude}
+    flags = []
+    for iso in sorted({candidate.row.exposure.iso for candidate in used if candidate.row.exposure}):
+        darks = [
+            row
+            for row in rows
+            if row.role == DARK and row.frame not in excluded and row.exposure and row.exposure.iso == iso
+        ]
+        found = {row.frame: reason for row in darks if (reason := find_not_dark(row)) is not None}
+        flags += flag_not_dark(found, f"iso {iso:g}")
+    return flags
+
+
+def _check_darks(used: Sequence[Candidate]) -> list[Raised]:
+    flags = []
+    for iso in sorted({candidate.row.exposure.iso for candidate in used if candidate.row.exposure}):
+        lights = [
+            candidate.light
+            for candidate in used
+            if candidate.light and candidate.row.exposure and candidate.row.exposure.iso == iso
+        ]
+        ratios = [light.dark_time_ratio for light in lights if light.dark_time_ratio is not None]
+        where = f"iso {iso:g}"
+        if not ratios:
+            detail = "No dark frame of this ISO: the stated black level was subtracted."
+            flags.append(shared.DARK_FROM_BLACK_LEVEL.at(where, detail))
+            continue
+        if max(ratios) > EXPOSURE_RATIO:
+            far = [light for light in lights if (light.dark_time_ratio or 0.0) > EXPOSURE_RATIO]
+            known = all(light.dark_times > 1 for light in far)
+            current = (
+                "is in the uncertainty, from the times that there are"
+                if known
+                else "is not known from one time, and not in the uncertainty"
+            )
+            detail = (
+                f"Dark frames differ in exposure time by up to {max(ratios):.3g} times. How the dark level "
+                f"grows {current}."
+            )
+            flags.append(shared.DARK_EXPOSURE_DIFFERS.at(where, detail))
+    return flags
+
+
+def check_fits(fitted: Fitted) -> list[Raised]:
+    """Check the results, per f-number and channel, and from one f-number to the next."""
+    flags = []
+    for each in fitted:
+        flags += _check_centre(each, fitted) + _check_shape(each)
+    for channel in dict.fromkeys(each.fit.coefficient.channel for each in fitted):
+        flags += _check_order([each for each in fitted if each.fit.coefficient.channel == channel])
+    return flags
+
+
+def _check_shape(each: FittedChannel) -> list[Raised]:
+    flags, fit, where = [], each.fit, _where(each)
+    gradient, u = fit.gradient_rel, fit.gradient_standard_uncertainty_rel
+    if gradient > FLAGGED_GRADIENT_REL and each.solution.has_gradient:
+        detail = f"The light changes by {gradient:.1%} across the frame, standard error {u:.1%}."
+        flags.append(codes.UNEVEN_LIGHT.at(where, detail))
+    if each.not_turned:
+        detail = "Its plane differs from the one that the turned frames show: that one was not used."
+        flags.append(codes.LIGHT_NOT_TURNED.at(where, detail))
+    if fit.coefficient.model_u_rel > _MISFIT_REL:
+        detail = f"Scatter beyond noise: {fit.coefficient.model_u_rel:.2%} of the light."
+        flags.append(codes.VIGNETTING_MISFIT.at(where, detail))
+    rise = find_rise(fit.coefficient)
+    if rise is not None:
+        detail = f"The light grows by {rise[0]:.1%} from r = {rise[1]:.2f} to {rise[2]:.2f}."
+        flags.append(codes.FALLOFF_NOT_MONOTONIC.at(where, detail))
+    return flags
+
+
+def find_rise(coefficient: Coefficient) -> tuple[float, float, float] | None:
+    """Return the outward increase of V and the two radii r from which and to which it extends.
+
+    The error is that of the difference of V at the two radii, from the coefficients' covariance.
     """
-    return 1.0 - float(evaluate_curve(sample_radii(farthest_radius(coefficient)) ** 2, coefficient.k).min())
-
-
-def farthest_radius(coefficient: Coefficient) -> float:
-    """Return r at the corner that is farthest from the centre.
-
-    Parameters
-    ----------
-    coefficient : Coefficient
-        Falloff of one f-number and channel.
-    """
-    corner = find_farthest_corner(
-        coefficient.height_px, coefficient.width_px, centre_px=coefficient.centre_px
-    )
-    return math.dist(corner, coefficient.centre_px) / coefficient.radius_px
-
-
-def _measure_misfit(solution: Solution, blocks: Blocks) -> float:
-    """Compute the relative scatter of the blocks beyond their noise; 0 where noise explains it.
-
-    s^2 = mean(residual^2) - mean(u^2), where chi^2 / dof exceeds 1 by three of its own standard deviations.
-    """
-    if solution.chi_squared / solution.dof <= 1.0 + _CHI_SQUARED_ERRORS * math.sqrt(2.0 / solution.dof):
-        return 0.0
-    counted = np.isfinite(blocks.standard_error)
-    noise = np.mean((blocks.standard_error[counted] / solution.fitted[counted]) ** 2)
-    return math.sqrt(max(0.0, float(np.mean(solution.residual[counted] ** 2) - noise)))
-
-
-def _share_at(coefficient: Coefficient, row_px: float | np.ndarray, col_px: float | np.ndarray) -> np.ndarray:
-    share, _ = evaluate_slopes(
-        np.asarray(row_px, np.float64),
-        np.asarray(col_px, np.float64),
+    radii = sample_radii(farthest_radius(coefficient))
+    rise, bottom, top = find_largest_rise(evaluate_curve(radii**2, coefficient.k))
+    rows = coefficient.centre_row_px + coefficient.radius_px * radii[[bottom, top]]
+    _, slopes = evaluate_slopes(
+        rows,
+        np.array(coefficient.centre_col_px),
         coefficient.k,
         centre_px=coefficient.centre_px,
         radius_px=coefficient.radius_px,
     )
-    return share
-
-
-def _build(
-    solution: Solution, covariance: Matrix, grid: Grid, *, f_number: float, channel: str, model_u_rel: float
-) -> tuple[Coefficient, Matrix]:
-    """Return the coefficient, and the derivatives of V at its farthest corner."""
-    row, col = find_farthest_corner(grid.height_px, grid.width_px, centre_px=solution.centre_px)
-    share, slopes = evaluate_slopes(
-        np.array(row),
-        np.array(col),
-        solution.k,
-        centre_px=solution.centre_px,
-        radius_px=grid.half_diagonal_px,
+    by_k = slopes[:3, 1] - slopes[:3, 0]  # at given radii the centre does not enter
+    error = math.hypot(
+        float(propagate(by_k, np.array(coefficient.covariance)[:3, :3])), coefficient.model_u_rel
     )
-    if not float(share) > DARKEST_SHARE or solution.level <= 0.0:
-        raise InputRejected(
-            shared.FIT_FAILED,
-            f"At f/{f_number:g}, channel {channel}, {float(share):.1%} of the light is left in the farthest "
-            "corner: that is the edge of the image circle, not a falloff. Give the flats a region without "
-            "the dark corners.",
+    if rise <= max(_RISE, _ERRORS * error):
+        return None
+    return rise, float(radii[bottom]), float(radii[top])
+
+
+def _check_centre(each: FittedChannel, fitted: Fitted) -> list[Raised]:
+    """Check whether the flats determine the centre, and whether other apertures contradict it."""
+    coefficient, where = each.fit.coefficient, _where(each)
+    if each.fit.centre_held:
+        detail = (
+            f"A falloff of {each.fit.largest_falloff:.1%} does not separate the centre from uneven light. It "
+            f"is taken to lie within {CENTRE_U:.0%} of the half diagonal of the middle, as a standard error."
         )
-    of_curve = float(propagate(slopes, covariance))
-    coefficient = Coefficient(
-        f_number=f_number,
-        channel=channel,
-        height_px=grid.height_px,
-        width_px=grid.width_px,
-        radius_px=grid.half_diagonal_px,
-        centre_row_px=solution.centre_px[0],
-        centre_col_px=solution.centre_px[1],
-        k1=solution.k[0],
-        k2=solution.k[1],
-        k3=solution.k[2],
-        covariance=tuple(tuple(float(each) for each in line) for line in covariance),
-        model_u_rel=model_u_rel,
-        corner_falloff=1.0 - float(share),
-        corner_falloff_standard_uncertainty=math.hypot(of_curve, model_u_rel * float(share)),
+        return [codes.CENTRE_UNCERTAIN.at(where, detail)]
+    best = find_best(other for other in fitted if other.fit.coefficient.channel == coefficient.channel)
+    offset = np.array(each.alone.centre_px) - best.alone.centre_px
+    apart = float(np.hypot(*offset))
+    if apart <= _FAR_CENTRE * coefficient.radius_px:
+        return []
+    error = math.hypot(*(_error_along(offset / apart, other.alone) for other in (each, best)))
+    if apart <= _ERRORS * error:
+        return []
+    detail = f"The centre lies {apart:.0f} px from that of f/{best.fit.coefficient.f_number:g}."
+    return [codes.CENTRE_UNCERTAIN.at(where, detail)]
+
+
+def _error_along(direction: Vector, solution: Solution) -> float:
+    return math.sqrt(float(direction @ solution.find_covariance_of_lens()[3:, 3:] @ direction))
+
+
+def _check_order(fitted: Fitted) -> list[Raised]:
+    """Compare each f-number of one channel with the next lower one."""
+    flags = []
+    for lower, higher in itertools.pairwise(fitted):
+        one, other = lower.fit.coefficient, higher.fit.coefficient
+        growth = other.corner_falloff - one.corner_falloff
+        error = math.hypot(one.corner_falloff_standard_uncertainty, other.corner_falloff_standard_uncertainty)
+        if growth > max(_RISE, _ERRORS * error):
+            detail = f"The corner's falloff is {growth:.1%} larger than at f/{one.f_number:g}."
+            flags.append(codes.FALLOFF_GROWS.at(_where(higher), detail))
+    return flags
+
+
+def _where(each: FittedChannel) -> str:
+    return f"f/{each.fit.coefficient.f_number:g} {each.fit.coefficient.channel}"
+
+
+def extract(
+    frame: Frame, regions: Sequence[Region], *, header: FrameHeader, exposure: Exposure | None
+) -> Extracted[Features]:
+    """Compute the averages of a flat or dark frame over blocks."""
+    del exposure
+    return extract_features(frame, regions, header=header)
+
+
+def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
+    """Fit the falloff of every f-number and channel of a campaign's flat frames.
+
+    The same input in any order gives the same result to the last bit. All numbers are finite; what does not
+    exist is None.
+
+    Flags per frame: flat_left_out, weak_flat, dust. Flags per ISO value: dark_from_black_level,
+    dark_exposure_differs, dark_not_dark. Flags per f-number and channel: uneven_light, centre_uncertain,
+    light_not_turned, falloff_not_monotonic, falloff_grows, vignetting_misfit. Flag of the whole fit:
+    rendered.
+    """
+    lacking = missing(rows, params)
+    if lacking:
+        raise InputRejected(shared.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
+    candidates = collect_candidates(rows, params)
+    used = [candidate for candidate in candidates if not candidate.left_out]
+    if not used:
+        reasons = "; ".join(f"{each.row.frame}: {each.left_out}" for each in candidates)
+        raise InputRejected(codes.FLAT_UNUSABLE, f"No flat frame can be used. {reasons}.")
+    require_one_lens(candidates)
+    fitted = _fit_all(candidates, params)
+    return Fit(
+        height_px=fitted[0].fit.coefficient.height_px,
+        width_px=fitted[0].fit.coefficient.width_px,
+        cfa=next(each.row.features.cfa for each in used if each.row.features is not None),
+        channel_fits=tuple(each.fit for each in fitted),
+        thresholds=find_thresholds(fitted),
+        points=describe_points(rows, candidates, params),
+        flags=(*check_frames(candidates, rows, params), *check_fits(fitted)),
     )
-    return coefficient, slopes
+
+
+def _fit_all(candidates: Sequence[Candidate], params: Params) -> list[FittedChannel]:
+    """Fit every f-number and channel, then again with the centre that one f-number determines best."""
+    turns = _find_turns(candidates, params)
+    groups: dict[tuple[str, float], list[tuple[Blocks, float]]] = {}
+    for candidate in candidates:
+        if candidate.light is not None and not candidate.left_out:
+            for light in candidate.channels:
+                group = groups.setdefault((light.channel, candidate.light.f_number), [])
+                group.append((light.blocks, turns[candidate.row.frame]))
+
+    def fit_one(key: tuple[str, float], known: Solution | None = None) -> FittedChannel:
+        flats, turned = zip(*groups[key], strict=True)
+        return fit_channel(flats, channel=key[0], f_number=key[1], turns_deg=turned, known=known)
+
+    fitted = {key: fit_one(key) for key in groups}
+    best = {channel: find_best(fitted[key] for key in groups if key[0] == channel) for channel, _ in groups}
+    return [
+        each if each is best[key[0]] else fit_one(key, best[key[0]].alone)
+        for key, each in sorted(fitted.items(), key=lambda pair: pair[0][1])
+    ]
+
+
+def _find_turns(candidates: Sequence[Candidate], params: Params) -> dict[str, float]:
+    """Return the angle by which the camera was turned at each flat, by the order at its f-number [deg]."""
+    taken: Counter[float] = Counter()
+    turns = {}
+    for each in sorted(candidates, key=lambda one: (one.row.header.taken_at or "", one.row.frame)):
+        f_number = each.row.exposure.f_number if each.row.exposure else 0.0
+        turns[each.row.frame] = taken[f_number] * (params.flats_turned_deg or 0.0)
+        taken[f_number] += 1
+    return turns
+
+
+def list_coefficients(fit: Fit) -> tuple[CoefficientValue, ...]:
+    """Return k1, k2, k3, the centre and the corner's falloff, per f-number and channel."""
+    return tuple(
+        CoefficientValue(
+            name=name,
+            value=quantity.value,
+            standard_uncertainty=quantity.standard_uncertainty,
+            unit=quantity.unit,
+            model=EQUATION,
+            f_number=coefficient.f_number,
+            band=None if coefficient.channel in CHANNELS else coefficient.channel,
+            channel=coefficient.channel,
+            flags=_flags_of(fit, coefficient),
+            effective_dof=each.effective_dof.get(name, MOST_DOF) if each.effective_dof else None,
+        )
+        for each in fit.channel_fits
+        for coefficient in (each.coefficient,)
+        for name, quantity in _list_quantities(coefficient).items()
+    )
+
+
+def _list_quantities(coefficient: Coefficient) -> dict[str, Quantity]:
+    values = {
+        "k1": (coefficient.k1, "1"),
+        "k2": (coefficient.k2, "1"),
+        "k3": (coefficient.k3, "1"),
+        "centre_row_px": (coefficient.centre_row_px, "px"),
+        "centre_col_px": (coefficient.centre_col_px, "px"),
+    }
+    quantities = {
+        name: Quantity(
+            value=value, standard_uncertainty=coefficient.covariance[index][index] ** 0.5, unit=unit
+        )
+        for index, (name, (value, unit)) in enumerate(values.items())
+    }
+    quantities["corner_falloff"] = Quantity(
+        value=coefficient.corner_falloff,
+        standard_uncertainty=coefficient.corner_falloff_standard_uncertainty,
+        unit="1",
+    )
+    return quantities
+
+
+def _flags_of(fit: Fit, coefficient: Coefficient) -> tuple[str, ...]:
+    """Return the flags that concern a coefficient: its own, its frames' and those of the whole fit."""
+    f_number = coefficient.f_number
+    frames = {f"frame {point.frame}" for point in fit.points if point.f_number == f_number}
+    wheres = {"", f"f/{f_number:g} {coefficient.channel}", *frames}
+    isos = {raised.flag for raised in fit.flags if raised.where.startswith("iso ")}
+    return tuple(sorted({raised.flag for raised in fit.flags if raised.where in wheres} | isos))

@@ -1,42 +1,149 @@
-"""One lens at one f-number: V at every pixel and over regions, for a correction of luminance."""
+"""Application of a fitted falloff: V at places, over regions and of every pixel, at one f-number."""
 
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame.roi import Polygon, Window, bounding_window, mask
-from radiometry.vignetting.application import (
-    bracket,
-    evaluate_one,
-    list_windows,
-    require_format,
-    spread_between,
-)
-from radiometry.vignetting.curve import Array, evaluate_curve
+from radiometry.frame.statistics import GREY, name_site
+from radiometry.vignetting.falloff import Matrix, evaluate_curve, evaluate_slopes, propagate
 from radiometry.vignetting.results import Coefficient
 
-_End = tuple[Coefficient, float, float, Array]  # with its weight, and at the place: V and its slopes
+GREENS = ("G1", "G2")
+BAND_ROWS = 256
+
+
+@dataclass(frozen=True)
+class Share:
+    """V at some places and its standard uncertainty, arrays of one shape; a signal over V is corrected."""
+
+    share: Matrix  # V at each place
+    standard_uncertainty: Matrix  # Standard uncertainty of V
+
+    @property
+    def gain(self) -> Matrix:
+        """1 / V."""
+        return np.asarray(1.0 / self.share)
+
+
+def evaluate(
+    coefficients: Sequence[Coefficient], row_px: Matrix, col_px: Matrix, *, channel: str, f_number: float
+) -> Share:
+    """Compute V of a channel at places of the frame, at an f-number within the range of the flats.
+
+    At an f-number of the flats::
+
+        V = 1 + k1 r^2 + k2 r^4 + k3 r^6,   u(V)^2 = J C J' + (model_u_rel V)^2
+
+    Between two f-numbers a and b, V is interpolated linearly in log2 of the f-number::
+
+        V = (1 - w) V_a + w V_b,  w = log2(N / N_a) / log2(N_b / N_a)
+        u(V)^2 = (1 - w)^2 u(V_a)^2 + w^2 u(V_b)^2 + (4 w (1 - w) (V_b - V_a) / (2 sqrt 3))^2
+
+    The last term is included because the true value may lie anywhere between the neighbours: a rectangular
+    distribution that closes at both.
+    """
+    ends = []
+    for coefficient, weight in bracket(coefficients, channel=channel, f_number=f_number):
+        value, slopes = evaluate_one(coefficient, np.asarray(row_px), np.asarray(col_px))
+        ends.append((weight, value, _total_u(coefficient, value, slopes)))
+    return _interpolate(ends)
+
+
+def bracket(
+    coefficients: Sequence[Coefficient], *, channel: str, f_number: float
+) -> tuple[tuple[Coefficient, float], ...]:
+    """Return the coefficients next to an f-number with their weights."""
+    own = sorted((each for each in coefficients if each.channel == channel), key=lambda each: each.f_number)
+    if not own:
+        known = ", ".join(dict.fromkeys(each.channel for each in coefficients)) or "none"
+        raise InputRejected(
+            shared.VIGNETTING_NOT_CALIBRATED,
+            f"The vignetting calibration has no channel {channel}; it has {known}. Calibrate with flats of "
+            "the same kind of frame.",
+        )
+    if not own[0].f_number <= f_number <= own[-1].f_number:
+        raise InputRejected(
+            shared.VIGNETTING_NOT_CALIBRATED,
+            f"f/{f_number:g} is outside the calibrated range, f/{own[0].f_number:g} to "
+            f"f/{own[-1].f_number:g}: nothing is extrapolated. Take flats at f/{f_number:g}.",
+        )
+    for each in own:
+        if each.f_number == f_number:
+            return ((each, 1.0),)
+    lower, higher = next(
+        pair for pair in itertools.pairwise(own) if pair[0].f_number < f_number < pair[1].f_number
+    )
+    weight = math.log2(f_number / lower.f_number) / math.log2(higher.f_number / lower.f_number)
+    return (lower, 1.0 - weight), (higher, weight)
+
+
+def require_format(coefficients: Sequence[Coefficient], *, height_px: int, width_px: int) -> None:
+    """Check that frames have the size of the calibration: another crop or binning has another centre."""
+    sizes = {(each.height_px, each.width_px) for each in coefficients}
+    if sizes != {(height_px, width_px)}:
+        known = ", ".join(f"{width} x {height}" for height, width in sorted(sizes)) or "no"
+        raise InputRejected(
+            shared.VIGNETTING_NOT_CALIBRATED,
+            f"The frame is {width_px} x {height_px} pixels, the vignetting was calibrated with {known}: "
+            "another crop or binning. Set the camera as for the flats.",
+        )
+
+
+def select_channels(coefficients: Sequence[Coefficient], *, signal: str) -> tuple[str, ...]:
+    """Return the channels whose mean a signal is: both greens for "green", all for "grey"."""
+    channels = tuple(dict.fromkeys(each.channel for each in coefficients))
+    greens = tuple(channel for channel in channels if channel in (*GREENS, "G"))
+    return greens if signal == "green" and greens else channels
+
+
+def list_windows(height_px: int, width_px: int) -> Iterator[Window]:
+    """Return the bands of rows of a frame, so that a whole map needs little memory."""
+    for row0 in range(0, height_px, BAND_ROWS):
+        yield Window(row0=row0, col0=0, height=min(BAND_ROWS, height_px - row0), width=width_px)
+
+
+def evaluate_one(coefficient: Coefficient, row_px: Matrix, col_px: Matrix) -> tuple[Matrix, Matrix]:
+    """Compute V of one f-number and channel, and its derivatives by each of its parameters."""
+    return evaluate_slopes(
+        row_px, col_px, coefficient.k, centre_px=coefficient.centre_px, radius_px=coefficient.radius_px
+    )
+
+
+def _total_u(coefficient: Coefficient, value: Matrix, slopes: Matrix) -> Matrix:
+    of_curve = propagate(slopes, np.array(coefficient.covariance))
+    return np.asarray(np.hypot(of_curve, coefficient.model_u_rel * value))
+
+
+def _interpolate(ends: Sequence[tuple[float, Matrix, Matrix]]) -> Share:
+    value = np.sum([weight * share for weight, share, _ in ends], axis=0)
+    variance = np.sum([(weight * u) ** 2 for weight, _, u in ends], axis=0)
+    if len(ends) == 2:
+        variance = variance + (spread_between(ends[1][0]) * (ends[1][1] - ends[0][1])) ** 2
+    return Share(share=np.asarray(value), standard_uncertainty=np.asarray(np.sqrt(variance)))
+
+
+def spread_between(weight: float) -> float:
+    """Return the standard uncertainty between two f-numbers, as a multiple of the difference of their V."""
+    return 4.0 * weight * (1.0 - weight) / (2.0 * math.sqrt(3.0))
+
+
+_End = tuple[Coefficient, float, float, Matrix]  # with its weight, and at the place: V and its slopes
 
 
 @dataclass(frozen=True, kw_only=True)
 class LensShare:
-    """V at a place or over a region, and the effect of each independent error of its calibration on it.
+    """V at a place or over a region, and the effect of each independent error of its calibration on it."""
 
-    Attributes
-    ----------
-    value : float
-        V.
-    effects : tuple of float
-        Change of V by one standard uncertainty of each source, with its sign. At one
-        f-number, for the same channels, the sources have one order: what two places
-        share is the same error in both.
-    """
-
-    value: float
+    value: float  # V
+    # Change of V by one standard uncertainty of each source, with its sign. At one f-number, for the same
+    # channels, the sources have one order: what two places share is the same error in both.
     effects: tuple[float, ...]
 
     @property
@@ -52,34 +159,13 @@ class LensShare:
 
 @dataclass(frozen=True, kw_only=True)
 class Lens:
-    """Vignetting version at the f-number of a frame.
+    """Vignetting version at the f-number of a frame."""
 
-    Attributes
-    ----------
-    coefficients : tuple of Coefficient
-        All coefficients of the version.
-    f_number : float
-        F-number.
-    """
-
-    coefficients: tuple[Coefficient, ...]
+    coefficients: tuple[Coefficient, ...]  # All coefficients of the version
     f_number: float
 
     def require(self, *, channels: Sequence[str], height_px: int, width_px: int) -> None:
-        """Check that the version is valid for frames of a format.
-
-        Parameters
-        ----------
-        channels : sequence of str
-            Channels that are needed.
-        height_px, width_px : int
-            Size of the frames [px].
-
-        Raises
-        ------
-        InputRejected
-            `vignetting_not_calibrated` for another picture size, channel or f-number.
-        """
+        """Check that the version is valid for frames of a format."""
         require_format(self.coefficients, height_px=height_px, width_px=width_px)
         for channel in channels:
             bracket(self.coefficients, channel=channel, f_number=self.f_number)
@@ -87,25 +173,6 @@ class Lens:
     def over(self, polygon: Polygon, *, channels: Sequence[str]) -> LensShare:
         """Compute the mean of V over a region, averaged over channels.
 
-        Parameters
-        ----------
-        polygon : Polygon
-            Region.
-        channels : sequence of str
-            Channels that are averaged.
-
-        Returns
-        -------
-        LensShare
-            Mean V with its effects.
-
-        Raises
-        ------
-        InputRejected
-            `vignetting_not_calibrated`, `roi_outside_frame` or `roi_empty`.
-
-        Notes
-        -----
         The parameters' errors are shared by all pixels of the region: they enter by the mean of V's slopes.
         """
         return _combine(
@@ -116,20 +183,7 @@ class Lens:
         )
 
     def at(self, row_px: int, col_px: int, *, channels: Sequence[str]) -> LensShare:
-        """Compute V at one pixel's centre, averaged over channels.
-
-        Parameters
-        ----------
-        row_px, col_px : int
-            Row and column of the pixel.
-        channels : sequence of str
-            Channels that are averaged.
-
-        Returns
-        -------
-        LensShare
-            V with its effects.
-        """
+        """Compute V at one pixel's centre, averaged over channels."""
         row, col = np.array(float(row_px)), np.array(float(col_px))
 
         def resolve(channel: str) -> list[_End]:
@@ -141,22 +195,7 @@ class Lens:
     def compute_plane(
         self, rows_px: NDArray[np.intp], cols_px: NDArray[np.intp], *, channel: str
     ) -> NDArray[np.float32]:
-        """Compute V of a channel at rows and columns, without its uncertainty: a tenth of the work.
-
-        Parameters
-        ----------
-        rows_px : ndarray of intp
-            Rows of pixel centres [px], (n,).
-        cols_px : ndarray of intp
-            Columns of pixel centres [px], (m,).
-        channel : str
-            Name of the channel.
-
-        Returns
-        -------
-        ndarray of float32
-            V, (row, col).
-        """
+        """Compute V of a channel at rows and columns, without its uncertainty: a tenth of the work."""
         plane = np.zeros((rows_px.size, cols_px.size))
         for coefficient, weight in self._bracket(channel):
             centre, radius = coefficient.centre_px, coefficient.radius_px
@@ -175,24 +214,6 @@ def average_over_polygon(
 
     A uniform surface's mean signal is divided by it.
 
-    Parameters
-    ----------
-    coefficients : sequence of Coefficient
-        Coefficients of one version.
-    polygon : Polygon
-        Region.
-    channels : sequence of str
-        Channels that are averaged.
-    f_number : float
-        F-number.
-
-    Raises
-    ------
-    InputRejected
-        `vignetting_not_calibrated`, as in `evaluate`; `roi_outside_frame`; `roi_empty`.
-
-    Notes
-    -----
     u^2 = sum over channels of J C J' / m^2 + (model term)^2 + (interpolation term)^2, J the mean of V's
     slopes over the region, since the parameters' errors are shared by all of its pixels. The model's and
     the interpolation's error are taken as alike in the whole region and in all channels: they do not
@@ -201,21 +222,8 @@ def average_over_polygon(
     return Lens(coefficients=tuple(coefficients), f_number=f_number).over(polygon, channels=channels).quantity
 
 
-def average_curve(coefficient: Coefficient, polygon: Polygon) -> tuple[float, Array]:
-    """Compute the means of V and of its slopes over a region's pixels, a band of rows at a time.
-
-    Parameters
-    ----------
-    coefficient : Coefficient
-        Falloff of one f-number and channel.
-    polygon : Polygon
-        Region.
-
-    Returns
-    -------
-    tuple of (float, ndarray of float64)
-        Mean V, and mean of its slopes.
-    """
+def average_curve(coefficient: Coefficient, polygon: Polygon) -> tuple[float, Matrix]:
+    """Compute the means of V and of its slopes over a region's pixels, a band of rows at a time."""
     whole = bounding_window(polygon, height_px=coefficient.height_px, width_px=coefficient.width_px)
     total, slopes_total, count = 0.0, np.zeros(len(coefficient.covariance)), 0
     for band in list_windows(whole.height, whole.width):
@@ -245,3 +253,39 @@ def _combine(channels: Sequence[Sequence[_End]]) -> LensShare:
         if len(ends) == 2:
             between += spread_between(ends[1][1]) * (ends[1][2] - ends[0][2]) / count
     return LensShare(value=value, effects=(*effects, model, between))
+
+
+_COLOURS = ("R", "G", "B")
+
+
+def compute_correction(
+    coefficients: Sequence[Coefficient], *, cfa: str, f_number: float
+) -> NDArray[np.float32]:
+    """Compute 1 / V of every pixel, each with its own channel's curve.
+
+    The signal above dark is multiplied by it.
+    """
+    height, width = coefficients[0].height_px, coefficients[0].width_px
+    lens = Lens(coefficients=tuple(coefficients), f_number=f_number)
+    if cfa == "rgb":
+        gains = np.empty((height, width, len(_COLOURS)), np.float32)
+        for plane, channel in enumerate(_COLOURS):
+            _fill(gains[..., plane], lens, channel, row0=0, col0=0, step=1)
+        return gains
+    gains = np.empty((height, width), np.float32)
+    if cfa == GREY:
+        _fill(gains, lens, coefficients[0].channel, row0=0, col0=0, step=1)
+        return gains
+    for index in range(4):
+        row0, col0 = divmod(index, 2)
+        _fill(gains[row0::2, col0::2], lens, name_site(cfa, index), row0=row0, col0=col0, step=2)
+    return gains
+
+
+def _fill(gains: NDArray[np.float32], lens: Lens, channel: str, *, row0: int, col0: int, step: int) -> None:
+    """Write one channel's gains at its own pixels, a band of rows at a time."""
+    cols = np.arange(gains.shape[1]) * step + col0
+    for top in range(0, gains.shape[0], BAND_ROWS):
+        band = gains[top : top + BAND_ROWS]
+        rows = (top + np.arange(band.shape[0])) * step + row0
+        np.divide(1.0, lens.compute_plane(rows, cols, channel=channel), out=band)

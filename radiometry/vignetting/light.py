@@ -1,4 +1,4 @@
-"""Light of a flat frame: its blocks less dark."""
+"""Light of a flat frame: its blocks less dark, with the uncertainty of the dark level."""
 
 import math
 from collections.abc import Sequence
@@ -7,12 +7,98 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from radiometry.findings import Reason
+from radiometry.frame.darkness import inspect_black
 from radiometry.frame.packing import unpack
-from radiometry.vignetting.darkness import estimate_dark_drift, estimate_dark_error
-from radiometry.vignetting.features import ChannelBlocks, Features, FrameRow
-from radiometry.vignetting.grid import Plane
-from radiometry.vignetting.rows import DARK
-from radiometry.vignetting.solution import Blocks
+from radiometry.vignetting.blocks import ChannelBlocks, Features, FrameRow, Plane
+from radiometry.vignetting.falloff import Blocks, DarkError
+from radiometry.vignetting.results import DARK
+
+# Of the span: a black level that the file states, and nobody measured, holds to one step of 12 bits
+STATED_SHARE = 1.0 / 4096.0
+
+# Of the span: by so much dark levels wander between frames; taken where a single frame cannot show it
+WANDER_SHARE = 1e-4
+
+
+def estimate_dark_error(
+    means_dn: Sequence[float], variances_dn2: Sequence[float], *, span_dn: float
+) -> DarkError:
+    """Estimate the error of a dark level from the means of its n dark frames.
+
+    With s the standard deviation of the means::
+
+        own^2 = max(0, s^2 - mean u_i^2),    shared^2 = (own^2 + mean u_i^2) / n
+
+    For one frame, own is the usual variation of dark levels. Without any dark frame it is the uncertainty
+    of the stated black level, to a step of 12 bits.
+    """
+    n = len(means_dn)
+    if n == 0:
+        return DarkError(shared=STATED_SHARE * span_dn)
+    noise = math.fsum(variances_dn2) / n
+    own = WANDER_SHARE * span_dn
+    if n > 1:
+        own = math.sqrt(max(0.0, float(np.var(np.array(means_dn), ddof=1)) - noise))
+    return DarkError(shared=math.sqrt((own**2 + noise) / n), own=own, dof=n - 1 if n > 1 else math.inf)
+
+
+def estimate_dark_drift(
+    times_s: Sequence[float],
+    means_dn: Sequence[float],
+    variances_dn2: Sequence[float],
+    *,
+    apart_s: float,
+    span_dn: float,
+) -> float:
+    """Estimate the effect of dark current on a dark level used for a flat of another exposure time [DN].
+
+    A line through the means, with t the mean time::
+
+        mean_i = m + b t_i,    u^2 = (b apart)^2 + (u_b apart)^2,    u_b^2 = s^2 / sum (t_i - t)^2
+
+    The level is not corrected: dark current depends on the sensor's temperature, so b apart is the size of
+    the error and no more. s is the scatter about the line, at least pixel noise; for two frames, through
+    which every line goes, it is the usual variation of dark levels.
+    """
+    t, y = np.array(times_s), np.array(means_dn)
+    if len(t) == 0 or float(np.ptp(t)) == 0.0:
+        return 0.0
+    from_mean = t - t.mean()
+    spread = float(from_mean @ from_mean)
+    slope = float(from_mean @ y) / spread
+    noise = math.fsum(variances_dn2) / len(t)
+    residual = y - y.mean() - slope * from_mean
+    dof = len(t) - 2
+    scatter = float(residual @ residual) / dof if dof else (WANDER_SHARE * span_dn) ** 2
+    return abs(apart_s) * math.hypot(slope, math.sqrt(max(scatter, noise) / spread))
+
+
+def merge_dark_errors(errors: Sequence[DarkError], shares: Sequence[float]) -> DarkError:
+    """Compute the error of a weighted mean of flats: shared errors add up, own errors average."""
+    pairs = list(zip(errors, shares, strict=True))
+    return DarkError(
+        shared=math.fsum(share * error.shared for error, share in pairs),
+        own=math.hypot(*(share * error.own for error, share in pairs)),
+        dof=min(error.dof for error in errors),
+    )
+
+
+def find_not_dark(dark: FrameRow) -> Reason | None:
+    """Check whether a dark frame saw light: a channel's median lies too far above the stated black level."""
+    found = []
+    for channel in dark.features.channels if dark.features else ():
+        mean, n = unpack(channel.mean_dn), unpack(channel.n)
+        if (n > 0).any():
+            reason = inspect_black(
+                float(np.median(mean[n > 0])),
+                black_level_dn=channel.black_level_dn,
+                white_level_dn=channel.white_level_dn,
+            )
+            found += [reason] if reason else []
+    # "fail" comes before "warn"
+    return min(found, key=lambda reason: reason.outcome, default=None)
+
 
 EXPOSURE_RATIO = 2.0
 MOST_CLIPPED_SHARE = 0.001
@@ -21,24 +107,12 @@ _ROUNDING_VARIANCE = 1.0 / 12.0
 
 @dataclass(frozen=True)
 class ChannelLight:
-    """One channel of a flat frame.
-
-    Attributes
-    ----------
-    channel : str
-        Name of the channel.
-    blocks : Blocks
-        Light above dark [DN].
-    span_dn : float
-        Signal from dark to white [DN].
-    clipped_share : float
-        Fraction of its pixels that are clipped.
-    """
+    """One channel of a flat frame."""
 
     channel: str
-    blocks: Blocks
-    span_dn: float
-    clipped_share: float
+    blocks: Blocks  # Light above dark [DN]
+    span_dn: float  # Signal from dark to white [DN]
+    clipped_share: float  # Fraction of its pixels that are clipped
 
     @property
     def median_share(self) -> float:
@@ -49,48 +123,18 @@ class ChannelLight:
 
 @dataclass(frozen=True)
 class FlatLight:
-    """Flat frame less dark.
-
-    Attributes
-    ----------
-    frame : str
-        Name of the frame.
-    f_number : float
-        F-number.
-    channels : tuple of ChannelLight
-        Light of each channel.
-    dark_frames : int
-        Number of dark frames that were subtracted.
-    dark_time_ratio : float or None
-        Exposure time ratio of the nearest dark frames; None without any.
-    dark_times : int
-        Number of exposure times of the dark frames of its ISO value.
-    """
+    """Flat frame less dark."""
 
     frame: str
     f_number: float
-    channels: tuple[ChannelLight, ...]
-    dark_frames: int
-    dark_time_ratio: float | None
-    dark_times: int
+    channels: tuple[ChannelLight, ...]  # Light of each channel
+    dark_frames: int  # Number of dark frames that were subtracted
+    dark_time_ratio: float | None  # Exposure time ratio of the nearest dark frames; None without any
+    dark_times: int  # Number of exposure times of the dark frames of its ISO value
 
 
 def list_darks(flat: FrameRow, rows: Sequence[FrameRow]) -> tuple[list[FrameRow], float | None]:
-    """Return the dark frames that serve a flat: of its ISO value, and of the times nearest to its own.
-
-    Parameters
-    ----------
-    flat : FrameRow
-        Evidence of the flat frame.
-    rows : sequence of FrameRow
-        Evidence of the campaign's frames.
-
-    Returns
-    -------
-    tuple of (list of FrameRow, float or None)
-        Dark frames and the ratio of times. All within a factor of two count, else those
-        of the one nearest time. Without any: none, and None.
-    """
+    """Return the dark frames that serve a flat: of its ISO value, and of the times nearest to its own."""
     darks = [(row, time_ratio(flat, row)) for row in _list_alike(flat, rows)]
     if not darks:
         return [], None
@@ -109,18 +153,7 @@ def _list_alike(flat: FrameRow, rows: Sequence[FrameRow]) -> list[FrameRow]:
 
 
 def time_ratio(one: FrameRow, other: FrameRow) -> float:
-    """Return how many times longer the longer of two exposures is.
-
-    Parameters
-    ----------
-    one, other : FrameRow
-        Evidence of the two frames.
-
-    Returns
-    -------
-    float
-        Ratio, 1 or more.
-    """
+    """Return how many times longer the longer of two exposures is."""
     times = [row.exposure.exposure_time_s for row in (one, other) if row.exposure]
     return max(times) / min(times)
 
@@ -139,15 +172,6 @@ def _is_alike(flat: FrameRow, dark: FrameRow) -> bool:
 def measure_light(flat: FrameRow, rows: Sequence[FrameRow]) -> FlatLight:
     """Compute the light of a flat frame less dark, block by block.
 
-    Parameters
-    ----------
-    flat : FrameRow
-        Evidence of the flat frame.
-    rows : sequence of FrameRow
-        Evidence of the campaign's frames.
-
-    Notes
-    -----
     light = mean - dark,  u^2 = noise^2 / n + u(dark)^2, noise^2 the straight line through the blocks' own
     noise over their light: the random noise estimate of a single block must not decide its weight.
     """
@@ -265,20 +289,6 @@ def _smooth_noise(light: Plane, noise: Plane, known: NDArray[np.bool_]) -> Plane
 def leave_out(light: ChannelLight, spots: NDArray[np.bool_]) -> ChannelLight:
     """Return the light without the blocks of spots, which may have been found in another channel.
 
-    Parameters
-    ----------
-    light : ChannelLight
-        Light of the channel.
-    spots : ndarray of bool
-        True for each block of a spot.
-
-    Returns
-    -------
-    ChannelLight
-        Light without these blocks.
-
-    Notes
-    -----
     A block is the same place in every channel; at a border of one odd pixel a channel may have one less.
     """
     errors = light.blocks.standard_error.copy()

@@ -1,10 +1,41 @@
-"""Results of a vignetting fit: plain numbers, ready for JSON; what does not exist is None."""
+"""Parameters and results of a fit, ready for JSON, and the budgets and key figures that follow from them."""
 
+import math
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 from radiometry.findings import Raised
+from radiometry.fitting.evidence import BudgetEntry, Exclusion
 from radiometry.frame.packing import Packed
+from radiometry.specification.coefficients import Budget
+from radiometry.specification.key_figures import KeyFigure, choose_channel
+from radiometry.specification.parameters import check_parameters, parameter
+from radiometry.specification.stored import meaning
+
+FLAT, DARK = "flat", "dark"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Params:
+    """Parameters of a fit; the defaults serve a campaign shot as the documentation says."""
+
+    flats_turned_deg: float | None = parameter(
+        None,
+        label="Camera turned between flats",
+        description="Angle by which the camera was turned about its axis from each flat of an f-number to "
+        "the next, in either sense; the light then turns in the frame, and the lens does not.",
+        unit="deg",
+        bounds="(0, 360)",
+        default_text="not turned",
+        example=180.0,
+        later=True,
+    )
+    exclude: tuple[Exclusion, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check every parameter against its range."""
+        check_parameters(self)
+
 
 EQUATION = "signal above dark = even light * (1 + k1 r^2 + k2 r^4 + k3 r^6)"
 
@@ -26,43 +57,27 @@ class Coefficient:
     """Falloff of one f-number and channel: all that an application needs, in plain fields.
 
     V = 1 + k1 r^2 + k2 r^4 + k3 r^6, r the distance from the centre over `radius_px`.
-
-    Attributes
-    ----------
-    f_number : float
-        F-number.
-    channel : str
-        Name of the channel.
-    height_px, width_px : int
-        Size of the frame [px].
-    radius_px : float
-        Half of the diagonal of the frame [px].
-    centre_row_px, centre_col_px : float
-        Row and column of the centre [px].
-    k1, k2, k3 : float
-        Coefficients of the curve.
-    covariance : tuple of tuple of float
-        Covariance of k1, k2, k3, centre row, centre column.
-    model_u_rel : float
-        Relative departure of the flat from the curve beyond noise; alike at
-        neighbouring places.
-    corner_falloff, corner_falloff_standard_uncertainty : float
-        1 - V at the corner farthest from the centre, and its standard uncertainty.
     """
 
     f_number: float
     channel: str
     height_px: int
     width_px: int
-    radius_px: float
-    centre_row_px: float
-    centre_col_px: float
-    k1: float
-    k2: float
-    k3: float
-    covariance: tuple[tuple[float, ...], ...]
-    model_u_rel: float
-    corner_falloff: float
+    radius_px: float = field(metadata=meaning("Half of the diagonal of the frame [px]."))
+    centre_row_px: float = field(metadata=meaning("Row and column of the centre [px]."))
+    centre_col_px: float = field(metadata=meaning("Row and column of the centre [px]."))
+    k1: float = field(metadata=meaning("Coefficients of the curve."))
+    k2: float = field(metadata=meaning("Coefficients of the curve."))
+    k3: float = field(metadata=meaning("Coefficients of the curve."))
+    covariance: tuple[tuple[float, ...], ...] = field(
+        metadata=meaning("Covariance of k1, k2, k3, centre row, centre column.")
+    )
+    model_u_rel: float = field(
+        metadata=meaning(
+            "Relative departure of the flat from the curve beyond noise; alike at neighbouring places."
+        )
+    )
+    corner_falloff: float = field(metadata=meaning("1 - V at the corner farthest from the centre."))
     corner_falloff_standard_uncertainty: float
 
     @property
@@ -78,19 +93,11 @@ class Coefficient:
 
 @dataclass(frozen=True, kw_only=True)
 class Spot:
-    """Block that is darker (or brighter) than those around it.
-
-    Attributes
-    ----------
-    row_px, col_px : float
-        Position [px].
-    depth_rel : float
-        Difference, as a fraction of the fitted light.
-    """
+    """Block that is darker (or brighter) than those around it."""
 
     row_px: float
     col_px: float
-    depth_rel: float
+    depth_rel: float = field(metadata=meaning("Difference, as a fraction of the fitted light."))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,161 +111,152 @@ class CornerVariance:
 
 @dataclass(frozen=True, kw_only=True)
 class ChannelFit:
-    """Results of one f-number and channel.
+    """Results of one f-number and channel."""
 
-    Attributes
-    ----------
-    coefficient : Coefficient
-        Falloff.
-    frames : int
-        Number of flat frames.
-    chi_squared : float
-        Weighted sum of squared residuals.
-    dof : int
-        Degrees of freedom.
-    birge_ratio : float
-        Birge ratio.
-    residual_rms_rel : float
-        Rms residual of the blocks that count, relative to the fitted light.
-    mean_corner_falloff : float
-        Mean falloff over the four corners.
-    largest_falloff : float
-        Largest falloff anywhere in the frame.
-    gradient_rel, gradient_standard_uncertainty_rel : float
-        Gradient of the light across the frame, largest less smallest, and its standard
-        uncertainty.
-    gradient_fitted : bool
-        True if the coefficients are those of the fit with the gradient; versions from
-        before it was always kept may have dropped it.
-    centre_held : bool
-        True if the flats do not determine the centre.
-    residuals : Packed
-        (light - fitted) / fitted, (row, col) of blocks; NaN where a block did not
-        count.
-    block_px : int
-        Side of a block [px].
-    dark_u_rel : float, default: 0.0
-        Standard uncertainty of the dark level over the light at the centre. The
-        covariance of k includes it, but not in versions from before it was evaluated.
-    corner_variances : tuple of CornerVariance, default: ()
-        Budget of the corner falloff; empty in versions from before it was kept.
-    effective_dof : dict of str to float, default: {}
-        Effective degrees of freedom of the uncertainties, by coefficient, at most 1e6;
-        empty in versions from before they were evaluated.
-    """
-
-    coefficient: Coefficient
-    frames: int
-    chi_squared: float
-    dof: int
+    coefficient: Coefficient = field(metadata=meaning("Falloff."))
+    frames: int = field(metadata=meaning("Number of flat frames."))
+    chi_squared: float = field(metadata=meaning("Weighted sum of squared residuals."))
+    dof: int = field(metadata=meaning("Degrees of freedom."))
     birge_ratio: float
-    residual_rms_rel: float
-    mean_corner_falloff: float
-    largest_falloff: float
-    gradient_rel: float
+    residual_rms_rel: float = field(
+        metadata=meaning("Rms residual of the blocks that count, relative to the fitted light.")
+    )
+    mean_corner_falloff: float = field(metadata=meaning("Mean falloff over the four corners."))
+    largest_falloff: float = field(metadata=meaning("Largest falloff anywhere in the frame."))
+    gradient_rel: float = field(
+        metadata=meaning("Gradient of the light across the frame, largest less smallest.")
+    )
     gradient_standard_uncertainty_rel: float
-    gradient_fitted: bool
-    centre_held: bool
-    residuals: Packed
-    block_px: int
-    dark_u_rel: float = 0.0
-    corner_variances: tuple[CornerVariance, ...] = ()
-    effective_dof: dict[str, float] = field(default_factory=dict)
+    gradient_fitted: bool = field(
+        metadata=meaning(
+            "True if the coefficients are those of the fit with the gradient; versions from before it was "
+            "always kept may have dropped it."
+        )
+    )
+    centre_held: bool = field(metadata=meaning("True if the flats do not determine the centre."))
+    residuals: Packed = field(
+        metadata=meaning("(light - fitted) / fitted, (row, col) of blocks; NaN where a block did not count.")
+    )
+    block_px: int = field(metadata=meaning("Side of a block [px]."))
+    dark_u_rel: float = field(
+        default=0.0,
+        metadata=meaning(
+            "Standard uncertainty of the dark level over the light at the centre. The covariance of k "
+            "includes it, but not in versions from before it was evaluated."
+        ),
+    )
+    corner_variances: tuple[CornerVariance, ...] = field(
+        default=(),
+        metadata=meaning("Budget of the corner falloff; empty in versions from before it was kept."),
+    )
+    effective_dof: dict[str, float] = field(
+        default_factory=dict,
+        metadata=meaning(
+            "Effective degrees of freedom of the uncertainties, by coefficient, at most 1e6; empty in "
+            "versions from before they were evaluated."
+        ),
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Threshold:
-    """F-number from which on the falloff, the largest anywhere and in any channel, is below a limit.
+    """F-number from which on the falloff, the largest anywhere and in any channel, is below a limit."""
 
-    Attributes
-    ----------
-    falloff : float
-        Limit.
-    lowest_f_number : float or None
-        Lowest f-number that is below; None if there is none.
-    from_f_number : float or None
-        Lowest f-number from which on all are below; None if there is none.
-    is_sure : bool
-        True if twice the uncertainty changes neither.
-    """
-
-    falloff: float
-    lowest_f_number: float | None
-    from_f_number: float | None
-    is_sure: bool
+    falloff: float = field(metadata=meaning("Limit."))
+    lowest_f_number: float | None = field(
+        metadata=meaning("Lowest f-number that is below; None if there is none.")
+    )
+    from_f_number: float | None = field(
+        metadata=meaning("Lowest f-number from which on all are below; None if there is none.")
+    )
+    is_sure: bool = field(metadata=meaning("True if twice the uncertainty changes neither."))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Point:
-    """One frame in the fit.
-
-    Attributes
-    ----------
-    frame : str
-        Name of the frame.
-    role : str
-        Role of the frame.
-    f_number : float or None
-        F-number.
-    used : bool
-        True if the fit used it.
-    left_out : str
-        "" for one that was used, else the reason.
-    saturated_share : float or None, default: None
-        Fraction of clipped pixels of the most clipped channel.
-    signal_share : float or None, default: None
-        Median light of the weakest channel, as a fraction of its span from black to
-        white.
-    gradient_rel, gradient_standard_uncertainty_rel : float or None, default: None
-        Gradient of the light in the strongest channel, and its standard uncertainty.
-    spots : tuple of Spot, default: ()
-        Spots, left out of the fit.
-    """
+    """One frame in the fit."""
 
     frame: str
     role: str
     f_number: float | None
-    used: bool
-    left_out: str
-    saturated_share: float | None = None
-    signal_share: float | None = None
-    gradient_rel: float | None = None
+    used: bool = field(metadata=meaning("True if the fit used it."))
+    left_out: str = field(metadata=meaning('"" for one that was used, else the reason.'))
+    saturated_share: float | None = field(
+        default=None, metadata=meaning("Fraction of clipped pixels of the most clipped channel.")
+    )
+    signal_share: float | None = field(
+        default=None,
+        metadata=meaning(
+            "Median light of the weakest channel, as a fraction of its span from black to white."
+        ),
+    )
+    gradient_rel: float | None = field(
+        default=None, metadata=meaning("Gradient of the light in the strongest channel.")
+    )
     gradient_standard_uncertainty_rel: float | None = None
-    spots: tuple[Spot, ...] = ()
+    spots: tuple[Spot, ...] = field(default=(), metadata=meaning("Spots, left out of the fit."))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fit:
-    """Result of a campaign.
-
-    Attributes
-    ----------
-    height_px, width_px : int
-        Size of the frames [px].
-    cfa : str
-        Pattern of the frames, "grey" or "rgb".
-    channel_fits : tuple of ChannelFit
-        Results of each f-number and channel.
-    thresholds : tuple of Threshold
-        F-numbers from which on the falloff is below a limit.
-    points : tuple of Point
-        Points of the fit.
-    flags : tuple of Raised
-        Flags of the fit.
-    conventions : Conventions, default: Conventions()
-        Conventions of the numbers.
-    """
+    """Result of a campaign."""
 
     height_px: int
     width_px: int
-    cfa: str
-    channel_fits: tuple[ChannelFit, ...]
-    thresholds: tuple[Threshold, ...]
+    cfa: str = field(metadata=meaning('Pattern of the frames, "grey" or "rgb".'))
+    channel_fits: tuple[ChannelFit, ...] = field(metadata=meaning("Results of each f-number and channel."))
+    thresholds: tuple[Threshold, ...] = field(
+        metadata=meaning("F-numbers from which on the falloff is below a limit.")
+    )
     points: tuple[Point, ...]
     flags: tuple[Raised, ...]
-    conventions: Conventions = Conventions()
+    conventions: Conventions = field(default=Conventions(), metadata=meaning("Conventions of the numbers."))
 
     @property
     def coefficients(self) -> tuple[Coefficient, ...]:
         """Falloff of every f-number and channel."""
         return tuple(fit.coefficient for fit in self.channel_fits)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BudgetLine(BudgetEntry):
+    """One source of u(corner falloff); ``u_rel`` is relative to the light in the corner."""
+
+    u: float  # Contribution to the falloff
+
+
+def list_budgets(fitted: Fit) -> tuple[Budget, ...]:
+    """Return the budget of the corner falloff of each f-number and channel."""
+    budgets = []
+    for fit in fitted.channel_fits:
+        total = math.fsum(line.variance for line in fit.corner_variances)
+        lines = tuple(
+            BudgetLine(
+                source=line.source,
+                kind=line.kind,
+                u=math.sqrt(line.variance),
+                u_rel=math.sqrt(line.variance) / (1.0 - fit.coefficient.corner_falloff),
+                variance_share=line.variance / total if total else 0.0,
+            )
+            for line in fit.corner_variances
+        )
+        holds_for = {"f_number": fit.coefficient.f_number, "channel": fit.coefficient.channel}
+        budgets += [Budget(holds_for=holds_for, lines=lines)] if lines else []
+    return tuple(budgets)
+
+
+def list_key_figures(result: dict[str, Any]) -> tuple[KeyFigure, ...]:
+    """Return the corner falloff of the channel that stands for brightness."""
+    coefficients = [fit["coefficient"] for fit in result["channel_fits"]]
+    shown = choose_channel(c["channel"] for c in coefficients)
+    return tuple(
+        KeyFigure(
+            group=f"f/{c['f_number']:g}",
+            label=f"Corner falloff, {shown}",
+            value=100.0 * c["corner_falloff"],
+            standard_uncertainty=100.0 * c["corner_falloff_standard_uncertainty"],
+            unit="%",
+        )
+        for c in sorted(coefficients, key=lambda c: float(c["f_number"]))
+        if c["channel"] == shown
+    )

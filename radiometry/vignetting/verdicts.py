@@ -1,15 +1,25 @@
-"""Verdict on every frame of a vignetting campaign, from the same evidence that its fit uses."""
+"""Verdicts on the frames of a campaign, and what it lacks for a good fit."""
 
+import itertools
+import math
+from collections import Counter
 from collections.abc import Sequence
 
+from radiometry.drawing.text import name_few
 from radiometry.findings import Reason, shared
 from radiometry.frame.verdicts import ReviewedFrame, Verdict, assume_whole_frame, conclude, inspect_frames
+from radiometry.specification.grid import Gap
 from radiometry.vignetting import codes
-from radiometry.vignetting.darkness import find_not_dark
-from radiometry.vignetting.features import FrameRow
-from radiometry.vignetting.points import collect_candidates
-from radiometry.vignetting.quality import WEAK_SIGNAL_SHARE, Quality, describe_spots
-from radiometry.vignetting.rows import DARK, Params
+from radiometry.vignetting.blocks import FrameRow
+from radiometry.vignetting.light import EXPOSURE_RATIO, find_not_dark
+from radiometry.vignetting.points import (
+    WEAK_SIGNAL_SHARE,
+    Candidate,
+    Quality,
+    collect_candidates,
+    describe_spots,
+)
+from radiometry.vignetting.results import DARK, Params
 
 
 def judge(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], params: Params) -> dict[str, Verdict]:
@@ -45,3 +55,93 @@ def _inspect_flat(quality: Quality) -> list[Reason]:
         detail = f"{describe_spots(quality.spots)} Clean the sensor or move the target, and take it again."
         found.append(codes.DUST.reason(detail, "warn"))
     return found
+
+
+# Frames at each f-number: what one shows that the others do not is the target's or the light's
+GOOD_FLATS = 3
+
+GOOD_DARKS = 3
+
+# Between neighbouring f-numbers, in stops: over a whole stop the interpolation stays within half of what the
+# falloff changes; markings are rounded by up to a tenth
+WIDEST_GAP_STOPS = 1.1
+
+UNSEEN_GRADIENT_REL = 0.01  # Standard error of the plane of light across the frame
+
+
+def plan(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
+    """List, by name, what to add while the target is still set up."""
+    candidates = collect_candidates(rows, params)
+    used = [candidate for candidate in candidates if not candidate.left_out]
+    spoilt: dict[str, list[str]] = {}
+    for each in candidates:
+        if each.quality is not None and each.left_out:
+            spoilt.setdefault(each.left_out, []).append(each.row.frame)
+    advice = [f"take again: {name_few('frame', frames)} ({why})" for why, frames in spoilt.items()]
+    by_f_number: dict[float, list[Candidate]] = {}
+    for candidate in used:
+        if candidate.light:
+            by_f_number.setdefault(candidate.light.f_number, []).append(candidate)
+    advice += _plan_darks(used)
+    advice += [
+        f"f/{f_number:g} has {_count(len(group), 'usable flat frame')}: add {GOOD_FLATS - len(group)} more"
+        for f_number, group in by_f_number.items()
+        if len(group) < GOOD_FLATS
+    ]
+    seen = [each.quality.gradient_u_rel or 0.0 for each in used if each.quality]
+    if seen and min(seen) > UNSEEN_GRADIENT_REL and params.flats_turned_deg is None:
+        advice.append(
+            f"uneven light is known to {min(seen):.1%} at best, beside an off-centre lens: turn the camera "
+            "by half or a quarter of a turn between flats, and state the angle in the fit"
+        )
+    return (*advice, *_plan_f_numbers(sorted(by_f_number)))
+
+
+def find_gaps(rows: Sequence[FrameRow], params: Params) -> tuple[Gap, ...]:
+    """List the flat frames that an f-number needs, and the f-numbers that lie between."""
+    lights = [each.light for each in collect_candidates(rows, params) if not each.left_out and each.light]
+    counts = Counter(light.f_number for light in lights)
+    f_numbers = sorted(counts)
+    between = [
+        float(f"{math.sqrt(lower * higher):.2g}")
+        for lower, higher in itertools.pairwise(f_numbers)
+        if 2.0 * math.log2(higher / lower) > WIDEST_GAP_STOPS
+    ]
+    lacking = {f_number: GOOD_FLATS - counts[f_number] for f_number in (*f_numbers, *between)}
+    return tuple(
+        Gap(role="flat", at={"f_number": f_number}, text="Flat frame")
+        for f_number, count in lacking.items()
+        for _ in range(count)
+    )
+
+
+def _plan_darks(used: Sequence[Candidate]) -> list[str]:
+    advice = []
+    lights = [(each.row.exposure, each.light) for each in used if each.row.exposure and each.light]
+    for iso in sorted({exposure.iso for exposure, _ in lights}):
+        of_iso = [light for exposure, light in lights if exposure.iso == iso]
+        fewest = min(light.dark_frames for light in of_iso)
+        slowest = max((light.dark_time_ratio or 1.0 for light in of_iso), default=1.0)
+        if fewest == 0:
+            advice.append(f"no dark frames at ISO {iso:g}: add {GOOD_DARKS} with the lens covered")
+        elif slowest > EXPOSURE_RATIO:
+            advice.append(
+                f"no dark frames at ISO {iso:g} within a factor of two of every flat's exposure time"
+            )
+        elif fewest < GOOD_DARKS:
+            advice.append(f"ISO {iso:g} has {_count(fewest, 'dark frame')}: add {GOOD_DARKS - fewest}")
+    return advice
+
+
+def _plan_f_numbers(f_numbers: Sequence[float]) -> list[str]:
+    if len(f_numbers) == 1:
+        return [f"only f/{f_numbers[0]:g}: frames at other f-numbers cannot be corrected"]
+    return [
+        f"f/{lower:g} and f/{higher:g} are more than a stop apart: add one between"
+        for lower, higher in itertools.pairwise(f_numbers)
+        if 2.0 * math.log2(higher / lower) > WIDEST_GAP_STOPS
+    ]
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"

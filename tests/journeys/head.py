@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 from radiometry.geometry.bundle import Pose
 from radiometry.geometry.camera import CameraModel, find_directions
 from radiometry.geometry.target import Target as Board
-from radiometry.vignetting.curve import evaluate_curve, find_farthest_corner
+from radiometry.vignetting.falloff import evaluate_curve, find_farthest_corner
 from simulation.boards import draw_poses
 from simulation.targets import Edge, Star
 from simulation.tiff import ASCII, LONG, RATIONAL, TiffWriter, append_strip, approximate, describe_image

@@ -17,7 +17,7 @@ from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.verdicts import judge as judge_reflectance
 from radiometry.sharpness import method as sharpness
 from radiometry.sharpness.verdicts import judge as judge_sharpness
-from radiometry.vignetting import method as vignetting
+from radiometry.vignetting import fit as vignetting
 from radiometry.vignetting.verdicts import judge as judge_vignetting
 from simulation.camera import change, take
 from simulation.flats import FAST_LENS, plan_dark, plan_flat

@@ -27,7 +27,7 @@ from radiometry.luminance.maps import (
 )
 from radiometry.luminance.measurement import Request, Vignetting, measure
 from radiometry.vignetting.lens import Lens
-from radiometry.vignetting.method import Coefficient
+from radiometry.vignetting.results import Coefficient
 from tests.radiometry.coefficients import COEFFICIENT
 from tests.radiometry.luminance.exact import PARAMS, READINGS, ROWS, K, fit
 

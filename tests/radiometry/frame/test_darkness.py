@@ -6,7 +6,7 @@ import pytest
 
 from radiometry.frame.darkness import inspect_black
 from radiometry.noise import method as noise
-from radiometry.vignetting import method as vignetting
+from radiometry.vignetting import fit as vignetting
 from simulation.camera import change
 from tests.radiometry.noise.series import PARAMS, SMALL, brightened, take
 from tests.radiometry.vignetting import flats

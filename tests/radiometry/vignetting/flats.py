@@ -5,9 +5,9 @@ import numpy as np
 from radiometry.fitting.evidence import Region
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon
-from radiometry.vignetting import method as vignetting
-from radiometry.vignetting.grid import Grid, Site, average_radial
-from radiometry.vignetting.least_squares import Blocks
+from radiometry.vignetting import fit as vignetting
+from radiometry.vignetting.blocks import Grid, Site, average_radial
+from radiometry.vignetting.falloff import Blocks
 from radiometry.vignetting.results import Coefficient
 from simulation.camera import change, take
 from simulation.flats import FAST_LENS, plan_dark, plan_flat

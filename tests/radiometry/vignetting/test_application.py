@@ -8,11 +8,10 @@ import pytest
 
 from radiometry.findings import InputRejected
 from radiometry.frame.roi import Polygon, Window, mask
-from radiometry.vignetting import application, correction
+from radiometry.vignetting import fit as vignetting
 from radiometry.vignetting import lens as vignetting_lens
-from radiometry.vignetting import method as vignetting
-from radiometry.vignetting.application import require_format
-from radiometry.vignetting.curve import evaluate_slopes
+from radiometry.vignetting.falloff import evaluate_slopes
+from radiometry.vignetting.lens import require_format
 from simulation.camera import change, take
 from simulation.flats import FALLOFFS, plan_flat
 from tests.radiometry.vignetting.flats import NONE, SMALL, coefficient, dark, flat
@@ -26,7 +25,7 @@ V_2, V_4 = 1 - 0.4 * 0.36 + 0.1 * 0.36**2, 1 - 0.1 * 0.36
 
 
 def evaluate(coefficients=PAIR, *, f_number, channel="G1", place=PLACE):
-    return application.evaluate(coefficients, *place, channel=channel, f_number=f_number)
+    return vignetting_lens.evaluate(coefficients, *place, channel=channel, f_number=f_number)
 
 
 def test_v_and_its_uncertainty_at_a_calibrated_f_number():
@@ -86,10 +85,10 @@ def test_an_unknown_channel_and_another_size_are_refused():
 
 def test_a_signal_s_channels():
     channels = [dataclasses.replace(AT_2, channel=name) for name in ("R", "G1", "G2", "B")]
-    assert application.select_channels(channels, signal="green") == ("G1", "G2")
-    assert application.select_channels(channels, signal="grey") == ("R", "G1", "G2", "B")
+    assert vignetting_lens.select_channels(channels, signal="green") == ("G1", "G2")
+    assert vignetting_lens.select_channels(channels, signal="grey") == ("R", "G1", "G2", "B")
     band = [dataclasses.replace(AT_2, channel="red_edge")]
-    assert application.select_channels(band, signal="green") == ("red_edge",)
+    assert vignetting_lens.select_channels(band, signal="green") == ("red_edge",)
 
 
 @pytest.mark.parametrize("cfa", ["grey", "rgb", "GRBG"])
@@ -101,10 +100,10 @@ def test_a_correction_made_in_bands_is_one_over_v_everywhere(cfa):
         for number, name in enumerate(names)
         for each in PAIR
     ]
-    gains = correction.compute_correction(pair, cfa=cfa, f_number=3.0)
+    gains = vignetting_lens.compute_correction(pair, cfa=cfa, f_number=3.0)
     rows, cols = np.mgrid[:300, :400].astype(float)
     for number, name in enumerate(names):
-        expected = application.evaluate(pair, rows, cols, channel=name, f_number=3.0).gain
+        expected = vignetting_lens.evaluate(pair, rows, cols, channel=name, f_number=3.0).gain
         site = (slice(number // 2, None, 2), slice(number % 2, None, 2)) if cfa == "GRBG" else ()
         found = gains[..., number] if cfa == "rgb" else gains
         np.testing.assert_allclose(found[site], expected[site], rtol=3e-7)
@@ -119,7 +118,7 @@ def test_mean_over_a_region_is_that_of_its_pixels():
     inside = mask(polygon, Window(row0=0, col0=0, height=300, width=400))
     rows, cols = (each.astype(float) for each in np.nonzero(inside))
     means = [
-        application.evaluate((*PAIR, *other), rows, cols, channel=channel, f_number=2.5).share.mean()
+        vignetting_lens.evaluate((*PAIR, *other), rows, cols, channel=channel, f_number=2.5).share.mean()
         for channel in ("G1", "G2")
     ]
     assert found.value == pytest.approx(np.mean(means), rel=1e-12)
@@ -148,7 +147,7 @@ def test_uncertainty_of_a_mean_does_not_average_out():
 def test_a_correction_makes_another_flat_even():
     lens = change(SMALL, falloffs={1.4: FALLOFFS[1.4]})
     fit = vignetting.fit([flat(lens, 1), *(dark(lens, n, name=f"d{n}") for n in (2, 3))], NONE)
-    gains = correction.compute_correction(fit.coefficients, cfa="RGGB", f_number=1.4)
+    gains = vignetting_lens.compute_correction(fit.coefficients, cfa="RGGB", f_number=1.4)
     assert (gains.dtype, gains.shape) == (np.float32, (192, 288))
     shot = take(lens, plan_flat(lens, f_number=1.4), np.random.default_rng(9)).frame
     even = (shot.samples_dn - 256.0) * gains
@@ -164,9 +163,11 @@ def test_a_correction_makes_another_flat_even():
 def test_each_site_is_corrected_with_its_own_curve():
     red = dataclasses.replace(AT_2, channel="R", k1=-0.2)
     all_of = [red, AT_2, *(dataclasses.replace(AT_2, channel=name) for name in ("G2", "B"))]
-    gains = correction.compute_correction(all_of, cfa="GRBG", f_number=2.0)
-    at_red = application.evaluate([red], np.array(200.0), np.array(301.0), channel="R", f_number=2.0)
+    gains = vignetting_lens.compute_correction(all_of, cfa="GRBG", f_number=2.0)
+    at_red = vignetting_lens.evaluate([red], np.array(200.0), np.array(301.0), channel="R", f_number=2.0)
     assert gains[200, 301] == pytest.approx(float(at_red.gain), rel=1e-6)
     assert gains[201, 301] != pytest.approx(float(at_red.gain), rel=1e-3)
-    grey = correction.compute_correction([dataclasses.replace(AT_2, channel="nir")], cfa="grey", f_number=2.0)
+    grey = vignetting_lens.compute_correction(
+        [dataclasses.replace(AT_2, channel="nir")], cfa="grey", f_number=2.0
+    )
     assert grey[100, 350] == pytest.approx(1 / V_2, rel=1e-6)

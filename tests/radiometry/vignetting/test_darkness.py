@@ -6,15 +6,11 @@ import math
 import numpy as np
 import pytest
 
-from radiometry.vignetting import method as vignetting
-from radiometry.vignetting.darkness import (
-    DarkError,
-    estimate_dark_drift,
-    estimate_dark_error,
-    merge_dark_errors,
-)
-from radiometry.vignetting.fit import fit_channel
-from radiometry.vignetting.grid import Grid
+from radiometry.vignetting import fit as vignetting
+from radiometry.vignetting.blocks import Grid
+from radiometry.vignetting.channels import fit_channel
+from radiometry.vignetting.falloff import DarkError
+from radiometry.vignetting.light import estimate_dark_drift, estimate_dark_error, merge_dark_errors
 from simulation.camera import change
 from tests.radiometry.vignetting.flats import NONE, SMALL, dark, exact_blocks, flat
 

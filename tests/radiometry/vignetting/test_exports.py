@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from radiometry.findings import InputRejected
-from radiometry.vignetting import application
-from radiometry.vignetting import lensfun as vignetting_lensfun
+from radiometry.vignetting import exports as vignetting_lensfun
+from radiometry.vignetting import lens as vignetting_lens
 from simulation.flats import FALLOFFS
 from tests.radiometry.vignetting.flats import coefficient
 
@@ -37,7 +37,7 @@ CHILDREN = {
 
 def share(lens, f_number=1.4):
     rows, cols = np.mgrid[0:HEIGHT, 0:WIDTH].astype(float)
-    return application.evaluate(lens, rows, cols, channel="G1", f_number=f_number).share
+    return vignetting_lens.evaluate(lens, rows, cols, channel="G1", f_number=f_number).share
 
 
 def export(lens, names=NAMES):

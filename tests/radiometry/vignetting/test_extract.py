@@ -11,8 +11,8 @@ from radiometry.fitting.evidence import Region
 from radiometry.frame import Frame
 from radiometry.frame.packing import unpack
 from radiometry.frame.roi import Polygon
-from radiometry.vignetting import method as vignetting
-from radiometry.vignetting.grid import Grid, Site, average_radial
+from radiometry.vignetting import fit as vignetting
+from radiometry.vignetting.blocks import Grid, Site, average_radial
 from simulation.camera import change, take
 from simulation.flats import FAST_LENS, plan_flat
 from tests.radiometry.vignetting.flats import SMALL, row, whole

@@ -13,13 +13,11 @@ from scipy.stats import chi2
 from radiometry.findings import InputRejected
 from radiometry.fitting.evidence import Exclusion
 from radiometry.frame.packing import unpack
-from radiometry.vignetting import method as vignetting
-from radiometry.vignetting.application import evaluate
-from radiometry.vignetting.curve import evaluate_curve
-from radiometry.vignetting.fit import fit_channel
-from radiometry.vignetting.grid import Site
-from radiometry.vignetting.least_squares import solve_falloff
-from radiometry.vignetting.solution import CENTRE_U, EVEN, UNKNOWN
+from radiometry.vignetting import fit as vignetting
+from radiometry.vignetting.blocks import Site
+from radiometry.vignetting.channels import fit_channel
+from radiometry.vignetting.falloff import CENTRE_U, EVEN, UNKNOWN, evaluate_curve, solve_falloff
+from radiometry.vignetting.lens import evaluate
 from simulation.camera import change, take
 from simulation.flats import FALLOFFS, FAST_LENS, plan_flats
 from tests.radiometry.vignetting.flats import (

@@ -8,10 +8,11 @@ import pytest
 
 from radiometry.findings import InputRejected
 from radiometry.fitting.evidence import Exclusion, Region
+from radiometry.frame.packing import unpack
 from radiometry.frame.roi import Polygon
-from radiometry.vignetting import method as vignetting
-from radiometry.vignetting import residuals as vignetting_residuals
-from radiometry.vignetting import suggestions
+from radiometry.vignetting import exports as vignetting_residuals
+from radiometry.vignetting import fit as vignetting
+from radiometry.vignetting import verdicts
 from radiometry.vignetting import verdicts as vignetting_verdicts
 from simulation.camera import change
 from simulation.flats import FAST_LENS
@@ -147,13 +148,14 @@ def test_dust_is_found_in_the_dark_corner_of_a_wide_lens_and_at_the_border(spot)
 def test_the_residual_map_does_not_know_what_was_left_out():
     target = surface(spots=((60.0, 100.0, 6.0, 0.3),))
     fits = vignetting.fit([flat(SMALL, 1, 2.0, target=target)], NONE).channel_fits
-    found, residuals = vignetting_residuals.read_residuals(fits, f_number=2.0, channel="G1")
+    found = vignetting_residuals.find_fit(fits, f_number=2.0, channel="G1")
+    residuals = unpack(found.residuals)
     row, col = (int(place // found.block_px) for place in (60.0, 100.0))
     assert np.isnan(residuals[row, col])
     assert 0 < np.isnan(residuals).sum() < 10
     assert np.sqrt(np.nanmean(residuals**2)) == pytest.approx(found.residual_rms_rel, rel=1e-3)
     with pytest.raises(InputRejected, match=r"at f/2.8, channel G1; there are f/2 R, f/2 G1"):
-        vignetting_residuals.read_residuals(fits, f_number=2.8, channel="G1")
+        vignetting_residuals.find_fit(fits, f_number=2.8, channel="G1")
 
 
 def test_a_pattern_on_the_target_is_refused():
@@ -213,21 +215,21 @@ def test_a_frame_that_waits_is_pending_and_an_excluded_one_is_not_judged():
 
 def test_the_plan_says_what_to_add():
     rows = [flat(SMALL, n, 1.4, name=f"wide-{n}") for n in (1, 2, 3)]
-    assert suggestions.plan([*rows, *DARKS], NONE) == (
+    assert verdicts.plan([*rows, *DARKS], NONE) == (
         "only f/1.4: frames at other f-numbers cannot be corrected",
     )
-    found = suggestions.plan([*rows, flat(SMALL, 4, 4.0, name="far"), DARKS[0]], NONE)
+    found = verdicts.plan([*rows, flat(SMALL, 4, 4.0, name="far"), DARKS[0]], NONE)
     assert found == (
         "ISO 100 has 1 dark frame: add 2",
         "f/4 has 1 usable flat frame: add 2 more",
         "f/1.4 and f/4 are more than a stop apart: add one between",
     )
     clipped = flat(SMALL, 1, name="bright", target=surface(1.02))
-    (again,) = suggestions.plan([clipped], NONE)
+    (again,) = verdicts.plan([clipped], NONE)
     assert again.startswith("take again: frame bright (")
-    assert "no dark frames at ISO 100: add 3 with the lens covered" in suggestions.plan(rows, NONE)
+    assert "no dark frames at ISO 100: add 3 with the lens covered" in verdicts.plan(rows, NONE)
     full = [flat(SMALL, n, f, name=f"{f:g}-{n}") for f in (1.4, 2.0) for n in (1, 2, 3)]
-    assert suggestions.plan([*full, *DARKS], NONE) == ()
+    assert verdicts.plan([*full, *DARKS], NONE) == ()
 
 
 def test_a_rendered_flat_is_flagged():

@@ -1,5 +1,6 @@
-"""Features of a flat or dark frame: every channel averaged over a grid of blocks."""
+"""Frames of a campaign in blocks: the grid, and the mean, noise and clipped share of each channel over it."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,7 +13,145 @@ from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.packing import Packed, pack
 from radiometry.frame.roi import Window, mask
 from radiometry.frame.statistics import GREY, compute_statistics, name_site
-from radiometry.vignetting.grid import Axis, Grid, Site, Vector
+
+__all__ = ["Grid"]
+
+Vector = NDArray[np.float64]
+Plane = NDArray[np.float64]
+
+MOST_BLOCKS = 64
+LEAST_BLOCK_PX = 8
+
+
+@dataclass(frozen=True, kw_only=True)
+class Site:
+    """Pixels of one channel: every `step`-th row from `row0` on, and column from `col0` on."""
+
+    row0: int  # First row and column [px]
+    col0: int  # First row and column [px]
+    step: int  # Distance of neighbouring pixels of the channel [px]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Axis:
+    """Positions of a channel's pixels along rows or columns, and the start of each block of them."""
+
+    positions: Vector  # Position of each pixel [px]
+    starts: NDArray[np.intp]  # Index of the first position of each block
+
+    @property
+    def counts(self) -> NDArray[np.intp]:
+        """Number of positions of each block."""
+        return np.diff(np.append(self.starts, self.positions.size))
+
+    @property
+    def means(self) -> Vector:
+        """Mean position of each block [px]."""
+        return self.mean_of(self.positions)
+
+    def mean_of(self, values: Vector) -> Vector:
+        """Average values at the positions over each block."""
+        return np.asarray(np.add.reduceat(values, self.starts) / self.counts)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Grid:
+    """Square blocks of `block_px` pixels a side over a frame; those at the far borders may be cut."""
+
+    height_px: int
+    width_px: int
+    #: Side of a block [px]; even, so that every block consists of whole 2 x 2 patterns of a mosaic
+    block_px: int
+
+    @classmethod
+    def over(cls, height_px: int, width_px: int) -> "Grid":
+        """Return the finest grid with at most 64 blocks on the long side, none smaller than 8 pixels.
+
+        Parameters
+        ----------
+        height_px, width_px : int
+            Size of the frame [px].
+        """
+        block_px = 2 * math.ceil(max(height_px, width_px) / (2 * MOST_BLOCKS))
+        return cls(height_px=height_px, width_px=width_px, block_px=max(LEAST_BLOCK_PX, block_px))
+
+    @property
+    def half_diagonal_px(self) -> float:
+        """R = sqrt(height^2 + width^2) / 2 [px]."""
+        return math.hypot(self.height_px, self.width_px) / 2.0
+
+    @property
+    def middle_px(self) -> tuple[float, float]:
+        """The row and column of the frame's middle; the centre of pixel (0, 0) is at (0, 0)."""
+        return (self.height_px - 1) / 2.0, (self.width_px - 1) / 2.0
+
+    def axes(self, site: Site) -> tuple[Axis, Axis]:
+        """Return a channel's rows and columns in blocks; a block at the border that has none is left out.
+
+        Parameters
+        ----------
+        site : Site
+            Pixels of the channel.
+
+        Returns
+        -------
+        tuple of Axis
+            Rows and columns.
+        """
+        return (
+            _cut(site.row0, site.step, self.height_px, self.block_px),
+            _cut(site.col0, site.step, self.width_px, self.block_px),
+        )
+
+
+def _cut(first: int, step: int, size_px: int, block_px: int) -> Axis:
+    positions = np.arange(first, size_px, step)
+    _, starts = np.unique(positions // block_px, return_index=True)
+    return Axis(positions=positions.astype(np.float64), starts=starts)
+
+
+def average_radial(
+    rows: Axis, cols: Axis, *, centre_row_px: float, centre_col_px: float, radius_px: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Average r^2, r^4, r^6 and their slopes over the pixels of each block; exact, not at its centre.
+
+    r^2 = a^2 + b^2, a = (row - centre_row) / R, b = (col - centre_col) / R. Rows and columns of a block are
+    independent, so that e.g. <r^4> = <a^4> + 2 <a^2> <b^2> + <b^4>: moments along each axis are enough.
+    """
+    a = _moments(rows, centre_row_px, radius_px)
+    b = _moments(cols, centre_col_px, radius_px)
+    means = np.stack(
+        [
+            _outer(a[2], b[0]) + _outer(a[0], b[2]),
+            _outer(a[4], b[0]) + 2.0 * _outer(a[2], b[2]) + _outer(a[0], b[4]),
+            _outer(a[6], b[0]) + 3.0 * _outer(a[4], b[2]) + 3.0 * _outer(a[2], b[4]) + _outer(a[0], b[6]),
+        ]
+    )
+    return means, _slopes(a, b) / -radius_px, _slopes(b, a).transpose(0, 2, 1) / -radius_px
+
+
+def _slopes(a: list[Vector], b: list[Vector]) -> NDArray[np.float64]:
+    """Average d r^2n / d a = 2 n a r^(2n-2) for n = 1, 2, 3; (3, along a, along b)."""
+    return np.stack(
+        [
+            2.0 * _outer(a[1], b[0]),
+            4.0 * (_outer(a[3], b[0]) + _outer(a[1], b[2])),
+            6.0 * (_outer(a[5], b[0]) + 2.0 * _outer(a[3], b[2]) + _outer(a[1], b[4])),
+        ]
+    )
+
+
+def _moments(axis: Axis, centre_px: float, radius_px: float) -> list[Vector]:
+    scaled = (axis.positions - centre_px) / radius_px
+    powers = np.ones((7, scaled.size))
+    for power in range(1, 7):
+        np.multiply(powers[power - 1], scaled, out=powers[power])
+    return list(np.add.reduceat(powers, axis.starts, axis=1) / axis.counts)
+
+
+def _outer(a: Vector, b: Vector) -> Plane:
+    return np.asarray(np.multiply.outer(a, b))
+
 
 Samples = NDArray[np.float32]
 
@@ -21,38 +160,18 @@ _COLOURS = ("R", "G", "B")
 
 @dataclass(frozen=True, kw_only=True)
 class ChannelBlocks:
-    """One channel in blocks, each array (row, col).
+    """One channel in blocks, each array (row, col)."""
 
-    Attributes
-    ----------
-    channel : str
-        R, G1, G2, B for a mosaic; R, G, B for a rendered image; grey; or the name of a
-        multispectral band.
-    site : Site
-        Pixels of the channel.
-    black_level_dn : float
-        Black level [DN].
-    white_level_dn : float
-        White level [DN].
-    mean_dn : Packed
-        Mean, black included [DN]; 0 where n is 0.
-    noise_dn : Packed
-        Standard deviation of one pixel without the slope of the light, from differences
-        of neighbours [DN].
-    n : Packed
-        Pixels of a block; 0 for one that is not entirely in the region.
-    clipped_share : Packed
-        Fraction of pixels at or above the white level.
-    """
-
+    # R, G1, G2, B for a mosaic; R, G, B for a rendered image; grey; or the name of a multispectral band
     channel: str
-    site: Site
+    site: Site  # Pixels of the channel
     black_level_dn: float
     white_level_dn: float
-    mean_dn: Packed
+    mean_dn: Packed  # Mean, black included [DN]; 0 where n is 0
+    # Standard deviation of one pixel without the slope of the light, from differences of neighbours [DN]
     noise_dn: Packed
-    n: Packed
-    clipped_share: Packed
+    n: Packed  # Pixels of a block; 0 for one that is not entirely in the region
+    clipped_share: Packed  # Fraction of pixels at or above the white level
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,27 +199,6 @@ class _Channel:
 def extract_features(frame: Frame, regions: Sequence[Region], *, header: FrameHeader) -> Extracted[Features]:
     """Compute the averages of a frame over blocks of at most 1/64 of its long side, per channel.
 
-    Parameters
-    ----------
-    frame : Frame
-        Frame to measure.
-    regions : sequence of Region
-        Regions to read; a block counts if all of its pixels belong to one of them.
-    header : FrameHeader
-        Header of the frame.
-
-    Returns
-    -------
-    Extracted[Features]
-        Statistics of the frame, and the blocks.
-
-    Raises
-    ------
-    InputRejected
-        `roi_empty` if no block lies entirely in a region.
-
-    Notes
-    -----
     noise^2 = sum d^2 / (2 m) over the m differences d of neighbours of one colour within a block, along
     rows and along columns: for a light that slopes by s per pixel only s^2 / 2 remains.
     """
@@ -114,7 +212,9 @@ def extract_features(frame: Frame, regions: Sequence[Region], *, header: FrameHe
     grid = Grid.over(frame.height_px, frame.width_px)
     samples, known = _embed(frame, inside)
     band = header.multispectral.band if header.multispectral else GREY
-    blocks = [_average(channel, frame, samples, known, grid) for channel in _list_channels(frame.cfa, band)]
+    blocks = [
+        _average_blocks(channel, frame, samples, known, grid) for channel in _list_channels(frame.cfa, band)
+    ]
     if not any(counts.any() for _, counts in blocks):
         raise InputRejected(
             shared.ROI_EMPTY,
@@ -154,7 +254,7 @@ def _embed(frame: Frame, inside: NDArray[np.bool_]) -> tuple[NDArray[np.uint16],
     return whole, known
 
 
-def _average(
+def _average_blocks(
     channel: _Channel, frame: Frame, samples: NDArray[np.uint16], known: NDArray[np.bool_], grid: Grid
 ) -> tuple[ChannelBlocks, NDArray[np.int64]]:
     site = channel.site

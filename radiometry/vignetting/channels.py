@@ -1,0 +1,357 @@
+"""Falloff of one f-number and channel, from all of its flat frames."""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from radiometry.findings import InputRejected, shared
+from radiometry.fitting.evidence import MOST_DOF
+from radiometry.frame.packing import pack
+from radiometry.vignetting import codes
+from radiometry.vignetting.blocks import Grid
+from radiometry.vignetting.falloff import (
+    CENTRE,
+    LIGHT,
+    USUAL,
+    Blocks,
+    DarkError,
+    Matrix,
+    Solution,
+    evaluate_curve,
+    evaluate_slopes,
+    find_farthest_corner,
+    is_apart,
+    list_corners,
+    propagate,
+    sample_radii,
+    solve_falloff,
+)
+from radiometry.vignetting.light import merge_dark_errors
+from radiometry.vignetting.points import measure_gradient
+from radiometry.vignetting.results import ChannelFit, Coefficient, CornerVariance
+
+Plane2 = tuple[Matrix, Matrix]  # Gradient per half diagonal, (2,), row first, and its covariance, (2, 2)
+
+_TURN_U = math.radians(3.0)  # Standard uncertainty of a turn by hand
+
+_STEADY_U = 1e-4  # By so much, per half diagonal, planes of light change between frames at least
+
+_CERTAIN_CHI_SQUARED = 9.0
+
+
+def measure_plane(flat: Blocks, merged: Blocks) -> Plane2:
+    """Fit a plane to the ratio of a flat to the mean of all flats, in which there is no lens."""
+    counts = np.isfinite(flat.standard_error) & np.isfinite(merged.standard_error)
+    down, right = (np.broadcast_to(each, counts.shape)[counts] for each in flat.places)
+    level = float(flat.light[counts].mean() / merged.light[counts].mean())
+    expected = level * merged.light[counts]
+    weights = expected / flat.standard_error[counts]
+    design = np.column_stack([np.ones_like(down), down, right]) * weights[:, None]
+    inverse = np.linalg.inv(design.T @ design)
+    plane = inverse @ (design.T @ (weights * (flat.light[counts] / expected - 1.0)))
+    return plane[1:], np.asarray(inverse[1:, 1:])
+
+
+def find_turned_light(planes: Sequence[Plane2], turns_deg: Sequence[float]) -> Plane2 | None:
+    """Estimate the plane of light in the mean of flats from what turns between them.
+
+    With g the plane of a frame that is not turned, s the plane of the mean and R_i the turn::
+
+        e_i = R_i g - s,    V_i = C_i + (u_turn |g|)^2 I
+
+    is solved for g and s by generalised least squares. Planes that do not turn as stated enlarge the error
+    (Birge). The sense of the turns is that which fits better, or either where the frames do not show it.
+    """
+    if len(planes) < 2 or len({turn % 360.0 for turn in turns_deg}) < 2:
+        return None
+    senses = [_solve(planes, sense * np.radians(turns_deg)) for sense in (1.0, -1.0)]
+    (least, best, covariance), (most, other, wide) = sorted(senses, key=lambda each: each[0])
+    if most - least > _CERTAIN_CHI_SQUARED:
+        return best, covariance
+    half = (best - other) / 2.0
+    return np.asarray((best + other) / 2.0), np.asarray((covariance + wide) / 2.0 + np.outer(half, half))
+
+
+def _solve(planes: Sequence[Plane2], turns: Matrix) -> tuple[float, Matrix, Matrix]:
+    """Return chi^2, the plane of the mean and its covariance, for turns of one sense [rad]."""
+    rotations = [np.array([[c, -s], [s, c]]) for c, s in zip(np.cos(turns), np.sin(turns), strict=True)]
+    design = np.vstack([np.hstack([each, -np.eye(2)]) for each in rotations])
+    seen = np.concatenate([plane for plane, _ in planes])
+    size = 0.0
+    for _ in range(2):
+        unsure = ((_TURN_U * size) ** 2 + _STEADY_U**2) * np.eye(2)
+        weight = scipy.linalg.block_diag(*(np.linalg.inv(noise + unsure) for _, noise in planes))
+        normal = design.T @ weight @ design
+        found = np.linalg.solve(normal, design.T @ weight @ seen)
+        size = float(np.hypot(*found[:2]))
+    residual = seen - design @ found
+    chi_squared, dof = float(residual @ weight @ residual), seen.size - 4
+    scale = max(1.0, chi_squared / dof) if dof else 1.0
+    return chi_squared, found[2:], np.asarray(scale * np.linalg.inv(normal)[2:, 2:])
+
+
+def merge_flats(flats: Sequence[Blocks]) -> tuple[Blocks, list[Plane2]]:
+    """Average frames of one f-number block by block, each divided by its own level and plane first.
+
+    z = sum(w light / level) / sum w,  w = (level / u)^2;  the level is the mean over the blocks that count
+    in every frame, so that a block missing in one frame does not shift it against the others. Frames with
+    different planes would bend the mean, since a block weighs more where its frame is darker: the planes are
+    read off the ratios to a first mean, in which there is no lens, and divided out of a second.
+    """
+    everywhere = np.all([np.isfinite(flat.standard_error) for flat in flats], axis=0)
+    if not everywhere.any():
+        raise InputRejected(
+            codes.FLAT_UNUSABLE,
+            "The flat frames of one f-number have no part of the picture in common: leave their regions out, "
+            "so that the whole frame counts.",
+        )
+    merged = _average_flats(flats, everywhere)
+    if len(flats) == 1:
+        return merged, []
+    planes = [measure_plane(flat, merged) for flat in flats]
+    down, right = flats[0].places
+    level = []
+    for flat, (plane, _) in zip(flats, planes, strict=True):
+        tilt = 1.0 + plane[0] * down + plane[1] * right
+        level.append(replace(flat, light=flat.light / tilt, standard_error=flat.standard_error / tilt))
+    return _average_flats(level, everywhere), planes
+
+
+def _average_flats(flats: Sequence[Blocks], everywhere: NDArray[np.bool_]) -> Blocks:
+    levels = [float(flat.light[everywhere].mean()) for flat in flats]
+    weights = [(level / flat.standard_error) ** 2 for level, flat in zip(levels, flats, strict=True)]
+    total = np.sum(weights, axis=0)
+    shares = [float(weight.sum() / total.sum()) for weight in weights]
+    darks = [
+        replace(flat.dark, shared=flat.dark.shared / level, own=flat.dark.own / level)
+        for flat, level in zip(flats, levels, strict=True)
+    ]
+    summed = np.sum(
+        [weight * flat.light / level for weight, flat, level in zip(weights, flats, levels, strict=True)],
+        axis=0,
+    )
+    known = total > 0.0
+    return replace(
+        flats[0],
+        light=np.divide(summed, total, out=np.zeros_like(total), where=known),
+        standard_error=np.divide(1.0, np.sqrt(total), out=np.full_like(total, np.inf), where=known),
+        dark=merge_dark_errors(darks, shares),
+    )
+
+
+# Less than this in a corner is the edge of the image circle, which no such curve describes
+DARKEST_SHARE = 0.02
+
+_CHI_SQUARED_ERRORS = 3.0
+# Per half diagonal: planes that differ by less do not show that the light did not turn
+_SEEN_GRADIENT = 0.005
+
+
+CENTRE_DRIFT_U = 0.02  # By so much the centre differs from one f-number to the next, in half diagonals
+
+
+@dataclass(frozen=True)
+class FittedChannel:
+    """One f-number and channel: the stored result, and the fits on which it rests."""
+
+    fit: ChannelFit  # Result of the fit
+    solution: Solution  # Fit of the result
+    alone: Solution  # The same without knowledge of the centre from another f-number
+    not_turned: bool  # True if the light did not turn in the frame as the camera was stated to turn
+
+
+def fit_channel(
+    flats: Sequence[Blocks],
+    *,
+    f_number: float,
+    channel: str,
+    turns_deg: Sequence[float] = (),
+    known: Solution | None = None,
+) -> FittedChannel:
+    """Fit one channel of one f-number.
+
+    The plane in the light is fitted always, with what turned frames show of it: it is never dropped because
+    it is not significant, for then the centre would be that of the light.
+
+    A dark level that is wrong by e changes A V to A V + e = (A + e) V', V' - 1 = (V - 1) / (1 + e/A): the k
+    shrink by one factor, and the centre stays. So u(e/A)^2 k k' is added to the covariance of k.
+    """
+    blocks, planes = merge_flats(flats)
+    alone = solve_falloff(blocks)
+    turned = find_turned_light(planes, turns_deg)
+    prior, not_turned = USUAL, False
+    if turned is not None:
+        apart = turned[0] - alone.parameters[LIGHT]
+        not_turned = math.hypot(*apart) > _SEEN_GRADIENT and is_apart(
+            apart, turned[1] + alone.gradient_covariance
+        )
+        if not not_turned:
+            prior = prior.replace(LIGHT, *turned)
+            alone = solve_falloff(blocks, prior)
+    solution = alone
+    if known is not None:
+        centre, spread = _expect_centre(known)
+        own = alone.find_covariance()[CENTRE, CENTRE]
+        if not is_apart(alone.parameters[CENTRE] - centre, own + spread):
+            solution = solve_falloff(blocks, prior.replace(CENTRE, centre, spread))
+    fit = _conclude(solution, blocks, f_number=f_number, channel=channel, frames=len(flats))
+    return FittedChannel(fit=fit, solution=solution, alone=alone, not_turned=not_turned)
+
+
+def find_best(fitted: Iterable[FittedChannel]) -> FittedChannel:
+    """Return the f-number of one channel whose flats determine the centre best."""
+    return min(fitted, key=lambda each: float(np.trace(each.alone.find_covariance()[CENTRE, CENTRE])))
+
+
+def _expect_centre(known: Solution) -> tuple[Matrix, Matrix]:
+    """Return the centre at another f-number and its covariance [R]."""
+    own = known.find_covariance()[CENTRE, CENTRE]
+    return known.parameters[CENTRE], own + CENTRE_DRIFT_U**2 * np.eye(2)
+
+
+def _conclude(
+    solution: Solution, blocks: Blocks, *, f_number: float, channel: str, frames: int
+) -> ChannelFit:
+    dark_u_rel = _relate_dark_error(solution, blocks.dark)
+    by_dark = np.zeros((5, 5))
+    by_dark[:3, :3] = dark_u_rel**2 * np.outer(solution.k, solution.k)
+    covariance = solution.find_covariance_of_lens() + by_dark
+    model_u_rel = _measure_misfit(solution, blocks)
+    coefficient, slopes = _build(
+        solution,
+        covariance,
+        blocks.grid,
+        f_number=f_number,
+        channel=channel,
+        model_u_rel=model_u_rel,
+    )
+    gradient, gradient_u = measure_gradient(solution, blocks)
+    counted = np.isfinite(blocks.standard_error)
+    corners = np.array(list_corners(blocks.grid.height_px, blocks.grid.width_px))
+    mean_corner = float(np.mean(1.0 - _share_at(coefficient, corners[:, 0], corners[:, 1])))
+    share = 1.0 - coefficient.corner_falloff
+    certain, level, whole = (
+        float(propagate(slopes, solution.find_covariance_of_lens(known=known))) ** 2 for known in (4, 2, 0)
+    )
+    variances = {
+        ("noise of the flats", "A"): certain,
+        ("centre of the falloff", "B"): level - certain,
+        ("plane of light", "A"): whole - level,
+        ("dark level", "A"): float(propagate(slopes, by_dark)) ** 2,
+        ("shape of the curve", "A"): (model_u_rel * share) ** 2,
+    }
+    of_dark = {name: by_dark[index, index] for index, name in enumerate(("k1", "k2", "k3"))}
+    total = np.diag(covariance)[:3].tolist()
+    freedom = {
+        "corner_falloff": (variances["dark level", "A"], math.fsum(variances.values())),
+        **{name: (of_dark[name], each) for name, each in zip(of_dark, total, strict=True)},
+    }
+    return ChannelFit(
+        coefficient=coefficient,
+        frames=frames,
+        chi_squared=solution.chi_squared,
+        dof=solution.dof,
+        birge_ratio=math.sqrt(max(1.0, solution.chi_squared / solution.dof)),
+        residual_rms_rel=float(np.sqrt(np.mean(solution.residual[counted] ** 2))),
+        mean_corner_falloff=mean_corner,
+        largest_falloff=find_largest_falloff(coefficient),
+        gradient_rel=gradient,
+        gradient_standard_uncertainty_rel=gradient_u,
+        gradient_fitted=True,
+        centre_held=solution.centre_held,
+        residuals=pack(np.where(counted, solution.residual, np.nan), dtype="<f2"),
+        block_px=blocks.grid.block_px,
+        dark_u_rel=dark_u_rel,
+        corner_variances=tuple(
+            CornerVariance(source=source, kind=kind, variance=max(0.0, variance))
+            for (source, kind), variance in variances.items()
+        ),
+        effective_dof={
+            name: min(MOST_DOF, blocks.dark.dof * (whole_of / part) ** 2) if part else MOST_DOF
+            for name, (part, whole_of) in freedom.items()
+        },
+    )
+
+
+def _relate_dark_error(solution: Solution, dark: DarkError) -> float:
+    """Return u(e/A), e the error of the dark level and A the light at the centre."""
+    return math.hypot(dark.shared, dark.own) / abs(solution.level) if solution.level else 0.0
+
+
+def find_largest_falloff(coefficient: Coefficient) -> float:
+    """Return 1 - V where it is largest, from the centre to the farthest corner."""
+    return 1.0 - float(evaluate_curve(sample_radii(farthest_radius(coefficient)) ** 2, coefficient.k).min())
+
+
+def farthest_radius(coefficient: Coefficient) -> float:
+    """Return r at the corner that is farthest from the centre."""
+    corner = find_farthest_corner(
+        coefficient.height_px, coefficient.width_px, centre_px=coefficient.centre_px
+    )
+    return math.dist(corner, coefficient.centre_px) / coefficient.radius_px
+
+
+def _measure_misfit(solution: Solution, blocks: Blocks) -> float:
+    """Compute the relative scatter of the blocks beyond their noise; 0 where noise explains it.
+
+    s^2 = mean(residual^2) - mean(u^2), where chi^2 / dof exceeds 1 by three of its own standard deviations.
+    """
+    if solution.chi_squared / solution.dof <= 1.0 + _CHI_SQUARED_ERRORS * math.sqrt(2.0 / solution.dof):
+        return 0.0
+    counted = np.isfinite(blocks.standard_error)
+    noise = np.mean((blocks.standard_error[counted] / solution.fitted[counted]) ** 2)
+    return math.sqrt(max(0.0, float(np.mean(solution.residual[counted] ** 2) - noise)))
+
+
+def _share_at(coefficient: Coefficient, row_px: float | np.ndarray, col_px: float | np.ndarray) -> np.ndarray:
+    share, _ = evaluate_slopes(
+        np.asarray(row_px, np.float64),
+        np.asarray(col_px, np.float64),
+        coefficient.k,
+        centre_px=coefficient.centre_px,
+        radius_px=coefficient.radius_px,
+    )
+    return share
+
+
+def _build(
+    solution: Solution, covariance: Matrix, grid: Grid, *, f_number: float, channel: str, model_u_rel: float
+) -> tuple[Coefficient, Matrix]:
+    """Return the coefficient, and the derivatives of V at its farthest corner."""
+    row, col = find_farthest_corner(grid.height_px, grid.width_px, centre_px=solution.centre_px)
+    share, slopes = evaluate_slopes(
+        np.array(row),
+        np.array(col),
+        solution.k,
+        centre_px=solution.centre_px,
+        radius_px=grid.half_diagonal_px,
+    )
+    if not float(share) > DARKEST_SHARE or solution.level <= 0.0:
+        raise InputRejected(
+            shared.FIT_FAILED,
+            f"At f/{f_number:g}, channel {channel}, {float(share):.1%} of the light is left in the farthest "
+            "corner: that is the edge of the image circle, not a falloff. Give the flats a region without "
+            "the dark corners.",
+        )
+    of_curve = float(propagate(slopes, covariance))
+    coefficient = Coefficient(
+        f_number=f_number,
+        channel=channel,
+        height_px=grid.height_px,
+        width_px=grid.width_px,
+        radius_px=grid.half_diagonal_px,
+        centre_row_px=solution.centre_px[0],
+        centre_col_px=solution.centre_px[1],
+        k1=solution.k[0],
+        k2=solution.k[1],
+        k3=solution.k[2],
+        covariance=tuple(tuple(float(each) for each in line) for line in covariance),
+        model_u_rel=model_u_rel,
+        corner_falloff=1.0 - float(share),
+        corner_falloff_standard_uncertainty=math.hypot(of_curve, model_u_rel * float(share)),
+    )
+    return coefficient, slopes

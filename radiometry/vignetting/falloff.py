@@ -1,0 +1,386 @@
+"""The curve V(r), and its weighted nonlinear least-squares fit to the blocks of one channel."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from radiometry.vignetting.blocks import Axis, Grid, Plane, Vector, average_radial
+
+__all__ = ["evaluate_curve", "find_farthest_corner"]
+
+Matrix = NDArray[np.float64]
+
+PARAMETERS = 5  # k1, k2, k3, centre row, centre column: the order of every covariance
+
+_RADII = 512
+
+
+def evaluate_curve(squared: Matrix, k: Sequence[float]) -> Matrix:
+    """Compute V where r^2 is known.
+
+    Parameters
+    ----------
+    squared : ndarray of float64
+        Values of r^2.
+    k : sequence of float
+        Coefficients k1, k2, k3.
+
+    Returns
+    -------
+    ndarray of float64
+        V, in the shape of `squared`.
+    """
+    k1, k2, k3 = k
+    return np.asarray(1.0 + squared * (k1 + squared * (k2 + squared * k3)))
+
+
+def evaluate_slopes(
+    row_px: Matrix, col_px: Matrix, k: Sequence[float], *, centre_px: tuple[float, float], radius_px: float
+) -> tuple[Matrix, Matrix]:
+    """Compute V and its derivatives by k1, k2, k3, centre row and centre column.
+
+    dV/dk_n = r^2n;  dV/dcentre_row = -(2 a / R) (k1 + 2 k2 r^2 + 3 k3 r^4), a = (row - centre_row) / R
+    """
+    a, b = (row_px - centre_px[0]) / radius_px, (col_px - centre_px[1]) / radius_px
+    squared = a**2 + b**2
+    by_square = k[0] + squared * (2.0 * k[1] + squared * 3.0 * k[2])
+    slopes = np.stack(
+        [squared, squared**2, squared**3, -2.0 * a * by_square / radius_px, -2.0 * b * by_square / radius_px]
+    )
+    return evaluate_curve(squared, k), slopes
+
+
+def list_corners(height_px: int, width_px: int) -> list[tuple[float, float]]:
+    """Return the frame's four corners [px]: half a pixel outside the centres of the outermost pixels."""
+    return [(row, col) for row in (-0.5, height_px - 0.5) for col in (-0.5, width_px - 0.5)]
+
+
+def find_farthest_corner(
+    height_px: int, width_px: int, *, centre_px: tuple[float, float]
+) -> tuple[float, float]:
+    """Return the corner that is farthest from the centre; of equally far ones the first by row, then column.
+
+    Parameters
+    ----------
+    height_px, width_px : int
+        Size of the frame [px].
+    centre_px : tuple of float
+        Row and column of the centre [px].
+
+    Returns
+    -------
+    tuple of float
+        Row and column of the corner [px].
+    """
+    return max(list_corners(height_px, width_px), key=lambda corner: math.dist(corner, centre_px))
+
+
+def propagate(slopes: Matrix, covariance: Matrix) -> Matrix:
+    """Compute the standard uncertainty that follows from that of the parameters: sqrt(J C J')."""
+    variance = np.einsum("i...,ij,j...->...", slopes, covariance, slopes)
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
+
+
+def sample_radii(farthest: float) -> Vector:
+    """Return radii from the centre to the farthest corner at which the whole curve is checked."""
+    return np.linspace(0.0, farthest, _RADII)
+
+
+def find_largest_rise(shares: Vector) -> tuple[float, int, int]:
+    """Return the largest outward increase of V, with the indices from which and to which it extends."""
+    lowest = np.minimum.accumulate(shares)
+    top = int(np.argmax(shares - lowest))
+    bottom = int(np.argmin(shares[: top + 1]))
+    return float(shares[top] - shares[bottom]), bottom, top
+
+
+# Places of the centre and of the plane of light among the parameters of a fit
+CENTRE, LIGHT = slice(4, 6), slice(6, 8)
+
+# Standard uncertainty of a centre before any fit, in half diagonals; the bodies of the "Four Vision" report
+# lie up to 0.13 from the middle
+CENTRE_U = 0.1
+
+_HELD_U = 0.05  # From this standard uncertainty on the flats do not determine a centre, in half diagonals
+
+# Two degrees of freedom: what noise exceeds as rarely as three standard errors of one
+_SIGNIFICANT_CHI_SQUARED = 11.83
+
+
+def is_apart(difference: Matrix, covariance: Matrix) -> bool:
+    """Return True if a difference of two numbers exceeds its errors, as rarely as three of them by noise."""
+    return bool(difference @ np.linalg.solve(covariance, difference) > _SIGNIFICANT_CHI_SQUARED)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DarkError:
+    """Standard uncertainties of the dark level, in the unit of the light."""
+
+    # Uncertainty of the subtracted level, one and the same for all flats with these dark frames
+    shared: float = 0.0
+    own: float = 0.0  # Uncertainty by which the dark level of a single frame departs from it
+    dof: float = math.inf  # Degrees of freedom of both
+
+
+KNOWN = DarkError()
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Light of one channel over the blocks of a grid, (row, col)."""
+
+    grid: Grid  # Grid of blocks
+    rows: Axis  # Rows and columns of the channel in blocks
+    cols: Axis  # Rows and columns of the channel in blocks
+    light: Plane  # Light above dark, in any unit
+    standard_error: Plane  # Standard error of each, > 0; infinite where it does not count
+    dark: DarkError = KNOWN  # Error of the dark level, common to all of them
+
+    @property
+    def places(self) -> tuple[Plane, Plane]:
+        """Distance of the blocks from the frame's middle, down and to the right [R]."""
+        middle, radius = self.grid.middle_px, self.grid.half_diagonal_px
+        return (self.rows.means - middle[0])[:, None] / radius, (self.cols.means - middle[1])[None] / radius
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Knowledge of centre and plane of light before a fit."""
+
+    # Centre from the frame's middle [R], and gradient of the light per half diagonal; (4,), row first
+    mean: Matrix
+    precision: Matrix  # Inverse of its covariance, (4, 4); 0 where nothing is known
+
+    def replace(self, part: slice, mean: Matrix, covariance: Matrix) -> "Prior":
+        """Return the knowledge with another centre or plane."""
+        where = slice(part.start - 4, part.stop - 4)
+        changed = self.mean.copy(), self.precision.copy()
+        changed[0][where], changed[1][where, where] = mean, np.linalg.inv(covariance)
+        return Prior(*changed)
+
+
+UNKNOWN = Prior(np.zeros(4), np.zeros((4, 4)))
+USUAL = UNKNOWN.replace(CENTRE, np.zeros(2), CENTRE_U**2 * np.eye(2))
+EVEN = USUAL.replace(LIGHT, np.zeros(2), 1e-12 * np.eye(2))  # Of light without a plane; for comparison only
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Fitted falloff."""
+
+    # A, k1, k2, k3, centre from the frame's middle [R], gradient of the light per half diagonal
+    parameters: Matrix
+    information: Matrix  # Inverse of their covariance, Birge's ratio and what was known before included
+    grid: Grid  # Grid of the blocks
+    chi_squared: float  # Weighted sum of squared residuals of the blocks
+    dof: int  # Degrees of freedom
+    fitted: Plane  # Model per block
+    residual: Plane  # (light - fitted) / fitted, 0 where it does not count
+
+    @property
+    def level(self) -> float:
+        """Light A at the centre."""
+        return float(self.parameters[0])
+
+    @property
+    def k(self) -> tuple[float, float, float]:
+        """Coefficients k1, k2, k3."""
+        k1, k2, k3 = self.parameters[1:4].tolist()
+        return k1, k2, k3
+
+    @property
+    def centre_px(self) -> tuple[float, float]:
+        """Row and column of the centre [px]."""
+        row, col = self.grid.middle_px + self.parameters[CENTRE] * self.grid.half_diagonal_px
+        return float(row), float(col)
+
+    @property
+    def gradient(self) -> tuple[float, float]:
+        """Gradient of the light, (d row, d column) relative per half diagonal."""
+        by_row, by_col = self.parameters[LIGHT].tolist()
+        return by_row, by_col
+
+    @property
+    def gradient_covariance(self) -> Matrix:
+        """Covariance of the gradient."""
+        return self.find_covariance()[LIGHT, LIGHT]
+
+    @property
+    def centre_held(self) -> bool:
+        """True if the flats do not determine the centre: what was known before does."""
+        return bool(np.sqrt(np.diag(self.find_covariance())[CENTRE]).max() > _HELD_U)
+
+    @property
+    def has_gradient(self) -> bool:
+        """True if the plane of light exceeds its own errors, as rarely as three of them by noise."""
+        return is_apart(self.parameters[LIGHT], self.gradient_covariance)
+
+    def find_covariance(self, *, known: int = 0) -> Matrix:
+        """Compute the covariance of all parameters."""
+        free = 8 - known
+        covariance = np.zeros((8, 8))
+        covariance[:free, :free] = np.linalg.inv(self.information[:free, :free])
+        return covariance
+
+    def find_covariance_of_lens(self, *, known: int = 0) -> Matrix:
+        """Compute the covariance of k1, k2, k3, centre row and column [px]."""
+        scale = np.array([1.0, 1.0, 1.0, self.grid.half_diagonal_px, self.grid.half_diagonal_px])
+        part = slice(1, 1 + PARAMETERS)
+        return np.asarray(self.find_covariance(known=known)[part, part] * np.outer(scale, scale))
+
+
+_TOLERANCE = 1e-10
+_MOST_EVALUATIONS = 200
+_LEVEL = slice(0, 6)  # All parameters but the plane of light
+
+
+def solve_falloff(blocks: Blocks, prior: Prior = USUAL) -> Solution:
+    """Fit A (1 + k1 <r^2> + k2 <r^4> + k3 <r^6>) (1 + g_row <a> + g_col <b>) to blocks.
+
+    <> is the mean over a block's own pixels, a and b the distance from the frame's middle over R. With p
+    the centre and the gradient, and P the precision of what is known of them::
+
+        minimise sum ((model - light) / u)^2 + (p - p0)' P (p - p0)
+
+    by the method of Levenberg and Marquardt [1], here in MINPACK's implementation; where the fit is poor,
+    also from a start without a plane. The plane is always fitted. Where the falloff is small, centre and
+    plane can replace one another: what is known of the centre then decides, and the errors of both say so.
+
+    [1] Press et al., Numerical Recipes, 15.5
+    """
+    model = _Model(blocks)
+    found = _minimise(model, model.start(prior.mean), prior)
+    if model.chi_squared(found) > model.light.size:
+        # a plane may stand for a centre that is far from where the search began: find that one first
+        level = _minimise(model, model.start(prior.mean), prior, free=_LEVEL)
+        found = min(found, _minimise(model, level, prior), key=model.chi_squared)
+    jacobian, residual, fitted = model.jacobian(found), model.residual(found), model.evaluate(found)
+    chi_squared, dof = float(residual @ residual), max(1, residual.size - found.size)
+    birge_squared = max(1.0, chi_squared / dof)
+    information = jacobian.T @ jacobian / birge_squared
+    information[4:, 4:] += prior.precision
+    information[CENTRE, CENTRE] -= _find_spurious(model, found, information, prior) / birge_squared
+    return Solution(
+        parameters=found,
+        information=information,
+        grid=blocks.grid,
+        chi_squared=chi_squared,
+        dof=dof,
+        fitted=fitted,
+        residual=np.where(model.counts, blocks.light / fitted - 1.0, 0.0),
+    )
+
+
+def _minimise(model: "_Model", start: Matrix, prior: Prior, free: slice = slice(None)) -> Matrix:
+    """Find the parameters from a start, those that are not free staying as they are."""
+    values, vectors = np.linalg.eigh(prior.precision)
+    known = np.column_stack([np.zeros((4, 4)), (vectors * np.sqrt(np.maximum(values, 0.0))).T])
+
+    def fill(part: Matrix) -> Matrix:
+        whole = start.copy()
+        whole[free] = part
+        return whole
+
+    def residual(part: Matrix) -> Matrix:
+        whole = fill(part)
+        return np.append(model.residual(whole), known[:, 4:] @ (whole[4:] - prior.mean))
+
+    found = scipy.optimize.least_squares(
+        residual,
+        start[free],
+        jac=lambda part: np.vstack([model.jacobian(fill(part)), known])[:, free],
+        method="lm",
+        x_scale="jac",
+        xtol=_TOLERANCE,
+        ftol=_TOLERANCE,
+        gtol=_TOLERANCE,
+        max_nfev=_MOST_EVALUATIONS,
+    )
+    return fill(found.x)
+
+
+def _find_spurious(model: "_Model", p: Matrix, information: Matrix, prior: Prior) -> Matrix:
+    """Estimate what the errors of k pretend to say of the centre.
+
+    The centre's own information S(k), after all other parameters, is a quadratic form of the true k. Of
+    fitted ones with the covariance C = L L' it is on average larger by the mean of S(k + l) + S(k - l) -
+    2 S(k) over the columns l of L, halved and summed. A quadratic form of one error scatters by about its
+    mean: twice the mean is taken off, but no more than there is.
+    """
+
+    def inform(shift: Matrix) -> Matrix:
+        moved = p.copy()
+        moved[1:4] += shift
+        jacobian = model.jacobian(moved)
+        whole = jacobian.T @ jacobian
+        whole[LIGHT, LIGHT] += prior.precision[2:, 2:]
+        others = np.delete(np.arange(8), np.arange(8)[CENTRE])
+        cross = whole[CENTRE, others]
+        return np.asarray(
+            whole[CENTRE, CENTRE] - cross @ np.linalg.solve(whole[np.ix_(others, others)], cross.T)
+        )
+
+    here = inform(np.zeros(3))
+    columns = np.linalg.cholesky(np.linalg.inv(information)[1:4, 1:4]).T
+    excess = sum(inform(each) + inform(-each) - 2.0 * here for each in columns)
+    values, vectors = np.linalg.eigh(here - excess)
+    return np.asarray(here - (vectors * np.maximum(values, 0.0)) @ vectors.T)
+
+
+class _Model:
+    """The equation over the blocks that count: parameters A, k1, k2, k3, centre (in R), gradient."""
+
+    def __init__(self, blocks: Blocks) -> None:
+        self.blocks = blocks
+        self.counts = np.isfinite(blocks.standard_error)
+        self.weights = 1.0 / blocks.standard_error[self.counts]
+        self.light = blocks.light[self.counts]
+        self.plane = np.stack(np.broadcast_arrays(*blocks.places))
+
+    def start(self, known: Matrix) -> Matrix:
+        """Fit A and the k linearly about the centre that is known."""
+        means, _, _ = self._radial(np.append(np.zeros(4), known))
+        design = np.column_stack([np.ones_like(self.light), *(mean[self.counts] for mean in means)])
+        scaled = np.linalg.lstsq(design * self.weights[:, None], self.light * self.weights, rcond=None)[0]
+        return np.array([scaled[0], *(scaled[1:] / scaled[0]), *known])
+
+    def evaluate(self, p: Matrix) -> Plane:
+        """Return the model per block."""
+        means, _, _ = self._radial(p)
+        return np.asarray(p[0] * (1.0 + np.tensordot(p[1:4], means, 1)) * self._tilt(p))
+
+    def residual(self, p: Matrix) -> Matrix:
+        """Return the residuals of the blocks over their errors."""
+        return np.asarray((self.evaluate(p)[self.counts] - self.light) * self.weights)
+
+    def chi_squared(self, p: Matrix) -> float:
+        """Return the sum of the squares of the residuals."""
+        return float(np.sum(self.residual(p) ** 2))
+
+    def jacobian(self, p: Matrix) -> Matrix:
+        """Return the derivatives of the residuals by the parameters."""
+        means, by_row, by_col = self._radial(p)
+        radius = self.blocks.grid.half_diagonal_px
+        share, tilt = 1.0 + np.tensordot(p[1:4], means, 1), self._tilt(p)
+        by_centre = [np.tensordot(p[1:4], slope, 1) * radius for slope in (by_row, by_col)]
+        columns = [share * tilt, *(p[0] * part * tilt for part in (*means, *by_centre))]
+        columns += [p[0] * share * direction for direction in self.plane]
+        return np.column_stack([column[self.counts] * self.weights for column in columns])
+
+    def _tilt(self, p: Matrix) -> Plane:
+        return np.asarray(1.0 + np.tensordot(p[LIGHT], self.plane, 1))
+
+    def _radial(self, p: Matrix) -> tuple[Matrix, Matrix, Matrix]:
+        grid = self.blocks.grid
+        row, col = grid.middle_px + p[CENTRE] * grid.half_diagonal_px
+        return average_radial(
+            self.blocks.rows,
+            self.blocks.cols,
+            centre_row_px=float(row),
+            centre_col_px=float(col),
+            radius_px=grid.half_diagonal_px,
+        )
