@@ -18,7 +18,6 @@ from bench.timing import compare, take_turns
 from radiometry.frame import Frame
 from radiometry.frame.exposure import Exposure
 from radiometry.reflectance import application as reflectance_application
-from radiometry.reflectance import scale as reflectance_scale
 from simulation.camera import Taken, change
 from simulation.sequoia import FULL_SCALE_DN, LENS, SEQUOIA, Sequoia, capture
 from simulation.sequoia import Band as SimulatedBand
@@ -40,7 +39,7 @@ class Band:
     paths: list[Path]
     sensor: SimulatedBand
     exposure: Exposure
-    scale: reflectance_scale.Scale
+    scale: reflectance_application.Scale
 
     def target(self, way: str) -> Path:
         return self.paths[0].with_name(f"{self.scale.band}-{way}.tif")
@@ -133,7 +132,7 @@ def _write_band(folder: Path, name: str, sensor: SimulatedBand, shot: Taken) -> 
     first = folder / name_file(0, shot.header)
     write_sequoia(first, shot)
     k = sensor.reflectance_k
-    scale = reflectance_scale.Scale(
+    scale = reflectance_application.Scale(
         band=name, factor=k / _I_SS, u_rel=0.0, sources=(), reflectance_k=k, i_ss=_I_SS, flags=()
     )
     return Band(paths=link_copies(first, NAMES), sensor=sensor, exposure=shot.exposure, scale=scale)

@@ -8,7 +8,7 @@ import numpy as np
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure, Settings
 from radiometry.frame.roi import Window
-from radiometry.reflectance.lens import FrameSize, evaluate_polynomial
+from radiometry.reflectance.imaging import FrameSize, evaluate_polynomial
 from radiometry.vignetting.blocks import Grid
 from radiometry.vignetting.falloff import evaluate_curve
 from simulation.light import Lamp

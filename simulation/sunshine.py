@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from radiometry.frame.light import GainMeasurement, SunshineCounts, SunshineRecord
-from radiometry.reflectance.gains import SATURATED_COUNT
-from radiometry.reflectance.tilt import Tilt, level_factor, sun_angle_deg
+from radiometry.reflectance.sun import Tilt, level_factor, sun_angle_deg
+from radiometry.reflectance.sunshine import SATURATED_COUNT
 
 _STEP_US = 200_000
 _TABLE_TIME_S = 0.6

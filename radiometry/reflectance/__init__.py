@@ -2,19 +2,16 @@
 
 from typing import Final
 
-from radiometry.reflectance import codes, method
-from radiometry.reflectance.applying import APPLICATION
-from radiometry.reflectance.budget import list_budgets
-from radiometry.reflectance.certificate import CERTIFICATE
-from radiometry.reflectance.features import Features
-from radiometry.reflectance.findings import review_frame
-from radiometry.reflectance.key_figures import list_key_figures
-from radiometry.reflectance.panel_transfer import take_region
-from radiometry.reflectance.plots import PLOTS
+from radiometry.reflectance import application, codes, indices, measurement, method
+from radiometry.reflectance.findings import judge, plan, review_frame
+from radiometry.reflectance.imaging import RADIANCE_UNIT, Features, extract_features
+from radiometry.reflectance.panel_code import take_region
+from radiometry.reflectance.place import GroundHeight, find_place
+from radiometry.reflectance.presentation import CERTIFICATE, PLOTS, list_budgets, list_key_figures
 from radiometry.reflectance.results import Fit
 from radiometry.reflectance.rows import Params, Reading
 from radiometry.reflectance.sunshine import measure_sunshine
-from radiometry.reflectance.verdicts import judge, plan
+from radiometry.specification.application import BandApplication
 from radiometry.specification.coefficients import CoefficientEffect, CoefficientKind
 from radiometry.specification.grid import Grid
 from radiometry.specification.method import MethodSpec, drop_target
@@ -61,7 +58,31 @@ SPEC: Final = MethodSpec(
     plots=PLOTS,
     of_one_flight=True,
     certificate=CERTIFICATE,
-    application=APPLICATION,
+    application=BandApplication(
+        quantity="reflectance",
+        unit="1",
+        options=("incidence_angle_deg", "index", "quantity"),
+        conditions=GroundHeight,
+        read_formula=indices.read_formula,
+        align_band=indices.align_band,
+        flag_alignment=measurement.flag_alignment,
+        move_regions=indices.move_regions,
+        displace_region=indices.displace_region,
+        find_scale_of_frame=application.find_scale_of_frame,
+        extract_features=extract_features,
+        apply=application.apply_features,
+        measure_region=measurement.measure_region,
+        measure_index=measurement.measure_index,
+        band_map=indices.BandMap,
+        compute_index=indices.compute_index,
+        map_uncertainty=measurement.map_uncertainty,
+        radiance_unit=RADIANCE_UNIT,
+        require_radiance=measurement.require_radiance,
+        measure_radiance=measurement.measure_radiance,
+        scale_pixels=application.scale_pixels,
+        find_place=find_place,
+        change=application.change_reflectance,
+    ),
     applied="band_fits",
     measure_light=measure_sunshine,
     list_budgets=list_budgets,

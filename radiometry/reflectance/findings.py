@@ -1,21 +1,31 @@
-"""Flags of panel frames, of their sunshine readings and of a fitted band."""
+"""Flags of a reflectance fit, verdict on every frame of its campaign, and advice."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from radiometry.findings import InputRejected, Raised, shared
+from radiometry.findings import InputRejected, Raised, Reason, interface, shared
 from radiometry.frame import FrameHeader
 from radiometry.frame.clock import has_set_clock
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.multispectral import Multispectral
+from radiometry.frame.verdicts import ReviewedFrame, Verdict, conclude, inspect_frames
 from radiometry.reflectance import codes
-from radiometry.reflectance.clock import read_clock
-from radiometry.reflectance.evaluation import HALF_HOUR_S, interpolate
 from radiometry.reflectance.imaging import describe_kind, find_black_dn, inspect_band
-from radiometry.reflectance.panel import OLD_DAYS, list_named
-from radiometry.reflectance.points import MOST_SATURATED_SHARE, Candidate, sunshine_flags
-from radiometry.reflectance.results import BandFit
+from radiometry.reflectance.points import (
+    MOST_SATURATED_SHARE,
+    NO_REFLECTANCE,
+    OLD_DAYS,
+    PANEL,
+    Candidate,
+    collect_candidates,
+    describe_difference,
+    list_named,
+    sunshine_flags,
+)
+from radiometry.reflectance.results import HALF_HOUR_S, BandFit, interpolate
+from radiometry.reflectance.rows import FrameRow, Params, Reading
+from radiometry.reflectance.sun import read_clock
 from radiometry.reflectance.sunshine import measure_sunshine
 
 STEEPEST_GRADIENT_REL = 0.03
@@ -27,19 +37,7 @@ _PLAUSIBLE = 1.5
 
 
 def review_frame(header: FrameHeader, *, exposure: Exposure | None) -> list[Raised]:
-    """Check a file when it is read, so that nothing is drawn on one that cannot be used.
-
-    Returns
-    -------
-    list of Raised
-        Flags of `check_frame`, and `sunshine_second_channel`; `frame_left_out` alone for a thermal or
-        panchromatic band.
-
-    Raises
-    ------
-    InputRejected
-        `sensor_model_unusable` if reflectance cannot be computed from the file.
-    """
+    """Check a file when it is read, so that nothing is drawn on one that cannot be used."""
     band = header.multispectral
     if band is not None and band.kind is not None:
         return [shared.FRAME_LEFT_OUT.at("", describe_kind(band))]
@@ -58,20 +56,7 @@ def _find_second_channel(band: Multispectral) -> list[Raised]:
 
 
 def check_frame(header: FrameHeader, *, where: str = "") -> list[Raised]:
-    """Check a multispectral file by its header alone.
-
-    Parameters
-    ----------
-    header : FrameHeader
-        Metadata of the file.
-    where : str, default: ""
-        What the flags name.
-
-    Returns
-    -------
-    list of Raised
-        Flags `black_level_assumed`, `clock_not_set`, `sensor_model_scale`, `black_level_disagrees`.
-    """
+    """Check a multispectral file by its header alone."""
     if header.assumes_black:
         return [shared.BLACK_LEVEL_ASSUMED.at(where, "0 DN was subtracted from the signal.")]
     band = header.multispectral
@@ -94,18 +79,7 @@ def check_frame(header: FrameHeader, *, where: str = "") -> list[Raised]:
 
 
 def check_candidates(candidates: Sequence[Candidate]) -> list[Raised]:
-    """Check the panel frames that entered the fit, and those that did not.
-
-    Parameters
-    ----------
-    candidates : sequence of Candidate
-        Panel frames.
-
-    Returns
-    -------
-    list of Raised
-        Flags by frame and by capture.
-    """
+    """Check the panel frames that entered the fit, and those that did not."""
     raised: list[Raised] = []
     for each in candidates:
         where = f"frame {each.row.frame}"
@@ -146,15 +120,7 @@ def _find_missing_bands(candidates: Sequence[Candidate]) -> list[Raised]:
 
 
 def check_fit(fit: BandFit, used: Sequence[Candidate]) -> list[Raised]:
-    """Check the result of one band.
-
-    Parameters
-    ----------
-    fit : BandFit
-        Result of the band.
-    used : sequence of Candidate
-        Panel frames that were used.
-    """
+    """Check the result of one band."""
     where = f"band {fit.coefficient.band}"
     steepest = max(each.features.gradient_rel for each in used)
     raised = []
@@ -196,3 +162,86 @@ def _foresee(fit: BandFit) -> str:
         f"Visits to the panel: 1. Half an hour from it {alone:.1%} of K are assumed for drift; with a second "
         f"visit then it would be {between:.1%} in between, if K had not changed."
     )
+
+
+def judge(
+    frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params
+) -> dict[str, Verdict]:
+    """Judge each frame of a campaign."""
+    reasons = inspect_frames(frames)
+    for each in collect_candidates(rows, readings, replace(params, normalisation="panel_only", exclude=())):
+        if each.row.features is not None:
+            reasons[each.row.frame] += _inspect_panel(each)
+        if difference := describe_difference(each.row, readings):
+            detail = f"{difference} {interface.PANEL_DIFFERS.remedy}"
+            reasons[each.row.frame].append(interface.PANEL_DIFFERS.reason(detail))
+    if params.normalisation == "sunshine":
+        for row in rows:
+            reasons[row.frame] += _inspect_sunshine(row, params)
+    return {frame: conclude(found) for frame, found in reasons.items()}
+
+
+def _inspect_panel(candidate: Candidate) -> list[Reason]:
+    features, found = candidate.features, []
+    saturated = features.statistics.saturated_share
+    if saturated > MOST_SATURATED_SHARE:
+        detail = (
+            f"{saturated:.1%} of the panel is saturated: the fit leaves the frame out. "
+            "Shorten the exposure and take the panel again."
+        )
+        found.append(shared.CLIPPED.reason(detail))
+    elif candidate.left_out and candidate.left_out != NO_REFLECTANCE:
+        detail = f"The panel gives no usable signal ({candidate.left_out}): take it again in better light."
+        found.append(codes.PANEL_WEAK.reason(detail))
+    if features.gradient_rel > STEEPEST_GRADIENT_REL:
+        detail = (
+            f"The signal changes by {features.gradient_rel:.1%} across the region: a shadow, a reflection or "
+            "the panel's rim. Draw the region within the panel, or take the panel again in even light."
+        )
+        found.append(codes.PANEL_UNEVEN.reason(detail))
+    if candidate.left_out == NO_REFLECTANCE:
+        detail = (
+            f"The panel's reflectance in band {candidate.band.band} is not known: "
+            "register the panel with this band and name it in the campaign."
+        )
+        found.append(codes.PANEL_UNKNOWN.reason(detail))
+    return found
+
+
+def _inspect_sunshine(row: FrameRow, params: Params) -> list[Reason]:
+    band = row.header.multispectral
+    if band is None:
+        return []
+    try:
+        found = measure_sunshine(band, choice=params.sunshine_choice)
+    except InputRejected as rejected:
+        return [codes.SUNSHINE_UNUSABLE.reason(rejected.message)]
+    second = codes.SUNSHINE_SECOND_CHANNEL
+    return [
+        second.reason(f"{second.sentence} {raised.detail} {second.remedy}")
+        for raised in found.flags
+        if raised.flag == second
+    ]
+
+
+def plan(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> tuple[str, ...]:
+    """List by name what would improve the fit."""
+    collected = collect_candidates(rows, readings, params)
+    candidates = [each for each in collected if not each.left_out]
+    advice: list[str] = []
+    shown = {row.header.multispectral.band for row in rows if row.header.multispectral is not None}
+    if any(row.role == PANEL for row in rows):
+        # a region or a reflectance that is lacking is asked for by itself
+        waiting = {each.frame for each in rows if each.features is None}
+        seen = {
+            each.band.band
+            for each in collected
+            if each.left_out in {"", NO_REFLECTANCE} or each.row.frame in waiting
+        }
+        if unseen := ", ".join(sorted(shown - seen)):
+            advice.append(f"no panel frame can be used (band {unseen})")
+    if candidates and len({each.visit for each in candidates}) == 1:
+        advice.append("the panel was photographed once: take it after the flight too, to see the drift")
+    if any(each.panel is not None and not each.panel.states_uncertainty for each in candidates):
+        advice.append("the panel states no uncertainty: register it with that of its certificate")
+    return tuple(advice)

@@ -1,51 +1,207 @@
-"""K of one band from its panel frames, with its budget, before and after the flight."""
+"""K of each band from its panel frames with its budget, and K at the time of another frame."""
 
 import itertools
 import math
 import statistics
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
+from radiometry.findings import Raised
 from radiometry.fitting.curve import coverage_factor
 from radiometry.fitting.evidence import BudgetEntry
+from radiometry.frame.clock import EARLIEST_YEAR
 from radiometry.frame.multispectral import Multispectral, RadianceModel, SensorModel
-from radiometry.reflectance.clock import locate_sun_of
-from radiometry.reflectance.evaluation import HALF_HOUR_S, evaluate_k, interpolate
-from radiometry.reflectance.micasense import panel_irradiance
+from radiometry.reflectance import codes
 from radiometry.reflectance.points import Candidate
-from radiometry.reflectance.results import BandFit, Coefficient, Knot, Point
+from radiometry.reflectance.results import (
+    HALF_HOUR_S,
+    BandFit,
+    Coefficient,
+    Knot,
+    Point,
+    change_variance,
+    evaluate_k,
+    interpolate,
+)
 from radiometry.reflectance.rows import Normalisation, Params
-from radiometry.reflectance.sunshine_counts import compare_channels
-from radiometry.reflectance.visits import Estimate, PanelFrame, Visit, judge_visit, pool_drift, pool_readings
+from radiometry.reflectance.sun import locate_sun_of, read_clock
+from radiometry.reflectance.sunshine import SINGLE_READING_U_REL, compare_channels
 
+# An assumed standard deviation counts as one from so many values: it is known to 35 % (JCGM 100, G.4.2).
+_ASSUMED_DOF = 4.0
+_CLOCK_JUMP_S = 60.0
+_FLIGHT_DAY_S = 12 * 3600.0
 # Beyond this zenith angle the light of a panel is mostly the sky's.
 _STEEPEST_DEG = 80.0
 # A difference that may lie anywhere between two visits, as a rectangular distribution.
 _RECTANGLE = 1.0 / math.sqrt(12.0)
 
 
+@dataclass(frozen=True)
+class PanelFrame:
+    """K of one panel frame, and its errors that no other frame shares."""
+
+    candidate: Candidate
+    k: float
+    noise_u_rel: float
+    sunshine_u_rel: float
+    level_u_rel: float
+
+    @property
+    def is_single(self) -> bool:
+        """Return True if the frame has one sunshine reading, whose scatter it does not show."""
+        return self.candidate.sunshine is not None and self.candidate.sunshine.is_single
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A relative standard deviation and its degrees of freedom."""
+
+    rel: float
+    dof: float
+
+
+@dataclass(frozen=True)
+class Visit:
+    """A visit to the panel in one band: its errors of its own as relative variances of K.
+
+    ``restless``: the squares of those that were estimated, each over its degrees of freedom.
+    """
+
+    number: int
+    knot: Knot
+    noise: float
+    sunshine: float
+    level: float
+    repeat: float
+    restless: float
+
+
+def check_times(used: Sequence[Candidate]) -> tuple[list[Candidate], list[Raised]]:
+    """Check the times of the panel frames, and drop those that contradict each other."""
+    times = sorted(each.at_s for each in used if each.at_s is not None)
+    if not times:
+        return list(used), [
+            codes.PANEL_TIMES_DOUBTFUL.at("", "No panel frame states its time: one visit is assumed.")
+        ]
+    jump = _find_jump(used)
+    if jump:
+        return [replace(each, at_s=None) for each in used], [codes.PANEL_TIMES_DOUBTFUL.at("", jump)]
+    apart_s = max((b - a for a, b in itertools.pairwise(times)), default=0.0)
+    if apart_s > _FLIGHT_DAY_S:
+        detail = f"Two visits to the panel are {apart_s / 3600.0:.0f} hours apart."
+        return list(used), [codes.PANEL_TIMES_DOUBTFUL.at("", detail)]
+    return list(used), []
+
+
+def _find_jump(used: Sequence[Candidate]) -> str:
+    """Return how the clock jumped between the visits, by its years or the time since the start."""
+    unset = {at.year < EARLIEST_YEAR for each in used if (at := read_clock(each.row.header)) is not None}
+    if len(unset) > 1:
+        return "The clock was set between the visits to the panel: some frames are dated before 2000."
+    starts: dict[str, list[float]] = {}
+    for each in used:
+        if each.at_s is not None and each.band.exposed_at_us is not None and each.band.flight_id:
+            starts.setdefault(each.band.flight_id, []).append(each.at_s - each.band.exposed_at_us * 1e-6)
+    jump_s = max((max(found) - min(found) for found in starts.values()), default=0.0)
+    if jump_s > _CLOCK_JUMP_S:
+        return f"The clock jumped by {jump_s:.0f} s against the time since the camera's start."
+    return ""
+
+
+def pool_readings(visits: Sequence[Sequence[PanelFrame]]) -> Estimate:
+    """Estimate the noise of a single sunshine reading.
+
+    An assumed s_0 with 4 degrees of freedom and the scatter of ln K within the n frames of each visit and
+    band [1]::
+
+        s^2 = (4 s_0^2 + sum (ln K - mean)^2) / (4 + sum (n - 1))
+
+    The bands of a capture may share errors: the degrees of freedom are those of one.
+
+    [1] A. Gelman et al., Bayesian Data Analysis, 3rd ed., section 2.6 (variance of a normal distribution)
+    """
+    squares, free, most = 0.0, 0, 0
+    bands: dict[str, int] = {}
+    for visit in visits:
+        if len(visit) > 1 and all(frame.is_single for frame in visit):
+            logs = [math.log(frame.k) for frame in visit]
+            squares += statistics.variance(logs) * (len(logs) - 1)
+            free += len(logs) - 1
+            band = visit[0].candidate.band.band
+            bands[band] = bands.get(band, 0) + len(logs) - 1
+            most = max(most, bands[band])
+    variance = (_ASSUMED_DOF * SINGLE_READING_U_REL**2 + squares) / (_ASSUMED_DOF + free)
+    return Estimate(math.sqrt(variance), _ASSUMED_DOF + most)
+
+
+def judge_visit(visit: Sequence[PanelFrame], reading: Estimate) -> Visit:
+    """Compare the predicted scatter of a visit's frames with the observed one, of which the larger counts."""
+    n = len(visit)
+    noise = sum(frame.noise_u_rel**2 for frame in visit) / n**2
+    sunshine = single = restless = 0.0
+    for frame in visit:
+        variance, light = frame.sunshine_u_rel**2 / n**2, frame.candidate.sunshine
+        if frame.is_single:
+            variance += (reading.rel**2 - SINGLE_READING_U_REL**2) / n**2
+            single += variance
+        elif light is not None:
+            restless += variance**2 / (light.readings - 1.0)
+        sunshine += variance
+    scatter = 0.0
+    if n > 1:
+        values = [frame.k for frame in visit]
+        scatter = (statistics.stdev(values) / statistics.fmean(values)) ** 2 / n
+    repeat = max(0.0, scatter - noise - sunshine)
+    if repeat > 0.0:
+        restless += scatter**2 / (n - 1.0)
+    level = statistics.fmean(frame.level_u_rel for frame in visit) ** 2
+    times = [frame.candidate.at_s for frame in visit if frame.candidate.at_s is not None]
+    return Visit(
+        number=visit[0].candidate.visit,
+        knot=Knot(
+            at_s=statistics.fmean(times) if times else None,
+            reflectance_k=statistics.fmean(frame.k for frame in visit),
+            u_rel=math.sqrt(noise + sunshine + repeat + level),
+            half_span_s=max(abs(at_s - statistics.fmean(times)) for at_s in times) if times else None,
+        ),
+        noise=noise,
+        sunshine=sunshine,
+        level=level,
+        repeat=repeat,
+        restless=restless + single**2 / reading.dof,
+    )
+
+
+def pool_drift(bands: Sequence[Sequence[Visit]], *, assumed_rel: float) -> Estimate:
+    """Estimate the standard deviation of K's relative change in half an hour.
+
+    As in `pool_readings`, with the mean over the bands of what the difference D between two visits exceeds
+    their own variances u^2, for each of the n times T between visits::
+
+        d^2 = (4 d_0^2 + sum max(0, mean(D^2 - u_a^2 - u_b^2)) / v(T)) / (4 + n)
+
+    v is `change_variance`. The bands share most of what changes: they count as one.
+    """
+    found: dict[tuple[int, int], list[float]] = {}
+    for band in bands:
+        for before, after in itertools.pairwise(band):
+            a, b = before.knot, after.knot
+            if a.at_s is not None and b.at_s is not None:
+                excess = math.log(b.reflectance_k / a.reflectance_k) ** 2 - a.u_rel**2 - b.u_rel**2
+                found.setdefault((before.number, after.number), []).append(
+                    excess / change_variance(b.at_s - a.at_s)
+                )
+    squares = math.fsum(max(0.0, statistics.fmean(each)) for each in found.values())
+    dof = _ASSUMED_DOF + len(found)
+    return Estimate(math.sqrt((_ASSUMED_DOF * assumed_rel**2 + squares) / dof), dof)
+
+
 def compute_k(*, reflectance: float, incidence_angle_deg: float, i_sq: float, i_ss: float | None) -> float:
     """Compute K = R cos(theta) I_ss / I_sq.
 
-    Parameters
-    ----------
-    reflectance : float
-        Reflectance R of the panel.
-    incidence_angle_deg : float
-        Angle theta between the light and the panel's normal [deg].
-    i_sq : float
-        Signal I_sq of the panel.
-    i_ss : float or None
-        Sunshine reading I_ss; None leaves it out.
-
-    Returns
-    -------
-    float
-        K, as in section 4c of [1]_.
-
-    References
-    ----------
-    .. [1] "How to convert Sequoia images to reflectance?" 1.1, section 4c
+    [1] "How to convert Sequoia images to reflectance?" 1.1, section 4c
     """
     lit = reflectance * math.cos(math.radians(incidence_angle_deg))
     return lit * (1.0 if i_ss is None else i_ss) / i_sq
@@ -54,17 +210,8 @@ def compute_k(*, reflectance: float, incidence_angle_deg: float, i_sq: float, i_
 def fit_bands(used: Sequence[Candidate], params: Params) -> dict[str, BandFit]:
     """Fit K of every band.
 
-    Parameters
-    ----------
-    used : sequence of Candidate
-        Panel frames in the order of band and time, at least one.
-    params : Params
-        Parameters of the fit.
-
-    Notes
-    -----
-    K of a panel capture is the mean over its frames. K of the flight is the mean
-    over the captures, or K(t) on straight lines between them::
+    K of a panel capture is the mean over its frames. K of the flight is the mean over the captures, or K(t)
+    on straight lines between them::
 
         u_rel(K)^2 = panel^2 + angle^2 + evenness^2 + gain^2 + drift^2
                      + (noise^2 + sunshine^2 + tilt^2 + repeat^2)
@@ -240,14 +387,7 @@ def _build(
 
 
 def find_scale(band: Multispectral) -> float:
-    """Return the coefficient that sets the scale of a band's signal.
-
-    Returns
-    -------
-    float
-        A of a Sequoia, a1 of a MicaSense camera, SensorGainAdjustment of a DJI
-        camera; 0 if the file has none.
-    """
+    """Return the coefficient that sets the scale of a band's signal."""
     if isinstance(band.response, SensorModel):
         return band.response.a
     if isinstance(band.response, RadianceModel):
@@ -269,17 +409,7 @@ def _range(values: Sequence[float]) -> tuple[float, float]:
 
 
 def describe_point(candidate: Candidate, params: Params, fit: BandFit | None) -> Point:
-    """Describe a panel frame as it is stored, used or not.
-
-    Parameters
-    ----------
-    candidate : Candidate
-        Panel frame.
-    params : Params
-        Parameters of the fit.
-    fit : BandFit or None
-        Result of the band; None if the band was not fitted.
-    """
+    """Describe a panel frame as it is stored, used or not."""
     features, sunshine, panel = candidate.row.features, candidate.sunshine, candidate.panel
     k = residual = None
     if not candidate.left_out and fit is not None:
@@ -314,4 +444,4 @@ def _find_irradiance(candidate: Candidate) -> float | None:
     features, panel = candidate.row.features, candidate.panel
     if candidate.band.radiance_model is None or candidate.left_out or features is None or panel is None:
         return None
-    return panel_irradiance(features.i_sq, albedo=panel.reflectance)
+    return math.pi * features.i_sq / panel.reflectance

@@ -1,39 +1,174 @@
-"""The bands of one capture on the pixels of one of them, and indices of them."""
+"""Formulae of the bands of one capture, the bands on the pixels of one of them, and maps of indices."""
 
+import ast
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected
 from radiometry.frame import FrameHeader
+from radiometry.frame.bands import MOST_LETTERS, NAMED_INDICES
 from radiometry.frame.multispectral import Alignment, RigGeometry
 from radiometry.frame.roi import Polygon, Window, mask
 from radiometry.reflectance import codes
-from radiometry.reflectance.alignment import align, move_region, require_lens_data
-from radiometry.reflectance.formula import Formula, compute
+from radiometry.reflectance.alignment import IDENTITY, align, move_region, register, require_lens_data
 from radiometry.reflectance.imaging import require_band
-from radiometry.reflectance.registration import IDENTITY, register
+
+Values = NDArray[np.floating]
+
+_MOST_DEPTH: Final = 16
+_LARGEST_NUMBER: Final = 1e6
+_LARGEST_POWER: Final = 4.0
+
 
 UNREFINED_PX = 5.0
 """What is assumed to remain without a refinement: the most that lens data left on the real captures."""
-
 _REACH_PX, _WIDE_REACH_PX = 24, 96
 
 
 @dataclass(frozen=True, kw_only=True)
-class BandMap:
-    """Reflectance of one band's whole frame.
+class Formula:
+    """An index of the bands of a capture."""
 
-    Attributes
-    ----------
-    header : FrameHeader
-        Metadata of the band's file.
-    reflectance : ndarray of float32
-        Reflectance, (row, col).
-    """
+    name: str  # or the formula itself
+    text: str  # in the canonical spelling
+    bands: tuple[str, ...]  # first the one whose pixels the index has: the near infrared, else the first
+    tree: ast.expr = field(compare=False, repr=False)
+    positive: bool  # no divisor may be below zero either, as in the named indices, whose divisors are sums
+
+
+def read_formula(text: str, *, known: Collection[str] | None = None) -> Formula:
+    """Parse the name of an index or a formula."""
+    name = text.strip().lower()
+    source = NAMED_INDICES.get(name, name)
+    if len(source) > MOST_LETTERS:
+        raise _refuse(f"The formula has {len(source)} characters, and {MOST_LETTERS} are allowed.")
+    try:
+        tree = ast.parse(source, mode="eval").body
+    except (SyntaxError, ValueError, MemoryError, RecursionError) as error:
+        raise _refuse(f"{text.strip()[:40]!r} is neither a formula nor a name of an index.") from error
+    found = list(dict.fromkeys(_check(tree, depth=0)))
+    if not found:
+        raise _refuse("The formula contains no band.")
+    unknown = [band for band in found if known is not None and band not in known]
+    if unknown:
+        raise _refuse(f"There is no band {', '.join(unknown)} here, but {', '.join(sorted(known or ()))}.")
+    found.sort(key=lambda band: band != "nir")
+    canonical = ast.unparse(tree)
+    return Formula(
+        name=name if name in NAMED_INDICES else canonical,
+        text=canonical,
+        bands=tuple(found),
+        tree=tree,
+        positive=name in NAMED_INDICES,
+    )
+
+
+def _refuse(what: str) -> InputRejected:
+    return InputRejected(
+        codes.FORMULA_INVALID,
+        f"{what} Use one of {', '.join(NAMED_INDICES)}, or write bands, numbers, + - * / ** and parentheses: "
+        "(nir - red) / (nir + red).",
+    )
+
+
+def _check(node: ast.expr, *, depth: int) -> Iterator[str]:
+    """List the bands of a formula, and refuse what it may not contain."""
+    if depth > _MOST_DEPTH:
+        raise _refuse(f"The formula is nested more than {_MOST_DEPTH} deep.")
+    match node:
+        case ast.Name():
+            yield node.id
+        case ast.Constant():
+            _read_number(node)
+        case ast.UnaryOp(op=ast.USub() | ast.UAdd()):
+            yield from _check(node.operand, depth=depth + 1)
+        case ast.BinOp(op=ast.Add() | ast.Sub() | ast.Mult() | ast.Div()):
+            yield from _check(node.left, depth=depth + 1)
+            yield from _check(node.right, depth=depth + 1)
+        case ast.BinOp(op=ast.Pow()):
+            _read_power(node.right)
+            yield from _check(node.left, depth=depth + 1)
+        case _:
+            raise _refuse(f"The formula contains {ast.unparse(node)[:40]!r}.")
+
+
+def _read_number(node: ast.Constant) -> float:
+    value = node.value
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= _LARGEST_NUMBER:
+        raise _refuse(
+            f"{str(value)[:20]!r} is no number of a formula: at most {_LARGEST_NUMBER:g} is allowed."
+        )
+    return float(value)
+
+
+def _read_power(node: ast.expr) -> float:
+    sign, inner = (-1.0, node.operand) if isinstance(node, ast.UnaryOp) else (1.0, node)
+    power = _read_number(inner) if isinstance(inner, ast.Constant) else math.inf
+    if (isinstance(node, ast.UnaryOp) and not isinstance(node.op, ast.USub)) or power > _LARGEST_POWER:
+        raise _refuse(f"A power must be a number up to {_LARGEST_POWER:g}.")
+    return sign * power
+
+
+def compute(formula: Formula, values: Mapping[str, Values]) -> tuple[Values, dict[str, Values]]:
+    """Compute a formula and its partial derivatives."""
+    with np.errstate(all="ignore"):
+        found, slopes = _walk(formula.tree, values, positive=formula.positive)
+    found = np.where(np.isfinite(found), found, np.nan).astype(_dtype(values))
+    return found, {band: np.asarray(slopes.get(band, 0.0)) for band in formula.bands}
+
+
+def _dtype(values: Mapping[str, Values]) -> np.dtype[np.floating]:
+    return np.asarray(next(iter(values.values()))).dtype
+
+
+def _walk(
+    node: ast.expr, values: Mapping[str, Values], *, positive: bool
+) -> tuple[Values, dict[str, Values]]:
+    if isinstance(node, ast.Name):
+        return values[node.id], {node.id: np.ones((), _dtype(values))}
+    if isinstance(node, ast.Constant):
+        return np.asarray(_read_number(node), _dtype(values)), {}
+    if isinstance(node, ast.UnaryOp):
+        sign = -1 if isinstance(node.op, ast.USub) else 1
+        a, of_a = _walk(node.operand, values, positive=positive)
+        return sign * a, {band: sign * slope for band, slope in of_a.items()}
+    operation = cast("ast.BinOp", node)
+    a, of_a = _walk(operation.left, values, positive=positive)
+    if isinstance(operation.op, ast.Pow):
+        power = _read_power(operation.right)
+        return a**power, {band: power * a ** (power - 1.0) * slope for band, slope in of_a.items()}
+    b, of_b = _walk(operation.right, values, positive=positive)
+    return _operate(operation.op, (a, of_a), (b, of_b), positive=positive)
+
+
+def _operate(
+    operation: ast.operator,
+    left: tuple[Values, dict[str, Values]],
+    right: tuple[Values, dict[str, Values]],
+    *,
+    positive: bool,
+) -> tuple[Values, dict[str, Values]]:
+    (a, of_a), (b, of_b) = left, right
+    zero = np.zeros((), a.dtype)
+    pairs = {band: (of_a.get(band, zero), of_b.get(band, zero)) for band in {**of_a, **of_b}}
+    if isinstance(operation, ast.Mult):
+        return a * b, {band: da * b + a * db for band, (da, db) in pairs.items()}
+    if isinstance(operation, ast.Div):
+        divisor = np.where((b <= 0.0) if positive else (b == 0.0), np.nan, b)
+        ratio = a / divisor
+        return ratio, {band: (da - ratio * db) / divisor for band, (da, db) in pairs.items()}
+    sign = -1 if isinstance(operation, ast.Sub) else 1
+    return a + sign * b, {band: da + sign * db for band, (da, db) in pairs.items()}
+
+
+@dataclass(frozen=True, kw_only=True)
+class BandMap:
+    """Reflectance of one band's whole frame."""
 
     header: FrameHeader
     reflectance: NDArray[np.float32]
@@ -41,55 +176,22 @@ class BandMap:
 
 @dataclass(frozen=True, kw_only=True)
 class AlignedBand:
-    """A band on the pixels of the first of its capture.
+    """A band on the pixels of the first of its capture."""
 
-    Attributes
-    ----------
-    reflectance : ndarray of float32
-        Reflectance, (row, col); NaN where the band did not look, or was saturated.
-    alignment : Alignment
-        How it was aligned.
-    """
-
-    reflectance: NDArray[np.float32]
+    reflectance: NDArray[np.float32]  # NaN where the band did not look, or was saturated
     alignment: Alignment
 
 
 @dataclass(frozen=True, kw_only=True)
 class IndexMap:
-    """An index on the pixels of the first of its bands.
+    """An index on the pixels of the first of its bands."""
 
-    Attributes
-    ----------
-    values : ndarray of float32
-        Index, (row, col); NaN where it is not defined.
-    undefined : int
-        Number of pixels where it is not defined.
-    """
-
-    values: NDArray[np.float32]
-    undefined: int
+    values: NDArray[np.float32]  # NaN where it is not defined
+    undefined: int  # number of pixels
 
 
 def align_band(band: BandMap, first: BandMap) -> AlignedBand:
-    """Align a band onto another of its capture by lens data, then by correlation.
-
-    Parameters
-    ----------
-    band, first : BandMap
-        Whole frames of one capture: the band to align, and the one whose pixels are the result.
-
-    Returns
-    -------
-    AlignedBand
-        The band on the pixels of `first`.
-
-    Raises
-    ------
-    InputRejected
-        `bands_not_aligned` if they are not of one capture, or if neither the files nor the correlation tell
-        how they are turned.
-    """
+    """Align a band onto another of its capture by lens data, then by correlation."""
     require_capture(first.header, band.header)
     if band.reflectance.shape != first.reflectance.shape:
         raise _refuse_capture()
@@ -123,28 +225,12 @@ def align_band(band: BandMap, first: BandMap) -> AlignedBand:
 
 
 def compute_index(formula: Formula, planes: Mapping[str, NDArray[np.float32]]) -> IndexMap:
-    """Compute an index of aligned bands, such as NDVI [1]_, GNDVI [2]_, EVI2 [3]_ and SAVI [4]_.
+    """Compute an index of aligned bands, such as NDVI [1], GNDVI [2], EVI2 [3] and SAVI [4].
 
-    Parameters
-    ----------
-    formula : Formula
-        Index.
-    planes : mapping of str to ndarray of float32
-        Reflectance by band on the same pixels.
-
-    Returns
-    -------
-    IndexMap
-        Index; NaN where a divisor is zero, or below it for a named index, and where a band is saturated or
-        did not look.
-
-    References
-    ----------
-    .. [1] J. W. Rouse et al., Third ERTS Symposium, NASA SP-351, 309 (1974)
-    .. [2] A. A. Gitelson, M. N. Merzlyak, Adv. Space Res. 22, 689 (1998),
-           doi:10.1016/S0273-1177(97)01133-2
-    .. [3] Z. Jiang et al., Remote Sens. Environ. 112, 3833 (2008), doi:10.1016/j.rse.2008.06.006
-    .. [4] A. R. Huete, Remote Sens. Environ. 25, 295 (1988), doi:10.1016/0034-4257(88)90106-X
+    [1] J. W. Rouse et al., Third ERTS Symposium, NASA SP-351, 309 (1974)
+    [2] A. A. Gitelson, M. N. Merzlyak, Adv. Space Res. 22, 689 (1998), doi:10.1016/S0273-1177(97)01133-2
+    [3] Z. Jiang et al., Remote Sens. Environ. 112, 3833 (2008), doi:10.1016/j.rse.2008.06.006
+    [4] A. R. Huete, Remote Sens. Environ. 25, 295 (1988), doi:10.1016/0034-4257(88)90106-X
     """
     values = np.asarray(compute(formula, planes)[0], np.float32)
     return IndexMap(values=values, undefined=int(np.count_nonzero(np.isnan(values))))
@@ -153,27 +239,7 @@ def compute_index(formula: Formula, planes: Mapping[str, NDArray[np.float32]]) -
 def move_regions(
     polygon: Polygon, first: FrameHeader, others: Sequence[tuple[FrameHeader, tuple[float, ...] | None]]
 ) -> tuple[Polygon, ...]:
-    """Return a region of a frame as it and the other bands of its capture see it.
-
-    Parameters
-    ----------
-    polygon : Polygon
-        Region in the frame of `first`.
-    first : FrameHeader
-        Metadata of the first band's file.
-    others : sequence of tuple[FrameHeader, tuple of float or None]
-        Metadata of the others, with the correction of their alignment; None for none.
-
-    Returns
-    -------
-    tuple of Polygon
-        Region in the first frame, as far as all bands see it, and in the others.
-
-    Raises
-    ------
-    InputRejected
-        `bands_not_aligned` as in `align_band`; `roi_outside_frame` if a band sees nothing of it.
-    """
+    """Return a region of a frame as it and the other bands of its capture see it."""
     here, there = polygon, []
     # once more than there are bands: what the last of them does not see is cut off for the first too
     for header, matrix in (*others, *others):
@@ -186,13 +252,7 @@ def move_regions(
 
 
 def require_capture(one: FrameHeader, other: FrameHeader) -> None:
-    """Refuse two files that are not bands of one capture.
-
-    Raises
-    ------
-    InputRejected
-        `bands_not_aligned`.
-    """
+    """Refuse two files that are not bands of one capture."""
     captures = [require_band(each).capture_id for each in (one, other)]
     same = captures[0] is not None and captures[0] == captures[1]
     sizes = {(each.height_px, each.width_px) for each in (one, other)}
@@ -218,41 +278,13 @@ def _read_lenses(band: FrameHeader, first: FrameHeader) -> tuple[RigGeometry, Ri
 
 
 def spread_plane(plane: NDArray[np.float32], *, residual_px: float) -> NDArray[np.float32]:
-    """Compute by how much a band may differ in each pixel for what remains of its displacement.
-
-    Parameters
-    ----------
-    plane : ndarray of float32
-        Reflectance, (row, col).
-    residual_px : float
-        Root mean square distance that remains [px].
-
-    Returns
-    -------
-    ndarray of float32
-        Gradient times the distance along it, of which the rms is residual / sqrt(2) for either axis.
-    """
+    """Compute by how much a band may differ in each pixel for what remains of its displacement."""
     down, across = np.gradient(plane)
     return np.asarray(np.hypot(down, across) * (residual_px / math.sqrt(2.0)), np.float32)
 
 
 def displace_region(plane: NDArray[np.float32], polygon: Polygon, *, residual_px: float) -> float:
-    """Compute by how much a region's mean may differ for what remains of the band's displacement.
-
-    Parameters
-    ----------
-    plane : ndarray of float32
-        Reflectance on the pixels of the region, (row, col).
-    polygon : Polygon
-        Region.
-    residual_px : float
-        Root mean square distance that remains [px].
-
-    Returns
-    -------
-    float
-        Change of the mean for residual / sqrt(2) along either axis, both added in squares.
-    """
+    """Compute by how much a region's mean may differ for what remains of the band's displacement."""
     step = residual_px / math.sqrt(2.0)
     reach = max(1, round(step))
     height, width = plane.shape

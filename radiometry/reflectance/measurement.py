@@ -1,24 +1,32 @@
-"""Measurement of a band's frame: a region and its pixels."""
+"""Measurement of a region: the reflectance or radiance of a band, or an index, with its uncertainty."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings import Raised
+from radiometry.findings import InputRejected, Raised, shared
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.light import LightBasis
+from radiometry.frame.multispectral import Alignment
 from radiometry.frame.roi import Polygon, Window, mask
-from radiometry.reflectance.application import apply_features
-from radiometry.reflectance.features import extract_features
-from radiometry.reflectance.imaging import compute_signal
+from radiometry.reflectance import codes
+from radiometry.reflectance.application import apply_features, choose_angle, choose_coefficient
+from radiometry.reflectance.imaging import (
+    RADIANCE_UNIT,
+    compute_signal,
+    extract_features,
+    require_band,
+    signal_unit,
+)
+from radiometry.reflectance.indices import Formula, compute, spread_plane
+from radiometry.reflectance.points import MOST_SATURATED_SHARE
 from radiometry.reflectance.results import REFLECTANCE_UNIT, AppliedReflectance, Coefficient, Effect
-from radiometry.reflectance.scale import choose_angle
 from radiometry.specification.stored import LATER
 
 PERCENTILES = (5, 10, 90, 95)
@@ -26,39 +34,28 @@ _OUTLIER_SIGMAS = 5.0
 _MAD_TO_SIGMA = 1.4826
 
 
+PANEL, ALIGNMENT = "panel", "alignment"
+_K: Final = "K"
+_NOISE: Final = "pixel noise"
+_COMMON: Final = ("sunshine tilt",)
+"""One tilt of one sensor: the same sign in every band."""
+_UNKNOWN: Final = (PANEL, "drift", "sunshine gain")
+"""The same panel, light and sensor, but nothing states how their errors correlate from band to band."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Share:
-    """Contribution of one source to the mean's uncertainty.
-
-    Attributes
-    ----------
-    source : str
-        Name of the source.
-    shared : bool
-        True for the same error in every pixel.
-    standard_uncertainty : float
-        Contribution [1].
-    variance_share : float
-        Fraction of the variance, 0 to 1.
-    """
+    """Contribution of one source to the mean's uncertainty."""
 
     source: str
-    shared: bool
+    shared: bool  # the same error in every pixel
     standard_uncertainty: float
     variance_share: float
 
 
 @dataclass(frozen=True, kw_only=True)
 class Percentile:
-    """A percentile of the region's pixels.
-
-    Attributes
-    ----------
-    percent : int
-        Percentage of the pixels that do not reflect more than `reflectance`.
-    reflectance : Quantity
-        Reflectance at that percentile.
-    """
+    """A percentile of the region's pixels."""
 
     percent: int
     reflectance: Quantity
@@ -66,61 +63,23 @@ class Percentile:
 
 @dataclass(frozen=True, kw_only=True)
 class MeasuredReflectance:
-    """Reflectance of a region with its whole budget; nothing is clipped to [0, 1].
-
-    Attributes
-    ----------
-    band : str
-        Name of the band.
-    pixels : int
-        Number of pixels.
-    mean : Quantity
-        Reflectance of the region's signal, as K was made.
-    shared_u, noise_u : float
-        The two parts of its uncertainty [1].
-    smallest, largest : Quantity
-        Extremes of single pixels, with a single pixel's noise.
-    median : Quantity
-        Median of the pixels, with the median's own noise.
-    percentiles : tuple of Percentile
-        Percentiles of single pixels, with a single pixel's noise.
-    budget : tuple of Share
-        Contributions to the uncertainty of the mean, the largest first.
-    i_sq : float
-        Signal of the region.
-    i_ss : float or None
-        Sunshine reading; None for a panel-only K.
-    reflectance_k : float
-        K at the frame's time.
-    incidence_angle_deg : float
-        Angle between the light and the surface's normal [deg].
-    below_zero_share, above_one_share : float
-        Fractions of the region's pixels below 0 and above 1.
-    saturated_share : float
-        Saturated fraction of the region, 0 to 1.
-    flags : tuple of Raised
-        Flags of the measurement.
-    i_ss_oriented : float or None
-        Sunshine reading as the sensor was oriented.
-    i_ss_basis : LightBasis or None
-        Surface for which `i_ss` holds.
-    """
+    """Reflectance of a region with its whole budget; nothing is clipped to [0, 1]."""
 
     band: str
     pixels: int
-    mean: Quantity
+    mean: Quantity  # of the region's signal, as K was made
     shared_u: float
     noise_u: float
-    smallest: Quantity
+    smallest: Quantity  # of single pixels, with a single pixel's noise, as the percentiles
     largest: Quantity
-    median: Quantity
+    median: Quantity  # with the median's own noise
     percentiles: tuple[Percentile, ...]
-    budget: tuple[Share, ...]
+    budget: tuple[Share, ...]  # the largest first
     i_sq: float
-    i_ss: float | None
-    reflectance_k: float
+    i_ss: float | None  # None for a panel-only K
+    reflectance_k: float  # at the frame's time
     incidence_angle_deg: float
-    below_zero_share: float
+    below_zero_share: float  # of the region's pixels
     above_one_share: float
     saturated_share: float
     flags: tuple[Raised, ...]
@@ -139,38 +98,9 @@ def measure_region(
 ) -> MeasuredReflectance:
     """Measure the reflectance of a region.
 
-    Parameters
-    ----------
-    frame : Frame
-        Window that contains the region's window.
-    polygon : Polygon
-        Region.
-    header : FrameHeader
-        Metadata of the frame.
-    exposure : Exposure
-        Exposure of the frame.
-    coefficients : sequence of Coefficient
-        Coefficients of the version, one per band.
-    incidence_angle_deg : float or None, default: None
-        Angle between the light and the surface's normal [deg]; None for that of the
-        fit.
-
-    Returns
-    -------
-    MeasuredReflectance
-        Reflectance with its budget, and the flags of `apply_features`.
-
-    Raises
-    ------
-    InputRejected
-        As `apply_features` and `extract_features`.
-
-    Notes
-    -----
-    The mean is `apply_features` of the region's signal: measured as it was
-    calibrated. A single pixel's noise is estimated from second differences a - 2 b
-    + c of neighbours, of variance 6 times a pixel's, without outliers beyond 5
-    sigma, so that texture has little effect.
+    The mean is `apply_features` of the region's signal: measured as it was calibrated. A single pixel's noise
+    is estimated from second differences a - 2 b + c of neighbours, of variance 6 times a pixel's, without
+    outliers beyond 5 sigma, so that texture has little effect.
     """
     features = extract_features(frame, polygon, header=header, exposure=exposure)
     applied = apply_features(
@@ -227,20 +157,7 @@ def describe_pixels(
 
 
 def estimate_noise(values: NDArray[np.float64], inside: NDArray[np.bool_]) -> float:
-    """Estimate the noise of one pixel of a region.
-
-    Parameters
-    ----------
-    values : ndarray of float64
-        Values of the window, (row, col).
-    inside : ndarray of bool
-        Pixels of the region, (row, col).
-
-    Returns
-    -------
-    float
-        Standard deviation; 0 if no three neighbours lie in the region.
-    """
+    """Estimate the noise of one pixel of a region."""
     found = []
     for axis in (0, 1):
         size = values.shape[axis] - 2
@@ -275,3 +192,198 @@ def _share_out(applied: AppliedReflectance) -> tuple[Share, ...]:
         for effect in applied.effects
     ]
     return tuple(sorted(shares, key=lambda share: (-share.variance_share, share.source)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasuredRadiance:
+    """Radiance of a region by the manufacturer's calibration; nothing is clipped."""
+
+    radiance: str  # name of the band
+    pixels: int
+    mean: Quantity  # with its noise alone as uncertainty
+    smallest: Quantity
+    largest: Quantity
+    median: Quantity
+    percentiles: tuple[Percentile, ...]
+    saturated_share: float
+    flags: tuple[Raised, ...]
+
+
+def require_radiance(header: FrameHeader) -> None:
+    """Refuse a band whose file states no absolute calibration."""
+    band = require_band(header)
+    if signal_unit(band) != RADIANCE_UNIT:
+        raise codes.RADIANCE_UNKNOWN.refuse(
+            f"Band {band.band_name} of {header.model or 'this camera'} has a signal of unknown scale."
+        )
+
+
+def measure_radiance(
+    frame: Frame, polygon: Polygon, *, header: FrameHeader, exposure: Exposure
+) -> MeasuredRadiance:
+    """Measure the radiance of a region, L = V(x, y) a1 / (g (t + a2 y - a3 t y)) (p - B) [1].
+
+    [1] MicaSense, "RedEdge Camera Radiometric Calibration Model"
+    """
+    require_radiance(header)
+    features = extract_features(frame, polygon, header=header, exposure=exposure)
+    signal = compute_signal(frame, header=header, settings=exposure.on_basis("nominal"))
+    height, width = signal.shape
+    inside = mask(polygon, Window(row0=frame.row0, col0=frame.col0, height=height, width=width))
+    flags = [codes.RADIANCE_UNCERTAINTY_UNKNOWN.at("", "Only the noise of the pixels is stated.")]
+    share = features.statistics.saturated_share
+    if share > MOST_SATURATED_SHARE:
+        flags.append(shared.SATURATED.at("", f"{share:.2%} of the samples."))
+    noise = estimate_noise(signal, inside)
+    return MeasuredRadiance(
+        radiance=features.band,
+        mean=Quantity(
+            value=features.i_sq,
+            standard_uncertainty=features.i_sq_standard_uncertainty,
+            unit=RADIANCE_UNIT,
+        ),
+        **describe_pixels(signal[inside], noise=noise, shared_rel=0.0, unit=RADIANCE_UNIT),
+        saturated_share=share,
+        flags=tuple(flags),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasuredIndex:
+    """Index of a region's mean reflectances."""
+
+    index: str
+    value: Quantity
+    bands: tuple[AppliedReflectance, ...]  # that of the first band first
+    flags: tuple[Raised, ...]
+    formula: str = field(default="", metadata=LATER)
+    alignment: tuple[Alignment, ...] = field(default=(), metadata=LATER)
+    budget: tuple[Share, ...] = field(default=(), metadata=LATER)  # the largest first
+
+
+def list_effects(
+    applied: AppliedReflectance, coefficients: Sequence[Coefficient], *, displaced: float = 0.0
+) -> dict[str, float]:
+    """List the effects on a band's reflectance with the panel's part of K apart."""
+    effects = {each.source: abs(each.effect) for each in applied.effects}
+    shared_u_rel = choose_coefficient(coefficients, band=applied.band).shared_u_rel
+    whole = effects.get(_K, 0.0)
+    panel = min(whole, shared_u_rel * abs(applied.reflectance.value))
+    return effects | {_K: math.sqrt(whole**2 - panel**2), PANEL: panel, ALIGNMENT: displaced}
+
+
+def combine(
+    slopes: Mapping[str, NDArray[np.floating]], effects: Mapping[str, Mapping[str, NDArray[np.floating]]]
+) -> dict[str, NDArray[np.floating]]:
+    """Combine effects on bands into variances of an index, source by source.
+
+    With c_i the derivative by band i and u_i the effect of a source on it, its variance is::
+
+        own to each band    V_0 = sum (c_i u_i)^2
+        common              V_1 = (sum c_i u_i)^2
+        correlation r       V_r = (1 - r) V_0 + r V_1
+
+    K's scatter between captures, light readings, noise and alignment are a band's own; the tilt of the light
+    sensor is common. Panel, drift of K and sensor gains have an unknown r, equal for all pairs: V_r is linear
+    in it, so the larger of V_0 and V_1 bounds it for every r from 0 to 1. For a ratio that is V_0, for a sum
+    V_1.
+    """
+    sources = dict.fromkeys(source for of_band in effects.values() for source in of_band)
+    found: dict[str, NDArray[np.floating]] = {}
+    for source in sources:
+        parts = [np.asarray(slopes[band] * of_band.get(source, 0.0)) for band, of_band in effects.items()]
+        own, common = sum(part**2 for part in parts), sum(parts) ** 2
+        variance = common if source in _COMMON else np.maximum(own, common) if source in _UNKNOWN else own
+        found[source] = np.asarray(variance)
+    return found
+
+
+def measure_index(
+    formula: Formula,
+    bands: Sequence[AppliedReflectance],
+    *,
+    coefficients: Sequence[Coefficient],
+    alignment: Sequence[Alignment] = (),
+    displaced: Mapping[str, float] | None = None,
+) -> MeasuredIndex:
+    """Compute an index of a region's reflectances with its uncertainty."""
+    values = {each.band: np.asarray(each.reflectance.value) for each in bands}
+    value, slopes = compute(formula, values)
+    if np.isnan(value):
+        told = ", ".join(f"{band} {float(reflectance):.4g}" for band, reflectance in values.items())
+        raise InputRejected(
+            codes.INDEX_UNDEFINED,
+            f"{formula.name.upper()} does not exist here: with the reflectances {told} a divisor is not "
+            "above zero. Draw the region on something that reflects.",
+        )
+    effects = {
+        each.band: {
+            source: np.asarray(effect)
+            for source, effect in list_effects(
+                each, coefficients, displaced=(displaced or {}).get(each.band, 0.0)
+            ).items()
+        }
+        for each in bands
+    }
+    variances = {source: float(found) for source, found in combine(slopes, effects).items()}
+    total = math.fsum(variances.values())
+    shares = [
+        Share(
+            source=source,
+            shared=source not in (_NOISE, ALIGNMENT),
+            standard_uncertainty=math.sqrt(variance),
+            variance_share=variance / total if total > 0.0 else 0.0,
+        )
+        for source, variance in variances.items()
+    ]
+    raised = [
+        Raised(flag=each.flag, where=f"band {band.band}", detail=each.detail)
+        for band in bands
+        for each in band.flags
+    ]
+    return MeasuredIndex(
+        index=formula.name,
+        value=Quantity(value=float(value), standard_uncertainty=math.sqrt(total), unit=REFLECTANCE_UNIT),
+        bands=tuple(bands),
+        flags=(*raised, *flag_alignment(alignment)),
+        formula=formula.text,
+        alignment=tuple(alignment),
+        budget=tuple(sorted(shares, key=lambda share: (-share.variance_share, share.source))),
+    )
+
+
+def map_uncertainty(
+    formula: Formula,
+    planes: Mapping[str, NDArray[np.float32]],
+    bands: Sequence[AppliedReflectance],
+    *,
+    coefficients: Sequence[Coefficient],
+    alignment: Sequence[Alignment],
+) -> NDArray[np.float32]:
+    """Compute the standard uncertainty of an index in every pixel."""
+    _, slopes = compute(formula, planes)
+    left = {each.band: each.residual_px for each in alignment}
+    effects: dict[str, dict[str, NDArray[np.floating]]] = {}
+    for each in bands:
+        plane = planes[each.band]
+        shares = list_effects(each, coefficients)
+        scale = np.abs(plane) / max(abs(each.reflectance.value), 1e-12)
+        of_band: dict[str, NDArray[np.floating]] = {
+            source: scale * np.float32(effect) for source, effect in shares.items() if source != _NOISE
+        }
+        noise = estimate_noise(plane.astype(np.float64), np.isfinite(plane))
+        of_band[_NOISE] = np.asarray(np.float32(noise))
+        of_band[ALIGNMENT] = spread_plane(plane, residual_px=left.get(each.band, 0.0))
+        effects[each.band] = of_band
+    return np.asarray(np.sqrt(sum(combine(slopes, effects).values())), np.float32)
+
+
+def flag_alignment(alignment: Sequence[Alignment]) -> list[Raised]:
+    """Flag bands that were aligned by lens data alone."""
+    return [
+        codes.ALIGNMENT_NOT_REFINED.at(
+            f"band {each.band}", f"{each.patches} of {each.tried} patches agree with the first band."
+        )
+        for each in alignment
+        if each.by == "lens_data"
+    ]

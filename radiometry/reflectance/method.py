@@ -2,11 +2,10 @@
 
     R cos(theta) = K I_sq / I_ss          K = R cos(theta) I_ss / I_sq   of a panel of known R
 
-I_sq is the band's signal after black and vignetting, I_ss the sunshine sensor's
-reading of the same moment. There is one K per band, camera and sunshine sensor, for
-one flight. The method follows "How to convert Sequoia images to reflectance?" 1.1;
-the divisions by the gain index and of black by the vignetting, in public scripts,
-are not followed.
+I_sq is the band's signal after black and vignetting, I_ss the sunshine sensor's reading of the same moment.
+There is one K per band, camera and sunshine sensor, for one flight. The method follows "How to convert
+Sequoia images to reflectance?" 1.1; the divisions by the gain index and of black by the vignetting, in public
+scripts, are not followed.
 """
 
 from collections.abc import Sequence
@@ -18,11 +17,9 @@ from radiometry.fitting.evidence import CoefficientValue, Extracted, FrameEviden
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.reflectance import codes
-from radiometry.reflectance.features import Features, extract_features
 from radiometry.reflectance.findings import check_candidates, check_fit
-from radiometry.reflectance.fit import describe_point, fit_bands
-from radiometry.reflectance.imaging import find_black_dn
-from radiometry.reflectance.panel import require_one_panel
+from radiometry.reflectance.fit import check_times, describe_point, fit_bands
+from radiometry.reflectance.imaging import Features, extract_features, find_black_dn
 from radiometry.reflectance.panel_code import FoundPanel, find_panel, find_stated_panel
 from radiometry.reflectance.points import (
     Candidate,
@@ -30,22 +27,16 @@ from radiometry.reflectance.points import (
     list_bands_without_reflectance,
     list_missing,
     require_flat_angle,
+    require_one_panel,
 )
 from radiometry.reflectance.results import Fit
 from radiometry.reflectance.rows import FrameRow, Params, Reading
-from radiometry.reflectance.visits import check_times
 
 
 def extract(
     frame: Frame, regions: Sequence[Region], *, header: FrameHeader, exposure: Exposure | None
 ) -> Extracted[Features]:
-    """Compute the statistics and the signal of a region of one band.
-
-    Raises
-    ------
-    ValueError
-        If the frame has no exposure.
-    """
+    """Compute the statistics and the signal of a region of one band."""
     if exposure is None:
         raise ValueError("a panel or field frame without its exposure")
     features = extract_features(frame, regions[0].polygon, header=header, exposure=exposure)
@@ -53,13 +44,7 @@ def extract(
 
 
 def find_region(frame: Frame, *, header: FrameHeader) -> FoundPanel | None:
-    """Find the panel in a whole frame of one band: as the camera states it, else by its code.
-
-    Returns
-    -------
-    FoundPanel or None
-        None if no panel is certain.
-    """
+    """Find the panel in a whole frame of one band: as the camera states it, else by its code."""
     band = header.multispectral
     if band is None or frame.samples_dn.ndim != 2:
         return None
@@ -67,22 +52,14 @@ def find_region(frame: Frame, *, header: FrameHeader) -> FoundPanel | None:
     if band.panel_region is not None:
         black_dn = find_black_dn(band, header.black_level_dn)
         stated = find_stated_panel(frame.samples_dn, band.panel_region, black_dn=black_dn)
-    return stated if stated and band.panel_serial else _name(stated, find_panel(frame.samples_dn))
-
-
-def _name(stated: FoundPanel | None, read: FoundPanel | None) -> FoundPanel | None:
-    """Return the stated region with the serial number of the code, or what the code alone gives."""
+    if stated and band.panel_serial:
+        return stated
+    read = find_panel(frame.samples_dn)
     return replace(stated, serial=read.serial if read else None) if stated else read
 
 
 def make_row(evidence: FrameEvidence[Features]) -> FrameRow:
-    """Convert the evidence of a frame to the row that the fit uses.
-
-    Raises
-    ------
-    ValueError
-        If the frame has no exposure.
-    """
+    """Convert the evidence of a frame to the row that the fit uses."""
     if evidence.exposure is None:
         raise ValueError(f"a panel or field frame without its exposure: {evidence.frame}")
     return FrameRow(
@@ -101,15 +78,7 @@ def missing(
 ) -> tuple[str, ...]:
     """List by name what the fit still lacks.
 
-    Returns
-    -------
-    tuple of str
-        Fragments of sentences; empty if the fit can start with every band.
-
-    Notes
-    -----
-    A band without a panel reflectance is named although the other bands may be
-    enough: `fit` leaves it out.
+    A band without a panel reflectance is named although the other bands may be enough: `fit` leaves it out.
     """
     lacking = list_missing(rows, readings, params, unread=unread)
     return (*lacking, *list_bands_without_reflectance(rows, readings, params))
@@ -118,29 +87,8 @@ def missing(
 def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> Fit:
     """Fit K for every band of a campaign's panel frames.
 
-    Returns
-    -------
-    Fit
-        Coefficients, points and flags. Per band: `panel_uneven`,
-        `panel_uncertainty_missing`, `panel_from_file`, `panel_old`, `panel_drift`,
-        `panel_once`, `panel_only`. Of all: `panel_not_identified`, `panel_times_doubtful`.
-        Per frame: `panel_saturated`, `sunshine_*` of `measure_sunshine`,
-        `sensor_model_scale`, `black_level_disagrees`, `serial_unknown`,
-        `sunshine_serial_unknown`. Per capture: `band_missing`.
-
-    Raises
-    ------
-    InputRejected
-        `fit_incomplete` if no band has a usable panel frame, or frames are not
-        extracted yet. `sunshine_missing` or `panel_saturated` if that is what keeps
-        every frame out. `panel_angle_too_large`. `wrong_camera` or
-        `wrong_sunshine_sensor` if the panel frames are of several; `panel_differs`
-        if they show another panel than the readings', or several.
-
-    Notes
-    -----
-    The same input in any order gives the same result to the last bit. All values
-    are finite; what does not exist is None.
+    The same input in any order gives the same result to the last bit. All values are finite; what does not
+    exist is None.
     """
     require_flat_angle(params.incidence_angle_deg)
     lacking = list_missing(rows, readings, params)
@@ -192,13 +140,7 @@ def _flags_of(fitted: Fit, band: str) -> tuple[str, ...]:
 
 
 def configure(fitted: Fit) -> dict[str, Any]:
-    """Return the sunshine sensor that the fit holds with: K belongs to the pair.
-
-    Returns
-    -------
-    dict of str to Any
-        Serial number of the sensor; empty if no file states one.
-    """
+    """Return the sunshine sensor that the fit holds with: K belongs to the pair."""
     serials = sorted({each.coefficient.sunshine_serial or "" for each in fitted.band_fits} - {""})
     return {"sunshine_sensor": {"serial": serials[0]}} if serials else {}
 

@@ -28,6 +28,16 @@ _CENTRE: Final = (_POINTS // 2, _POINTS // 2)
 _CORNERS: Final = ((0, 0), (0, -1), (-1, -1), (-1, 0))
 
 
+_U_POSITION_M: Final = 2.5
+"""Along each axis, of a receiver that states no deviation; DJI's at times is off by this without RTK."""
+_U_HEIGHT: Final[dict[HeightSource, tuple[float, float]]] = {
+    "request": (1.0, 0.05),
+    "ground_altitude": (5.0, 0.0),
+    "take_off": (3.0, 0.05),
+}
+"""Standard uncertainty of a height, a constant [m] and a share, relief of usual fields included."""
+
+
 class _Mount(NamedTuple):
     """Angles of a camera and their standard uncertainties, which no file states."""
 
@@ -44,14 +54,6 @@ _MOUNTS: Final = {
     "gimbal": _Mount("drone-dji:Gimbal", "Degree", ((0, 0, 1), (1, 0, 0), (0, 1, 0)), 1.0, 3.0),
     "camera": _Mount("camera:", "", ((0, -1, 0), (1, 0, 0), (0, 0, 1)), 2.0, 5.0),
 }
-_U_POSITION_M: Final = 2.5
-"""Along each axis, of a receiver that states no deviation; DJI's at times is off by this without RTK."""
-_U_HEIGHT: Final[dict[HeightSource, tuple[float, float]]] = {
-    "request": (1.0, 0.05),
-    "ground_altitude": (5.0, 0.0),
-    "take_off": (3.0, 0.05),
-}
-"""Standard uncertainty of a height, a constant [m] and a share, relief of usual fields included."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,40 +89,20 @@ class GroundHeight:
     )
 
     def __post_init__(self) -> None:
-        """Check every value against its range."""
         check_parameters(self)
 
 
 def find_place(header: FrameHeader, ground: GroundHeight) -> Place:
     """Return where the pixels of a frame lie on level ground, as far as the file and a request state it.
 
-    Parameters
-    ----------
-    header : FrameHeader
-        Metadata of the frame.
-    ground : GroundHeight
-        Height above the ground, as the request states it.
-
-    Returns
-    -------
-    Place
-        Of the form "none", with the reason, if position, attitude, height or lens are not stated.
-
-    Raises
-    ------
-    InputRejected
-        `height_unusable` if two heights are stated, or the ground is not below the camera.
-
-    Notes
-    -----
     A pixel's direction d in the camera is turned by the body's axes A and by yaw, pitch and roll into north,
     east and down, and meets the ground at the height h::
 
         g = Rz(yaw) Ry(pitch) Rx(roll) A d,    (north, east) = h (g_n, g_e) / g_d
 
-    Metres become degrees by the radii of curvature of WGS 84 at the camera; over 1 km the rest is below
-    0.1 m. The uncertainty is that of position, height, tilt and yaw, each propagated by its own change of
-    (north, east). Relief is part of the height's; an object above the ground is displaced by its height.
+    Metres become degrees by the radii of curvature of WGS 84 at the camera; over 1 km the rest is below 0.1
+    m. The uncertainty is that of position, height, tilt and yaw, each propagated by its own change of (north,
+    east). Relief is part of the height's; an object above the ground is displaced by its height.
     """
     height_m, source = _find_height(header, ground)
     mount, attitude, missing = _find_attitude(header)

@@ -1,23 +1,28 @@
-"""Points of a reflectance fit: panel frames used, those left out with the reason, what is missing."""
+"""Points of a reflectance fit: the panel on their day, panel frames used, those left out, what is missing."""
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import date, datetime
+from typing import Final
 
 from radiometry.drawing.text import name_few
-from radiometry.findings import Finding, InputRejected, Raised
+from radiometry.findings import Finding, InputRejected, Raised, interface
 from radiometry.fitting.evidence import list_unknown_exclusions
+from radiometry.frame.bands import name_panel
+from radiometry.frame.clock import has_set_clock
 from radiometry.frame.multispectral import Multispectral
 from radiometry.reflectance import codes
-from radiometry.reflectance.clock import read_clock, read_clock_s
-from radiometry.reflectance.features import Features
-from radiometry.reflectance.gains import Gain
-from radiometry.reflectance.levelling import measure_light
-from radiometry.reflectance.panel import PanelValue, choose_readings, find_value, list_contradictions
+from radiometry.reflectance.imaging import Features
 from radiometry.reflectance.rows import FrameRow, Params, Reading
-from radiometry.reflectance.sunshine import Sunshine
-from radiometry.reflectance.sunshine_counts import compare_channels
+from radiometry.reflectance.sun import read_clock, read_clock_s
+from radiometry.reflectance.sunshine import Gain, Sunshine, compare_channels, measure_light
+
+OLD_DAYS: Final = 730.5
+_FEWEST_DAYS: Final = 365.25
+"""Two measurements closer than this state no rate of ageing: their difference is mostly the meter's."""
+
 
 PANEL = "panel"
 MOST_SATURATED_SHARE = 0.001
@@ -25,42 +30,163 @@ DETECTION_ERRORS = 3.0
 # Panel frames further apart than this belong to two visits to the panel.
 VISIT_GAP_S = 300.0
 STEEPEST_ANGLE_DEG = 60.0
-
 NO_REFLECTANCE = "no reflectance of the panel in this band"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Candidate:
-    """A panel frame with all that its point needs.
+class PanelValue:
+    """Reflectance of a panel in one band on the day of a frame."""
 
-    Attributes
-    ----------
-    row : FrameRow
-        Row of the frame.
-    band : Multispectral
-        Metadata of the band.
-    at_s : float or None
-        Time on the camera's clock [s]; None if the file has none.
-    visit : int
-        Number of the panel capture, from 1.
-    panel : PanelValue or None
-        Reflectance of the panel in this band on that day; None if not known.
-    sunshine : Sunshine or None
-        Sunshine readings, if they are used.
-    left_out : str
-        "" if it counts, else the reason.
-    left_out_code : Finding or None, default: None
-        Code of the InputRejected that it would be; None for other reasons.
+    panel: str  # serial number; "" if the file states an albedo without one
+    reflectance: float
+    standard_uncertainty: float  # as stated, and of the change between or after the measurements
+    states_uncertainty: bool  # True if every measurement that was used states its own
+    measured_on: tuple[str, ...] = ()  # days of the measurements that were used
+    age_days: float = 0.0  # from the nearest measurement, where none lies on the day's other side
+    from_file: bool = False  # True if the camera read the value from the panel's code
+
+
+def list_named(row: FrameRow) -> list[str]:
+    """Return the panels that a frame names, by the camera's statement and by the code in the image."""
+    stated = row.header.multispectral.panel_serial if row.header.multispectral else None
+    return sorted({name_panel(each) for each in (stated, row.panel_serial) if each})
+
+
+def describe_difference(row: FrameRow, readings: Sequence[Reading]) -> str:
+    """Return a sentence if a frame shows another panel than the campaign's."""
+    named = list_named(row)
+    if len(named) > 1:
+        return f"Frame {row.frame} names panel {named[0]} and panel {named[1]}, in its tags and by its code."
+    own = {name_panel(reading.panel): reading.panel for reading in readings}
+    if not named or not own or named[0] in own:
+        return ""
+    return f"Frame {row.frame} shows panel {named[0]}, and the campaign's panel is {', '.join(own.values())}."
+
+
+def require_one_panel(rows: Iterable[FrameRow], readings: Sequence[Reading]) -> None:
+    """Refuse panel frames of another panel than the campaign's, or of several."""
+    shown: dict[str, str] = {}
+    for row in rows:
+        difference = describe_difference(row, readings)
+        for serial in list_named(row):
+            shown.setdefault(serial, row.frame)
+        if not difference and len(shown) > 1:
+            (one, first), (other, second) = list(shown.items())[:2]
+            difference = f"Frame {first} shows panel {one}, frame {second} panel {other}."
+        if difference:
+            raise interface.PANEL_DIFFERS.refuse(difference)
+
+
+def choose_readings(readings: Sequence[Reading], params: Params) -> list[Reading]:
+    """Return the readings of the measurement that the parameters name, else all; a file's only if alone."""
+    if params.panel_measured_on is not None:
+        return [each for each in readings if each.measured_on == params.panel_measured_on]
+    measured = {each.band for each in readings if not each.from_file}
+    return [each for each in readings if not each.from_file or each.band not in measured]
+
+
+def find_value(
+    band: Multispectral, readings: Sequence[Reading], params: Params, *, at: datetime | None
+) -> PanelValue | None:
+    """Return what the panel reflected in a band: by its measurements, else as the camera read its code.
+
+    Between the measurements a and b on either side of the day, at the fraction w of the time between them,
+    and after (or before) the last two::
+
+        R = (1 - w) R_a + w R_b       u = (1 - w) u_a + w u_b       u_change = |R_b - R_a| sqrt(w (1 - w))
+        R = R_b                       u = u_b                       u_change = |R_b - R_a| d / T
+
+    T is the time between the two, at least a year, and d the time to the nearest. The first u_change is that
+    of a single step at a time that is not known, the largest of any change that goes one way; the second is
+    the whole of a change that goes on. With one measurement the change since is not known, and `panel_old`
+    states its age.
     """
+    own = [each for each in choose_readings(readings, params) if each.band == band.band]
+    if not own:
+        if band.panel_albedo is None or not 0.0 < band.panel_albedo <= 1.0:
+            return None
+        return PanelValue(
+            panel=band.panel_serial or "",
+            reflectance=band.panel_albedo,
+            standard_uncertainty=0.0,
+            states_uncertainty=False,
+            from_file=True,
+        )
+    if own[-1].from_file:
+        return replace(_combine(own[-1]), measured_on=(), from_file=True)
+    own.sort(key=lambda each: each.measured_on or "")
+    day = at.date() if at is not None and has_set_clock(at) else None
+    before = [each for each in own if day is None or (each.measured_on or "") <= day.isoformat()]
+    after = own[len(before) :]
+    if day is None or not own[0].measured_on:
+        return _combine(before[-1])
+    if before and after:
+        span = _days(before[-1], after[0])
+        w = (day - _day(before[-1])).days / span
+        change = abs(after[0].reflectance - before[-1].reflectance) * math.sqrt(w * (1.0 - w))
+        return _combine(before[-1], after[0], w=w, change=change)
+    near, far = (before[-1], before[-2:-1]) if before else (after[0], after[1:2])
+    age_days = abs((day - _day(near)).days)
+    change = 0.0
+    for other in far:
+        rate = abs(near.reflectance - other.reflectance) / max(_days(other, near), _FEWEST_DAYS)
+        change = rate * age_days
+    return _combine(near, change=change, age_days=age_days)
+
+
+def _combine(
+    a: Reading, b: Reading | None = None, *, w: float = 0.0, change: float = 0.0, age_days: float = 0.0
+) -> PanelValue:
+    used = [(a, 1.0 - w), *([(b, w)] if b is not None and w > 0.0 else [])]
+    stated = math.fsum(share * (each.standard_uncertainty or 0.0) for each, share in used)
+    return PanelValue(
+        panel=a.panel,
+        reflectance=math.fsum(share * each.reflectance for each, share in used),
+        standard_uncertainty=math.hypot(stated, change),
+        states_uncertainty=all(each.standard_uncertainty is not None for each, _ in used),
+        measured_on=tuple(each.measured_on for each, _ in used if each.measured_on),
+        age_days=age_days,
+    )
+
+
+def _day(reading: Reading) -> date:
+    return date.fromisoformat(reading.measured_on or "")
+
+
+def _days(one: Reading, other: Reading) -> float:
+    return float(abs((_day(other) - _day(one)).days))
+
+
+def list_contradictions(readings: Sequence[Reading], params: Params) -> list[str]:
+    """List what the measurements of the panel leave open, as fragments of sentences."""
+    found = []
+    if readings and not choose_readings(readings, params):
+        days = ", ".join(sorted({each.measured_on for each in readings if each.measured_on}))
+        found.append(
+            f"panel {readings[0].panel} has no measurement of {params.panel_measured_on}: name one of {days}"
+        )
+    for band, day in sorted({(each.band, each.measured_on or "") for each in readings}):
+        same = [each for each in readings if (each.band, each.measured_on or "") == (band, day)]
+        stated = {(each.reflectance, each.standard_uncertainty) for each in same}
+        if len(stated) > 1:
+            found.append(
+                f"band {band} has {len(stated)} different panel reflectances: give the one panel used"
+            )
+    return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class Candidate:
+    """A panel frame with all that its point needs."""
 
     row: FrameRow
     band: Multispectral
-    at_s: float | None
-    visit: int
-    panel: PanelValue | None
+    at_s: float | None  # on the camera's clock
+    visit: int  # number of the panel capture, from 1
+    panel: PanelValue | None  # in this band on that day; None if not known
     sunshine: Sunshine | None
-    left_out: str
-    left_out_code: Finding | None = None
+    left_out: str  # "" if it counts, else the reason
+    left_out_code: Finding | None = None  # of the InputRejected that it would be
 
     @property
     def features(self) -> Features:
@@ -73,24 +199,7 @@ class Candidate:
 def list_missing(
     rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params, *, unread: Sequence[str] = ()
 ) -> list[str]:
-    """List by name what keeps a fit from starting.
-
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Frames of the campaign.
-    readings : sequence of Reading
-        Reflectances of the panel.
-    params : Params
-        Parameters of the fit.
-    unread : sequence of str, default: ()
-        Names of frames that are not read yet.
-
-    Returns
-    -------
-    list of str
-        Fragments that can be joined by "; ".
-    """
+    """List by name what keeps a fit from starting."""
     excluded = {exclusion.frame for exclusion in params.exclude}
     found = list_unknown_exclusions(params.exclude, [*(row.frame for row in rows), *unread])
     panels = [row for row in rows if row.role == PANEL and row.frame not in excluded]
@@ -108,14 +217,7 @@ def list_missing(
 def list_bands_without_reflectance(
     rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params
 ) -> list[str]:
-    """List the bands that have panel frames but no reflectance, with what to do.
-
-    Returns
-    -------
-    list of str
-        Fragments of sentences; a fit can start with the other bands, and leaves
-        these out.
-    """
+    """List the bands that have panel frames but no reflectance, with what to do."""
     excluded = {exclusion.frame for exclusion in params.exclude}
     shown = {
         row.header.multispectral.band
@@ -136,18 +238,7 @@ def list_bands_without_reflectance(
 
 
 def require_flat_angle(angle_deg: float) -> None:
-    """Refuse an angle at which neither the cosine nor the panel's reflectance is reliable.
-
-    Parameters
-    ----------
-    angle_deg : float
-        Angle of incidence [deg].
-
-    Raises
-    ------
-    InputRejected
-        `panel_angle_too_large` above 60 degrees.
-    """
+    """Refuse an angle at which neither the cosine nor the panel's reflectance is reliable."""
     if angle_deg > STEEPEST_ANGLE_DEG:
         raise InputRejected(
             codes.PANEL_ANGLE_TOO_LARGE,
@@ -160,17 +251,7 @@ def require_flat_angle(angle_deg: float) -> None:
 def collect_candidates(
     rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params
 ) -> tuple[Candidate, ...]:
-    """Collect the panel frames in the order band, time, name: the order of the input changes nothing.
-
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Frames of the campaign.
-    readings : sequence of Reading
-        Reflectances of the panel.
-    params : Params
-        Parameters of the fit.
-    """
+    """Collect the panel frames in the order band, time, name: the order of the input changes nothing."""
     reasons = {exclusion.frame: f"{exclusion.reason} ({exclusion.by})" for exclusion in params.exclude}
     panels = [row for row in rows if row.role == PANEL and row.header.multispectral is not None]
     visits = _count_visits(panels)
@@ -259,13 +340,7 @@ def _inspect(row: FrameRow) -> tuple[str, Finding | None]:
 
 
 def sunshine_flags(candidates: Sequence[Candidate]) -> list[Raised]:
-    """Collect the flags of the used frames' sunshine readings.
-
-    Returns
-    -------
-    list of Raised
-        Flags of the frames that are used.
-    """
+    """Collect the flags of the used frames' sunshine readings."""
     return [
         raised for each in candidates if each.sunshine and not each.left_out for raised in each.sunshine.flags
     ]

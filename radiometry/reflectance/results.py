@@ -1,245 +1,153 @@
-"""Results of a reflectance fit, ready for JSON; what does not exist is None."""
+"""Results of a reflectance fit, ready for JSON, and K at the time of a frame; what does not exist is None."""
 
-from dataclasses import dataclass, field
+import bisect
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 from radiometry.findings import Raised
 from radiometry.fitting.evidence import BudgetEntry, Quantity
 from radiometry.frame.light import LightBasis
 from radiometry.reflectance.rows import Interpolation, Normalisation
+from radiometry.reflectance.sun import TiltParams
 from radiometry.reflectance.sunshine import Choice
-from radiometry.reflectance.tilt import TiltParams
-from radiometry.specification.stored import LATER
+from radiometry.specification.stored import LATER, about
 
 REFLECTANCE_UNIT = "1"
+# The time over which `drift_half_hour_rel` is stated.
+HALF_HOUR_S = 1800.0
+# Versions before the drift was estimated.
+USUAL_DRIFT_REL = 0.02
+_FAST_S = 300.0
+# A clock that was set in between leaves years: the rule ends with the day.
+_LONGEST_S = 86_400.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Knot:
-    """K at one panel capture.
+    """K at one panel capture."""
 
-    Attributes
-    ----------
-    at_s : float or None
-        Mean time on the camera's clock [s]; None if it has none.
-    reflectance_k : float
-        K of the capture.
-    u_rel : float
-        Relative standard uncertainty that this capture does not share with others:
-        noise, sunshine scatter and tilt.
-    half_span_s : float or None
-        Time from the mean to the frame furthest from it [s].
-    """
-
-    at_s: float | None
+    at_s: float | None = field(metadata=about("Mean time on the camera's clock; None if it has none."))
     reflectance_k: float
-    u_rel: float
-    half_span_s: float | None = field(default=None, metadata=LATER)
+    u_rel: float = field(
+        metadata=about("Relative standard uncertainty of its own: noise, sunshine scatter and tilt.")
+    )
+    half_span_s: float | None = field(
+        default=None, metadata=about("From the mean time to the frame furthest from it.", later=True)
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Coefficient:
     """Reflectance calibration of one band: all that `apply` needs, in plain fields.
 
-    K = R cos(theta) I_ss / I_sq, for this camera and this sunshine sensor, and for
-    the flight of the panel captures.
-
-    Attributes
-    ----------
-    band : str
-        Name of the band.
-    reflectance_k : float
-        K, in `reflectance_k_unit`.
-    reflectance_k_standard_uncertainty : float
-        Standard uncertainty of K from all sources.
-    reflectance_k_unit : str
-        Unit of K.
-    expanded_uncertainty : float
-        Expanded uncertainty of K for a coverage probability of 95 %.
-    coverage_factor : float
-        Coverage factor k of the expanded uncertainty.
-    normalisation : Normalisation
-        "sunshine" or "panel_only".
-    sunshine_choice : Choice
-        Choice among the sunshine readings.
-    interpolation : Interpolation
-        "constant", or "linear" if K follows the knots.
-    tilt : TiltParams or None
-        Assumptions of the tilt correction; None without it.
-    camera_serial, sunshine_serial : str or None
-        Serial numbers of camera and sunshine sensor, where the files state them.
-    wavelength_nm : float or None
-        Centre wavelength [nm].
-    incidence_angle_deg : float
-        Angle between the light and the panel's normal [deg].
-    panel : str
-        Name of the panel.
-    panel_reflectance : float
-        Reflectance of the panel.
-    knots : tuple of Knot
-        K of the panel captures, in time.
-    shared_u_rel : float
-        Relative standard uncertainty from panel, angle and evenness, the same in
-        every capture.
-    gain_u_rel : float
-        Relative standard uncertainty of the sunshine sensor's gain, separate since
-        it cancels at the same `gain_indices`.
-    drift_u_rel : float
-        Relative standard uncertainty from the difference of the captures, of a constant K.
-    gain_indices : tuple of int
-        Gain indices of the sunshine readings used; -1 - i for index i of channel 1.
-    sensor_model_scale : float
-        A of SensorModel, a1 of RadiometricCalibration, or SensorGainAdjustment.
-    i_sq_range : tuple[float, float]
-        Lowest and highest signal of the points used.
-    i_ss_range : tuple[float, float] or None
-        Lowest and highest sunshine reading of the points used; None for panel_only.
-    panel_measured_on : tuple of str or None
-        Days of the panel's measurements that were used; None if none is dated.
-    drift_half_hour_rel : float or None
-        Relative standard deviation of K's change in half an hour, from the assumed one and
-        the differences between the captures.
-    channel_ratio, channel_ratio_u_rel : float or None
-        CH0 / CH1 of a Sequoia's sunshine sensor under the panel's light, for a frame whose CH0
-        is saturated, and its relative standard uncertainty.
-    reading_u_rel : float or None
-        Relative standard uncertainty of a single sunshine reading; None if the frames had
-        several, whose scatter shows it.
+    K = R cos(theta) I_ss / I_sq, for this camera and this sunshine sensor, and for the flight of the panel
+    captures.
     """
 
     band: str
     reflectance_k: float
-    reflectance_k_standard_uncertainty: float
+    reflectance_k_standard_uncertainty: float = field(metadata=about("From all sources."))
     reflectance_k_unit: str
-    expanded_uncertainty: float
+    expanded_uncertainty: float = field(metadata=about("Of K, for a coverage probability of 95 %."))
     coverage_factor: float
     normalisation: Normalisation
-    sunshine_choice: Choice
-    interpolation: Interpolation
-    tilt: TiltParams | None
+    sunshine_choice: Choice = field(metadata=about("Choice among the sunshine readings."))
+    interpolation: Interpolation = field(metadata=about('"constant", or "linear" if K follows the knots.'))
+    tilt: TiltParams | None = field(metadata=about("Assumptions of the tilt correction; None without it."))
     camera_serial: str | None
     sunshine_serial: str | None
     wavelength_nm: float | None
-    incidence_angle_deg: float
+    incidence_angle_deg: float = field(metadata=about("Between the light and the panel's normal [deg]."))
     panel: str
     panel_reflectance: float
-    knots: tuple[Knot, ...]
-    shared_u_rel: float
-    gain_u_rel: float
-    drift_u_rel: float
-    gain_indices: tuple[int, ...]
-    sensor_model_scale: float
-    i_sq_range: tuple[float, float]
-    i_ss_range: tuple[float, float] | None
-    panel_measured_on: tuple[str, ...] | None = field(default=None, metadata=LATER)
-    drift_half_hour_rel: float | None = field(default=None, metadata=LATER)
-    reading_u_rel: float | None = field(default=None, metadata=LATER)
-    channel_ratio: float | None = field(default=None, metadata=LATER)
+    knots: tuple[Knot, ...] = field(metadata=about("K of the panel captures, in time."))
+    shared_u_rel: float = field(metadata=about("From panel, angle and evenness, the same in every capture."))
+    gain_u_rel: float = field(
+        metadata=about("From the sunshine sensor's gain; it cancels at the same `gain_indices`.")
+    )
+    drift_u_rel: float = field(metadata=about("From the difference of the captures, of a constant K."))
+    gain_indices: tuple[int, ...] = field(
+        metadata=about("Of the sunshine readings used; -1 - i for index i of channel 1.")
+    )
+    sensor_model_scale: float = field(
+        metadata=about("A of SensorModel, a1 of RadiometricCalibration, or SensorGainAdjustment.")
+    )
+    i_sq_range: tuple[float, float] = field(metadata=about("Lowest and highest signal used."))
+    i_ss_range: tuple[float, float] | None = field(
+        metadata=about("Lowest and highest sunshine reading used; None for panel_only.")
+    )
+    panel_measured_on: tuple[str, ...] | None = field(
+        default=None,
+        metadata=about("Days of the panel's measurements used; None if none is dated.", later=True),
+    )
+    drift_half_hour_rel: float | None = field(
+        default=None,
+        metadata=about(
+            "Relative standard deviation of K's change in half an hour, from the assumed one and the "
+            "differences between the captures.",
+            later=True,
+        ),
+    )
+    reading_u_rel: float | None = field(
+        default=None,
+        metadata=about("Of a single sunshine reading; None if the frames had several.", later=True),
+    )
+    channel_ratio: float | None = field(
+        default=None,
+        metadata=about(
+            "CH0 / CH1 of a Sequoia's sunshine sensor under the panel's light, for a saturated CH0.",
+            later=True,
+        ),
+    )
     channel_ratio_u_rel: float | None = field(default=None, metadata=LATER)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Point:
-    """One panel frame in the fit.
-
-    Attributes
-    ----------
-    frame : str
-        Name of the frame.
-    band : str
-        Name of the band.
-    capture_id : str or None
-        Identifier of the capture.
-    visit : int or None
-        Number of the panel capture, from 1.
-    at_s : float or None
-        Time on the camera's clock [s].
-    used : bool
-        True if the frame was used.
-    left_out : str
-        "" if it was used, else the reason.
-    i_sq, i_sq_standard_uncertainty : float or None
-        Signal of the panel and its standard uncertainty.
-    gradient_rel : float or None
-        Change of the signal across the region, relative to the mean.
-    saturated_share : float or None
-        Saturated fraction of the region, 0 to 1.
-    i_ss : float or None
-        Sunshine reading.
-    sunshine_readings : int or None
-        Number of valid sunshine readings.
-    sunshine_spread_rel : float or None
-        Standard deviation of the sunshine readings, relative to their mean.
-    panel_reflectance : float or None
-        Reflectance of the panel.
-    panel_irradiance_w_m2_nm : float or None
-        Irradiance on the panel [W/m2/nm], where radiance is known.
-    reflectance_k : float or None
-        K of this frame.
-    residual_rel : float or None
-        K of this frame relative to the coefficient's at its time, minus 1.
-    i_ss_oriented : float or None
-        Sunshine reading as the sensor was oriented.
-    i_ss_basis : LightBasis or None
-        Surface for which `i_ss` holds.
-    """
+    """One panel frame in the fit."""
 
     frame: str
     band: str
     capture_id: str | None
-    visit: int | None
-    at_s: float | None
+    visit: int | None = field(metadata=about("Number of the panel capture, from 1."))
+    at_s: float | None = field(metadata=about("Time on the camera's clock [s]."))
     used: bool
-    left_out: str
-    i_sq: float | None
+    left_out: str = field(metadata=about('"" if it was used, else the reason.'))
+    i_sq: float | None = field(metadata=about("Signal of the panel."))
     i_sq_standard_uncertainty: float | None
-    gradient_rel: float | None
-    saturated_share: float | None
-    i_ss: float | None
-    sunshine_readings: int | None
-    sunshine_spread_rel: float | None
+    gradient_rel: float | None = field(metadata=about("Change of the signal across the region."))
+    saturated_share: float | None = field(metadata=about("Saturated fraction of the region, 0 to 1."))
+    i_ss: float | None = field(metadata=about("Sunshine reading."))
+    sunshine_readings: int | None = field(metadata=about("Number of valid sunshine readings."))
+    sunshine_spread_rel: float | None = field(metadata=about("Standard deviation of the readings / mean."))
     panel_reflectance: float | None
-    panel_irradiance_w_m2_nm: float | None
+    panel_irradiance_w_m2_nm: float | None = field(metadata=about("On the panel, where radiance is known."))
     reflectance_k: float | None
-    residual_rel: float | None
-    i_ss_oriented: float | None = field(default=None, metadata=LATER)
-    i_ss_basis: LightBasis | None = field(default=None, metadata=LATER)
+    residual_rel: float | None = field(
+        metadata=about("K of this frame relative to the coefficient's at its time, minus 1.")
+    )
+    i_ss_oriented: float | None = field(
+        default=None, metadata=about("Sunshine reading as the sensor was oriented.", later=True)
+    )
+    i_ss_basis: LightBasis | None = field(
+        default=None, metadata=about("Surface for which `i_ss` holds.", later=True)
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
 class BandFit:
-    """Result for one band.
-
-    Attributes
-    ----------
-    coefficient : Coefficient
-        Calibration of the band.
-    budget : tuple of BudgetEntry
-        Contributions to u(K).
-    visits : int
-        Number of panel captures.
-    drift_rel : float or None
-        (K_last - K_first) / K; None for one capture.
-    """
+    """Result for one band."""
 
     coefficient: Coefficient
-    budget: tuple[BudgetEntry, ...]
-    visits: int
-    drift_rel: float | None
+    budget: tuple[BudgetEntry, ...] = field(metadata=about("Contributions to u(K)."))
+    visits: int = field(metadata=about("Number of panel captures."))
+    drift_rel: float | None = field(metadata=about("(K_last - K_first) / K; None for one capture."))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fit:
-    """A reflectance calibration: one coefficient per band, every point, every flag.
-
-    Attributes
-    ----------
-    band_fits : tuple of BandFit
-        Result for each band.
-    points : tuple of Point
-        Every panel frame.
-    flags : tuple of Raised
-        Flags of the fit.
-    """
+    """A reflectance calibration: one coefficient per band, every point, every flag."""
 
     band_fits: tuple[BandFit, ...]
     points: tuple[Point, ...]
@@ -248,55 +156,112 @@ class Fit:
 
 @dataclass(frozen=True, kw_only=True)
 class Effect:
-    """Effect of one standard uncertainty of one source on a reflectance.
-
-    Attributes
-    ----------
-    source : str
-        Name of the source.
-    shared : bool
-        True if it is the same in every region of the frame.
-    effect : float
-        Effect [1].
-    """
+    """Effect of one standard uncertainty of one source on a reflectance."""
 
     source: str
-    shared: bool
+    shared: bool  # the same in every region of the frame
     effect: float
 
 
 @dataclass(frozen=True, kw_only=True)
 class AppliedReflectance:
-    """Reflectance of a region in a new frame, with its flags.
-
-    Attributes
-    ----------
-    band : str
-        Name of the band.
-    reflectance : Quantity
-        Reflectance with its standard uncertainty.
-    i_sq : float
-        Signal of the region.
-    i_ss : float or None
-        Sunshine reading; None for a panel-only K.
-    reflectance_k : float
-        K at the frame's time.
-    effects : tuple of Effect
-        Effects of the sources.
-    flags : tuple of Raised
-        Flags of the measurement.
-    i_ss_oriented : float or None
-        Sunshine reading as the sensor was oriented.
-    i_ss_basis : LightBasis or None
-        Surface for which `i_ss` holds.
-    """
+    """Reflectance of a region in a new frame, with its flags."""
 
     band: str
     reflectance: Quantity
     i_sq: float
-    i_ss: float | None
-    reflectance_k: float
+    i_ss: float | None  # None for a panel-only K
+    reflectance_k: float  # at the frame's time
     effects: tuple[Effect, ...]
     flags: tuple[Raised, ...]
     i_ss_oriented: float | None = field(default=None, metadata=LATER)
     i_ss_basis: LightBasis | None = field(default=None, metadata=LATER)
+
+
+@dataclass(frozen=True, kw_only=True)
+class KAtTime:
+    """K at the time of a frame."""
+
+    value: float
+    u_rel: float  # from all sources but the sunshine gain and drift
+    drift_u_rel: float  # from K's change between the panel visits and the frame
+    # to the nearest panel visit, negative before the first; 0 between or during visits, None if not known
+    outside_s: float | None
+
+
+def change_variance(after_s: float) -> float:
+    """Compute the variance of K's change in a time, relative to that in half an hour.
+
+    Half of it is a random walk (a sensor that drifts), half settles within minutes (light that is not
+    modelled)::
+
+        v(t) = (t / 30 min + 1 - exp(-t / 5 min)) / 2
+    """
+    time_s = min(abs(after_s), _LONGEST_S)
+    return 0.5 * (time_s / HALF_HOUR_S - math.expm1(-time_s / _FAST_S))
+
+
+def interpolate(knots: Sequence[Knot], *, at_s: float | None, follow: bool, drift_rel: float) -> KAtTime:
+    """Compute K(t) from the panel visits, with the uncertainty that they do not share.
+
+    K(t) is the sum of w_i K_i over the visits: lines weigh the two around t by time, and before the first and
+    after the last visit take the nearest. With the growth v(t) of `change_variance` [1]::
+
+        u^2 = sum (w_i u_i)^2
+        drift^2 = d^2 (sum w_i v(t - t_i) - sum w_i w_j v(t_i - t_j) / 2)
+
+    Without the time of the frame or of the visits K is the mean, and the drift d and the whole difference
+    between visits.
+
+    [1] N. Cressie, Statistics for Spatial Data (1993), section 3.2 (v/2 is a variogram),
+    doi:10.1002/9781119115151
+    """
+    ks = [knot.reflectance_k for knot in knots]
+    times = [knot.at_s for knot in knots if knot.at_s is not None]
+    known_s = at_s if len(times) == len(knots) else None
+    weights = [1.0 / len(knots)] * len(knots)
+    if known_s is not None and follow:
+        weights = _weigh(times, known_s)
+    value = math.fsum(w * k for w, k in zip(weights, ks, strict=True))
+    u_rel = math.hypot(*(w * k * knot.u_rel for w, k, knot in zip(weights, ks, knots, strict=True))) / value
+    if known_s is None:
+        drift_u_rel = math.hypot(drift_rel, (max(ks) - min(ks)) / value)
+        return KAtTime(value=value, u_rel=u_rel, drift_u_rel=drift_u_rel, outside_s=None)
+    weighed = list(zip(weights, times, strict=True))
+    variance = math.fsum(w * change_variance(known_s - t) for w, t in weighed) - 0.5 * math.fsum(
+        w * v * change_variance(t - s) for w, t in weighed for v, s in weighed
+    )
+    first, last = (knots[end].half_span_s or 0.0 for end in (0, -1))
+    return KAtTime(
+        value=value,
+        u_rel=u_rel,
+        drift_u_rel=drift_rel * math.sqrt(max(0.0, variance)),
+        outside_s=min(0.0, known_s - times[0] + first) + max(0.0, known_s - times[-1] - last),
+    )
+
+
+def evaluate_k(coefficient: Coefficient, *, at_s: float | None) -> KAtTime:
+    """Compute K(t) with its uncertainty by `interpolate`, and what all visits share."""
+    drift_rel = coefficient.drift_half_hour_rel
+    found = interpolate(
+        coefficient.knots,
+        at_s=at_s,
+        follow=coefficient.interpolation == "linear",
+        drift_rel=USUAL_DRIFT_REL if drift_rel is None else drift_rel,
+    )
+    return replace(
+        found,
+        u_rel=math.hypot(found.u_rel, coefficient.shared_u_rel),
+        drift_u_rel=math.hypot(found.drift_u_rel, coefficient.drift_u_rel),
+    )
+
+
+def _weigh(times: Sequence[float], at_s: float) -> list[float]:
+    weights = [0.0] * len(times)
+    at_s = min(max(at_s, times[0]), times[-1])
+    right = bisect.bisect_left(times, at_s)
+    weights[right] = 1.0
+    if times[right] > at_s:
+        weights[right] = (at_s - times[right - 1]) / (times[right] - times[right - 1])
+        weights[right - 1] = 1.0 - weights[right]
+    return weights

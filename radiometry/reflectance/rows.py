@@ -6,9 +6,9 @@ from typing import Literal
 from radiometry.fitting.evidence import Exclusion
 from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
-from radiometry.reflectance.features import Features
+from radiometry.reflectance.imaging import Features
+from radiometry.reflectance.sun import TiltParams
 from radiometry.reflectance.sunshine import Choice
-from radiometry.reflectance.tilt import TiltParams
 from radiometry.specification.parameters import check_parameters, parameter
 from radiometry.specification.stored import LATER
 
@@ -93,7 +93,6 @@ class Params:
     exclude: tuple[Exclusion, ...] = ()
 
     def __post_init__(self) -> None:
-        """Check every parameter against its range and choices."""
         check_parameters(self)
 
     @property
@@ -104,65 +103,30 @@ class Params:
 
 @dataclass(frozen=True, kw_only=True)
 class FrameRow:
-    """One frame of a campaign as input of the fit: one band of one capture.
-
-    Attributes
-    ----------
-    frame : str
-        Name of the frame in messages and points.
-    role : str
-        "panel"; other roles are not used.
-    header : FrameHeader
-        Metadata of the file.
-    exposure : Exposure
-        Exposure of the frame.
-    features : Features or None
-        Features of `extract`; None until the frame is extracted.
-    has_region : bool, default: True
-        False if no region is drawn for it.
-    panel_serial : str or None, default: None
-        Serial number of the panel, as its code in the image states it.
-    """
+    """One frame of a campaign as input of the fit: one band of one capture."""
 
     frame: str
     role: str
     header: FrameHeader
     exposure: Exposure
-    features: Features | None
+    features: Features | None  # None until the frame is extracted
     has_region: bool = True
-    panel_serial: str | None = None
+    panel_serial: str | None = None  # as the panel's code in the image states it
 
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """Reflectance of the panel in one band, as its certificate states it.
-
-    Attributes
-    ----------
-    panel : str
-        Name of the panel.
-    band : str
-        Name of the band.
-    reflectance : float
-        Reflectance of the panel under these directions, (0, 1.2].
-    standard_uncertainty : float or None, default: None
-        Absolute standard uncertainty; None if it is not stated.
-    measured_on : str or None, default: None
-        Day of the measurement, ISO 8601; None if it is not known.
-    from_file : bool or None, default: None
-        True if a camera, or the panel's code, states the reflectance: its day is not
-        known, and any measurement goes before it.
-    """
+    """Reflectance of the panel in one band, as its certificate states it."""
 
     panel: str
     band: str
-    reflectance: float
-    standard_uncertainty: float | None = None
-    measured_on: str | None = field(default=None, metadata=LATER)
+    reflectance: float  # under these directions, (0, 1.2]
+    standard_uncertainty: float | None = None  # absolute
+    measured_on: str | None = field(default=None, metadata=LATER)  # ISO 8601
+    # True if a camera, or the panel's code, states it: any measurement goes before it
     from_file: bool | None = field(default=None, metadata=LATER)
 
     def __post_init__(self) -> None:
-        """Check what every caller must have checked at its interface."""
         uncertainty = self.standard_uncertainty or 0.0
         if not (0.0 < self.reflectance <= 1.2 and 0.0 <= uncertainty < 1.0):
             raise ValueError(f"a reflectance that cannot be: {self}")

@@ -1,22 +1,55 @@
-"""Light on the scene while a band was exposed, as measured by the sunshine sensor."""
+"""Light on the scene while a band was exposed, as its sunshine sensor measured it, and on a level surface."""
 
 import itertools
 import math
 import statistics
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 from radiometry.findings import InputRejected, Raised
-from radiometry.frame.light import LightBasis, SunshineCounts, SunshineIrradiance
+from radiometry.frame import FrameHeader
+from radiometry.frame.light import (
+    GainMeasurement,
+    LightBasis,
+    SunshineCounts,
+    SunshineIrradiance,
+    SunshineRecord,
+)
 from radiometry.frame.multispectral import Multispectral
 from radiometry.reflectance import codes
-from radiometry.reflectance.gains import ROUNDING, Gain, measure_gains, measure_scales
-from radiometry.reflectance.sunshine_counts import SunshineReading, angle_to_sun, list_readings
-from radiometry.reflectance.tilt import FURTHEST_FROM_SUN_DEG, Tilt, level_factor
+from radiometry.reflectance.sun import (
+    FURTHEST_FROM_SUN_DEG,
+    LOWEST_SUN_DEG,
+    SunPosition,
+    Tilt,
+    TiltParams,
+    attitude_u_rel,
+    diffuse_u_rel,
+    find_tilt,
+    level_factor,
+    locate_sun_of,
+    sun_angle_deg,
+)
 
+REFERENCE_INDEX = 1
+SATURATED_COUNT = 65_535
+# The gains of a real sensor (24.6 and 16.7 between indices) are those of ams' TSL2591, whose counters stop
+# here in its shortest time.
+SHORT_SATURATED_COUNT, SHORT_TIME_S = 36_863, 0.1
+# A table's ratio of the channels holds for its own light. Under the sun it was off by 2, 4, 5 and 95 % in the
+# four bands of a real capture: the root mean square of the logarithms.
+_OTHER_LIGHT_U_REL = 0.35
+
+# The standard uncertainty of a number rounded to a whole one.
+ROUNDING = 1.0 / math.sqrt(12.0)
+
+Channel = Literal["ch0", "ch1"]
+
+
+# What records without the two fields are taken for: what later firmware wrote by day.
+ASSUMED_INTEGRATION_TIME_S = 0.1
 Choice = Literal["mean", "last", "nearest"]
-
 COUNTS_UNIT = "1/s"
 # Of a file's only reading: between a Sequoia at rest (0.2 %) and the bands of a RedEdge (4.7 %).
 SINGLE_READING_U_REL = 0.025
@@ -26,59 +59,204 @@ _BASES: dict[str, LightBasis] = {
     "compensated": "compensated",
 }
 _GENERATIONS = {"dls1": "W/m2/nm", "dls2": "uW/cm2/nm"}
+LARGEST_TILT_DEG = 3.0
+# Of a sensor that states no attitude, as a drone leans in flight; and of a sun that nobody can locate.
+ASSUMED_TILT_DEG = 5.0
+ASSUMED_SUN = SunPosition(elevation_deg=45.0, azimuth_deg=0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gain:
+    """Relative gain of one index."""
+
+    value: float
+    u_rel: float  # from the rounding of its counts
+
+
+def measure_gains(rows: Sequence[GainMeasurement], *, channel: Channel = "ch0") -> dict[int, Gain]:
+    """Compute the relative gain of every usable index of a channel.
+
+    With reference index 1 and all rows at equal light [1]::
+
+        g_rel(i) = (CH_i / tau_i) / (CH_ref / tau_ref)
+        u_rel^2 = (1/12) / CH_i^2 + (1/12) / CH_ref^2        2.6 % for 11 counts
+
+    The ratios belong to one unit, band and channel. An index whose count is saturated (65535) or zero has no
+    gain in that channel. Without a usable reference row only the reference itself has one, which is 1 by
+    definition. Dividing by the gain INDEX instead is a common mistake: 6 times wrong at index 2, and index 0
+    divides by zero.
+
+    [1] "How to convert Sequoia images to reflectance?" 1.1, section 6
+    """
+    gains = {REFERENCE_INDEX: Gain(value=1.0, u_rel=0.0)}
+    usable = {row.gain_index: row for row in rows if _is_usable(row, channel)}
+    reference = usable.get(REFERENCE_INDEX)
+    if reference is None:
+        return gains
+    reference_count = _count(reference, channel)
+    for index, row in usable.items():
+        if index != REFERENCE_INDEX:
+            count = _count(row, channel)
+            gains[index] = Gain(
+                value=(count / row.integration_time_s) / (reference_count / reference.integration_time_s),
+                u_rel=math.hypot(ROUNDING / count, ROUNDING / reference_count),
+            )
+    return gains
+
+
+def measure_scales(rows: Sequence[GainMeasurement], ratio: Gain | None = None) -> dict[int, Gain]:
+    """Compute the gains by which both channels are brought to the scale of channel 0."""
+    scales = measure_gains(rows)
+    table = next((row for row in rows if row.gain_index == REFERENCE_INDEX), None)
+    if ratio is None and table and _is_usable(table, "ch0") and _is_usable(table, "ch1"):
+        ratio = Gain(
+            value=table.ch0 / table.ch1,
+            u_rel=math.hypot(ROUNDING / table.ch0, ROUNDING / table.ch1, _OTHER_LIGHT_U_REL),
+        )
+    if ratio is None:
+        return scales
+    return scales | {
+        name_second(index): Gain(value=gain.value / ratio.value, u_rel=math.hypot(gain.u_rel, ratio.u_rel))
+        for index, gain in measure_gains(rows, channel="ch1").items()
+    }
+
+
+def name_second(index: int) -> int:
+    """Return the key of a gain index in channel 1."""
+    return -1 - index
+
+
+def has_stopped(count: int, time_s: float) -> bool:
+    """Return True if a counter has stopped."""
+    return count >= SATURATED_COUNT or (count == SHORT_SATURATED_COUNT and time_s <= SHORT_TIME_S)
+
+
+def _count(row: GainMeasurement, channel: Channel) -> int:
+    return row.ch0 if channel == "ch0" else row.ch1
+
+
+def _is_usable(row: GainMeasurement, channel: Channel) -> bool:
+    return 0 < _count(row, channel) < SATURATED_COUNT and row.integration_time_s > 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class SunshineReading:
+    """One reading of the sunshine sensor."""
+
+    time_us: int  # on the camera's clock
+    count: int  # of channel 0, or of channel 1 where that took its place
+    gain_index: int  # index i of the gain; -1 - i in channel 1
+    i_ss: float | None  # counts/s at gain index 1; None if it is not valid
+    left_out: str  # reason why it is not valid, else ""
+    oriented: float  # as the sensor was oriented; 0 if it is not valid
+
+
+def compare_channels(bands: Iterable[Multispectral]) -> Gain | None:
+    """Compute CH0 / CH1 of one band under the light of its files, at the reference index."""
+    found = []
+    for counts in (band.counts for band in bands if band.counts is not None):
+        scales = measure_gains(counts.gains) | {
+            name_second(index): gain for index, gain in measure_gains(counts.gains, channel="ch1").items()
+        }
+        both = [
+            pair
+            for pair in zip(
+                list_readings(counts, scales), list_readings(counts, scales, channel="ch1"), strict=True
+            )
+            if all(reading.i_ss is not None for reading in pair)
+        ]
+        if both:
+            ch0, ch1 = zip(*both, strict=True)
+            u = [scales[each.gain_index].u_rel for each in (*ch0, *ch1)]
+            rounding = [ROUNDING / statistics.fmean(each.count for each in channel) for channel in (ch0, ch1)]
+            found.append(
+                Gain(
+                    value=math.fsum(each.oriented for each in ch0) / math.fsum(each.oriented for each in ch1),
+                    u_rel=math.hypot(max(u), *rounding),
+                )
+            )
+    return min(found, key=lambda gain: gain.u_rel, default=None)
+
+
+def list_readings(
+    counts: SunshineCounts,
+    scales: Mapping[int, Gain] | None = None,
+    *,
+    tilt: Tilt | None = None,
+    channel: Channel = "ch0",
+) -> tuple[SunshineReading, ...]:
+    """List every reading with its I_ss, or the reason why it has none.
+
+    Not valid are a saturated count (65535, or 36863 in 100 ms), a count or integration time of zero, and a
+    gain index without a gain.
+    """
+    scales = measure_scales(counts.gains) if scales is None else scales
+    return tuple(_read(record, scales, tilt, channel) for record in counts.records)
+
+
+def _read(
+    record: SunshineRecord, scales: Mapping[int, Gain], tilt: Tilt | None, channel: Channel
+) -> SunshineReading:
+    index = REFERENCE_INDEX if record.gain_index is None else record.gain_index
+    index, count = (index, record.ch0) if channel == "ch0" else (name_second(index), record.ch1)
+    time_s = record.integration_time_s
+    if time_s is None:
+        time_s = ASSUMED_INTEGRATION_TIME_S
+    left_out, factor = "", 1.0
+    if has_stopped(count, time_s):
+        left_out = "saturated count"
+    elif count == 0:
+        left_out = "no light"
+    elif not time_s > 0.0:
+        left_out = "no integration time"
+    elif index not in scales:
+        left_out = "unknown gain"
+    elif tilt is not None:
+        angle_deg = angle_to_sun(record, tilt)
+        if angle_deg > FURTHEST_FROM_SUN_DEG:
+            left_out = "turned away from the sun"
+        else:
+            factor = level_factor(angle_deg, tilt)
+    oriented = 0.0 if left_out else count / (scales[index].value * time_s)
+    return SunshineReading(
+        time_us=record.time_us,
+        count=count,
+        gain_index=index,
+        i_ss=None if left_out else oriented * factor,
+        left_out=left_out,
+        oriented=oriented,
+    )
+
+
+def angle_to_sun(record: SunshineRecord | SunshineIrradiance, tilt: Tilt) -> float:
+    """Return the angle between a sensor's normal and the sun [deg]."""
+    if record.yaw_deg is None or record.pitch_deg is None or record.roll_deg is None:
+        raise InputRejected(
+            codes.TILT_NOT_CORRECTABLE,
+            "The sunshine readings do not state how the sensor hung.",
+        )
+    return sun_angle_deg(
+        tilt.sun, yaw_deg=record.yaw_deg, pitch_deg=record.pitch_deg, roll_deg=record.roll_deg
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sunshine:
-    """I_ss of one band of one capture.
-
-    Attributes
-    ----------
-    i_ss : float
-        Sunshine reading, in `unit`.
-    standard_uncertainty : float
-        From the readings' scatter, 2.5 % of a single one, and from counting in whole
-        numbers; not from the gain, and not from the attitude.
-    gain_u_rel : float
-        Relative standard uncertainty of the relative gain; it cancels between
-        captures at the same `gain_indices`.
-    gain_indices : tuple of int
-        Gain indices of the readings used; -1 - i for index i of channel 1.
-    unit : str
-        Unit of the reading.
-    choice : Choice
-        Choice among the readings.
-    readings : int
-        Number of valid readings.
-    left_out : tuple of str
-        Reasons of the readings that are not valid.
-    spread_rel : float or None
-        Standard deviation of the valid readings, relative to their mean; None for a
-        single one.
-    flags : tuple of Raised
-        Flags of the readings.
-    oriented : float
-        Reading as the sensor was oriented, in `unit`.
-    basis : LightBasis, default: "oriented"
-        Surface for which `i_ss` holds.
-    level_u_rel : float, default: 0.0
-        Relative standard uncertainty from the sensor's attitude and the diffuse
-        fraction.
-    """
+    """I_ss of one band of one capture."""
 
     i_ss: float
-    standard_uncertainty: float
-    gain_u_rel: float
-    gain_indices: tuple[int, ...]
+    standard_uncertainty: float  # from scatter and counting in whole numbers, not from gain and attitude
+    gain_u_rel: float  # cancels between captures at the same `gain_indices`
+    gain_indices: tuple[int, ...]  # of the readings used; -1 - i for index i of channel 1
     unit: str
     choice: Choice
-    readings: int
-    left_out: tuple[str, ...]
-    spread_rel: float | None
+    readings: int  # number of valid ones
+    left_out: tuple[str, ...]  # reasons of those that are not valid
+    spread_rel: float | None  # standard deviation of the valid ones; None for a single one
     flags: tuple[Raised, ...]
-    oriented: float
-    basis: LightBasis = "oriented"
-    level_u_rel: float = 0.0
+    oriented: float  # as the sensor was oriented
+    basis: LightBasis = "oriented"  # surface for which `i_ss` holds
+    level_u_rel: float = 0.0  # from the sensor's attitude and the diffuse fraction
 
     @property
     def is_single(self) -> bool:
@@ -96,53 +274,19 @@ def measure_sunshine(
 ) -> Sunshine:
     """Compute I_ss from a file's own readings.
 
-    Parameters
-    ----------
-    band : Multispectral
-        Metadata of the band.
-    choice : Choice, default: "mean"
-        Mean of the valid readings, the last, or the one nearest in time to the
-        exposure.
-    tilt : Tilt or None, default: None
-        Corrects each reading to a level sensor by its own attitude; None leaves it
-        as the sensor was oriented.
-    ratio : Gain or None, default: None
-        CH0 / CH1 under the light of the panel (`compare_channels`); None for that of the
-        gain table.
-    where : str, default: ""
-        What the flags name.
-
-    Returns
-    -------
-    Sunshine
-        I_ss. Flags: `sunshine_readings_left_out`, `sunshine_second_channel`, `sunshine_gain_assumed`,
-        `sunshine_gain_table_missing`, `sunshine_single_reading`,
-        `sunshine_time_unknown`, `sunshine_scale_assumed`.
-
-    Raises
-    ------
-    InputRejected
-        `sunshine_missing` if there is no valid reading; `tilt_not_correctable` if
-        readings have no attitude.
-
-    Notes
-    -----
-    With tau the sunshine sensor's own integration time, not the image's exposure
-    [1]_::
+    With tau the sunshine sensor's own integration time, not the image's exposure [1]::
 
         I_ss = CH0 / (g_rel tau)
 
-    Where no CH0 is valid, CH1 times the ratio of the channels takes its place. A mean of
-    n has, with s_c the noise in counts::
+    Where no CH0 is valid, CH1 times the ratio of the channels takes its place. A mean of n has, with s_c the
+    noise in counts::
 
         u^2 = s^2/n + (1/12) exp(-4 pi^2 s_c^2)          s = 2.5 % of a single reading
 
-    Rounding to whole counts does not average out unless noise carries the counts
-    across the steps, and a band may count 5.
+    Rounding to whole counts does not average out unless noise carries the counts across the steps, and a band
+    may count 5.
 
-    References
-    ----------
-    .. [1] "How to convert Sequoia images to reflectance?" 1.1, section 4b
+    [1] "How to convert Sequoia images to reflectance?" 1.1, section 4b
     """
     if band.irradiance is not None:
         return _take_irradiance(band.irradiance, choice=choice, tilt=tilt, where=where)
@@ -167,19 +311,15 @@ def measure_sunshine(
         )
     chosen = valid
     if choice != "mean":
-        chosen = [valid[-1] if choice == "last" else _find_nearest(valid, band.exposed_at_us)]
-        if choice == "nearest" and band.exposed_at_us is None:
+        at_us, chosen = band.exposed_at_us, valid[-1:]
+        if choice == "nearest" and at_us is not None:
+            chosen = [min(valid, key=lambda reading: abs(reading.time_us - at_us))]
+        elif choice == "nearest":
             flags.append(codes.SUNSHINE_TIME_UNKNOWN.at(where, "No exposure time."))
     if len(valid) == 1:
         flags.append(codes.SUNSHINE_SINGLE_READING.at(where, "Readings: 1."))
     found = _summarise(valid, chosen, scales, choice=choice, left_out=left_out, flags=tuple(flags))
     return replace(found, basis="oriented" if tilt is None else "levelled")
-
-
-def _find_nearest(valid: Sequence[SunshineReading], exposed_at_us: int | None) -> SunshineReading:
-    if exposed_at_us is None:
-        return valid[-1]
-    return min(valid, key=lambda reading: abs(reading.time_us - exposed_at_us))
 
 
 def _summarise(
@@ -277,3 +417,92 @@ def _advise(what: str) -> str:
         f"{what} Without it a reflectance holds only for the panel's own light: fit with normalisation "
         "panel_only, or take the frame again with the sunshine sensor connected."
     )
+
+
+def measure_light(
+    header: FrameHeader,
+    *,
+    choice: Choice = "mean",
+    params: TiltParams | None = None,
+    ratio: Gain | None = None,
+    where: str = "",
+) -> Sunshine:
+    """Compute the irradiance on a level surface at the time of a frame.
+
+    Direct and scattered light as the file states them take the place of the assumed diffuse fraction, d =
+    scattered / (direct sin(elevation) + scattered). Of a reading that cannot be levelled, the whole tilt is
+    in the budget, with the sensor's attitude taken as 5 degrees and the sun's elevation as 45 where they are
+    not known.
+    """
+    band = header.multispectral
+    if band is None:
+        raise InputRejected(codes.SUNSHINE_MISSING, "The file is not a multispectral camera's.")
+    assumed, sun = params or TiltParams(), locate_sun_of(header)
+    if sun is not None:
+        assumed = replace(assumed, diffuse_share=_find_share(band, sun, assumed))
+    levelled, reason = None, ""
+    if params is not None and not (band.irradiance is not None and band.irradiance.quantity != "spectral"):
+        try:
+            levelled = find_tilt(header, assumed)
+            found = measure_sunshine(band, choice=choice, tilt=levelled, ratio=ratio, where=where)
+        except InputRejected as rejected:
+            if rejected.code != codes.TILT_NOT_CORRECTABLE:
+                raise
+            levelled, reason = None, rejected.message
+    if levelled is None:
+        found = measure_sunshine(band, choice=choice, ratio=ratio, where=where)
+    # of a lower sun the assumed share of direct light no longer holds
+    sun = replace(sun, elevation_deg=max(sun.elevation_deg, LOWEST_SUN_DEG)) if sun else ASSUMED_SUN
+    tilt = levelled or Tilt(sun=sun, params=assumed)
+    return _add_level(found, band, tilt, levelled=levelled is not None, reason=reason, where=where)
+
+
+def _find_share(band: Multispectral, sun: SunPosition, params: TiltParams) -> float:
+    stated = band.irradiance
+    if stated is None or stated.direct_w_m2_nm is None or stated.scattered_w_m2_nm is None:
+        return params.diffuse_share
+    direct = stated.direct_w_m2_nm * math.sin(math.radians(max(0.0, sun.elevation_deg)))
+    total = direct + stated.scattered_w_m2_nm
+    if min(direct, stated.scattered_w_m2_nm) < 0.0 or not total > 0.0:
+        return params.diffuse_share
+    return stated.scattered_w_m2_nm / total
+
+
+def _add_level(
+    found: Sunshine, band: Multispectral, tilt: Tilt, *, levelled: bool, reason: str, where: str
+) -> Sunshine:
+    readings = (
+        [band.irradiance] if band.irradiance is not None else band.counts.records if band.counts else ()
+    )
+    attitudes = [each for each in map(_read_attitude, readings) if each is not None]
+    level_deg = 90.0 - tilt.sun.elevation_deg
+    angles = [
+        angle
+        for yaw, pitch, roll in attitudes
+        if (angle := sun_angle_deg(tilt.sun, yaw_deg=yaw, pitch_deg=pitch, roll_deg=roll))
+        <= FURTHEST_FROM_SUN_DEG
+    ]
+    own_deg, flags = tilt.params.attitude_u_deg, list(found.flags)
+    if reason:
+        flags.append(codes.TILT_NOT_CORRECTABLE.at(where, reason))
+    if levelled:
+        angle_deg = statistics.fmean(angles)
+        u_rel = math.hypot(attitude_u_rel(angle_deg, tilt, u_deg=own_deg), diffuse_u_rel(angle_deg, tilt))
+        return replace(found, level_u_rel=u_rel, flags=tuple(flags))
+    remaining_deg = 0.0
+    if band.irradiance is None or band.irradiance.quantity == "spectral":
+        tilts_deg = [
+            math.degrees(math.acos(math.cos(math.radians(pitch)) * math.cos(math.radians(roll))))
+            for _, pitch, roll in attitudes
+        ]
+        remaining_deg = statistics.fmean(tilts_deg) if tilts_deg else ASSUMED_TILT_DEG
+        if tilts_deg and remaining_deg > LARGEST_TILT_DEG:
+            flags.append(codes.SUNSHINE_TILTED.at(where, f"{remaining_deg:.1f} degrees off level."))
+    u_rel = attitude_u_rel(level_deg, tilt, u_deg=math.hypot(own_deg, remaining_deg))
+    return replace(found, level_u_rel=u_rel, flags=tuple(flags))
+
+
+def _read_attitude(reading: SunshineRecord | SunshineIrradiance) -> tuple[float, float, float] | None:
+    if reading.yaw_deg is None or reading.pitch_deg is None or reading.roll_deg is None:
+        return None
+    return reading.yaw_deg, reading.pitch_deg, reading.roll_deg

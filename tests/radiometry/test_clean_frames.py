@@ -14,7 +14,7 @@ from radiometry.luminance.rows import FrameRow, Params
 from radiometry.luminance.verdicts import judge as judge_luminance
 from radiometry.noise.verdicts import judge as judge_noise
 from radiometry.reflectance import method as reflectance
-from radiometry.reflectance.verdicts import judge as judge_reflectance
+from radiometry.reflectance.findings import judge as judge_reflectance
 from radiometry.sharpness import method as sharpness
 from radiometry.sharpness.verdicts import judge as judge_sharpness
 from radiometry.vignetting import fit as vignetting

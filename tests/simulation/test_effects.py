@@ -7,8 +7,7 @@ import pytest
 
 from radiometry.frame.exposure import Settings
 from radiometry.reflectance.panel_code import find_panel
-from radiometry.reflectance.sun import SunPosition
-from radiometry.reflectance.tilt import Tilt, TiltParams
+from radiometry.reflectance.sun import SunPosition, Tilt, TiltParams
 from simulation.camera import Camera, change, expose
 from simulation.card import Card
 from simulation.light import LUMINOUS_EFFICIENCY, Lamp, Meter, compute_mismatch

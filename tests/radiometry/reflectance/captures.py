@@ -7,11 +7,10 @@ import numpy as np
 
 from radiometry.fitting.evidence import Region
 from radiometry.frame import FrameHeader
-from radiometry.frame.light import SunshineCounts, SunshineRecord
+from radiometry.frame.light import GainMeasurement, SunshineCounts, SunshineRecord
 from radiometry.frame.multispectral import Multispectral
 from radiometry.frame.roi import Polygon
 from radiometry.reflectance import method as reflectance
-from radiometry.reflectance.gains import GainMeasurement
 from simulation.camera import change
 from simulation.sequoia import BANDS, SEQUOIA, capture
 

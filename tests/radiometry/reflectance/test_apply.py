@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from radiometry.findings import InputRejected
 from radiometry.frame.light import SunshineCounts
-from radiometry.reflectance import application, tilt
+from radiometry.reflectance import application
 from radiometry.reflectance import method as reflectance
-from radiometry.reflectance import scale as reflectance_scale
+from radiometry.reflectance.sun import TiltParams
 from simulation.sequoia import BANDS, capture
 from tests.radiometry.reflectance.captures import (
     CAMERA,
@@ -70,7 +70,7 @@ def test_the_stated_uncertainty_is_the_error_s():
     errors, stated = [], []
     for seed in range(40):
         rows = take(seeded(2 * seed), {"red_edge": PANEL_R["red_edge"]})
-        exact_level = tilt.TiltParams(attitude_u_deg=0.0, diffuse_share_u=0.0)
+        exact_level = TiltParams(attitude_u_deg=0.0, diffuse_share_u=0.0)
         params = {"incidence_angle_u_deg": 0.0, "tilt": exact_level, "drift_half_hour_rel": 0.0}
         exact = [dataclasses.replace(each, standard_uncertainty=0.0) for each in READINGS]
         fit = reflectance.fit(rows, exact, reflectance.Params(**params))
@@ -217,7 +217,7 @@ def expose(surface, name="green", seed=3):
 
 
 def map_of(shot, frame=None):
-    scale = reflectance_scale.find_scale_of_frame(shot.header, coefficients=COEFFICIENTS)
+    scale = application.find_scale_of_frame(shot.header, coefficients=COEFFICIENTS)
     return scale, application.scale_pixels(
         frame or shot.frame, header=shot.header, exposure=shot.exposure, factor=scale.factor
     )

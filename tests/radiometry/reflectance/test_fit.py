@@ -12,9 +12,9 @@ from radiometry.findings import InputRejected
 from radiometry.frame.multispectral import Multispectral, RadianceModel
 from radiometry.reflectance import application
 from radiometry.reflectance import method as reflectance
-from radiometry.reflectance import tilt as reflectance_tilt
 from radiometry.reflectance.findings import check_fit
 from radiometry.reflectance.fit import compute_k
+from radiometry.reflectance.sun import TiltParams
 from simulation.camera import change
 from simulation.sequoia import BANDS, SEQUOIA, capture
 from tests.radiometry.reflectance.captures import (
@@ -171,7 +171,7 @@ def test_the_sunshine_sensor_is_levelled_unless_told_otherwise():
     corrected = k_of(reflectance.fit(rows, READINGS, PARAMS)).coefficient
     # nose up and to the north, so leaning back towards a sun in the south at 62 degrees: it saw too much
     assert 0.85 < corrected.reflectance_k / plain.reflectance_k < 0.97
-    assert (corrected.tilt, plain.tilt) == (reflectance_tilt.TiltParams(), None)
+    assert (corrected.tilt, plain.tilt) == (TiltParams(), None)
     night = [
         dataclasses.replace(each, header=dataclasses.replace(each.header, taken_at="2018-06-13T23:00:00"))
         for each in rows
@@ -213,7 +213,7 @@ def test_the_simulated_camera_s_time_is_its_captures():
 
 def test_everything_survives_storage():
     """Plain fields: JSON and back is the same."""
-    params = reflectance.Params(tilt=reflectance_tilt.TiltParams(), interpolation="linear")
+    params = reflectance.Params(tilt=TiltParams(), interpolation="linear")
     rows = [*panel(), *panel(2, minutes=20.0)]
     fit = reflectance.fit(rows, READINGS, params)
     applied = application.apply_features(

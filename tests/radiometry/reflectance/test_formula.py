@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from radiometry.findings import InputRejected
-from radiometry.reflectance.formula import compute, read_formula
+from radiometry.reflectance.indices import compute, read_formula
 
 VALUES = {"nir": np.array([0.45, 0.3, 0.0]), "red": np.array([0.05, -0.3, 0.0])}
 

@@ -12,8 +12,7 @@ from radiometry.frame.multispectral import Multispectral, RadianceModel, RigGeom
 from radiometry.frame.roi import Polygon, Window, mask
 from radiometry.reflectance import indices as reflectance_indices
 from radiometry.reflectance.alignment import align, find_directions, move_region, project, rotate_into_rig
-from radiometry.reflectance.formula import read_formula
-from radiometry.reflectance.indices import align_band
+from radiometry.reflectance.indices import align_band, read_formula
 from simulation.camera import change as resize
 from simulation.sequoia import SEQUOIA
 from simulation.sequoia import capture as expose

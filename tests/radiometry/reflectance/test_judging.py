@@ -4,8 +4,8 @@ import dataclasses
 
 import pytest
 
+from radiometry.reflectance import findings as reflectance_findings
 from radiometry.reflectance import method as reflectance
-from radiometry.reflectance import verdicts as reflectance_verdicts
 from radiometry.reflectance.findings import review_frame
 from tests.radiometry.evidence import taken
 from tests.radiometry.reflectance.captures import PANEL_R, READINGS, change_features, panel, seeded, take
@@ -15,7 +15,7 @@ PARAMS = reflectance.Params()
 
 
 def verdicts(rows, readings=READINGS, params=PARAMS):
-    found = reflectance_verdicts.judge([taken(row) for row in rows], rows, readings, params)
+    found = reflectance_findings.judge([taken(row) for row in rows], rows, readings, params)
     return {
         frame: (verdict.outcome, [reason.code for reason in verdict.reasons])
         for frame, verdict in found.items()
@@ -73,15 +73,15 @@ def test_frame_read_in_channel_1_alone_is_flagged_and_does_not_pass():
 
 def test_what_would_make_the_fit_good():
     once = "the panel was photographed once: take it after the flight too, to see the drift"
-    assert reflectance_verdicts.plan(panel(), READINGS, PARAMS) == (once,)
+    assert reflectance_findings.plan(panel(), READINGS, PARAMS) == (once,)
     twice = [*panel(), *panel(2, minutes=20.0)]
-    assert reflectance_verdicts.plan(twice, READINGS, PARAMS) == ()
+    assert reflectance_findings.plan(twice, READINGS, PARAMS) == ()
     certain = [dataclasses.replace(reading, standard_uncertainty=None) for reading in READINGS]
-    assert reflectance_verdicts.plan(twice, certain, PARAMS) == (
+    assert reflectance_findings.plan(twice, certain, PARAMS) == (
         "the panel states no uncertainty: register it with that of its certificate",
     )
     field = take(seeded(3), PANEL_R, role="field", minutes=5.0)
     lacking = [row for row in twice if not row.frame.endswith("nir")]
-    assert reflectance_verdicts.plan([*lacking, *field], READINGS, PARAMS) == (
+    assert reflectance_findings.plan([*lacking, *field], READINGS, PARAMS) == (
         "no panel frame can be used (band nir)",
     )

@@ -10,9 +10,8 @@ from radiometry.findings import InputRejected
 from radiometry.frame.light import SunshineIrradiance
 from radiometry.reflectance import application, findings
 from radiometry.reflectance import method as reflectance
-from radiometry.reflectance.clock import find_tilt, locate_sun_of, read_clock_s
-from radiometry.reflectance.levelling import measure_light
-from radiometry.reflectance.tilt import TiltParams, level_factor
+from radiometry.reflectance.sun import TiltParams, find_tilt, level_factor, locate_sun_of, read_clock_s
+from radiometry.reflectance.sunshine import measure_light
 from tests.radiometry.reflectance.captures import (
     PANEL_R,
     READINGS,

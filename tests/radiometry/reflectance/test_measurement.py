@@ -10,10 +10,9 @@ import pytest
 from radiometry.findings import InputRejected, Raised
 from radiometry.fitting.evidence import Quantity
 from radiometry.reflectance import method as reflectance
-from radiometry.reflectance.comparison import change_reflectance
-from radiometry.reflectance.formula import compute, read_formula
-from radiometry.reflectance.measurement import estimate_noise
-from radiometry.reflectance.propagation import measure_index
+from radiometry.reflectance.application import change_reflectance
+from radiometry.reflectance.indices import compute, read_formula
+from radiometry.reflectance.measurement import estimate_noise, measure_index
 from radiometry.reflectance.results import AppliedReflectance, Effect
 from tests.radiometry.reflectance.captures import READINGS, k_of, panel
 

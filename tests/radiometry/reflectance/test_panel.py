@@ -11,9 +11,9 @@ from radiometry.frame.bands import name_panel
 from radiometry.frame.multispectral import Multispectral
 from radiometry.frame.verdicts import ReviewedFrame
 from radiometry.reflectance import method as reflectance
-from radiometry.reflectance.panel import find_value
+from radiometry.reflectance.findings import judge
 from radiometry.reflectance.panel_code import FoundPanel
-from radiometry.reflectance.verdicts import judge
+from radiometry.reflectance.points import find_value
 from tests.radiometry.reflectance.captures import PANEL_R, READINGS, change_band, flags_of, k_of, panel
 
 PARAMS = reflectance.Params()

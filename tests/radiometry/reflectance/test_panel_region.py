@@ -8,7 +8,7 @@ import pytest
 from radiometry.frame import Frame
 from radiometry.frame.multispectral import Multispectral, RigGeometry
 from radiometry.reflectance.method import find_region
-from radiometry.reflectance.panel_transfer import take_region
+from radiometry.reflectance.panel_code import take_region
 from tests.radiometry.reflectance.captures import make_header
 from tests.radiometry.reflectance.test_panel_code import EARLY, draw, finish, ground, place, require_within
 

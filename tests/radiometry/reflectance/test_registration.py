@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from radiometry.reflectance.registration import register
+from radiometry.reflectance.alignment import register
 from tests.support.data import data_file
 from worker.decode import reader
 

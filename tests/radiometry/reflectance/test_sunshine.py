@@ -11,9 +11,7 @@ from hypothesis import strategies as st
 from radiometry.findings import InputRejected
 from radiometry.frame.light import GainMeasurement, SunshineCounts, SunshineIrradiance
 from radiometry.frame.multispectral import Multispectral
-from radiometry.reflectance.gains import measure_gains
-from radiometry.reflectance.sunshine import measure_sunshine
-from radiometry.reflectance.sunshine_counts import compare_channels, list_readings
+from radiometry.reflectance.sunshine import compare_channels, list_readings, measure_gains, measure_sunshine
 from tests.radiometry.reflectance.captures import TABLE, flags_of, make_band, make_record
 
 

@@ -11,10 +11,18 @@ from hypothesis import strategies as st
 from radiometry.findings import InputRejected
 from radiometry.frame.light import SunshineIrradiance
 from radiometry.frame.multispectral import Multispectral
-from radiometry.reflectance.clock import find_tilt, read_clock_s
-from radiometry.reflectance.sun import SunPosition, locate_sun
+from radiometry.reflectance.sun import (
+    SunPosition,
+    Tilt,
+    TiltParams,
+    find_tilt,
+    level_factor,
+    locate_sun,
+    read_clock_s,
+    sun_angle_deg,
+    transmit,
+)
 from radiometry.reflectance.sunshine import measure_sunshine
-from radiometry.reflectance.tilt import Tilt, TiltParams, level_factor, sun_angle_deg, transmit
 from tests.radiometry.reflectance.captures import make_band, make_header, make_record
 
 PARAMS = TiltParams()

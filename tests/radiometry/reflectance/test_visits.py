@@ -9,9 +9,9 @@ import pytest
 
 from radiometry.reflectance import method as reflectance
 from radiometry.reflectance import results
-from radiometry.reflectance.clock import read_clock_s
-from radiometry.reflectance.evaluation import evaluate_k
-from radiometry.reflectance.levelling import measure_light
+from radiometry.reflectance.results import evaluate_k
+from radiometry.reflectance.sun import read_clock_s
+from radiometry.reflectance.sunshine import measure_light
 from simulation.flights import draw_change
 from tests.radiometry.reflectance.captures import (
     CAMERA,

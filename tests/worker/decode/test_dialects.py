@@ -8,10 +8,8 @@ from radiometry.frame.acceptance import Camera, SuppliedExposure, accept_frame
 from radiometry.frame.multispectral import CAMERAS
 from radiometry.frame.roi import Polygon, Window
 from radiometry.reflectance import findings
-from radiometry.reflectance.features import extract_features
 from radiometry.reflectance.fit import unit_of_k
-from radiometry.reflectance.imaging import compute_signal
-from radiometry.reflectance.lens import FrameSize, evaluate_band
+from radiometry.reflectance.imaging import FrameSize, compute_signal, evaluate_band, extract_features
 from radiometry.reflectance.sunshine import measure_sunshine
 from tests.support.data import data_file
 from tests.worker.decode.spectral_tiff import make_tiff, write_dji_xmp, write_micasense_xmp, write_sequoia_xmp

@@ -1,7 +1,8 @@
-"""Plots of a reflectance version: K of each band, and the visits to the panel in time."""
+"""Plots, key figures, uncertainty budgets and certificate text of a reflectance version."""
 
 import math
 from collections.abc import Iterator
+from dataclasses import asdict, dataclass
 from datetime import datetime
 from typing import Any, Final
 
@@ -9,9 +10,12 @@ import numpy as np
 
 from radiometry.drawing.figure import MOST, Axis, Figure, Mark, Plot, Series
 from radiometry.drawing.text import label_axis, write_quantity, write_unit
+from radiometry.fitting.evidence import BudgetEntry
 from radiometry.frame.bands import label_band
-from radiometry.reflectance.evaluation import HALF_HOUR_S, USUAL_DRIFT_REL, KAtTime, interpolate
-from radiometry.reflectance.results import Knot
+from radiometry.reflectance.results import HALF_HOUR_S, USUAL_DRIFT_REL, Fit, KAtTime, Knot, interpolate
+from radiometry.specification.certificate import FRAME, CertificateText, Column
+from radiometry.specification.coefficients import Budget
+from radiometry.specification.key_figures import KeyFigure
 
 Node = dict[str, Any]
 
@@ -155,5 +159,76 @@ PLOTS: Final = (
         build=_build_time,
         note="Bars and bands: expanded uncertainty without what all visits share",
         most_printed=MOST,
+    ),
+)
+
+
+def list_key_figures(result: dict[str, Any]) -> tuple[KeyFigure, ...]:
+    """Return K of each band of a stored result."""
+    return tuple(
+        KeyFigure(
+            group=c["band"],
+            label="Reflectance K",
+            value=c["reflectance_k"],
+            standard_uncertainty=c["reflectance_k_standard_uncertainty"],
+            unit=c["reflectance_k_unit"],
+            expanded_uncertainty=c.get("expanded_uncertainty"),
+            coverage_factor=c.get("coverage_factor"),
+        )
+        for fit in result["band_fits"]
+        for c in (fit["coefficient"],)
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class BudgetLine(BudgetEntry):
+    """One source of u(K)."""
+
+    u: float  # in the unit of K
+
+
+def list_budgets(fitted: Fit) -> tuple[Budget, ...]:
+    """Return the budget of each band."""
+    return tuple(
+        Budget(
+            holds_for={"band": fit.coefficient.band},
+            lines=tuple(
+                BudgetLine(**asdict(entry), u=entry.u_rel * abs(fit.coefficient.reflectance_k))
+                for entry in fit.budget
+            ),
+        )
+        for fit in fitted.band_fits
+    )
+
+
+CERTIFICATE: Final = CertificateText(
+    procedure="Reflectance coefficient K of each band of a camera with its sunshine sensor, from frames of a "
+    "panel of known reflectance",
+    equation="R cos θ = K I_sq / I_ss, where I_sq is the band's signal after black-level and vignetting "
+    "correction, and I_ss the reading of the sunshine sensor, converted to a level surface unless a flag or "
+    "a parameter states otherwise",
+    headlines=frozenset({"reflectance_k"}),
+    vignetting="as stated in each file",
+    columns=(
+        FRAME,
+        Column(name="band", head="band", form="text"),
+        Column(name="visit", head="capture", share=0.7),
+        Column(name="i_sq", head="I_sq"),
+        Column(name="i_ss", head="I_ss"),
+        Column(name="i_ss_oriented", head="as oriented"),
+        Column(name="i_ss_basis", head="I_ss is", form="text"),
+        Column(name="sunshine_spread_rel", head="s(I_ss) / I_ss", form="percent"),
+        Column(name="gradient_rel", head="gradient", form="percent"),
+        Column(name="panel_reflectance", head="R of panel"),
+        Column(name="reflectance_k", head="K"),
+        Column(name="residual_rel", head="deviation", form="percent"),
+    ),
+    holds_for_lens=False,
+    statements=(
+        (
+            "K belongs to the camera and the sunshine sensor named here as a pair, and to the light of "
+            "the day on which the panel was photographed."
+        ),
+        "Vignetting is corrected as stated in each file for its camera.",
     ),
 )
