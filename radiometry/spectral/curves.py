@@ -8,7 +8,23 @@ from statistics import median
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.spectral import codes
+from radiometry.findings import error, flag
+
+SPECTRUM_INVALID = error(
+    "spectrum_invalid",
+    "A lamp or a camera response is neither a name of the library nor a table that can be read.",
+    "Send a name of the library, or lines of wavelength in nm and value (R, G and B of a response), at least "
+    "10 lines that rise and cover 400 to 700 nm.",
+)
+SPECTRAL_MISMATCH_UNKNOWN = flag(
+    "spectral_mismatch_unknown",
+    "The spectrum of the calibration's lamp, of the measured light, or the camera's response is not known: "
+    "its effect is assumed.",
+    "State what the detail names as not known: `lamp` or `lamp_kind` and `camera_response` with the campaign "
+    "of the calibration, `light_source` or `lamp_kind` with the measurement or its campaign; or "
+    "`spectral_mismatch_u_rel` where you know better.",
+    "measurement",
+)
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -120,65 +136,23 @@ def read_response(text: str) -> Matrix:
 
 
 def is_table(text: str) -> bool:
-    """Return True if a text is a table of values and not a name.
-
-    Parameters
-    ----------
-    text : str
-        Lamp or response as a user states it.
-
-    Returns
-    -------
-    bool
-        True if it has more than one line.
-    """
+    """Return True if a text is a table of values and not a name."""
     return "\n" in text.strip()
 
 
 def name_curve(text: str, known: tuple[str, ...]) -> str:
-    """Return what a document calls a lamp or a response.
-
-    Parameters
-    ----------
-    text : str
-        Name or table.
-    known : tuple of str
-        Names of the library.
-
-    Returns
-    -------
-    str
-        The library's spelling of a name, or "own table" with its number of lines.
-
-    Raises
-    ------
-    InputRejected
-        `spectrum_invalid` if the library has no such name.
-    """
+    """Return what a document calls a lamp or a response."""
     if is_table(text):
         return f"own table of {len(text.strip().splitlines())} lines"
     folded = text.strip().casefold().removeprefix("cie ")
     for name in known:
         if name.casefold() == folded:
             return name
-    raise codes.SPECTRUM_INVALID.refuse(f"{text.strip()!r} is none of {', '.join(known)}.")
+    raise SPECTRUM_INVALID.refuse(f"{text.strip()!r} is none of {', '.join(known)}.")
 
 
 def describe_curve(text: str | None, known: tuple[str, ...]) -> str:
-    """Return what a document calls a lamp or a response that may be unknown.
-
-    Parameters
-    ----------
-    text : str or None
-        Name or table.
-    known : tuple of str
-        Names of the library.
-
-    Returns
-    -------
-    str
-        "not recorded" for None.
-    """
+    """Return what a document calls a lamp or a response that may be unknown."""
     return "not recorded" if text is None else name_curve(text, known)
 
 
@@ -192,23 +166,21 @@ def _parse(text: str, columns: int) -> Matrix:
             rows.append([float(cell) for cell in cells])
         except ValueError:
             if rows:  # lines above the first row are its head
-                raise codes.SPECTRUM_INVALID.refuse(
-                    f"The line {line[:60]!r} is not a row of numbers."
-                ) from None
+                raise SPECTRUM_INVALID.refuse(f"The line {line[:60]!r} is not a row of numbers.") from None
     if len(rows) < _FEWEST_ROWS or any(len(row) != columns + 1 for row in rows):
-        raise codes.SPECTRUM_INVALID.refuse(
+        raise SPECTRUM_INVALID.refuse(
             f"The table has {len(rows)} rows of numbers, and each needs {columns + 1}."
         )
     table = np.array(rows)
     wavelengths, values = table[:, 0], table[:, 1:]
     low, high = _MUST_COVER_NM
     if not (np.all(np.isfinite(table)) and np.all(np.diff(wavelengths) > 0)):
-        raise codes.SPECTRUM_INVALID.refuse("The wavelengths do not rise, or a number is not finite.")
+        raise SPECTRUM_INVALID.refuse("The wavelengths do not rise, or a number is not finite.")
     if wavelengths[0] > low or wavelengths[-1] < high:
-        raise codes.SPECTRUM_INVALID.refuse(f"The table covers {wavelengths[0]:g} to {wavelengths[-1]:g} nm.")
+        raise SPECTRUM_INVALID.refuse(f"The table covers {wavelengths[0]:g} to {wavelengths[-1]:g} nm.")
     # a spectrometer's dark noise is as often negative; more than that is another quantity
     if np.any(values.min(axis=0) < -0.02 * values.max(axis=0)) or np.any(values.max(axis=0) <= 0.0):
-        raise codes.SPECTRUM_INVALID.refuse("A column has negative values, or is 0 everywhere.")
+        raise SPECTRUM_INVALID.refuse("A column has negative values, or is 0 everywhere.")
     scaled = np.maximum(values, 0.0) / values.max()
     return np.column_stack([_resample(wavelengths, column) for column in scaled.T])
 

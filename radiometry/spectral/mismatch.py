@@ -6,8 +6,8 @@ from functools import cache
 
 import numpy as np
 
-from radiometry.spectral.codes import SPECTRUM_INVALID
 from radiometry.spectral.curves import (
+    SPECTRUM_INVALID,
     Vector,
     list_lamps,
     list_responses,
@@ -36,31 +36,12 @@ _LEAST_RESPONSE = 1e-6
 def compute_mismatch(response: str, *, channel: str, calibrated: str, measured: str) -> float:
     """Compute the factor between shown and true luminance.
 
-    Parameters
-    ----------
-    response : str
-        Camera response, a name or a table.
-    channel : str
-        "green" or "grey": the signal of the calibration.
-    calibrated, measured : str
-        Lamp of the calibration and light of the measurement, each a name or a table.
-
-    Returns
-    -------
-    float
-        F; the true luminance is F times the shown one.
-
-    Notes
-    -----
-    With the response s, the calibration's spectrum C, the measured one Z and V of the CIE 1924 observer
-    [1]_::
+    With the response s, the calibration's spectrum C, the measured one Z and V of the CIE 1924 observer [1]::
 
         F = (int Z V / int Z s) (int C s / int C V)
 
-    References
-    ----------
-    .. [1] ISO/CIE 19476:2014, Characterization of the performance of illuminance and luminance meters,
-           section 4.2
+    [1] ISO/CIE 19476:2014, Characterization of the performance of illuminance and luminance meters, section
+    4.2
     """
     s = read_response(response) @ _WEIGHTS[channel]
     return _compute_factor(s, read_lamp(calibrated), read_lamp(measured))
@@ -69,28 +50,12 @@ def compute_mismatch(response: str, *, channel: str, calibrated: str, measured: 
 def compute_f1_prime(response: str, *, channel: str) -> float:
     """Compute the general spectral mismatch index of a camera.
 
-    Parameters
-    ----------
-    response : str
-        Camera response, a name or a table.
-    channel : str
-        "green" or "grey".
-
-    Returns
-    -------
-    float
-        f1' as a fraction; 0 for a response equal to V.
-
-    Notes
-    -----
-    With s scaled so that it responds to illuminant A as V does, s* = s int A V / int A s [1]_::
+    With s scaled so that it responds to illuminant A as V does, s* = s int A V / int A s [1]::
 
         f1' = int |s* - V| / int V
 
-    References
-    ----------
-    .. [1] ISO/CIE 19476:2014, Characterization of the performance of illuminance and luminance meters,
-           section 4.2
+    [1] ISO/CIE 19476:2014, Characterization of the performance of illuminance and luminance meters, section
+    4.2
     """
     s, v, a = read_response(response) @ _WEIGHTS[channel], read_observer(), read_lamp(_REFERENCE)
     return float(np.abs(s * (a @ v) / (a @ s) - v).sum() / v.sum())
@@ -99,17 +64,6 @@ def compute_f1_prime(response: str, *, channel: str) -> float:
 def estimate_u_rel(response: str, *, channel: str, calibrated: str, measured: str) -> float:
     """Estimate the relative standard uncertainty of a mismatch factor.
 
-    Parameters
-    ----------
-    response : str
-        Camera response, a name or a table.
-    channel : str
-        "green" or "grey".
-    calibrated, measured : str
-        Lamp of the calibration and light of the measurement.
-
-    Notes
-    -----
     Sum in squares of three: a response whose wavelengths are off by 2 nm, as from one body to another; a lamp
     that differs from the library's of its kind by 15 % of ln F; and `LEAST_U_REL`.
     """
@@ -147,22 +101,14 @@ def find_confusion(channel: str) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class ColourRemedy:
-    """Mismatch factor from a region's own raw colour, for light whose spectrum is unknown.
+    """Mismatch factor from a region's own raw colour, for light whose spectrum is unknown."""
 
-    Attributes
-    ----------
-    intercept, red, blue : float
-        a, b and c of ln F = a + b ln(R/G) + c ln(B/G), colours over those under the calibration's lamp.
-    rms_rel : float
-        Rms error of F for lamps, and a camera, that were left out.
-    red_range, blue_range : tuple[float, float]
-        Smallest and largest of ln(R/G) and ln(B/G) over the lamps.
-    """
-
+    # a, b and c of ln F = a + b ln(R/G) + c ln(B/G), colours over those under the calibration's lamp
     intercept: float
     red: float
     blue: float
-    rms_rel: float
+    rms_rel: float  # rms error of F for lamps, and a camera, that were left out
+    # smallest and largest of ln(R/G) and ln(B/G) over the lamps
     red_range: tuple[float, float]
     blue_range: tuple[float, float]
 
@@ -177,18 +123,7 @@ class ColourRemedy:
         return math.exp(self.intercept)
 
     def predict(self, red_to_green: float, blue_to_green: float) -> float | None:
-        """Predict the mismatch factor.
-
-        Parameters
-        ----------
-        red_to_green, blue_to_green : float
-            R/G and B/G of the region over those of the calibration.
-
-        Returns
-        -------
-        float or None
-            F; None for a colour that no lamp of the library has.
-        """
+        """Predict the mismatch factor."""
         x = np.log([red_to_green, blue_to_green])
         for value, (low, high) in zip(x, (self.red_range, self.blue_range), strict=True):
             if not low - _MARGIN <= value <= high + _MARGIN:
@@ -207,31 +142,11 @@ def fit_colour_remedy(
 ) -> ColourRemedy:
     """Fit the mismatch factor to the raw colours of lamps.
 
-    Parameters
-    ----------
-    responses : tuple of str
-        Response of the camera; several if it may be like any of them.
-    channel : str
-        "green" or "grey".
-    calibrated, measured : tuple of str
-        Lamps that the calibration's, and the measured one, may be like; the library's if none is given.
-    by_colour : bool, default: True
-        False for a factor that does not depend on the colour.
-
-    Returns
-    -------
-    ColourRemedy
-        Coefficients, and the error for a pair of lamps and a camera that were left out.
-
-    Notes
-    -----
     b and c by ordinary least squares of ln F over the library's lamps, with an intercept per camera; then a
     as the mean of what is left over the pairs of lamps. Each pair is predicted from the other cameras, if
-    there are any, and from the other lamps, as far as a side has others [1]_.
+    there are any, and from the other lamps, as far as a side has others [1].
 
-    References
-    ----------
-    .. [1] D. M. Allen, Technometrics 16, 125 (1974), doi:10.1080/00401706.1974.10489157
+    [1] D. M. Allen, Technometrics 16, 125 (1974), doi:10.1080/00401706.1974.10489157
     """
     library, ends = list_lamps(), (calibrated, measured or list_lamps())
     rows = {

@@ -18,7 +18,7 @@ from radiometry.fitting.shared_errors import (
 from radiometry.frame.exposure import Exposure
 from radiometry.methods import get_method
 from radiometry.specification.application import BandApplication, SurfaceApplication
-from radiometry.spectral.codes import SPECTRAL_MISMATCH_UNKNOWN
+from radiometry.spectral.curves import SPECTRAL_MISMATCH_UNKNOWN
 from radiometry.spectral.mismatch import DEFAULT_U_REL, find_confusion
 from radiometry.spectral.mismatch import SOURCE as SPECTRUM
 from store.applied import read_applied

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from radiometry.findings import InputRejected
-from radiometry.spectral.codes import SPECTRUM_INVALID
 from radiometry.spectral.curves import (
+    SPECTRUM_INVALID,
     find_response,
     list_lamps,
     list_responses,
