@@ -29,6 +29,7 @@ def build(root: Path, folder: Path) -> Path:
         stage = Path(name)
         for room in ROOMS:
             shutil.copytree(root / room, stage / room, ignore=shutil.ignore_patterns("__pycache__"))
+            (stage / room / "py.typed").touch()
         for page in list_pages(root):
             target = stage / MANUAL / page.relative_to(root / "docs")
             target.parent.mkdir(parents=True, exist_ok=True)

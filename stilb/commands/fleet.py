@@ -20,9 +20,10 @@ def fleet(
         float, typer.Option(help="Largest accepted deviation: 0.04 is 4 %; of geometry, in pixels.")
     ],
 ) -> None:
-    """Show whether one set of coefficients serves several cameras of a model, and at what cost.
+    """Show whether cameras of a model can share coefficients.
 
-    From the published versions of each: several campaigns of a camera show how well it repeats.
+    And at what cost. From the published versions of each: several campaigns of a camera show how well it
+    repeats.
     """
     with output.client() as client:
         ids = [client.find_camera(each).id for each in cameras]

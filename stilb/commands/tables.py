@@ -89,10 +89,8 @@ def format_findings(found: Iterable[Mapping[str, Any]]) -> list[str]:
         more = len(subjects) - _MOST_NAMED + each["count"] - len(each["subjects"])
         where = ", ".join(subjects[:_MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
         place = f" ({where})" if subjects else ""
-        told = (
-            each["detail"]
-            if each["detail"].endswith(each["action"])
-            else f"{each['detail']} {each['action']}"
-        )
+        told = each["detail"]
+        if not told.lower().endswith(each["action"].lower()):
+            told += f" {each['action']}"
         lines.append(f"{each['severity']} {each['code']}: {told}{place}")
     return lines

@@ -38,10 +38,12 @@ def test_release_accepts_the_wheel(server_wheel):
     )
     assert found.right, found
     with zipfile.ZipFile(server_wheel) as archive:
-        (path,) = [name for name in archive.namelist() if name.endswith("/METADATA")]
+        names = archive.namelist()
+        (path,) = [name for name in names if name.endswith("/METADATA")]
         stated = email.message_from_bytes(archive.read(path))
     assert ("authors" in stated["Author"], stated.get_all("Provides-Extra")) == (True, ["otel"])
     assert not re.search(r"\]\((?!https?:)", stated.get_payload())
+    assert {f"{room}/py.typed" for room in ROOMS} <= {*names}
     bill = json.loads((server_wheel.parent / f"stilb_server-{version}.cdx.json").read_text())
     pins = re.findall("^([a-z0-9.-]+).*==", (ROOT / "requirements.lock").read_text(), re.MULTILINE)
     assert [each["name"] for each in bill["components"]] == pins

@@ -42,6 +42,8 @@ def test_reasons_that_differ_only_in_numbers_are_told_once():
 def test_equal_findings_are_a_line_with_their_subjects():
     scenes = [f"scene level-{number}" for number in range(20)]
     found = {"code": "lamp_drift", "severity": "warn", "count": 20, "subjects": scenes, "values": {}}
+    (line,) = format_findings([found | {"detail": "It drifts: wait.", "action": "Wait."}])
+    assert "It drifts: wait. (" in line
     (line,) = format_findings([found | {"detail": "It drifts.", "action": "Wait."}])
     assert line == (
         "warn lamp_drift: It drifts. Wait. (scene level-0, scene level-1, scene level-2, scene level-3, "
