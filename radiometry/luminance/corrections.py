@@ -100,7 +100,7 @@ def _predict_mismatch(
         responses = (known.camera_response,) if known.camera_response else list_responses()
         asked = {"channel": channel, "calibrated": ends[0], "measured": ends[1]}
         sides = (known.lamp_kind, known.lamp), (field.lamp_kind, field.light_source)
-        values: Values = {"cameras": len(responses)}
+        values: Values = {"cameras": float(len(responses))}
         for name, (kind, lamp) in zip(("calibrated", "measured"), sides, strict=True):
             if lamp or kind:
                 values[name] = _name(lamp) if lamp else str(kind)
@@ -145,7 +145,9 @@ def _predict_mismatch(
 
 def _describe_ends(values: Values) -> str:
     light, lamp = (LABELS.get(str(values[name]), str(values[name])) for name in ("measured", "calibrated"))
-    camera = "its published response" if values["cameras"] == 1 else f"{values['cameras']} published cameras"
+    camera = (
+        "its published response" if values["cameras"] == 1 else f"{values['cameras']:g} published cameras"
+    )
     return f"for {light} after a calibration under {lamp}, by {camera}"
 
 

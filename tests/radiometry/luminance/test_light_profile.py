@@ -18,6 +18,7 @@ from radiometry.luminance.conditions import (
 from radiometry.luminance.corrections import correct_flicker, correct_spectrum
 from radiometry.luminance.measurement import Request, measure
 from radiometry.spectral.curves import list_responses, read_lamp, read_observer, read_response
+from store.codec import encode
 from tests.radiometry.coefficients import COEFFICIENT
 from tests.radiometry.luminance.test_corrections import CORNERS, ROI, frame_of
 
@@ -92,8 +93,9 @@ def test_spectrum_of_kinds_says_what_it_assumed():
     assert (line.factor, raised) == (pytest.approx(1.0, abs=0.01), ())
     assert 0.02 < line.u_rel < 0.04
     assert line.values == {
-        "cameras": 4, "calibrated": "led", "measured": "led", "red_to_green": 1.0, "blue_to_green": 1.0,
+        "cameras": 4.0, "calibrated": "led", "measured": "led", "red_to_green": 1.0, "blue_to_green": 1.0,
     }  # fmt: skip
+    assert encode(line)["values"] == line.values  # of the types that the document states, or it warns
     known, _ = correct_spectrum(led, at_lamp(lamp_kind="led", camera_response="Hasselblad L2D-20c"), colour)
     assert known.u_rel < line.u_rel
     # without a colour nothing tells a warm LED from a cold one; a spectrum goes before a kind
