@@ -112,7 +112,7 @@ def _draw_residuals(result: Node, x: Axis, place: Callable[[Node], float | None]
 
 
 def _build_scene_residuals(result: Node, _: Rows) -> tuple[Figure, ...]:
-    levels = {p["scene"]: p.get("luminance_cd_m2") or 0.0 for p in result["points"]}
+    levels = {p["scene"]: p["luminance_cd_m2"] for p in result["points"] if p.get("rhs")}
     places = {
         scene: float(n) for n, scene in enumerate(sorted(sort_naturally(levels), key=levels.__getitem__))
     }
