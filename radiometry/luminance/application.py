@@ -12,7 +12,7 @@ from radiometry.fitting import models
 from radiometry.fitting.comparison import PERCENT, MeasuredChange
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame.exposure import Exposure, Settings, require_plausible
-from radiometry.frame.statistics import ChannelStatistics, Signal, measure_signal
+from radiometry.frame.statistics import Signal
 from radiometry.luminance import codes
 from radiometry.luminance.points import DETECTION_ERRORS, MOST_SATURATED_SHARE
 from radiometry.luminance.results import Aperture, Coefficient, Rows
@@ -48,13 +48,14 @@ class AppliedLuminance:
     lens_share: Quantity | None = None  # V; None without vignetting correction
 
 
-def apply_coefficient(
-    statistics: Sequence[ChannelStatistics],
+def apply_to_signal(
+    signal: Signal,
     *,
     exposure: Exposure,
-    coefficients: Sequence[Coefficient],
+    coefficient: Coefficient,
+    share: LensShare | None = None,
 ) -> AppliedLuminance:
-    """Compute the luminance of a region in a new frame.
+    """Compute the luminance of a signal: of a region, of a cell, or of a single pixel.
 
     L = X f^2 / (t S), with X where the model has the signal N - D. For N - D = K X::
 
@@ -67,25 +68,11 @@ def apply_coefficient(
     covariance of their parameters is propagated through their inverse [1]. Nothing is clipped: a signal below
     dark gives a negative luminance with its uncertainty.
 
+    Each source's effect is separate: two luminances of a frame share the same error times their
+    sensitivities, and each has its own noise. A K that was fitted with vignetting applies to (N - D) / V in
+    place of N - D.
+
     [1] JCGM 100:2008, 5.2.2, doi:10.59161/JCGM100-2008E
-    """
-    coefficient = choose_coefficient(coefficients, iso=exposure.iso)
-    signal = measure_signal(statistics, channel=coefficient.channel)
-    return apply_to_signal(signal, exposure=exposure, coefficient=coefficient)
-
-
-def apply_to_signal(
-    signal: Signal,
-    *,
-    exposure: Exposure,
-    coefficient: Coefficient,
-    share: LensShare | None = None,
-) -> AppliedLuminance:
-    """Compute the luminance of a signal: of a region, of a cell, or of a single pixel.
-
-    The equation is that of `apply_coefficient`, with each source's effect separate: two luminances of a frame
-    share the same error times their sensitivities, and each has its own noise. A K that was fitted with
-    vignetting applies to (N - D) / V in place of N - D.
     """
     require_alike(coefficient, corrected=share is not None)
     settings = exposure.on_basis(coefficient.exposure_basis)

@@ -27,7 +27,6 @@ from radiometry.luminance.maps import average_map, find_map_scale, sum_signal
 from radiometry.luminance.pixels import (
     PERCENTILES,
     SCATTER,
-    Correction,
     PixelSignal,
     add_signal,
     flag_scatter,
@@ -176,7 +175,7 @@ def measure(
 ) -> Measured:
     """Measure the luminance of a frame.
 
-    The mean of the region and of each cell is `application.apply_coefficient` of its statistics: measured as
+    The mean of the region and of each cell is `application.apply_to_signal` of its statistics: measured as
     it was calibrated. E = pi L / rho holds for a diffuse surface; rho is taken as exact. With a correction
     every signal above dark is divided by V (see `lens.correct_signal`). All luminances take the same
     corrections of the field (see `corrections`), found in the first frame.
@@ -209,7 +208,8 @@ def measure(
         frame,
         request.polygon,
         channel=coefficient.channel,
-        correction=Correction(lens, coefficient.dark_signal_dn) if lens else None,
+        lens=lens,
+        dark_signal_dn=coefficient.dark_signal_dn,
         signal=summed,
     )
     surface, cell_flags = (
@@ -347,7 +347,11 @@ def _find_falloff(frame: Frame, measured: Sequence[Corners], calibrated: Sequenc
     """Return the flags of an uncorrected measurement: K holds where it was fitted, and how far that is."""
     detail = "Vignetting was corrected with: none."
     flags = [codes.NO_VIGNETTING_CORRECTION.at("", detail)]
-    distance = _farthest_px(measured, calibrated)
+    # how far a corner lies beyond the nearest bounding box of the calibration's regions
+    corners = itertools.chain.from_iterable(measured)
+    distance = (
+        max(min(_beyond_px(each, box) for box in calibrated) for each in corners) if calibrated else 0.0
+    )
     diagonal = math.hypot(frame.height_px, frame.width_px)
     if distance > _NEAR_SHARE * diagonal:
         detail = (
@@ -412,13 +416,6 @@ def _measure_skew(signal: Signal, dark_signal_dn: float) -> float:
         return 0.0
     allowed = _SKEW_ERRORS * signal.standard_uncertainty_dn + _ROUNDING_DN
     return math.copysign(max(0.0, abs(signal.skew_dn) - allowed), signal.skew_dn) / median
-
-
-def _farthest_px(measured: Sequence[Corners], calibrated: Sequence[Polygon]) -> float:
-    """Compute how far a corner lies beyond the nearest bounding box of the calibration's regions [px]."""
-    if not calibrated:
-        return 0.0
-    return max(min(_beyond_px(point, box) for box in calibrated) for corners in measured for point in corners)
 
 
 def _beyond_px(point: tuple[float, float], polygon: Polygon) -> float:

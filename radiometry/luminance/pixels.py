@@ -67,20 +67,13 @@ class NoiseCurve:
         return math.sqrt(float(np.interp(level_dn, self.levels_dn, self.variances_dn2)))
 
 
-@dataclass(frozen=True)
-class Correction:
-    """Lens with which a region's pixels are corrected; they are ordered by (N - dark) / V."""
-
-    lens: Lens
-    dark_signal_dn: float
-
-
 def order_pixels(
     frame: Frame,
     polygon: Polygon,
     *,
     channel: str,
-    correction: Correction | None = None,
+    lens: Lens | None = None,
+    dark_signal_dn: float = 0.0,
     signal: tuple[Sums, int] | None = None,
 ) -> PixelSignals:
     """Compute the extremes, the median and the percentiles of a region's pixels.
@@ -101,10 +94,15 @@ def order_pixels(
             shared.ROI_EMPTY, f"The region holds no {channel} pixel of the frame: draw it larger."
         )
     noise = estimate_pixel_noise(sums, inside, parts=parts, lag=4 if channel == GREY else 2)
-    if correction is None:
-        found = _order_raw(sums[inside], parts, noise)
+    if lens is None:
+        values = sums[inside]
+        ends = [int(values.min()), int(values.max())]
+        ordered = [*ends, *np.percentile(values, _ORDERED, overwrite_input=True).tolist()]
+        found = [PixelSignal(value_dn=each / parts, noise_dn=noise.at(each / parts)) for each in ordered]
     else:
-        found = _order_corrected(frame, sums, inside, parts, noise, correction, channel=channel)
+        found = _order_corrected(
+            frame, sums[inside] / parts, inside, noise, lens, channel=channel, dark_signal_dn=dark_signal_dn
+        )
     smallest, largest, median, *percentiles = found
     count = int(np.count_nonzero(inside))
     return PixelSignals(
@@ -116,39 +114,29 @@ def order_pixels(
     )
 
 
-def _order_raw(values: Sums, parts: int, noise: NoiseCurve) -> list[PixelSignal]:
-    """Return the smallest, the largest, the median and the percentiles."""
-    low, high = int(values.min()), int(values.max())
-    numbers = [low, high, *np.percentile(values, _ORDERED, overwrite_input=True).tolist()]
-    return [PixelSignal(value_dn=number / parts, noise_dn=noise.at(number / parts)) for number in numbers]
-
-
 def _order_corrected(
     frame: Frame,
-    sums: Sums,
+    raw: NDArray[np.float64],
     inside: NDArray[np.bool_],
-    parts: int,
     noise: NoiseCurve,
-    correction: Correction,
+    lens: Lens,
     *,
     channel: str,
+    dark_signal_dn: float,
 ) -> list[PixelSignal]:
     """Return the same of (N - dark) / V, each as the N that a pixel at its place has or would have."""
     rows, cols = np.nonzero(inside)
-    raw = sums[inside] / parts
-    corrected = (raw - correction.dark_signal_dn) / compute_shares(frame, correction.lens, channel=channel)[
-        inside
-    ]
+    corrected = (raw - dark_signal_dn) / compute_shares(frame, lens, channel=channel)[inside]
     found = []
     for number in (corrected.min(), corrected.max(), *np.percentile(corrected, _ORDERED)):
         nearest = int(np.argmin(np.abs(corrected - number)))
         row, col = int(rows[nearest]), int(cols[nearest])
-        share = correction.lens.at(
+        share = lens.at(
             row + frame.row0, col + frame.col0, channels=_name_own(frame, row, col, channel=channel)
         )
         found.append(
             PixelSignal(
-                value_dn=correction.dark_signal_dn + float(number) * share.value,
+                value_dn=dark_signal_dn + float(number) * share.value,
                 noise_dn=noise.at(float(raw[nearest])),
                 share=share,
             )
@@ -179,9 +167,9 @@ def estimate_pixel_noise(
     [1] EMVA Standard 1288, release 4.0, 2021, section 6.5
     """
     step = max(1, math.ceil(sums.size / _MOST_PIXELS_FOR_NOISE))
-    threes = [
-        _threes(sums[band], inside[band], lag) for band in _bands(sums.shape[0], step=step, rows=4 * lag)
-    ]
+    # every step-th run of rows is enough of a large region
+    bands = [slice(top, top + 4 * lag) for top in range(0, sums.shape[0], 4 * lag * step)]
+    threes = [_threes(sums[band], inside[band], lag) for band in bands]
     levels = np.concatenate([level for level, _ in threes]) / parts
     squares = np.concatenate([square for _, square in threes]) / parts**2
     if not levels.size:
@@ -193,11 +181,6 @@ def estimate_pixel_noise(
         np.array([levels[part].mean() for part in chosen]),
         np.array([_variance(squares[part]) for part in chosen]),
     )
-
-
-def _bands(height: int, *, step: int, rows: int) -> list[slice]:
-    """Return every step-th run of rows: enough of a large region."""
-    return [slice(top, top + rows) for top in range(0, height, rows * step)]
 
 
 def _threes(

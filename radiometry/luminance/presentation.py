@@ -20,6 +20,7 @@ Rows = Callable[[], Sequence[Any]]
 
 _X: Final = "X = t S L / f²  [cd·s/m²]"
 _ALONG: Final = 80
+_TAKEN: Final = Axis(label="time taken, UTC", is_time=True)
 
 
 _RULES: Final = {
@@ -128,9 +129,7 @@ def _build_f_number_residuals(result: Node, _: Rows) -> tuple[Figure, ...]:
 
 def _build_time_residuals(result: Node, rows: Rows) -> tuple[Figure, ...]:
     times = {row.frame: at for row in rows() if (at := _read_time(row)) is not None}
-    return _draw_residuals(
-        result, Axis(label="time taken, UTC", is_time=True), lambda p: times.get(p["frame"])
-    )
+    return _draw_residuals(result, _TAKEN, lambda p: times.get(p["frame"]))
 
 
 def _build_apertures(result: Node, _: Rows) -> tuple[Figure, ...]:
@@ -188,10 +187,6 @@ def _build_dark_by_exposure(result: Node, rows: Rows) -> tuple[Figure, ...]:
     ticks = tuple((float(time_s), write_exposure(time_s)) for time_s in sorted(times))
     x = Axis(label="exposure time", logarithmic=True, ticks=ticks)
     return _draw_dark(result, rows, x, lambda row: float(row.exposure.exposure_time_s))
-
-
-def _build_dark_by_time(result: Node, rows: Rows) -> tuple[Figure, ...]:
-    return _draw_dark(result, rows, Axis(label="time taken, UTC", is_time=True), _read_time)
 
 
 def _read_time(row: Any) -> float | None:  # noqa: ANN401  a row of the fit
@@ -273,7 +268,11 @@ PLOTS: Final = (
         build=_build_dark_by_iso,
     ),
     Plot(name="dark-exposure", title="Dark signal and exposure time", build=_build_dark_by_exposure),
-    Plot(name="dark-time", title="Dark signal and time", build=_build_dark_by_time),
+    Plot(
+        name="dark-time",
+        title="Dark signal and time",
+        build=lambda result, rows: _draw_dark(result, rows, _TAKEN, _read_time),
+    ),
 )
 
 

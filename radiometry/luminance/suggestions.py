@@ -266,7 +266,7 @@ def find_gaps(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Par
     taken_s = [row.exposure.exposure_time_s for row in rows]
     common = Counter((iso, f_number) for _, iso, f_number in shown)
     series = collect_series(rows, readings, params)
-    spans = {each.iso: _find_span(each) for each in series}
+    spans = {each.iso: min(c.span_dn for c in each.candidates) for each in series if each.candidates}
     light = _measure_light(series)
     ks = [value / read[scene] for scene, value in light.items() if scene in read]
     if ks:
@@ -306,10 +306,6 @@ def _measure_light(series: Sequence[IsoSeries]) -> dict[str, float]:
         for scene, frames in measure_brightness(one).items():
             found.setdefault(scene, []).extend(frames.values())
     return {scene: python_statistics.median(values) for scene, values in found.items()}
-
-
-def _find_span(series: IsoSeries) -> float | None:
-    return min((candidate.span_dn for candidate in series.candidates), default=None)
 
 
 def _suggest_time(

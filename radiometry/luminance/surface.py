@@ -425,7 +425,10 @@ def measure_surface(
     values = np.array([[one.luminance_cd_m2.value for one in line] for line in applied])
     displaced = displace_cells(grid, values)
     shown = tuple(
-        tuple(_widen(one.luminance_cd_m2, by) for one, by in zip(line, more, strict=True))
+        tuple(
+            replace(each, standard_uncertainty=math.hypot(each.standard_uncertainty, by))
+            for each, by in zip((one.luminance_cd_m2 for one in line), more, strict=True)
+        )
         for line, more in zip(applied, np.linalg.norm(displaced, axis=0), strict=True)
     )
     surface = judge_uniformity(_gather(applied, values, displaced), shown=shown, reflectance=reflectance)
@@ -466,10 +469,6 @@ def _list_shared(applied: AppliedLuminance, *, is_local: bool) -> list[float]:
     return [
         each.effect_cd_m2 for each in applied.effects if each.shared and (each.source in _LOCAL) is is_local
     ]
-
-
-def _widen(luminance: Quantity, by_cd_m2: float) -> Quantity:
-    return replace(luminance, standard_uncertainty=math.hypot(luminance.standard_uncertainty, by_cd_m2))
 
 
 def illuminate(luminance: Quantity, reflectance: float | None) -> Quantity | None:

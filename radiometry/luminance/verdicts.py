@@ -130,13 +130,9 @@ def _inspect_series(
         and row.frame not in unusable
     ]
     linear = [candidate for candidate in series.candidates if candidate.frame not in rendered]
-    evenness = inspect_evenness(linear, channel, dark_std_dn=_quietest(darks))
+    stds_dn = (math.sqrt(math.fsum(r.std_dn**2 for r in rows) / len(rows)) for rows in darks)
+    evenness = inspect_evenness(linear, channel, dark_std_dn=min(stds_dn, default=0.0))
     return [exposing, evenness, inspect_agreement(brightness)]
-
-
-def _quietest(darks: Sequence[Sequence[ChannelStatistics]]) -> float:
-    """Return the noise of the quietest dark frame [DN], 0 if there is none."""
-    return min((math.sqrt(math.fsum(r.std_dn**2 for r in rows) / len(rows)) for rows in darks), default=0.0)
 
 
 def inspect_darks(rows: Sequence[FrameRow], params: Params) -> dict[str, list[Reason]]:

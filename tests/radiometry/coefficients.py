@@ -1,5 +1,7 @@
 """A luminance coefficient with round numbers."""
 
+from radiometry.frame.statistics import measure_signal
+from radiometry.luminance.application import apply_to_signal, choose_coefficient
 from radiometry.luminance.results import Coefficient
 
 COEFFICIENT = Coefficient(
@@ -28,3 +30,10 @@ COEFFICIENT = Coefficient(
     signal_range_dn=(100.0, 3000.0),
     rhs_range=(1.0, 100.0),
 )
+
+
+def apply_coefficient(statistics, *, exposure, coefficients):
+    """Return the luminance of a region's statistics, as a measurement does for each region and cell."""
+    coefficient = choose_coefficient(coefficients, iso=exposure.iso)
+    signal = measure_signal(statistics, channel=coefficient.channel)
+    return apply_to_signal(signal, exposure=exposure, coefficient=coefficient)

@@ -10,12 +10,12 @@ import pytest
 
 from radiometry.fitting.curve import fit_curve
 from radiometry.luminance import fit as luminance_fit
-from radiometry.luminance.application import apply_coefficient
 from radiometry.luminance.fit import report_points
 from radiometry.luminance.points import collect_series
 from radiometry.luminance.rows import Params
 from simulation.luminance import Errors
 from tests.radiometry.campaigns import TRUE_K, draw
+from tests.radiometry.coefficients import apply_coefficient
 
 CAMPAIGNS = 200
 # Apertures count most in the first, readings in the second; the meter's calibration would hide either.

@@ -11,11 +11,11 @@ from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon, Window
 from radiometry.luminance import application, codes
 from radiometry.luminance import method as luminance
-from radiometry.luminance.application import apply_coefficient
 from simulation.camera import change, expose
 from simulation.light import Lamp
 from simulation.luminance import X5S
 from simulation.targets import Surface
+from tests.radiometry.coefficients import apply_coefficient
 from tests.radiometry.luminance.exact import DARK, DARKS, LIGHTS, PARAMS, K, fit, light, statistics
 
 

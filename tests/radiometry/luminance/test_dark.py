@@ -9,12 +9,12 @@ from radiometry.frame.exposure import Exposure
 from radiometry.frame.statistics import Signal
 from radiometry.luminance import codes, maps
 from radiometry.luminance import method as luminance
-from radiometry.luminance.application import apply_coefficient
 from radiometry.luminance.points import estimate_dark
 from radiometry.luminance.rows import Params
 from simulation.camera import change
 from simulation.luminance import X5S
 from tests.radiometry.campaigns import TRUE_K, draw
+from tests.radiometry.coefficients import apply_coefficient
 from tests.radiometry.luminance.exact import (
     DARK,
     LIGHTS,

@@ -13,10 +13,10 @@ from scipy.stats import multivariate_normal
 from radiometry.findings import InputRejected
 from radiometry.luminance import codes
 from radiometry.luminance import method as luminance
-from radiometry.luminance.application import apply_coefficient
 from radiometry.luminance.corrections import estimate_flicker
 from radiometry.luminance.results import Coefficient
 from radiometry.luminance.rows import Params
+from tests.radiometry.coefficients import apply_coefficient
 from tests.radiometry.luminance.exact import (
     DARK,
     DARKS,
