@@ -11,8 +11,8 @@ import stilb
 from demo.findings import Finding
 from demo.journey import Stage, begin, calibrate, conclude, register, take
 from radiometry.geometry.camera import PARAMETERS, UNITS, CameraModel, find_directions
-from radiometry.geometry.rig.angles import describe_pose
-from radiometry.geometry.rig.members import COMPARED
+from radiometry.geometry.rig.orientation import COMPARED
+from radiometry.geometry.rig.results import describe_pose
 from radiometry.geometry.target import Target
 from simulation.boards import View, set_up
 from simulation.camera import change

@@ -1,29 +1,31 @@
-"""The camera's geometry from pictures of a board: principal distance, principal point, distortion."""
+"""Geometry: principal distance, principal point and distortion of a camera, from pictures of a board.
+
+A direction (X/Z, Y/Z), distorted by k1, k2, k3, p1, p2 to (x', y'), appears at::
+
+    col = fx x' + cx,  row = fy y' + cy
+
+Corners of a checkerboard or ChArUco board in three views or more, best in ten, are fitted together with the
+board's pose in each: Z. Zhang, A flexible new technique for camera calibration, IEEE TPAMI 22(11), 2000. The
+distortion is Brown's (1966), in OpenCV's notation.
+"""
 
 from functools import partial
 from typing import Final
 
-from radiometry.geometry import codes, method
-from radiometry.geometry.camera import UNITS
-from radiometry.geometry.certificate import CERTIFICATE, RIG_CERTIFICATE
-from radiometry.geometry.effects import DISTORTION, move_corner
-from radiometry.geometry.features import Features
+from radiometry.geometry import codes
+from radiometry.geometry.camera import DISTORTION, UNITS, move_corner, require_size, undistort_frame
+from radiometry.geometry.exports import EXPORTS, RIG_EXPORTS
+from radiometry.geometry.features import Features, extract_features
 from radiometry.geometry.fit import fit_geometry, list_coefficients
-from radiometry.geometry.key_figures import list_key_figures
 from radiometry.geometry.plots import PLOTS
-from radiometry.geometry.results import Fit
-from radiometry.geometry.rig.codes import FINDINGS as RIG_FINDINGS
-from radiometry.geometry.rig.exports import EXPORTS as RIG_EXPORTS
-from radiometry.geometry.rig.members import count_shared, list_quantities, orient_members
+from radiometry.geometry.results import Fit, Params, list_key_figures
+from radiometry.geometry.rig.orientation import count_shared, list_quantities, orient_members
 from radiometry.geometry.rig.results import RigFit
-from radiometry.geometry.rows import Params
-from radiometry.geometry.suggestions import find_gaps, plan_views
 from radiometry.geometry.target import Target
-from radiometry.geometry.undistortion import require_size, undistort_frame
-from radiometry.geometry.verdicts import check_features
+from radiometry.geometry.verdicts import check_features, find_gaps, judge_frames, plan_views
 from radiometry.geometry.views import missing
-from radiometry.geometry.written import EXPORTS
 from radiometry.specification.application import PictureApplication
+from radiometry.specification.certificate import FRAME, CertificateText, Column
 from radiometry.specification.coefficients import CoefficientEffect, CoefficientKind
 from radiometry.specification.method import MethodSpec, drop_readings
 from radiometry.specification.rig import RigSpec
@@ -42,6 +44,42 @@ _MOVED: Final = {
     name: CoefficientEffect(of="in the corner of the frame", unit="px", factor=partial(move_corner, name))
     for name in DISTORTION
 }
+
+_CERTIFICATE: Final = CertificateText(
+    procedure="Principal distance, principal point and distortion of the camera, from views of a plane "
+    "board; camera parameters and poses fitted by least squares over all corners",
+    equation="col = fx x' + cx, row = fy y' + cy, where (x', y') is the direction distorted by k1, k2, k3, "
+    "p1, p2",
+    headlines=frozenset({"fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "k3", "p1", "p2", "rms_px"}),
+    columns=(
+        FRAME,
+        Column(name="corners", head="corners", share=0.8),
+        Column(name="rms_px", head="rms [px]"),
+        Column(name="largest_px", head="largest [px]"),
+        Column(name="tilt_deg", head="tilt [°]"),
+        Column(name="distance_mm", head="distance [mm]"),
+        Column(name="edge_rise_px", head="edge rise [px]"),
+    ),
+    traceability="Values in pixels depend on the board's shape, not on its size; no external standard "
+    "enters. Distances depend on the stated square size and pixel pitch.",
+)
+
+_RIG_CERTIFICATE: Final = CertificateText(
+    procedure="Orientation of each camera against the reference, from pictures of one board taken together; "
+    "poses of cameras and boards fitted by least squares over all corners, each camera as its certificate "
+    "states it",
+    equation="X_camera = R X_reference + t; the camera's axes in the reference's frame are "
+    "Ry(yaw) Rx(pitch) Rz(roll), (x, y, z) is its centre there; x right, y down, z forward",
+    headlines=frozenset({"yaw", "pitch", "roll", "boresight", "x", "y", "z"}),
+    columns=(
+        Column(name="camera", head="camera", form="text", share=1.6),
+        FRAME,
+        Column(name="trigger", head="trigger", form="text", share=1.6),
+        Column(name="rms_px", head="rms [px]"),
+    ),
+    traceability="Angles depend on the board's shape, not on its size; no external standard enters. x, y "
+    "and z are in the scale of the board's squares as stated: 0.1 % in a square is 0.1 % in each of them.",
+)
 
 SPEC: Final = MethodSpec(
     name="geometry",
@@ -73,24 +111,26 @@ SPEC: Final = MethodSpec(
             name="lateral_colour_px", label="Lateral colour against green, in the corner", units=("px",)
         ),
     ),
-    findings=(*codes.FINDINGS, *RIG_FINDINGS),
-    extract=method.extract,
+    findings=codes.FINDINGS,
+    extract=lambda frame, regions, *, header, target, **_: extract_features(
+        frame, regions, header=header, target=target
+    ),
     missing=drop_readings(missing),
-    judge=lambda frames, rows, _, params: method.judge(frames, rows, params),
+    judge=lambda frames, rows, _readings, _params: judge_frames(frames, rows),
     plan=drop_readings(plan_views),
     find_gaps=drop_readings(find_gaps),
     fit=drop_readings(fit_geometry),
     list_coefficients=list_coefficients,
     list_key_figures=list_key_figures,
     plots=PLOTS,
-    certificate=CERTIFICATE,
+    certificate=_CERTIFICATE,
     exports=EXPORTS,
     rig=RigSpec(
         result=RigFit,
         orient=orient_members,
         count_shared=count_shared,
         list_quantities=list_quantities,
-        certificate=RIG_CERTIFICATE,
+        certificate=_RIG_CERTIFICATE,
         exports=RIG_EXPORTS,
     ),
     application=PictureApplication(

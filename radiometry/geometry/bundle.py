@@ -5,9 +5,9 @@ gives other last digits with other numbers of threads. On OpenCV's own set the t
 standard errors to eight.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,87 @@ from numpy.typing import NDArray
 from radiometry.findings import InputRejected, shared
 from radiometry.frame.opencv import cv2
 from radiometry.geometry.camera import PARAMETERS, CameraModel
-from radiometry.geometry.descent import TOLERANCE_REL, Linear, Minimum, minimise, reduce
+
+__all__ = ["Pose"]
+
+Matrix = NDArray[np.float64]
+
+_MOST_STEPS: Final = 200
+TOLERANCE_REL: Final = 1e-12
+_CONVERGED_STEPS: Final = 6
+_ROUNDING_REL: Final = 1e-13
+_MOST_DAMPING: Final = 1e12
+
+
+class Linear(NamedTuple):
+    """One block at a state: residuals, and derivatives of the model by shared parameters and by its pose."""
+
+    residuals: Matrix
+    of_shared: Matrix
+    of_pose: Matrix
+
+
+Linearise = Callable[[int, Matrix, Matrix], Linear]  # `(block, shared, pose) -> Linear`
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """State with the least sum of squares."""
+
+    shared: Matrix  # Shared parameters, and the pose of each block, (block, 6)
+    poses: Matrix
+    linear: tuple[Linear, ...]  # Each block at this state
+    cost: float  # Sum of the squared residuals
+
+
+def minimise(
+    linearise: Linearise, shared: Matrix, poses: Matrix, *, tolerance_rel: float = TOLERANCE_REL
+) -> Minimum:
+    """Minimise the sum of squared residuals by Levenberg's and Marquardt's steps from a start."""
+    best = _evaluate(linearise, shared, poses)
+    damping, converged = 1e-3, 0
+    for _ in range(_MOST_STEPS):
+        step, turns = _find_step(best.linear, damping)
+        tried = best.shared + step
+        if not np.isfinite(tried).all():
+            raise FloatingPointError("the step is not finite")
+        change = float((np.abs(step) / np.maximum(np.abs(tried), 1e-6)).max())
+        then = _evaluate(linearise, tried, best.poses + turns)
+        # the cost has rounding: steps that lower it by less still improve the parameters
+        if np.isfinite(then.cost) and then.cost <= (1.0 + _ROUNDING_REL) * best.cost:
+            gain, best = best.cost - then.cost, then
+            damping = max(damping / 10.0, 1e-12)
+            converged = converged + 1 if gain <= tolerance_rel * best.cost else 0
+            if converged and (change <= tolerance_rel or converged == _CONVERGED_STEPS):
+                break
+        elif damping >= _MOST_DAMPING or change <= tolerance_rel:
+            break
+        else:
+            damping *= 10.0
+    return best
+
+
+def reduce(block: Linear, *, damping: float = 0.0) -> tuple[Matrix, Matrix, Matrix]:
+    """Eliminate the pose of a block from its normal equations (Schur's complement)."""
+    residuals, of_shared, of_pose = block
+    cross, own = of_shared.T @ of_pose, of_pose.T @ of_pose
+    right = np.column_stack((cross.T, of_pose.T @ residuals))
+    way = np.asarray(np.linalg.solve(own + np.diag(np.diag(own)) * damping, right), np.float64)
+    return of_shared.T @ of_shared - cross @ way[:, :-1], of_shared.T @ residuals - cross @ way[:, -1], way
+
+
+def _evaluate(linearise: Linearise, shared: Matrix, poses: Matrix) -> Minimum:
+    linear = tuple(linearise(block, shared, pose) for block, pose in enumerate(poses))
+    return Minimum(shared, poses, linear, sum(float(each.residuals @ each.residuals) for each in linear))
+
+
+def _find_step(linear: tuple[Linear, ...], damping: float) -> tuple[Matrix, Matrix]:
+    reduced = [reduce(block, damping=damping) for block in linear]
+    total = np.sum([each[0] for each in reduced], axis=0)
+    right = np.sum([each[1] for each in reduced], axis=0)
+    step = np.linalg.solve(total + np.diag(np.diag(total)) * damping, right)
+    return step, np.array([way[:, -1] - way[:, :-1] @ step for _, _, way in reduced])
+
 
 # Beyond it a parameter is not found by these views, whatever the arithmetic still returns.
 _WORST_CONDITION: Final = 1e14
@@ -33,18 +113,10 @@ _ADVICE = (
 
 @dataclass(frozen=True)
 class View:
-    """Corners of one picture.
+    """Corners of one picture."""
 
-    Attributes
-    ----------
-    points_mm : ndarray of float64
-        Corners on the board [mm], (corner, 3).
-    seen_px : ndarray of float64
-        Corners in the picture [px], (corner, 2), row before col.
-    """
-
-    points_mm: NDArray[np.float64]
-    seen_px: NDArray[np.float64]
+    points_mm: NDArray[np.float64]  # Corners on the board [mm], (corner, 3)
+    seen_px: NDArray[np.float64]  # Corners in the picture [px], (corner, 2), row before col
 
 
 @dataclass(frozen=True)
@@ -62,57 +134,26 @@ class Pose:
 
 @dataclass(frozen=True)
 class FreeParameters:
-    """Free parameters of the camera: its nine are `directions` times the free ones, or zero.
+    """Free parameters of the camera: its nine are `directions` times the free ones, or zero."""
 
-    Attributes
-    ----------
-    directions : ndarray of float64
-        Directions, (9, free); with square pixels fx and fy are one free parameter.
-    """
-
+    # Directions, (9, free); with square pixels fx and fy are one free parameter
     directions: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Solution:
-    """Solution of the bundle adjustment.
-
-    Attributes
-    ----------
-    camera : CameraModel
-        Camera.
-    poses : tuple of Pose
-        Pose of the board in each view.
-    residuals_px : tuple of ndarray of float64
-        Residuals of each view, seen less model [px], (corner, 2).
-    covariance : ndarray of float64
-        Covariance of PARAMETERS, (9, 9).
-    rms_px : float
-        Rms residual [px].
-    degrees_of_freedom : int
-        Degrees of freedom.
-    """
+    """Solution of the bundle adjustment."""
 
     camera: CameraModel
-    poses: tuple[Pose, ...]
-    residuals_px: tuple[NDArray[np.float64], ...]
-    covariance: NDArray[np.float64]
-    rms_px: float
+    poses: tuple[Pose, ...]  # Pose of the board in each view
+    residuals_px: tuple[NDArray[np.float64], ...]  # Residuals of each view, seen less model [px], (corner, 2)
+    covariance: NDArray[np.float64]  # Covariance of PARAMETERS, (9, 9)
+    rms_px: float  # Rms residual [px]
     degrees_of_freedom: int
 
 
 def choose_free_parameters(*, fix_aspect_ratio: bool, radial_terms: int, tangential: bool) -> FreeParameters:
-    """Return which of the nine parameters are free.
-
-    Parameters
-    ----------
-    fix_aspect_ratio : bool
-        True for square pixels, fx = fy.
-    radial_terms : int
-        Number of k1, k2, k3 that are free.
-    tangential : bool
-        True if p1 and p2 are free.
-    """
+    """Return which of the nine parameters are free."""
     free = [np.eye(len(PARAMETERS))[PARAMETERS.index(name)] for name in ("fx_px", "fy_px")]
     columns = [free[0] + free[1]] if fix_aspect_ratio else free
     names = ["cx_px", "cy_px", *(f"k{term}" for term in range(1, radial_terms + 1))]
@@ -132,43 +173,15 @@ def solve(
 ) -> Solution:
     """Find the camera and the poses by least squares over all corners.
 
-    Parameters
-    ----------
-    views : sequence of View
-        Corners of each picture.
-    free : FreeParameters
-        Free parameters of the camera.
-    height_px, width_px : int
-        Size of the picture [px].
-    start : tuple of (CameraModel, sequence of ndarray), optional
-        Camera and pose of each board, (6,), to start from.
-    tolerance_rel : float
-        Relative change at which the descent ends.
-
-    Returns
-    -------
-    Solution
-        Camera, poses and covariance.
-
-    Raises
-    ------
-    InputRejected
-        `fit_failed` if the views do not determine the camera.
-
-    Notes
-    -----
     S = sum |seen - model|^2 is minimised by Levenberg and Marquardt's steps with the poses eliminated
-    (Schur's complement), from Zhang's closed form [1]_. With n corners and p parameters that are free in
+    (Schur's complement), from Zhang's closed form [1]. With n corners and p parameters that are free in
     all::
 
         rms = sqrt(S / n),   covariance = S / (2 n - p) (J^T J)^-1
 
     Corners are taken as equally uncertain and independent; OpenCV's standard errors are the same.
 
-    References
-    ----------
-    .. [1] Z. Zhang, A flexible new technique for camera calibration, IEEE TPAMI 22(11),
-       2000
+    [1] Z. Zhang, A flexible new technique for camera calibration, IEEE TPAMI 22(11), 2000
     """
     size = {"height_px": height_px, "width_px": width_px}
 
@@ -188,24 +201,7 @@ def solve(
 def linearise_view(
     camera: CameraModel, view: View, pose: NDArray[np.float64], free: FreeParameters
 ) -> Linear:
-    """Return residuals and derivatives of one view.
-
-    Parameters
-    ----------
-    camera : CameraModel
-        Camera model.
-    view : View
-        Corners of the board in the picture.
-    pose : ndarray of float64
-        Rodrigues vector and shift of the board [mm], (6,).
-    free : FreeParameters
-        Free parameters of the camera.
-
-    Returns
-    -------
-    Linear
-        Residuals [px], col before row, and the derivatives by the camera's free parameters and by the pose.
-    """
+    """Return residuals and derivatives of one view."""
     seen, jacobian = cv2.projectPoints(view.points_mm, pose[:3], pose[3:], camera.matrix, camera.distortion)
     residual = view.seen_px[:, ::-1] - np.asarray(seen).reshape(-1, 2)
     slopes = np.asarray(jacobian, np.float64)
@@ -213,27 +209,13 @@ def linearise_view(
 
 
 def require_determined(solution: Solution) -> None:
-    """Check that the principal distance of a camera is known to 10 %.
-
-    Raises
-    ------
-    InputRejected
-        `fit_failed` if it is not.
-    """
+    """Check that the principal distance of a camera is known to 10 %."""
     if solution.covariance[0, 0] > (_WORST_FOCAL_REL * solution.camera.fx_px) ** 2:
         raise InputRejected(shared.FIT_FAILED, _ADVICE)
 
 
 def find_pose(camera: CameraModel, view: View) -> Pose:
-    """Find where a board is that a known camera sees.
-
-    Parameters
-    ----------
-    camera : CameraModel
-        Camera model.
-    view : View
-        Corners of the board in the picture.
-    """
+    """Find where a board is that a known camera sees."""
     _, rotation, shift = cv2.solvePnP(
         view.points_mm, np.ascontiguousarray(view.seen_px[:, ::-1]), camera.matrix, camera.distortion
     )

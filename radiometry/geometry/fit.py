@@ -1,23 +1,22 @@
-"""Geometry of a camera from its pictures of a board."""
+"""Geometry of a camera from its pictures of a board: distortion curve, coverage of the frame, flags."""
 
 import math
+import statistics
 from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings import InputRejected, shared
+from radiometry.findings import InputRejected, Raised, shared
 from radiometry.fitting.evidence import CoefficientValue, Quantity
+from radiometry.frame.opencv import cv2
+from radiometry.geometry import codes
 from radiometry.geometry.bundle import Pose, Solution, choose_free_parameters, find_pose, require_determined
-from radiometry.geometry.camera import MODEL, PARAMETERS, UNITS, project
-from radiometry.geometry.colour import ColourView, LateralColour, fit_colour
-from radiometry.geometry.coverage import find_covered_radius_px, measure_coverage, measure_tilt_deg
-from radiometry.geometry.curve import compute_curve
-from radiometry.geometry.features import Features
-from radiometry.geometry.findings import check_colours, check_solution, check_views
-from radiometry.geometry.results import Coefficient, Fit, Point
-from radiometry.geometry.rows import FrameRow, Params
-from radiometry.geometry.target import Target
+from radiometry.geometry.camera import MODEL, PARAMETERS, UNITS, CameraModel, project
+from radiometry.geometry.features import ColourView, Features, LateralColour, fit_colour
+from radiometry.geometry.results import Coefficient, Coverage, CurvePoint, Fit, FrameRow, Params, Point
+from radiometry.geometry.target import FIXED_WINDOW_PX, Target
 from radiometry.geometry.views import (
     Candidate,
     FittedViews,
@@ -28,25 +27,283 @@ from radiometry.geometry.views import (
     missing,
 )
 
+POINTS: Final = 21
+_SEARCHED: Final = 2000
+# An ideal radius is looked for up to twice the picture's own: barrel distortion draws in at most that.
+_SEARCH_BEYOND: Final = 2.0
+
+
+def find_farthest_radius_px(camera: CameraModel) -> float:
+    """Return the distance from the principal point to the frame's farthest corner pixel."""
+    rows = max(camera.cy_px, camera.height_px - 1 - camera.cy_px)
+    cols = max(camera.cx_px, camera.width_px - 1 - camera.cx_px)
+    return float(np.hypot(rows, cols))
+
+
+def compute_curve(
+    camera: CameraModel,
+    covariance: NDArray[np.float64],
+    *,
+    pixel_pitch_um: float | None,
+    covered_radius_px: float,
+) -> tuple[CurvePoint, ...]:
+    """Compute the distortion from the principal point to the frame's farthest corner.
+
+    d(R) = R (k1 s^2 + k2 s^4 + k3 s^6),   s = R / f,   f = (fx + fy) / 2
+
+    R is the ideal radius [px], R + d the radius in the picture; u(d)^2 = g^T C g with g the derivatives of
+    d in fx, fy, k1, k2, k3 at fixed R. Where the model turns back before it reaches the corner, the curve
+    ends there.
+    """
+    ideal = np.linspace(0.0, find_ideal_corner_px(camera), POINTS)
+    distortion = distort_radially(camera, ideal)
+    uncertain = _propagate(camera, covariance, ideal)
+    pitch = pixel_pitch_um
+    return tuple(
+        CurvePoint(
+            radius_px=float(radius + moved),
+            ideal_radius_px=float(radius),
+            distortion_px=float(moved),
+            standard_uncertainty_px=float(u),
+            distortion_um=None if pitch is None else float(moved * pitch),
+            standard_uncertainty_um=None if pitch is None else float(u * pitch),
+            extrapolated=bool(radius + moved > covered_radius_px),
+        )
+        for radius, moved, u in zip(ideal, distortion, uncertain, strict=True)
+    )
+
+
+def distort_radially(camera: CameraModel, ideal_px: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Compute how far a place at an ideal radius is moved outwards [px]."""
+    s2 = (ideal_px / _focal_px(camera)) ** 2
+    return np.asarray(ideal_px * s2 * (camera.k1 + s2 * (camera.k2 + s2 * camera.k3)), np.float64)
+
+
+def find_turning_radius_px(camera: CameraModel) -> float | None:
+    """Find the radius in the picture at which the model turns back.
+
+    Beyond it two directions share a place. This occurs with no camera, only with a polynomial that no data
+    constrain there.
+    """
+    ideal = np.linspace(0.0, _SEARCH_BEYOND * find_farthest_radius_px(camera), _SEARCHED)
+    shown = ideal + distort_radially(camera, ideal)
+    falls = np.flatnonzero(np.diff(shown) <= 0.0)
+    if not len(falls) or shown[falls[0]] >= find_farthest_radius_px(camera):
+        return None
+    return float(shown[falls[0]])
+
+
+def find_ideal_corner_px(camera: CameraModel) -> float:
+    """Return the ideal radius of what the frame's farthest corner shows, or of where the model turns back."""
+    farthest = find_farthest_radius_px(camera)
+    ideal = np.linspace(0.0, _SEARCH_BEYOND * farthest, _SEARCHED)
+    shown = ideal + distort_radially(camera, ideal)
+    falls = np.flatnonzero(np.diff(shown) <= 0.0)
+    rising = slice(0, falls[0] + 1 if len(falls) else len(ideal))
+    return float(np.interp(farthest, shown[rising], ideal[rising]))
+
+
+def _focal_px(camera: CameraModel) -> float:
+    return (camera.fx_px + camera.fy_px) / 2.0
+
+
+def _propagate(
+    camera: CameraModel, covariance: NDArray[np.float64], ideal_px: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    f = _focal_px(camera)
+    s2 = (ideal_px / f) ** 2
+    slopes = np.zeros((len(ideal_px), len(PARAMETERS)))
+    for power, name in enumerate(("k1", "k2", "k3"), start=1):
+        slopes[:, PARAMETERS.index(name)] = ideal_px * s2**power
+    of_f = -ideal_px / f * s2 * (2.0 * camera.k1 + s2 * (4.0 * camera.k2 + s2 * 6.0 * camera.k3))
+    slopes[:, PARAMETERS.index("fx_px")] = slopes[:, PARAMETERS.index("fy_px")] = of_f / 2.0
+    variance = np.einsum("ni,ij,nj->n", slopes, covariance, slopes)
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)), np.float64)
+
+
+CELLS: Final = 8
+TILTED_DEG: Final = 15.0
+
+
+def measure_coverage(camera: CameraModel, seen_px: Sequence[NDArray[np.float64]]) -> Coverage:
+    """Return the counts of corners in a grid of 8 x 8 equal cells over the frame."""
+    counts = count_cells(seen_px, height_px=camera.height_px, width_px=camera.width_px)
+    farthest = find_covered_radius_px(camera, seen_px)
+    return Coverage(
+        counts=tuple(tuple(int(count) for count in row) for row in counts),
+        share=float(np.count_nonzero(counts)) / counts.size,
+        radius_share=farthest / find_farthest_radius_px(camera),
+    )
+
+
+def count_cells(
+    seen_px: Sequence[NDArray[np.float64]], *, height_px: int, width_px: int
+) -> NDArray[np.int64]:
+    """Return how many corners lie in each cell."""
+    places = np.concatenate([np.empty((0, 2)), *seen_px])
+    cells = ((places + 0.5) / np.array([height_px, width_px]) * CELLS).astype(np.int64)
+    counts = np.zeros((CELLS, CELLS), np.int64)
+    np.add.at(counts, tuple(np.clip(cells, 0, CELLS - 1).T), 1)
+    return counts
+
+
+def find_covered_radius_px(camera: CameraModel, seen_px: Sequence[NDArray[np.float64]]) -> float:
+    """Return the distance from the principal point to the outermost corner [px]."""
+    principal = np.array([camera.cy_px, camera.cx_px])
+    return max(float(np.linalg.norm(seen - principal, axis=1).max()) for seen in seen_px)
+
+
+def measure_tilt_deg(pose: Pose) -> float:
+    """Compute the angle between a board's normal and the optical axis."""
+    return math.degrees(math.acos(min(1.0, abs(float(_normal(pose)[2])))))
+
+
+def measure_one_sidedness(poses: Sequence[Pose]) -> float:
+    """Compute how far the tilted boards all turn about one axis: 0 for all axes alike, 1 for one.
+
+    |mean exp(2 i phi)| over views tilted by 15 degrees or more, phi the direction of the normal in the
+    picture: turned left and turned right are one axis.
+    """
+    normals = [_normal(pose) for pose in poses if measure_tilt_deg(pose) >= TILTED_DEG]
+    if not normals:
+        return 1.0
+    turned = [complex(normal[0], normal[1]) ** 2 for normal in normals]
+    return float(abs(np.mean([each / abs(each) for each in turned])))
+
+
+def _normal(pose: Pose) -> NDArray[np.float64]:
+    turned, _ = cv2.Rodrigues(pose.rotation)
+    return np.asarray(turned, np.float64)[:, 2]
+
+
+GOOD_VIEWS: Final = 10
+OUTLIER_RATIO: Final = 3.0
+GOOD_SHARE: Final = 0.7
+GOOD_RADIUS_SHARE: Final = 0.8
+FEWEST_TILTED: Final = 3
+MOST_ONE_SIDED: Final = 0.9
+LARGEST_RMS_PX: Final = 1.0
+LARGEST_COLOUR_PX: Final = 1.0
+LARGEST_ASPECT_DIFFERENCE: Final = 0.01
+_OUTLIER_FLOOR_PX: Final = 0.3
+
+
+def check_views(fitted: FittedViews, points: Sequence[Point], params: Params) -> list[Raised]:
+    """Check the pictures, one by one and together."""
+    used = fitted.used
+    errors = {point.frame: point.rms_px for point in points if point.used and point.rms_px is not None}
+    usual = statistics.median(errors.values())
+    flags = [
+        codes.VIEW_OUTLIER.at(
+            f"frame {frame}",
+            f"It fits to {error:.2f} px, the median view to {usual:.2f} px.",
+        )
+        for frame, error in sorted(errors.items())
+        if error > max(OUTLIER_RATIO * usual, _OUTLIER_FLOOR_PX)
+    ]
+    flags += [
+        each.finding.at(f"frame {each.candidate.row.frame}", f"It was left out: {each.why}.")
+        for each in fitted.rejected
+        if each.finding
+    ]
+    wide = [
+        each.features
+        for each in used
+        if each.features
+        and each.features.target.kind == "checkerboard"
+        and each.features.fitted_window_px < FIXED_WINDOW_PX
+    ]
+    if wide and params.corner_window == "fixed":
+        closest = min(features.spacing_px for features in wide)
+        detail = f"Views: {len(wide)} of {len(used)}; the closest corners are {closest:.1f} px apart."
+        flags.append(codes.CORNER_WINDOW_WIDE.at("", detail))
+    rendered = sum(each.row.header.rendered for each in used)
+    if rendered:
+        flags.append(shared.RENDERED.at("", f"Rendered frames: {rendered} of {len(used)}."))
+    flags += _check_mirror(fitted)
+    if len(used) < GOOD_VIEWS:
+        flags.append(codes.FEW_VIEWS.at("", f"Views: {len(used)}."))
+    return flags
+
+
+def _check_mirror(fitted: FittedViews) -> list[Raised]:
+    hidden = fitted.hidden
+    if hidden is None or hidden.ratio <= 1.0:
+        return []
+    row, col = hidden.shift_px
+    detail = (
+        f"If it were {hidden.words}, the principal point would be wrong by {row:+.2f} px in row and "
+        f"{col:+.2f} px in col, {hidden.ratio:.1f} standard uncertainties, and the corners would not show it."
+    )
+    return [codes.MIRROR_NOT_EXCLUDED.at(f"frame {fitted.used[hidden.number].row.frame}", detail)]
+
+
+def check_solution(solution: Solution, coverage: Coverage) -> list[Raised]:
+    """Check the solution, and the coverage on which it rests."""
+    flags = _check_coverage(coverage) + _check_tilts(solution) + _check_model(solution.camera)
+    if solution.rms_px > LARGEST_RMS_PX:
+        detail = f"Root mean square {solution.rms_px:.2f} px."
+        flags.append(codes.REPROJECTION_LARGE.at("", detail))
+    return flags
+
+
+def check_colours(colours: Sequence[LateralColour]) -> list[Raised]:
+    """Check how far the colours lie apart where corners were seen."""
+    flags = []
+    for each in colours:
+        seen = [point for point in each.curve if not point.extrapolated]
+        most = max(seen, key=lambda point: abs(point.displacement_px))
+        if abs(most.displacement_px) - 2.0 * most.standard_uncertainty_px > LARGEST_COLOUR_PX:
+            detail = (
+                f"{each.channels} is {most.displacement_px:+.2f} px at {most.radius_px:.0f} px from the "
+                f"principal point (u {most.standard_uncertainty_px:.2f} px)."
+            )
+            flags.append(shared.LATERAL_COLOUR_LARGE.at(each.channels, detail))
+    return flags
+
+
+def _check_coverage(coverage: Coverage) -> list[Raised]:
+    if coverage.share >= GOOD_SHARE and coverage.radius_share >= GOOD_RADIUS_SHARE:
+        return []
+    detail = (
+        f"Cells with a corner: {coverage.share:.0%}; the outermost corner lies {coverage.radius_share:.0%} "
+        "of the way to the corner of the frame."
+    )
+    return [codes.COVERAGE_POOR.at("", detail)]
+
+
+def _check_tilts(solution: Solution) -> list[Raised]:
+    tilts = [measure_tilt_deg(pose) for pose in solution.poses]
+    tilted = sum(tilt >= TILTED_DEG for tilt in tilts)
+    if tilted < FEWEST_TILTED:
+        detail = f"Views tilted by {TILTED_DEG:g} degrees or more: {tilted}; the steepest {max(tilts):.0f}."
+        return [codes.TILT_POOR.at("", detail)]
+    if measure_one_sidedness(solution.poses) > MOST_ONE_SIDED:
+        return [codes.TILT_POOR.at("", f"All {tilted} tilted views turn about one axis.")]
+    return []
+
+
+def _check_model(camera: CameraModel) -> list[Raised]:
+    flags = []
+    aspect = camera.fx_px / camera.fy_px
+    if abs(aspect - 1.0) > LARGEST_ASPECT_DIFFERENCE:
+        flags.append(codes.PIXELS_NOT_SQUARE.at("", f"fx / fy is {aspect:.4f}."))
+    turning = find_turning_radius_px(camera)
+    if turning is not None:
+        farthest = find_farthest_radius_px(camera)
+        detail = (
+            f"It turns back {turning:.0f} px from the principal point, the corner lies at {farthest:.0f} px."
+        )
+        flags.append(codes.DISTORTION_FOLDS.at("", detail))
+    return flags
+
+
 _FIGURES = ("fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "k3", "p1", "p2")
 
 
 def fit_geometry(rows: Sequence[FrameRow], params: Params) -> Fit:
     """Fit camera and poses to the corners of all views.
 
-    Returns
-    -------
-    Fit
-        Camera, points and flags.
-
-    Raises
-    ------
-    InputRejected
-        `fit_incomplete` if fewer than three views can be used, or frames wait to be
-        read; `fit_failed` if the views do not determine the camera.
-
-    Notes
-    -----
     The same input in any order gives the same result to the last bit. All numbers are finite; what does not
     exist is None.
 

@@ -1,13 +1,19 @@
-"""Verdict on every picture of a board while it is still set up."""
+"""Verdicts on pictures while the board is still set up, and what a set of them lacks."""
 
 from collections.abc import Sequence
 from typing import Final
 
-from radiometry.findings import Raised, Reason
+import numpy as np
+from numpy.typing import NDArray
+
+from radiometry.findings import InputRejected, Raised, Reason
 from radiometry.frame.verdicts import ReviewedFrame, Verdict, assume_whole_frame, conclude, inspect_frames
 from radiometry.geometry import codes
 from radiometry.geometry.features import Features
-from radiometry.geometry.rows import CHART, FrameRow
+from radiometry.geometry.fit import CELLS, GOOD_SHARE, GOOD_VIEWS, count_cells, fit_geometry
+from radiometry.geometry.results import CHART, FrameRow, Params
+from radiometry.geometry.views import Candidate, collect_candidates, make_view, missing
+from radiometry.specification.grid import Gap
 
 BLURRED_RISE_PX: Final = 5.0
 SMALL_SHARE: Final = 0.05
@@ -16,21 +22,6 @@ SMALL_SHARE: Final = 0.05
 def judge_frames(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow]) -> dict[str, Verdict]:
     """Return the verdict on each frame of a campaign.
 
-    Parameters
-    ----------
-    frames : sequence of ReviewedFrame
-        All frames of the campaign; without a region the board is searched in the whole
-        frame, and the missing region is not a reason.
-    rows : sequence of FrameRow
-        Evidence of the campaign's frames.
-
-    Returns
-    -------
-    dict of str to Verdict
-        Verdict by name.
-
-    Notes
-    -----
     Reasons, in addition to those of any frame: board_not_found (fail), board_blurred and board_small
     (warn).
     """
@@ -67,3 +58,69 @@ def _inspect(features: Features) -> list[Reason]:
         )
         found.append(codes.BOARD_SMALL.reason(detail))
     return found
+
+
+_ADVICE: Final[dict[str, str]] = {
+    codes.TILT_POOR: "tilt the board by 20 to 45 degrees, to the left, to the right, up and down",
+    codes.VIEW_OUTLIER: "take {where} again, or leave it out: {detail}",
+    codes.CORNER_WINDOW_WIDE: "come closer, take larger squares, or fit with corner_window fitted: {detail}",
+    codes.DISTORTION_FOLDS: "bring the board into the frame's corners: it is not determined there",
+    codes.REPROJECTION_LARGE: "the board does not fit the model: is it flat, and are the pictures sharp?",
+}
+_ROWS: Final = ("top", "middle", "bottom")
+_COLS: Final = ("left", "centre", "right")
+
+
+def plan_views(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
+    """List, by name, what to add while the board is still set up."""
+    usable = [each for each in collect_candidates(rows, params) if not each.left_out]
+    found = []
+    if 0 < len(usable) < GOOD_VIEWS:
+        found.append(f"{len(usable)} usable views: add {GOOD_VIEWS - len(usable)} more")
+    return (*found, *_plan_coverage(usable, params), *_plan_by_flags(rows, params))
+
+
+def find_gaps(rows: Sequence[FrameRow], params: Params) -> tuple[Gap, ...]:
+    """List the views of the board that are lacking."""
+    usable = sum(not each.left_out for each in collect_candidates(rows, params))
+    return tuple(Gap(role="chart", text="View of the board") for _ in range(GOOD_VIEWS - usable))
+
+
+def _plan_coverage(usable: Sequence[Candidate], params: Params) -> list[str]:
+    """Name the ninths of the frame in which most cells hold no corner."""
+    features = [each.features for each in usable if each.features]
+    if not features:
+        return []
+    counts = count_cells(
+        [make_view(each, params).seen_px for each in features],
+        height_px=features[0].height_px,
+        width_px=features[0].width_px,
+    )
+    if np.count_nonzero(counts) >= GOOD_SHARE * counts.size:
+        return []
+    empty = [
+        f"{row_name} {col_name}"
+        for row_name, rows in zip(_ROWS, _ninths(), strict=True)
+        for col_name, cols in zip(_COLS, _ninths(), strict=True)
+        if np.count_nonzero(counts[np.ix_(rows, cols)]) * 2 < len(rows) * len(cols)
+    ]
+    where = f": {', '.join(empty)}" if empty else ""
+    return [f"bring the board into the parts of the frame that hold few corners{where}"]
+
+
+def _ninths() -> list[NDArray[np.int64]]:
+    return np.array_split(np.arange(CELLS), 3)
+
+
+def _plan_by_flags(rows: Sequence[FrameRow], params: Params) -> list[str]:
+    if missing(rows, params):
+        return []
+    try:
+        fit = fit_geometry(rows, params)
+    except InputRejected:
+        return [_ADVICE[codes.TILT_POOR]]
+    return [
+        _ADVICE[raised.flag].format(where=raised.where, detail=raised.detail.rstrip("."))
+        for raised in fit.flags
+        if raised.flag in _ADVICE
+    ]

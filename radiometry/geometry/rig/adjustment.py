@@ -1,19 +1,179 @@
-"""Adjustment of a rig: poses of boards and cameras that fit the corners best."""
+"""Adjustment of a rig to pictures that were taken together, from a linear start."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime, timedelta
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.fitting.evidence import MOST_DOF
+from radiometry.frame import FrameHeader
 from radiometry.frame.opencv import cv2
-from radiometry.geometry.bundle import find_pose
-from radiometry.geometry.camera import PARAMETERS, CameraModel
-from radiometry.geometry.descent import Linear, Minimum, minimise
-from radiometry.geometry.rig.start import compose, invert
-from radiometry.geometry.rig.triggers import BoardPicture, Trigger
+from radiometry.geometry.bundle import Linear, Minimum, View, find_pose, minimise
+from radiometry.geometry.camera import PARAMETERS, CameraModel, project
+from radiometry.geometry.target import Target
+
+WITHIN_S: Final = 1.0  # EXIF times are whole seconds
+
+
+@dataclass(frozen=True)
+class BoardPicture:
+    """Picture of a board by one camera of a rig."""
+
+    frame: str
+    camera: int  # Number of the camera in the rig
+    scene: str | None  # Name of the trigger, if it was given
+    header: FrameHeader
+    target: Target  # Board
+    view: View  # Corners
+
+
+@dataclass(frozen=True)
+class Trigger:
+    """Pictures that were taken together, one per camera."""
+
+    name: str
+    pictures: tuple[BoardPicture, ...]
+
+
+def pair_pictures(pictures: Sequence[BoardPicture]) -> tuple[tuple[Trigger, ...], dict[str, str]]:
+    """Group pictures by trigger.
+
+    Pictures belong together that have the same scene, else the same capture identifier (multispectral
+    cameras), else times that agree within `WITHIN_S`. A camera has one picture of a trigger: where it has
+    two, neither counts.
+    """
+    groups: dict[str, list[BoardPicture]] = {}
+    timed: list[tuple[datetime, BoardPicture]] = []
+    why: dict[str, str] = {}
+    for picture in sorted(pictures, key=lambda each: (each.camera, each.frame)):
+        capture = picture.header.multispectral.capture_id if picture.header.multispectral else None
+        if picture.scene or capture:
+            groups.setdefault(str(picture.scene or capture), []).append(picture)
+        elif picture.header.taken_at:
+            timed.append((datetime.fromisoformat(picture.header.taken_at).replace(tzinfo=None), picture))
+        else:
+            why[picture.frame] = "it has no scene, no capture identifier and no time"
+    begun: datetime | None = None
+    for taken, picture in sorted(timed, key=lambda each: (each[0], each[1].camera, each[1].frame)):
+        if begun is None or taken - begun > timedelta(seconds=WITHIN_S):
+            begun = taken
+        groups.setdefault(begun.isoformat(), []).append(picture)
+    triggers = []
+    for name, members in sorted(groups.items()):
+        counts = Counter(each.camera for each in members)
+        kept = tuple(each for each in members if counts[each.camera] == 1)
+        why |= {
+            each.frame: f"its camera has {counts[each.camera]} pictures of trigger {name}"
+            for each in members
+            if each not in kept
+        }
+        if len(kept) > 1:
+            triggers.append(Trigger(name, kept))
+        else:
+            why |= {each.frame: f"no other camera has a picture of trigger {name}" for each in kept}
+    return tuple(triggers), why
+
+
+Vector = NDArray[np.float64]
+
+
+def compose(first: Vector, then: Vector) -> Vector:
+    """Return the pose of applying one pose and then another."""
+    rotation, shift = cv2.composeRT(first[:3], first[3:], then[:3], then[3:])[:2]
+    return np.concatenate((np.ravel(rotation), np.ravel(shift)))
+
+
+def invert(pose: Vector) -> Vector:
+    """Return the pose that undoes another."""
+    turned, _ = cv2.Rodrigues(-pose[:3])
+    return np.concatenate((-pose[:3], -turned @ pose[3:]))
+
+
+def start_rig(
+    cameras: Sequence[CameraModel], triggers: Sequence[Trigger]
+) -> tuple[Mapping[int, Vector], tuple[Trigger, ...]]:
+    """Find the pose of each camera against the first, and one numbering of the board for all its pictures.
+
+    A checkerboard may be numbered from either end, a square one from every corner. Every trigger and
+    numbering proposes a pose for the next camera; the one whose median distance to the corners of all
+    triggers is least is taken, so that up to half of the triggers may be wrong.
+    """
+    seen = [{each.camera: each for each in trigger.pictures} for trigger in triggers]
+    known: dict[int, Vector] = {0: np.zeros(6)}
+    while True:
+        shared = {
+            camera: sum(camera in each and bool(known.keys() & each.keys()) for each in seen)
+            for camera in range(len(cameras))
+            if camera not in known
+        }
+        if not shared or not max(shared.values()):
+            break
+        chosen = max(shared, key=lambda camera: (shared[camera], -camera))
+        boards = [_guess_board(cameras, known, each) if chosen in each else None for each in seen]
+        known[chosen], numbered = _propose(cameras[chosen], chosen, boards, seen)
+        for place, picture in numbered.items():
+            seen[place][chosen] = picture
+    return known, tuple(
+        replace(trigger, pictures=tuple(each[camera] for camera in sorted(each)))
+        for trigger, each in zip(triggers, seen, strict=True)
+    )
+
+
+def _guess_board(
+    cameras: Sequence[CameraModel], known: Mapping[int, Vector], pictures: Mapping[int, BoardPicture]
+) -> Vector | None:
+    """Return the board's pose in the reference's frame, from the first known camera that sees it."""
+    for camera in sorted(known.keys() & pictures.keys()):
+        return compose(find_pose(cameras[camera], pictures[camera].view).vector, invert(known[camera]))
+    return None
+
+
+def _propose(
+    model: CameraModel,
+    camera: int,
+    boards: Sequence[Vector | None],
+    seen: Sequence[Mapping[int, BoardPicture]],
+) -> tuple[Vector, dict[int, BoardPicture]]:
+    choices = {
+        place: (board, [replace(seen[place][camera], view=view) for view in _number(seen[place][camera])])
+        for place, board in enumerate(boards)
+        if board is not None
+    }
+
+    def miss(pose: Vector, board: Vector, view: View) -> float:
+        placed = compose(board, pose)
+        there = project(model, view.points_mm, placed[:3], placed[3:])
+        return float(np.sqrt(((view.seen_px - there) ** 2).sum(axis=1).mean()))
+
+    best: tuple[float, Vector] | None = None
+    for board, pictures in choices.values():
+        for picture in pictures:
+            pose = compose(invert(board), find_pose(model, picture.view).vector)
+            misses = [min(miss(pose, at, each.view) for each in others) for at, others in choices.values()]
+            score = float(np.median(misses))
+            if best is None or score < best[0]:
+                best = score, pose
+    assert best is not None  # noqa: S101  the camera shares a trigger with a known one
+    pose = best[1]
+    return pose, {
+        place: min(pictures, key=lambda each: miss(pose, board, each.view))
+        for place, (board, pictures) in choices.items()
+    }
+
+
+def _number(picture: BoardPicture) -> list[View]:
+    """Return the corners in every numbering that a finder may give."""
+    target, view = picture.target, picture.view
+    if target.kind != "checkerboard" or len(view.seen_px) != target.corners:
+        return [view]
+    grid = view.seen_px.reshape(target.corner_rows, target.corner_columns, 2)
+    turns = (0, 1, 2, 3) if target.corner_rows == target.corner_columns else (0, 2)
+    return [replace(view, seen_px=np.rot90(grid, turn).reshape(-1, 2)) for turn in turns]
+
 
 POSE: Final = 6
 
@@ -26,27 +186,13 @@ Matrix = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class RigCamera:
-    """Calibrated camera of a rig.
+    """Calibrated camera of a rig."""
 
-    Attributes
-    ----------
-    serial : str
-        Serial number.
-    model : CameraModel
-        Camera as its geometry version states it.
-    covariance : ndarray of float64
-        Covariance of PARAMETERS, (9, 9).
-    noise_px : float
-        Standard deviation of a corner in row and in col [px].
-    dof : float, default: MOST_DOF
-        Degrees of freedom of `covariance`.
-    """
-
-    serial: str
-    model: CameraModel
-    covariance: Matrix
-    noise_px: float
-    dof: float = MOST_DOF
+    serial: str  # Serial number
+    model: CameraModel  # Camera as its geometry version states it
+    covariance: Matrix  # Covariance of PARAMETERS, (9, 9)
+    noise_px: float  # Standard deviation of a corner in row and in col [px]
+    dof: float = MOST_DOF  # Degrees of freedom of `covariance`
 
 
 def linearise_rig(

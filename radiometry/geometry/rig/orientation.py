@@ -1,31 +1,125 @@
-"""Relative orientation of the cameras of a rig by least squares over all corners of all triggers."""
+"""Orientation of the cameras of a rig, with the scatter between triggers."""
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+import scipy
 
 from radiometry.findings import Raised
+from radiometry.fitting.evidence import Quantity
+from radiometry.geometry import codes
+from radiometry.geometry.bundle import Minimum, reduce
 from radiometry.geometry.camera import project
-from radiometry.geometry.descent import Minimum, reduce
-from radiometry.geometry.rig import codes
 from radiometry.geometry.rig.adjustment import (
     CAMERA,
     POSE,
+    BoardPicture,
     Matrix,
     RigCamera,
+    Trigger,
+    compose,
     fit_board,
     linearise_rig,
+    pair_pictures,
     read_pose,
     solve_rig,
+    start_rig,
 )
-from radiometry.geometry.rig.angles import describe_pose
-from radiometry.geometry.rig.results import RigFit, RigPoint
-from radiometry.geometry.rig.scatter import Scatter, estimate_scatter
-from radiometry.geometry.rig.start import compose, start_rig
-from radiometry.geometry.rig.triggers import BoardPicture, Trigger, pair_pictures
+from radiometry.geometry.rig.results import RigFit, RigPoint, describe_pose
+from radiometry.geometry.views import make_view
+from radiometry.specification.rig import RigMember
+
+__all__ = ["COMPARED"]
+
+_POSE: Final = 6
+# corners of a picture share errors of their search: 3.3 times at most in rendered pictures of rigid rigs
+_CLEAR_RATIO: Final = 4.0
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Scale of the corners' noise, and scatter of a pose from trigger to trigger, per axis.
+
+    ``significant`` : steps of triggers are more than four times as large as independent corners make them
+    ``dof`` : degrees of freedom of each of the two scatters
+    """
+
+    scale: float
+    rotation_rad: float
+    translation_mm: float
+    significant: bool
+    dof: float
+
+
+def estimate_scatter(reduced: Sequence[tuple[Matrix, Matrix]], *, within: tuple[float, int]) -> Scatter:
+    """Estimate the scatter of the poses between triggers (REML).
+
+    d_k = H_k^-1 g_k is the step that trigger k alone would take, of variance s^2 H_k^-1 + T; its gain
+    g_k' H_k^-1 g_k is what frees s^2 from the scatter.
+    """
+    steps, precise, gained = [], [], 0.0
+    for information, right in reduced:
+        active = np.flatnonzero(np.diag(information) > 0.0)
+        mine = information[np.ix_(active, active)]
+        if not len(active) or np.linalg.cond(_scale(mine)) > 1e12:
+            continue
+        inverse = np.linalg.inv(mine)
+        gained += float(right[active] @ inverse @ right[active])
+        steps.append((active, inverse @ right[active]))
+        precise.append(inverse)
+    cost, dof = within
+    scale2 = max(cost - gained, 0.0) / dof
+    size = len(reduced[0][1])
+    free = sum(len(active) for active, _ in steps) - size
+    if free <= 0 or scale2 == 0.0:
+        return Scatter(math.sqrt(scale2), 0.0, 0.0, significant=False, dof=1.0)
+    typical = [
+        max(
+            1e-12,
+            float(
+                np.sqrt(
+                    np.mean(
+                        np.concatenate([step[active % _POSE // 3 == half] ** 2 for active, step in steps])
+                    )
+                )
+            ),
+        )
+        for half in (0, 1)
+    ]
+
+    def deviance(logs: Matrix) -> float:
+        t = [(one * size_) ** 2 for one, size_ in zip(logs, typical, strict=True)]
+        total, information, right, squares = 0.0, np.zeros((size, size)), np.zeros(size), 0.0
+        for (active, step), inverse in zip(steps, precise, strict=True):
+            variance = scale2 * inverse + np.diag(np.array(t)[active % _POSE // 3])
+            weight = np.linalg.inv(variance)
+            total += float(np.linalg.slogdet(variance)[1])
+            squares += float(step @ weight @ step)
+            information[np.ix_(active, active)] += weight
+            right[active] += weight @ step
+        squares -= float(right @ np.linalg.solve(information, right))
+        return total + squares + float(np.linalg.slogdet(information)[1])
+
+    found = scipy.optimize.minimize(
+        deviance, np.array([0.7, 0.7]), method="Nelder-Mead", options={"xatol": 1e-3, "fatol": 1e-4}
+    )
+    rotation, translation = (abs(float(one)) * size_ for one, size_ in zip(found.x, typical, strict=True))
+    return Scatter(
+        math.sqrt(scale2),
+        rotation,
+        translation,
+        significant=gained > _CLEAR_RATIO**2 * scale2 * free,
+        dof=free / 2.0,
+    )
+
+
+def _scale(matrix: Matrix) -> Matrix:
+    scale = np.sqrt(np.diag(matrix))
+    return np.asarray(matrix / np.outer(scale, scale), np.float64)
+
 
 FEWEST_TRIGGERS: Final = 3
 GOOD_TRIGGERS: Final = 6
@@ -36,25 +130,6 @@ _FLOOR: Final = 3.0  # of an outlier, in units of the corners' own scatter
 def orient_rig(cameras: Sequence[RigCamera], pictures: Sequence[BoardPicture]) -> RigFit:
     """Find the pose of every camera against the first from pictures taken together.
 
-    Parameters
-    ----------
-    cameras : sequence of RigCamera
-        Cameras, the reference first.
-    pictures : sequence of BoardPicture
-        Pictures of one set.
-
-    Returns
-    -------
-    RigFit
-        Poses with uncertainties, every picture, and flags.
-
-    Raises
-    ------
-    InputRejected
-        `rig_incomplete` if fewer than three triggers link a camera to the others.
-
-    Notes
-    -----
     With the cameras fixed at their calibrations, the poses x of the cameras and one pose of the board per
     trigger minimise the sum of squared distances of all corners, each over its camera's noise. Then::
 
@@ -266,3 +341,50 @@ def _find_covariances(
         for part in (scatter.scale**2 * inverse, inverse @ between @ inverse, gain @ own @ gain.T)
     )
     return corners, swaying, given
+
+
+COMPARED: Final = ("yaw", "pitch", "roll", "x", "y", "z")
+
+
+def orient_members(members: Sequence[RigMember]) -> RigFit:
+    """Find the orientation of a rig from one version of each camera."""
+    pictures = [each for number, member in enumerate(members) for each in list_pictures(member, number)]
+    return orient_rig([_read_camera(member) for member in members], pictures)
+
+
+def count_shared(first: RigMember, second: RigMember) -> int:
+    """Return how many triggers have a picture of both cameras."""
+    return len(pair_pictures([*list_pictures(first, 0), *list_pictures(second, 1)])[0])
+
+
+def list_pictures(member: RigMember, number: int) -> list[BoardPicture]:
+    """Return the pictures that a version used."""
+    used = {point.frame for point in member.fitted.points if point.used}
+    return [
+        BoardPicture(
+            frame=row.frame,
+            camera=number,
+            scene=row.scene,
+            header=row.header,
+            target=row.features.target,
+            view=make_view(row.features, member.params),
+        )
+        for row in member.rows
+        if row.frame in used and row.features
+    ]
+
+
+def list_quantities(orientation: RigFit) -> dict[tuple[str, str], Quantity]:
+    """Return the angles and the place of each camera."""
+    return {(pose.camera, name): getattr(pose, name) for pose in orientation.poses for name in COMPARED}
+
+
+def _read_camera(member: RigMember) -> RigCamera:
+    fit = member.fitted
+    return RigCamera(
+        serial=member.serial,
+        model=fit.camera,
+        covariance=np.array(fit.covariance),
+        noise_px=fit.rms_px * math.sqrt(fit.corners / fit.degrees_of_freedom),
+        dof=float(fit.degrees_of_freedom),
+    )

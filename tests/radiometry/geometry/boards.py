@@ -8,13 +8,14 @@ import numpy as np
 from radiometry.fitting.evidence import FrameEvidence, Region
 from radiometry.frame import Frame
 from radiometry.frame.roi import Polygon
-from radiometry.geometry import method as geometry
 from radiometry.geometry.camera import CameraModel, project
-from radiometry.geometry.target import locate_corners_mm, measure_spacing_px
+from radiometry.geometry.features import Features, extract_features
+from radiometry.geometry.results import Params
+from radiometry.geometry.target import Target, locate_corners_mm, measure_spacing_px
 from simulation.boards import draw_poses, set_up
 
-BOARD = geometry.Target(kind="checkerboard", columns=9, rows=6, square_size_mm=25.0)
-CHARUCO = geometry.Target(
+BOARD = Target(kind="checkerboard", columns=9, rows=6, square_size_mm=25.0)
+CHARUCO = Target(
     kind="charuco", columns=7, rows=5, square_size_mm=30.0, marker_size_mm=18.0, dictionary="DICT_4X4_50"
 )
 CAMERA = CameraModel(
@@ -31,7 +32,7 @@ CAMERA = CameraModel(
     k3=-0.01,
 )
 SQUARE = dataclasses.replace(CAMERA, fy_px=520.0)
-FREE = geometry.Params(fix_aspect_ratio=False)
+FREE = Params(fix_aspect_ratio=False)
 
 
 def simulate(*, seed, count, noise_px, camera=CAMERA, target=BOARD, tilt_deg=35.0):
@@ -56,7 +57,7 @@ def make_row(name, camera, target, indices, seen_px):
     """Corners, (corner, 2) row before col, as the fit wants them."""
     places = tuple((float(row), float(col)) for row, col in seen_px)
     hull = cv2.convexHull(seen_px.astype(np.float32))
-    features = geometry.Features(
+    features = Features(
         target=target,
         not_found="",
         height_px=camera.height_px,
@@ -118,7 +119,7 @@ def whole(frame):
 def extract(frame, *, target=BOARD, bits=8):
     size = dataclasses.replace(CAMERA, height_px=frame.height_px, width_px=frame.width_px)
     header = make_header(size, cfa=frame.cfa, bits=bits)
-    return geometry.extract(frame, whole(frame), header=header, exposure=None, target=target)
+    return extract_features(frame, whole(frame), header=header, target=target)
 
 
 def read_picture(path):

@@ -8,10 +8,11 @@ import pytest
 
 from radiometry.findings import InputRejected, shared
 from radiometry.fitting.curve import coverage_factor
-from radiometry.geometry import fit as geometry_fit
-from radiometry.geometry import method as geometry
 from radiometry.geometry.bundle import Pose, choose_free_parameters, solve
 from radiometry.geometry.camera import PARAMETERS, CameraModel, find_directions, project
+from radiometry.geometry.fit import fit_geometry, list_coefficients
+from radiometry.geometry.results import Params
+from radiometry.geometry.target import Target
 from radiometry.geometry.views import make_view
 from tests.radiometry.geometry.boards import (
     BOARD,
@@ -58,13 +59,13 @@ def test_errors_are_as_large_as_predicted():
 
 def test_expanded_uncertainty_of_three_small_views_covers_the_truth():
     """200 numbers of 50 sets: 95 % with a standard deviation of 3 %, as four of a set go together."""
-    board = geometry.Target(kind="checkerboard", columns=3, rows=3, square_size_mm=70.0)
+    board = Target(kind="checkerboard", columns=3, rows=3, square_size_mm=70.0)
     camera = dataclasses.replace(SQUARE, k2=0.0, k3=0.0, p1=0.0, p2=0.0)
-    params = geometry.Params(radial_terms=1, tangential=False)
+    params = Params(radial_terms=1, tangential=False)
     inside = []
     for seed in range(50):
         rows = simulate(seed=5000 + seed, count=3, noise_px=0.1, camera=camera, target=board)
-        for each in geometry_fit.list_coefficients(geometry_fit.fit_geometry(rows, params)):
+        for each in list_coefficients(fit_geometry(rows, params)):
             if each.name in ("fx_px", "cx_px", "cy_px", "k1"):
                 k = coverage_factor(each.effective_dof)
                 inside.append(abs(each.value - getattr(camera, each.name)) < k * each.standard_uncertainty)
@@ -99,8 +100,8 @@ def test_opencv_finds_the_same_and_the_same_errors(square, simulated):
 
 
 def test_what_is_not_free_is_zero_and_certain(simulated):
-    params = geometry.Params(radial_terms=1, tangential=False)
-    fit = geometry_fit.fit_geometry(simulated, params)
+    params = Params(radial_terms=1, tangential=False)
+    fit = fit_geometry(simulated, params)
     fixed = {name: (values(fit)[name], errors(fit)[name]) for name in ("k2", "k3", "p1", "p2")}
     assert set(fixed.values()) == {(0.0, 0.0)}
     assert values(fit)["fx_px"] == values(fit)["fy_px"]
@@ -108,8 +109,8 @@ def test_what_is_not_free_is_zero_and_certain(simulated):
 
 
 def test_the_transposed_pictures_give_the_transposed_camera(simulated):
-    here = geometry_fit.fit_geometry(simulated, FREE)
-    there = geometry_fit.fit_geometry([transpose(row) for row in simulated], FREE)
+    here = fit_geometry(simulated, FREE)
+    there = fit_geometry([transpose(row) for row in simulated], FREE)
     pairs = {"fx_px": "fy_px", "cx_px": "cy_px", "p1": "p2", "k1": "k1", "k2": "k2", "k3": "k3"}
     for name, other in pairs.items():
         assert values(there)[other] == pytest.approx(values(here)[name], rel=1e-7), name
@@ -126,7 +127,7 @@ def test_the_size_of_the_board_enters_distances_alone(simulated):
         dataclasses.replace(row, features=dataclasses.replace(row.features, target=larger))
         for row in simulated
     ]
-    here, there = geometry_fit.fit_geometry(simulated, FREE), geometry_fit.fit_geometry(grown, FREE)
+    here, there = fit_geometry(simulated, FREE), fit_geometry(grown, FREE)
     assert values(there)["fx_px"] == pytest.approx(values(here)["fx_px"], rel=1e-8)
     assert there.points[0].distance_mm == pytest.approx(10 * here.points[0].distance_mm, rel=1e-7)
 
@@ -140,7 +141,7 @@ def test_frontal_views_do_not_determine_a_camera(noise_px):
     plain = CameraModel(height_px=480, width_px=640, fx_px=520, fy_px=520, cx_px=319.5, cy_px=239.5)
     rows = simulate_rows(plain, BOARD, poses, np.random.default_rng(1), noise_px=noise_px)
     with pytest.raises(InputRejected, match="tilted 20 to 45 degrees") as caught:
-        geometry_fit.fit_geometry(rows, FREE)
+        fit_geometry(rows, FREE)
     assert caught.value.code is shared.FIT_FAILED
 
 

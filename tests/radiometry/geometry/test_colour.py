@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from radiometry.fitting.evidence import FrameEvidence
-from radiometry.geometry import fit as geometry_fit
-from radiometry.geometry import method as geometry
 from radiometry.geometry.camera import CameraModel
-from radiometry.geometry.colour import ColourView, fit_colour
-from radiometry.geometry.findings import check_colours
+from radiometry.geometry.features import ColourView, fit_colour
+from radiometry.geometry.fit import check_colours, fit_geometry, list_coefficients
+from radiometry.geometry.results import Params
 from radiometry.methods import get_method
 from simulation.boards import View, draw_poses, set_up
 from simulation.camera import change
@@ -45,9 +44,7 @@ def photograph(count, *, seed=3, **colours):
 
 @pytest.fixture(scope="module")
 def fitted():
-    return geometry_fit.fit_geometry(
-        photograph(6, R=RED, B=BLUE), geometry.Params(radial_terms=1, tangential=False)
-    )
+    return fit_geometry(photograph(6, R=RED, B=BLUE), Params(radial_terms=1, tangential=False))
 
 
 def test_each_colour_is_where_its_lens_puts_it(fitted):
@@ -65,14 +62,14 @@ def test_each_colour_is_where_its_lens_puts_it(fitted):
 
 
 def test_coefficients_plot_and_flag(fitted):
-    listed = [each for each in geometry_fit.list_coefficients(fitted) if each.name == "lateral_colour_px"]
+    listed = [each for each in list_coefficients(fitted) if each.name == "lateral_colour_px"]
     assert [(each.channel, each.unit) for each in listed] == [("B-G", "px"), ("R-G", "px")]
     assert "R-G" in get_method("geometry").draw(encode(fitted))
     assert "lateral_colour_large" not in raised(fitted)
 
 
 def test_a_fit_of_grey_pictures_is_stored_as_before(simulated):
-    fit = geometry_fit.fit_geometry(simulated, geometry.Params())
+    fit = fit_geometry(simulated, Params())
     assert fit.lateral_colour is None
     assert "lateral_colour" not in encode(fit)
     assert "colours" not in encode(simulated[0].features)

@@ -5,15 +5,15 @@ import dataclasses
 import numpy as np
 import pytest
 
-from radiometry.geometry import fit as geometry_fit
 from radiometry.geometry.camera import CameraModel, project
-from radiometry.geometry.curve import (
+from radiometry.geometry.fit import (
+    _check_model,
     compute_curve,
     distort_radially,
     find_farthest_radius_px,
     find_turning_radius_px,
+    fit_geometry,
 )
-from radiometry.geometry.findings import _check_model
 from tests.radiometry.geometry.boards import CAMERA, FREE, SQUARE, raised
 
 NOTHING = np.zeros((9, 9))
@@ -92,7 +92,7 @@ def test_a_curve_that_turns_back_ends_there_and_is_flagged():
 
 
 def test_a_fitted_curve_holds_the_truth_within_its_band(simulated):
-    fit = geometry_fit.fit_geometry(simulated, dataclasses.replace(FREE, pixel_pitch_um=PITCH_UM))
+    fit = fit_geometry(simulated, dataclasses.replace(FREE, pixel_pitch_um=PITCH_UM))
     assert "distortion_folds" not in raised(fit)
     ideal = np.array([point.ideal_radius_px for point in fit.curve])
     truth = distort_radially(CAMERA, ideal)

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from radiometry.geometry import method as geometry
-from radiometry.geometry.camera import CameraModel, project
-from radiometry.geometry.grey import make_grey
-from radiometry.geometry.target import locate_corners_mm
+from radiometry.geometry.camera import CameraModel, make_grey, project
+from radiometry.geometry.features import Features
+from radiometry.geometry.target import Target, locate_corners_mm
 from simulation.boards import View, draw_poses, set_up
 from tests.radiometry.geometry.boards import BOARD, CHARUCO, extract, make_frame
 from tests.support.data import data_file
@@ -21,7 +20,7 @@ SMALL = CameraModel(
 )
 PICTURE = {"dark_dn": 20.0, "bright_dn": 220.0, "noise_dn": 1.0}
 RAW = {"dark_dn": 200.0, "bright_dn": 3500.0, "noise_dn": 15.0}
-BIG_BOARD = geometry.Target(kind="checkerboard", columns=5, rows=4, square_size_mm=25.0)
+BIG_BOARD = Target(kind="checkerboard", columns=5, rows=4, square_size_mm=25.0)
 
 
 def render(target, seed, light=PICTURE):
@@ -162,7 +161,7 @@ def test_a_noise_is_no_board():
 def test_features_survive_json(picture):
     drawn, _ = picture
     features = extract(make_frame(drawn, bits=8), target=BIG_BOARD).features
-    adapter = TypeAdapter(geometry.Features)
+    adapter = TypeAdapter(Features)
     assert adapter.validate_json(adapter.dump_json(features)) == features
 
 

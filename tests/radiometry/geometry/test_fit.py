@@ -9,12 +9,11 @@ from pydantic import TypeAdapter
 
 from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import Exclusion
-from radiometry.geometry import fit as geometry_fit
-from radiometry.geometry import method as geometry
-from radiometry.geometry import results
 from radiometry.geometry import views as geometry_views
 from radiometry.geometry.bundle import Pose
 from radiometry.geometry.camera import project
+from radiometry.geometry.fit import fit_geometry, list_coefficients
+from radiometry.geometry.results import Fit, Params
 from radiometry.geometry.target import locate_corners_mm
 from simulation.boards import draw_poses
 from tests.radiometry.geometry.boards import (
@@ -66,7 +65,7 @@ def spoil(row, by_px):
 
 @pytest.fixture(scope="module")
 def opencv_fit(opencv_rows):
-    return geometry_fit.fit_geometry(opencv_rows, geometry.Params(pixel_pitch_um=4.65))
+    return fit_geometry(opencv_rows, Params(pixel_pitch_um=4.65))
 
 
 def test_opencv_s_set_gives_opencv_s_published_numbers(opencv_fit):
@@ -86,7 +85,7 @@ def test_left02_is_named_as_an_outlier_and_rejected_on_request(opencv_rows, open
     assert point.used
     outliers = [flag.where for flag in opencv_fit.flags if flag.flag == "view_outlier"]
     assert outliers == ["frame left02.jpg"]
-    strict = geometry_fit.fit_geometry(opencv_rows, geometry.Params(reject_above_px=1.0))
+    strict = fit_geometry(opencv_rows, Params(reject_above_px=1.0))
     rejected = {each.frame: each for each in strict.points}["left02.jpg"]
     assert not rejected.used
     assert rejected.left_out == "it fits to 1.18 px, worse than the limit of 1 px"
@@ -98,13 +97,13 @@ def test_left02_is_named_as_an_outlier_and_rejected_on_request(opencv_rows, open
 
 def test_left02_is_an_outlier_of_the_window_alone(opencv_rows):
     """Its corners are 21.8 px apart: a window of 23 px reaches the next one."""
-    fit = geometry_fit.fit_geometry(opencv_rows, geometry.Params(corner_window="fitted"))
+    fit = fit_geometry(opencv_rows, Params(corner_window="fitted"))
     assert "view_outlier" not in raised(fit)
     assert "corner_window_wide" not in raised(fit)
     assert fit.rms_px == pytest.approx(0.181, abs=0.001)
     assert (values(fit)["fx_px"], errors(fit)["fx_px"]) == pytest.approx((533.26, 0.40), abs=0.005)
     assert {each.frame: each for each in fit.points}["left02.jpg"].rms_px < 0.18
-    wide = geometry_fit.fit_geometry(opencv_rows, geometry.Params())
+    wide = fit_geometry(opencv_rows, Params())
     assert "corner_window_wide" in raised(wide)
 
 
@@ -114,14 +113,14 @@ def test_what_is_reported_in_millimetres(opencv_fit):
     assert distance.standard_uncertainty == pytest.approx(errors(opencv_fit)["fx_px"] * 0.00465)
     assert opencv_fit.offset_col.value == values(opencv_fit)["cx_px"] - 319.5
     assert opencv_fit.offset_col_um.value == pytest.approx(opencv_fit.offset_col.value * 4.65)
-    plain = geometry_fit.fit_geometry(simulate(seed=2, count=4, noise_px=0.1), FREE)
+    plain = fit_geometry(simulate(seed=2, count=4, noise_px=0.1), FREE)
     assert plain.principal_distance_mm is None
     assert plain.offset_row_um is None
     assert {each.distortion_um for each in plain.curve} == {None}
 
 
 def test_figures_and_json(opencv_fit):
-    figures = geometry_fit.list_coefficients(opencv_fit)
+    figures = list_coefficients(opencv_fit)
     assert [each.name for each in figures] == [
         *("fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "k3", "p1", "p2", "rms_px")
     ]
@@ -129,16 +128,16 @@ def test_figures_and_json(opencv_fit):
     assert {each.model for each in figures} == {"brown_conrady"}
     rms = figures[-1]
     assert rms.standard_uncertainty == pytest.approx(rms.value / math.sqrt(2 * (13 * 108 - 8 - 78)))
-    adapter = TypeAdapter(results.Fit)
+    adapter = TypeAdapter(Fit)
     assert adapter.validate_json(adapter.dump_json(opencv_fit)) == opencv_fit
     assert b"NaN" not in adapter.dump_json(opencv_fit)
 
 
 def test_the_order_of_frames_changes_no_bit(simulated):
-    first, random = geometry_fit.fit_geometry(simulated, FREE), np.random.default_rng(4)
+    first, random = fit_geometry(simulated, FREE), np.random.default_rng(4)
     for _ in range(3):
         rows = [simulated[place] for place in random.permutation(len(simulated))]
-        assert geometry_fit.fit_geometry(rows, FREE) == first
+        assert fit_geometry(rows, FREE) == first
 
 
 def test_parameters_of_a_charuco_board():
@@ -150,7 +149,7 @@ def test_parameters_of_a_charuco_board():
         seen = project(SQUARE, locate_corners_mm(CHARUCO, indices), pose.rotation, pose.shift)
         seen = seen + random.normal(0.0, 0.1, seen.shape)
         rows.append(make_row(f"view-{number}", SQUARE, CHARUCO, indices, seen))
-    fit = geometry_fit.fit_geometry(rows, geometry.Params())
+    fit = fit_geometry(rows, Params())
     for name in ("fx_px", "cx_px", "cy_px", "k1", "p1", "p2"):
         assert abs(values(fit)[name] - getattr(SQUARE, name)) < 4.0 * errors(fit)[name], name
     assert fit.corners == 14 * 18
@@ -159,13 +158,13 @@ def test_parameters_of_a_charuco_board():
 def test_views_that_fit_badly_are_rejected_the_worst_first(simulated):
     rows = list(simulated)
     rows[3], rows[7] = spoil(rows[3], 30.0), spoil(rows[7], 12.0)
-    fit = geometry_fit.fit_geometry(rows, FREE)
+    fit = fit_geometry(rows, FREE)
     left_out = {each.frame: each.left_out for each in fit.points if not each.used}
     assert set(left_out) == {rows[3].frame, rows[7].frame}
     assert all("worse than the limit of 2 px" in reason for reason in left_out.values())
-    others = geometry_fit.fit_geometry([row for row in simulated if row.frame not in left_out], FREE)
+    others = fit_geometry([row for row in simulated if row.frame not in left_out], FREE)
     assert values(fit) == values(others)
-    kept = geometry_fit.fit_geometry(rows, dataclasses.replace(FREE, reject_above_px=None))
+    kept = fit_geometry(rows, dataclasses.replace(FREE, reject_above_px=None))
     assert kept.views == 15
     assert "reprojection_large" in raised(kept)
 
@@ -173,7 +172,7 @@ def test_views_that_fit_badly_are_rejected_the_worst_first(simulated):
 def test_three_views_are_never_rejected():
     rows = list(simulate(seed=8, count=3, noise_px=0.1))
     rows[0] = spoil(rows[0], 7.0)
-    fit = geometry_fit.fit_geometry(rows, geometry.Params(radial_terms=1, tangential=False))
+    fit = fit_geometry(rows, Params(radial_terms=1, tangential=False))
     assert fit.views == 3
     assert {"few_views", "reprojection_large"} <= raised(fit)
 
@@ -187,7 +186,7 @@ def test_frames_that_are_left_out_say_why(simulated):
     rows[2] = with_features(rows[2], target=dataclasses.replace(BOARD, square_size_mm=20.0))
     rows[4] = dataclasses.replace(rows[4], role="field")
     exclusion = Exclusion(frame=rows[3].frame, reason="glare", by="Ann")
-    fit = geometry_fit.fit_geometry(rows, dataclasses.replace(FREE, exclude=(exclusion,)))
+    fit = fit_geometry(rows, dataclasses.replace(FREE, exclude=(exclusion,)))
     reasons = {each.frame: each.left_out for each in fit.points}
     assert reasons[rows[0].frame] == "the board was not found"
     assert reasons[rows[1].frame].startswith("it is 480 x 640 pixels, most are 640 x 480")
@@ -212,7 +211,7 @@ def test_what_a_fit_lacks(change, said, simulated):
     rows = change(list(simulated))
     assert said in geometry_views.missing(rows, FREE)
     with pytest.raises(InputRejected, match=said) as caught:
-        geometry_fit.fit_geometry(rows, FREE)
+        fit_geometry(rows, FREE)
     assert caught.value.code is shared.FIT_INCOMPLETE
 
 
@@ -230,7 +229,7 @@ def test_what_is_missing_by_name(simulated):
 
 def test_a_good_set_raises_nothing():
     rows = simulate(seed=13, count=40, noise_px=0.1, camera=SQUARE, tilt_deg=45.0)
-    assert raised(geometry_fit.fit_geometry(rows, geometry.Params())) == set()
+    assert raised(fit_geometry(rows, Params())) == set()
 
 
 def test_poor_sets_are_flagged(simulated):
@@ -238,7 +237,7 @@ def test_poor_sets_are_flagged(simulated):
         Pose(np.array([0.02 * n, 0.02, 0.0]), np.array([-100.0, -60.0, 900.0 + 40 * n])) for n in range(6)
     ]
     rows = simulate_rows(SQUARE, BOARD, middle, np.random.default_rng(2), noise_px=0.01)
-    poor = geometry_fit.fit_geometry(rows, geometry.Params(radial_terms=1, tangential=False))
+    poor = fit_geometry(rows, Params(radial_terms=1, tangential=False))
     assert {"few_views", "coverage_poor", "tilt_poor"} <= raised(poor)
     assert poor.coverage.share < 0.3
     nodding = [
@@ -246,13 +245,13 @@ def test_poor_sets_are_flagged(simulated):
         for angle in np.linspace(-0.6, 0.6, 8)
     ]
     rows = simulate_rows(SQUARE, BOARD, nodding, np.random.default_rng(2), noise_px=0.01)
-    fit = geometry_fit.fit_geometry(rows, geometry.Params(radial_terms=1, tangential=False))
+    fit = fit_geometry(rows, Params(radial_terms=1, tangential=False))
     told = {flag.flag: flag.detail for flag in fit.flags}
     assert "turn about one axis" in told["tilt_poor"]
     wide = dataclasses.replace(CAMERA, fy_px=540.0)
     skewed = simulate(seed=3, count=12, noise_px=0.05, camera=wide)
-    assert "pixels_not_square" in raised(geometry_fit.fit_geometry(skewed, FREE))
-    assert "pixels_not_square" not in raised(geometry_fit.fit_geometry(simulated, FREE))
+    assert "pixels_not_square" in raised(fit_geometry(skewed, FREE))
+    assert "pixels_not_square" not in raised(fit_geometry(simulated, FREE))
 
 
 def test_tilts_and_distances():
@@ -260,7 +259,7 @@ def test_tilts_and_distances():
     poses = [Pose(np.array([turned, 0.0, 0.0]), np.array([-100.0, -60.0, 600.0]))]
     poses += list(draw_poses(CAMERA, BOARD, np.random.default_rng(5), count=11))
     rows = simulate_rows(CAMERA, BOARD, poses, np.random.default_rng(5), noise_px=0.02)
-    point = geometry_fit.fit_geometry(rows, FREE).points[0]
+    point = fit_geometry(rows, FREE).points[0]
     assert point.tilt_deg == pytest.approx(30.0, abs=0.2)
     assert point.distance_mm == pytest.approx(math.hypot(100, 60, 600), rel=0.005)
 
@@ -278,4 +277,4 @@ def test_tilts_and_distances():
 )
 def test_parameters_that_cannot_be(change):
     with pytest.raises(ValueError, match=r"."):
-        geometry.Params(**change)
+        Params(**change)

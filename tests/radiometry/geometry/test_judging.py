@@ -5,15 +5,15 @@ import dataclasses
 import numpy as np
 import pytest
 
-from radiometry.geometry import method as geometry
-from radiometry.geometry import suggestions
 from radiometry.geometry.bundle import Pose
+from radiometry.geometry.results import Params
+from radiometry.geometry.verdicts import judge_frames, plan_views
 from tests.radiometry.evidence import taken
 from tests.radiometry.geometry.boards import BOARD, FREE, SQUARE, simulate, simulate_rows, with_features
 
 
 def judge(rows, **changes):
-    verdicts = geometry.judge([taken(row, **{"region": None} | changes) for row in rows], rows, FREE)
+    verdicts = judge_frames([taken(row, **{"region": None} | changes) for row in rows], rows)
     return {frame: (each.outcome, [r.code for r in each.reasons]) for frame, each in verdicts.items()}
 
 
@@ -44,24 +44,23 @@ def test_an_unread_picture_is_pending(simulated):
 
 def test_a_good_set_needs_nothing():
     rows = simulate(seed=13, count=40, noise_px=0.1, camera=SQUARE, tilt_deg=45.0)
-    assert suggestions.plan_views(rows, geometry.Params()) == ()
-    assert suggestions.plan_views([], geometry.Params()) == ()
+    assert plan_views(rows, Params()) == ()
+    assert plan_views([], Params()) == ()
 
 
 def test_advice_names_the_parts_of_the_frame(simulated):
     left = [row for row in simulated if max(col for _, col in row.features.fixed_px) < 480][:4]
-    (coverage,) = [each for each in suggestions.plan_views(left, FREE) if "parts of the frame" in each]
+    (coverage,) = [each for each in plan_views(left, FREE) if "parts of the frame" in each]
     assert "top right" in coverage
     assert "middle left" not in coverage
-    assert f"{len(left)} usable views: add {10 - len(left)} more" in suggestions.plan_views(left, FREE)
+    assert f"{len(left)} usable views: add {10 - len(left)} more" in plan_views(left, FREE)
 
 
 def test_advice_for_flat_and_for_bad_views(simulated):
     flat = [Pose(np.zeros(3), np.array([x, -60.0, 400.0])) for x in (-150.0, -100.0, -50.0)]
     rows = simulate_rows(SQUARE, BOARD, flat, np.random.default_rng(1), noise_px=0.0)
-    assert (
-        "tilt the board by 20 to 45 degrees, to the left, to the right, up and down"
-        in suggestions.plan_views(rows, FREE)
+    assert "tilt the board by 20 to 45 degrees, to the left, to the right, up and down" in plan_views(
+        rows, FREE
     )
     moved = tuple(
         (row + (number % 2) * 1.5, col) for number, (row, col) in enumerate(simulated[2].features.fixed_px)
@@ -69,5 +68,5 @@ def test_advice_for_flat_and_for_bad_views(simulated):
     rows = [*simulated[:2], with_features(simulated[2], fixed_px=moved), *simulated[3:]]
     assert any(
         each.startswith("take frame view-002 again, or leave it out: It fits to")
-        for each in suggestions.plan_views(rows, FREE)
+        for each in plan_views(rows, FREE)
     )

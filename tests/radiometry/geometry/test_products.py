@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from radiometry.findings import InputRejected, shared
-from radiometry.geometry import exports, undistortion
-from radiometry.geometry import fit as geometry_fit
-from radiometry.geometry.camera import find_directions
-from radiometry.geometry.written import EXPORTS
+from radiometry.geometry.camera import find_directions, undistort
+from radiometry.geometry.exports import EXPORTS, export_json, export_opencv
+from radiometry.geometry.fit import fit_geometry
 from radiometry.specification.exports import ExportSubject
 from tests.radiometry.geometry.boards import CAMERA, FREE, SQUARE
 
@@ -22,12 +21,12 @@ SMALL = dataclasses.replace(CAMERA, height_px=120, width_px=160, fx_px=130, fy_p
 
 @pytest.fixture(scope="module")
 def fit(simulated):
-    return geometry_fit.fit_geometry(simulated, dataclasses.replace(FREE, pixel_pitch_um=4.65))
+    return fit_geometry(simulated, dataclasses.replace(FREE, pixel_pitch_um=4.65))
 
 
 def test_opencv_reads_its_file(fit, tmp_path):
     path = tmp_path / "camera.yml"
-    path.write_text(exports.export_opencv(fit), encoding="ascii")
+    path.write_text(export_opencv(fit), encoding="ascii")
     storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
     np.testing.assert_array_equal(storage.getNode("camera_matrix").mat(), fit.camera.matrix)
     distortion = storage.getNode("distortion_coefficients").mat()
@@ -41,7 +40,7 @@ def test_opencv_reads_its_file(fit, tmp_path):
 
 
 def test_json_holds_all_that_the_others_hold(fit):
-    read = json.loads(exports.export_json(fit, camera_name="camera"))
+    read = json.loads(export_json(fit, camera_name="camera"))
     assert {name: each["value"] for name, each in read["parameters"].items()} == {
         each.name: each.value for each in fit.coefficients
     }
@@ -50,7 +49,7 @@ def test_json_holds_all_that_the_others_hold(fit):
     variance = read["covariance"]["matrix"][place][place]
     assert math.sqrt(variance) == pytest.approx(read["parameters"]["k3"]["standard_uncertainty"])
     assert read["pixel_pitch_um"] == 4.65
-    plain = json.loads(exports.export_json(dataclasses.replace(fit, pixel_pitch_um=None), camera_name="c"))
+    plain = json.loads(export_json(dataclasses.replace(fit, pixel_pitch_um=None), camera_name="c"))
     assert "pixel_pitch_um" not in plain
 
 
@@ -157,7 +156,7 @@ def make_picture(camera, kind):
 
 
 def test_an_undistorted_pixel_shows_its_own_direction():
-    plain, inside = undistortion.undistort(make_picture(SMALL, np.float32), SMALL)
+    plain, inside = undistort(make_picture(SMALL, np.float32), SMALL)
     rows, cols = np.indices(plain.shape)
     expected = 5000 + 2000 * (cols - SMALL.cx_px) / SMALL.fx_px + 500 * (rows - SMALL.cy_px) / SMALL.fy_px
     # between pixels of a curved picture straight lines err by some tenths of 2000 / 130 per pixel
@@ -167,11 +166,11 @@ def test_an_undistorted_pixel_shows_its_own_direction():
 
 def test_what_no_pixel_saw_is_nothing():
     pincushion = dataclasses.replace(SMALL, k1=0.3, k2=0.0, k3=0.0)
-    plain, inside = undistortion.undistort(make_picture(pincushion, np.float32), pincushion)
+    plain, inside = undistort(make_picture(pincushion, np.float32), pincushion)
     assert 0.5 < inside.mean() < 1.0
     assert not inside[0, 0]
     np.testing.assert_array_equal(np.isnan(plain), ~inside)
-    whole, same = undistortion.undistort(make_picture(pincushion, np.uint16), pincushion)
+    whole, same = undistort(make_picture(pincushion, np.uint16), pincushion)
     np.testing.assert_array_equal(same, inside)
     assert whole.dtype == np.uint16
     assert not whole[~inside].any()
@@ -181,7 +180,7 @@ def test_what_no_pixel_saw_is_nothing():
 def test_a_lens_without_distortion_changes_nothing():
     straight = dataclasses.replace(SMALL, k1=0.0, k2=0.0, p1=0.0, p2=0.0, k3=0.0)
     samples = np.random.default_rng(1).integers(0, 65_536, (120, 160, 3), np.uint16)
-    plain, inside = undistortion.undistort(samples, straight)
+    plain, inside = undistort(samples, straight)
     np.testing.assert_array_equal(plain[inside], samples[inside])
     assert inside[1:-1, 1:-1].all()
 
@@ -199,8 +198,8 @@ def test_the_transposed_picture_is_undistorted_alike():
         p1=SMALL.p2,
         p2=SMALL.p1,
     )
-    here, _ = undistortion.undistort(picture, SMALL)
-    there, _ = undistortion.undistort(np.ascontiguousarray(picture.T), turned)
+    here, _ = undistort(picture, SMALL)
+    there, _ = undistort(np.ascontiguousarray(picture.T), turned)
     np.testing.assert_allclose(there.T, here, atol=0.3)
 
 
@@ -208,5 +207,5 @@ def test_a_picture_of_another_size_is_refused():
     with pytest.raises(
         InputRejected, match="160 x 120 pixels, the calibration holds for 640 x 480"
     ) as caught:
-        undistortion.undistort(make_picture(SMALL, np.uint8), SQUARE)
+        undistort(make_picture(SMALL, np.uint8), SQUARE)
     assert caught.value.code is shared.WRONG_CAMERA

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from radiometry.geometry import method as geometry
-from radiometry.geometry.target import locate_corners_mm, measure_spacing_px
+from radiometry.geometry.target import Target, locate_corners_mm, measure_spacing_px
 from tests.radiometry.geometry.boards import BOARD, CHARUCO
 
-ADAPTER = TypeAdapter(geometry.Target)
+ADAPTER = TypeAdapter(Target)
 
 
 @pytest.mark.parametrize("target", [BOARD, CHARUCO])
