@@ -19,6 +19,7 @@ FORMAT = """async ([base, name, values]) => {
     const found = await import(`${base}/format.js`);
     return values.map((value) => found[name](value));
 }"""
+TIME = """async ([base, at]) => (await import(`${base}/format.js`)).time(at).textContent"""
 IN_ORDER = """async ([base, names]) => (await import(`${base}/groups.js`)).inOrder(names, (name) => name)"""
 ISO_VALUES = """async ([base, cases]) => {
     const { isoValues } = await import(`${base}/card/view.js`);
@@ -129,6 +130,8 @@ def test_times_numbers_and_names_are_written_for_people(run):
     assert run("async ([base]) => (await import(`${base}/format.js`)).fixed(-0.004, 2)") == "0.00"
     assert run(FORMAT, "percent", [3.9e-7, 0.0, 0.00044]) == ["< 0.001 %", "0 %", "0.044 %"]
     assert run(FORMAT, "words", ["noise_high"]) == ["noise high"]
+    assert run(TIME, "2026-05-01T21:29:00+02:00") == "2026-05-01 19:29 UTC"
+    assert run(TIME, "2026-05-01T21:29:00") == "2026-05-01 21:29"  # as the clock showed it, wherever it was
     assert run(IN_ORDER, ["level-10", "level-2", "DJI_10", "DJI_9"]) == [
         "DJI_9",
         "DJI_10",

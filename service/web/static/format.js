@@ -69,9 +69,12 @@ export function unit(text) {
 /** 2026-05-01 */
 export const day = (instant) => (instant ? instant.slice(0, 10) : "–");
 
-/** 2026-05-01 08:00 UTC, as an element that machines read too. */
+export const hasZone = (stamp) => /(Z|[+-]\d\d:\d\d)$/.test(stamp);
+
+/** 2026-05-01 08:00 UTC, as an element that machines read too; of a clock without a zone as it showed it. */
 export function time(instant) {
   if (!instant) return h("span", { class: "muted" }, "–");
+  if (!hasZone(instant)) return h("span", { class: "nowrap", title: "As the camera’s clock showed it; the file states no time zone" }, instant.slice(0, 16).replace("T", " "));
   const utc = new Date(instant).toISOString();
   return h("time", { datetime: instant, class: "nowrap", title: `${instant} (${ago(instant)})` }, `${utc.slice(0, 10)} ${utc.slice(11, 16)} UTC`);
 }

@@ -34,7 +34,7 @@ load(byId("figures"), () => measurement, (found) => {
 load(byId("map"), drawableMap, (drawn) => drawn);
 load(byId("with"), withFalloff, drawCalibration);
 load(byId("budget"), () => measurement, drawBudget);
-load(byId("better"), () => measurement, ({ to_do_better: sentences }) => (sentences.length ? h("ul", { class: "better" }, sentences.map((each) => h("li", {}, prose(each)))) : h("p", { class: "muted" }, "No suggestions.")));
+load(byId("better"), () => measurement, drawBetter);
 load(byId("flags"), async () => (await measurement).findings, drawFindings);
 load(byId("made"), () => measurement, drawRecord);
 
@@ -92,6 +92,12 @@ function drawCalibration([{ calibration, signal, vignetting, method, corrections
     h("p", { class: "small muted" }, typeset(calibration.why)),
     h("dl", { class: "facts small" }, h("dt", {}, "Signal"), h("dd", {}, words(signal)), h("dt", {}, "Vignetting correction"), h("dd", {}, lens), corrections.map(drawCorrection)),
   );
+}
+
+/** What is not said beside the flags already. */
+function drawBetter({ to_do_better: sentences, findings }) {
+  const others = sentences.filter((each) => findings.every(({ action }) => action !== each));
+  return others.length ? h("ul", { class: "better" }, others.map((each) => h("li", {}, prose(each)))) : h("p", { class: "muted" }, "No suggestions beside those of the flags.");
 }
 
 /** An error of the field: its factor or what was subtracted, and why. */

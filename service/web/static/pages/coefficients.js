@@ -3,7 +3,7 @@
 import { all, get } from "../api.js";
 import { ask } from "../ask.js";
 import { byId, fill, h, svg, table, toast } from "../dom.js";
-import { counted, day, quantity, unit } from "../format.js";
+import { counted, day, hasZone, quantity, unit } from "../format.js";
 import { holdsFor } from "../coefficients.js";
 import { coefficientLabel, headlineOf, labelOf, METHODS } from "../methods.js";
 import { mark } from "../marks.js";
@@ -80,15 +80,16 @@ function drawQuick() {
 /** The times of a measurement: when its frame was taken, and when it was made. */
 async function askMeasurement() {
   const { items } = await get(`/v1/measurements?camera_id=${id}&limit=100`);
-  const timed = items.filter((each) => each.taken_at && each.created_at);
+  // a clock without a zone is looked up as if it showed UTC, wherever the browser is
+  const timed = items.filter((each) => each.taken_at && each.created_at).map((each) => ({ ...each, taken: Date.parse(hasZone(each.taken_at) ? each.taken_at : `${each.taken_at}Z`) }));
   if (!timed.length) return toast("No measurement with this camera states when its frame was taken.");
   await ask({
     title: "A measurement",
-    fields: [{ name: "measurement", label: "Measurement", help: "Sets both times: when its frame was taken, and what was known when it was measured.", options: timed.map((each) => [each.id, `${each.filename}, ${written(Date.parse(each.taken_at))}`]) }],
+    fields: [{ name: "measurement", label: "Measurement", help: "Sets both times: when its frame was taken, and what was known when it was measured.", options: timed.map((each) => [each.id, `${each.filename}, ${written(each.taken)}`]) }],
     submit: "Take its times",
     action: ({ measurement }) => {
       const found = timed.find((each) => each.id === measurement);
-      return choose({ at: written(Date.parse(found.taken_at)), known_at: new Date(found.created_at).toISOString() });
+      return choose({ at: written(found.taken), known_at: new Date(found.created_at).toISOString() });
     },
   });
 }
