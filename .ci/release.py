@@ -85,7 +85,7 @@ def check_migrations(root: Path, *, at_release: bool = True) -> Check:
     if changed:
         detail = f"{', '.join(changed)} changed after the release: restore it, and add another migration"
         return Check(name="migrations", right=False, detail=detail)
-    new = " ".join(found.keys() - released.keys() if at_release else ())
+    new = " ".join(sorted(found.keys() - released.keys()) if at_release else ())
     detail = f"cd migrations && sha256sum {new} >> released.sha256" if new else f"{len(released)} as released"
     return Check(name="migrations", right=not new, detail=detail)
 
