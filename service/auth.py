@@ -13,7 +13,7 @@ from starlette.requests import ClientDisconnect
 from radiometry.findings import interface
 from service.attempts import name_address
 from service.context import Context
-from service.problems import Problem, RefusedBody
+from service.problems import Problem
 from service.schemas.base import rfc3339
 from service.sessions import CSRF_HEADER
 from store.queries.keys import UNNAMED, Person, Who, find_ended_key, find_key, find_session_key
@@ -96,7 +96,7 @@ async def identify(request: Request) -> None:
             async for _ in request.stream():
                 pass
             await _wait(request, late_s)
-        except RefusedBody:
+        except Problem:
             problem.headers["Connection"] = "close"
             await asyncio.sleep(late_s)
         except ClientDisconnect:

@@ -10,7 +10,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from radiometry.findings import interface
 from service.limits import is_upload
-from service.problems import Problem, RefusedBody
+from service.problems import Problem
 
 _ALGORITHMS: Final = {"sha-256": "sha256", "sha-512": "sha512"}
 _MEMBER: Final = re.compile(r"(?:^|,)\s*(sha-256|sha-512)\s*=([^,]*)", re.IGNORECASE)
@@ -65,7 +65,7 @@ class _Compared:
             if running.digest() != digest:
                 found = base64.b64encode(running.digest()).decode()
                 detail = f"The body is not the one of {name.title()}: it arrived as {running.name} {found}."
-                raise RefusedBody(Problem(interface.DIGEST_MISMATCH, f"{detail} Send it again."))
+                raise Problem(interface.DIGEST_MISMATCH, f"{detail} Send it again.")
 
 
 def _read_digests(name: str, text: str) -> list[tuple[str, bytes]]:
@@ -79,6 +79,6 @@ def _read_digests(name: str, text: str) -> list[tuple[str, bytes]]:
             digest = b""
         if (value[:1], value[-1:]) != (":", ":") or len(digest) != hashlib.new(algorithm).digest_size:
             detail = f"{name.title()} cannot be read: it takes {match[1].lower()}=:base64 of the digest:"
-            raise RefusedBody(Problem(interface.BAD_REQUEST, detail))
+            raise Problem(interface.BAD_REQUEST, detail)
         found.append((algorithm, digest))
     return found

@@ -12,7 +12,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from radiometry.findings import interface
 from service.attempts import name_address
 from service.auth import Caller
-from service.problems import Problem, RefusedBody
+from service.problems import Problem
 
 MAX_BODY_BYTES: Final = 4 << 20
 STRANGER_BYTES: Final = 64_000
@@ -119,17 +119,17 @@ class _Body:
             raise _too_large(most)
 
 
-def _too_large(most: int) -> RefusedBody:
+def _too_large(most: int) -> Problem:
     detail = f"The body may have at most {most} bytes here. Send it in parts."
-    return RefusedBody(Problem(interface.UPLOAD_TOO_LARGE, detail))
+    return Problem(interface.UPLOAD_TOO_LARGE, detail)
 
 
-def _too_many() -> RefusedBody:
+def _too_many() -> Problem:
     detail = f"Requests under way hold {OPEN_BYTES} bytes already. Wait until some are answered."
     headers = {"Retry-After": "1", "Connection": "close"}
-    return RefusedBody(Problem(interface.TOO_MANY_REQUESTS, detail, headers=headers))
+    return Problem(interface.TOO_MANY_REQUESTS, detail, headers=headers)
 
 
-def _too_slow() -> RefusedBody:
+def _too_slow() -> Problem:
     detail = "The body was not there in time: it paused or came too slowly. Send it again."
-    return RefusedBody(Problem(interface.UPLOAD_INCOMPLETE, detail, headers={"Connection": "close"}))
+    return Problem(interface.UPLOAD_INCOMPLETE, detail, headers={"Connection": "close"})

@@ -19,7 +19,7 @@ from starlette.types import Receive, Scope
 from radiometry.findings import interface
 from service.auth import Needs, get_caller, identify, require
 from service.context import Context
-from service.problems import UNREADABLE, Problem, RefusedBody, invalid, located
+from service.problems import UNREADABLE, Problem, invalid, located
 
 T = TypeVar("T")
 
@@ -103,12 +103,12 @@ def read_document(body: bytes, validate: Callable[[Any], T]) -> T:
             json.loads(body, object_pairs_hook=_collect, parse_int=_read_whole, parse_float=_read_real)
         )
     except ValidationError as error:
-        raise RefusedBody(invalid(located(error, "body"))) from error
+        raise invalid(located(error, "body")) from error
     except json.JSONDecodeError as error:
         detail = f"The body is not JSON: {error.msg} at character {error.pos}."
-        raise RefusedBody(Problem(interface.BAD_REQUEST, detail)) from error
+        raise Problem(interface.BAD_REQUEST, detail) from error
     except (ValueError, RecursionError) as error:
-        raise RefusedBody(Problem(interface.BAD_REQUEST, UNREADABLE)) from error
+        raise Problem(interface.BAD_REQUEST, UNREADABLE) from error
 
 
 def refuse_load(body: bytes, *marks: str) -> None:
@@ -144,8 +144,8 @@ def _as_it_is(document: Any) -> Any:  # noqa: ANN401
     return document
 
 
-def _wrong(message: str) -> RefusedBody:
-    return RefusedBody(invalid([{"type": "value", "loc": ("body",), "msg": message}]))
+def _wrong(message: str) -> Problem:
+    return invalid([{"type": "value", "loc": ("body",), "msg": message}])
 
 
 def _encoded() -> Problem:

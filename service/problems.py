@@ -26,8 +26,11 @@ UNREADABLE: Final = (
 )
 
 
-class Problem(Exception):  # noqa: N818  RFC 9457's own word
-    """A refusal; its status and whether to retry are those of its finding, unless given."""
+class Problem(HTTPException):
+    """A refusal; its status and whether to retry are those of its finding, unless given.
+
+    While a body is read the framework lets only exceptions of its own class through.
+    """
 
     def __init__(
         self,
@@ -39,21 +42,12 @@ class Problem(Exception):  # noqa: N818  RFC 9457's own word
         headers: Mapping[str, str] | None = None,
         **extra: Any,  # noqa: ANN401
     ) -> None:
-        super().__init__(detail)
         self.status = status or code.status or 500
+        super().__init__(self.status, detail)
         self.code = code
-        self.detail = detail
         self.retryable = code.retryable if retryable is None else retryable
-        self.headers = dict(headers or {})
+        self.headers: dict[str, str] = dict(headers or {})
         self.extra = extra
-
-
-class RefusedBody(HTTPException):
-    """A problem found while the body is read, where the framework lets only its own exceptions through."""
-
-    def __init__(self, problem: Problem) -> None:
-        super().__init__(problem.status, problem.detail)
-        self.problem = problem
 
 
 def problem_body(
@@ -110,7 +104,7 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(HTTPException)
     async def http(request: Request, error: HTTPException) -> JSONResponse:
-        return answer(error.problem if isinstance(error, RefusedBody) else _of_the_framework(request, error))
+        return answer(_of_the_framework(request, error))
 
     @app.exception_handler(ClientDisconnect)
     async def cut(_request: Request, _error: ClientDisconnect) -> JSONResponse:
