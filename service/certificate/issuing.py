@@ -30,7 +30,6 @@ from store.files import Files
 from store.issued import PrintedCertificate, find_unissued, is_published, keep_issued, list_issued
 from store.publications import require_not_revoked
 from store.queries.calibration_record import CalibrationRecord, read_calibration_record
-from store.schema import SchemaDiffers
 from store.tables import Calibration, IssuedCertificate
 
 log = logging.getLogger(__name__)
@@ -110,7 +109,7 @@ class Backlog:
             return _LOOK_AGAIN_S
         try:
             _issue_late(self._context, calibration_id)
-        except (SQLAlchemyError, StorageUnavailable, SchemaDiffers):
+        except (SQLAlchemyError, StorageUnavailable):
             raise
         except Exception:  # of one version, whose record may be damaged: the others go on
             log.exception("the certificate of %s is not issued yet", calibration_id)

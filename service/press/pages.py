@@ -137,6 +137,9 @@ def _authority(certificate: Node) -> list[list[str]]:
         text = f"{by}, {stamp(act['at'])}: {act['reason']} (from {stamp(act['valid_from'])} {end})"
         rows.append(["Approved" if "approved_by" in certificate else "Published", text])
     issued = certificate.get("issued", {})
+    if "amends" in issued:
+        amended = issued["amends"]
+        rows.append(["Amends", f"certificate {amended['number']}, issued {stamp(amended['issued_at'])}"])
     if issued.get("at_upgrade"):
         when = "at an upgrade of the service: the version was published before certificates were kept"
         rows.append(["Issued", f"{stamp(issued['at'])}, {when}"])

@@ -8,6 +8,7 @@ import pytest
 from store.backup_check import main
 from store.blobs.objects import ObjectBlobs
 from tests.support.blobs import files, put, spoil, zero
+from tests.support.campaigns import published_campaign
 
 
 @pytest.fixture
@@ -49,6 +50,16 @@ def test_every_lost_file_is_named(house, backup, capsys):
         f"stilb: the file {frames[2]['sha256']} is damaged",
     }
     assert told.out.splitlines()[-1] == "this backup is NOT whole"
+
+
+def test_a_lost_certificate_is_named(house, capsys):
+    version = published_campaign(house, isos=(3200,))
+    (issued,) = house.get(f"/v1/calibrations/{version['id']}")["certificates"]
+    zero(house.folder, issued["pdf_sha256"], first=4000, count=9)
+    url = house.database.url.render_as_string(hide_password=False)
+    assert main([str(house.folder), "--database", url]) == 1
+    said = f"stilb: the file {issued['pdf_sha256']} of certificate {issued['number']} is damaged"
+    assert capsys.readouterr().err.splitlines() == [said]
 
 
 @pytest.fixture

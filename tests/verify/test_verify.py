@@ -191,6 +191,41 @@ def test_a_doctored_certificate_fails_against_the_server(house, staged, address,
     assert main([str(doctored), "--data", address, "--key", KEY]) == 1
 
 
+def test_what_was_issued_is_checked_byte_for_byte_with_its_amendments(
+    house, staged, address, tmp_path, capsys
+):
+    version = staged(complete_version)
+    body = {"valid_from": "2026-05-01T00:00:00Z", "reason": "spring"}
+    for reason in ("spring", "another period"):
+        house.post(f"/v1/calibrations/{version['id']}/publish", body | {"reason": reason}, status=200)
+    folder = export_version(house, version, tmp_path / "export")
+    original = json.loads((folder / "certificate.json").read_text())
+    status = json.loads((folder / "status.json").read_text())
+    assert (status["state"], len(status["certificates"])) == ("published", 2)
+    assert (folder / "amendment-1.pdf").read_bytes().startswith(b"%PDF-")
+    code, said = run(capsys, folder)
+    assert (code, "issued files (all) │ 4 │ 4 the same │ yes" in said) == (0, True)
+    amendment = str(folder / "amendment-1.json")
+    assert main([amendment, "--data", str(folder)]) == 0
+    place = f"{address}/v1/calibrations/{version['id']}/certificate.json?amendment=1"
+    assert main([place, "--key", KEY]) == 0
+    capsys.readouterr()
+    # the same JSON in other bytes, and pages that are others
+    (folder / "certificate.json").write_text(json.dumps(original, indent=1))
+    (folder / "amendment-1.pdf").unlink()
+    code, said = run(capsys, folder)
+    assert code == 1
+    for name, found in (("certificate.json", ""), ("amendment-1.pdf", "absent")):
+        assert f"issued files: {name} SHA-256 │" in said
+        assert found in said
+    # of what was issued every word is compared, also what may change while it is a draft
+    (folder / "certificate.json").write_text(json.dumps(original))
+    doctored = tmp_path / "doctored.json"
+    doctored.write_text(json.dumps(original | {"approved_by": {"name": "X", "role": "y"}}))
+    assert main([str(doctored), "--data", str(folder)]) == 1
+    assert "the data's own certificate: approved_by.name" in " ".join(capsys.readouterr().out.split())
+
+
 def test_the_clients_export_is_taken_up_where_it_stopped(house, staged, address, tmp_path):
     version = staged(complete_version)
     told = []
