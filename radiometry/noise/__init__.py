@@ -1,23 +1,50 @@
-"""Noise after EMVA 1288: photon transfer, linearity, dark current and nonuniformity from stacks of frames."""
+"""Noise: characterisation after EMVA 1288 by ISO value and channel, from stacks of equal frames.
+
+The photon transfer gives the system gain K [DN/e-] (EMVA Standard 1288, release 3.1)::
+
+    sigma_y^2 - sigma_y.dark^2 = K (mu_y - mu_y.dark)
+
+Read noise, saturation capacity, dynamic range and SNR follow from it; linearity, dark current, DSNU and
+PRNU are added. The photon flux of the standard is left out: light is not measured here, so there is no
+quantum efficiency and no threshold in photons.
+"""
 
 from typing import Final
 
-from radiometry.noise import codes, method
+from radiometry.noise import codes
+from radiometry.noise import fit as noise_fit
 from radiometry.noise.blocks import Features
-from radiometry.noise.certificate import CERTIFICATE
-from radiometry.noise.key_figures import list_key_figures
+from radiometry.noise.fit import missing
 from radiometry.noise.plots import PLOTS, split
-from radiometry.noise.points import missing
-from radiometry.noise.results import Fit
-from radiometry.noise.rows import Params
-from radiometry.noise.suggestions import find_gaps, plan
-from radiometry.noise.verdicts import judge
+from radiometry.noise.results import Fit, Params, list_key_figures
+from radiometry.noise.verdicts import find_gaps, judge, plan
+from radiometry.specification.certificate import FRAME, CertificateText, Column
 from radiometry.specification.coefficients import CoefficientKind
 from radiometry.specification.grid import Grid
 from radiometry.specification.method import MethodSpec, drop_readings, drop_target
 from radiometry.specification.roles import DARK, FLAT, LIGHT
 
 __all__ = ["SPEC"]
+
+_CERTIFICATE: Final = CertificateText(
+    procedure="Temporal noise, system gain, linearity and nonuniformity per ISO value and channel, from "
+    "stacks of frames with equal settings, by the definitions of EMVA 1288",
+    equation="var_y - var_dark = K (mu_y - mu_dark)",
+    headlines=frozenset({"system_gain_dn_per_e", "read_noise_e", "full_well_e", "dynamic_range_stops"}),
+    columns=(
+        FRAME,
+        Column(name="channel", head="channel", form="text", share=0.8),
+        Column(name="role", head="role", form="text", share=0.7),
+        Column(name="iso", head="ISO", share=0.8),
+        Column(name="exposure_time_s", head="t [s]"),
+        Column(name="mean_dn", head="mean [DN]", share=1.2),
+        Column(name="clipped_share", head="clipped", form="percent"),
+        Column(name="frames_of_setting", head="frames in stack"),
+    ),
+    traceability="Numbers of electrons follow from the statistics of the light itself; no external standard "
+    "enters.",
+    holds_for_lens=False,
+)
 
 SPEC: Final = MethodSpec(
     name="noise",
@@ -45,16 +72,16 @@ SPEC: Final = MethodSpec(
         CoefficientKind(name="prnu_rel", label="Photo response nonuniformity", units=("1",)),
     ),
     findings=codes.FINDINGS,
-    extract=drop_target(method.extract),
+    extract=drop_target(noise_fit.extract),
     missing=drop_readings(missing),
     judge=lambda frames, rows, _, params: judge(frames, rows, params),
     plan=drop_readings(plan),
     grid=Grid(rows="exposure_time_s", columns=("iso",)),
     find_gaps=drop_readings(find_gaps),
-    fit=drop_readings(method.fit),
-    list_coefficients=method.list_coefficients,
+    fit=drop_readings(noise_fit.fit),
+    list_coefficients=noise_fit.list_coefficients,
     list_key_figures=list_key_figures,
     plots=PLOTS,
     split=split,
-    certificate=CERTIFICATE,
+    certificate=_CERTIFICATE,
 )

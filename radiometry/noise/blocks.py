@@ -13,45 +13,23 @@ from radiometry.frame.packing import Packed, pack
 from radiometry.frame.roi import Window, mask
 from radiometry.frame.statistics import GREY, compute_statistics, name_site
 
-LARGEST_SIDE = 96
-"""Samples along a side. 9216 of them give the variance of a pair within 1.5 %."""
+LARGEST_SIDE = 96  # Samples along a side. 9216 of them give the variance of a pair within 1.5 %.
 
-SMALLEST_SIDE = 16
-"""256 samples: a variance within 9 %, below which few levels give no gain worth its name."""
+SMALLEST_SIDE = 16  # 256 samples: a variance within 9 %, below which few levels give no gain worth its name
 
 
 @dataclass(frozen=True, kw_only=True)
 class ChannelBlock:
-    """Square of raw samples of one channel, black included.
+    """Square of raw samples of one channel, black included."""
 
-    Attributes
-    ----------
-    channel : str
-        R, G1, G2, B for a mosaic; R, G, B for a rendered image; grey; or the name of a
-        multispectral band.
-    row0, col0 : int
-        Position of its first sample in the visible area [px].
-    step : int
-        Distance to the next sample of the channel [px].
-    samples_dn : Packed
-        Raw samples [DN].
-    clipped_share : float
-        Fraction of samples at or above the white level.
-    zero_share : float
-        Fraction of samples that are 0.
-    black_level_dn : float
-        Black level [DN].
-    white_level_dn : float
-        White level [DN].
-    """
-
+    # R, G1, G2, B for a mosaic; R, G, B for a rendered image; grey; or the name of a multispectral band
     channel: str
-    row0: int
+    row0: int  # Position of its first sample in the visible area [px]
     col0: int
-    step: int
-    samples_dn: Packed
-    clipped_share: float
-    zero_share: float
+    step: int  # Distance to the next sample of the channel [px]
+    samples_dn: Packed  # Raw samples [DN]
+    clipped_share: float  # Fraction of samples at or above the white level
+    zero_share: float  # Fraction of samples that are 0
     black_level_dn: float
     white_level_dn: float
 
@@ -69,27 +47,6 @@ FrameRow = FrameEvidence[Features]
 def extract_features(frame: Frame, regions: Sequence[Region], *, header: FrameHeader) -> Extracted[Features]:
     """Read the largest square about the middle of the first region, at most 96 samples a side and channel.
 
-    Parameters
-    ----------
-    frame : Frame
-        Frame to measure.
-    regions : sequence of Region
-        Regions of the frame; the first is used.
-    header : FrameHeader
-        Header of the frame.
-
-    Returns
-    -------
-    Extracted[Features]
-        Statistics of all regions, and the blocks.
-
-    Raises
-    ------
-    InputRejected
-        `roi_empty` if no pixel, or no square of 16 samples a side, lies in the region.
-
-    Notes
-    -----
     In a mosaic the square consists of whole 2 x 2 cells, so that every channel has the same place. It is
     the same square in every frame of one region: differences of frames are differences of the same pixels.
     """

@@ -1,18 +1,121 @@
-"""Coefficients in electrons from gain, dark noise and saturation, with the errors that they share."""
+"""Dark current, read noise, saturation and the figures that follow from them."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from radiometry.findings import Reason, shared
 from radiometry.fitting.evidence import MOST_DOF, Quantity
-from radiometry.noise.darkness import DarkCurrent
-from radiometry.noise.results import DarkCurrentFigures, TransferFigures
-from radiometry.noise.rounding import estimate_rounded_noise, estimate_rounding_error
-from radiometry.noise.stacks import Stack
+from radiometry.frame.darkness import TAKE_AGAIN, inspect_black
+from radiometry.noise.results import DARK, DarkCurrentFigures, TransferFigures
+from radiometry.noise.stacks import Stack, estimate_rounded_noise, estimate_rounding_error
 from radiometry.noise.transfer import Saturation, Transfer
+
+Vector = NDArray[np.float64]
+
+# Of the span from black to white, above the darkest frame of the same ISO and time: black levels wander by a
+# tenth of this
+ABOVE_OTHERS_SHARE = 0.001
+
+
+@dataclass(frozen=True, kw_only=True)
+class DarkCurrent:
+    """Dark current from the dark signal and from the dark noise."""
+
+    from_mean: Quantity  # Slope of the dark signal's mean [DN/s]
+    from_variance: Quantity | None  # Slope of the dark noise's variance [DN^2/s]; None if it is not known
+    dof: float  # Degrees of freedom of the uncertainty of the first
+
+
+def find_dark_current(stacks: Sequence[Stack]) -> DarkCurrent | None:
+    """Fit mu_dark = mu_0 + mu_I t to the means of all dark frames, and a line to their stacks' variances.
+
+    The dark current in DN and in electrons is [1] (section 7.1)::
+
+        mu_I [DN/s] = slope of the mean,     mu_I [e-/s] = slope of the variance / K^2
+
+    A frame's mean is weighted by the noise of its samples. Electronics move whole frames by more than that
+    noise; where frames scatter more, the error grows with their scatter (Birge).
+
+    [1] EMVA Standard 1288, release 3.1
+    """
+    darks = [stack for stack in stacks if stack.setting.role == DARK]
+    noise = max((stack.temporal.value_dn2 for stack in darks if stack.temporal), default=0.0)
+    points = [
+        (
+            stack.setting.exposure_time_s,
+            mean,
+            math.sqrt(_noise_dn2(stack, noise) / stack.samples),
+        )
+        for stack in darks
+        for mean in stack.frame_means_dn
+    ]
+    line = _fit_slope(points)
+    if line is None or noise <= 0.0:
+        return None
+    variances = [
+        (stack.setting.exposure_time_s, stack.temporal.value_dn2, stack.temporal.u_dn2)
+        for stack in darks
+        if stack.temporal
+    ]
+    growing = _fit_slope(variances, fewest=2)
+    return DarkCurrent(
+        from_mean=Quantity(value=line[0], standard_uncertainty=line[1], unit="DN/s"),
+        from_variance=Quantity(value=growing[0], standard_uncertainty=growing[1], unit="DN2/s")
+        if growing
+        else None,
+        dof=line[2],
+    )
+
+
+def _noise_dn2(stack: Stack, otherwise: float) -> float:
+    return stack.temporal.value_dn2 if stack.temporal else otherwise
+
+
+def _fit_slope(
+    points: Sequence[tuple[float, float, float]], *, fewest: int = 3
+) -> tuple[float, float, float] | None:
+    """Return slope, its standard uncertainty and degrees of freedom of a weighted line through (t, y, u)."""
+    if len(points) < fewest or len({time for time, _, _ in points}) < 2:
+        return None
+    t, y, u = (np.array(column) for column in zip(*points, strict=True))
+    if not np.all(u > 0.0):
+        return None
+    weights = 1.0 / u**2
+    middle = float(weights @ t / weights.sum())
+    spread = float(weights @ (t - middle) ** 2)
+    slope = float(weights @ ((t - middle) * y)) / spread
+    level = float(weights @ y / weights.sum())
+    residual = y - level - slope * (t - middle)
+    dof = len(points) - 2
+    excess = max(1.0, float(weights @ residual**2) / dof) if dof else 1.0
+    return slope, math.sqrt(excess / spread), float(dof) if excess > 1.0 else MOST_DOF
+
+
+def find_not_dark(stack: Stack) -> dict[str, Reason]:
+    """Return the reason for each frame of a dark stack that saw light.
+
+    A warm sensor's signal grows with time, in all frames of one time alike. A noise campaign measures just
+    this, so only a signal that no sensor reaches without light counts against the stated black level.
+    """
+    span = max(stack.white_level_dn - stack.black_level_dn, 1.0)
+    darkest = min(stack.frame_means_dn)
+    found = {}
+    for frame, mean in zip(stack.frames, stack.frame_means_dn, strict=True):
+        reason = inspect_black(mean, black_level_dn=stack.black_level_dn, white_level_dn=stack.white_level_dn)
+        if mean - darkest > ABOVE_OTHERS_SHARE * span:
+            detail = (
+                f"Its mean is {mean - darkest:.3g} DN above that of a dark frame of the same ISO and time: "
+                f"this one saw light. {TAKE_AGAIN}"
+            )
+            reason = shared.DARK_NOT_DARK.reason(detail)
+        if reason is not None and reason.outcome == "fail":
+            found[frame] = reason
+    return found
+
 
 _STEP_REL = 1e-5
 
@@ -25,26 +128,7 @@ def propagate(
     unit: str,
     dofs: NDArray[np.float64] | None = None,
 ) -> tuple[Quantity, float]:
-    """Compute a function of several inputs and its uncertainty: u^2 = g' V g (JCGM 100).
-
-    Parameters
-    ----------
-    figure : callable
-        Function of the inputs, with gradient g by central differences.
-    values : ndarray of float64
-        Inputs, none of them 0, (n,).
-    covariance : ndarray of float64
-        Covariance V of the inputs, (n, n).
-    unit : str
-        Unit of the value.
-    dofs : ndarray of float64 or None, default: None
-        Degrees of freedom of the inputs' uncertainties, (n,); None for infinite ones.
-
-    Returns
-    -------
-    tuple of (Quantity, float)
-        Value and standard uncertainty, and effective degrees of freedom by Welch and Satterthwaite.
-    """
+    """Compute a function of several inputs and its uncertainty: u^2 = g' V g (JCGM 100)."""
     gradient = np.empty(values.size)
     for index, value in enumerate(values):
         step = _STEP_REL * abs(value)
@@ -62,25 +146,13 @@ def propagate(
 
 @dataclass(frozen=True, kw_only=True)
 class DarkNoise:
-    """Variance sigma_y.dark^2 [DN^2] of the shortest dark stack, and the part of it due to rounding.
+    """Variance sigma_y.dark^2 [DN^2] of the shortest dark stack, and the part of it due to rounding."""
 
-    Attributes
-    ----------
-    stack : Stack
-        Shortest dark stack.
-    variance_dn2, variance_u_dn2 : float
-        Variance and its standard uncertainty [DN^2].
-    dof : float
-        Degrees of freedom of that uncertainty.
-    rounding_dn2 : float
-        Variance due to rounding, sigma_q^2 [DN^2].
-    """
-
-    stack: Stack
-    variance_dn2: float
+    stack: Stack  # Shortest dark stack
+    variance_dn2: float  # Variance and its standard uncertainty [DN^2]
     variance_u_dn2: float
-    dof: float
-    rounding_dn2: float
+    dof: float  # Degrees of freedom of that uncertainty
+    rounding_dn2: float  # Variance due to rounding, sigma_q^2 [DN^2]
 
     @property
     def rounding_dominates(self) -> bool:
@@ -88,35 +160,12 @@ class DarkNoise:
         return self.stack.changes is not None
 
     def read_noise_dn(self, variance_dn2: float) -> float:
-        """Return sqrt(sigma_y.dark^2 - sigma_q^2) [DN].
-
-        Parameters
-        ----------
-        variance_dn2 : float
-            Variance sigma_y.dark^2 [DN^2].
-
-        Returns
-        -------
-        float
-            Read noise [DN].
-        """
+        """Return sqrt(sigma_y.dark^2 - sigma_q^2) [DN]."""
         return math.sqrt(max(0.0, variance_dn2 - self.rounding_dn2))
 
 
 def measure_dark_noise(stack: Stack) -> DarkNoise:
-    """Read the dark noise off a stack of dark frames; sigma_q^2 = step^2 / 12.
-
-    Parameters
-    ----------
-    stack : Stack
-        Stack of at least two dark frames.
-
-    Returns
-    -------
-    DarkNoise
-        Variance and the part of it due to rounding. Where rounding hides the noise, it is that of
-        `estimate_rounded_noise`; else the error of the rounding is added.
-    """
+    """Read the dark noise off a stack of dark frames; sigma_q^2 = step^2 / 12."""
     if stack.temporal is None or stack.pattern is None:
         raise AssertionError("a dark stack has at least two frames")
     rounding, step = stack.step_dn**2 / 12, stack.step_dn
@@ -137,13 +186,7 @@ def measure_dark_noise(stack: Stack) -> DarkNoise:
 
 
 def find_read_noise_dn(dark: DarkNoise) -> Quantity:
-    """Return the read noise [DN], which needs no gain.
-
-    Returns
-    -------
-    Quantity
-        Read noise [DN].
-    """
+    """Return the read noise [DN], which needs no gain."""
     variance = np.array([dark.variance_dn2])
     return propagate(dark.read_noise_dn, variance, np.array([[dark.variance_u_dn2**2]]), unit="DN")[0]
 
@@ -153,32 +196,12 @@ def find_transfer_figures(
 ) -> tuple[TransferFigures, dict[str, float]]:
     """Compute the coefficients that follow from K, sigma_y.dark^2 and mu_sat.
 
-    Parameters
-    ----------
-    dark : DarkNoise
-        Dark noise sigma_y.dark^2.
-    transfer : Transfer
-        Photon transfer with the gain K.
-    saturation : Saturation
-        Saturation mu_sat.
-    dsnu_dn : Quantity
-        DSNU [DN].
-
-    Returns
-    -------
-    tuple of (TransferFigures, dict of str to float)
-        Coefficients with their uncertainties, and effective degrees of freedom by name.
-
-    Notes
-    -----
-    With K [DN/e-] [1]_ (2.3 to 2.6, 6.6)::
+    With K [DN/e-] [1] (2.3 to 2.6, 6.6)::
 
         sigma_d = sqrt(sigma_y.dark^2 - sigma_q^2) / K,   mu_e.min = sigma_y.dark / K + 1/2,
         mu_e.sat = mu_sat / K,   SNR_max = sqrt(mu_e.sat),   DR = mu_e.sat / mu_e.min
 
-    References
-    ----------
-    .. [1] EMVA Standard 1288, release 3.1
+    [1] EMVA Standard 1288, release 3.1
     """
     values = np.array([transfer.gain_dn_per_e, dark.variance_dn2, saturation.signal_dn])
     covariance = np.diag([transfer.gain_u**2, dark.variance_u_dn2**2, saturation.u_dn**2])
@@ -213,20 +236,7 @@ def find_transfer_figures(
 def find_dark_current_figures(
     current: DarkCurrent | None, transfer: Transfer | None
 ) -> DarkCurrentFigures | None:
-    """Return the dark current in DN/s, and in e-/s if the gain is known.
-
-    Parameters
-    ----------
-    current : DarkCurrent or None
-        Dark current; None if it is not known.
-    transfer : Transfer or None
-        Photon transfer with the gain; None if it is not known.
-
-    Returns
-    -------
-    DarkCurrentFigures or None
-        None without a dark current.
-    """
+    """Return the dark current in DN/s, and in e-/s if the gain is known."""
     if current is None:
         return None
     mean, variance = current.from_mean, current.from_variance

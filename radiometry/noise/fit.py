@@ -1,164 +1,320 @@
-"""Evaluation of one channel at one ISO value, from its stacks to every coefficient."""
+"""The fit of a campaign: its frames, every channel at every ISO value, flags and coefficients."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
-from radiometry.fitting.evidence import MOST_DOF, Quantity
-from radiometry.noise.darkness import find_dark_current
-from radiometry.noise.figures import (
-    find_dark_current_figures,
-    find_read_noise_dn,
-    find_transfer_figures,
-    measure_dark_noise,
-)
-from radiometry.noise.levels import Level, list_darks, list_levels
-from radiometry.noise.linearity import Linearity, find_linearity
-from radiometry.noise.nonuniformity import find_dsnu, find_prnu
-from radiometry.noise.results import ChannelFit, LevelResult, LinearityFigures
-from radiometry.noise.rows import Params
-from radiometry.noise.stacks import Stack
-from radiometry.noise.transfer import Saturation, Transfer, find_saturation, fit_gain
+from radiometry.drawing.text import name_few
+from radiometry.findings import Finding, InputRejected, Raised, shared
+from radiometry.fitting.evidence import MOST_DOF, CoefficientValue, Extracted, Quantity, Region
+from radiometry.frame import Frame, FrameHeader
+from radiometry.frame.darkness import flag_assumed_black, name_not_dark
+from radiometry.frame.exposure import Exposure
+from radiometry.frame.statistics import CHANNELS
+from radiometry.noise import codes
+from radiometry.noise.blocks import Features, FrameRow, extract_features
+from radiometry.noise.channels import FittedChannel, fit_channel
+from radiometry.noise.figures import find_not_dark
+from radiometry.noise.results import DARK, TRANSFER_EQUATION, ChannelFit, Fit, Params, Point
+from radiometry.noise.stacks import Stack, group_by_channel, make_stacks
+from radiometry.noise.transfer import FEWEST_LEVELS
 
 
-@dataclass(frozen=True, kw_only=True)
-class FittedChannel:
-    """Coefficients of a channel, with the values from which the flags are raised."""
-
-    fit: ChannelFit
-    stacks: tuple[Stack, ...]
-    levels: tuple[Level, ...]
-    transfer: Transfer | None
-    rounding_dominates: bool
-    dsnu_resolved: bool
-    prnu_resolved: bool
+def collect_stacks(rows: Sequence[FrameRow], params: Params) -> dict[tuple[float, str], list[Stack]]:
+    """Return the stacks of the frames that are not excluded, by ISO value and channel."""
+    excluded = {exclusion.frame for exclusion in params.exclude}
+    return group_by_channel(make_stacks([row for row in rows if row.frame not in excluded]))
 
 
-def fit_channel(stacks: Sequence[Stack], params: Params) -> FittedChannel | None:
-    """Evaluate one channel at one ISO value.
-
-    Parameters
-    ----------
-    stacks : sequence of Stack
-        Stacks of the channel at the ISO value.
-    params : Params
-        Parameters of the fit.
-
-    Returns
-    -------
-    FittedChannel or None
-        None if no pair of dark frames shows the noise of the channel.
-    """
-    darks, dsnu = list_darks(stacks), find_dsnu(stacks)
-    if not darks or dsnu is None:
-        return None
-    dark, levels = measure_dark_noise(darks[0]), list_levels(stacks, params)
-    saturation = find_saturation(
-        levels,
-        white_signal_dn=darks[0].white_level_dn - darks[0].mean_dn,
-        largest_drift_rel=params.largest_drift_rel,
-    )
-    transfer = fit_gain(levels, saturation, range_share=params.gain_range_share)
-    linearity, prnu = _look_at_light(levels, saturation, transfer, params)
-    figures, dofs = (
-        find_transfer_figures(dark, transfer, saturation, dsnu_dn=dsnu[0]) if transfer else (None, {})
-    )
-    current = find_dark_current(stacks)
-    fit = ChannelFit(
-        iso=darks[0].setting.iso,
-        channel=darks[0].setting.channel,
-        dark_signal_dn=darks[0].mean_dn,
-        read_noise_dn=find_read_noise_dn(dark),
-        dsnu_dn=dsnu[0],
-        prnu_rel=prnu[0] if prnu else None,
-        transfer=figures,
-        linearity=_show(linearity) if linearity else None,
-        dark_current=find_dark_current_figures(current, transfer),
-        levels=tuple(_describe(level, transfer, linearity, saturation, params) for level in levels),
-        effective_dof=dofs
-        | {"read_noise_dn": min(MOST_DOF, dark.dof)}
-        | ({f"dark_current_{unit}_per_s": current.dof for unit in ("dn", "e")} if current else {}),
-    )
-    return FittedChannel(
-        fit=fit,
-        stacks=tuple(stacks),
-        levels=levels,
-        transfer=transfer,
-        rounding_dominates=dark.rounding_dominates,
-        dsnu_resolved=dsnu[1],
-        prnu_resolved=prnu[1] if prnu else True,
-    )
+def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] = ()) -> tuple[str, ...]:
+    """List, by name, what keeps a fit from starting."""
+    excluded = {exclusion.frame for exclusion in params.exclude}
+    here = [row for row in rows if row.frame not in excluded]
+    waiting = [row.frame for row in here if row.features is None]
+    lacking = [
+        f"{what}: {name_few('frame', group)}"
+        for group, what in ((unread, "not read yet"), (waiting, "not extracted yet"))
+        if group
+    ]
+    if lacking:
+        return tuple(lacking)
+    by_channel = collect_stacks(rows, params)
+    complaints = [_complain(iso, channel, stacks) for (iso, channel), stacks in by_channel.items()]
+    if not complaints:
+        return ("no frame: take pairs of dark and of evenly lit frames at several exposure times",)
+    # one channel at one ISO value is enough to start
+    return () if "" in complaints else tuple(dict.fromkeys(complaints))
 
 
-def _look_at_light(
-    levels: Sequence[Level], saturation: Saturation, transfer: Transfer | None, params: Params
-) -> tuple[Linearity | None, tuple[Quantity, bool] | None]:
-    """Return linearity and PRNU, whose ranges mean nothing without a photon transfer."""
-    if transfer is None:
-        return None, None
-    linearity = find_linearity(
-        levels,
-        saturation_signal_dn=saturation.signal_dn,
-        range_share=params.linearity_range_share,
-        gain_dn_per_e=transfer.gain_dn_per_e,
-    )
-    return linearity, find_prnu(levels, saturation_signal_dn=saturation.signal_dn)
+def _complain(iso: float, channel: str, stacks: Sequence[Stack]) -> str:
+    """Return what one channel lacks; "" if a photon transfer can be tried."""
+    paired = [stack for stack in stacks if stack.temporal is not None]
+    if not any(stack.setting.role == DARK for stack in paired):
+        return f"ISO {iso:g} has no pair of dark frames of one exposure time"
+    levels = sum(stack.setting.role != DARK and not stack.clipped for stack in paired)
+    if levels < FEWEST_LEVELS:
+        return (
+            f"ISO {iso:g} {channel} has pairs of frames at {levels} light levels below white: "
+            f"at least {FEWEST_LEVELS}"
+        )
+    return ""
 
 
-def _show(linearity: Linearity) -> LinearityFigures:
-    return LinearityFigures(
-        error_rel=linearity.error,
-        lowest_rel=linearity.lowest_rel,
-        highest_rel=linearity.highest_rel,
-        levels_used=len(linearity.deviations),
-    )
-
-
-def _describe(
-    level: Level,
-    transfer: Transfer | None,
-    linearity: Linearity | None,
-    saturation: Saturation,
+def describe_points(
+    rows: Sequence[FrameRow],
+    stacks: Sequence[Stack],
+    fitted: Sequence[FittedChannel],
     params: Params,
-) -> LevelResult:
-    lit, dark, setting = level.lit.temporal, level.dark.temporal, level.lit.setting
-    excess = level.excess_dn2 if lit and dark else None
-    used = transfer is not None and any(each is level for each in transfer.levels)
-    deviations = linearity.deviations if linearity else ()
-    return LevelResult(
-        role=setting.role,
-        scene=setting.scene,
-        f_number=setting.f_number,
-        exposure_time_s=setting.exposure_time_s,
-        frames=len(level.lit.frames),
-        signal_dn=level.signal_dn,
-        light_dn=level.light_dn,
-        excess_dn2=excess,
-        excess_u_dn2=math.hypot(lit.u_dn2, dark.u_dn2) if lit and dark else None,
-        **_describe_snr(level),
-        residual_dn2=excess - transfer.gain_dn_per_e * level.signal_dn
-        if transfer and excess is not None
-        else None,
-        deviation_rel=next((each.deviation_rel for each in deviations if each.level is level), None),
-        left_out="" if used else level.left_out or _explain(level, saturation, params),
+) -> tuple[Point, ...]:
+    """Return, for every channel of every frame, whether it was used."""
+    excluded = {each.frame: f"excluded by {each.by}: {each.reason}" for each in params.exclude}
+    states = _judge_stacks(stacks, fitted)
+    points = []
+    for row in sorted(rows, key=lambda row: row.frame):
+        reason = excluded.get(row.frame) or ("" if row.features and row.exposure else "not extracted")
+        if reason:
+            points.append(_describe(row, None, "", reason))
+            continue
+        own = [stack for stack in stacks if row.frame in stack.frames or row.frame in stack.copies]
+        for stack in own:
+            original = stack.copies.get(row.frame)
+            why = f"its samples are those of {original}: a copy" if original else states[stack.setting]
+            points.append(_describe(row, stack, stack.setting.channel, why))
+    return tuple(points)
+
+
+def _judge_stacks(stacks: Sequence[Stack], fitted: Sequence[FittedChannel]) -> dict[object, str]:
+    """Return, for every stack, the reason why nothing was evaluated from it, "" if something was."""
+    states: dict[object, str] = {
+        stack.setting: "" if stack.setting.role == DARK else "no pair of dark frames at its ISO"
+        for stack in stacks
+    }
+    for each in fitted:
+        for level, result in zip(each.levels, each.fit.levels, strict=True):
+            used = not result.left_out or result.deviation_rel is not None
+            states[level.lit.setting] = "" if used else result.left_out
+    return states
+
+
+def _describe(row: FrameRow, stack: Stack | None, channel: str, left_out: str) -> Point:
+    exposure = row.exposure
+    mean = None
+    if stack is not None and row.frame in stack.frames:
+        mean = stack.frame_means_dn[stack.frames.index(row.frame)]
+    return Point(
+        frame=row.frame,
+        channel=channel,
+        role=row.role,
+        scene=row.scene,
+        iso=exposure.iso if exposure else None,
+        f_number=exposure.f_number if exposure else None,
+        exposure_time_s=exposure.exposure_time_s if exposure else None,
+        mean_dn=mean,
+        clipped_share=stack.clipped_share if stack else None,
+        frames_of_setting=len(stack.frames) if stack else 0,
+        used=not left_out,
+        left_out=left_out,
     )
 
 
-def _describe_snr(level: Level) -> dict[str, float | None]:
-    lit = level.lit.temporal
-    if lit is None or lit.value_dn2 <= 0.0:
-        return {"snr": None, "snr_standard_uncertainty": None}
-    noise = math.sqrt(lit.value_dn2)
-    relative = lit.u_dn2 / lit.value_dn2 / 2
-    u = math.hypot(level.light_dn * relative, level.light_u_dn) / noise
-    return {"snr": level.light_dn / noise, "snr_standard_uncertainty": u}
+GOOD_LEVELS = 6
+DRIFT_REL = 0.01
+TIME_RATIO = 2.0
+UNDERFLOW_SHARE = 0.005  # EMVA 1288, 6.5: no more samples of a dark frame may be zero
+
+# Nominal shutter times err by up to 7 %, 1/60 s for 1/64 s, and sensors bend by a few per cent
+OFF_LINE_REL = 0.1
+
+UNEVEN_REL = 0.05  # Sensors have 0.3 to 2 %
+
+_ERRORS = 3.0
 
 
-def _explain(level: Level, saturation: Saturation, params: Params) -> str:
-    if level.signal_dn <= 0.0:
-        return "it is not brighter than its dark frames"
-    share = level.signal_dn / saturation.signal_dn
-    if share > params.gain_range_share:
-        end = params.gain_range_share
-        return f"its signal is {share:.0%} of saturation: the photon transfer ends at {end:.0%}"
-    return "too few levels for a photon transfer"
+def check_fits(fitted: Sequence[FittedChannel]) -> tuple[Raised, ...]:
+    """Check every channel of every ISO value."""
+    found: list[Raised] = []
+    for each in fitted:
+        where = f"iso {each.fit.iso:g} {each.fit.channel}"
+        for flag, detail in (*_check_stacks(each), *_check_transfer(each), *_check_figures(each)):
+            found.append(flag.at(where, detail))
+    return tuple(found)
+
+
+def check_headers(rows: Sequence[FrameRow]) -> tuple[Raised, ...]:
+    """Check for rendered frames, whose tone curve lies between light and numbers, and for black levels."""
+    rendered = sum(row.header.rendered for row in rows)
+    detail = f"Rendered frames: {rendered} of {len(rows)}."
+    found = (shared.RENDERED.at("", detail),) if rendered else ()
+    return (*found, *flag_assumed_black([row.header for row in rows]))
+
+
+def _check_stacks(each: FittedChannel) -> list[tuple[Finding, str]]:
+    found = []
+    drifting = max((level.lit.drift_rel for level in each.levels), default=0.0)
+    if drifting > DRIFT_REL:
+        detail = f"The means of frames of one setting differ by up to {drifting:.1%}."
+        found.append((codes.PAIR_LIGHT_DRIFT, detail))
+    ratios = [level.time_ratio for level in each.levels if not level.left_out]
+    if max(ratios, default=1.0) > TIME_RATIO:
+        found.append((shared.DARK_EXPOSURE_DIFFERS, f"By up to a factor of {max(ratios):.3g}."))
+    darks = [stack for stack in each.stacks if stack.setting.role == DARK]
+    doubted = {frame: why for stack in darks for frame, why in find_not_dark(stack).items()}
+    if doubted:
+        found.append((shared.DARK_NOT_DARK, name_not_dark(doubted)))
+    zeros = max(stack.zero_share for stack in darks)
+    if zeros > UNDERFLOW_SHARE:
+        found.append((codes.DARK_CLIPPED, f"Up to {zeros:.1%} of a dark frame's samples are 0."))
+    return found
+
+
+def _check_transfer(each: FittedChannel) -> list[tuple[Finding, str]]:
+    transfer = each.transfer
+    if transfer is None:
+        return [(codes.NO_PHOTON_TRANSFER, _count_levels(each))]
+    found = []
+    if len(transfer.levels) < GOOD_LEVELS:
+        found.append((shared.FEW_POINTS, f"Levels in the photon transfer: {len(transfer.levels)}."))
+    if transfer.birge_ratio > 1.0 and transfer.chi_squared > _chi_squared_limit(len(transfer.levels) - 1):
+        detail = f"Birge ratio {transfer.birge_ratio:.3f}: the noise does not follow the photon transfer."
+        found.append((shared.SCATTER_EXCEEDS_UNCERTAINTY, detail))
+    line = each.fit.linearity
+    if line and max(-line.lowest_rel, line.highest_rel) > OFF_LINE_REL:
+        detail = f"Levels lie {line.lowest_rel:+.1%} to {line.highest_rel:+.1%} off the line."
+        found.append((codes.LINEARITY_ERROR_LARGE, detail))
+    figures = each.fit.transfer
+    if figures and figures.saturation_origin == "white_level_assumed":
+        top = max((level.signal_dn for level in each.levels), default=0.0)
+        found.append(
+            (
+                codes.FULL_WELL_NOT_REACHED,
+                f"The brightest level is {top / figures.saturation_dn.value:.0%} of white.",
+            )
+        )
+    return found
+
+
+def _check_figures(each: FittedChannel) -> list[tuple[Finding, str]]:
+    fit, found = each.fit, []
+    if each.rounding_dominates:
+        low, high = (
+            max(0.0, fit.read_noise_dn.value + side * 1.96 * fit.read_noise_dn.standard_uncertainty)
+            for side in (-1.0, 1.0)
+        )
+        detail = f"It lies between {low:.2g} and {high:.2g} DN with a probability of 95 %."
+        found.append((codes.READ_NOISE_BELOW_ROUNDING, detail))
+    if fit.prnu_rel and fit.prnu_rel.value > UNEVEN_REL:
+        found.append((codes.PRNU_LARGE, f"PRNU {fit.prnu_rel.value:.1%}."))
+    names = [
+        name
+        for name, resolved in (("DSNU", each.dsnu_resolved), ("PRNU", each.prnu_resolved))
+        if not resolved
+    ]
+    if names:
+        found.append((codes.PATTERN_NOT_RESOLVED, f"{' and '.join(names)}: add frames of one setting."))
+    current = fit.dark_current
+    mean = current.dark_current_e_per_s if current else None
+    variance = current.from_variance_e_per_s if current else None
+    if mean and variance:
+        u = math.hypot(mean.standard_uncertainty, variance.standard_uncertainty)
+        if variance.value - mean.value > _ERRORS * u:
+            detail = f"From the mean {mean.value:.3g} e-/s, from the variance {variance.value:.3g} e-/s."
+            found.append((codes.DARK_CURRENT_COMPENSATED, detail))
+    return found
+
+
+def _count_levels(each: FittedChannel) -> str:
+    usable = sum(not level.left_out for level in each.levels)
+    return f"Usable levels: {usable} of {len(each.levels)}."
+
+
+def _chi_squared_limit(dof: int) -> float:
+    """Return what chance exceeds once in several hundred times: mean plus three standard deviations."""
+    return dof + 3.0 * math.sqrt(2.0 * dof)
+
+
+FIGURES = (
+    "system_gain_dn_per_e",
+    "read_noise_e",
+    "read_noise_dn",
+    "full_well_e",
+    "linearity_error_rel",
+    "snr_max",
+    "dynamic_range_db",
+    "dynamic_range_stops",
+    "dark_current_e_per_s",
+    "dark_current_dn_per_s",
+    "dsnu_e",
+    "dsnu_dn",
+    "prnu_rel",
+)
+
+
+def extract(
+    frame: Frame, regions: Sequence[Region], *, header: FrameHeader, exposure: Exposure | None
+) -> Extracted[Features]:
+    """Read a square of raw samples of every channel."""
+    del exposure
+    return extract_features(frame, regions, header=header)
+
+
+def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
+    """Evaluate every channel at every ISO value of a campaign.
+
+    The same input in any order gives the same result to the last bit. All numbers are finite; what does not
+    exist is None.
+
+    Flags per ISO value and channel: pair_light_drift, dark_exposure_differs, dark_not_dark, dark_clipped,
+    no_photon_transfer, linearity_error_large, prnu_large, few_points, scatter_exceeds_uncertainty,
+    full_well_not_reached, read_noise_below_rounding, pattern_not_resolved, dark_current_compensated. Flag
+    of the whole fit: rendered.
+    """
+    lacking = missing(rows, params)
+    if lacking:
+        raise InputRejected(shared.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
+    by_channel = collect_stacks(rows, params)
+    fitted = [each for stacks in by_channel.values() if (each := fit_channel(stacks, params))]
+    if not any(each.transfer for each in fitted):
+        reasons = dict.fromkeys(level.left_out for each in fitted for level in each.fit.levels)
+        raise InputRejected(
+            shared.FIT_FAILED,
+            "No channel's noise grows with its signal over three levels or more, so there is no system gain. "
+            f"Left out: {'; '.join(reason for reason in reasons if reason) or 'nothing'}.",
+        )
+    stacks = [stack for group in by_channel.values() for stack in group]
+    return Fit(
+        channel_fits=tuple(each.fit for each in fitted),
+        points=describe_points(rows, stacks, fitted, params),
+        flags=(*check_headers(rows), *check_fits(fitted)),
+    )
+
+
+def list_coefficients(fit: Fit) -> tuple[CoefficientValue, ...]:
+    """Return the coefficients of every ISO value and channel, those that exist."""
+    return tuple(
+        CoefficientValue(
+            name=name,
+            value=quantity.value,
+            standard_uncertainty=quantity.standard_uncertainty,
+            unit=quantity.unit,
+            model=TRANSFER_EQUATION,
+            iso=channel.iso,
+            band=None if channel.channel in CHANNELS else channel.channel,
+            channel=channel.channel,
+            flags=_flags_of(fit, channel),
+            effective_dof=channel.effective_dof.get(name, MOST_DOF) if channel.effective_dof else None,
+        )
+        for channel in fit.channel_fits
+        for quantities in (_list_quantities(channel),)
+        for name in FIGURES
+        if (quantity := quantities.get(name)) is not None
+    )
+
+
+def _list_quantities(channel: ChannelFit) -> dict[str, Quantity | None]:
+    parts = (channel, channel.transfer, channel.dark_current)
+    found = {name: getattr(part, name) for part in parts for name in FIGURES if hasattr(part, name)}
+    return {**found, "linearity_error_rel": channel.linearity.error_rel if channel.linearity else None}
+
+
+def _flags_of(fit: Fit, channel: ChannelFit) -> tuple[str, ...]:
+    wheres = {"", f"iso {channel.iso:g} {channel.channel}"}
+    return tuple(sorted({raised.flag for raised in fit.flags if raised.where in wheres}))

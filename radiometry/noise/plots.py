@@ -13,13 +13,7 @@ Build = Callable[[Node, Any], Iterator[Figure]]
 
 
 def split(result: Node) -> Iterator[Node]:
-    """Yield a result per ISO value.
-
-    Parameters
-    ----------
-    result : dict
-        Stored result.
-    """
+    """Yield a result per ISO value."""
     return ({**result, "channel_fits": fits} for _, fits in _by_iso(result))
 
 

@@ -1,84 +1,150 @@
-"""Photon transfer: system gain from the growth of the noise with the signal, and saturation."""
+"""Levels of light, and the photon transfer through them."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from radiometry.noise.levels import Level
+from radiometry.noise.results import DARK, Params, SaturationOrigin
 from radiometry.noise.stacks import Stack
+
+
+@dataclass(frozen=True, kw_only=True)
+class Level:
+    """Lit stack and its dark stack: the one of the same exposure time, else of the nearest."""
+
+    lit: Stack  # Lit stack
+    dark: Stack  # Dark stack
+    # Mean above the mean of `dark` [DN]: electrons of light and, where the times differ, of dark current,
+    # which the photon transfer does not distinguish
+    signal_dn: float
+    # Mean above the dark signal of the same time, interpolated between dark stacks, and its standard
+    # uncertainty [DN]: the signal of light alone. Outside their times the nearest dark stack is used; what
+    # dark current adds up to that time is part of the uncertainty, if there are two times to estimate it
+    # from.
+    light_dn: float
+    light_u_dn: float
+    # Factor by which the exposure time lies outside those of the dark stacks; 1 within them
+    time_ratio: float
+    left_out: str  # Reason why its variance is not used at all; "" if it is used
+
+    @property
+    def signal_u_dn(self) -> float:
+        """Standard uncertainty of the signal [DN], from the noise of the samples of both stacks."""
+        return math.sqrt(self.lit.mean_variance_dn2 + self.dark.mean_variance_dn2)
+
+    @property
+    def excess_dn2(self) -> float:
+        """Temporal variance that light adds [DN^2]; defined only for a level that is not left out."""
+        if self.lit.temporal is None or self.dark.temporal is None:
+            raise AssertionError("a level without a variance is left out")
+        return self.lit.temporal.value_dn2 - self.dark.temporal.value_dn2
+
+
+def list_darks(stacks: Sequence[Stack]) -> list[Stack]:
+    """Return the dark stacks whose noise is known, the shortest time first."""
+    darks = [stack for stack in stacks if stack.setting.role == DARK and stack.temporal is not None]
+    return sorted(darks, key=lambda stack: (stack.setting.exposure_time_s, stack.setting))
+
+
+def list_levels(stacks: Sequence[Stack], params: Params) -> tuple[Level, ...]:
+    """Return every lit stack with its dark stack."""
+    darks = list_darks(stacks)
+    if not darks:
+        return ()
+    levels = [_pair(lit, darks, params) for lit in stacks if lit.setting.role != DARK]
+    return tuple(sorted(levels, key=lambda level: (level.signal_dn, level.lit.setting)))
+
+
+def _pair(lit: Stack, darks: Sequence[Stack], params: Params) -> Level:
+    time_s = lit.setting.exposure_time_s
+    dark = min(darks, key=lambda each: abs(math.log(each.setting.exposure_time_s / time_s)))
+    below, above, share = _find_neighbours(darks, time_s)
+    expected = (1.0 - share) * below.mean_dn + share * above.mean_dn
+    variance = (1.0 - share) ** 2 * below.mean_variance_dn2 + share**2 * above.mean_variance_dn2
+    shortest, longest = darks[0].setting.exposure_time_s, darks[-1].setting.exposure_time_s
+    return Level(
+        lit=lit,
+        dark=dark,
+        signal_dn=lit.mean_dn - dark.mean_dn,
+        light_dn=lit.mean_dn - expected,
+        light_u_dn=math.sqrt(lit.mean_variance_dn2 + variance + _estimate_drift(darks, time_s) ** 2),
+        time_ratio=max(1.0, shortest / time_s, time_s / longest),
+        left_out=_judge(lit, params),
+    )
+
+
+def _estimate_drift(darks: Sequence[Stack], time_s: float) -> float:
+    """Estimate how far the dark signal moves from the nearest dark stack to a time outside theirs [DN]."""
+    first, last = darks[0], darks[-1]
+    shortest, longest = first.setting.exposure_time_s, last.setting.exposure_time_s
+    outside_s = max(shortest - time_s, time_s - longest, 0.0)
+    if shortest == longest:
+        return 0.0
+    return outside_s * abs(last.mean_dn - first.mean_dn) / (longest - shortest)
+
+
+def _find_neighbours(darks: Sequence[Stack], time_s: float) -> tuple[Stack, Stack, float]:
+    """Return the dark stacks about a time and how far it lies from the first to the second, 0 to 1."""
+    below = [dark for dark in darks if dark.setting.exposure_time_s <= time_s]
+    above = [dark for dark in darks if dark.setting.exposure_time_s >= time_s]
+    if not below or not above:
+        only = (below or above)[-1 if below else 0]
+        return only, only, 0.0
+    first, second = below[-1], above[0]
+    span = second.setting.exposure_time_s - first.setting.exposure_time_s
+    return first, second, (time_s - first.setting.exposure_time_s) / span if span else 0.0
+
+
+def _judge(lit: Stack, params: Params) -> str:
+    if lit.clipped:
+        return f"{lit.clipped_share:.2%} of its samples are at white: its noise is cut off"
+    if lit.temporal is None:
+        return "no other frame has its role, scene, ISO, time and f-number: without a pair no noise is seen"
+    if lit.temporal.value_dn2 <= 0.0:
+        return "its frames do not differ at all: they show no noise"
+    if lit.drift_rel > params.largest_drift_rel:
+        return f"the light changed by {lit.drift_rel:.1%} between its frames"
+    return ""
+
 
 FEWEST_LEVELS = 3
 _ROUNDS = 20
 _RELATIVE_TOLERANCE = 1e-12
 _FALL_IN_ERRORS = 3.0
-_COLLAPSED = 0.5
-"""Of the greatest variance: what is below it lies on a plateau."""
-
-SaturationOrigin = Literal["white_level", "variance_maximum", "white_level_assumed"]
+_COLLAPSED = 0.5  # Of the greatest variance: what is below it lies on a plateau
 
 
 @dataclass(frozen=True, kw_only=True)
 class Saturation:
-    """End of the signal [DN above dark].
+    """End of the signal [DN above dark]."""
 
-    Attributes
-    ----------
-    signal_dn : float
-        Signal at saturation [DN above dark].
-    u_dn : float
-        Its standard uncertainty, from the spacing of the levels or the width of the noise [DN].
-    origin : SaturationOrigin
-        "white_level": a level reaches white; "variance_maximum": the variance falls
-        again below it; "white_level_assumed": no level came near either.
-    """
-
-    signal_dn: float
-    u_dn: float
+    signal_dn: float  # Signal at saturation [DN above dark]
+    u_dn: float  # Its standard uncertainty, from the spacing of the levels or the width of the noise [DN]
+    # "white_level": a level reaches white; "variance_maximum": the variance falls again below it;
+    # "white_level_assumed": no level came near either
     origin: SaturationOrigin
 
 
 @dataclass(frozen=True, kw_only=True)
 class Transfer:
-    """System gain, and what its error shares with the dark noise.
+    """System gain, and what its error shares with the dark noise."""
 
-    Attributes
-    ----------
-    gain_dn_per_e, gain_u : float
-        Gain K [DN/e-] and its standard uncertainty, with the Birge ratio.
-    birge_ratio : float
-        Birge ratio, 1 or more.
-    chi_squared : float
-        Weighted sum of squared residuals.
-    dof : float
-        Degrees of freedom of `gain_u`.
-    weights : tuple of float
-        Weight of each level's excess variance in K.
-    levels : tuple of Level
-        Levels that entered the fit.
-    """
-
-    gain_dn_per_e: float
+    gain_dn_per_e: float  # Gain K [DN/e-] and its standard uncertainty, with the Birge ratio
     gain_u: float
-    birge_ratio: float
-    chi_squared: float
-    dof: float
-    weights: tuple[float, ...]
-    levels: tuple[Level, ...]
+    birge_ratio: float  # Birge ratio, 1 or more
+    chi_squared: float  # Weighted sum of squared residuals
+    dof: float  # Degrees of freedom of `gain_u`
+    weights: tuple[float, ...]  # Weight of each level's excess variance in K
+    levels: tuple[Level, ...]  # Levels that entered the fit
 
     def covariance_with(self, dark: Stack) -> float:
         """Return cov(K, sigma_dark^2) [DN^3/e-].
 
         K falls by the weights of the levels that the dark stack serves.
-
-        Returns
-        -------
-        float
-            Covariance [DN^3/e-].
         """
         if dark.temporal is None:
             return 0.0
@@ -89,24 +155,8 @@ class Transfer:
 def find_saturation(
     levels: Sequence[Level], *, white_signal_dn: float, largest_drift_rel: float = math.inf
 ) -> Saturation:
-    """Find where the temporal variance has its maximum [1]_ (6.6).
+    """Find where the temporal variance has its maximum [1] (6.6).
 
-    Parameters
-    ----------
-    levels : sequence of Level
-        Levels in the order of signal.
-    white_signal_dn : float
-        White level above dark [DN].
-    largest_drift_rel : float, default: inf
-        Levels whose frames differ more do not count.
-
-    Returns
-    -------
-    Saturation
-        Signal at saturation and how it was found.
-
-    Notes
-    -----
     Levels whose variance is within three errors of the greatest may all be the maximum. It lies between the
     levels beside them, b and a. Levels may be a fifth apart in the field. Where the signal ends sharply, at
     white or at a full well whose plateau brighter levels show, the maximum is computed: that of
@@ -117,9 +167,7 @@ def find_saturation(
     is taken if it lies between b and a, with the spread of noise and pixels as a rectangle; else the
     greatest sampled variance, with (a - b) / 2.
 
-    References
-    ----------
-    .. [1] EMVA Standard 1288, release 4.0
+    [1] EMVA Standard 1288, release 4.0
     """
     seen = [
         (level, level.lit.temporal)
@@ -172,24 +220,7 @@ def _expect_maximum(top: Level, variance_dn2: float, end_dn: float) -> tuple[flo
 def fit_gain(levels: Sequence[Level], saturation: Saturation, *, range_share: float) -> Transfer | None:
     """Fit the line through the origin whose slope is K, by generalised least squares.
 
-    Parameters
-    ----------
-    levels : sequence of Level
-        Levels of one channel at one ISO value.
-    saturation : Saturation
-        Saturation of the channel.
-    range_share : float
-        Upper end of the fit, as a fraction of saturation.
-
-    Returns
-    -------
-    Transfer or None
-        None if fewer than three levels are left, or if the noise does not grow with the
-        signal.
-
-    Notes
-    -----
-    The line is [1]_ (eq. 15)::
+    The line is [1] (eq. 15)::
 
         sigma_y^2 - sigma_dark^2 = K (mu_y - mu_dark)
         V_ij = [i = j] (2 sigma_i^4 / nu_i + K^2 u(x_i)^2) + [same dark] 2 sigma_dark^4 / nu_dark
@@ -198,9 +229,7 @@ def fit_gain(levels: Sequence[Level], saturation: Saturation, *, range_share: fl
     level whose noise came out small by chance must not get a larger weight for it. chi^2 / (n - 1) above 1
     enlarges u(K).
 
-    References
-    ----------
-    .. [1] EMVA Standard 1288, release 4.0
+    [1] EMVA Standard 1288, release 4.0
     """
     used = tuple(
         level

@@ -1,4 +1,4 @@
-"""Verdict on every frame of a noise campaign, from the same evidence that its fit uses."""
+"""Verdicts on the frames of a campaign, and what it lacks for good coefficients."""
 
 from collections.abc import Sequence
 
@@ -6,21 +6,16 @@ from radiometry.findings import Finding, Outcome, Reason, shared
 from radiometry.frame.verdicts import ReviewedFrame, Verdict, assume_whole_frame, conclude, inspect_frames
 from radiometry.noise import codes
 from radiometry.noise.blocks import FrameRow
-from radiometry.noise.darkness import find_not_dark
-from radiometry.noise.findings import DRIFT_REL
-from radiometry.noise.points import collect_stacks
-from radiometry.noise.rows import DARK, Params
+from radiometry.noise.channels import FittedChannel, fit_channel
+from radiometry.noise.figures import find_not_dark
+from radiometry.noise.fit import DRIFT_REL, collect_stacks
+from radiometry.noise.results import DARK, Params
 from radiometry.noise.stacks import Stack
+from radiometry.specification.grid import Gap
 
 
 def judge(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], params: Params) -> dict[str, Verdict]:
-    """Return the verdict on each frame of a campaign.
-
-    Returns
-    -------
-    dict of str to Verdict
-        Verdict by name; a reason of several channels is listed once.
-    """
+    """Return the verdict on each frame of a campaign."""
     reasons = inspect_frames([assume_whole_frame(frame) for frame in frames])
     found: dict[str, dict[Finding, Reason]] = {}
     for stacks in collect_stacks(rows, params).values():
@@ -64,3 +59,74 @@ def _inspect_pairing(stack: Stack, params: Params) -> list[Reason]:
         "them. Let the lamp warm up, and take them one right after the other."
     )
     return [codes.PAIR_DRIFT.reason(detail, outcome)]
+
+
+# EMVA 1288 asks for at least nine levels between 5 and 95 % of saturation for the linearity error
+GOOD_LEVELS = 9
+
+# Frames of one setting for DSNU and PRNU: the temporal noise that is left is a quarter of one frame's
+GOOD_STACK = 16
+
+
+def plan(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
+    """List, by name, what to add while the lamp is still set up."""
+    gravest: list[str] = []
+    others: list[str] = []
+    for (iso, _), stacks in collect_stacks(rows, params).items():
+        where = f"ISO {iso:g}"
+        fitted = fit_channel(stacks, params)
+        if fitted is None:
+            gravest.append(f"{where} has no pair of dark frames: add two of one exposure time, lens covered")
+            continue
+        gravest += _plan_levels(where, fitted)
+        others += _plan_darks(where, stacks) + _plan_patterns(where, fitted)
+    return tuple(dict.fromkeys([*gravest, *others]))
+
+
+def find_gaps(rows: Sequence[FrameRow], params: Params) -> tuple[Gap, ...]:
+    """List, by ISO value, the pairs of dark frames and of light levels that are lacking."""
+    gaps: dict[tuple[str, float], Gap] = {}
+    for (iso, _), stacks in collect_stacks(rows, params).items():
+        fitted = fit_channel(stacks, params)
+        if fitted is None:
+            gaps["dark", iso] = Gap(role=DARK, at={"iso": iso}, text="Two of one time")
+            continue
+        short = GOOD_LEVELS - sum(not level.left_out for level in fitted.levels)
+        if short > 0:
+            gaps["flat", iso] = Gap(role="flat", at={"iso": iso}, text=f"Pairs at {short} more times")
+    return tuple(gaps.values())
+
+
+def _plan_levels(where: str, fitted: FittedChannel) -> list[str]:
+    name = f"{where} {fitted.fit.channel}"
+    usable = sum(not level.left_out for level in fitted.levels)
+    if fitted.transfer is None:
+        return [f"{name} has {usable} usable levels: add pairs at {max(1, 3 - usable)} more exposure times"]
+    found = []
+    if usable < GOOD_LEVELS:
+        found.append(f"{name} has {usable} usable levels: add {GOOD_LEVELS - usable} more up to white")
+    if fitted.fit.transfer and fitted.fit.transfer.saturation_origin == "white_level_assumed":
+        found.append(f"{name} was never saturated: add a pair that reaches white")
+    if fitted.fit.linearity is None:
+        found.append(f"{name} has no four exposure times of one scene and f-number: no linearity error")
+    return found
+
+
+def _plan_darks(where: str, stacks: Sequence[Stack]) -> list[str]:
+    times = {stack.setting.exposure_time_s for stack in stacks if stack.setting.role == DARK}
+    if len(times) > 1:
+        return []
+    return [
+        f"{where} has dark frames of one exposure time: add some of a much longer one for the dark current"
+    ]
+
+
+def _plan_patterns(where: str, fitted: FittedChannel) -> list[str]:
+    found = []
+    if not fitted.dsnu_resolved:
+        found.append(f"{where}: add dark frames of one setting up to {GOOD_STACK} for the DSNU")
+    if not fitted.prnu_resolved or (fitted.transfer and fitted.fit.prnu_rel is None):
+        found.append(
+            f"{where}: add frames about half of white of one setting up to {GOOD_STACK} for the PRNU"
+        )
+    return found

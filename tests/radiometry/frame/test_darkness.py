@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 from radiometry.frame.darkness import inspect_black
-from radiometry.noise import method as noise
+from radiometry.noise import fit as noise
 from radiometry.vignetting import fit as vignetting
 from simulation.camera import change
 from tests.radiometry.noise.series import PARAMS, SMALL, brightened, take

@@ -8,12 +8,14 @@ import pytest
 from radiometry.fitting.evidence import Region
 from radiometry.frame.packing import pack, unpack
 from radiometry.frame.roi import Polygon
-from radiometry.noise import method as noise
+from radiometry.noise import fit as noise
+from radiometry.noise.blocks import Features, FrameRow
+from radiometry.noise.results import Params
 from simulation.camera import change
 from simulation.camera import take as expose
 from simulation.flats import COUNTING_SENSOR, plan_series
 
-PARAMS = noise.Params()
+PARAMS = Params()
 TIMES = (0.02, 0.05, 0.1, 0.2, 0.3, 0.45, 0.6)
 LIGHT = 30_000.0
 SMALL = change(COUNTING_SENSOR, height_px=32, width_px=32, read_noise_e=6.0)
@@ -35,7 +37,7 @@ def make_row(taken):
     corners = [(0, 0), (width, 0), (width, height), (0, height)]
     region = Region(name="", polygon=Polygon.from_points(corners))
     extracted = noise.extract(taken.frame, [region], header=taken.header, exposure=taken.exposure)
-    return noise.FrameRow(
+    return FrameRow(
         frame=taken.name,
         role=taken.role,
         scene=None,
@@ -63,7 +65,7 @@ def repack(row, change):
     """The same frame with its block changed."""
     (block,) = row.features.blocks
     changed = change(unpack(block.samples_dn), block)
-    return dataclasses.replace(row, features=noise.Features(blocks=(changed,)))
+    return dataclasses.replace(row, features=Features(blocks=(changed,)))
 
 
 def brightened(rows, by_dn, wanted):

@@ -11,7 +11,8 @@ from radiometry.fitting.evidence import Region
 from radiometry.frame import Frame
 from radiometry.frame.packing import unpack
 from radiometry.frame.roi import Polygon
-from radiometry.noise import method as noise
+from radiometry.noise import fit as noise
+from radiometry.noise.blocks import Features
 from simulation.flats import COUNTING_SENSOR
 
 HEADER = COUNTING_SENSOR.describe()
@@ -128,6 +129,6 @@ def test_features_survive_json():
     features = noise.extract(
         frame(rng.integers(0, 65535, (64, 64))), [rectangle(0, 0, 64, 64)], header=HEADER, exposure=None
     ).features
-    adapter = TypeAdapter(noise.Features)
+    adapter = TypeAdapter(Features)
     text = json.dumps(adapter.dump_python(features, mode="json"))
     assert adapter.validate_python(json.loads(text)) == features

@@ -10,7 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
-from radiometry.noise import method as noise
+from radiometry.noise import fit as noise
+from radiometry.noise.fit import list_coefficients
+from radiometry.noise.results import Fit
 from simulation.camera import change
 from simulation.flats import COUNTING_SENSOR, find_variance_maximum
 from tests.radiometry.noise.series import PARAMS, SMALL, TIMES, agrees, make_row, only, shoot, take
@@ -72,7 +74,7 @@ def test_a_straight_sensor_has_a_linearity_error_of_its_noise(rich):
 
 
 def test_the_coefficient_rows_have_their_names_and_units(rich):
-    figures = noise.list_coefficients(rich[2])
+    figures = list_coefficients(rich[2])
     first = [figure for figure in figures if (figure.iso, figure.channel) == (100.0, "R")]
     assert {figure.name: figure.unit for figure in first} == {
         "system_gain_dn_per_e": "DN/e-",
@@ -101,7 +103,7 @@ def test_the_answer_does_not_depend_on_the_order(rich):
 
 
 def test_the_fit_survives_json(rich):
-    adapter = TypeAdapter(noise.Fit)
+    adapter = TypeAdapter(Fit)
     text = json.dumps(adapter.dump_python(rich[2], mode="json"), allow_nan=False)
     assert adapter.validate_python(json.loads(text)) == rich[2]
 
@@ -152,7 +154,7 @@ def test_transposed_frames_have_the_same_noise():
             )
             for one in taken
         ]
-        return noise.list_coefficients(noise.fit(rows, PARAMS))
+        return list_coefficients(noise.fit(rows, PARAMS))
 
     for one, other in zip(fit(np.asarray), fit(np.transpose), strict=True):
         assert one.value == pytest.approx(other.value, rel=1e-9)

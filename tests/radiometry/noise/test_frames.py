@@ -9,8 +9,9 @@ import pytest
 from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import Exclusion
 from radiometry.frame.packing import pack
-from radiometry.noise import codes, suggestions
-from radiometry.noise import method as noise
+from radiometry.noise import codes, verdicts
+from radiometry.noise import fit as noise
+from radiometry.noise.results import Params
 from tests.radiometry.noise.series import PARAMS, SMALL, TIMES, agrees, flags_of, only, repack, take
 
 
@@ -37,7 +38,7 @@ def test_light_that_drifts_is_flagged_or_left_out(factor, used):
 
 def test_an_excluded_frame_breaks_its_pair():
     exclusion = Exclusion(frame="flat-100-0.1-0", reason="a hand in the picture", by="A. Meier")
-    fit = noise.fit(take(SMALL, 14), noise.Params(exclude=(exclusion,)))
+    fit = noise.fit(take(SMALL, 14), Params(exclude=(exclusion,)))
     points = {point.frame: point for point in fit.points}
     assert points["flat-100-0.1-0"].left_out == "excluded by A. Meier: a hand in the picture"
     assert points["flat-100-0.1-1"].used  # the linearity takes a mean without a pair
@@ -74,7 +75,7 @@ def test_what_waits_is_named():
 
 
 def test_a_plan_names_what_would_make_the_fit_good():
-    few = suggestions.plan(take(SMALL, 22, times=TIMES[:4]), PARAMS)
+    few = verdicts.plan(take(SMALL, 22, times=TIMES[:4]), PARAMS)
     assert few == (
         "ISO 100 grey has 4 usable levels: add 5 more up to white",
         "ISO 100 grey was never saturated: add a pair that reaches white",
@@ -84,7 +85,7 @@ def test_a_plan_names_what_would_make_the_fit_good():
         "ISO 100: add frames about half of white of one setting up to 16 for the PRNU",
     )
     lights = [row for row in take(SMALL, 23) if row.role == "flat"]
-    assert suggestions.plan(lights, PARAMS)[0].startswith("ISO 100 has no pair of dark frames: add two")
+    assert verdicts.plan(lights, PARAMS)[0].startswith("ISO 100 has no pair of dark frames: add two")
 
 
 @pytest.mark.parametrize(
@@ -94,4 +95,4 @@ def test_a_plan_names_what_would_make_the_fit_good():
 def test_parameters_that_cannot_be_are_refused(changes):
     (name,) = changes
     with pytest.raises(ValueError, match=f"{name} must"):
-        noise.Params(**changes)
+        Params(**changes)

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from radiometry.frame.packing import pack, unpack
-from radiometry.noise import method as noise
 from radiometry.noise import verdicts as noise_verdicts
+from radiometry.noise.blocks import Features
+from radiometry.noise.results import Params
 from simulation.camera import change
 from simulation.flats import COUNTING_SENSOR
 from tests.radiometry.evidence import taken
@@ -22,7 +23,7 @@ def rows():
 
 
 def verdicts(rows):
-    found = noise_verdicts.judge([taken(row, region=None) for row in rows], rows, noise.Params())
+    found = noise_verdicts.judge([taken(row, region=None) for row in rows], rows, Params())
     return {
         frame: (verdict.outcome, [reason.code for reason in verdict.reasons])
         for frame, verdict in found.items()
@@ -49,7 +50,7 @@ def brighten(row, factor):
     (block,) = row.features.blocks
     samples = np.rint((unpack(block.samples_dn) - 256) * factor + 256)
     changed = dataclasses.replace(block, samples_dn=pack(samples, dtype="<u2"))
-    return dataclasses.replace(row, features=noise.Features(blocks=(changed,)))
+    return dataclasses.replace(row, features=Features(blocks=(changed,)))
 
 
 @pytest.mark.parametrize(("factor", "outcome"), [(1.005, "pass"), (1.05, "warn"), (1.3, "fail")])

@@ -8,9 +8,9 @@ import pytest
 from radiometry.findings import shared
 from radiometry.frame.packing import pack, unpack
 from radiometry.noise import codes as noise_codes
-from radiometry.noise import method as noise
-from radiometry.noise.levels import list_levels
-from radiometry.noise.points import collect_stacks
+from radiometry.noise import fit as noise
+from radiometry.noise.fit import collect_stacks
+from radiometry.noise.transfer import list_levels
 from simulation.camera import change
 from tests.radiometry.noise.series import (
     LIGHT,

@@ -9,12 +9,11 @@ import pytest
 from radiometry.findings import InputRejected, shared
 from radiometry.frame.packing import pack
 from radiometry.noise import codes as noise_codes
-from radiometry.noise import method as noise
-from radiometry.noise import rounding
-from radiometry.noise.levels import list_levels
-from radiometry.noise.rounding import count_changes, estimate_rounded_noise
-from radiometry.noise.stacks import make_stacks
-from radiometry.noise.transfer import find_saturation, fit_gain
+from radiometry.noise import fit as noise
+from radiometry.noise import stacks as noise_stacks
+from radiometry.noise.fit import list_coefficients
+from radiometry.noise.stacks import count_changes, estimate_rounded_noise, make_stacks
+from radiometry.noise.transfer import find_saturation, fit_gain, list_levels
 from simulation.camera import change
 from simulation.flats import find_variance_maximum
 from tests.radiometry.noise.series import (
@@ -108,7 +107,7 @@ def test_numbers_in_steps_of_sixteen_are_the_same_electrons(read_noise_e):
     sensor = change(SMALL, gain_dn_per_e=0.1, read_noise_e=read_noise_e, white_level_dn=4095.0)
     rows = take(sensor, 5, times=(*TIMES, 1.5), dark_times=(0.02, 1.0))
     plain, steps = (
-        {figure.name: figure for figure in noise.list_coefficients(noise.fit(each, PARAMS))}
+        {figure.name: figure for figure in list_coefficients(noise.fit(each, PARAMS))}
         for each in (rows, [repack(row, shift_left) for row in rows])
     )
     for name, figure in plain.items():
@@ -147,8 +146,8 @@ def test_few_changes_widen_the_interval_and_ordinary_noise_is_not_counted(monkey
     """0.15 steps in the middle of a number change 7 of 4096, and at times only 2."""
     few, ends = np.diag([0, 4094, 0]), []
     few[0, 1] = few[1, 2] = 1
-    for factor in (rounding._FEW_CHANGES, 0.0):
-        monkeypatch.setattr(rounding, "_FEW_CHANGES", factor)
+    for factor in (noise_stacks._FEW_CHANGES, 0.0):
+        monkeypatch.setattr(noise_stacks, "_FEW_CHANGES", factor)
         noise_steps, u = estimate_rounded_noise(few, u_rel=1.0, spread=0.0)
         ends.append(noise_steps + 1.96 * u)
     assert ends[0] > 0.15 > ends[1]
@@ -223,4 +222,4 @@ def test_an_iso_without_levels_still_has_its_dark_figures():
     assert (poor.iso, poor.transfer) == (800.0, None)
     assert poor.read_noise_dn.value == pytest.approx(3.0, abs=4 * poor.read_noise_dn.standard_uncertainty)
     assert (noise_codes.NO_PHOTON_TRANSFER, "iso 800 grey") in {(r.flag, r.where) for r in fit.flags}
-    assert {f.name for f in noise.list_coefficients(fit) if f.iso == 800.0} == {"read_noise_dn", "dsnu_dn"}
+    assert {f.name for f in list_coefficients(fit) if f.iso == 800.0} == {"read_noise_dn", "dsnu_dn"}
