@@ -1,16 +1,24 @@
-"""Sharpness: the response to slanted edges and Siemens stars, in cycles per pixel."""
+"""Sharpness: contrast that a camera keeps by spatial frequency, from slanted edges or Siemens stars.
+
+Computed as in ISO 12233:2023 (e-SFR, s-SFR) as implemented by sfrmat5::
+
+    MTF(f) = |F{LSF}(f)| / |F{LSF}(0)|,   LSF = d ESF / dx          f in cycles per pixel of the whole sensor
+    RP = n / (pi d)      of a star of n cycles, d the DIAMETER of the disc that is not resolved
+
+The lp/mm of the camera paper's equation 3 are line widths per millimetre of a 24 mm picture, and its d is a
+diameter; both are corrected here.
+"""
 
 from typing import Final
 
-from radiometry.sharpness import codes, method
-from radiometry.sharpness.candidates import missing
-from radiometry.sharpness.certificate import CERTIFICATE
+from radiometry.sharpness import codes, fit
+from radiometry.sharpness.extraction import extract
 from radiometry.sharpness.features import Features
-from radiometry.sharpness.key_figures import list_key_figures
 from radiometry.sharpness.plots import PLOTS
-from radiometry.sharpness.results import Fit
-from radiometry.sharpness.rows import Params, Target
+from radiometry.sharpness.positions import missing
+from radiometry.sharpness.results import Fit, Params, Target, list_key_figures
 from radiometry.sharpness.verdicts import judge, plan
+from radiometry.specification.certificate import FRAME, CertificateText, Column
 from radiometry.specification.coefficients import CoefficientEffect, CoefficientKind
 from radiometry.specification.grid import Grid
 from radiometry.specification.method import MethodSpec, drop_readings
@@ -23,6 +31,24 @@ _FREQUENCIES = (
     ("lp_per_mm", "lp/mm"),
     ("lp_per_ph", "LP/PH"),
     ("lw_per_ph", "LW/PH"),
+)
+
+_CERTIFICATE: Final = CertificateText(
+    procedure="Modulation transfer function of the camera against spatial frequency, per position and "
+    "channel, from slanted edges (ISO 12233, e-SFR) or Siemens stars",
+    equation="MTF(f) = |F{LSF}(f)| / |F{LSF}(0)|, where f is in cycles per pixel of the whole sensor",
+    headlines=frozenset({"mtf50_cycles_per_pixel", "resolving_power_cycles_per_pixel"}),
+    columns=(
+        FRAME,
+        Column(name="position", head="position", form="text", share=1.2),
+        Column(name="channel", head="channel", form="text"),
+        Column(name="f_number", head="f/", share=0.6),
+        Column(name="value", head="f [c/px]"),
+        Column(name="standard_uncertainty", head="u(f)"),
+        Column(name="residual_rel", head="deviation", form="percent"),
+    ),
+    traceability="Lengths are counted in pixels of the camera itself; no external standard enters. Line "
+    "pairs per millimetre depend on the pixel pitch that is stated for the camera.",
 )
 
 SPEC: Final = MethodSpec(
@@ -68,14 +94,14 @@ SPEC: Final = MethodSpec(
         ),
     ),
     findings=codes.FINDINGS,
-    extract=method.extract,
+    extract=extract,
     missing=drop_readings(missing),
     judge=lambda frames, rows, _, params: judge(frames, rows, params),
     plan=drop_readings(plan),
     grid=Grid(rows="f_number"),
-    fit=drop_readings(method.fit),
-    list_coefficients=method.list_coefficients,
+    fit=drop_readings(fit.fit),
+    list_coefficients=fit.list_coefficients,
     list_key_figures=list_key_figures,
     plots=PLOTS,
-    certificate=CERTIFICATE,
+    certificate=_CERTIFICATE,
 )

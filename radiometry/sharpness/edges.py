@@ -9,15 +9,20 @@ from numpy.typing import NDArray
 from radiometry.findings import InputRejected
 from radiometry.sharpness import codes
 from radiometry.sharpness.features import EdgePlace, EdgeResponse, Estimate
-from radiometry.sharpness.location import Edge, locate_edge
-from radiometry.sharpness.profile import BINS_PER_PIXEL, Profile, form_profile, gather, measure_lengths
-from radiometry.sharpness.sampling import Plane
-from radiometry.sharpness.spectrum import (
+from radiometry.sharpness.profile import (
+    BINS_PER_PIXEL,
     NYQUIST_CYCLES_PER_PIXEL,
+    Edge,
+    Profile,
     compute_mtfs,
     find_crossing,
+    form_profile,
+    gather,
     list_frequencies,
+    locate_edge,
+    measure_lengths,
 )
+from radiometry.sharpness.sampling import Plane
 
 Vector = NDArray[np.float64]
 
@@ -42,25 +47,6 @@ def measure_edge(
 ) -> EdgeResponse:
     """Measure an edge that crosses the plane's lines.
 
-    Parameters
-    ----------
-    plane : Plane
-        Samples of one channel.
-    order : int
-        Order of the polynomial through the edge.
-    orientation : str
-        "vertical" or "horizontal"; copied to the result.
-    box : tuple of float
-        First and last line, and first and last place across, of the region [px], for all channels alike.
-
-    Raises
-    ------
-    InputRejected
-        `edge_too_short`, `chart_clipped`, `chart_contrast_too_low`, `edge_too_noisy`,
-        `edge_not_found` or `edge_angle_unsuitable`.
-
-    Notes
-    -----
     The uncertainties are a delete-one jackknife over eight blocks of neighbouring lines, u^2 = 7/8 sum (t_i
     - mean t)^2: they include the noise, and what differs along the edge. They do not include what all lines
     share: uneven light across the edge, a soft or ragged target. That of MTF50 is u(MTF) there over the mean

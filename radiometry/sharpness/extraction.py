@@ -6,52 +6,33 @@ from typing import TypeVar
 import numpy as np
 
 from radiometry.findings import InputRejected, shared
-from radiometry.fitting.evidence import Region
+from radiometry.fitting.evidence import Extracted, Region
 from radiometry.frame import Frame, FrameHeader
+from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Window, bounding_window
-from radiometry.frame.statistics import ChannelStatistics, compute_statistics
+from radiometry.frame.statistics import compute_statistics
 from radiometry.sharpness import codes
-from radiometry.sharpness.centring import guess_centre, refine_centre
 from radiometry.sharpness.edges import measure_edge
 from radiometry.sharpness.features import EdgeResponse, Features, Refusal, RegionResponse, StarResponse
-from radiometry.sharpness.rows import Target
+from radiometry.sharpness.results import Target
 from radiometry.sharpness.sampling import LUMINANCE, Plane, Tone, average_sites, read_planes
-from radiometry.sharpness.stars import measure_star
+from radiometry.sharpness.stars import guess_centre, measure_star, refine_centre
 
 R = TypeVar("R")
 
 _MAIN_CHANNELS = (LUMINANCE, "G", "grey")
 
 
-def extract_features(
-    frame: Frame, regions: Sequence[Region], *, header: FrameHeader, target: Target
-) -> tuple[tuple[ChannelStatistics, ...], Features]:
+def extract(
+    frame: Frame,
+    regions: Sequence[Region],
+    *,
+    header: FrameHeader,
+    exposure: Exposure | None,  # noqa: ARG001  a chart needs none
+    target: Target,
+) -> Extracted[Features]:
     """Measure every region of a frame.
 
-    Parameters
-    ----------
-    frame : Frame
-        Frame to measure.
-    regions : sequence of Region
-        Regions of the frame.
-    header : FrameHeader
-        Header of the frame.
-    target : Target
-        Photographed target.
-
-    Returns
-    -------
-    tuple of (tuple of ChannelStatistics, Features)
-        Statistics over all regions together, and the responses of each region.
-
-    Raises
-    ------
-    InputRejected
-        `roi_outside_frame`, `roi_empty`; where no channel of any region can be used,
-        the reason of the first.
-
-    Notes
-    -----
     A region is the box about its polygon: an edge must run from one side to the other. Channels that cannot
     be used are stored with the reason.
     """
@@ -75,7 +56,7 @@ def extract_features(
         rendered=header.rendered,
         regions=tuple(found),
     )
-    return compute_statistics(frame, inside), features
+    return Extracted(statistics=compute_statistics(frame, inside), features=features)
 
 
 def _measure_region(

@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 
 from radiometry.specification.stored import LATER
 
+# Of every stored response, which runs from 0 to 1 cycles per pixel: one grid for all edges of all frames
 CURVE_STEP_CYCLES_PER_PIXEL = 0.01
-"""Of every stored response, which runs from 0 to 1 cycles per pixel: one grid for all edges of all frames."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,133 +18,64 @@ class Estimate:
 
 @dataclass(frozen=True, kw_only=True)
 class EdgePlace:
-    """Place of an edge in one channel.
+    """Place of an edge in one channel."""
 
-    Attributes
-    ----------
-    normal : tuple of float
-        Unit normal (row, col), to the right or downwards.
-    place_px, place_u_px : float
-        Mean place along the normal from the middle of the region, and its standard uncertainty [px].
-    dof : float
-        Degrees of freedom of the latter.
-    """
-
-    normal: tuple[float, float]
+    normal: tuple[float, float]  # Unit normal (row, col), to the right or downwards
+    # Mean place along the normal from the middle of the region, and its standard uncertainty [px]
     place_px: float
     place_u_px: float
-    dof: float
+    dof: float  # Degrees of freedom of the latter
 
 
 @dataclass(frozen=True, kw_only=True)
 class EdgeResponse:
-    """Response of one channel at one edge; lengths are in pixels of the whole sensor, normal to the edge.
-
-    Attributes
-    ----------
-    channel : str
-        Name of the channel.
-    orientation : str
-        "vertical": the edge crosses the rows; "horizontal": it crosses the columns.
-    angle_deg : float
-        Angle between the edge and the columns (vertical) or rows (horizontal), unsigned
-        [deg].
-    lines, periods : int
-        Lines of the channel that count, and how often the edge passes a whole pixel in
-        them.
-    departure_px : float
-        Largest distance of the edge from a straight line [px].
-    contrast : float
-        (bright - dark) / (bright + dark).
-    noise_rel : float
-        Noise of a pixel, as a fraction of the step.
-    mtf, mtf_u : tuple of float
-        MTF and its standard uncertainty at 0, 0.01, ..., 1 cycles per pixel.
-    mtf50 : Estimate or None
-        Frequency at which the MTF is 0.5 [cycles per pixel]; None where it is above 1.
-    mtf_nyquist : Estimate or None
-        MTF at the Nyquist frequency.
-    rise_px : Estimate or None
-        10-90 % rise [px].
-    lsf_fwhm_px : Estimate or None
-        Full width at half maximum of the line spread function [px].
-    overshoot, undershoot : Estimate or None
-        Excess beyond the bright and the dark side, as a fraction of the step.
-    place : EdgePlace or None
-        Place of the edge; None in features from before it was measured.
-    """
+    """Response of one channel at one edge; lengths are in pixels of the whole sensor, normal to the edge."""
 
     channel: str
-    orientation: str
-    angle_deg: float
-    lines: int
+    orientation: str  # "vertical": the edge crosses the rows; "horizontal": it crosses the columns
+    angle_deg: float  # Angle between the edge and the columns (vertical) or rows (horizontal), unsigned [deg]
+    lines: int  # Lines of the channel that count, and how often the edge passes a whole pixel in them
     periods: float
-    departure_px: float
-    contrast: float
-    noise_rel: float
-    mtf: tuple[float, ...]
+    departure_px: float  # Largest distance of the edge from a straight line [px]
+    contrast: float  # (bright - dark) / (bright + dark)
+    noise_rel: float  # Noise of a pixel, as a fraction of the step
+    mtf: tuple[float, ...]  # MTF and its standard uncertainty at 0, 0.01, ..., 1 cycles per pixel
     mtf_u: tuple[float, ...]
-    mtf50: Estimate | None
-    mtf_nyquist: Estimate | None
-    rise_px: Estimate | None
-    lsf_fwhm_px: Estimate | None
-    overshoot: Estimate | None
+    mtf50: Estimate | None  # Frequency at which the MTF is 0.5 [cycles per pixel]; None where it is above 1
+    mtf_nyquist: Estimate | None  # MTF at the Nyquist frequency
+    rise_px: Estimate | None  # 10-90 % rise [px]
+    lsf_fwhm_px: Estimate | None  # Full width at half maximum of the line spread function [px]
+    overshoot: Estimate | None  # Excess beyond the bright and the dark side, as a fraction of the step
     undershoot: Estimate | None
+    # Place of the edge; None in features from before it was measured
     place: EdgePlace | None = field(default=None, metadata=LATER)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Contrasts:
-    """Contrast of a star by frequency, 1 far outside.
+    """Contrast of a star by frequency, 1 far outside."""
 
-    Attributes
-    ----------
-    direction_deg : float or None
-        Direction of the sector's middle, from x (right) towards y (down) [deg]; None
-        for all directions together. Its spokes run that way, so the response is the one
-        across it.
-    contrast, contrast_u : tuple of float
-        Contrast and its standard uncertainty.
-    """
-
+    # Direction of the sector's middle, from x (right) towards y (down) [deg]; None for all directions
+    # together. Its spokes run that way, so the response is the one across it.
     direction_deg: float | None
-    contrast: tuple[float, ...]
+    contrast: tuple[float, ...]  # Contrast and its standard uncertainty
     contrast_u: tuple[float, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
 class StarResponse:
-    """Response of one channel at one star.
-
-    Attributes
-    ----------
-    channel : str
-        Name of the channel.
-    cycles : int
-        Cycles of the star.
-    centre_row_px, centre_col_px : float
-        Centre, as pixel indices, the first pixel's centre being 0.
-    outer_radius_px : float
-        Radius of the largest ring [px].
-    modulation : float
-        (bright - dark) / (bright + dark) of the fundamental far outside.
-    frequency : tuple of float
-        Rising frequencies [cycles per pixel], one for each contrast of every curve.
-    whole : Contrasts
-        Contrast of all directions together.
-    sectors : tuple of Contrasts
-        Contrast of each sector.
-    """
+    """Response of one channel at one star."""
 
     channel: str
-    cycles: int
-    centre_row_px: float
+    cycles: int  # Cycles of the star
+    centre_row_px: float  # Centre, as pixel indices, the first pixel's centre being 0
     centre_col_px: float
-    outer_radius_px: float
-    modulation: float
+    outer_radius_px: float  # Radius of the largest ring [px]
+    modulation: float  # (bright - dark) / (bright + dark) of the fundamental far outside
+    # Rising frequencies [cycles per pixel], one for each contrast of every curve
     frequency: tuple[float, ...]
-    whole: Contrasts
-    sectors: tuple[Contrasts, ...]
+    whole: Contrasts  # Contrast of all directions together
+    sectors: tuple[Contrasts, ...]  # Contrast of each sector
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,46 +89,22 @@ class Refusal:
 
 @dataclass(frozen=True, kw_only=True)
 class RegionResponse:
-    """One region: edges or stars by channel, and channels without a response.
+    """One region: edges or stars by channel, and channels without a response."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the region.
-    row_px, col_px : float
-        Middle of the region [px].
-    edges, stars : tuple of EdgeResponse, tuple of StarResponse
-        Responses by channel.
-    refused : tuple of Refusal
-        Channels without a response.
-    """
-
-    name: str
-    row_px: float
+    name: str  # Name of the region
+    row_px: float  # Middle of the region [px]
     col_px: float
-    edges: tuple[EdgeResponse, ...]
+    edges: tuple[EdgeResponse, ...]  # Responses by channel
     stars: tuple[StarResponse, ...]
-    refused: tuple[Refusal, ...]
+    refused: tuple[Refusal, ...]  # Channels without a response
 
 
 @dataclass(frozen=True, kw_only=True)
 class Features:
-    """Responses of all regions of a frame.
+    """Responses of all regions of a frame."""
 
-    Attributes
-    ----------
-    kind : str
-        Kind of the target.
-    height_px, width_px : int
-        Size of the frame [px].
-    rendered : bool
-        True if the frame is rendered.
-    regions : tuple of RegionResponse
-        Regions of the frame.
-    """
-
-    kind: str
+    kind: str  # Kind of the target
     height_px: int
     width_px: int
-    rendered: bool
+    rendered: bool  # True if the frame is rendered
     regions: tuple[RegionResponse, ...]

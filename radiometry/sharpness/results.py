@@ -1,53 +1,135 @@
-"""Results of a sharpness fit: plain numbers, ready for JSON; what does not exist is None."""
+"""Target, parameters and results of a sharpness fit, ready for JSON; what does not exist is None."""
 
+import math
 from dataclasses import dataclass, field
+from typing import Any, Literal, get_args
 
 from radiometry.findings import Raised
-from radiometry.fitting.evidence import Quantity
-from radiometry.specification.stored import LATER
+from radiometry.fitting.evidence import Exclusion, FrameEvidence, Quantity
+from radiometry.sharpness.features import Features
+from radiometry.specification.key_figures import KeyFigure, choose_channel, of_quantity
+from radiometry.specification.parameters import check_parameters, parameter
+from radiometry.specification.stored import LATER, meaning
+
+Kind = Literal["slanted_edge", "siemens_star"]
+ToneCurve = Literal["linear", "srgb", "gamma"]
+FrameRow = FrameEvidence[Features]
+
+_EDGE_ORDERS = (1, 5)
+_CYCLES = (4, 1000)
+_GAMMAS = (0.2, 5.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StarCentre:
+    """Centre of a star: x right, y down [px], as regions are drawn; `region` names the star."""
+
+    region: str
+    x_px: float
+    y_px: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Target:
+    """Photographed target; every region of a frame shows one edge or one star."""
+
+    kind: Kind = field(default="slanted_edge", metadata=meaning("Kind of the target."))
+    edge_order: int = field(
+        default=5,
+        metadata=meaning("Order of the polynomial through the edge, 1 (straight) to 5 (ISO 12233:2023)."),
+    )
+    cycles: int = field(
+        default=48,
+        metadata=meaning("Cycles of a star: pairs of a dark and a bright sector, 48 for 96 sectors."),
+    )
+    centres: tuple[StarCentre, ...] = field(
+        default=(), metadata=meaning("Centres of stars, where they are known; the others are found.")
+    )
+    tone_curve: ToneCurve = field(
+        default="linear",
+        metadata=meaning(
+            'Tone curve to undo in rendered images; raw files are linear and need neither. "linear": as '
+            'they are; "srgb": IEC 61966-2-1; "gamma": signal = light ^ (1 / gamma).'
+        ),
+    )
+    gamma: float = field(
+        default=2.2,
+        metadata=meaning(
+            'Tone curve to undo in rendered images; raw files are linear and need neither. "linear": as '
+            'they are; "srgb": IEC 61966-2-1; "gamma": signal = light ^ (1 / gamma).'
+        ),
+    )
+
+    def __post_init__(self) -> None:
+        """Check for values that no target can have; the messages are for the person who entered them."""
+        if self.kind not in get_args(Kind):
+            raise ValueError(f"kind must be one of {', '.join(get_args(Kind))}")
+        if self.tone_curve not in get_args(ToneCurve):
+            raise ValueError(f"tone_curve must be one of {', '.join(get_args(ToneCurve))}")
+        for name, value, (low, high) in (
+            ("edge_order", self.edge_order, _EDGE_ORDERS),
+            ("cycles", self.cycles, _CYCLES),
+            ("gamma", self.gamma, _GAMMAS),
+        ):
+            if not low <= value <= high:
+                raise ValueError(f"{name} must lie between {low} and {high}")
+        if not all(math.isfinite(each.x_px) and math.isfinite(each.y_px) for each in self.centres):
+            raise ValueError("x_px and y_px of centres must be finite numbers")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Params:
+    """Parameters of a sharpness fit."""
+
+    pixel_pitch_um: float | None = parameter(
+        None,
+        label="Pixel pitch",
+        description="Distance of neighbouring pixels; without it nothing is reported in line pairs per "
+        "millimetre.",
+        unit="um",
+        default_text="the camera's, where it is registered",
+        example=3.28,
+        bounds="[0.1, 100]",
+    )
+    star_contrast: float = parameter(
+        0.1,
+        label="Contrast at the limiting resolution",
+        description="Contrast at which a star counts as resolved, relative to its contrast far outside.",
+        bounds="[0.01, 0.9]",
+    )
+    exclude: tuple[Exclusion, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check every parameter against its range and choices."""
+        check_parameters(self)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Coefficient:
-    """One coefficient of one position and channel.
+    """One coefficient of one position and channel."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the coefficient.
-    quantity : Quantity
-        Value with uncertainty.
-    repeatability : float or None
-        Standard deviation of single frames; None for one frame.
-    effective_dof : float or None, default: None
-        Effective degrees of freedom of the standard uncertainty, at most 1e6; None in versions from before
-        they were evaluated.
-    """
-
-    name: str
-    quantity: Quantity
-    repeatability: float | None
-    effective_dof: float | None = None
+    name: str = field(metadata=meaning("Name of the coefficient."))
+    quantity: Quantity = field(metadata=meaning("Value with uncertainty."))
+    repeatability: float | None = field(
+        metadata=meaning("Standard deviation of single frames; None for one frame.")
+    )
+    effective_dof: float | None = field(
+        default=None,
+        metadata=meaning(
+            "Effective degrees of freedom of the standard uncertainty, at most 1e6; None in versions from "
+            "before they were evaluated."
+        ),
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Curve:
-    """Response: mean over the frames, with its standard uncertainty.
+    """Response: mean over the frames, with its standard uncertainty."""
 
-    Attributes
-    ----------
-    direction_deg : float or None
-        Direction of a star's sector [deg], else None.
-    frequency : tuple of float
-        Frequencies [cycles per pixel].
-    response, response_u : tuple of float
-        Response and its standard uncertainty.
-    """
-
-    direction_deg: float | None
-    frequency: tuple[float, ...]
-    response: tuple[float, ...]
-    response_u: tuple[float, ...]
+    direction_deg: float | None = field(metadata=meaning("Direction of a star's sector [deg], else None."))
+    frequency: tuple[float, ...] = field(metadata=meaning("Frequencies [cycles per pixel]."))
+    response: tuple[float, ...] = field(metadata=meaning("Response and its standard uncertainty."))
+    response_u: tuple[float, ...] = field(metadata=meaning("Response and its standard uncertainty."))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,194 +142,108 @@ class Direction:
 
 @dataclass(frozen=True, kw_only=True)
 class PositionFit:
-    """One channel of one position at one f-number.
+    """One channel of one position at one f-number."""
 
-    Attributes
-    ----------
-    kind : str
-        Kind of the target.
-    position : str
-        Name of the position.
-    channel : str
-        Name of the channel.
-    f_number : float or None
-        F-number.
-    row_px, col_px : float
-        Position [px].
-    radius_rel : float
-        Distance from the frame's middle, 1 at its corners.
-    frames : int
-        Number of frames.
-    orientation, angle_deg, departure_px : str, float, float or None
-        Orientation, angle [deg] and departure [px] of edges; None for stars.
-    cycles : int or None
-        Cycles of stars; None for edges.
-    coefficients : tuple of Coefficient
-        Coefficients of one version.
-    curves : tuple of Curve
-        Responses.
-    directions : tuple of Direction
-        Resolving power of each sector.
-    """
-
-    kind: str
+    kind: str = field(metadata=meaning("Kind of the target."))
     position: str
     channel: str
     f_number: float | None
     row_px: float
     col_px: float
-    radius_rel: float
-    frames: int
-    orientation: str | None
-    angle_deg: float | None
-    departure_px: float | None
-    cycles: int | None
-    coefficients: tuple[Coefficient, ...]
-    curves: tuple[Curve, ...]
-    directions: tuple[Direction, ...]
+    radius_rel: float = field(metadata=meaning("Distance from the frame's middle, 1 at its corners."))
+    frames: int = field(metadata=meaning("Number of frames."))
+    orientation: str | None = field(
+        metadata=meaning("Orientation, angle [deg] and departure [px] of edges; None for stars.")
+    )
+    angle_deg: float | None = field(
+        metadata=meaning("Orientation, angle [deg] and departure [px] of edges; None for stars.")
+    )
+    departure_px: float | None = field(
+        metadata=meaning("Orientation, angle [deg] and departure [px] of edges; None for stars.")
+    )
+    cycles: int | None = field(metadata=meaning("Cycles of stars; None for edges."))
+    coefficients: tuple[Coefficient, ...] = field(metadata=meaning("Coefficients of one version."))
+    curves: tuple[Curve, ...] = field(metadata=meaning("Responses."))
+    directions: tuple[Direction, ...] = field(metadata=meaning("Resolving power of each sector."))
 
     def find(self, name: str) -> Coefficient | None:
-        """Return a coefficient by its name.
-
-        Parameters
-        ----------
-        name : str
-            Name of the coefficient.
-
-        Returns
-        -------
-        Coefficient or None
-            None if this position has no coefficient of this name.
-        """
+        """Return a coefficient by its name."""
         return next((each for each in self.coefficients if each.name == name), None)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Falloff:
-    """Position compared with the middle of the frame.
-
-    Attributes
-    ----------
-    position : str
-        Name of the position.
-    radius_rel : float
-        Distance from the frame's middle, 1 at its corners.
-    ratio : Quantity
-        Ratio to the middle, 1 where it is as sharp.
-    """
+    """Position compared with the middle of the frame."""
 
     position: str
-    radius_rel: float
-    ratio: Quantity
+    radius_rel: float = field(metadata=meaning("Distance from the frame's middle, 1 at its corners."))
+    ratio: Quantity = field(metadata=meaning("Ratio to the middle, 1 where it is as sharp."))
 
 
 @dataclass(frozen=True, kw_only=True)
 class FalloffTable:
-    """Decrease of sharpness towards the corners, per channel and f-number.
+    """Decrease of sharpness towards the corners, per channel and f-number."""
 
-    Attributes
-    ----------
-    kind : str
-        Kind of the target.
-    channel : str
-        Name of the channel.
-    f_number : float or None
-        F-number.
-    figure : str
-        Coefficient that is compared.
-    centre : tuple of str
-        Positions that make up the middle.
-    corners : tuple of str
-        Positions that make up the corners.
-    rows : tuple of Falloff
-        Falloff of each position.
-    corner_falloff : Quantity or None
-        1 - (mean of the corners) / (mean of the middle); None without corners.
-    corner_falloff_dof : float or None, default: None
-        Its effective degrees of freedom, as of a coefficient.
-    """
-
-    kind: str
+    kind: str = field(metadata=meaning("Kind of the target."))
     channel: str
     f_number: float | None
-    figure: str
-    centre: tuple[str, ...]
-    corners: tuple[str, ...]
-    rows: tuple[Falloff, ...]
-    corner_falloff: Quantity | None
-    corner_falloff_dof: float | None = None
+    figure: str = field(metadata=meaning("Coefficient that is compared."))
+    centre: tuple[str, ...] = field(metadata=meaning("Positions that make up the middle."))
+    corners: tuple[str, ...] = field(metadata=meaning("Positions that make up the corners."))
+    rows: tuple[Falloff, ...] = field(metadata=meaning("Falloff of each position."))
+    corner_falloff: Quantity | None = field(
+        metadata=meaning("1 - (mean of the corners) / (mean of the middle); None without corners.")
+    )
+    corner_falloff_dof: float | None = field(
+        default=None, metadata=meaning("Its effective degrees of freedom, as of a coefficient.")
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Point:
-    """One channel of one region of one frame.
-
-    Attributes
-    ----------
-    frame : str
-        Name of the frame.
-    position : str
-        Name of the position.
-    channel : str
-        Name of the channel.
-    f_number : float or None
-        F-number.
-    used : bool
-        True if the fit used it.
-    left_out : str
-        "" for one that was used, else the reason.
-    figure, value, standard_uncertainty : str, float or None, float or None
-        Coefficient that is compared, its value and its standard uncertainty.
-    residual_rel : float or None
-        Relative difference from the mean of its position.
-    """
+    """One channel of one region of one frame."""
 
     frame: str
     position: str
     channel: str
     f_number: float | None
-    used: bool
-    left_out: str
-    figure: str
-    value: float | None
+    used: bool = field(metadata=meaning("True if the fit used it."))
+    left_out: str = field(metadata=meaning('"" for one that was used, else the reason.'))
+    figure: str = field(
+        metadata=meaning("Coefficient that is compared, its value and its standard uncertainty.")
+    )
+    value: float | None = field(
+        metadata=meaning("Coefficient that is compared, its value and its standard uncertainty.")
+    )
     standard_uncertainty: float | None
-    residual_rel: float | None
+    residual_rel: float | None = field(metadata=meaning("Relative difference from the mean of its position."))
 
 
 @dataclass(frozen=True, kw_only=True)
 class EdgeColour:
-    """Displacement of one colour against green at one position; what does not exist is None.
+    """Displacement of one colour against green at one position; what does not exist is None."""
 
-    Attributes
-    ----------
-    channels : str
-        Pair of channels, such as "R-G".
-    position : str
-        Name of the position.
-    f_number : float or None
-        F-number.
-    radius_px, radius_rel : float
-        Distance of the edge from the middle of the frame [px], and 1 at its corners.
-    shift : Quantity
-        Displacement along the edge's normal, positive away from the middle of the frame.
-    radial : Quantity or None
-        Radial displacement of which `shift` is the part along the normal, positive is outwards; None within a
-        tenth of the half diagonal, and where the normal is more than 60 degrees off the radius.
-    frames : int
-        Number of frames.
-    effective_dof : float
-        Effective degrees of freedom of both.
-    """
-
-    channels: str
+    channels: str = field(metadata=meaning('Pair of channels, such as "R-G".'))
     position: str
     f_number: float | None
-    radius_px: float
-    radius_rel: float
-    shift: Quantity
-    radial: Quantity | None
-    frames: int
-    effective_dof: float
+    radius_px: float = field(
+        metadata=meaning("Distance of the edge from the middle of the frame [px], and 1 at its corners.")
+    )
+    radius_rel: float = field(
+        metadata=meaning("Distance of the edge from the middle of the frame [px], and 1 at its corners.")
+    )
+    shift: Quantity = field(
+        metadata=meaning("Displacement along the edge's normal, positive away from the middle of the frame.")
+    )
+    radial: Quantity | None = field(
+        metadata=meaning(
+            "Radial displacement of which `shift` is the part along the normal, positive is outwards; None "
+            "within a tenth of the half diagonal, and where the normal is more than 60 degrees off the "
+            "radius."
+        )
+    )
+    frames: int = field(metadata=meaning("Number of frames."))
+    effective_dof: float = field(metadata=meaning("Effective degrees of freedom of both."))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -259,3 +255,25 @@ class Fit:
     points: tuple[Point, ...]
     flags: tuple[Raised, ...]
     lateral_colour: tuple[EdgeColour, ...] | None = field(default=None, metadata=LATER)
+
+
+_LABELS = {"mtf50_cycles_per_pixel": "MTF50", "resolving_power_cycles_per_pixel": "Resolving power"}
+
+
+def list_key_figures(result: dict[str, Any]) -> tuple[KeyFigure, ...]:
+    """Return the figure of the positions nearest to the middle and farthest from it, at each f-number."""
+    positions = sorted(result["positions"], key=lambda each: float(each["radius_rel"]))
+    if not positions:
+        return ()
+    shown = choose_channel(each["channel"] for each in positions)
+    figures: list[KeyFigure] = []
+    for f_number in dict.fromkeys(each.get("f_number") for each in positions):
+        here = [each for each in positions if each["channel"] == shown and each.get("f_number") == f_number]
+        for each in here[:1] + here[1:][-1:]:
+            group = each["position"] or ("centre" if each is here[0] else "corner")
+            group += f", f/{f_number:g}" if f_number else ""
+            named = {row["name"]: row["quantity"] for row in each["coefficients"]}
+            name = next((name for name in _LABELS if name in named), None)
+            if name is not None:
+                figures += of_quantity(group, f"{_LABELS[name]}, {shown}", named[name])
+    return tuple(figures)

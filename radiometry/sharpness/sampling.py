@@ -12,8 +12,8 @@ from radiometry.frame.roi import Window
 from radiometry.frame.statistics import GREY
 
 LUMINANCE = "luminance"
+# As sfrmat5 weighs red, green and blue, after ITU-R BT.709
 LUMINANCE_WEIGHTS = {"R": 0.213, "G": 0.715, "B": 0.072}
-"""As sfrmat5 weighs red, green and blue, after ITU-R BT.709."""
 
 Matrix = NDArray[np.float64]
 
@@ -33,29 +33,14 @@ class Plane:
     Sample k of line j lies at (line_px[j], first_px[j] + k pitch_px), in pixel indices of the whole frame,
     the line along the rows or, transposed, along the columns. Green takes both its sites: lines of either
     row, each beginning where its own first green lies.
-
-    Attributes
-    ----------
-    channel : str
-        Name of the channel.
-    values : ndarray of float64
-        Signal above black, linear, (line, sample).
-    line_px : ndarray of float64
-        Place of each line [px].
-    first_px : ndarray of float64
-        Place of the first sample of each line [px].
-    pitch_px : float
-        Distance between samples of a line [px]; 2 on a colour filter array.
-    clipped_share : float
-        Fraction of the samples at white, or at a raw number of 0.
     """
 
     channel: str
-    values: Matrix
-    line_px: Matrix
-    first_px: Matrix
-    pitch_px: float
-    clipped_share: float
+    values: Matrix  # Signal above black, linear, (line, sample)
+    line_px: Matrix  # Place of each line [px]
+    first_px: Matrix  # Place of the first sample of each line [px]
+    pitch_px: float  # Distance between samples of a line [px]; 2 on a colour filter array
+    clipped_share: float  # Fraction of the samples at white, or at a raw number of 0
 
     @property
     def positions_px(self) -> Matrix:
@@ -80,29 +65,6 @@ class _Site:
 def read_planes(frame: Frame, window: Window, *, tone: Tone | None, transposed: bool) -> tuple[Plane, ...]:
     """Read the channels of a window: grey; R, G, B and luminance of a colour image; R, G, B of a mosaic.
 
-    Parameters
-    ----------
-    frame : Frame
-        Frame to measure.
-    window : Window
-        Window to read.
-    tone : Tone or None
-        Tone curve of a rendered image; None for a raw one.
-    transposed : bool
-        True if lines run along columns.
-
-    Returns
-    -------
-    tuple of Plane
-        Plane of each channel.
-
-    Raises
-    ------
-    InputRejected
-        `roi_outside_frame` if the frame's window does not contain this one.
-
-    Notes
-    -----
     A mosaic has no luminance of its own: that would need values that were never measured.
     """
     sites = _read_sites(frame, window, tone)
@@ -116,23 +78,7 @@ def read_planes(frame: Frame, window: Window, *, tone: Tone | None, transposed: 
 
 
 def average_sites(frame: Frame, window: Window, *, tone: Tone | None) -> tuple[Matrix, float]:
-    """Compute one picture of a window in which to find things: 2 x 2 means of a mosaic; and its pitch [px].
-
-    Parameters
-    ----------
-    frame : Frame
-        Frame to measure.
-    window : Window
-        Window to read.
-    tone : Tone or None
-        Tone curve of a rendered image; None for a raw one.
-
-    Returns
-    -------
-    tuple of (ndarray of float64, float)
-        Picture (row, col), sample (0, 0) of a mosaic lying half a pixel inside the
-        window's corner; and pitch [px].
-    """
+    """Compute a picture of a window in which to find things: 2 x 2 means of a mosaic; and its pitch [px]."""
     sites = _read_sites(frame, window, tone)
     if frame.cfa == "rgb":
         weighed = [LUMINANCE_WEIGHTS[name] * found[0].values for name, found in sites.items()]

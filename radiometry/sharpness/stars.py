@@ -1,8 +1,9 @@
-"""One Siemens star in one channel: its contrast by frequency, all around and by direction."""
+"""One Siemens star in one channel: its centre, and its contrast by frequency, all around and by direction."""
 
 import math
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected
@@ -10,6 +11,58 @@ from radiometry.sharpness import codes
 from radiometry.sharpness.edges import MOST_CLIPPED_SHARE
 from radiometry.sharpness.features import Contrasts, StarResponse
 from radiometry.sharpness.sampling import Plane
+
+Matrix = NDArray[np.float64]
+
+_CENTRING_RINGS = 6
+
+
+def guess_centre(picture: Matrix) -> tuple[float, float]:
+    """Estimate the point about which a picture is most nearly symmetric or antisymmetric.
+
+    A star turned by half a turn is itself (n even) or its negative (n odd), so the picture convolved with
+    itself has its largest modulus at twice the centre. Slow changes of light are subtracted before.
+    """
+    size = max(3, min(picture.shape) // 8)
+    fine = picture - scipy.ndimage.uniform_filter(picture, size, mode="nearest")
+    shape = (2 * picture.shape[0], 2 * picture.shape[1])
+    folded = np.abs(scipy.fft.irfft2(scipy.fft.rfft2(fine, shape) ** 2, shape))
+    row, col = np.unravel_index(int(np.argmax(folded)), folded.shape)
+    return float(row) / 2.0, float(col) / 2.0
+
+
+def refine_centre(
+    plane: Plane, *, start: tuple[float, float], cycles: int, radius_px: float
+) -> tuple[float, float]:
+    """Find the centre at which the star's fundamental is strongest, over rings of its outer half.
+
+    P(c) = sum_rings |sum I exp(-i n theta)|^2 / N^2,  theta about c.   A centre that is d off turns the
+    phase by n d / r around the ring, and weakens the sum.
+    """
+    rows = np.broadcast_to(plane.line_px[:, None], plane.values.shape).ravel()
+    cols = plane.positions_px.ravel()
+    signal = plane.values.ravel()
+    near = np.hypot(rows - start[0], cols - start[1]) <= radius_px
+    rows, cols, signal = rows[near], cols[near], signal[near]
+    ring = np.hypot(rows - start[0], cols - start[1]) / radius_px * 2.0 * _CENTRING_RINGS
+    index = np.minimum(ring.astype(np.intp), 2 * _CENTRING_RINGS - 1)
+    outer = index >= _CENTRING_RINGS
+    rows, cols, signal, index = rows[outer], cols[outer], signal[outer], index[outer] - _CENTRING_RINGS
+    count = np.maximum(np.bincount(index, minlength=_CENTRING_RINGS), 1)
+    signal = signal - (np.bincount(index, signal, _CENTRING_RINGS) / count)[index]
+
+    def weakness(centre: Matrix) -> float:
+        phase = cycles * np.arctan2(rows - centre[0], cols - centre[1])
+        real = np.bincount(index, signal * np.cos(phase), _CENTRING_RINGS) / count
+        imaginary = np.bincount(index, signal * np.sin(phase), _CENTRING_RINGS) / count
+        return -float(np.sum(real**2 + imaginary**2))
+
+    first = np.array(start)
+    simplex = np.array([first, first + np.array([0.7, 0.0]), first + np.array([0.0, 0.7])])
+    options = {"initial_simplex": simplex, "xatol": 1e-3, "fatol": 0.0, "maxiter": 120}
+    found = scipy.optimize.minimize(weakness, first, method="Nelder-Mead", options=options).x
+    return float(found[0]), float(found[1])
+
 
 Vector = NDArray[np.float64]
 
@@ -26,14 +79,7 @@ _LEAST_EXPLAINED = 0.4
 
 
 def nyquist_of(plane: Plane) -> float:
-    """Return the highest frequency that a channel's lattice can carry in every direction [cycles per pixel].
-
-    Returns
-    -------
-    float
-        0.5 where every pixel counts, 0.25 for red and blue of a mosaic, 0.354 for its
-        greens, which lie on a lattice turned by 45 degrees [cycles per pixel].
-    """
+    """Return the highest frequency that a channel's lattice carries in every direction [cycles/px]."""
     apart_px = plane.pitch_px * float(plane.line_px[1] - plane.line_px[0])
     return 0.5 / math.sqrt(apart_px)
 
@@ -41,30 +87,7 @@ def nyquist_of(plane: Plane) -> float:
 def measure_star(plane: Plane, *, cycles: int, centre: tuple[float, float], radius_px: float) -> StarResponse:
     """Measure a star's contrast on rings, by a fit of its fundamental in each of eight sectors.
 
-    Parameters
-    ----------
-    plane : Plane
-        Plane with lines along the rows.
-    cycles : int
-        Cycles n of the star.
-    centre : tuple of float
-        Row and column of the centre, as indices.
-    radius_px : float
-        Radius of the largest ring [px].
-
-    Returns
-    -------
-    StarResponse
-        Contrast by frequency, all around and by direction.
-
-    Raises
-    ------
-    InputRejected
-        `chart_clipped`, `chart_contrast_too_low`, `star_not_found` or `star_too_small`.
-
-    Notes
-    -----
-    With the s-SFR of [1]_::
+    With the s-SFR of [1]::
 
         I = a + b cos(n theta) + c sin(n theta),   M = sqrt(b^2 + c^2) / a,   f = n / (2 pi r)
 
@@ -73,9 +96,7 @@ def measure_star(plane: Plane, *, cycles: int, centre: tuple[float, float], radi
     outermost rings of the star, whose own blur is left in. A star of bars has a fundamental 4/pi as large,
     which cancels. Rings end at the channel's Nyquist frequency.
 
-    References
-    ----------
-    .. [1] ISO 12233:2023 annex E (s-SFR)
+    [1] ISO 12233:2023 annex E (s-SFR)
     """
     _require_unclipped(plane)
     inner_px = cycles / (2.0 * math.pi * nyquist_of(plane))

@@ -5,11 +5,9 @@ from collections.abc import Sequence
 from radiometry.findings import Reason
 from radiometry.frame.verdicts import ReviewedFrame, Verdict, conclude, inspect_frames
 from radiometry.sharpness import codes
-from radiometry.sharpness.candidates import Candidate, collect_candidates
-from radiometry.sharpness.falloff import CENTRE_RADIUS_REL, CORNER_RADIUS_REL
-from radiometry.sharpness.merging import merge_position
-from radiometry.sharpness.results import PositionFit
-from radiometry.sharpness.rows import FrameRow, Params
+from radiometry.sharpness.fit import CENTRE_RADIUS_REL, CORNER_RADIUS_REL
+from radiometry.sharpness.positions import Candidate, collect_candidates, merge_position
+from radiometry.sharpness.results import FrameRow, Params, PositionFit
 
 GOOD_REPEATS = 3
 BLURRED_REL = 0.1
@@ -19,8 +17,6 @@ _BLURRED_ERRORS = 3.0
 def judge(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], params: Params) -> dict[str, Verdict]:
     """Return the verdict on each frame of a campaign.
 
-    Notes
-    -----
     Reasons, each of them a warning: `chart_unusable` if some channel of some region has no response;
     `blurred` if at a position the frame is a tenth and three standard uncertainties below the best of its
     repeats.
@@ -57,13 +53,7 @@ def _find_blurred(repeats: Sequence[Candidate], params: Params) -> list[tuple[st
 
 
 def plan(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
-    """List, by name, what would make the fit good.
-
-    Returns
-    -------
-    tuple of str
-        Suggestions, as fragments.
-    """
+    """List, by name, what would make the fit good."""
     usable = [each for each in collect_candidates(rows, params) if not each.left_out]
     keys = sorted({each.key for each in usable})
     positions = [merge_position([each for each in usable if each.key == key], params) for key in keys]

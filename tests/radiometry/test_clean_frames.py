@@ -15,7 +15,8 @@ from radiometry.luminance.verdicts import judge as judge_luminance
 from radiometry.noise.verdicts import judge as judge_noise
 from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.findings import judge as judge_reflectance
-from radiometry.sharpness import method as sharpness
+from radiometry.sharpness import fit as sharpness
+from radiometry.sharpness.results import Target
 from radiometry.sharpness.verdicts import judge as judge_sharpness
 from radiometry.vignetting import fit as vignetting
 from radiometry.vignetting.verdicts import judge as judge_vignetting
@@ -163,7 +164,7 @@ def test_clean_charts_raise_nothing(size, plan, kind):
     falloff = (-0.2, 0.06, -0.04)
     studio = change(CHART_STUDIO, height_px=size[0], width_px=size[1], cfa=cfa, falloff=falloff)
     studio = change(studio, photon_noise=True, colours=FAST_LENS.sensor.colours)
-    one, random, target = plan(*size), np.random.default_rng(size[1]), sharpness.Target(kind=kind, cycles=24)
+    one, random, target = plan(*size), np.random.default_rng(size[1]), Target(kind=kind, cycles=24)
     rows = []
     for n in range(2):
         frame = shots.render_chart(studio, [one], random)

@@ -6,15 +6,16 @@ import numpy as np
 
 from radiometry.fitting.evidence import FrameEvidence
 from radiometry.frame.exposure import Exposure
-from radiometry.sharpness import method as sharpness
+from radiometry.sharpness import extraction
+from radiometry.sharpness.results import Target
 from simulation.camera import change
 from simulation.targets import CHART_STUDIO, Chart, Edge
 
 CAMERA = CHART_STUDIO
 SMALL = change(CHART_STUDIO, height_px=110, width_px=110)
 EXPOSURE = Exposure(exposure_time_s=0.01, f_number=4.0, iso=100.0)
-EDGES = sharpness.Target()
-STRAIGHT = sharpness.Target(edge_order=1)
+EDGES = Target()
+STRAIGHT = Target(edge_order=1)
 
 
 def seeded(seed=1):
@@ -44,7 +45,7 @@ def transpose(frame):
 
 def extract(frame, regions, *, camera=CAMERA, target=EDGES, header=None):
     header = header or camera.camera.describe()
-    return sharpness.extract(frame, regions, header=header, exposure=None, target=target).features
+    return extraction.extract(frame, regions, header=header, exposure=None, target=target).features
 
 
 def render_chart(studio, parts, random):

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from radiometry.fitting.curve import coverage_factor
-from radiometry.sharpness import method as sharpness
+from radiometry.sharpness import fit as sharpness
+from radiometry.sharpness.fit import list_coefficients
+from radiometry.sharpness.results import Params
 from simulation.camera import change
 from simulation.targets import CHART_STUDIO, Chart, Edge
 from tests.radiometry.sharpness.shots import extract, row, seeded
@@ -34,7 +36,7 @@ def rows():
 
 def test_shift_and_radial_part_are_those_of_the_lens(rows):
     """Fifteen sets by hand: 97 % of 112 within U."""
-    fit = sharpness.fit(rows, sharpness.Params())
+    fit = sharpness.fit(rows, Params())
     parts = {each.name: each for each in EDGES}
     assert len(fit.lateral_colour) == 6
     for each in fit.lateral_colour:
@@ -50,7 +52,7 @@ def test_shift_and_radial_part_are_those_of_the_lens(rows):
         else:
             truth = scale * np.hypot(*middle)
             assert each.radial.value == pytest.approx(truth, abs=0.1 * abs(truth) + 0.03)
-    listed = [each for each in sharpness.list_coefficients(fit) if each.name == "lateral_colour_px"]
+    listed = [each for each in list_coefficients(fit) if each.name == "lateral_colour_px"]
     assert {(each.channel, each.model) for each in listed} == {
         (pair, f"slanted_edge:{position}") for pair in ("R-G", "B-G") for position in ("top-left", "right")
     }
@@ -59,7 +61,7 @@ def test_shift_and_radial_part_are_those_of_the_lens(rows):
 
 def test_flag_of_a_large_shift_names_the_position_and_old_features_have_none():
     far = [row("far", shoot(seeded(4), {"R": 1.012}))]
-    fit = sharpness.fit(far, sharpness.Params())
+    fit = sharpness.fit(far, Params())
     (flag,) = [each for each in fit.flags if each.flag == "lateral_colour_large"]
     assert flag.where == "position right"
     assert flag.detail.startswith("R-G is +1.")
@@ -70,4 +72,4 @@ def test_flag_of_a_large_shift_names_the_position_and_old_features_have_none():
         for region in far[0].features.regions
     ]
     old = dataclasses.replace(far[0].features, regions=tuple(regions))
-    assert sharpness.fit([row("old", old)], sharpness.Params()).lateral_colour is None
+    assert sharpness.fit([row("old", old)], Params()).lateral_colour is None

@@ -14,8 +14,8 @@ from radiometry.fitting.evidence import Region
 from radiometry.frame import Frame
 from radiometry.frame.roi import Polygon
 from radiometry.sharpness import codes as sharpness_codes
-from radiometry.sharpness import method as sharpness
-from radiometry.sharpness.spectrum import find_crossing, list_frequencies
+from radiometry.sharpness.profile import find_crossing, list_frequencies
+from radiometry.sharpness.results import Target
 from simulation.camera import change
 from simulation.targets import CHART_STUDIO, true_mtf
 from tests.radiometry.sharpness.shots import (
@@ -69,7 +69,7 @@ def reference(real_data):
 def test_the_whole_curve_of_every_channel_is_sfrmat5_s(reference, order):
     frame, regions, curves = reference
     header = dataclasses.replace(SMALL.camera.describe(), rendered=True)
-    (region,) = extract(frame, regions, header=header, target=sharpness.Target(edge_order=order)).regions
+    (region,) = extract(frame, regions, header=header, target=Target(edge_order=order)).regions
     assert [each.channel for each in region.edges] == ["R", "G", "B", "luminance"]
     frequency = curves[order][:, 0]
     below = frequency <= 0.5
@@ -94,7 +94,7 @@ def test_the_whole_curve_of_every_channel_is_sfrmat5_s(reference, order):
 def test_the_published_mtf50_is_met_and_belongs_to_red(reference, order, published, ours):
     """The page states ours, of red and of luminance, beside what sfrmat5 found."""
     frame, regions, curves = reference
-    (region,) = extract(frame, regions, target=sharpness.Target(edge_order=order)).regions
+    (region,) = extract(frame, regions, target=Target(edge_order=order)).regions
     found = {each.channel: each.mtf50.value for each in region.edges}
     assert (found["R"], found["luminance"]) == pytest.approx(ours, abs=5e-5)
     frequency, theirs = curves[order][:, 0], curves[order][:, [1, 4]].T
@@ -163,7 +163,7 @@ def test_any_slope_place_and_order_give_the_blur(sigma_px, angle_deg, lean, orde
     one = edge(blur_px=sigma_px, angle_deg=lean * angle_deg)
     frame = render_chart(SMALL, [one], seeded())
     moved = dataclasses.replace(one, col0=one.col0 + max(shift, 0), width=one.width - abs(shift))
-    (region,) = extract(frame, [moved.region], target=sharpness.Target(edge_order=order)).regions
+    (region,) = extract(frame, [moved.region], target=Target(edge_order=order)).regions
     (response,) = region.edges
     assert response.mtf50.value == pytest.approx(0.187390 / sigma_px, rel=0.01)
     assert response.rise_px.value == pytest.approx(2.5631 * sigma_px, rel=0.01)
@@ -256,7 +256,7 @@ def test_a_tone_curve_is_undone_where_it_is_stated():
     share = linear.samples_dn / 16383.0
     bent = dataclasses.replace(linear, samples_dn=np.round(65535 * share ** (1 / 2.2)).astype(np.uint16))
     bent = dataclasses.replace(bent, white_level_dn=(65535.0,) * 3)
-    tone = sharpness.Target(tone_curve="gamma", gamma=2.2)
+    tone = Target(tone_curve="gamma", gamma=2.2)
     found = {
         name: extract(frame, [one.region], camera=camera, target=target).regions[0].edges[3].mtf50.value
         for name, frame, target in (
@@ -279,7 +279,7 @@ def test_srgb_is_undone_on_both_of_its_branches():
     bent = dataclasses.replace(
         linear, samples_dn=np.round(65535 * coded).astype(np.uint16), white_level_dn=(65535.0,) * 3
     )
-    target = sharpness.Target(tone_curve="srgb")
+    target = Target(tone_curve="srgb")
     (region,) = extract(bent, [one.region], camera=camera, target=target).regions
     assert region.edges[3].contrast == pytest.approx((9000 - 30) / (9000 + 30), abs=1e-3)
     assert region.edges[3].mtf50.value == pytest.approx(0.1874, rel=0.01)

@@ -12,11 +12,12 @@ from pydantic import TypeAdapter
 from radiometry.findings import InputRejected, shared
 from radiometry.fitting.curve import coverage_factor
 from radiometry.fitting.evidence import Exclusion
-from radiometry.sharpness import method as sharpness
-from radiometry.sharpness import rows as sharpness_rows
+from radiometry.sharpness import fit as sharpness
 from radiometry.sharpness import verdicts as sharpness_verdicts
-from radiometry.sharpness.features import Estimate
-from radiometry.sharpness.merging import merge_estimates
+from radiometry.sharpness.features import Estimate, Features
+from radiometry.sharpness.fit import list_coefficients
+from radiometry.sharpness.positions import merge_estimates
+from radiometry.sharpness.results import Fit, Params, StarCentre, Target
 from simulation.camera import change
 from simulation.targets import CHART_STUDIO, Edge, Star
 from tests.radiometry.evidence import taken
@@ -31,7 +32,7 @@ CHART = (
     Edge(name="bottom-right", row0=155, col0=255, height=80, width=60, blur_px=CORNER_PX),
 )
 REGIONS = [each.region for each in CHART]
-PARAMS = sharpness.Params(pixel_pitch_um=4.65)
+PARAMS = Params(pixel_pitch_um=4.65)
 
 
 def shoot(random, chart=CHART, camera=CAMERA):
@@ -54,7 +55,7 @@ def flags_of(fit):
 
 
 def test_every_position_has_the_figures_of_the_contract(fitted):
-    figures = {(each.model, each.name): each for each in sharpness.list_coefficients(fitted)}
+    figures = {(each.model, each.name): each for each in list_coefficients(fitted)}
     for position, blur_px in (("centre", MIDDLE_PX), ("top-left", CORNER_PX), ("bottom-right", CORNER_PX)):
         model = f"slanted_edge:{position}"
         for name, unit, truth in (
@@ -84,7 +85,7 @@ def test_the_falloff_is_a_quarter(fitted):
     assert 0 < table.corner_falloff.standard_uncertainty < 0.02
     for each in table.rows:
         assert each.ratio.value == pytest.approx(0.75, abs=4 * each.ratio.standard_uncertainty)
-    (figure,) = [each for each in sharpness.list_coefficients(fitted) if each.name == "corner_falloff"]
+    (figure,) = [each for each in list_coefficients(fitted) if each.name == "corner_falloff"]
     assert (figure.model, figure.unit, figure.value) == ("slanted_edge", "1", table.corner_falloff.value)
 
 
@@ -133,14 +134,12 @@ def test_the_order_of_the_frames_changes_nothing(rows, fitted):
 
 
 def test_features_and_fit_survive_json(rows, fitted):
-    features, fit = TypeAdapter(sharpness.Features), TypeAdapter(sharpness.Fit)
+    features, fit = TypeAdapter(Features), TypeAdapter(Fit)
     assert features.validate_json(features.dump_json(rows[0].features)) == rows[0].features
     assert fit.validate_json(fit.dump_json(fitted)) == fitted
     json.loads(fit.dump_json(fitted), parse_constant=pytest.fail)
-    target = sharpness.Target(
-        kind="siemens_star", centres=(sharpness_rows.StarCentre(region="a", x_px=1, y_px=2),)
-    )
-    adapter = TypeAdapter(sharpness.Target)
+    target = Target(kind="siemens_star", centres=(StarCentre(region="a", x_px=1, y_px=2),))
+    adapter = TypeAdapter(Target)
     assert adapter.validate_json(adapter.dump_json(target)) == target
 
 
@@ -154,21 +153,21 @@ def test_features_and_fit_survive_json(rows, fitted):
         ({"gamma": math.nan}, "gamma must lie between 0.2 and 5.0"),
         ({"tone_curve": "log"}, "tone_curve must be one of linear, srgb, gamma"),
         (
-            {"centres": (sharpness_rows.StarCentre(region="a", x_px=math.inf, y_px=0.0),)},
+            {"centres": (StarCentre(region="a", x_px=math.inf, y_px=0.0),)},
             "x_px and y_px of centres must be finite numbers",
         ),
     ],
 )
 def test_a_target_that_cannot_be_is_refused(wrong, said):
     with pytest.raises(ValueError, match=said):
-        sharpness.Target(**wrong)
+        Target(**wrong)
 
 
 @pytest.mark.parametrize("wrong", [{"pixel_pitch_um": 0.0}, {"star_contrast": math.inf}])
 def test_parameters_that_cannot_be_are_refused(wrong):
     (name,) = wrong
     with pytest.raises(ValueError, match=f"{name} must lie between"):
-        sharpness.Params(**wrong)
+        Params(**wrong)
 
 
 def test_points_carry_every_frame_and_region(fitted):
@@ -232,7 +231,7 @@ def test_a_good_campaign_has_no_flag(fitted):
 def test_a_single_frame_is_flagged(rows):
     fit = sharpness.fit(rows[:1], PARAMS)
     assert ("sharpness_once", "position centre") in flags_of(fit)
-    figure = next(each for each in sharpness.list_coefficients(fit) if each.model == "slanted_edge:centre")
+    figure = next(each for each in list_coefficients(fit) if each.model == "slanted_edge:centre")
     assert figure.flags == ("sharpness_once",)
 
 
@@ -293,7 +292,7 @@ def test_what_the_edges_show_is_flagged(rows, flag, changes, beside):
 
 def test_an_edge_sharper_than_the_curve_has_no_mtf50(rows):
     fit = sharpness.fit([change_edges(rows[0], mtf50=None)], PARAMS)
-    names = {each.name for each in sharpness.list_coefficients(fit)}
+    names = {each.name for each in list_coefficients(fit)}
     assert "mtf50_cycles_per_pixel" not in names
     assert "edge_rise_10_90_px" in names
     assert fit.falloff == ()
@@ -319,10 +318,10 @@ def test_corners_alone_have_nothing_to_be_compared_with(rows):
 def test_stars_have_their_own_figures():
     camera = change(CHART_STUDIO, height_px=200, width_px=200)
     star = Star(name="centre", row0=8, col0=8, size=184, centre_row_px=100.0, centre_col_px=99.0, cycles=36)
-    target = sharpness.Target(kind="siemens_star", cycles=36)
+    target = Target(kind="siemens_star", cycles=36)
     features = extract(render_chart(camera, [star], seeded()), [star.region], camera=camera, target=target)
-    fit = sharpness.fit([row("a", features)], sharpness.Params(star_contrast=0.2, pixel_pitch_um=5.0))
-    figures = {each.name: each for each in sharpness.list_coefficients(fit)}
+    fit = sharpness.fit([row("a", features)], Params(star_contrast=0.2, pixel_pitch_um=5.0))
+    figures = {each.name: each for each in list_coefficients(fit)}
     power = figures["resolving_power_cycles_per_pixel"]
     assert power.model == "siemens_star:centre"
     assert power.value == pytest.approx(math.sqrt(-math.log(0.2 * 0.966) / 2) / (math.pi * 0.7), rel=0.02)
@@ -370,7 +369,7 @@ def test_a_plan_says_what_would_be_good(rows):
     assert sharpness_verdicts.plan([], PARAMS) == ()
     (few,) = [each for each in sharpness_verdicts.plan(rows[:2], PARAMS) if "centre" in each]
     assert few == "position centre has 2 usable frames: add 1 for its repeatability"
-    assert sharpness_verdicts.plan(rows, sharpness.Params()) == (
+    assert sharpness_verdicts.plan(rows, Params()) == (
         "no pixel pitch: nothing can be said in line pairs per millimetre",
     )
     upright = [change_edges(each, orientation="vertical") for each in rows]

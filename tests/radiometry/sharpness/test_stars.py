@@ -9,9 +9,9 @@ from scipy.ndimage import gaussian_filter1d
 from radiometry.findings import InputRejected
 from radiometry.fitting.evidence import Region
 from radiometry.frame.roi import Polygon
-from radiometry.sharpness import codes, rows
-from radiometry.sharpness import method as sharpness
-from radiometry.sharpness.resolution import find_resolving_power
+from radiometry.sharpness import codes, results
+from radiometry.sharpness.positions import find_resolving_power
+from radiometry.sharpness.results import Target
 from simulation.camera import change
 from simulation.targets import CHART_STUDIO, Star, true_mtf
 from tests.radiometry.sharpness.shots import extract, render_chart, seeded, transpose
@@ -20,7 +20,7 @@ CAMERA = change(CHART_STUDIO, height_px=190, width_px=210)
 STAR = Star(
     name="centre", row0=3, col0=15, size=184, centre_row_px=95.3, centre_col_px=107.7, cycles=36, blur_px=0.8
 )
-TARGET = sharpness.Target(kind="siemens_star", cycles=36)
+TARGET = Target(kind="siemens_star", cycles=36)
 
 
 def photograph(star=STAR, camera=CAMERA):
@@ -71,10 +71,14 @@ def test_the_centre_is_found(star):
 
 
 def test_a_known_centre_is_taken_in_the_coordinates_of_regions():
-    target = dataclasses.replace(TARGET, centres=(rows.StarCentre(region="centre", x_px=108.2, y_px=95.8),))
+    target = dataclasses.replace(
+        TARGET, centres=(results.StarCentre(region="centre", x_px=108.2, y_px=95.8),)
+    )
     found = measure(target=target)["grey"]
     assert (found.centre_row_px, found.centre_col_px) == (pytest.approx(95.3), pytest.approx(107.7))
-    elsewhere = dataclasses.replace(TARGET, centres=(rows.StarCentre(region="corner", x_px=50.0, y_px=50.0),))
+    elsewhere = dataclasses.replace(
+        TARGET, centres=(results.StarCentre(region="corner", x_px=50.0, y_px=50.0),)
+    )
     assert measure(target=elsewhere)["grey"].centre_row_px == pytest.approx(95.3, abs=0.05)
 
 

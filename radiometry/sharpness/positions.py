@@ -1,34 +1,207 @@
-"""Merging of the frames of one position into one result."""
+"""Responses of a campaign: which are used, which are left out, and the frames of one position as one."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from radiometry.drawing.text import name_few
 from radiometry.fitting.evidence import MOST_DOF, Quantity
 from radiometry.fitting.repeats import merge_variances
-from radiometry.sharpness.candidates import MTF50, RESOLVING_POWER, Candidate
 from radiometry.sharpness.edges import JACKKNIFE_DOF
-from radiometry.sharpness.features import Contrasts, EdgeResponse, Estimate, StarResponse
-from radiometry.sharpness.resolution import convert_resolution, find_resolving_power, unresolved_diameter
-from radiometry.sharpness.results import Coefficient, Curve, Direction, PositionFit
-from radiometry.sharpness.rows import Params
-from radiometry.sharpness.spectrum import list_frequencies
+from radiometry.sharpness.features import (
+    Contrasts,
+    EdgeResponse,
+    Estimate,
+    Features,
+    RegionResponse,
+    StarResponse,
+)
+from radiometry.sharpness.profile import list_frequencies
+from radiometry.sharpness.results import Coefficient, Curve, Direction, FrameRow, Params, PositionFit
+
+SMALL_FORMAT_HEIGHT_MM = 24.0
+
+_NEIGHBOURS = 3
+_LEAST_CONTRAST = 1e-4
+
+
+@dataclass(frozen=True, kw_only=True)
+class Resolution:
+    """One frequency in every unit."""
+
+    cycles_per_pixel: float  # Frequency [cycles per pixel]
+    lp_per_mm: float | None  # Line pairs per millimetre on the sensor itself; None without its pitch
+    lp_per_ph: float  # Line pairs, and line widths, per picture height
+    lw_per_ph: float
+    lp_per_mm_small_format: float  # Line pairs per millimetre on a picture enlarged to 24 mm height
+
+
+def convert_resolution(
+    cycles_per_pixel: float, *, picture_height_px: int, pixel_pitch_um: float | None = None
+) -> Resolution:
+    """Compute a frequency in line pairs and line widths.
+
+    lp/mm = f / p,   LP/PH = f N,   LW/PH = 2 f N,   small format: f N / 24 mm
+
+    A line pair is one cycle, a line WIDTH half of one. Equation 3 of the source multiplies by 2, divides
+    by 24 mm and calls the result lp/mm: it is line widths per millimetre of a 24 mm picture. Its 26.1 for
+    N = 1024 is 0.3059 cycles per pixel and 13.05 lp/mm.
+    """
+    pairs = cycles_per_pixel * picture_height_px
+    return Resolution(
+        cycles_per_pixel=cycles_per_pixel,
+        lp_per_mm=None if pixel_pitch_um is None else cycles_per_pixel / pixel_pitch_um * 1000.0,
+        lp_per_ph=pairs,
+        lw_per_ph=2.0 * pairs,
+        lp_per_mm_small_format=pairs / SMALL_FORMAT_HEIGHT_MM,
+    )
+
+
+def unresolved_diameter(resolving_power: float, *, cycles: int) -> float:
+    """Compute the diameter of the disc in which a star is not resolved, d = n / (pi RP) [px].
+
+    The source calls d the distance from the centre to the unresolved circle's edge; with that radius its
+    equation 2 gives twice the resolving power. 48 cycles and 0.5 cycles per pixel: 30.56 px across.
+    """
+    return cycles / (math.pi * resolving_power)
+
+
+def find_resolving_power(
+    frequency: tuple[float, ...], curve: Contrasts, *, contrast: float
+) -> Estimate | None:
+    """Find the frequency at which a star's contrast first falls below a level.
+
+    Between the last ring above the level and the first below, ln(contrast) is interpolated over f^2, where
+    a Gaussian blur is a straight line. The difference from a straight line in contrast over f is the
+    standard uncertainty of the model; that of the rings is u(contrast at the root) / |slope|, with the mean
+    slope over three rings on either side, since noise chooses the steepest pair to cross.
+    """
+    values, u = np.array(curve.contrast), np.array(curve.contrast_u)
+    below = np.flatnonzero(values < contrast)
+    if not below.size or below[0] == 0:
+        return None
+    pair = slice(int(below[0]) - 1, int(below[0]) + 1)
+    f, ring_u = np.array(frequency)[pair], u[pair]
+    # a contrast within its noise has no logarithm of meaning
+    logs = np.log(np.maximum(values[pair], np.maximum(ring_u, _LEAST_CONTRAST)))
+    line, curved = (
+        float((start - level) / (start - end))
+        for start, end, level in ((*values[pair], contrast), (*logs, math.log(contrast)))
+    )
+    root = math.sqrt(f[0] ** 2 + min(curved, 1.0) * (f[1] ** 2 - f[0] ** 2))
+    straight = f[0] + line * (f[1] - f[0])
+    around = slice(max(0, pair.stop - 1 - _NEIGHBOURS), pair.stop - 1 + _NEIGHBOURS)
+    fall = values[around][0] - values[around][-1]
+    span = np.array(frequency)[around][-1] - np.array(frequency)[around][0]
+    if fall <= 0.0:
+        fall, span = values[pair][0] - values[pair][1], f[1] - f[0]
+    noise_u = math.hypot((1.0 - line) * ring_u[0], line * ring_u[1]) * span / fall
+    return Estimate(value=root, standard_uncertainty=math.hypot(float(noise_u), straight - root))
+
+
+MTF50 = "mtf50_cycles_per_pixel"
+RESOLVING_POWER = "resolving_power_cycles_per_pixel"
+
+
+Key = tuple[str, str, str, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Candidate:
+    """One channel of one region of one frame."""
+
+    frame: str
+    features: Features
+    region: RegionResponse  # Responses of the region
+    channel: str
+    f_number: float | None
+    response: EdgeResponse | StarResponse | None  # Response of the channel; None if the channel was refused
+    left_out: str  # "" if it counts, else the reason
+
+    @property
+    def kind(self) -> str:
+        """Kind of the target."""
+        return self.features.kind
+
+    @property
+    def key(self) -> Key:
+        """Key that repeats of one another share."""
+        return self.kind, self.region.name, self.channel, self.f_number or 0.0
+
+    @property
+    def figure(self) -> str:
+        """Name of the coefficient that is compared between frames and positions."""
+        return MTF50 if self.kind == "slanted_edge" else RESOLVING_POWER
+
+    def measure(self, params: Params) -> Estimate | None:
+        """Return the coefficient that is compared between frames and positions."""
+        match self.response:
+            case EdgeResponse():
+                return self.response.mtf50
+            case StarResponse():
+                return find_resolving_power(
+                    self.response.frequency, self.response.whole, contrast=params.star_contrast
+                )
+            case _:
+                return None
+
+
+def collect_candidates(rows: Sequence[FrameRow], params: Params) -> tuple[Candidate, ...]:
+    """Return every channel of every region."""
+    excluded = {exclusion.frame: exclusion for exclusion in params.exclude}
+    found = []
+    for row in rows:
+        if row.features is None:
+            continue
+        exclusion = excluded.get(row.frame)
+        left_out = f"excluded by {exclusion.by}: {exclusion.reason}" if exclusion else ""
+        f_number = row.exposure.f_number if row.exposure is not None else None
+        for region in row.features.regions:
+            responses: tuple[EdgeResponse | StarResponse, ...] = (*region.edges, *region.stars)
+            outcomes = [
+                *((each.channel, each, left_out) for each in responses),
+                *((each.channel, None, left_out or each.message) for each in region.refused),
+            ]
+            found += [
+                Candidate(
+                    frame=row.frame,
+                    features=row.features,
+                    region=region,
+                    channel=channel,
+                    f_number=f_number,
+                    response=response,
+                    left_out=reason,
+                )
+                for channel, response, reason in outcomes
+            ]
+    return tuple(sorted(found, key=lambda each: (each.key, each.frame)))
+
+
+def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] = ()) -> tuple[str, ...]:
+    """List, by name, what keeps a fit from starting."""
+    excluded = {exclusion.frame for exclusion in params.exclude}
+    wanted = [row for row in rows if row.role == "chart" and row.frame not in excluded]
+    found = []
+    if not wanted and not unread:
+        found.append("no chart frame that can be used: photograph edges or stars in role chart")
+    if unread:
+        found.append(f"not read yet: {name_few('frame', unread)}")
+    undrawn = [row.frame for row in wanted if row.features is None and not row.has_region]
+    waiting = [row.frame for row in wanted if row.features is None and row.has_region]
+    if undrawn:
+        found.append(f"no region: {name_few('frame', undrawn)}")
+    if waiting:
+        found.append(f"not extracted yet: {name_few('frame', waiting)}")
+    return tuple(found)
+
 
 _CYCLES_PER_PIXEL = "cycles/px"
 
 
 def merge_position(candidates: Sequence[Candidate], params: Params) -> PositionFit:
-    """Return the result of one channel of one position from the frames that count.
-
-    Parameters
-    ----------
-    candidates : sequence of Candidate
-        Responses that count, at least one.
-    params : Params
-        Parameters of the fit.
-    """
+    """Return the result of one channel of one position from the frames that count."""
     first = candidates[0]
     edges = [each.response for each in candidates if isinstance(each.response, EdgeResponse)]
     stars = [each.response for each in candidates if isinstance(each.response, StarResponse)]
@@ -61,20 +234,6 @@ def merge_estimates(
 ) -> tuple[float, float, float | None, float]:
     """Compute mean, its standard uncertainty, the standard deviation s of one frame, and degrees of freedom.
 
-    Parameters
-    ----------
-    estimates : sequence of Estimate
-        Estimate of each frame.
-    dof : float, default: inf
-        Degrees of freedom of the uncertainty of each.
-
-    Returns
-    -------
-    tuple of (float, float, float or None, float)
-        Mean, standard uncertainty, s (None for one frame), and degrees of freedom of the uncertainty.
-
-    Notes
-    -----
     u^2 = max(s^2, mean u_i^2) / n: the larger of the observed scatter and the one that noise predicts, the
     latter with n times the degrees of freedom of one frame. See `repeats.merge_variances`.
     """

@@ -1,0 +1,405 @@
+"""The fit of a campaign: falloff to the corners, lateral colour, flags and coefficients."""
+
+import itertools
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from radiometry.findings import InputRejected, Raised, shared
+from radiometry.fitting.evidence import MOST_DOF, CoefficientValue, Quantity
+from radiometry.sharpness import codes
+from radiometry.sharpness.features import EdgeResponse, Estimate
+from radiometry.sharpness.positions import (
+    MTF50,
+    RESOLVING_POWER,
+    Candidate,
+    collect_candidates,
+    merge_estimates,
+    merge_position,
+    missing,
+)
+from radiometry.sharpness.results import (
+    Coefficient,
+    EdgeColour,
+    Falloff,
+    FalloffTable,
+    Fit,
+    FrameRow,
+    Params,
+    Point,
+    PositionFit,
+)
+
+CENTRE_RADIUS_REL = 0.25
+CORNER_RADIUS_REL = 0.6
+
+
+def compare_positions(positions: Sequence[PositionFit]) -> tuple[FalloffTable, ...]:
+    """Compute the falloff of every channel and f-number that has a position in the middle and one elsewhere.
+
+    ratio = m / m_c, m_c the mean over positions within a quarter of the half diagonal; the corner's is the
+    mean over positions beyond 0.6 of it. Uncertainties of different positions are taken as independent: the
+    focus, which positions of one frame share, is in the repeatability of each.
+    """
+
+    def group_of(each: PositionFit) -> tuple[str, str, float]:
+        return each.kind, each.channel, each.f_number or 0.0
+
+    tables = []
+    for _, found in itertools.groupby(sorted(positions, key=group_of), key=group_of):
+        table = _compare(list(found))
+        if table is not None:
+            tables.append(table)
+    return tuple(tables)
+
+
+def _compare(positions: Sequence[PositionFit]) -> FalloffTable | None:
+    figure = MTF50 if positions[0].kind == "slanted_edge" else RESOLVING_POWER
+    measured = [
+        (each, coefficient)
+        for each in sorted(positions, key=lambda one: (one.radius_rel, one.position))
+        if (coefficient := each.find(figure)) is not None
+    ]
+    centre = [pair for pair in measured if pair[0].radius_rel <= CENTRE_RADIUS_REL]
+    others = [pair for pair in measured if pair[0].radius_rel > CENTRE_RADIUS_REL]
+    corners = [pair for pair in others if pair[0].radius_rel >= CORNER_RADIUS_REL]
+    if not centre or not others:
+        return None
+    middle = _average([coefficient.quantity for _, coefficient in centre])
+    corner_falloff = dof = None
+    if corners:
+        ratio = _divide(_average([coefficient.quantity for _, coefficient in corners]), middle)
+        corner_falloff = Quantity(
+            value=1.0 - ratio.value, standard_uncertainty=ratio.standard_uncertainty, unit="1"
+        )
+        dof = _find_dof(centre, corners)
+    return FalloffTable(
+        kind=positions[0].kind,
+        channel=positions[0].channel,
+        f_number=positions[0].f_number,
+        figure=figure,
+        centre=tuple(each.position for each, _ in centre),
+        corners=tuple(each.position for each, _ in corners),
+        rows=tuple(
+            Falloff(
+                position=each.position,
+                radius_rel=each.radius_rel,
+                ratio=_divide(coefficient.quantity, middle),
+            )
+            for each, coefficient in others
+        ),
+        corner_falloff=corner_falloff,
+        corner_falloff_dof=dof,
+    )
+
+
+def _find_dof(*groups: Sequence[tuple[PositionFit, Coefficient]]) -> float:
+    """Compute the effective degrees of freedom of a ratio of means (Welch and Satterthwaite)."""
+    variance = restless = 0.0
+    for group in groups:
+        total = math.fsum(each.quantity.value for _, each in group)
+        for _, each in group:
+            part = (each.quantity.standard_uncertainty / total) ** 2
+            variance += part
+            restless += part**2 / (each.effective_dof or MOST_DOF)
+    return min(MOST_DOF, variance**2 / restless) if restless else MOST_DOF
+
+
+def _average(quantities: Sequence[Quantity]) -> Quantity:
+    count = len(quantities)
+    return Quantity(
+        value=math.fsum(each.value for each in quantities) / count,
+        standard_uncertainty=math.sqrt(math.fsum(each.standard_uncertainty**2 for each in quantities))
+        / count,
+        unit=quantities[0].unit,
+    )
+
+
+def _divide(upper: Quantity, lower: Quantity) -> Quantity:
+    ratio = upper.value / lower.value
+    u_rel = math.hypot(upper.standard_uncertainty / upper.value, lower.standard_uncertainty / lower.value)
+    return Quantity(value=ratio, standard_uncertainty=ratio * u_rel, unit="1")
+
+
+LATERAL_COLOUR: Final = "lateral_colour_px"
+_REFERENCE: Final = "G"
+_COLOURS: Final = ("R", "B")
+_LEAST_COSINE: Final = 0.5
+_LEAST_RADIUS_REL: Final = 0.1
+
+
+def measure_colours(candidates: Sequence[Candidate]) -> tuple[EdgeColour, ...]:
+    """Compare the places of every position's edge in red and blue with that in green.
+
+    With p the mean place of the edge along its normal n, over the same lines in every colour, and r the
+    vector from the middle of the frame::
+
+        shift = (p_colour - p_G) sign(n r),   radial = shift |r| / |n r|
+
+    A displacement that all positions share, such as a tilted window before the sensor makes, is in both. u of
+    one frame is that of the mean of the polynomials through the centroids of the lines, of repeats as for the
+    other coefficients.
+    """
+    shown = [each for each in candidates if isinstance(each.response, EdgeResponse) and each.response.place]
+    found = []
+    for (position, f_number), group in itertools.groupby(
+        sorted(shown, key=lambda each: (each.region.name, each.f_number or 0.0, each.frame)),
+        key=lambda each: (each.region.name, each.f_number or 0.0),
+    ):
+        mine = {(each.frame, each.channel): each for each in group}
+        for colour in _COLOURS:
+            pairs = [
+                (each, mine[frame, _REFERENCE])
+                for (frame, channel), each in mine.items()
+                if channel == colour and (frame, _REFERENCE) in mine
+            ]
+            if pairs:
+                found.append(_compare_colours(pairs, f"{colour}-{_REFERENCE}", position, f_number or None))
+    return tuple(found)
+
+
+def _compare_colours(
+    pairs: Sequence[tuple[Candidate, Candidate]], channels: str, position: str, f_number: float | None
+) -> EdgeColour:
+    features, region = pairs[0][1].features, pairs[0][1].region
+    half = np.array([features.height_px - 1.0, features.width_px - 1.0]) / 2.0
+    away = np.array([region.row_px, region.col_px]) - half
+    shifts, along, dof = [], [], MOST_DOF
+    for one, other in pairs:
+        assert isinstance(one.response, EdgeResponse)  # noqa: S101  narrows the type
+        assert isinstance(other.response, EdgeResponse)  # noqa: S101
+        first, second = one.response.place, other.response.place
+        assert first is not None  # noqa: S101
+        assert second is not None  # noqa: S101
+        towards = float(np.array(second.normal) @ away)
+        shifts.append(
+            Estimate(
+                value=math.copysign(1.0, towards) * (first.place_px - second.place_px),
+                standard_uncertainty=math.hypot(first.place_u_px, second.place_u_px),
+            )
+        )
+        along.append(abs(towards))
+        dof = min(dof, first.dof, second.dof)
+    value, u, _, freedom = merge_estimates(shifts, dof=dof)
+    radius = float(np.hypot(*away))
+    cosine = float(np.mean(along)) / radius if radius else 0.0
+    near = radius < _LEAST_RADIUS_REL * float(np.hypot(*half))
+    return EdgeColour(
+        channels=channels,
+        position=position,
+        f_number=f_number,
+        radius_px=radius,
+        radius_rel=radius / float(np.hypot(*half)),
+        shift=Quantity(value=value, standard_uncertainty=u, unit="px"),
+        radial=None
+        if near or cosine < _LEAST_COSINE
+        else Quantity(value=value / cosine, standard_uncertainty=u / cosine, unit="px"),
+        frames=len(pairs),
+        effective_dof=min(freedom, MOST_DOF),
+    )
+
+
+LARGEST_OVERSHOOT = 0.05
+LARGEST_DEPARTURE_PX = 0.25
+SCATTER_RATIO = 4.0
+LARGEST_COLOUR_PX = 1.0
+_OVERSHOOT_ERRORS = 3.0
+
+
+def name_position(position: PositionFit) -> str:
+    """Return the place to which a flag applies."""
+    return f"position {position.position}" if position.position else ""
+
+
+def check_positions(positions: Sequence[PositionFit]) -> list[Raised]:
+    """Check the results."""
+    raised: list[Raised] = []
+    for each in positions:
+        where = name_position(each)
+        if each.frames == 1:
+            raised.append(codes.SHARPNESS_ONCE.at(where, f"Channel {each.channel}: one frame."))
+        halo = each.find("overshoot")
+        if halo is not None:
+            sure = halo.quantity.value - _OVERSHOOT_ERRORS * halo.quantity.standard_uncertainty
+            if sure > LARGEST_OVERSHOOT:
+                detail = f"Channel {each.channel}: {halo.quantity.value:.1%} of the step."
+                raised.append(codes.SHARPENING_SUSPECTED.at(where, detail))
+        if each.departure_px is not None and each.departure_px > LARGEST_DEPARTURE_PX:
+            detail = f"Channel {each.channel}: {each.departure_px:.2f} px off a straight line."
+            raised.append(codes.EDGE_CURVED.at(where, detail))
+        main = "mtf50_cycles_per_pixel" if each.cycles is None else "resolving_power_cycles_per_pixel"
+        if each.find(main) is None:
+            detail = f"Channel {each.channel}: the response stays above the level."
+            raised.append(codes.SHARPNESS_BEYOND_CURVE.at(where, detail))
+    return raised
+
+
+def check_candidates(candidates: Sequence[Candidate], params: Params) -> list[Raised]:
+    """Check the responses that a fit was given."""
+    raised: list[Raised] = []
+    rendered = sorted({each.frame for each in candidates if each.features.rendered and not each.left_out})
+    if rendered:
+        raised.append(shared.RENDERED.at("", f"Rendered frames: {len(rendered)}."))
+    for each in candidates:
+        if each.response is None:
+            detail = f"Region {each.region.name}, channel {each.channel}: {each.left_out}"
+            raised.append(codes.REGION_LEFT_OUT.at(f"frame {each.frame}", detail))
+    for key in sorted({each.key for each in candidates if not each.left_out}):
+        raised += _check_repeats(
+            [each for each in candidates if each.key == key and not each.left_out], params
+        )
+    return raised
+
+
+def _check_repeats(repeats: Sequence[Candidate], params: Params) -> list[Raised]:
+    """Compare the range of repeats with what their own uncertainties allow."""
+    found = [estimate for each in repeats if (estimate := each.measure(params)) is not None]
+    if len(found) < 2:
+        return []
+    values = [each.value for each in found]
+    u = max(each.standard_uncertainty for each in found)
+    mean = sum(values) / len(values)
+    scatter = (sum((value - mean) ** 2 for value in values) / (len(values) - 1)) ** 0.5
+    if scatter <= SCATTER_RATIO * u or scatter <= 0.02 * mean:
+        return []
+    detail = f"Channel {repeats[0].channel}: from {min(values):.3f} to {max(values):.3f} cycles per pixel."
+    name = repeats[0].region.name
+    return [codes.SHARPNESS_REPEATS_DIFFER.at(f"position {name}" if name else "", detail)]
+
+
+def check_falloff(positions: Sequence[PositionFit], tables: Sequence[FalloffTable]) -> list[Raised]:
+    """Check whether there are several positions and no middle to compare with."""
+    if tables or len({each.position for each in positions}) < 2:
+        return []
+    detail = f"No position lies within {CENTRE_RADIUS_REL:g} of the half diagonal."
+    return [codes.SHARPNESS_CENTRE_MISSING.at("", detail)]
+
+
+def check_colours(colours: Sequence[EdgeColour]) -> list[Raised]:
+    """Check how far red and blue lie from green."""
+    return [
+        shared.LATERAL_COLOUR_LARGE.at(
+            f"position {each.position}" if each.position else "",
+            f"{each.channels} is {each.shift.value:+.2f} px along the edge's normal, {each.radius_px:.0f} px "
+            f"from the middle of the frame (u {each.shift.standard_uncertainty:.2f} px).",
+        )
+        for each in colours
+        if abs(each.shift.value) - 2.0 * each.shift.standard_uncertainty > LARGEST_COLOUR_PX
+    ]
+
+
+def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
+    """Merge the frames of every position, and compare the positions.
+
+    The same input in any order gives the same result to the last bit.
+
+    Flags per position: lateral_colour_large, sharpness_once, sharpness_repeats_differ,
+    sharpening_suspected, edge_curved, sharpness_beyond_curve. Flag per frame: region_left_out. Flags of the
+    whole fit: rendered, sharpness_centre_missing.
+    """
+    lacking = missing(rows, params)
+    if lacking:
+        raise InputRejected(shared.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
+    candidates = collect_candidates(rows, params)
+    used = [each for each in candidates if not each.left_out]
+    if not used:
+        raise InputRejected(shared.FIT_INCOMPLETE, "No edge or star of the chart frames can be used.")
+    colours = measure_colours(used)
+    positions = tuple(
+        merge_position(list(group), params) for _, group in itertools.groupby(used, key=lambda each: each.key)
+    )
+    falloff = compare_positions(positions)
+    return Fit(
+        positions=positions,
+        falloff=falloff,
+        points=tuple(_describe_point(each, positions, params) for each in candidates),
+        flags=(
+            *check_candidates(candidates, params),
+            *check_positions(positions),
+            *check_falloff(positions, falloff),
+            *check_colours(colours),
+        ),
+        lateral_colour=colours or None,
+    )
+
+
+def list_coefficients(fitted: Fit) -> tuple[CoefficientValue, ...]:
+    """Return every coefficient of every position, then the falloff to the corners."""
+    figures = [
+        CoefficientValue(
+            name=coefficient.name,
+            value=coefficient.quantity.value,
+            standard_uncertainty=coefficient.quantity.standard_uncertainty,
+            unit=coefficient.quantity.unit,
+            model=f"{each.kind}:{each.position}" if each.position else each.kind,
+            f_number=each.f_number,
+            channel=each.channel,
+            flags=_flags_at(fitted, name_position(each)),
+            effective_dof=coefficient.effective_dof,
+        )
+        for each in fitted.positions
+        for coefficient in each.coefficients
+    ]
+    figures += [
+        CoefficientValue(
+            name=LATERAL_COLOUR,
+            value=each.radial.value,
+            standard_uncertainty=each.radial.standard_uncertainty,
+            unit=each.radial.unit,
+            model=f"slanted_edge:{each.position}" if each.position else "slanted_edge",
+            f_number=each.f_number,
+            channel=each.channels,
+            flags=_flags_at(fitted, f"position {each.position}" if each.position else ""),
+            effective_dof=each.effective_dof,
+        )
+        for each in fitted.lateral_colour or ()
+        if each.radial is not None
+    ]
+    figures += [
+        CoefficientValue(
+            name="corner_falloff",
+            value=table.corner_falloff.value,
+            standard_uncertainty=table.corner_falloff.standard_uncertainty,
+            unit=table.corner_falloff.unit,
+            model=table.kind,
+            f_number=table.f_number,
+            channel=table.channel,
+            flags=_flags_at(fitted, ""),
+            effective_dof=table.corner_falloff_dof,
+        )
+        for table in fitted.falloff
+        if table.corner_falloff is not None
+    ]
+    return tuple(figures)
+
+
+def _flags_at(fitted: Fit, where: str) -> tuple[str, ...]:
+    return tuple(sorted({raised.flag for raised in fitted.flags if raised.where in ("", where)}))
+
+
+def _describe_point(candidate: Candidate, positions: Sequence[PositionFit], params: Params) -> Point:
+    """Return one channel of one region with its distance from its position's mean."""
+    estimate = candidate.measure(params)
+    residual = None
+    if estimate is not None and not candidate.left_out:
+        at = next(each for each in positions if _key(each) == candidate.key)
+        mean = at.find(candidate.figure)
+        residual = None if mean is None else estimate.value / mean.quantity.value - 1.0
+    return Point(
+        frame=candidate.frame,
+        position=candidate.region.name,
+        channel=candidate.channel,
+        f_number=candidate.f_number,
+        used=not candidate.left_out,
+        left_out=candidate.left_out,
+        figure=candidate.figure,
+        value=None if estimate is None else estimate.value,
+        standard_uncertainty=None if estimate is None else estimate.standard_uncertainty,
+        residual_rel=residual,
+    )
+
+
+def _key(position: PositionFit) -> tuple[str, str, str, float]:
+    return position.kind, position.position, position.channel, position.f_number or 0.0
