@@ -25,7 +25,7 @@ from bench.report import describe_machine, say, summarise
 from bench.subject import Scale
 from store.settings import Settings
 from tests.support.postgres import PostgresServer
-from worker.__main__ import build_context
+from worker.context import build_context, make_decoders
 
 
 def main(scale: Scale | None = None) -> int:
@@ -67,7 +67,9 @@ def _serve(parts: _Parts) -> None:
         with upload.serving(folder / "data") as service:
             parts.run(upload, service, folder)
             crowd.show(parts.scale, service)
-            worker = build_context(Settings(data=folder / "data"))
+            settings = Settings(data=folder / "data")
+            worker = build_context(settings, make_decoders(settings))
+            worker.database.post = None
             try:
                 for part in (pages, scrolling, growth):
                     parts.run(part, service, worker, folder)

@@ -10,18 +10,27 @@ import stilb
 from bench.bulk import write_rows
 from bench.subject import CAMERA, Scale, draw_roi, make_mosaic, write_copies
 from bench.upload import KEY, Service
-from store.columns import new_id
-from store.jobs import Turn
-from store.tables import Base, Blob, CampaignReview, ChannelRow, Extraction, FrameRow
+from store.columns import new_id, utc_now
+from store.tables import Base, Blob, CampaignReview, ChannelRow, Extraction, FrameRow, Job
 from worker.context import Context
-from worker.runner import claim_next, run
+from worker.runner import run
 
 
 def do_jobs(worker: Context) -> None:
     """Do every job that is due."""
-    turn = Turn()
-    while (claim := claim_next(worker, turn)) is not None:
-        run(worker, claim)
+    due = select(Job.id).where(Job.state == "queued", Job.due_at <= utc_now()).order_by(Job.due_at)
+    with worker.database.reading() as session:
+        job_ids = session.scalars(due).all()
+    for job_id in job_ids:
+        run(worker, job_id)
+    if job_ids:
+        do_jobs(worker)
+
+
+def review_all(worker: Context) -> None:
+    """Compute every review that is stale."""
+    while (campaign_id := worker.reviews.claim_next()) is not None:
+        worker.reviews.renew(campaign_id)
 
 
 def read_frame(size: Scale, service: Service, worker: Context, folder: Path) -> stilb.Frame:

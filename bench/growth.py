@@ -16,7 +16,7 @@ from sqlalchemy import delete, event
 from sqlalchemy.engine import Engine
 
 import stilb
-from bench.filling import copy_frame, do_jobs
+from bench.filling import copy_frame, do_jobs, review_all
 from bench.memory import forget_peak, read_memory_mb
 from bench.report import judge, say, show_times
 from bench.subject import CAMERA, Scale, draw_roi, make_mosaic, write_copies
@@ -57,8 +57,7 @@ def _grow(
         frames[count] = client.push(campaign, path, role="light", scene="level-1")
         do_jobs(worker)
         copy_frame(worker, frames[count].id, count)
-        while worker.reviews.renew_next():
-            pass
+        review_all(worker)
 
     def get(template: str, count: int) -> Callable[[], object]:
         frame = frames[count]
@@ -69,8 +68,7 @@ def _grow(
         renew(path, next(fresh))
         frame = client.push(str(frames[count].raw["campaign_id"]), path, role="light", scene="level-1")
         do_jobs(worker)
-        while worker.reviews.renew_next():
-            pass
+        review_all(worker)
         return http.get(f"/v1/frames/{frame.id}").raise_for_status()
 
     verdicts = []

@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable
 
-from sqlalchemy import select
+from sqlalchemy import select, update
 
 import stilb
 from bench.bulk import write_rows
@@ -11,12 +11,11 @@ from bench.report import judge, say, show_times
 from bench.subject import CAMERA, Scale
 from bench.timing import Seconds, compare, take_turns
 from bench.upload import KEY, Service, open_http
-from store import clocks
-from store.columns import new_id
-from store.jobs import Turn
+from store.columns import new_id, utc_now
+from store.jobs import begin, take_back
+from store.queues import choose_messages, touch
 from store.tables import Camera, Campaign, Job
 from worker.context import Context
-from worker.runner import claim_next
 
 _FEW = 100
 _QUEUED_SHARE = 0.4
@@ -44,7 +43,7 @@ def run(scale: Scale, service: Service, worker: Context) -> list[bool]:
             "an upload of 20 kB": lambda: http.post(
                 f"/v1/campaigns/{campaign}/frames?role=field", content=os.urandom(_FRAME_BYTES)
             ).raise_for_status(),
-            "a claim": lambda: claim_next(worker, Turn()),
+            "choosing a job, and its begin": lambda: _begin_next(worker),
             "taking back lost jobs": lambda: _take_back(worker),
         }
         for count in (_FEW, scale.jobs - _FEW):
@@ -55,9 +54,17 @@ def run(scale: Scale, service: Service, worker: Context) -> list[bool]:
     return [judge(f"{name}: many to few", compare(many[name], few[name]), at_most=1.5) for name in ways]
 
 
+def _begin_next(worker: Context) -> None:
+    with worker.database.writing("bench") as session:
+        touch(session, "fits")
+        message, *others = choose_messages(session)
+        session.execute(update(Job).where(Job.id.in_([each.task_id for each in others])).values(sent_at=None))
+        begin(session, str(message.task_id), lease_s=30.0)
+
+
 def _take_back(worker: Context) -> None:
     with worker.database.writing("bench") as session:
-        clocks.sweep(session)
+        take_back(session, Job.lease_until < utc_now())
 
 
 def _fill(worker: Context, camera_id: str, count: int) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 from playwright.sync_api import Browser, Page, Request, StorageState, sync_playwright
 from sqlalchemy import bindparam, select, update
 
-from bench.filling import copy_frame, read_frame
+from bench.filling import copy_frame, read_frame, review_all
 from bench.pages import FLAGS, SIZE, find_chromium, sign_in
 from bench.report import judge, judge_seconds, say
 from bench.subject import Scale
@@ -99,8 +99,7 @@ def fill_campaign(scale: Scale, worker: Context, folder: Path, service: Service)
         where = update(each).where(each.c.id == bindparam("frame"))  # type: ignore[arg-type]
         values = {name: bindparam(name) for name in ("scene", "iso", "f_number")}
         session.execute(where.values(**values), [{"frame": i, **_place(n)} for n, i in enumerate(ids)])
-    while worker.reviews.renew_next():
-        pass
+    review_all(worker)
     return campaign
 
 

@@ -56,6 +56,10 @@ class Scale:
     waiting_jobs: int = 20_000
     waits_s: float = 5.0
     """How long they wait without a worker, and as long again beside one that may take none."""
+    card: int = 500
+    """Jobs of an organisation before which another's one comes."""
+    restarts: int = 7
+    freezes_s: float = 12.0
 
     @classmethod
     def named(cls, name: str) -> "Scale":

@@ -1,10 +1,7 @@
-"""Simulated jobs that only take time: the rate of many workers beside one's, and what waits without any.
-
-``python -m bench.workers`` forks a worker for each line of its input, with Celery and one thread. Their jobs
-sleep: no decoder is needed.
-"""
+"""Jobs that only take time, done by real workers of Celery: many beside one, and a broker that fails."""
 
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -18,56 +15,56 @@ from sqlalchemy import ColumnElement, delete, func, select
 
 from bench.bulk import write_rows
 from bench.memory import list_tree, read_cpu_s
-from bench.report import judge, say
+from bench.report import judge, judge_seconds, say
 from bench.subject import Scale
 from bench.timing import Ratio, Seconds, compare
 from service.launch.lifeline import die_with_parent
 from service.launch.valkey import valkey_binary, valkey_command
-from store.broker import Hints
 from store.columns import new_id
 from store.database import Database
-from store.jobs import Claim
 from store.migrate import migrate
-from store.parts import Presence
-from store.settings import Settings, read_settings
+from store.queues import LANES, QUEUES, Post, make_celery, touch
+from store.settings import Settings
 from store.tables import Job, Organisation
 from tests.support.postgres import PostgresServer
-from worker import runner
-from worker.__main__ import build_context, build_threads, listen
-from worker.context import Context
-from worker.tasks import Outcome
 
-_HINTS_PER_S = 10
-"""Of uploads that go on while no worker takes their jobs."""
-_WITHIN_S = 60.0
+_TOUCHES_PER_S = 10
+"""Uploads that go on while no worker takes their jobs."""
+_WITHIN_S = 120.0
+_NODES = 2
+"""Workers that share the processes."""
 
 
 class _Queue:
-    """A database with jobs, a broker with hints, and the environment of processes that use them."""
+    """A database with jobs, a broker, and workers that use them."""
 
     def __init__(self, folder: Path, database_url: str, stack: ExitStack) -> None:
         self._folder = folder
+        self._stack = stack
+        self._socket = folder / "valkey.sock"
         settings = Settings(data=folder, database_url=database_url)
         given = {name: value for name, value in os.environ.items() if not name.startswith("STILB_")}
-        own = {"STILB_DATA": str(folder), "STILB_DATABASE_URL": database_url, "STILB_WORKER_THREADS": "1"}
-        self._environment = given | own
+        self._environment = given | {"STILB_DATA": str(folder), "STILB_DATABASE_URL": database_url}
         self._log = stack.enter_context((folder / "log").open("wb"))
-        socket = folder / "valkey.sock"
-        stack.enter_context(self.running(valkey_command(valkey_binary(), folder, socket)))
-        self.broker = stack.enter_context(redis.Redis(unix_socket_path=str(socket)))
-        self.hints = Hints(settings.effective_broker_url)
-        self._database = Database(settings.effective_database_url)
+        self.start_broker()
+        self.broker = stack.enter_context(redis.Redis(unix_socket_path=str(self._socket)))
+        self._database = Database(settings.effective_database_url, post=Post(settings.effective_broker_url))
         stack.callback(self._database.dispose)
+        self._broker_url = settings.effective_broker_url
         migrate(self._database)
         with self._database.writing("bench") as session:
-            session.add(Organisation(id="org_bench", name="bench"))
+            session.add_all(Organisation(id=f"org_{name}", name=name) for name in ("bench", "newcomer"))
+
+    def start_broker(self) -> None:
+        command = valkey_command(valkey_binary(), self._folder, self._socket)
+        self.broker_process = self._stack.enter_context(self._running(command))
 
     @contextmanager
-    def running(self, command: list[str]) -> "Iterator[subprocess.Popen[bytes]]":
+    def _running(self, command: list[str]) -> "Iterator[subprocess.Popen[bytes]]":
         with subprocess.Popen(
             command,
             env=self._environment,
-            stdin=subprocess.PIPE,
+            stdin=subprocess.DEVNULL,
             stdout=self._log,
             stderr=self._log,
             preexec_fn=die_with_parent(),  # noqa: PLW1509  it takes no lock
@@ -77,14 +74,40 @@ class _Queue:
             finally:
                 process.kill()
 
-    def add(self, count: int, *, kind: str = "fit", lasts_s: float = 0.0) -> list[str]:
-        """Queue jobs, without a hint."""
+    @contextmanager
+    def working(self, processes: int, *, nodes: int = 1) -> Iterator[list[int]]:
+        """Start workers of so many processes together; the pids of their parents."""
+        words = [sys.executable, "-m", "celery", "-A", "worker.app", "worker", "-I", "bench.sleeping"]
+        with ExitStack() as stack:
+            started = [
+                stack.enter_context(
+                    self._running(
+                        [
+                            *words,
+                            "-Q",
+                            ",".join(QUEUES),
+                            "-c",
+                            str(processes // nodes),
+                            "-n",
+                            f"{number}@bench",
+                        ]
+                    )
+                ).pid
+                for number in range(nodes)
+            ]
+            with make_celery(self._broker_url) as celery:
+                _wait_until(lambda: len(celery.control.ping(timeout=1) or []) == nodes)
+            yield started
+
+    def add(self, count: int, *, lane: str = "fit", lasts_s: float = 0.0, by: str = "bench") -> list[str]:
+        """Queue jobs, whose messages are sent after the commit."""
+        kind = {"fit": "fit"}.get(lane, "extract")
         rows = [
             {
                 "id": new_id("job"),
-                "organisation_id": "org_bench",
+                "organisation_id": f"org_{by}",
                 "kind": kind,
-                "lane": kind,
+                "lane": lane,
                 "subject_id": new_id("cmp"),
                 "created_by": "bench",
                 "parameters": {"lasts_s": lasts_s},
@@ -93,18 +116,27 @@ class _Queue:
         ]
         with self._database.writing("bench") as session:
             write_rows(session, {Job: rows})
+            touch(session, LANES[lane].queue)
         return [str(row["id"]) for row in rows]
 
+    def touch(self) -> None:
+        with self._database.writing("bench") as session:
+            touch(session)
+
     def is_empty(self) -> bool:
-        return not self._count(Job.state.in_(("queued", "running")))
+        return not self.count(Job.state.in_(("queued", "running")))
 
     def is_held_back(self) -> bool:
         """Return True once a job has found that the file store does not serve."""
-        return self._count(Job.waits_for.is_not(None)) > 0
+        return self.count(Job.waits_for.is_not(None)) > 0
 
-    def _count(self, which: ColumnElement[bool]) -> int:
+    def count(self, *which: ColumnElement[bool]) -> int:
         with self._database.reading() as session:
-            return session.scalar(select(func.count()).select_from(Job).where(which)) or 0
+            return session.scalar(select(func.count()).select_from(Job).where(*which)) or 0
+
+    def count_wrong(self) -> int:
+        """Return how many jobs were begun more than once, or did not succeed."""
+        return self.count((Job.fence != 1) | (Job.state != "succeeded"))
 
     def lose_files(self) -> None:
         """Put a file where the file store would make its folder."""
@@ -120,10 +152,7 @@ class _Queue:
     def clear(self) -> None:
         with self._database.writing("bench") as session:
             session.execute(delete(Job))
-
-    def count_listeners(self) -> int:
-        """Return how many workers wait for a message."""
-        return int(self.broker.info("clients")["blocked_clients"])
+        self.broker.flushall()
 
 
 def run(scale: Scale, postgres: PostgresServer) -> list[bool]:
@@ -131,70 +160,116 @@ def run(scale: Scale, postgres: PostgresServer) -> list[bool]:
     with tempfile.TemporaryDirectory(prefix="stilb-bench-") as name, ExitStack() as stack:
         url = os.environ.get("BENCH_POSTGRES") or postgres.new_database()
         queue = _Queue(Path(name), url, stack)
-        say(f"\njobs of {scale.job_s:g} s for one worker and for {scale.workers}, on PostgreSQL")
-        with queue.running([sys.executable, "-m", "bench.workers"]) as mother:
-            one = _work_off(queue, scale, mother, workers=1)
-            all_of_them = _work_off(queue, scale, mother, workers=scale.workers, before=1)
+        say(f"\njobs of {scale.job_s:g} s for one process and for {scale.workers}, on PostgreSQL")
+        one = _work_off(queue, scale, processes=1, nodes=1)
+        all_of_them = _work_off(queue, scale, processes=scale.workers, nodes=_NODES)
         rate = compare([scale.workers * spent for spent in one], all_of_them)
         return [
             judge("rate of all, to one's", rate, at_least=0.75 * scale.workers),
             *_wait_without_workers(queue, scale),
+            *_come_late(queue, scale),
+            *_lose_the_broker(queue, scale),
             *_wait_beside_a_worker(queue, scale),
         ]
 
 
-def _work_off(
-    queue: _Queue, scale: Scale, mother: "subprocess.Popen[bytes]", *, workers: int, before: int = 0
-) -> Seconds:
-    """Fork the workers that are missing; time rounds from the first hint to the end of the last job."""
-    assert mother.stdin is not None  # noqa: S101  narrows the type
-    mother.stdin.write(b"\n" * (workers - before))
-    mother.stdin.flush()
-    _wait_until(lambda: queue.count_listeners() == workers)
+def _work_off(queue: _Queue, scale: Scale, *, processes: int, nodes: int) -> Seconds:
+    """Time rounds from the commit of the jobs to the end of the last."""
     seconds = []
-    for _ in range(scale.rounds_of_jobs):
-        ids = queue.add(scale.jobs_each * workers, lasts_s=scale.job_s)
-        began = time.perf_counter()
-        queue.hints.send(ids)
-        _wait_until(queue.is_empty)
-        seconds.append(time.perf_counter() - began)
-    say(f"  {workers}: {scale.jobs_each} jobs each in {', '.join(f'{each:.2f}' for each in seconds)} s")
+    with queue.working(processes, nodes=nodes):
+        for _ in range(scale.rounds_of_jobs):
+            began = time.perf_counter()
+            queue.add(scale.jobs_each * processes, lasts_s=scale.job_s)
+            _wait_until(queue.is_empty)
+            seconds.append(time.perf_counter() - began)
+    told = ", ".join(f"{each:.2f}" for each in seconds)
+    say(f"  {processes}: {scale.jobs_each} jobs each in {told} s")
     return seconds
 
 
 def _wait_without_workers(queue: _Queue, scale: Scale) -> list[bool]:
-    say(f"\n{scale.waiting_jobs:,} jobs that wait for {scale.waits_s:g} s while hints are sent to nobody")
-    ids = queue.add(scale.waiting_jobs)
-    queue.hints.send(ids)
-    time.sleep(min(1.0, scale.waits_s))
+    say(
+        f"\n{scale.waiting_jobs:,} jobs that wait for {scale.waits_s:g} s without a worker, while others come"
+    )
+    queue.clear()
+    queue.add(scale.waiting_jobs)
     before = queue.read_memory()
-    for number in range(int(scale.waits_s * _HINTS_PER_S)):
-        queue.hints.send([ids[number % len(ids)]])
-        time.sleep(1 / _HINTS_PER_S)
+    for _ in range(int(scale.waits_s * _TOUCHES_PER_S)):
+        queue.touch()
+        time.sleep(1 / _TOUCHES_PER_S)
     grown = queue.read_memory() / before
     return [judge("the broker's memory at the end, to the start", Ratio(grown, grown, grown), at_most=1.1)]
+
+
+def _come_late(queue: _Queue, scale: Scale) -> list[bool]:
+    say(f"\none job behind {scale.card} of another organisation, on one worker of two processes")
+    queue.clear()
+    seconds = []
+    with queue.working(2):
+        queue.add(scale.card, lane="extract", lasts_s=scale.job_s / 4)
+        _wait_until(lambda: queue.count(Job.state == "running") == 2)
+        for _ in range(scale.rounds_of_jobs):
+            began = time.perf_counter()
+            (job_id,) = queue.add(1, lane="extract", by="newcomer")
+            _wait_until(lambda job_id=job_id: queue.count(Job.id == job_id, Job.state != "queued") == 1)
+            seconds.append(time.perf_counter() - began)
+    return [judge_seconds("until it begins", seconds, at_most_s=5.0)]
+
+
+def _lose_the_broker(queue: _Queue, scale: Scale) -> list[bool]:
+    """Kill the broker, or stop it, under load; the time until the next job ends after it is back."""
+    say(f"\nthe broker is restarted {scale.restarts} times under load, and frozen for {scale.freezes_s:g} s")
+    queue.clear()
+    with queue.working(2):
+
+        def strike(fault: Callable[[], None]) -> float:
+            queue.add(scale.card // 5, lasts_s=scale.job_s / 4)
+            _wait_until(lambda: queue.count(Job.state == "running") == 2)
+            fault()
+            back = time.perf_counter()
+            begun = queue.count(Job.state != "queued")
+            _wait_until(lambda: queue.count(Job.state != "queued") > begun)
+            resumed_s = time.perf_counter() - back
+            _wait_until(queue.is_empty)
+            return resumed_s
+
+        def restart() -> None:
+            queue.broker_process.kill()
+            queue.broker_process.wait()
+            queue.start_broker()
+
+        def freeze() -> None:
+            queue.broker_process.send_signal(signal.SIGSTOP)
+            time.sleep(scale.freezes_s)
+            queue.broker_process.send_signal(signal.SIGCONT)
+
+        restarts = [strike(restart) for _ in range(scale.restarts)]
+        frozen = strike(freeze)
+        wrong = float(queue.count_wrong())
+    say(f"  restarted: {', '.join(f'{each:.1f}' for each in restarts)} s; frozen: {frozen:.1f} s")
+    worst = max(*restarts, frozen)
+    return [
+        judge("until the next job begins, the longest [s]", Ratio(worst, worst, worst), at_most=10.0),
+        judge("jobs lost, or begun twice", Ratio(wrong, wrong, wrong), at_most=1.0),
+    ]
 
 
 def _wait_beside_a_worker(queue: _Queue, scale: Scale) -> list[bool]:
     say(f"\n{scale.waiting_jobs:,} jobs beside a worker that may take none, as the file store does not serve")
     queue.clear()
-    with queue.running([sys.executable, "-m", "bench.workers"]) as mother:
-        assert mother.stdin is not None  # noqa: S101  narrows the type
-        mother.stdin.write(b"\n")
-        mother.stdin.flush()
-        _wait_until(lambda: queue.count_listeners() == 1)
+    with queue.working(1) as (parent,):
         queue.lose_files()
-        ids = queue.add(scale.waiting_jobs, kind="extract")
+        queue.add(scale.waiting_jobs, lane="extract")
         _wait_until(queue.is_held_back)
-        queue.hints.send(ids)
         time.sleep(min(1.0, scale.waits_s))
-        (worker,) = list_tree(mother.pid)[1:]
-        before_s, sent = read_cpu_s(worker), queue.count_messages()
+        worker = list_tree(parent)
+        before_s, sent = sum(map(read_cpu_s, worker)), queue.count_messages()
         time.sleep(scale.waits_s)
-        percent, sent = 100 * (read_cpu_s(worker) - before_s) / scale.waits_s, queue.count_messages() - sent
+        spent_s = sum(map(read_cpu_s, worker)) - before_s
+        percent, sent = 100 * spent_s / scale.waits_s, queue.count_messages() - sent
     return [
         judge("its CPU, % of a core", Ratio(percent, percent, percent), at_most=1.0),
-        judge("messages meanwhile", Ratio(sent, sent, sent), at_most=0.0),
+        judge("messages meanwhile", Ratio(sent, sent, sent), at_most=5.0),
     ]
 
 
@@ -204,33 +279,3 @@ def _wait_until(condition: Callable[[], bool]) -> None:
         if time.monotonic() > deadline:
             raise TimeoutError("the queue is not as it should be")
         time.sleep(0.01)
-
-
-def _sleep(context: Context, claim: Claim) -> Outcome:
-    if claim.kind == "extract":
-        context.blobs.check()
-    time.sleep(claim.parameters["lasts_s"])
-    return Outcome(store=lambda _session: {})
-
-
-def _work(settings: Settings) -> None:
-    """Be a worker in all but its jobs."""
-    runner.work = _sleep
-    context = build_context(settings)
-    threads = build_threads(settings, context, Presence(context.database, "worker", threads=1))
-    threads.start()
-    listen(settings, threads)
-
-
-def main() -> None:
-    """Fork the workers, which end with this process."""
-    tie = die_with_parent()
-    settings = read_settings()
-    for _ in sys.stdin:
-        if os.fork() == 0:
-            tie()
-            _work(settings)
-
-
-if __name__ == "__main__":
-    main()

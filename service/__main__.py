@@ -30,13 +30,13 @@ from service.shutdown import Server, Traffic
 from service.signing import read_seed
 from service.vitals import Vitals
 from store.blobs import blobs_from_url
-from store.broker import Hints
 from store.chores import repeat, sweep_floor
 from store.database import Database
 from store.logs import configure_logging
 from store.partials import Partials
 from store.parts import Presence
 from store.pulse import Pulse
+from store.queues import Post
 from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers
 from store.settings import Settings, read_settings
 from store.tracing import configure_tracing
@@ -51,13 +51,15 @@ _FAREWELL_S = 2.0
 
 def build_context(settings: Settings) -> Context:
     """Open the world that the settings name."""
-    database = Database(settings.effective_database_url, answer_within_s=settings.database_timeout_s)
+    post = Post(settings.effective_broker_url)
+    database = Database(
+        settings.effective_database_url, answer_within_s=settings.database_timeout_s, post=post
+    )
     blobs = blobs_from_url(settings.effective_blobs_url, settings.data)
     return Context(
         settings=settings,
         database=database,
         blobs=blobs,
-        hints=Hints(settings.effective_broker_url),
         watch=JobWatch(database),
         sessions=sessions_of(settings),
         traffic=Traffic(),

@@ -141,7 +141,6 @@ def _run_all(
     for (writing, _), reply in zip(new, replies, strict=True):
         if reply.jobs:
             writing._fields["jobs"] = [job.id for job in reply.jobs]
-    context.hints.send(jobs)
     return found
 
 

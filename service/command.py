@@ -33,11 +33,6 @@ COMMANDS: Final = {
         },
     ),
     "service": Command("service", "run the API and the pages", "stilb-server service"),
-    "worker": Command(
-        "worker",
-        "run a worker, which reads frames, fits, measures, verifies files and sends webhooks",
-        "stilb-server worker",
-    ),
     "migrate": Command(
         "store.migrate",
         "bring the database to the schema of this version",

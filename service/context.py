@@ -18,7 +18,6 @@ from service.signing import Signer, read_seed
 from service.together import Together
 from service.uses import STEP, Uses
 from store.blobs import Blobs
-from store.broker import Hints
 from store.database import Database
 from store.files import Files
 from store.partials import Partials
@@ -33,7 +32,6 @@ class Context:
     settings: Settings
     database: Database
     blobs: Blobs
-    hints: Hints
     watch: JobWatch
     sessions: Sessions
     traffic: Traffic

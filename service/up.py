@@ -6,6 +6,7 @@ and not imported.
 
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 from service.launch.lifeline import follow_make
 from service.launch.refusal import Exit, report
@@ -14,6 +15,11 @@ from service.launch.supervisor import Part
 from store.revision import is_current
 from store.settings import read_settings
 
+# By the folder of this very installation: Celery would else look for `worker` where it is started.
+WORKER = [
+    *(sys.executable, "-m", "celery", "--workdir", str(Path(__file__).resolve().parents[1])),
+    *("-A", "worker.app", "worker", "-Q", "looks,frames,fits,maps"),
+]
 # What a part needs to end once its own grace is over.
 _TO_END_S = 5.0
 
@@ -21,7 +27,7 @@ ROSTER = Roster(
     before=[[sys.executable, "-m", "store.migrate"]],
     parts=[
         Part(name="service", command=[sys.executable, "-m", "service"], knows_key=True, has_pulse=True),
-        Part(name="worker", command=[sys.executable, "-m", "worker"], has_pulse=True),
+        Part(name="worker", command=WORKER, has_pulse=True),
     ],
 )
 

@@ -1,4 +1,4 @@
-"""Leases that have run out, and clocks that are set, with what was written down by the time before.
+"""Clocks that are set, with what was written down by the time before.
 
 A lease or a time to try again that lies further ahead than any rule sets was written before the clock was set
 back: it would stand for as long as the clock was ahead. And no lease ends because the clock was set forward,
@@ -9,16 +9,14 @@ import time
 from collections.abc import Callable
 from datetime import timedelta
 
-from sqlalchemy import select, true, update
+from sqlalchemy import true, update
 from sqlalchemy.orm import Session
 
-from radiometry.findings import interface
 from store.columns import utc_now
-from store.jobs import IS_QUEUED, update_where
+from store.queues import IS_QUEUED, touch
 from store.tables import Job
-from store.webhooks import announce, mend_due
+from store.webhooks import mend_due
 
-QUARANTINE_AFTER = 3
 FURTHEST_DUE = timedelta(minutes=5)
 """Further ahead than any pause before a job is tried again."""
 LEASES_AHEAD = 3
@@ -54,27 +52,4 @@ def mend_times(session: Session, *, lease_s: float, jumped: bool) -> None:
     session.execute(update(Job).where(Job.state == "running", too_long).values(lease_until=now + lease))
     session.execute(update(Job).where(IS_QUEUED, Job.due_at > now + FURTHEST_DUE).values(due_at=now))
     mend_due(session)
-
-
-def sweep(session: Session) -> int:
-    """Take back what dead workers held; how many jobs wait again."""
-    now = utc_now()
-    expired = (Job.state == "running") & (Job.lease_until < now)
-    lost_error = {
-        "code": str(interface.WORKER_LOST),
-        "detail": f"Its worker was lost {QUARANTINE_AFTER} times while it ran.",
-        "retryable": False,
-    }
-    update_where(
-        session,
-        expired & (Job.lost + 1 >= QUARANTINE_AFTER),
-        state="quarantined",
-        lost=Job.lost + 1,
-        error=lost_error,
-        lease_until=None,
-        finished_at=now,
-    )
-    for job in session.scalars(select(Job).where(Job.state == "quarantined", Job.finished_at == now)):
-        data = {"job_id": job.id, "kind": job.kind, "subject_id": job.subject_id, "code": lost_error["code"]}
-        announce(session, job.organisation_id, "job.quarantined", data)
-    return update_where(session, expired, state="queued", lost=Job.lost + 1, lease_until=None, due_at=now)
+    touch(session)

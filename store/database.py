@@ -16,6 +16,7 @@ from sqlalchemy.orm import Session
 
 from store.audit import append_entries, forget_entries, record_changes
 from store.errors import ConnectionLost
+from store.queues import Post, choose_messages
 from store.revisions import forget_changes, note_changes, raise_revisions
 from store.schema import SchemaDiffers, require_own_schema
 
@@ -36,11 +37,14 @@ class Database:
     read, then write, would otherwise end in "database is locked" whatever the timeout.
 
     ``answer_within_s`` is how long a statement may take, on SQLite how long the write lock is waited for;
-    None is for work without a limit, such as a migration.
+    None is for work without a limit, such as a migration. ``post`` sends the messages of jobs.
     """
 
-    def __init__(self, url: str, *, answer_within_s: float | None = ANSWER_WITHIN_S) -> None:
+    def __init__(
+        self, url: str, *, answer_within_s: float | None = ANSWER_WITHIN_S, post: Post | None = None
+    ) -> None:
         self.url = make_url(url)
+        self.post = post
         self._guarded = False
         self._alone: deque[sqlite3.Cursor] = deque()
         self._line: Any = None
@@ -144,7 +148,10 @@ class Database:
             session.flush()
             raise_revisions(session)
             append_entries(session)
+            messages = choose_messages(session) if self.post else []
             session.commit()
+        if self.post:
+            self.post.send(messages)
 
     def dispose(self) -> None:
         while self._alone:

@@ -1,21 +1,23 @@
-"""The life of a job: queued, claimed with a lease and a fence, finished once, or taken back and tried again.
+"""The life of a job: queued, begun with a lease and a fence, finished once, or taken back and tried again.
 
-Every step is one conditional UPDATE: two workers that choose the same job, or a worker that comes back
-from the dead, find no row to change.
+Two workers that are sent the same job, or a worker that comes back from the dead, find no row to change.
 """
 
+import os
 import random
+import socket
 from collections.abc import Collection
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from datetime import datetime, timedelta
 from enum import StrEnum
 from typing import Any
 
-from sqlalchemy import ColumnElement, CursorResult, literal_column, select, update
-from sqlalchemy.orm import InstrumentedAttribute, Session
+from sqlalchemy import ColumnElement, CursorResult, select, update
+from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
 from store.columns import new_id, utc_now
+from store.queues import IS_QUEUED, LANES, is_held_back, touch
 from store.tables import FrameRow, Job
 from store.webhooks import EventName, announce
 
@@ -27,11 +29,7 @@ GIVEN_UP = ("failed", "quarantined")
 PREVIEW_LANE = "look"
 """Of jobs that show a part of a frame; the others of their kind read the frame."""
 
-IS_QUEUED = Job.state == literal_column("'queued'")
-"""The condition as the index of queued jobs has it: SQLite compares the words."""
-
-_CLAIM_ATTEMPTS = 8
-"""How often a claim chooses again where other workers took what it had just seen."""
+QUARANTINE_AFTER = 3
 
 
 class Dependency(StrEnum):
@@ -67,15 +65,6 @@ class Claim:
     traceparent: str | None
 
 
-@dataclass
-class Turn:
-    """Where a worker's claims have come to on their way round the organisations, and the lanes of each."""
-
-    organisation_id: str = ""
-    lanes: dict[str, str] = field(default_factory=dict)
-    """The lane that was served last, by organisation."""
-
-
 def enqueue(
     session: Session,
     *,
@@ -106,6 +95,7 @@ def enqueue(
         lane=lane or kind,
     )
     session.add(job)
+    touch(session, LANES[job.lane].queue)
     return job
 
 
@@ -137,56 +127,46 @@ def is_live(session: Session, subject_id: str) -> bool:
     return session.scalar(live.limit(1)) is not None
 
 
-def claim_next(
-    session: Session, turn: Turn, *, lease_s: float, without: Collection[str] = ()
-) -> Claim | None:
-    """Take the next job that is due and not of the kinds ``without``; None when there is none.
-
-    The organisation after the one that was served last comes first, then the lane after the one that was
-    served last in it, then what has been due for longest: whoever brings one job waits for one of each other
-    organisation at most, however many they have.
-    """
-    now = utc_now()
-    ready = (Job.state == "queued") & (Job.due_at <= now)
-    if without:
-        ready &= Job.kind.not_in(without)
-    for _ in range(_CLAIM_ATTEMPTS):
-        organisation_id = _next_after(session, Job.organisation_id, turn.organisation_id, ready)
-        if organisation_id is None:
-            return None
-        turn.organisation_id = organisation_id
-        theirs = ready & (Job.organisation_id == organisation_id)
-        lane = _next_after(session, Job.lane, turn.lanes.get(organisation_id, ""), theirs)
-        if lane is None:
-            continue
-        turn.lanes[organisation_id] = lane
-        first = select(Job.id).where(theirs, Job.lane == lane).order_by(Job.due_at).limit(1)
-        # the state once more: between its two looks at the row PostgreSQL may see another's commit
-        mine = (Job.id == first.with_for_update(skip_locked=True).scalar_subquery()) & (Job.state == "queued")
-        claimed = (
-            update(Job)
-            .where(mine)
-            .values(
-                state="running",
-                fence=Job.fence + 1,
-                attempt=Job.attempt + 1,
-                progress=0.0,
-                waits_for=None,
-                lease_until=now + timedelta(seconds=lease_s),
-            )
-        )
-        columns = [getattr(Job, each.name) for each in fields(Claim) if each.name != "job_id"]
-        if row := session.execute(claimed.returning(Job.id.label("job_id"), *columns)).mappings().first():
-            return Claim(**row)
-    return None
+def begin(session: Session, job_id: str, *, lease_s: float) -> Claim | None:
+    """Take the job that a message names; None if it is not to be begun, or others have begun it."""
+    job = session.get(Job, job_id, with_for_update=True, populate_existing=True)
+    if job is None:
+        return None
+    queue = LANES[job.lane].queue
+    touch(session, queue)
+    if job.state == "running" and _is_dead(job.holder):
+        take_back(session, Job.id == job_id)
+        session.refresh(job)
+    if job.state != "queued":
+        return None
+    now, job.sent_at = utc_now(), None
+    if job.due_at > now or (job.waits_for is None and is_held_back(session, queue)):
+        return None
+    job.state, job.progress, job.waits_for, job.holder = "running", 0.0, None, name_holder(os.getpid())
+    job.fence += 1
+    job.attempt += 1
+    job.lease_until = now + timedelta(seconds=lease_s)
+    session.flush()
+    return Claim(job_id=job_id, **{each.name: getattr(job, each.name) for each in fields(Claim)[1:]})
 
 
-def _next_after(
-    session: Session, column: InstrumentedAttribute[str], last: str, ready: ColumnElement[bool]
-) -> str | None:
-    """Return the column's next value after the last one among the jobs that are ready, else the first."""
-    values = select(column).where(ready).order_by(column).limit(1)
-    return session.scalar(values.where(column > last)) or session.scalar(values)
+def name_holder(pid: int) -> str:
+    """Return the name of a process that runs jobs on this machine."""
+    return f"{socket.gethostname()}:{pid}"
+
+
+def _is_dead(holder: str | None) -> bool:
+    """Return True if a process of this machine is gone; of another's nothing is known but the lease."""
+    host, _, pid = (holder or "").rpartition(":")
+    if host != socket.gethostname():
+        return False
+    try:
+        os.kill(int(pid), 0)
+    except ProcessLookupError:
+        return True
+    except PermissionError:
+        return False
+    return False
 
 
 def renew(session: Session, held: Claim, *, lease_s: float, progress: float) -> None:
@@ -194,9 +174,36 @@ def renew(session: Session, held: Claim, *, lease_s: float, progress: float) -> 
     _held(session, held, lease_until=utc_now() + timedelta(seconds=lease_s), progress=progress)
 
 
-def give_back(session: Session, held: Claim) -> None:
-    """Put a job back as if it had not been claimed: due at once, and for whoever comes first."""
-    _held(session, held, state="queued", attempt=held.attempt - 1, progress=0.0, lease_until=None)
+def give_back(session: Session, pids: Collection[int]) -> int:
+    """Put back what dead processes of this machine ran, as if it had not been begun; how many."""
+    theirs = (Job.state == "running") & Job.holder.in_([name_holder(pid) for pid in pids])
+    return _requeue(session, theirs, attempt=Job.attempt - 1)
+
+
+def take_back(session: Session, lost: ColumnElement[bool]) -> int:
+    """Take back jobs whose workers were lost; how many wait again. The others have lost too many."""
+    now, lost = utc_now(), lost & (Job.state == "running")
+    error = {
+        "code": str(interface.WORKER_LOST),
+        "detail": f"Its worker was lost {QUARANTINE_AFTER} times while it ran.",
+        "retryable": False,
+    }
+    ended = (
+        update(Job)
+        .where(lost, Job.lost + 1 >= QUARANTINE_AFTER)
+        .values(state="quarantined", lost=Job.lost + 1, error=error, lease_until=None, finished_at=now)
+        .returning(Job.id, Job.kind, Job.subject_id, Job.organisation_id)
+    )
+    for row in session.execute(ended.execution_options(synchronize_session=False)).all():
+        data = {"job_id": row.id, "kind": row.kind, "subject_id": row.subject_id, "code": error["code"]}
+        announce(session, row.organisation_id, "job.quarantined", data)
+    return _requeue(session, lost, lost=Job.lost + 1)
+
+
+def _requeue(session: Session, which: ColumnElement[bool], **values: Any) -> int:  # noqa: ANN401
+    touch(session)
+    again = {"state": "queued", "sent_at": None, "lease_until": None, "progress": 0.0, "due_at": utc_now()}
+    return update_where(session, which, **again, **values)
 
 
 def succeed(session: Session, held: Claim, result: dict[str, Any]) -> None:
@@ -221,11 +228,14 @@ def fail(session: Session, held: Claim, error: dict[str, Any], traceback: str | 
     _announce_end(session, held, "job.failed", code=error.get("code"))
 
 
-def retry_later(session: Session, held: Claim, *, waits_for: Dependency) -> None:
-    """Put a job back after a passing fault; it has failed when such faults have lasted for a day.
+def retry_later(
+    session: Session, held: Claim, *, waits_for: Dependency, alone: bool = False
+) -> datetime | None:
+    """Put a job back after a passing fault; return when it is due, None if it has failed.
 
-    The pauses grow with the time since the first fault, up to minutes, and differ by chance: what failed
-    together is not tried again together.
+    It has when such faults have lasted for a day. ``alone``: others have what they need. The pauses grow with
+    the time since the first fault, up to minutes, and differ by chance: what failed together is not tried
+    again together.
     """
     now = utc_now()
     since = held.faulty_since or now
@@ -233,7 +243,7 @@ def retry_later(session: Session, held: Claim, *, waits_for: Dependency) -> None
     if now - since >= RETRIED_FOR:
         detail = f"{waits_for.label} did not serve for a day. Nothing is lost: try the job again later."
         fail(session, held, error | {"detail": detail})
-        return
+        return None
     detail = f"{waits_for.label} did not serve. The job is retried automatically, for a day at most."
     pause = min(max((now - since) / 2, SHORTEST_PAUSE), LONGEST_PAUSE) * random.uniform(0.5, 1.0)  # noqa: S311
     _held(
@@ -244,33 +254,38 @@ def retry_later(session: Session, held: Claim, *, waits_for: Dependency) -> None
         lease_until=None,
         due_at=now + pause,
         faulty_since=since,
-        waits_for=str(waits_for),
+        waits_for=None if alone else str(waits_for),
     )
+    return now + pause
 
 
 def resume(session: Session, waits_for: Dependency) -> int:
     """Make the jobs due that wait for something that is back; return how many they were."""
     waiting = IS_QUEUED & (Job.waits_for == str(waits_for))
+    touch(session)
     return update_where(session, waiting, due_at=utc_now(), waits_for=None)
 
 
 def retry(session: Session, chosen: ColumnElement[bool]) -> int:
     """Queue the chosen jobs that failed or were quarantined as if they had never been tried; how many."""
-    return update_where(
-        session,
-        chosen & Job.state.in_(GIVEN_UP),
-        state="queued",
-        attempt=0,
-        lost=0,
-        progress=0.0,
-        error=None,
-        traceback=None,
-        due_at=utc_now(),
-        faulty_since=None,
-        waits_for=None,
-        finished_at=None,
-        dismissed_at=None,
+    forgotten = dict.fromkeys(
+        ("error", "traceback", "faulty_since", "waits_for", "finished_at", "dismissed_at")
     )
+    return _requeue(session, chosen & Job.state.in_(GIVEN_UP), attempt=0, lost=0, **forgotten)
+
+
+def cancel(session: Session, job_id: str) -> None:
+    """End a job that an operator has revoked, unless it has ended; whoever runs it can store nothing."""
+    job = session.get(Job, job_id, with_for_update=True, populate_existing=True)
+    if job is None or job.state in FINAL_STATES:
+        return
+    detail = "The operator has cancelled this job. It can be tried again."
+    job.state, job.finished_at, job.lease_until = "failed", utc_now(), None
+    job.error = {"code": str(interface.JOB_CANCELLED), "detail": detail, "retryable": False}
+    job.fence += 1
+    told = {"job_id": job.id, "kind": job.kind, "subject_id": job.subject_id, "code": job.error["code"]}
+    announce(session, job.organisation_id, "job.failed", told)
+    touch(session, LANES[job.lane].queue)
 
 
 def dismiss(session: Session, chosen: ColumnElement[bool], *, dismissed: bool) -> int:

@@ -1,7 +1,7 @@
 """Reviews of campaigns: verdicts, what is missing and what the checklist needs, computed once per revision.
 
 A kept review holds for the very revision, and the very code, that it was computed from. A request that
-finds it stale computes it again, a worker does so as soon as it has no job.
+finds it stale computes it again, a worker does so within seconds.
 """
 
 import gc
@@ -70,20 +70,18 @@ class Reviews:
         with self._computing[campaign_id], self._database.reading() as own:
             return _find_kept(own, campaign_id, verdicts_of) or self._compute(own, campaign_id)
 
-    def renew_next(self) -> bool:
-        """Compute one review that is stale and that no other worker computes; whether there was one."""
+    def claim_next(self) -> str | None:
+        """Return a campaign whose review is stale, to be computed by one worker; None if there is none."""
         now = utc_now()
-        with self._database.reading() as session:
-            campaign_id = session.scalar(select(CampaignReview.campaign_id).where(is_stale(now)).limit(1))
-        if campaign_id is None:
-            return False
         with self._database.writing("review") as session:
+            campaign_id = session.scalar(select(CampaignReview.campaign_id).where(is_stale(now)).limit(1))
             mine = (CampaignReview.campaign_id == campaign_id) & is_stale(now)
-            if not _update(session, mine, not_before=now + _CLAIM):
-                return True
+            return campaign_id if _update(session, mine, not_before=now + _CLAIM) else None
+
+    def renew(self, campaign_id: str) -> None:
+        """Compute the review of a campaign."""
         with self._computing[campaign_id], self._database.reading() as session:
             self._compute(session, campaign_id)
-        return True
 
     def _compute(self, session: Session, campaign_id: str) -> Assessment:
         revision = session.scalars(

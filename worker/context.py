@@ -1,17 +1,17 @@
-"""Resources that a job needs, built once in main and passed down."""
+"""Resources that a job needs, built once in each process and passed down."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
-from store.blobs import Blobs
+from store.blobs import Blobs, blobs_from_url
 from store.database import Database
 from store.durations import Durations
 from store.files import Files
+from store.queues import Post
 from store.reviews import Reviews
 from store.settings import Settings
 from worker.decode.pool import DecoderPool
 from worker.leases import Leases
-from worker.needs import Needs
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,8 +20,7 @@ class Context:
     database: Database
     blobs: Blobs
     decoders: DecoderPool
-    leases: Leases
-    needs: Needs
+    leases: Leases = field(default_factory=Leases)
 
     @cached_property
     def durations(self) -> Durations:
@@ -34,3 +33,25 @@ class Context:
     @property
     def files(self) -> Files:
         return Files(self.database, self.blobs)
+
+
+def make_decoders(settings: Settings) -> DecoderPool:
+    return DecoderPool(
+        memory_bytes=settings.decoder_memory_bytes,
+        cpu_seconds=settings.decoder_cpu_s,
+        wall_seconds=settings.decoder_wall_s,
+    )
+
+
+def build_context(settings: Settings, decoders: DecoderPool) -> Context:
+    """Open the world that the settings name."""
+    return Context(
+        settings=settings,
+        database=Database(
+            settings.effective_database_url,
+            answer_within_s=settings.database_timeout_s,
+            post=Post(settings.effective_broker_url),
+        ),
+        blobs=blobs_from_url(settings.effective_blobs_url, settings.data),
+        decoders=decoders,
+    )

@@ -1,27 +1,27 @@
-"""One job, from its claim to its end: worked on, stored in one commit if the fence still holds."""
+"""One job, from its message to its end: worked on, stored in one commit if the fence still holds."""
 
 import logging
 import threading
 import time
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
-from sqlalchemy.exc import IntegrityError
+from sqlalchemy.exc import IntegrityError, InterfaceError, OperationalError
+from sqlalchemy.exc import TimeoutError as PoolTimeout
 from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected, files, interface
 from store import jobs
-from store.blobs import BlobDamaged
+from store.blobs import BlobDamaged, Blobs, StorageFull, StorageUnavailable
 from store.database import summarise
 from store.files import describe_damage
-from store.jobs import Claim, Dependency, LeaseLost, Turn
+from store.jobs import Claim, Dependency, LeaseLost
 from store.log_fields import fields
 from store.schema import SchemaDiffers
 from store.tracing import span
 from worker.context import Context
-from worker.decode.pool import DecoderKilled
-from worker.needs import DATABASE_AWAY, find_dependency
+from worker.decode.pool import DecoderKilled, DecoderUnavailable
 from worker.tasks import Outcome, work
 
 log = logging.getLogger(__name__)
@@ -29,26 +29,28 @@ log = logging.getLogger(__name__)
 Ending = Callable[[Session], Mapping[str, Any]]
 """Ends a job in the transaction that also stores what it computed; returns how. It may be called twice."""
 
+STORE_AWAY = (StorageUnavailable, StorageFull)
+DATABASE_AWAY = (OperationalError, InterfaceError, PoolTimeout)
+_AWAY: Mapping[Dependency, tuple[type[Exception], ...]] = {
+    Dependency.DATABASE: DATABASE_AWAY,
+    Dependency.BLOBS: STORE_AWAY,
+    Dependency.DECODER: (DecoderUnavailable,),
+}
 _STORE_ATTEMPTS = 5
 _KILLED_ATTEMPTS = 5
-_PATIENCE_S = 3600.0
+_PATIENCE_S = 1800.0
 """How long a result is kept for a database that does not answer."""
 _PAUSE_S = 0.5
 
 
-def claim_next(context: Context, turn: Turn) -> Claim | None:
-    """Claim the next job that is due and whose dependencies serve; None when there is none."""
-    held_back, claim = context.needs.list_held_back(), None
-    try:
-        with context.database.writing("worker") as session:
-            claim = jobs.claim_next(session, turn, lease_s=context.leases.lease_s, without=held_back)
-    finally:
-        context.needs.choose(claim.kind if claim else None)
-    return claim
+def run(context: Context, job_id: str) -> Mapping[str, Any]:
+    """Do a job and end it, unless others have; how it has ended or goes on."""
+    with context.database.writing("worker") as session:
+        claim = jobs.begin(session, job_id, lease_s=context.settings.lease_s)
+    return {"state": "dropped"} if claim is None else _run(context, claim)
 
 
-def run(context: Context, claim: Claim) -> None:
-    """Do a job and end it, unless another worker holds it by then."""
+def _run(context: Context, claim: Claim) -> Mapping[str, Any]:
     began = time.monotonic()
     told = {"kind": claim.kind, "subject_id": claim.subject_id, "attempt": claim.attempt}
     if claim.request_id:
@@ -67,13 +69,15 @@ def run(context: Context, claim: Claim) -> None:
                 ended = _end(context, claim, _fail_as_ours(claim, traceback.format_exc()))
         except LeaseLost:
             log.warning("%s is another worker's now; what was computed here is dropped", claim.job_id)
+            return {"state": "dropped"}
         except DATABASE_AWAY as fault:
             log.warning("%s is not ended, its lease will run out: %s", claim.job_id, summarise(fault))
-        else:
-            took_s = time.monotonic() - began
-            context.durations.observe(claim.kind, took_s)
-            log.info("job", extra={"fields": {**ended, "duration_s": round(took_s, 4)}})
-            note(ended, failed=ended["state"] == "failed")
+            return {"state": "dropped"}
+        took_s = time.monotonic() - began
+        context.durations.observe(claim.kind, took_s)
+        log.info("job", extra={"fields": {**ended, "duration_s": round(took_s, 4)}})
+        note(ended, failed=ended["state"] == "failed")
+        return ended
 
 
 def problem(code: str, detail: str) -> dict[str, Any]:
@@ -85,39 +89,43 @@ def _work(context: Context, claim: Claim) -> Ending:
     try:
         outcome = work(context, claim)
     except InputRejected as refusal:
-        outcome = Outcome(store=lambda _session: {}, rejection=refusal)
+        return _store(claim, Outcome(store=lambda _session: {}, rejection=refusal))
     except BlobDamaged as damage:
-        context.needs.fail(None, damage)
         log.warning("%s waits for an upload: %s", claim.job_id, damage)
         found = problem(interface.STORED_FILE_DAMAGED, describe_damage(damage)) | {"sha256": damage.sha256}
         return _fail(claim, found)
     except DecoderKilled as killed:
-        context.needs.fail(None, killed)
         return _after_kill(claim, killed)
     except Exception as fault:
-        dependency = find_dependency(fault)
-        context.needs.fail(dependency, fault)
+        dependency = next((each for each, faults in _AWAY.items() if isinstance(fault, faults)), None)
         if dependency is None:
             log.exception("%s failed", claim.job_id)
             return _fail_as_ours(claim, traceback.format_exc())
         log.info("%s is tried again later: %s", claim.job_id, summarise(fault))
-        return _retry_later(claim, dependency)
-    return _store(claim, outcome, back=context.needs.serve(claim.kind))
+        return _retry_later(claim, dependency, alone=dependency is Dependency.BLOBS and serves(context.blobs))
+    return _store(claim, outcome)
 
 
-def _store(claim: Claim, outcome: Outcome, *, back: Sequence[Dependency]) -> Ending:
+def serves(blobs: Blobs) -> bool:
+    """Return True if the file store does: what failed then is one object's fault."""
+    try:
+        blobs.check()
+    except STORE_AWAY:
+        return False
+    return True
+
+
+def _store(claim: Claim, outcome: Outcome) -> Ending:
     def end(session: Session) -> Mapping[str, Any]:
         result = outcome.store(session)
-        if outcome.rejection is None:
-            jobs.succeed(session, claim, result)
-            ids = {name: value for name, value in result.items() if name.endswith("_id")}
-            ended = {"state": "succeeded", **ids}
-        else:
+        if outcome.rejection is not None:
             found = problem(outcome.rejection.code, outcome.rejection.message)
-            ended = dict(_fail(claim, found)(session))
-        for dependency in back:
-            jobs.resume(session, dependency)
-        return ended
+            return _fail(claim, found)(session)
+        jobs.succeed(session, claim, result)
+        return {
+            "state": "succeeded",
+            **{name: value for name, value in result.items() if name.endswith("_id")},
+        }
 
     return end
 
@@ -130,10 +138,12 @@ def _fail(claim: Claim, error: dict[str, Any], trace: str | None = None) -> Endi
     return end
 
 
-def _retry_later(claim: Claim, dependency: Dependency) -> Ending:
+def _retry_later(claim: Claim, dependency: Dependency, *, alone: bool = False) -> Ending:
     def end(session: Session) -> Mapping[str, Any]:
-        jobs.retry_later(session, claim, waits_for=dependency)
-        return {"state": "queued", "waits_for": str(dependency)}
+        due_at = jobs.retry_later(session, claim, waits_for=dependency, alone=alone)
+        if due_at is None:
+            return {"state": "failed", "code": str(interface.TEMPORARILY_UNAVAILABLE)}
+        return {"state": "queued", "waits_for": str(dependency), "due_at": due_at.isoformat()}
 
     return end
 
@@ -169,8 +179,6 @@ def _end(context: Context, claim: Claim, ending: Ending) -> Mapping[str, Any]:
         except DATABASE_AWAY:
             if time.monotonic() > give_up_at:
                 raise
-            # it does not hang: its lease is to be renewed as soon as that is possible
-            context.leases.report(claim, 1.0)
             pause.wait(_PAUSE_S)
         else:
             return ended

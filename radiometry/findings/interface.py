@@ -368,5 +368,10 @@ WORKER_LOST = _failure(
     "Three workers were lost while they ran this job, so it is `quarantined`. Usually one file is at fault.",
     "Examine the file with care; a corrected frame is read again.",
 )
+JOB_CANCELLED = _failure(
+    "job_cancelled",
+    "The operator has cancelled this job, by revoking its Celery task.",
+    "Ask the operator why; then retry it.",
+)
 
 FINDINGS = declared(globals())

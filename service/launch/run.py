@@ -69,9 +69,9 @@ def _run(settings: Settings, roster: Roster, signals: Signals, stack: ExitStack)
     )
     stack.callback(supervisor.stop, signals)
     if broker is not None:
-        serve_hints = valkey.valkey_command(valkey.valkey_binary(), data, broker)
+        serve_messages = valkey.valkey_command(valkey.valkey_binary(), data, broker)
         stop = partial(valkey.end, broker)
-        supervisor.start(Part(name="valkey", command=serve_hints, serves_others=True, stop=stop))
+        supervisor.start(Part(name="valkey", command=serve_messages, serves_others=True, stop=stop))
     for command in roster.before:
         _run_to_its_end(command, environment, lock)
     for part in roster.parts:

@@ -1,4 +1,4 @@
-"""The bundled Valkey, which carries the hints: on a unix socket, reachable for this user only."""
+"""The bundled Valkey, which carries the messages: on a unix socket, reachable for this user only."""
 
 import hashlib
 import os

@@ -32,7 +32,6 @@ from service.schemas.jobs import (
 )
 from store import jobs
 from store.audit import record_act
-from store.broker import MOST_HINTS
 from store.jobs import FINAL_STATES
 from store.queries.jobs import frames_of, list_causes, select_given_up, select_makers, summarise_queue
 from store.tables import Calibration, Campaign, FrameRow, Job, Measurement, Organisation
@@ -42,6 +41,8 @@ router = Router(prefix="/v1/jobs", tags=["jobs"])
 
 _WAIT = re.compile(r"\bwait=(\d{1,4})\b")
 _LONGEST_WAIT_S = 60
+_LOGGED = 64
+"""Of many jobs the log of a request names the first."""
 _SCOPES: dict[str, Scope] = {"extract": "upload", "fit": "calibrate", "measure": "upload"}
 
 
@@ -124,7 +125,7 @@ def retry_jobs(body: RetriedJobs, caller: Reader, writing: Writes) -> Response:
 
     def change(session: Session) -> Reply:
         chosen = _choose(session, caller, body)
-        first = list(session.scalars(select(Job).where(chosen).limit(MOST_HINTS)))
+        first = list(session.scalars(select(Job).where(chosen).limit(_LOGGED)))
         retried = jobs.retry(session, chosen)
         if retried:
             asked = body.model_dump(exclude_none=True)

@@ -7,7 +7,8 @@ from sqlalchemy import ColumnElement, func, or_, select
 from sqlalchemy.orm import Session
 
 from store.columns import utc_now
-from store.jobs import GIVEN_UP, IS_QUEUED, PREVIEW_LANE
+from store.jobs import GIVEN_UP, PREVIEW_LANE
+from store.queues import IS_QUEUED, LANES
 from store.tables import Calibration, FrameRow, Job, Measurement
 
 MOST_COUNTED = 2000
@@ -126,11 +127,7 @@ def oldest_wait_s(session: Session, organisation_id: str | None = None) -> float
     if organisation_id is None:
         found = [session.scalar(first.where(IS_QUEUED))]
     else:
-        # lane by lane: each is a look into the index of the claims, however many jobs wait
+        # lane by lane: each is a look into the index of what is sent next, however many jobs wait
         theirs = (Job.state == "queued") & (Job.organisation_id == organisation_id)
-        lanes = select(Job.lane).where(theirs).order_by(Job.lane).limit(1)
-        lane, found = session.scalar(lanes), []
-        while lane is not None:
-            found.append(session.scalar(first.where(theirs, Job.lane == lane)))
-            lane = session.scalar(lanes.where(Job.lane > lane))
+        found = [session.scalar(first.where(theirs, Job.lane == lane)) for lane in LANES]
     return max(((now - due_at).total_seconds() for due_at in found if due_at), default=0.0)

@@ -8,9 +8,10 @@ from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from store.columns import utc_now
 from store.files import count_damaged, find_proof_age_s
-from store.jobs import GIVEN_UP, IS_QUEUED
+from store.jobs import GIVEN_UP
 from store.parts import Part, list_parts
 from store.queries.jobs import oldest_wait_s
+from store.queues import IS_QUEUED
 from store.tables import FrameRow, Job, Publication, Usage
 
 _BEGUN = ("running", *GIVEN_UP)

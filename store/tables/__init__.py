@@ -14,7 +14,7 @@ from store.tables.campaign import Blob, Campaign, ChannelRow, Extraction, FrameR
 from store.tables.crop import Crop
 from store.tables.equipment import Camera, Meter, Panel, Rig
 from store.tables.identity import ApiKey, IdempotentAnswer, Organisation, Usage, WebSession
-from store.tables.job import Job
+from store.tables.job import Job, Turn
 from store.tables.kept import CampaignReview, FrameChange, FrameVerdict, Rendering, SmallPreview
 from store.tables.measurement import Measurement
 from store.tables.part import PartRow
@@ -67,6 +67,7 @@ __all__ = [
     "SigningKey",
     "Slot",
     "SmallPreview",
+    "Turn",
     "Usage",
     "WebSession",
     "Webhook",

@@ -1,4 +1,4 @@
-"""The authority on work: the row; a message is only a hint that there is one."""
+"""The authority on work: the row; a message only says that it may be begun."""
 
 from datetime import datetime
 
@@ -13,6 +13,7 @@ from store.tracing import present_traceparent
 KINDS = ("extract", "fit", "measure")
 
 _QUEUED = "state = 'queued'"
+_SENT = "state = 'queued' AND sent_at IS NOT NULL"
 _READING = "kind = 'extract' AND state IN ('queued', 'running')"
 
 
@@ -37,7 +38,7 @@ class Job(Base):
         ),
         CheckConstraint("progress BETWEEN 0 AND 1", "progress_share"),
         CheckConstraint("(state = 'running') = (lease_until IS NOT NULL)", "running_has_lease"),
-        Index("ix_job_state_organisation_id_lane_due_at", "state", "organisation_id", "lane", "due_at"),
+        Index("ix_job_state_lane_organisation_id_due_at", "state", "lane", "organisation_id", "due_at"),
         Index("ix_job_organisation_id_id", "organisation_id", "id"),
         Index("ix_job_organisation_id_state_id", "organisation_id", "state", "id"),
         Index("ix_job_subject_id", "subject_id"),
@@ -56,6 +57,9 @@ class Job(Base):
             postgresql_where=text(_QUEUED),
         ),
         Index(
+            "ix_job_lane_sent_at", "lane", "sent_at", sqlite_where=text(_SENT), postgresql_where=text(_SENT)
+        ),
+        Index(
             "ix_job_reading",
             "organisation_id",
             "subject_id",
@@ -70,7 +74,7 @@ class Job(Base):
     subject_id: Mapped[str]
     """The frame or campaign it works on."""
     lane: Mapped[str]
-    """The queue within its organisation: claims go round the organisations, and round the lanes of each."""
+    """What it is: `store.queues.LANES` names its queue and its task."""
     parameters: Mapped[Json] = mapped_column(default=dict)
     state: Mapped[str] = mapped_column(default="queued")
     progress: Mapped[float] = mapped_column(default=0.0)
@@ -80,6 +84,10 @@ class Job(Base):
     fence: Mapped[int] = mapped_column(default=0)
     """Rises with every claim: a worker that lost its lease can store nothing."""
     lease_until: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    holder: Mapped[str | None]
+    """The process that runs it or ran it last, as host:pid."""
+    sent_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    """When its message was sent, while it is queued."""
     due_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
     faulty_since: Mapped[datetime | None] = mapped_column(UtcDateTime)
     """When something that it needs first did not answer: it is tried again for a day from then."""
@@ -87,7 +95,7 @@ class Job(Base):
     """The request that queued it, as its log line and `X-Request-ID` name it."""
     traceparent: Mapped[str | None] = mapped_column(default=present_traceparent)
     waits_for: Mapped[str | None]
-    """What did not answer at the last attempt; None for a job that waits for its turn alone."""
+    """What serves nobody, as the last attempt found; None for a job that waits for its turn alone."""
     error: Mapped[Json | None] = mapped_column(default=None)
     result: Mapped[Json | None] = mapped_column(default=None)
     traceback: Mapped[str | None]
@@ -96,3 +104,13 @@ class Job(Base):
     created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
     finished_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
     dismissed_at: Mapped[datetime | None] = mapped_column(UtcDateTime, default=None)
+
+
+class Turn(Base):
+    """A queue's way round the organisations. Not audited: it is nobody's decision."""
+
+    __tablename__ = "turn"
+
+    queue: Mapped[str] = mapped_column(primary_key=True)
+    organisation_id: Mapped[str] = mapped_column(default="")
+    """The one whose job was sent last."""

@@ -33,6 +33,9 @@ TINY = Scale(
     jobs=200,
     waiting_jobs=100,
     waits_s=0.2,
+    card=20,
+    restarts=1,
+    freezes_s=0.2,
 )
 
 
@@ -54,7 +57,7 @@ def test_every_benchmark_runs_and_leaves_nothing_behind(short_folder, monkeypatc
     before = family(1)
     assert main(TINY) == 0
     told = capfd.readouterr().out
-    targets = 65 if pages.find_chromium() is None else 72
+    targets = 68 if pages.find_chromium() is None else 75
     assert told.count("target:") == targets
     assert f"{targets} targets, " in told
     assert "MB more over" in told

@@ -23,14 +23,14 @@ from tests.support.compose import compose
 from tests.support.deployments import SECRETS, Composed, Deployment, Embedded, spawn
 from tests.support.ports import pick_port
 from tests.support.postgres import PostgresServer
-from tests.support.processes import alive, family
+from tests.support.processes import alive, children, command, family
 from tests.support.proxy import Proxy
 
 BUSY = b"HTTP/1.1 503 Slow Down\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
 OURS = ("service", "worker")
 AS_DELIVERED = {
     f"STILB_{name.upper()}": f"{Settings.model_fields[name].default:g}"
-    for name in ("lease_s", "sweep_interval_s", "stall_s")
+    for name in ("lease_s", "sweep_interval_s")
 }
 
 
@@ -85,9 +85,9 @@ class Ground(Deployment):
         self.wait_until(lambda: not alive([pid]), f"the end of {name}, process {pid}", timeout_s=timeout_s)
 
     def cells(self) -> set[int]:
-        """The processes below the worker."""
-        worker = self.pid("worker")
-        return family(worker) - {worker}
+        """The processes below the decoders' zygote."""
+        zygotes = [pid for pid in children(self.pid("worker")) if "worker.decode" in command(pid)]
+        return {pid for zygote in zygotes for pid in family(zygote)}
 
 
 class EmbeddedGround(Ground, Embedded):

@@ -60,7 +60,7 @@ upper values.
 
 A part that hangs is stopped by a signal and left so: the fault ends when it has been replaced. The clock is
 set for all processes but PostgreSQL's by a library that is loaded before theirs; their monotonic clocks run
-on, as they do on a machine. Leases, sweeps and stall limits are those that stilb is
+on, as they do on a machine. Leases and sweeps are those that stilb is
 delivered with, except with `--quick`, as in the tests.
 
 """

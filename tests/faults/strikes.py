@@ -8,15 +8,14 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 
 import stilb
-from store.broker import RUN_TASK, make_celery
+from store.queues import LANES, QUEUES, Message, Post
 from tests.faults.drill import Drill
 from tests.faults.grounds import OURS
 from tests.support.disks import filled
-from tests.support.processes import alive
+from tests.support.processes import alive, family
 from tests.support.proxy import Mode
 
 Strike = Callable[[Drill], AbstractContextManager[object]]
-_QUEUE = "celery"
 _HUNG_WITHIN_S = 240.0
 
 
@@ -63,12 +62,13 @@ def broker_flushed(drill: Drill) -> Iterator[None]:
 
     def some_forgotten() -> bool:
         # at once: at any moment the service sends another, or a worker in place of the stopped one takes it
-        before, _, after = broker.pipeline().llen(_QUEUE).flushall().llen(_QUEUE).execute()
-        assert after == 0
-        return bool(before)
+        pipeline = broker.pipeline()
+        for queue in QUEUES:
+            pipeline.llen(queue)
+        return any(pipeline.flushall().execute()[:-1])
 
     with drill.ground.stopped("worker"):
-        drill.ground.wait_until(lambda: broker.llen(_QUEUE) and some_forgotten(), "a message in the broker")
+        drill.ground.wait_until(some_forgotten, "a message in the broker")
     yield
 
 
@@ -81,35 +81,35 @@ def frozen_valkey(drill: Drill) -> Iterator[None]:
 @contextmanager
 def messages_three_times(drill: Drill) -> Iterator[None]:
     """Deliver two copies of each message beside the message, and another one after the job's end."""
-    with make_celery(drill.ground.broker_url) as celery:
-        with drill.ground.stopped("worker"):
-            drill.ground.wait_until(lambda: drill.jobs("queued"), "a job that waits")
-            jobs = drill.jobs("queued", "running")
-            for job in jobs:
-                for _ in range(2):
-                    celery.send_task(RUN_TASK, args=[job.id])
-        ended = {job.id for job in jobs}
-        drill.ground.wait_until(
-            lambda: not ended & {job.id for job in drill.jobs("queued", "running")}, "the end of these jobs"
-        )
-        for job in jobs:
-            celery.send_task(RUN_TASK, args=[job.id])
-        drill.ground.wait_until(lambda: not drill.ground.broker.llen(_QUEUE), "an empty broker")
+    post, broker = Post(drill.ground.broker_url), drill.ground.broker
+    with drill.ground.stopped("worker"):
+        drill.ground.wait_until(lambda: drill.jobs("queued"), "a job that waits")
+        jobs = drill.jobs("queued", "running")
+        messages = [Message(LANES[job.lane], job.id, job.subject_id) for job in jobs]
+        post.send(2 * messages)
+    ended = {job.id for job in jobs}
+    drill.ground.wait_until(
+        lambda: not ended & {job.id for job in drill.jobs("queued", "running")}, "the end of these jobs"
+    )
+    post.send(messages)
+    drill.ground.wait_until(lambda: not any(map(broker.llen, QUEUES)), "an empty broker")
     yield
 
 
 def frozen_past_its_lease(lease_s: float) -> Strike:
-    """Stop a worker at work for longer than its leases last, then let it go on."""
+    """Stop a worker and its pool at work for longer than their leases last, then let them go on."""
 
     @contextmanager
     def strike(drill: Drill) -> Iterator[None]:
         drill.wait_until_at_work()
-        pid = drill.ground.pid("worker")
-        os.kill(pid, signal.SIGSTOP)
+        pids = family(drill.ground.pid("worker"))
+        for pid in pids:
+            os.kill(pid, signal.SIGSTOP)
         drill.pause(1.5 * lease_s)
-        # It may have been replaced meanwhile.
-        with suppress(ProcessLookupError):
-            os.kill(pid, signal.SIGCONT)
+        for pid in pids:
+            # It may have been replaced meanwhile.
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGCONT)
         yield
 
     return strike

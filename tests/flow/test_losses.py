@@ -4,11 +4,9 @@ import pytest
 from sqlalchemy import text
 
 import stilb
-from store.broker import RUN_TASK, make_celery
 from store.jobs import FINAL_STATES
+from store.queues import LANES, Message, Post
 from store.tables import FrameRow
-
-QUEUE = "celery"
 
 
 def runs(deployment, subjects):
@@ -51,8 +49,7 @@ def test_a_job_that_kills_its_worker_three_times_is_set_aside(composed, shots):
         others = team.push(campaign, shots[1:])
         ended = composed.wait_for_jobs([frame.id for frame in others])
         assert {job.state for job in ended} == {"succeeded"}
-        # It stays where it is, whoever hints at it.
-        with make_celery(composed.broker_url) as celery:
-            celery.send_task(RUN_TASK, args=[victim.job_id])
-        composed.wait_until(lambda: not composed.broker.llen(QUEUE))
+        # It stays where it is, whatever message comes.
+        Post(composed.broker_url).send([Message(LANES["extract"], victim.job_id, victim.id)])
+        composed.wait_until(lambda: not composed.broker.llen("frames"))
         assert composed.jobs(subjects=[victim.id])[0].state == "quarantined"

@@ -12,7 +12,7 @@ from service.shutdown import Traffic
 from store.blobs import LocalBlobs
 from store.database import Database
 from store.settings import Settings
-from tests.support.house import House, NullHints
+from tests.support.house import House
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +28,6 @@ def built_app(migrated_sqlite, tmp_path_factory):
             settings=Settings(data=folder),
             database=database,
             blobs=blobs,
-            hints=NullHints(),
             watch=JobWatch(database),
             sessions=Sessions(b"a secret of the tests, 32 bytes long"),
             traffic=Traffic(),

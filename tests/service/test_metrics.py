@@ -13,12 +13,11 @@ from sqlalchemy import update
 from store import jobs
 from store.clocks import mend_times
 from store.columns import utc_now
-from store.jobs import Dependency, Turn
+from store.jobs import Dependency
 from store.parts import Presence
 from store.software import read_version
 from store.tables import Job
 from tests.support.compose import ROOT
-from worker.runner import claim_next
 
 pytestmark = pytest.mark.either_database
 
@@ -71,11 +70,10 @@ def test_metrics_tell_why_jobs_were_given_up_and_what_others_wait_for(house):
     campaign = house.campaign()
     for content in (b"no raw file", b"none either", b"none at all"):
         house.upload(campaign, content, role="light")
-    turn = Turn()
     for number in range(2):
-        claim = claim_next(house.worker, turn)
         with house.database.writing("test") as session:
-            if number:
+            claim = jobs.begin(session, house.next_job(), lease_s=30.0)
+            if not number:
                 jobs.fail(session, claim, {"code": "worker_lost", "detail": "x", "retryable": False})
             else:
                 jobs.retry_later(session, claim, waits_for=Dependency.BLOBS)

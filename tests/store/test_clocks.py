@@ -5,10 +5,9 @@ from datetime import timedelta
 import pytest
 from sqlalchemy import update
 
-from store import clocks, jobs
+from store import jobs
 from store.clocks import ClockWatch, mend_times
 from store.columns import utc_now
-from store.jobs import Turn
 from store.tables import Job, Organisation
 
 LEASE_S = 30.0
@@ -37,12 +36,12 @@ def set_clock(database, by):
 def sweep(database, *, jumped=False):
     with database.writing("sweeper") as session:
         mend_times(session, lease_s=LEASE_S, jumped=jumped)
-        clocks.sweep(session)
+        jobs.take_back(session, Job.lease_until < utc_now())
 
 
 def claim(database):
     with database.writing("test") as session:
-        return jobs.claim_next(session, Turn(), lease_s=LEASE_S)
+        return jobs.begin(session, session.query(Job).one().id, lease_s=LEASE_S)
 
 
 def job(database):

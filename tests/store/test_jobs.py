@@ -1,15 +1,17 @@
 """A job's life: claimed once, fenced, taken back, quarantined."""
 
+import os
+import subprocess
 from concurrent.futures import ThreadPoolExecutor
 from datetime import timedelta
 
 import pytest
-from sqlalchemy import event, update
+from sqlalchemy import event, select, update
 
-from store import clocks, jobs
+from store import jobs
 from store.columns import utc_now
 from store.database import Database
-from store.jobs import Dependency, Turn
+from store.jobs import Dependency
 from store.queries import campaigns
 from store.queries.jobs import oldest_wait_s
 from store.queries.resource_counts import count_queue
@@ -42,9 +44,11 @@ def add(database, organisation_id, subject="frm_1", **parameters):
         ).id
 
 
-def claim(database, lease_s=30.0, turn=None, without=()):
+def claim(database, lease_s=30.0, job_id=None):
+    """Begin a job, as a message names it; without a name one that is due."""
     with database.writing("test") as session:
-        return jobs.claim_next(session, turn or Turn(), lease_s=lease_s, without=without)
+        due = select(Job.id).where(Job.state == "queued", Job.due_at <= utc_now()).order_by(Job.due_at)
+        return jobs.begin(session, job_id or session.scalar(due.limit(1)) or "", lease_s=lease_s)
 
 
 def state(database, job_id):
@@ -61,7 +65,7 @@ def expire(database, job_id):
 
 def sweep(database):
     with database.writing("test") as session:
-        return clocks.sweep(session)
+        return jobs.take_back(session, Job.lease_until < utc_now())
 
 
 def test_what_waits_already_is_not_queued_twice(database, organisation_id, job_id):
@@ -71,14 +75,60 @@ def test_what_waits_already_is_not_queued_twice(database, organisation_id, job_i
     assert add(database, organisation_id) != job_id
 
 
-def test_twenty_who_want_three_jobs_at_once_and_three_get_one_each(database, organisation_id, job_id):
-    waiting = {job_id} | {add(database, organisation_id, f"frm_{number}") for number in (2, 3)}
+def test_twenty_messages_of_three_jobs_at_once_begin_each_once(database, organisation_id, job_id):
+    waiting = [job_id, *(add(database, organisation_id, f"frm_{number}") for number in (2, 3))]
     with ThreadPoolExecutor(20) as threads:
-        claims = [each for each in threads.map(lambda _: claim(database), range(20)) if each]
-    # on PostgreSQL one may find all that it sees locked by others; what is left is found at the next look
-    claims += [each for _ in waiting if (each := claim(database))]
-    assert sorted(each.job_id for each in claims) == sorted(waiting)
+        begun = threads.map(lambda number: claim(database, job_id=waiting[number % 3]), range(20))
+        assert sorted(each.job_id for each in begun if each) == sorted(waiting)
     assert state(database, job_id).attempt == 1
+
+
+def test_a_message_of_a_job_whose_process_has_died_begins_it_again(database, job_id):
+    """Of another machine's process nothing is known but the lease."""
+    claim(database)
+    with subprocess.Popen(["true"]) as died:
+        died.wait()
+    here = (jobs.name_holder(pid) for pid in (os.getpid(), died.pid))
+    for holder, lost in zip(["elsewhere:1", *here], [0, 0, 1], strict=True):
+        with database.writing("test") as session:
+            session.execute(update(Job).values(holder=holder))
+        again = claim(database, job_id=job_id)
+        assert (again is not None, state(database, job_id).lost) == (bool(lost), lost)
+
+
+def test_a_message_that_comes_before_its_job_is_due_begins_nothing(database, job_id):
+    fault(database, claim(database))
+    assert claim(database, job_id=job_id) is None
+    assert (state(database, job_id).state, state(database, job_id).sent_at) == ("queued", None)
+    assert claim(database, job_id="job_of_another_database") is None
+
+
+def test_a_cancelled_job_stores_nothing_and_may_be_tried_again(database, job_id):
+    held = claim(database)
+    with database.writing("test") as session:
+        jobs.cancel(session, job_id)
+    with pytest.raises(jobs.LeaseLost), database.writing("test") as session:
+        jobs.succeed(session, held, {})
+    found = state(database, job_id)
+    assert (found.state, found.error["code"]) == ("failed", "job_cancelled")
+    with database.writing("test") as session:
+        assert jobs.retry(session, Job.id == job_id) == 1
+        session.execute(update(Job).values(state="succeeded"))
+        jobs.cancel(session, job_id)
+    assert state(database, job_id).state == "succeeded"
+
+
+def test_what_a_stopped_worker_held_is_given_back_as_if_it_had_not_begun(database, job_id):
+    first = claim(database)
+    with database.writing("test") as session:
+        assert jobs.give_back(session, [os.getpid() + 1]) == 0
+        assert jobs.give_back(session, [os.getpid()]) == 1
+    found = state(database, job_id)
+    assert (found.state, found.attempt, found.lost, found.lease_until) == ("queued", 0, 0, None)
+    second = claim(database)
+    assert (second.job_id, second.attempt, second.fence) == (first.job_id, 1, first.fence + 1)
+    with pytest.raises(jobs.LeaseLost), database.writing("test") as session:
+        jobs.succeed(session, first, {})
 
 
 def test_who_lost_the_lease_can_store_nothing(database, job_id):
@@ -163,15 +213,16 @@ def test_a_passing_fault_that_lasts_for_a_day_is_failed_and_may_be_tried_again(d
     assert state(database, job_id).state == "queued"
 
 
-@pytest.mark.usefixtures("job_id")
-def test_what_waited_for_a_dependency_is_due_when_it_is_back(database):
+def test_what_waited_for_a_dependency_is_due_when_it_is_back(database, organisation_id, job_id):
     fault(database, claim(database))
+    other = add(database, organisation_id, "frm_2")
+    assert claim(database, job_id=other) is None, "it needs the file store too"
     with database.writing("test") as session:
         assert jobs.resume(session, Dependency.DECODER) == 0
-    assert claim(database) is None
+    assert claim(database, job_id=job_id) is None
     with database.writing("test") as session:
         assert jobs.resume(session, Dependency.BLOBS) == 1
-    again = claim(database)
+    again = claim(database, job_id=job_id)
     assert (again.attempt, again.faulty_since is None) == (2, False)
 
 

@@ -113,7 +113,15 @@ class Field:
         self.house.work()
 
     def review(self):
-        self.house.worker.reviews.renew_next()
+        renew_next(self.house.worker.reviews)
+
+
+def renew_next(reviews):
+    """What a worker does with a review that is stale; whether there was one."""
+    campaign_id = reviews.claim_next()
+    if campaign_id is not None:
+        reviews.renew(campaign_id)
+    return campaign_id is not None
 
 
 ACTS = [
@@ -222,7 +230,7 @@ def test_a_fresh_review_is_read_and_not_computed(house, monkeypatch):
     before = answers(house, campaign["id"])
     monkeypatch.setattr("store.reviews.assess", None)
     assert answers(house, campaign["id"]) == before
-    assert not house.worker.reviews.renew_next()
+    assert not renew_next(house.worker.reviews)
 
 
 @pytest.mark.either_database
@@ -236,7 +244,7 @@ def test_a_change_during_a_review_leaves_it_stale(house, monkeypatch):
         return found
 
     monkeypatch.setattr("store.reviews.assess", change_meanwhile)
-    assert house.worker.reviews.renew_next()
+    assert renew_next(house.worker.reviews)
     monkeypatch.undo()
     assert answers(house, campaign["id"]) == scratch(house, campaign["id"])
     assert answers(house, campaign["id"])[2]["general_recorder"][0] == "A. Person."
@@ -261,16 +269,16 @@ def test_one_worker_reviews_a_campaign_and_rests_after_it(house, monkeypatch):
     begun = []
 
     def find_another_at_it(session, row, _memory):
-        begun.append(second.renew_next())
+        begun.append(renew_next(second))
         return assess(session, row)
 
     monkeypatch.setattr("store.reviews.assess", find_another_at_it)
     monkeypatch.setattr("store.reviews._PAUSE", 1e6)
-    assert first.renew_next()
+    assert renew_next(first)
     assert begun == [False]
     with house.database.writing("another") as session:
         session.execute(update(CampaignReview).values(revision=CampaignReview.revision + 1))
-    assert not second.renew_next()
+    assert not renew_next(second)
 
 
 def test_a_review_that_cannot_be_kept_is_answered_all_the_same(house, monkeypatch):

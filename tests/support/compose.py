@@ -37,8 +37,9 @@ def compose(path: str = "docker-compose.yml") -> dict[str, Any]:
 def command_of(name: str) -> list[str]:
     """A service's command, run by this very Python."""
     command, *others = compose()["services"][name]["command"]
-    assert command == "stilb-server"
-    return [sys.executable, "-m", COMMANDS[others[0]].module, *others[1:]]
+    if command == "stilb-server":
+        command, *others = COMMANDS[others[0]].module, *others[1:]
+    return [sys.executable, "-m", command, *others]
 
 
 def environment_of(name: str, variables: Mapping[str, str], *overrides: str) -> dict[str, str]:

@@ -6,6 +6,7 @@ from pathlib import Path
 from unittest.mock import patch
 
 from fastapi import FastAPI
+from sqlalchemy import select
 from starlette.testclient import TestClient
 
 from service.app import build_app
@@ -17,16 +18,15 @@ from service.press.rendering import render
 from service.sessions import Sessions
 from service.shutdown import Traffic
 from store.blobs import LocalBlobs
+from store.columns import utc_now
 from store.database import Database
-from store.jobs import Turn
 from store.queries.keys import ensure_operator
 from store.settings import Settings
+from store.tables import Job
 from tests.support.frames import write_frame
 from worker.context import Context as WorkerContext
 from worker.decode.pool import DecoderPool
-from worker.leases import Leases
-from worker.needs import Needs
-from worker.runner import claim_next, run
+from worker.runner import run
 
 KEY = "stilb_test_key"
 CAMERA = {"make": "DJI", "model": "FC6520", "serial": "0K1XE8"}
@@ -37,13 +37,6 @@ CAMERA = {"make": "DJI", "model": "FC6520", "serial": "0K1XE8"}
 _idle_apps: list[FastAPI] = []
 _decoders = DecoderPool(1)
 atexit.register(_decoders.close)
-
-
-class NullHints:
-    """Sends nothing: the test runs the jobs."""
-
-    def send(self, job_ids: list[str]) -> None:
-        pass
 
 
 class House:
@@ -61,7 +54,6 @@ class House:
             settings=self.settings,
             database=self.database,
             blobs=self.blobs,
-            hints=NullHints(),
             watch=JobWatch(self.database),
             sessions=Sessions(b"a secret of the tests, 32 bytes long"),
             traffic=Traffic(),
@@ -81,8 +73,6 @@ class House:
             database=self.database,
             blobs=self.blobs,
             decoders=_decoders,
-            leases=Leases(self.database, 30.0),
-            needs=Needs(self.blobs),
         )
         return self
 
@@ -111,11 +101,16 @@ class House:
 
     def work(self) -> int:
         """Run every job that is due; how many there were."""
-        turn, done = Turn(), 0
-        while (claim := claim_next(self.worker, turn)) is not None:
-            run(self.worker, claim)
-            done += 1
+        done = 0
+        while (job_id := self.next_job()) is not None:
+            done += run(self.worker, job_id)["state"] != "dropped"
         return done
+
+    def next_job(self) -> str | None:
+        """Return the job that has been due longest; None if none waits."""
+        due = (Job.state == "queued") & (Job.due_at <= utc_now())
+        with self.database.reading() as session:
+            return session.scalar(select(Job.id).where(due).order_by(Job.due_at, Job.id).limit(1))
 
     def camera(self, **changes) -> dict:
         answer = self.http.post("/v1/cameras", json=CAMERA | changes)

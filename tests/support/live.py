@@ -3,22 +3,25 @@
 import queue
 import socket
 import threading
+from collections.abc import Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 
 import uvicorn
 
+from store.queues import Message
 from tests.support.fieldwork import Team, new_team
 from tests.support.house import KEY, House
 
 
-class _QueuedHints:
-    def __init__(self):
-        self.waiting: queue.Queue[str | None] = queue.Queue()
+class _Post:
+    """Carries messages to the worker of the same process."""
 
-    def send(self, job_ids: list[str]) -> None:
-        for job_id in job_ids:
-            self.waiting.put(job_id)
+    def __init__(self):
+        self.waiting: queue.Queue[Message | None] = queue.Queue()
+
+    def send(self, messages: Sequence[Message]) -> None:
+        for message in messages:
+            self.waiting.put(message)
 
 
 class Live:
@@ -35,15 +38,14 @@ class Live:
 @contextmanager
 def serving(house: House):
     """Serve a house over loopback until the block ends."""
-    hints = _QueuedHints()
-    house.app.state.context = replace(house.app.state.context, hints=hints)
+    post = house.database.post = _Post()
     # What connects before it serves waits in the socket's queue.
     listening = socket.create_server(("127.0.0.1", 0))
     config = uvicorn.Config(house.app, log_config=None, lifespan="off", timeout_graceful_shutdown=1)
     server = uvicorn.Server(config)
 
     def work() -> None:
-        while hints.waiting.get() is not None:
+        while post.waiting.get() is not None:
             house.work()
 
     threads = [
@@ -56,7 +58,8 @@ def serving(house: House):
         yield Live(house, f"http://127.0.0.1:{listening.getsockname()[1]}")
     finally:
         server.should_exit = True
-        hints.waiting.put(None)
+        post.waiting.put(None)
         for thread in threads:
             thread.join()
         listening.close()
+        house.database.post = None

@@ -8,12 +8,11 @@ import pytest
 from sqlalchemy import func, select
 
 from store.blobs import StorageUnavailable
-from store.jobs import Turn
 from store.tables import ChannelRow, Extraction, FrameRow, Job
 from tests.support.blobs import zero
 from tests.support.campaigns import ROI
 from worker.decode.pool import DecoderCrashed, DecoderKilled
-from worker.runner import claim_next, run
+from worker.runner import run
 
 
 class Decoders:
@@ -41,9 +40,9 @@ def job(house, frame):
     return house.get(f"/v1/jobs/{frame['job_id']}")
 
 
-def work(context):
+def work(house, context=None):
     """Do the one job that is due."""
-    run(context, claim_next(context, Turn()))
+    return run(context or house.worker, house.next_job())
 
 
 def test_ten_who_look_for_the_same_job_at_once_do_it_once(house, uploaded):
@@ -60,32 +59,31 @@ def test_ten_who_look_for_the_same_job_at_once_do_it_once(house, uploaded):
 
 def test_a_file_that_ends_the_decoder_is_refused_and_the_next_is_not_disturbed(house, uploaded):
     crash = DecoderCrashed("reading the header", "signal 11")
-    work(replace(house.worker, decoders=Decoders(crash)))
+    work(house, replace(house.worker, decoders=Decoders(crash)))
     assert job(house, uploaded)["error"]["code"] == "decoder_crashed"
     frame = house.get(f"/v1/frames/{uploaded['id']}")
     assert (frame["state"], frame["refusal"]["code"]) == ("refused", "decoder_crashed")
     again = house.upload({"id": uploaded["campaign_id"]}, house.frame_bytes(seed=2), role="dark")
-    work(house.worker)
+    work(house)
     assert house.get(f"/v1/frames/{again['id']}")["state"] == "extracted"
 
 
 def test_a_decoder_that_ends_over_a_file_which_the_disk_spoilt_blames_the_disk(house, uploaded):
     """A mapped page that cannot be read ends a process by SIGBUS, as a hostile file may."""
     zero(house.folder, uploaded["sha256"], first=900, count=2000)
-    work(replace(house.worker, decoders=Decoders(DecoderCrashed("reading a window", "signal 7"))))
+    work(house, replace(house.worker, decoders=Decoders(DecoderCrashed("reading a window", "signal 7"))))
     assert job(house, uploaded)["error"]["code"] == "stored_file_damaged"
     assert house.get(f"/v1/frames/{uploaded['id']}")["state"] == "received"
 
 
 def test_a_frame_whose_decoder_was_killed_is_never_refused(house, uploaded):
     killed = replace(house.worker, decoders=Decoders(DecoderKilled("read_header", "ended by SIGKILL")))
-    claim = claim_next(killed, Turn())
-    run(killed, claim)
+    work(house, killed)
     assert (job(house, uploaded)["state"], job(house, uploaded)["error"]["retryable"]) == ("queued", True)
     with house.database.writing("test") as session:
-        session.get_one(Job, claim.job_id).attempt = 4
-        session.get_one(Job, claim.job_id).due_at = session.get_one(Job, claim.job_id).created_at
-    work(killed)
+        session.get_one(Job, uploaded["job_id"]).attempt = 4
+        session.get_one(Job, uploaded["job_id"]).due_at = session.get_one(Job, uploaded["job_id"]).created_at
+    work(house, killed)
     found = job(house, uploaded)
     assert (found["state"], found["error"]["code"], found["error"]["retryable"]) == (
         "failed",
@@ -96,19 +94,20 @@ def test_a_frame_whose_decoder_was_killed_is_never_refused(house, uploaded):
 
 
 def test_a_passing_fault_is_tried_again(house, uploaded):
-    work(replace(house.worker, decoders=Decoders(StorageUnavailable("away"))))
+    ended = work(house, replace(house.worker, decoders=Decoders(StorageUnavailable("away"))))
+    assert (ended["state"], ended["waits_for"]) == ("queued", "blobs")
     found = job(house, uploaded)
     assert (found["state"], found["error"]["retryable"]) == ("queued", True)
     assert house.get(f"/v1/frames/{uploaded['id']}")["state"] == "received"
 
 
 def test_our_own_fault_fails_with_its_traceback_kept_and_not_shown(house, uploaded):
-    work(replace(house.worker, decoders=Decoders(ZeroDivisionError("ours"))))
+    work(house, replace(house.worker, decoders=Decoders(ZeroDivisionError("ours"))))
     found = job(house, uploaded)
     assert (found["state"], found["error"]["code"]) == ("failed", "internal_error")
     assert "ZeroDivisionError" not in str(found)
     house.upload({"id": uploaded["campaign_id"]}, house.frame_bytes(), status=200, role="light")
-    work(house.worker)
+    work(house)
     assert house.get(f"/v1/frames/{uploaded['id']}")["state"] == "extracted"
     with house.database.reading() as session:
         assert "ZeroDivisionError: ours" in session.get_one(Job, uploaded["job_id"]).traceback
@@ -124,7 +123,7 @@ def test_a_worker_whose_job_was_given_away_stores_nothing(house, uploaded):
         def __getattr__(self, name):
             return getattr(house.worker.decoders, name)
 
-    work(replace(house.worker, decoders=Slow(None)))
+    assert work(house, replace(house.worker, decoders=Slow(None))) == {"state": "dropped"}
     with house.database.reading() as session:
         assert session.get_one(FrameRow, uploaded["id"]).state == "received"
         assert session.scalar(select(func.count()).select_from(Extraction)) == 0

@@ -4,8 +4,8 @@ import logging
 
 import pytest
 
-from worker.__main__ import start_decoders
 from worker.decode.pool import DecoderUnavailable, Sandbox
+from worker.process import start_decoders
 
 FULL = Sandbox(no_new_privs=True, landlock=7, seccomp=True)
 OLD_KERNEL = Sandbox(no_new_privs=True, landlock=0, seccomp=True)

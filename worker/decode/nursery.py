@@ -19,8 +19,6 @@ from worker.decode.settings import DecoderLimits
 _START_SECONDS: Final = 60.0
 _BIRTH_SECONDS: Final = 20.0
 _LOOK_SECONDS: Final = 0.5
-# One may be lost with its zygote, and one with the next.
-_ORDERS: Final = 3
 _END_SECONDS: Final = 5.0
 _LONGEST_WORD: Final = 4096
 # The kernel cuts this to its own limit for a socket: fewer changes of process on the way.
@@ -115,7 +113,7 @@ class Nursery:
         self._lock = threading.Lock()
         self._process: subprocess.Popen[bytes] | None = None
         self._pid = memoryview(mmap.mmap(-1, mmap.PAGESIZE)).cast("q")
-        self._control, self._its_control = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._ends: tuple[socket.socket, ...] = ()
         self._spare: Cell | None = None
         self._sandbox: Sandbox | None = None
         self._is_owner = True
@@ -141,12 +139,18 @@ class Nursery:
         """A cell that has seen no file."""
         with self._lock:
             cell, self._spare = self._spare, None
-            for _ in range(_ORDERS):
+            end = time.monotonic() + _BIRTH_SECONDS
+            while time.monotonic() < end:
                 cell = cell or self._order()
-                if self._await_birth(cell):
-                    return cell
+                # a zygote that dies is replaced, and the new one serves what was not lost with it
+                if cell.await_birth(_LOOK_SECONDS):
+                    if not cell.is_over():
+                        return cell
+                    cell.close()
+                    cell = None
+                self._ensure_started()
+            if cell is not None:
                 cell.close()
-                cell = None
             self._kill()
             raise DecoderUnavailable("The decoding processes' zygote does not answer.")
 
@@ -159,8 +163,9 @@ class Nursery:
         """End the zygote, and with it every cell."""
         with self._lock:
             self._kill()
-            self._control.close()
-            self._its_control.close()
+            ends, self._ends = self._ends, ()
+            for end in ends:
+                end.close()
 
     def share(self) -> None:
         """Go on in a fork: cells of its own, of the zygote that is there."""
@@ -171,20 +176,11 @@ class Nursery:
         self._ensure_started()
         cell = Cell()
         try:
-            cell.order_from(self._control)
+            cell.order_from(self._ends[0])
         except OSError as error:
             cell.close()
             raise DecoderUnavailable("The decoding processes' zygote takes no orders.") from error
         return cell
-
-    def _await_birth(self, cell: Cell) -> bool:
-        """Wait while a zygote that dies is replaced, which serves what was ordered of the one before."""
-        end = time.monotonic() + _BIRTH_SECONDS
-        while not cell.await_birth(_LOOK_SECONDS):
-            if time.monotonic() > end:
-                return False
-            self._ensure_started()
-        return not cell.is_over()
 
     def _ensure_started(self) -> None:
         if not self._is_owner or (self._process is not None and self._process.poll() is None):
@@ -198,12 +194,14 @@ class Nursery:
 
     def _launch(self) -> None:
         self._kill()
+        self._ends = self._ends or socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        ours, its = self._ends
         with contextlib.suppress(BlockingIOError):
             while True:  # what the one before may have said last
-                self._control.recv(_LONGEST_WORD, socket.MSG_DONTWAIT)
+                ours.recv(_LONGEST_WORD, socket.MSG_DONTWAIT)
         self._process = subprocess.Popen(  # noqa: S603  our own interpreter, our own module
             [*build_command("worker.decode"), *_arguments(self._bounds)],
-            stdin=self._its_control.fileno(),
+            stdin=its.fileno(),
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             env=build_environment(),
@@ -212,9 +210,9 @@ class Nursery:
         self._pid[0] = self._process.pid
 
     def _await_ready(self) -> Sandbox:
-        end, ready = time.monotonic() + _START_SECONDS, b""
+        end, ready, ours = time.monotonic() + _START_SECONDS, b"", self._ends[0]
         while not ready and time.monotonic() < end and self._process and self._process.poll() is None:
-            ready = self._control.recv(_LONGEST_WORD) if _poll(self._control, 0.02) else b""
+            ready = ours.recv(_LONGEST_WORD) if _poll(ours, 0.02) else b""
         try:
             told = json.loads(ready or b"{}")
             if told.get("ready") is True and told.get("threads") == 1:

@@ -149,7 +149,7 @@ def test_the_same_frame_makes_the_same_bytes(decoders, tmp_path):
 PEAK = """
 import sys
 from pathlib import Path
-import worker.__main__
+import worker
 from radiometry.frame.exposure import Exposure
 from radiometry.luminance import SPEC
 from radiometry.luminance.maps import MapScale

@@ -1,0 +1,205 @@
+"""A worker as Celery runs it: what its tools show, and how a job ends that is stopped, revoked or lost."""
+
+import os
+import signal
+import sys
+from contextlib import contextmanager, suppress
+
+import pytest
+from sqlalchemy import text
+
+from store.database import Database
+from store.jobs import FINAL_STATES
+from store.queues import QUEUES, Post, make_celery
+from store.schema import OTHER_SCHEMA_EXIT
+from store.tables import Job
+from tests.support.broker import own_broker
+from tests.support.deployments import short_folder, spawn
+from tests.support.house import House
+from tests.support.processes import children, command
+from tests.support.waiting import wait_for
+
+QUICK = {"STILB_SWEEP_INTERVAL_S": "0.2", "STILB_WORKER_THREADS": "1"}
+
+
+@pytest.fixture
+def house(migrated_sqlite, tmp_path):
+    (tmp_path / "stilb.sqlite").write_bytes(migrated_sqlite.read_bytes())
+    database = Database(f"sqlite:///{tmp_path / 'stilb.sqlite'}")
+    with House(database, tmp_path) as built:
+        yield built
+    database.dispose()
+
+
+class Worker:
+    """`celery -A worker.app worker` on the house's database, and its broker."""
+
+    def __init__(self, house, process, log, broker, valkey, celery):
+        self.house = house
+        self.process = process
+        self.log = log
+        self.broker = broker
+        self.valkey = valkey
+        self.celery = celery
+
+    def inspect(self, what):
+        (found,) = getattr(self.celery.control.inspect(timeout=20, limit=1), what)().values()
+        return found
+
+    def pool(self):
+        """The pids of its pool, and of the decoders' zygote."""
+        found = {pid: "worker.decode" in command(pid) for pid in children(self.process.pid)}
+        return [pid for pid in found if not found[pid]], [pid for pid in found if found[pid]]
+
+    @contextmanager
+    def decoders_stopped(self):
+        """Whoever reads a frame meanwhile works on it, and does not come further."""
+        _, zygotes = self.pool()
+        for pid in zygotes:
+            os.kill(pid, signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            for pid in zygotes:
+                with suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGCONT)
+
+    def upload(self, **changes):
+        """Send a frame; the id of its job."""
+        return self.house.upload(self.house.campaign(), self.house.frame_bytes(**changes), role="dark")[
+            "job_id"
+        ]
+
+    def job(self, job_id):
+        with self.house.database.reading() as session:
+            return session.get_one(Job, job_id)
+
+    def wait_for_job(self, job_id, *states):
+        wait_for(lambda: self.job(job_id).state in states, seen=lambda: vars(self.job(job_id)))
+        return self.job(job_id)
+
+
+@contextmanager
+def working(house, *options, **settings):
+    log = house.folder / "worker.log"
+    with short_folder() as folder, own_broker(folder) as (url, broker, valkey):
+        environment = (
+            os.environ | QUICK | {"STILB_DATA": str(house.folder), "STILB_BROKER_URL": url} | settings
+        )
+        words = [sys.executable, "-m", "celery", "-A", "worker.app", "worker", "-Q", ",".join(QUEUES)]
+        with log.open("ab") as file:
+            process = spawn([*words, *options], environment, stdout=file, stderr=file)
+        house.database.post = Post(url)
+        with make_celery(url) as celery:
+            worker = Worker(house, process, log, broker, valkey, celery)
+            try:
+                wait_for(lambda: celery.control.ping(timeout=2), "the worker's answer", seen=log.read_text)
+                yield worker
+            finally:
+                house.database.post = None
+                process.kill()
+                process.wait()
+
+
+def test_the_tools_of_celery_see_the_work(house):
+    with working(house) as worker:
+        with worker.decoders_stopped():
+            job_id = worker.upload()
+            running = worker.wait_for_job(job_id, "running")
+            (active,) = worker.inspect("active")
+            assert (active["id"], active["name"]) == (job_id, "stilb.extract")
+            assert active["args"] == [running.subject_id]
+            assert running.holder.endswith(f":{active['worker_pid']}")
+        worker.wait_for_job(job_id, "succeeded")
+        assert {queue["name"] for queue in worker.inspect("active_queues")} == set(QUEUES)
+        tasks = ["cancel", "extract", "fit", "look", "measure", "review"]
+        assert sorted(worker.inspect("registered")) == [f"stilb.{task}" for task in tasks]
+        wait_for(lambda: worker.inspect("stats")["total"].get("stilb.extract") == 1)
+
+
+def test_a_worker_grows_and_shrinks_with_its_work(house):
+    with working(house, "--autoscale", "3,1") as worker, worker.decoders_stopped():
+        for seed in range(3):
+            worker.upload(seed=seed)
+        wait_for(lambda: len(worker.inspect("active")) == 3)
+
+
+def test_a_revoked_job_has_failed_and_may_be_tried_again(house):
+    with working(house) as worker, worker.decoders_stopped():
+        job_id = worker.upload()
+        worker.wait_for_job(job_id, "running")
+        worker.celery.control.revoke(job_id, terminate=True)
+        revoked = worker.wait_for_job(job_id, *FINAL_STATES)
+        assert (revoked.state, revoked.error["code"], revoked.lost) == ("failed", "job_cancelled", 0)
+
+
+def test_a_job_beyond_its_time_limit_is_lost_with_its_process(house):
+    with working(house, STILB_JOB_LIMIT_S="0.5", STILB_LEASE_S="2") as worker, worker.decoders_stopped():
+        job_id = worker.upload()
+        wait_for(lambda: worker.job(job_id).lost == 1, seen=worker.log.read_text)
+
+
+def test_the_job_of_a_killed_pool_process_begins_again_at_once(house):
+    """Its lease has a minute left."""
+    with working(house, STILB_LEASE_S="60") as worker:
+        with worker.decoders_stopped():
+            job_id = worker.upload()
+            worker.wait_for_job(job_id, "running")
+            (pid,), _ = worker.pool()
+            os.kill(pid, signal.SIGKILL)
+            wait_for(lambda: worker.job(job_id).lost == 1, timeout_s=30)
+        assert worker.wait_for_job(job_id, *FINAL_STATES).state == "succeeded"
+
+
+def test_a_stop_waits_for_the_job_that_runs(house):
+    with working(house) as worker:
+        with worker.decoders_stopped():
+            job_id = worker.upload()
+            worker.wait_for_job(job_id, "running")
+            worker.process.send_signal(signal.SIGTERM)
+        assert worker.process.wait() == 0
+        assert worker.job(job_id).state == "succeeded"
+        assert "Traceback" not in worker.log.read_text()
+
+
+def test_what_does_not_end_within_the_grace_is_given_back(house):
+    with working(house, STILB_STOP_GRACE_S="0.3") as worker, worker.decoders_stopped():
+        job_id = worker.upload()
+        worker.wait_for_job(job_id, "running")
+        worker.process.send_signal(signal.SIGTERM)
+        assert worker.process.wait() == 0
+        job = worker.job(job_id)
+        assert (job.state, job.attempt, job.lost, job.lease_until) == ("queued", 0, 0, None)
+        assert worker.broker.llen("frames") >= 1
+        assert "Traceback" not in worker.log.read_text()
+
+
+def test_a_worker_ends_when_the_schema_is_changed_under_it(house):
+    with working(house) as worker:
+        with house.database.reading() as session:
+            session.execute(text("UPDATE alembic_version SET version_num = '9999'"))
+            session.commit()
+        assert worker.process.wait() == OTHER_SCHEMA_EXIT
+        assert "schema 9999" in worker.log.read_text()
+        assert "Traceback" not in worker.log.read_text()
+
+
+def test_a_broker_that_froze_while_a_job_ended_is_connected_anew(house):
+    """The job's acknowledgement timed out; Celery alone would hold its place for ever."""
+    with working(house) as worker:
+        with worker.decoders_stopped():
+            first, second = worker.upload(seed=1), worker.upload(seed=2)
+            worker.wait_for_job(first, "running")
+            worker.valkey.send_signal(signal.SIGSTOP)
+        worker.wait_for_job(first, "succeeded")
+        wait_for(lambda: "Couldn't ack" in worker.log.read_text())
+        worker.valkey.send_signal(signal.SIGCONT)
+        assert worker.wait_for_job(second, "succeeded").attempt == 1
+
+
+def test_a_broker_that_goes_away_leaves_no_traceback(house):
+    with working(house) as worker:
+        worker.valkey.kill()
+        wait_for(lambda: "Connection to broker lost" in worker.log.read_text(), "the worker notices")
+        wait_for(lambda: "Cannot connect" in worker.log.read_text(), "the worker tries again")
+        assert "Traceback" not in worker.log.read_text()

@@ -1,0 +1,207 @@
+"""The processes of a worker: Celery's parent, which tends the decoders, and the pool, which does the jobs."""
+
+import gc
+import logging
+import os
+import signal
+import sys
+from collections.abc import Mapping
+from typing import Any
+
+from billiard.util import get_pdeathsig
+from celery import Task, bootsteps, signals
+from celery.exceptions import Retry
+from sqlalchemy.exc import SQLAlchemyError
+
+from store import jobs
+from store.chores import sweep_floor
+from store.database import Database, summarise
+from store.logs import configure_logging
+from store.partials import Partials
+from store.parts import Presence
+from store.pulse import Pulse
+from store.queues import CANCEL, LANES, REVIEW, Message, Post
+from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers, require_own_schema
+from store.tracing import configure_tracing
+from worker.app import app, settings
+from worker.context import build_context, make_decoders
+from worker.decode.malloc import keep_memory, share_one_arena
+from worker.decode.pool import DecoderPool, DecoderUnavailable
+from worker.renewal import Renewal
+from worker.runner import run
+from worker.scrub import Scrub
+from worker.upkeep import Upkeep
+from worker.webhooks import Deliveries
+
+log = logging.getLogger("stilb.worker")
+
+NO_DECODER_EXIT = 71
+_TEND_EVERY_S = 0.5
+_FAREWELL_S = 3.0
+
+decoders = make_decoders(settings)
+_pulse = Pulse(settings.pulse)
+_mine: dict[str, Any] = {}
+"""Of a pool process: its context, upkeep and presence."""
+
+
+class JobFailed(Exception):  # noqa: N818  it is what happened
+    """The job has failed, as its row says; raised so that Celery's monitors show it."""
+
+
+def do_job(task: Task, _subject_id: str) -> Mapping[str, Any]:
+    """Do the job whose id is the task's."""
+    ended = run(_mine["context"], task.request.id)
+    match ended["state"]:
+        case "failed":
+            raise JobFailed(ended["code"])
+        case "queued":
+            raise Retry(f"waits for {ended['waits_for']}", when=ended["due_at"])
+    return ended
+
+
+for name in {lane.task for lane in LANES.values()}:
+    app.task(name=name, bind=True, throws=(JobFailed,))(do_job)
+
+
+@app.task(name=REVIEW.task)  # type: ignore[untyped-decorator]
+def review(campaign_id: str) -> None:
+    _mine["context"].reviews.renew(campaign_id)
+
+
+@app.task(name=CANCEL.task)  # type: ignore[untyped-decorator]
+def cancel(job_id: str) -> None:
+    with _mine["context"].database.writing("worker") as session:
+        jobs.cancel(session, job_id)
+
+
+def tend() -> None:
+    """Show that the parent's loop turns, and start the decoders' zygote again if it has died."""
+    _pulse.beat()
+    decoders.look_after()
+
+
+class Tending(bootsteps.StartStopStep):  # type: ignore[misc]
+    """Tends as long as the worker runs, also between two connections."""
+
+    requires = ("celery.worker.components:Timer",)
+
+    def start(self, worker: Any) -> None:  # noqa: ANN401  Celery's
+        worker.timer.call_repeatedly(_TEND_EVERY_S, tend)
+
+
+app.steps["worker"].add(Tending)
+
+
+def start_decoders(pool: DecoderPool, *, require: bool) -> dict[str, Any]:
+    """Start the decoders' zygote and tell how far its cells are shut in: the level, and part by part."""
+    sandbox = pool.start()
+    held = ", ".join(name for name, holds in sandbox.parts.items() if holds) or "no part"
+    log.info("decoder sandbox: %s (%s)", sandbox.level, held)
+    if sandbox.lacks:
+        lacks = f"this kernel gives the decoders no {', no '.join(sandbox.lacks)}"
+        if require:
+            raise DecoderUnavailable(f"STILB_DECODER_SANDBOX=require, and {lacks}.")
+        log.warning("%s: a hostile file that takes a decoder over is held back by less", lacks)
+    return {"level": sandbox.level, **sandbox.parts}
+
+
+@signals.setup_logging.connect  # type: ignore[untyped-decorator]
+def log_our_way(**_: object) -> None:
+    configure_logging(settings.log)
+    logging.getLogger("celery").setLevel(logging.WARNING)
+
+
+@signals.worker_init.connect  # type: ignore[untyped-decorator]
+def prepare(**_: object) -> None:
+    """Load and check in the parent what its forks share."""
+    log_our_way()  # which Celery asks for later
+    database = Database(settings.effective_database_url, answer_within_s=settings.database_timeout_s)
+    try:
+        database.guard_schema()
+        _mine["sandbox"] = start_decoders(decoders, require=settings.decoder_sandbox == "require")
+    except SchemaDiffers as error:
+        log.error("%s: no job is done", error)  # noqa: TRY400  expected: no traceback
+        sys.exit(OTHER_SCHEMA_EXIT)
+    except DecoderUnavailable as error:
+        log.error("%s No job is done", error)  # noqa: TRY400  expected: no traceback
+        sys.exit(NO_DECODER_EXIT)
+    finally:
+        database.dispose()
+    get_pdeathsig()  # loads what each fork would else load for itself
+    gc.collect()
+    gc.freeze()
+
+
+@signals.worker_process_init.connect  # type: ignore[untyped-decorator]
+def begin(**_: object) -> None:
+    """Open in a fork what none may share: its connections and its threads."""
+    # maps and regions take the same large blocks again and again
+    share_one_arena()
+    keep_memory()
+    configure_tracing("worker")
+    context = build_context(settings, decoders)
+    presence = Presence(
+        context.database,
+        "worker",
+        decoder_sandbox=_mine["sandbox"],
+        job_seconds=context.durations.found,
+    )
+
+    def lead() -> None:
+        sweep_floor(context.blobs, Partials.of(settings))
+        Renewal(context.database, leads=presence.leads).start()
+        Scrub(context.database, context.files, days=settings.scrub_days, leads=presence.leads).start()
+        Deliveries(context.database, settings, leads=presence.leads).start()
+
+    upkeep = Upkeep(context, presence, lead=lead)
+    _mine.update(context=context, upkeep=upkeep, presence=presence)
+    upkeep.start()
+
+
+@signals.worker_process_shutdown.connect  # type: ignore[untyped-decorator]
+def end(**_: object) -> None:
+    _mine["upkeep"].stop()
+    _mine["presence"].leave()
+
+
+@signals.celeryd_after_setup.connect  # type: ignore[untyped-decorator]
+def watch_for_stop(instance: Any, **_: object) -> None:  # noqa: ANN401  Celery's
+    """End a stop within the grace: whoever still works then is killed, and its jobs are given back."""
+    pids: set[int] = set()
+    # each line of the log is one of JSON, or Celery greets
+    instance.quiet = settings.log == "json"
+
+    def kill(*_: object) -> None:
+        # which has words for each that it loses
+        logging.getLogger("celery").setLevel(logging.CRITICAL)
+        for pid in pids:
+            os.kill(pid, signal.SIGKILL)
+
+    @signals.worker_shutting_down.connect(weak=False)  # type: ignore[untyped-decorator]
+    def count_down(**_: object) -> None:
+        pids.update(instance.pool.info["processes"])
+        signal.signal(signal.SIGALRM, kill)
+        signal.setitimer(signal.ITIMER_REAL, max(settings.stop_grace_s, 0.001))
+
+    @signals.worker_shutdown.connect(weak=False)  # type: ignore[untyped-decorator]
+    def give_back(**_: object) -> None:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        post = Post(settings.effective_broker_url)
+        database = Database(settings.effective_database_url, answer_within_s=_FAREWELL_S, post=post)
+        try:
+            with database.writing("worker") as session:
+                require_own_schema(session)
+                jobs.give_back(session, pids)
+        except SchemaDiffers:
+            instance.exitcode = OTHER_SCHEMA_EXIT
+        except SQLAlchemyError as error:
+            log.warning("jobs are left to their leases: %s", summarise(error))
+        decoders.close()
+
+
+@signals.task_revoked.connect  # type: ignore[untyped-decorator]
+def pass_on(request: Any, **_: object) -> None:  # noqa: ANN401  Celery's
+    """End a revoked job's row; by a task, since the parent waits for no database."""
+    if request.task in {lane.task for lane in LANES.values()}:
+        Post(settings.effective_broker_url).send([Message(CANCEL, None, request.id)])
