@@ -4,8 +4,6 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-
-from radiometry.findings import interface
 from radiometry.maps.ground import place_on_earth, place_on_road
 from radiometry.maps.isolines import (
     MOST_VERTICES,
@@ -16,6 +14,8 @@ from radiometry.maps.isolines import (
     is_ragged,
     trace_isolines,
 )
+
+from radiometry.findings import interface
 from service.map_tools import MOST_SQUARES, OpenMap, frame_window, read_squares
 from service.map_values import Values
 from service.problems import Problem, invalid

@@ -10,13 +10,13 @@ from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from radiometry.maps.histogram import ValueCounts
+from radiometry.maps.profile import Trace
+from radiometry.maps.uncertainty import COVERAGE, PixelUncertainty, find_likeness, read_uncertainty
 
 from radiometry.findings import interface
 from radiometry.frame import roi
 from radiometry.frame.roi import Polygon
-from radiometry.maps.histogram import ValueCounts
-from radiometry.maps.profile import Trace
-from radiometry.maps.uncertainty import COVERAGE, PixelUncertainty, find_likeness, read_uncertainty
 from radiometry.methods import get_method
 from radiometry.specification.application import PictureApplication, SurfaceApplication
 from service.auth import Caller

@@ -4,11 +4,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
 from radiometry.maps.ground import place_on_earth, place_on_road, travel
 from radiometry.maps.histogram import AreaHistogram, make_histogram
 from radiometry.maps.profile import Profile, average_trace, trace_line
 from radiometry.maps.uncertainty import PixelUncertainty
+
 from service.map_tools import OpenMap, count_area, read_points, read_trace, weigh_lens
 from service.schemas.base import Quantity
 from service.schemas.map_tools import (

@@ -4,10 +4,10 @@ import math
 from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
-
 from radiometry.maps.histogram import AreaHistogram, Rank
 from radiometry.maps.isolines import MOST_LEVELS, MOST_VERTICES
 from radiometry.maps.profile import MOST_CORNERS, MOST_WIDTH_PX
+
 from service.map_tools import Area, read_points
 from service.schemas.base import Answer, Form, Quantity
 

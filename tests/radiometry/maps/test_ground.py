@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-
 from radiometry.maps.ground import place_on_earth, place_on_road, travel
 
 MARKED = [(100.0, 300.0), (500.0, 300.0), (400.0, 100.0), (200.0, 100.0)]

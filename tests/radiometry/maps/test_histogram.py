@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-
 from radiometry.maps.histogram import ValueCounts, make_histogram
 
 FLOATS = st.floats(-(2.0**9), 2.0**9, width=16) | st.just(math.nan)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
 from radiometry.maps.isolines import choose_levels, choose_step, is_ragged, trace_isolines
 from radiometry.maps.uncertainty import PixelUncertainty
 

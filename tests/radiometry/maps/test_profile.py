@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from radiometry.maps.profile import average_trace, trace_line
+from radiometry.maps.uncertainty import PixelUncertainty, find_likeness
 
 from radiometry.findings import InputRejected
 from radiometry.frame import Frame
 from radiometry.luminance.maps import find_measured, sum_signal
-from radiometry.maps.profile import average_trace, trace_line
-from radiometry.maps.uncertainty import PixelUncertainty, find_likeness
 
 PLANE = np.arange(60.0).reshape(5, 12)
 UNCERTAINTY = PixelUncertainty(relative=0.03, constant=0.04, pixel=0.1, reference=4.0, likeness=2.0)
