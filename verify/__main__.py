@@ -70,7 +70,12 @@ def _report(certificate: Node, rows: list[Row], console: Console) -> int:
 
 
 def _read_arguments(arguments: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="stilb-verify", description="Recompute a certificate.")
+    parser = argparse.ArgumentParser(
+        prog="stilb-verify",
+        description="Recompute a certificate, or a measurement, from what `stilb export` has downloaded.",
+        epilog="Example:\n  stilb-verify calibration/certificate.json --data calibration",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument("certificate", help="certificate.json or record.json, or an address on a server")
     parser.add_argument("--data", default="", help="an export's folder, or a server's address")
     parser.add_argument("--key", default=os.environ.get("STILB_KEY", ""), help="for a server; or STILB_KEY")

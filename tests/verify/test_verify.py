@@ -169,6 +169,14 @@ def test_a_frame_cannot_lead_out_of_the_folder(capsys, exported):
     assert run(capsys, exported)[0] == 2
 
 
+def test_help_shows_an_example(capsys):
+    with pytest.raises(SystemExit, match="0"):
+        main(["--help"])
+    assert (
+        "Example:\n  stilb-verify calibration/certificate.json --data calibration" in capsys.readouterr().out
+    )
+
+
 def test_the_data_must_be_named(exported):
     with pytest.raises(SystemExit, match="2"):
         main([str(exported / "certificate.json")])
