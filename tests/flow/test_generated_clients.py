@@ -22,6 +22,12 @@ OUT_OF_REACH = re.compile(
     r"error sending request|Could not connect|dns error|operation timed out|ENOTFOUND|EAI_AGAIN"
     r"|ECONNREFUSED|ECONNRESET|ENETUNREACH|ETIMEDOUT|ERR_SOCKET_TIMEOUT|network request to .* failed"
 )
+LINT = """
+import { createConfig, lint } from "@redocly/openapi-core";
+const found = await lint({ ref: "openapi.json", config: await createConfig({ extends: ["recommended"] }) });
+const errors = found.filter(({ severity }) => severity === "error");
+console.log(JSON.stringify(errors.map(({ ruleId, message }) => [ruleId, message])));
+"""
 OF_PYTHON = {"yaml": "config.yaml", "python": "calibrate.py"}
 OF_TYPESCRIPT = {"json": "tsconfig.json", "ts": "calibrate.ts"}
 
@@ -92,7 +98,7 @@ def test_client_of_openapi_python_client_calibrates(embedded, tmp_path):
 
 
 @pytest.mark.skipif(shutil.which("npm") is None, reason="its tools are npm's")
-def test_client_of_openapi_typescript_calibrates(embedded, tmp_path):
+def test_client_of_openapi_typescript_calibrates_and_redocly_finds_no_error(embedded, tmp_path):
     fetch = ["--prefer-offline", "--no-audit", "--no-fund", "--ignore-scripts", "--fetch-retries=1"]
     tools = install(LOCKS / "package-lock.json", ["npm", "ci", "--loglevel=error", *fetch]) / "node_modules"
     field = tmp_path / "field"
@@ -100,3 +106,8 @@ def test_client_of_openapi_typescript_calibrates(embedded, tmp_path):
     (field / "node_modules").symlink_to(tools)
     (field / "package.json").write_text('{"type": "module"}')
     run_client(embedded, "TypeScript", OF_TYPESCRIPT, field, tools / ".bin")
+    (field / "openapi.json").write_text(httpx.get(f"{embedded.url}/openapi.json", timeout=60).text)
+    (field / "lint.js").write_text(LINT)
+    lint = ["node", "lint.js"]
+    found = subprocess.run(lint, check=True, cwd=field, capture_output=True, text=True, timeout=120)
+    assert found.stdout == "[]\n"
