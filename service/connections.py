@@ -2,16 +2,19 @@
 
 uvicorn waits for the end of a request's headers as long as the peer likes, and takes connections until the
 process may open no more files: then nobody is answered. Here headers must arrive in time, and one peer has so
-many connections and no more. A body may take its time: some upload over a bad line.
+many connections and no more. How long a body may take is for `service/limits.py`.
 """
 
 import asyncio
+import logging
 import resource
 from collections import Counter
 from contextlib import suppress
 from typing import Any
 
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
+
+log = logging.getLogger(__name__)
 
 _HEADER_BYTES = 64 * 1024
 _JOINED_BYTES = 1 << 16
@@ -40,10 +43,16 @@ class Connections:
         self._per_peer = per_peer or self._most
         self.headers_within_s = headers_within_s
         self._open: Counter[str] = Counter()
+        self._told: set[str] = set()
 
     def admit(self, peer: str) -> bool:
         """Count one more of this peer; False when it has enough, or when all have."""
-        if self._open[peer] >= self._per_peer or self._open.total() >= self._most:
+        if self._open[peer] >= self._per_peer:
+            if peer not in self._told:
+                log.warning("no more connections are taken from %s, which has %d", peer, self._open[peer])
+                self._told.add(peer)
+            return False
+        if self._open.total() >= self._most:
             return False
         self._open[peer] += 1
         return True
@@ -53,6 +62,7 @@ class Connections:
         self._open[peer] -= 1
         if not self._open[peer]:
             del self._open[peer]
+            self._told.discard(peer)
 
 
 class _Joining:

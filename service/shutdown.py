@@ -101,9 +101,10 @@ class Traffic:
                 self.metrics.observe(method, route, exchange.status, took_s=took_s)
                 told = {"method": method, "route": route, "status": exchange.status}
                 note(told, name=f"{method} {route}", failed=exchange.status >= _OURS)
-                if exchange.status in _REFUSED:
+                is_refused = exchange.status in _REFUSED
+                if is_refused:
                     told["address"] = name_address((scope.get("client") or [None])[0])
-                if not route.startswith(_UNLOGGED):
+                if is_refused or not route.startswith(_UNLOGGED):
                     log.info("request", extra={"fields": told | {"duration_s": round(took_s, 4)}})
                 self._open.discard(exchange)
                 if not self._open:

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import httpx
 import pytest
 
-from service.connections import _Joining
+from service.connections import Connections, _Joining
 
 HALF = b"GET /livez HTTP/1.1\r\nHost: x\r\nX-Slow: "
 FILES = 256
@@ -165,3 +165,13 @@ def test_head_of_an_answer_goes_with_its_body_and_never_waits():
     joining.write(head)
     joining.close()
     assert sent[5:] == [head, "closed"]
+
+
+def test_an_address_that_has_enough_is_told_once(caplog):
+    connections = Connections(files=FILES, per_peer=2, headers_within_s=1.0)
+    assert [connections.admit("a") for _ in range(4)] == [True, True, False, False]
+    assert caplog.messages == ["no more connections are taken from a, which has 2"]
+    for _ in range(2):
+        connections.release("a")
+    assert [connections.admit("a") for _ in range(3)] == [True, True, False]
+    assert len(caplog.messages) == 2

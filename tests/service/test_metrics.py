@@ -163,7 +163,7 @@ def test_wrong_keys_are_counted(house):
     assert read_samples(house, "stilb_wrong_keys") == {("_total",): 2}
 
 
-def test_metrics_and_details_are_the_operators_where_the_settings_say_so(house, monkeypatch):
+def test_metrics_and_details_are_the_operators_where_the_settings_say_so(house, monkeypatch, caplog):
     founded = house.post("/v1/organisations", {"name": "Another City"})
     context = house.app.state.context
     monkeypatch.setitem(
@@ -174,8 +174,11 @@ def test_metrics_and_details_are_the_operators_where_the_settings_say_so(house, 
         assert [http.get("/readyz").status_code for http in (house.http, other, wrong)] == [200, 403, 401]
         assert "parts" in house.get("/readyz")
         del wrong.headers["Authorization"]
+        caplog.set_level("INFO")
         assert wrong.get("/metrics").status_code == 401
         assert wrong.get("/readyz").json() == {"status": "degraded"}
+        told = [record.fields["address"] for record in caplog.records if record.message == "request"]
+        assert told == ["testclient"]
         monkeypatch.setattr(context.traffic, "stopping", True)
         assert wrong.get("/readyz").status_code == 503
 
