@@ -21,6 +21,7 @@ from service.auth import get_caller
 from service.limits import MAX_BODY_BYTES, STRANGER_BYTES
 from service.operations import list_calls
 from tests.support.hostile import JSON, Body, make_bodies, make_heads, make_own
+from tests.support.resumable import PIECE, TUS, begin_upload
 
 SMALL = make_bodies(STRANGER_BYTES - 1000)
 LARGE = make_bodies(MAX_BODY_BYTES - 1000)
@@ -189,6 +190,26 @@ def test_bodies_that_are_held_dripped_or_cut_end_everywhere(house, operations, m
     key = house.http.headers["authorization"] if known else "Bearer nobody"
     taking = [(method, path) for method, path, takes in operations if takes]
 
+    answered = send_slowly(house, taking, key)
+    assert len(answered) > 100
+    assert set(answered) <= statuses
+
+
+def test_files_that_are_held_dripped_or_cut_are_given_up(house, monkeypatch):
+    monkeypatch.setattr(limits, "PAUSE_S", 0.1)
+    campaign, key = house.campaign()["id"], house.http.headers["authorization"]
+    path = f"/v1/campaigns/{campaign}/frames"
+    assert send_slowly(house, [("POST", path)], key, query=b"role=dark") == [400] * 3
+    assert house.get(path)["items"] == []
+    address = begin_upload(house, campaign, bytes(9000))
+    piece = {name.lower(): text for name, text in PIECE.items()} | {"upload-offset": "0"}
+    assert send_slowly(house, [("PATCH", address)], key, **piece)[0] == 400
+    assert int(house.http.head(address, headers=TUS).headers["upload-offset"]) > 0
+
+
+def send_slowly(house, operations, key, *, query=b"", **headers):
+    """Send each operation a body that is cut, one that drips and one that is held; return the statuses."""
+
     async def send_one(method, path, every_s):
         sent, pieces = [], count()
 
@@ -202,21 +223,20 @@ def test_bodies_that_are_held_dripped_or_cut_end_everywhere(house, operations, m
         async def send(message):
             sent.append(message)
 
-        await house.app(scope_of(method, path, key), receive, send)
+        scope = scope_of(method, path, query, {"authorization": key} | headers)
+        await house.app(scope, receive, send)
         return sent[0]["status"] if sent else 0
 
     async def send_all():
         return await asyncio.gather(
-            *(send_one(*each, every_s) for each in taking for every_s in (0, 0.04, 3600))
+            *(send_one(*each, every_s) for each in operations for every_s in (0, 0.04, 3600))
         )
 
-    answered = house.http.portal.call(send_all)
-    assert len(answered) > 100
-    assert set(answered) <= statuses
+    return house.http.portal.call(send_all)
 
 
-def scope_of(method, path, key):
-    headers = {"host": "testserver", "content-type": JSON, "content-length": "9000", "authorization": key}
+def scope_of(method, path, query, headers):
+    headers = {"host": "testserver", "content-type": JSON, "content-length": "9000"} | headers
     return {
         "type": "http",
         "method": method,
@@ -224,7 +244,7 @@ def scope_of(method, path, key):
         "raw_path": path.encode(),
         "root_path": "",
         "scheme": "http",
-        "query_string": b"",
+        "query_string": query,
         "client": ("127.0.0.1", 1),
         "headers": [(name.encode(), text.encode()) for name, text in headers.items()],
     }
