@@ -24,7 +24,7 @@ from prometheus_client import values
 from service.launch.lifeline import die_with_parent
 from service.launch.refusal import Exit, report
 from service.launch.signals import Signals
-from service.launch.supervisor import GaveUp, Part, Supervisor
+from service.launch.supervisor import GaveUp, Part, Patience, Supervisor
 from store.pulse import Pulse
 from store.settings import Settings
 
@@ -99,7 +99,7 @@ def serve_forked(settings: Settings, listening: socket, serve: Serve) -> int:
         key="",
         data=settings.data,
         lock=-1,
-        hang_s=settings.hang_s,
+        patience=Patience(hang_s=settings.hang_s),
         report=report,
         pulses=pulses,
     )

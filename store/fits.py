@@ -2,7 +2,8 @@
 
 import hashlib
 import json
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cache
 from importlib.metadata import version as package_version
 from typing import Any
 
@@ -65,7 +66,15 @@ def list_missing(campaign: Campaign, evidence: Evidence, params: Any) -> list[st
     ]
 
 
-def write_version(
+@dataclass(frozen=True, kw_only=True)
+class NewVersion:
+    """A version that is not written yet: all of it but its id and number, which others may take meanwhile."""
+
+    columns: dict[str, Any]
+    coefficients: list[dict[str, Any]]
+
+
+def make_version(
     session: Session,
     campaign: Campaign,
     evidence: Evidence,
@@ -73,43 +82,48 @@ def write_version(
     fit: Any,  # noqa: ANN401 (the method's own)
     *,
     by: str,
-) -> Calibration:
-    """Write the next version of the camera; the same content again is the version that exists."""
-    inputs = _inputs(session, campaign, evidence)
-    parameters = encode(params)
-    content_sha256 = hash_content(inputs, parameters)
-    found = session.scalar(
-        select(Calibration).where(
-            Calibration.campaign_id == campaign.id, Calibration.content_sha256 == content_sha256
-        )
+) -> NewVersion:
+    """Describe a fit as it will be stored."""
+    spec = methods.get_method(campaign.method)
+    inputs, parameters = _inputs(session, campaign, evidence), encode(params)
+    kept = CoefficientRow.__table__.c
+    return NewVersion(
+        columns={
+            "organisation_id": campaign.organisation_id,
+            "camera_id": campaign.camera_id,
+            "campaign_id": campaign.id,
+            "method": campaign.method,
+            "configuration": {
+                **_configuration(campaign, session.get_one(Camera, campaign.camera_id)),
+                **spec.configure(fit),
+            },
+            "parameters": parameters,
+            "inputs": inputs,
+            "result": _result(fit, evidence),
+            "result_schema": spec.schema_version,
+            "software": _software(extractor_of(campaign)),
+            "content_sha256": hash_content(inputs, parameters),
+            "created_by": by,
+        },
+        coefficients=[
+            {name: value for name, value in encode(figure).items() if name in kept}
+            for figure in spec.list_coefficients(fit)
+        ],
     )
+
+
+def write_version(session: Session, new: NewVersion) -> Calibration:
+    """Write the next version of the camera; the same content again is the version that exists."""
+    same = {name: new.columns[name] for name in ("campaign_id", "content_sha256")}
+    found = session.scalar(select(Calibration).filter_by(**same))
     if found is not None:
         return found
-    calibration = Calibration(
-        id=new_id("cal"),
-        organisation_id=campaign.organisation_id,
-        camera_id=campaign.camera_id,
-        campaign_id=campaign.id,
-        method=campaign.method,
-        version=next_version(session, campaign.camera_id, campaign.method),
-        configuration={
-            **_configuration(campaign, session.get_one(Camera, campaign.camera_id)),
-            **methods.get_method(campaign.method).configure(fit),
-        },
-        parameters=parameters,
-        inputs=inputs,
-        result=_result(fit, evidence),
-        result_schema=methods.get_method(campaign.method).schema_version,
-        software=_software(extractor_of(campaign)),
-        content_sha256=content_sha256,
-        created_by=by,
-    )
+    number = next_version(session, new.columns["camera_id"], new.columns["method"])
+    calibration = Calibration(id=new_id("cal"), version=number, **new.columns)
     session.add(calibration)
-    announce(session, campaign.organisation_id, "calibration.created", describe_version(calibration))
+    announce(session, calibration.organisation_id, "calibration.created", describe_version(calibration))
     session.flush()
-    for position, figure in enumerate(methods.get_method(campaign.method).list_coefficients(fit)):
-        kept = CoefficientRow.__table__.c
-        columns = {name: value for name, value in encode(figure).items() if name in kept}
+    for position, columns in enumerate(new.coefficients):
         session.add(CoefficientRow(calibration_id=calibration.id, position=position, **columns))
     session.flush()
     return calibration
@@ -176,6 +190,7 @@ def _configuration(campaign: Campaign, camera: Camera) -> dict[str, Any]:
     return {"lens": lens} if "model" in lens else {}
 
 
+@cache
 def _software(extractor: str) -> dict[str, Any]:
     return {"stilb": FIT_CODE_VERSION, "release": read_version(), "extractor": extractor} | {
         name: package_version(name) for name in ("numpy", "scipy", "rawpy")

@@ -91,6 +91,9 @@ class _Connection(psycopg.Connection[Any]):
             # What the server has made of the statement is unknown: nothing else may use this connection.
             self.close()
             raise psycopg.OperationalError(f"no answer within {self.silence_s:g} s") from None
+        except psycopg.errors.IdleInTransactionSessionTimeout as ended:
+            # this process was stopped amid a transaction: not an error of ours, as its class would have it
+            raise psycopg.OperationalError(str(ended)) from None
         self._answered_at = time.monotonic()
         return result
 
@@ -242,6 +245,6 @@ def _server_limits(url: URL, limit_s: float) -> dict[str, str]:
     limits = {
         "statement_timeout": limit_s,
         "lock_timeout": limit_s / 3,
-        "idle_in_transaction_session_timeout": 2 * limit_s,
+        "idle_in_transaction_session_timeout": limit_s / 6,  # sooner than others give up
     }
     return {"options": " ".join(f"-c {name}={round(1000 * value)}" for name, value in limits.items())}

@@ -15,6 +15,8 @@ from store.usage import add_jobs
 
 _LANE: Final = "renewal"
 _AT_ONCE: Final = 500
+_IN_ONE_COMMIT: Final = 20
+"""While one lasts, nobody else writes to SQLite."""
 _REST_S: Final = 60.0
 _DONE_S: Final = 24 * 3600.0
 """Only another version of the code, which is another process, leaves more to do."""
@@ -50,15 +52,21 @@ class Renewal:
             found = session.scalars(_select_outdated().where(rest).limit(_AT_ONCE)).all()
         if not found:
             return _DONE_S
-        self._before = found[-1]
-        with self._database.writing("sweeper") as session:
-            for frame_id in found:
-                frame = session.get_one(FrameRow, frame_id)
-                if frame.state == "extracted":
-                    organisation_id = session.get_one(Campaign, frame.campaign_id).organisation_id
-                    renew_extraction(session, frame, organisation_id, by="sweeper", lane=_LANE)
-                    add_jobs(session, 1, organisation_id=organisation_id)
+        for start in range(0, len(found), _IN_ONE_COMMIT):
+            some = found[start : start + _IN_ONE_COMMIT]
+            with self._database.writing("sweeper") as session:
+                for frame_id in some:
+                    _queue(session, frame_id)
+            self._before = some[-1]
         return _REST_S
+
+
+def _queue(session: Session, frame_id: str) -> None:
+    frame = session.get_one(FrameRow, frame_id)
+    if frame.state == "extracted":
+        organisation_id = session.get_one(Campaign, frame.campaign_id).organisation_id
+        renew_extraction(session, frame, organisation_id, by="sweeper", lane=_LANE)
+        add_jobs(session, 1, organisation_id=organisation_id)
 
 
 def _select_outdated() -> Select[str]:

@@ -17,8 +17,9 @@ from service.launch.port import free_port
 from service.launch.refusal import Exit, Refusal, report
 from service.launch.room import has_room
 from service.launch.signals import Signals
-from service.launch.supervisor import GaveUp, Part, Supervisor
+from service.launch.supervisor import GaveUp, Part, Patience, Supervisor
 from store.settings import Settings
+from store.write_lock import find_stopped_writer
 
 READY_WITHIN_S = 120.0
 
@@ -65,7 +66,17 @@ def _run(settings: Settings, roster: Roster, signals: Signals, stack: ExitStack)
         broker = stack.enter_context(valkey.socket_path(data))
         environment["STILB_BROKER_URL"] = f"redis+socket://{broker}"
     supervisor = Supervisor(
-        environment=environment, key=key, data=data, lock=lock, hang_s=settings.hang_s, report=report
+        environment=environment,
+        key=key,
+        data=data,
+        lock=lock,
+        patience=Patience(
+            hang_s=settings.hang_s,
+            # others wait longer for the lock
+            lock_s=settings.database_timeout_s / 3,
+            find_stopped_writer=partial(find_stopped_writer, settings.effective_database_url),
+        ),
+        report=report,
     )
     stack.callback(supervisor.stop, signals)
     if broker is not None:

@@ -65,6 +65,16 @@ class Part:
     """It touches the file in STILB_PULSE while its work goes on, and is killed when it does not."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Patience:
+    """How long a part may do nothing, and how long it may be stopped amid a writing transaction [s]."""
+
+    hang_s: float
+    lock_s: float = 0.0
+    find_stopped_writer: Callable[[], int | None] = lambda: None
+    """The process that is."""
+
+
 @dataclass
 class _Child:
     part: Part
@@ -78,6 +88,8 @@ class _Child:
     seen_at: float = 0.0
     """When it was new, on the launcher's clock."""
     patience_s: float = START_WITHIN_S
+    free_at: float = 0.0
+    """When it was last seen not to be stopped amid a writing transaction."""
 
 
 class Supervisor:
@@ -90,7 +102,7 @@ class Supervisor:
         key: str,
         data: Path,
         lock: int,
-        hang_s: float,
+        patience: Patience,
         report: Callable[[str], None],
         pulses: Path | None = None,
     ) -> None:
@@ -99,10 +111,10 @@ class Supervisor:
         self.data = data
         self._pulses = pulses or data / "run"
         self._lock = lock
-        self._hang_s = hang_s
+        self._patience = patience
         self._report = report
         self._children: list[_Child] = []
-        self._clock = AwakeClock(min(_LONGEST_TURN_S, hang_s / 2))
+        self._clock = AwakeClock(min(_LONGEST_TURN_S, patience.hang_s / 2))
         self._was_full = False
 
     def start(self, part: Part) -> None:
@@ -117,9 +129,11 @@ class Supervisor:
         """Start what died or hung and is due again; return how long until the next is due [s]."""
         now = time.monotonic()
         self._clock.turn()
+        stopped = self._patience.find_stopped_writer()
         for child in self._children:
             if child.process is not None and child.process.poll() is None and child.part.has_pulse:
                 self._feel(child, child.process)
+                self._free_lock(child, child.process, stopped)
             if child.part.run is None:
                 _rotate(child.log)
             if child.process is not None and child.process.poll() is not None:
@@ -192,16 +206,28 @@ class Supervisor:
         """Kill a part whose pulse has not changed for too long while the launcher looked."""
         beat = read_beat(child.pulse)
         if beat != child.beat:
-            child.beat, child.seen_at, child.patience_s = beat, self._clock.now_s, self._hang_s
+            child.beat, child.seen_at, child.patience_s = beat, self._clock.now_s, self._patience.hang_s
         elif self._clock.now_s - child.seen_at > child.patience_s:
             if not has_room(self.data):
                 # Perhaps it cannot even leave its beat.
                 child.seen_at = self._clock.now_s
                 return
-            self._report(f"{child.part.name} has done nothing for {child.patience_s:g} s and is killed")
-            _kill_group(process)
-            with suppress(subprocess.TimeoutExpired):
-                process.wait(1.0)
+            self._kill(child, process, f"has done nothing for {child.patience_s:g} s")
+
+    def _free_lock(self, child: _Child, process: Process, stopped: int | None) -> None:
+        """Kill a part that was stopped amid a writing transaction: all others wait for it."""
+        with suppress(ProcessLookupError):
+            if stopped is None or os.getpgid(stopped) != process.pid:
+                child.free_at = self._clock.now_s
+        if self._clock.now_s - child.free_at > self._patience.lock_s:
+            child.free_at = self._clock.now_s
+            self._kill(child, process, "was stopped while it held the write lock of the database")
+
+    def _kill(self, child: _Child, process: Process, why: str) -> None:
+        self._report(f"{child.part.name} {why} and is killed")
+        _kill_group(process)
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(1.0)
 
     def _bury(self, child: _Child, process: Process, now: float) -> None:
         # What it had started itself must not work on beside its successor.

@@ -3,6 +3,7 @@
 import hashlib
 import json
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import version as package_version
 from typing import Any
 
@@ -99,6 +100,7 @@ def write_measurement(
     return measurement
 
 
+@cache
 def _software() -> dict[str, Any]:
     packages = ("numpy", "rawpy", "imagecodecs", "isal", "tifffile", "pillow")
     return {"stilb": read_version(), "measurer": MEASURER} | {

@@ -4,9 +4,11 @@ import os
 import shutil
 import signal
 import socket
+import sqlite3
 import subprocess
 import sys
 import time
+from contextlib import closing
 from pathlib import Path
 
 import httpx
@@ -182,6 +184,24 @@ def test_a_part_that_hangs_is_killed_and_started_again(tmp_path):
         told = process.communicate(timeout=90)[1]
     assert "hang has done nothing for 1 s and is killed" in told
     assert "beat has done nothing for 1 s and is killed" in told
+
+
+def test_a_part_that_is_stopped_amid_a_transaction_is_killed_before_others_give_up_the_lock(tmp_path):
+    wait_s = 15.0
+    with closing(sqlite3.connect(tmp_path / "stilb.sqlite", timeout=wait_s)) as database:
+        database.execute("PRAGMA journal_mode = WAL")
+        database.execute("CREATE TABLE kept (number INTEGER)")
+        limits = {"STILB_HANG_S": "600", "STILB_DATABASE_TIMEOUT_S": str(wait_s)}
+        with launched(tmp_path, parts=("serve", "lock"), **limits) as process:
+            ready(process)
+            (locking,) = children_named(process, "lock")
+            wait_until(lambda: Path(f"/proc/{locking}/stat").read_text().split()[2] == "T")
+            database.execute("INSERT INTO kept VALUES (2)")
+            database.commit()
+            wait_until(lambda: children_named(process, "lock") not in ([locking], []), "another that beats")
+            process.terminate()
+            told = process.communicate(timeout=90)[1]
+    assert "lock was stopped while it held the write lock of the database and is killed" in told
 
 
 def test_nobody_is_killed_for_the_time_in_which_everything_was_stopped(tmp_path):

@@ -144,3 +144,22 @@ def test_a_migration_has_no_such_limits(url):
     migrate(patient)
     assert [ask(patient, f"SHOW {name}") for name in ("statement_timeout", "lock_timeout")] == ["0", "0"]
     patient.dispose()
+
+
+def test_who_is_stopped_amid_a_transaction_loses_its_locks_before_others_give_up(url):
+    stopped, other = (Database(url, answer_within_s=12.0) for _ in range(2))
+    lock = text("LOCK TABLE organisation")
+
+    def store():
+        with stopped.writing("worker") as held:
+            held.execute(lock)
+            with other.writing("service") as session:
+                session.execute(lock)
+
+    try:
+        with pytest.raises(OperationalError, match="idle-in-transaction timeout"):
+            store()
+        assert ask(stopped) == 1
+    finally:
+        stopped.dispose()
+        other.dispose()

@@ -3,6 +3,7 @@
 import http.server
 import os
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
@@ -62,7 +63,7 @@ def _launch(parts: str, before: str) -> int:
                     name=part,
                     command=[*SELF, part],
                     stop_within_s=float(os.environ.get("STILB_TEST_STOP_S", "1")),
-                    has_pulse=part in {"beat", "hang"},
+                    has_pulse=part in {"beat", "hang", "lock"},
                 )
                 for part in parts.split(",")
                 if part
@@ -95,6 +96,19 @@ def _beat() -> None:
 def _hang() -> None:
     Pulse(os.environ["STILB_PULSE"])
     _wait()
+
+
+def _lock() -> None:
+    """Is stopped amid its first transaction; its successor only beats."""
+    pulse = Pulse(os.environ["STILB_PULSE"])
+    time.sleep(1.5)
+    pulse.beat()
+    database = sqlite3.connect(Path(os.environ["STILB_DATA"], "stilb.sqlite"), isolation_level=None)
+    if not database.execute("SELECT count(*) FROM kept").fetchone()[0]:
+        database.execute("INSERT INTO kept VALUES (1)")
+        database.execute("BEGIN IMMEDIATE")
+        os.kill(os.getpid(), signal.SIGSTOP)
+    _beat()
 
 
 def _write() -> None:

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from radiometry import methods
-from store.fits import read_params, write_version
+from store.fits import make_version, read_params, write_version
 from store.queries.evidence import gather
 from store.tables import Calibration, Campaign
 from tests.support.campaigns import calibrate, upload_campaign
@@ -19,5 +19,6 @@ def test_another_kernel_makes_no_other_version(house):
         iso, *others = fitted.iso_fits
         k = replace(iso.coefficient, luminance_k=iso.coefficient.luminance_k * (1 + 1e-15))
         rounded = replace(fitted, iso_fits=(replace(iso, coefficient=k), *others))
-        found = write_version(session, row, evidence, params, rounded, by="another worker")
+        new = make_version(session, row, evidence, params, rounded, by="another worker")
+        found = write_version(session, new)
         assert (found.id, found.result == made.result) == (version["id"], True)

@@ -6,7 +6,7 @@ from sqlalchemy.orm import Session
 
 from radiometry import methods
 from store.falloff import correct
-from store.fits import leave_out_doubtful, read_params, write_version
+from store.fits import leave_out_doubtful, make_version, read_params, write_version
 from store.jobs import Claim
 from store.queries.evidence import gather
 from store.tables import Campaign
@@ -23,9 +23,11 @@ def fit(context: Context, claim: Claim) -> Outcome:
         params = leave_out_doubtful(params, gathered)
         evidence = correct(session, campaign, gathered, params)
     fitted = methods.get_method(campaign.method).fit(evidence.frames, evidence.readings, params)
+    with context.database.reading() as session:
+        new = make_version(session, campaign, evidence, params, fitted, by=claim.created_by)
 
     def store(session: Session) -> dict[str, Any]:
-        calibration = write_version(session, campaign, evidence, params, fitted, by=claim.created_by)
+        calibration = write_version(session, new)
         return {"calibration_id": calibration.id, "calibration": f"/v1/calibrations/{calibration.id}"}
 
     return Outcome(store=store)
