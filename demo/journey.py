@@ -136,7 +136,7 @@ def calibrate(
     *,
     valid_from: datetime = STARTED_AT,
     valid_to: datetime | None = None,
-    **params: object,
+    **params: Any,  # noqa: ANN401  the method's own
 ) -> stilb.Calibration:
     """Fit and publish; the version of an earlier run is published already."""
     with stage.display.stage("fitting"):

@@ -24,6 +24,8 @@ from store.webhooks import announce, describe_version
 
 _UNTOLD = "nobody has said what is photographed: describe the board in the campaign's target"
 
+_READ_AGAIN = "frames are being read again, after an upgrade of stilb or a change of the target"
+
 
 def make_params(session: Session, campaign: Campaign, **said: Any) -> Any:  # noqa: ANN401 (the method's own)
     """A fit's parameters: what somebody says, what campaign and camera say, and the method's defaults."""
@@ -55,8 +57,12 @@ def leave_out_doubtful(params: Any, evidence: Evidence) -> Any:  # noqa: ANN401 
 
 def list_missing(campaign: Campaign, evidence: Evidence, params: Any) -> list[str]:  # noqa: ANN401
     """List by name what a fit still needs; empty if it can start."""
+    untold = [] if is_told(campaign) else [_UNTOLD]
+    if evidence.outdated:
+        # what else is missing is known once they are read
+        return [*untold, f"{len(evidence.outdated)} of {len(evidence.frames)} {_READ_AGAIN}"]
     return [
-        *(() if is_told(campaign) else [_UNTOLD]),
+        *untold,
         *methods.get_method(campaign.method).missing(
             evidence.frames,
             evidence.readings,

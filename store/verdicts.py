@@ -68,7 +68,7 @@ def assess(session: Session, campaign: Campaign, memory: Memory | None = None) -
     found = [*_list_lone_readings(frames, every), *_list_reasons(frames, verdicts)]
     return Assessment(
         missing=list_missing(campaign, fitted, stated),
-        advice=list(spec.plan(every.frames, every.readings, usable)),
+        advice=[] if fitted.outdated else list(spec.plan(every.frames, every.readings, usable)),
         gaps=spec.find_gaps(every.frames, every.readings, usable),
         verdicts=verdicts,
         findings=group_findings(found),

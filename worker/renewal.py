@@ -8,16 +8,15 @@ from sqlalchemy.orm import Session
 
 from store.chores import repeat
 from store.database import Database
-from store.queries.campaigns import renew_extraction
+from store.queries.campaigns import RENEWAL_LANE, renew_extraction
 from store.software import EXTRACTOR
 from store.tables import Campaign, Extraction, FrameRow, Job
 from store.usage import add_jobs
 
-_LANE: Final = "renewal"
 _AT_ONCE: Final = 500
 _IN_ONE_COMMIT: Final = 20
 """While one lasts, nobody else writes to SQLite."""
-_REST_S: Final = 60.0
+_REST_S: Final = 5.0
 _DONE_S: Final = 24 * 3600.0
 """Only another version of the code, which is another process, leaves more to do."""
 
@@ -45,7 +44,7 @@ class Renewal:
     def do_round(self) -> float:
         """Queue some frames unless others wait; return the pause until the next round [s]."""
         with self._database.reading() as session:
-            waiting = select(Job.id).where(Job.state == "queued", Job.lane == _LANE).limit(1)
+            waiting = select(Job.id).where(Job.state == "queued", Job.lane == RENEWAL_LANE).limit(1)
             if not self._leads(session) or session.scalar(waiting) is not None:
                 return _REST_S
             rest = FrameRow.id < self._before if self._before else true()
@@ -65,7 +64,7 @@ def _queue(session: Session, frame_id: str) -> None:
     frame = session.get_one(FrameRow, frame_id)
     if frame.state == "extracted":
         organisation_id = session.get_one(Campaign, frame.campaign_id).organisation_id
-        renew_extraction(session, frame, organisation_id, by="sweeper", lane=_LANE)
+        renew_extraction(session, frame, organisation_id, by="sweeper", lane=RENEWAL_LANE)
         add_jobs(session, 1, organisation_id=organisation_id)
 
 

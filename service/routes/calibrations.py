@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated, Any, Final
 
@@ -18,7 +19,7 @@ from radiometry.fitting.evidence import Exclusion
 from service.auth import Calibrator, Caller, Publisher, Reader
 from service.certificate import prepare
 from service.changes import Reply, Writes
-from service.context import UsesContext
+from service.context import Context, UsesContext
 from service.immutable import immutable_headers, not_modified, standing_headers
 from service.lookup import Id, owned
 from service.operations import Router
@@ -47,10 +48,11 @@ from store.fits import leave_out_doubtful, list_missing, make_params
 from store.impact import list_touched
 from store.issued import keep_issued, list_issued
 from store.queries.calibrations import coefficients_of, history, read_version_statuses
-from store.queries.campaigns import count_being_read
+from store.queries.campaigns import count_being_read, hasten_renewal
 from store.queries.evidence import Evidence, gather
 from store.queries.flight import list_flight, suggest_validity
 from store.tables import Calibration, Camera, Campaign, Panel, Publication
+from store.usage import add_jobs
 
 router = Router(prefix="/v1", tags=["calibrations"])
 
@@ -65,6 +67,7 @@ _NARROW: Final = load_only(Calibration.organisation_id, Calibration.campaign_id,
 )
 def start_calibration(campaign_id: Id, body: NewCalibration, caller: Calibrator, writing: Writes) -> Response:
     """Fit the campaign. What is missing is said before it starts; the job's result names the version."""
+    outdated: list[str] = []
 
     def change(session: Session) -> Reply:
         campaign = owned(session, Campaign, campaign_id, caller)
@@ -83,9 +86,10 @@ def start_calibration(campaign_id: Id, body: NewCalibration, caller: Calibrator,
         params = _read_params(session, request, campaign, evidence, caller)
         params = leave_out_doubtful(params, evidence)
         missing = list_missing(campaign, evidence, params)
+        outdated[:] = evidence.outdated
         if missing:
             detail = "; ".join(missing[:5]) + (f"; and {len(missing) - 5} more" if len(missing) > 5 else "")
-            passing = bool(count_being_read(session, campaign))
+            passing = bool(outdated or count_being_read(session, campaign))
             raise Problem(interface.CAMPAIGN_INCOMPLETE, detail, retryable=passing, missing=missing)
         job = jobs.enqueue(
             session,
@@ -99,7 +103,21 @@ def start_calibration(campaign_id: Id, body: NewCalibration, caller: Calibrator,
         location = {"Location": f"/v1/jobs/{job.id}"}
         return Reply(status=202, body=JobAnswer.of(job), headers=location, jobs=[job])
 
-    return writing.run(caller, change)
+    try:
+        return writing.run(caller, change)
+    except Problem:
+        if outdated:
+            _hasten(writing.context, caller, campaign_id, outdated)
+        raise
+
+
+def _hasten(context: Context, caller: Caller, campaign_id: str, outdated: Sequence[str]) -> None:
+    """Have the frames read soon for which a fit waits."""
+    with context.database.writing(caller.key_id, caller.organisation_id) as session:
+        campaign = session.get_one(Campaign, campaign_id)
+        queued = hasten_renewal(session, campaign, outdated, by=caller.key_id)
+        add_jobs(session, len(queued), organisation_id=caller.organisation_id)
+    context.hints.send([job.id for job in queued])
 
 
 @router.get(

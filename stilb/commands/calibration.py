@@ -5,6 +5,7 @@ import json
 import re
 from collections.abc import Sequence
 from difflib import get_close_matches
+from functools import partial
 from http import HTTPStatus
 from pathlib import Path
 from typing import Annotated, Any
@@ -16,6 +17,7 @@ from stilb.client import Client
 from stilb.commands.completion import complete_camera, complete_campaign, complete_model
 from stilb.commands.moments import read_moment, write_moment
 from stilb.commands.output import Output, command
+from stilb.commands.progress import showing
 from stilb.commands.tables import format_findings, holds_for, of_coefficients, table
 from stilb.export import ExportProgress
 from stilb.field.plan import read_macro
@@ -103,7 +105,9 @@ def calibrate(
         campaign_id = client.find_campaign(campaign).id
         if exclude:
             said["exclude"] = _exclusions(client, campaign_id, exclude)
-        calibration = client.calibrate(campaign_id, **said)
+        with showing(output.err) as listener:
+            read = partial(listener.on_count, "read")
+            calibration = client.calibrate(campaign_id, on_progress=read, **said)
     output.answer(calibration.raw, *format_calibration(calibration))
 
 

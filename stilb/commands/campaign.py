@@ -127,7 +127,9 @@ def run(
             )
             return
         ensure_panel(client, plan, campaign.id)
-        calibration = client.calibrate(campaign.id, **list_parameters(plan))
+        with showing(output.err) as listener:
+            read = partial(listener.on_count, "read")
+            calibration = client.calibrate(campaign.id, on_progress=read, **list_parameters(plan))
     _end(output, report, {"calibration": calibration.raw}, format_calibration(calibration))
 
 

@@ -1,11 +1,12 @@
 """Calibrations: fitted, published, revoked, handed out."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 from stilb.details import Moment, as_text
 from stilb.export import OnExport, export
+from stilb.problem import Problem
 from stilb.records import Calibration, Job
 from stilb.resources.campaigns import Campaigns
 from stilb.resources.jobs import Jobs
@@ -20,10 +21,22 @@ class Calibrations(Campaigns, Jobs):
         """Have a campaign fitted with the method's parameters; the job's result names the draft."""
         return Job.of(self._post(address("campaigns", campaign_id, "calibrations"), params))
 
-    def calibrate(self, campaign_id: str, **params: object) -> Calibration:
-        """The same once all frames that have arrived are read, and wait for the draft."""
-        self.wait_for(campaign_id)
-        done = self.wait(self.start_calibration(campaign_id, **params))
+    def calibrate(
+        self, campaign_id: str, *, on_progress: Callable[[int, int], None] = lambda *_: None, **params: object
+    ) -> Calibration:
+        """The same once all frames that have arrived are read, and wait for the draft.
+
+        ``on_progress`` as with ``wait_for``. After an upgrade the service may read all frames again.
+        """
+        job: Job | None = None
+        while job is None:
+            self.wait_for(campaign_id, on_progress=on_progress)
+            try:
+                job = self.start_calibration(campaign_id, **params)
+            except Problem as found:
+                if found.code != "campaign_incomplete" or not found.retryable:
+                    raise
+        done = self.wait(job)
         return self.calibration(str((done.result or {})["calibration_id"]))
 
     def calibration(self, calibration_id: str) -> Calibration:

@@ -1,7 +1,7 @@
 """A campaign, its region and its readings."""
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Unpack, overload
 
 from stilb.connection import Connection
@@ -38,12 +38,24 @@ class Campaigns(Connection):
     def campaign(self, campaign_id: str) -> Campaign:
         return Campaign.of(self._get(address("campaigns", campaign_id)))
 
-    def wait_for(self, campaign_id: str, *, timeout_s: float | None = None) -> Campaign:
-        """Wait until all frames that have arrived are read; ``TimeoutError`` when that takes longer."""
-        end = None if timeout_s is None else time.monotonic() + timeout_s
+    def wait_for(
+        self,
+        campaign_id: str,
+        *,
+        timeout_s: float | None = None,
+        on_progress: Callable[[int, int], None] = lambda *_: None,
+    ) -> Campaign:
+        """Wait until all frames that have arrived are read; ``TimeoutError`` when that takes longer.
+
+        ``on_progress`` is called with how many of those that were waited for are read, and how many they are.
+        """
+        end, most = None if timeout_s is None else time.monotonic() + timeout_s, 0
         while True:
             found = self.campaign(campaign_id)
             left = int(found.raw["frames"]["being_read"])
+            most = max(most, left)
+            if most:
+                on_progress(most - left, most)
             if not left:
                 return found
             if end is not None and time.monotonic() >= end:

@@ -14,7 +14,13 @@ from radiometry.fitting.evidence import Exclusion, FrameEvidence
 from radiometry.frame import FrameHeader
 from radiometry.specification.method import MethodSpec
 from store.frame_times import Zones, find_offset, read_zones
-from store.queries.frame_columns import ExtractionColumns, FrameColumns, read_extractions, read_frames
+from store.queries.frame_columns import (
+    ExtractionColumns,
+    FrameColumns,
+    list_outdated,
+    read_extractions,
+    read_frames,
+)
 from store.queries.frames import region_ids
 from store.queries.memory import Memory
 from store.queries.references import Reference, find_reference
@@ -35,6 +41,8 @@ class Evidence:
     rois: dict[str, str]
     unread: list[str]
     """Frames of which nothing is known yet."""
+    outdated: list[str]
+    """Ids of frames whose statistics are of an earlier extractor or another target: they are read again."""
     doubtful: tuple[Exclusion, ...]
     """Frames that no fit may use: those that a person left out, and those whose pixels are doubtful."""
     references: dict[str, list[dict[str, Any]]]
@@ -87,6 +95,7 @@ def gather(
         offsets={names[frame_id]: offset for frame_id, offset in offsets.items()},
         rois={names[row.id]: current[row.id].roi_id for row in read if row.id in current},
         unread=[names[row.id] for row in rows if not _is_read(row)],
+        outdated=list_outdated(session, campaign, regions, current),
         doubtful=tuple(
             Exclusion(
                 frame=names[row.id], **(row.left_out or {"reason": row.describe_doubt(), "by": "stilb"})

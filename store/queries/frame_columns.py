@@ -138,6 +138,21 @@ class ExtractionColumns:
     statistics: tuple[ChannelStatistics, ...]
 
 
+def list_outdated(
+    session: Session, campaign: Campaign, regions: dict[str, str | None], current: Collection[str]
+) -> list[str]:
+    """Return the frames whose region was extracted, though not by what extracts it now."""
+    if all(frame_id in current for frame_id, roi_id in regions.items() if roi_id):
+        return []
+    made = (
+        select(Extraction.frame_id, Extraction.roi_id)
+        .join(FrameRow, FrameRow.id == Extraction.frame_id)
+        .where(FrameRow.campaign_id == campaign.id)
+    )
+    found = {frame_id for frame_id, roi_id in read_plainly(session, made) if regions.get(frame_id) == roi_id}
+    return sorted(found - set(current))
+
+
 def read_extractions(
     session: Session, campaign: Campaign, regions: dict[str, str | None], *, memory: Memory | None = None
 ) -> dict[str, ExtractionColumns]:

@@ -156,6 +156,21 @@ def test_calibrate_waits_and_reads_the_draft(service, client, monkeypatch):
     assert calibration.raw["diagnostics"] == {"verdict": "pass"}
 
 
+def test_calibrate_waits_for_frames_that_are_read_again(service, monkeypatch):
+    monkeypatch.setattr("time.sleep", lambda _s: None)
+    detail = "69 of 81 frames are being read again"
+    again = {"code": "campaign_incomplete", "status": 422, "detail": detail, "retryable": True}
+    for answer in (campaign_with(0), (again, 422), campaign_with(69), campaign_with(0), (JOB, 202)):
+        body, status = answer if isinstance(answer, tuple) else (answer, 200)
+        service.will_answer(body, status=status)
+    service.will_answer(job("succeeded", result={"calibration_id": "k-1"}))
+    service.will_answer(CALIBRATION)
+    told = []
+    with stilb.Client(service.url, "key", retries=0) as client:
+        assert client.calibrate("c-1", on_progress=lambda *counts: told.append(counts)).raw == CALIBRATION
+    assert told == [(0, 69), (69, 69)]
+
+
 def test_publish_and_revoke(service, client):
     service.will_answer(CALIBRATION | {"state": "published", "valid_from": "2025-03-01T00:00:00Z"})
     service.will_answer({"measurements": []})
