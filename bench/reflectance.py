@@ -13,7 +13,7 @@ import tifffile
 
 from bench.memory import measure_growth
 from bench.report import judge, say, show_times
-from bench.subject import DECODERS, NAMES, Scale, link_copies, require_equal, save_plainly
+from bench.subject import NAMES, Scale, link_copies, require_equal, save_plainly
 from bench.timing import compare, take_turns
 from radiometry.frame import Frame
 from radiometry.frame.exposure import Exposure
@@ -66,7 +66,7 @@ def run(scale: Scale) -> list[bool]:
 def open_ours(bands: Sequence[Band]) -> Iterator[tuple[Callable[[], None], list[int]]]:
     """Open each band of a capture as the worker does."""
     turns = itertools.cycle(range(NAMES))
-    with DecoderPool(DECODERS) as pool:
+    with DecoderPool() as pool:
         pool.read_header(bands[0].paths[0])
 
         def work() -> None:

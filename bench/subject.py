@@ -21,7 +21,6 @@ from worker.maps.tiff import LEVEL, TILE_PX
 CAMERA = Camera()
 ROI_SHARE = 0.05
 KINDS: dict[Compression, str] = {"none": "uncompressed", "ljpeg": "lossless JPEG in tiles"}
-DECODERS = 2  # as many as a worker has unless it is told otherwise
 NAMES = 6  # more than the decoding process keeps open
 
 
@@ -101,7 +100,7 @@ def measure_kinds(
 ) -> list[bool]:
     """Measure both kinds of file."""
     verdicts: list[bool] = []
-    with tempfile.TemporaryDirectory(prefix="stilb-bench-") as folder, DecoderPool(DECODERS) as pool:
+    with tempfile.TemporaryDirectory(prefix="stilb-bench-") as folder, DecoderPool() as pool:
         mosaic = make_mosaic(scale)
         for compression in KINDS:
             paths = write_copies(Path(folder), mosaic, compression, names=NAMES)

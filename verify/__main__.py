@@ -49,9 +49,9 @@ def main(arguments: list[str] | None = None) -> int:
 def _verify(place: str, data_place: str, key: str, console: Console) -> int:
     certificate = read_certificate(place, key)
     if is_measurement(certificate):
-        with open_measurement(data_place, key, certificate["id"]) as folder, DecoderPool(1) as decoders:
+        with open_measurement(data_place, key, certificate["id"]) as folder, DecoderPool() as decoders:
             return _report(certificate, verify_measurement(certificate, folder, decoders), console)
-    with DecoderPool(1) as decoders, console.status("reading the frames") as status:
+    with DecoderPool() as decoders, console.status("reading the frames") as status:
 
         def tell(done: int, total: int) -> None:
             status.update(f"reading the frames: {done} of {total}")

@@ -10,7 +10,7 @@ from store.files import Files
 from store.queues import Post
 from store.reviews import Reviews
 from store.settings import Settings
-from worker.decode.pool import DecoderPool
+from worker.decode.pool import DecoderLimits, DecoderPool
 from worker.leases import Leases
 
 
@@ -37,9 +37,11 @@ class Context:
 
 def make_decoders(settings: Settings) -> DecoderPool:
     return DecoderPool(
-        memory_bytes=settings.decoder_memory_bytes,
-        cpu_seconds=settings.decoder_cpu_s,
-        wall_seconds=settings.decoder_wall_s,
+        DecoderLimits(
+            memory_bytes=settings.decoder_memory_bytes,
+            cpu_seconds=settings.decoder_cpu_s,
+            wall_seconds=settings.decoder_wall_s,
+        )
     )
 
 

@@ -139,6 +139,7 @@ def begin(**_: object) -> None:
     # maps and regions take the same large blocks again and again
     share_one_arena()
     keep_memory()
+    decoders.share()
     configure_tracing("worker")
     context = build_context(settings, decoders)
     presence = Presence(

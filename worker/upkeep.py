@@ -10,16 +10,15 @@ from pathlib import Path
 
 from sqlalchemy.exc import SQLAlchemyError
 
-from store.clocks import ClockWatch, mend_times
 from store.columns import utc_now
 from store.database import summarise
 from store.jobs import Dependency, resume, take_back
-from store.looks import look
 from store.parts import Presence
 from store.pulse import read_beat
 from store.queues import REVIEW, Message, touch, unsend_lost
 from store.schema import SchemaDiffers, require_own_schema
 from store.tables import Job
+from store.upkeep import ClockWatch, look, mend_times
 from worker.context import Context
 from worker.runner import serves
 

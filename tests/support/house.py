@@ -35,7 +35,7 @@ CAMERA = {"make": "DJI", "model": "FC6520", "serial": "0K1XE8"}
 # What takes long to make and holds nothing of a house. An application has its world in its context alone: the
 # next house takes over what the last one left.
 _idle_apps: list[FastAPI] = []
-_decoders = DecoderPool(1)
+_decoders = DecoderPool()
 atexit.register(_decoders.close)
 
 

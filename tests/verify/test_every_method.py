@@ -99,8 +99,8 @@ from pathlib import Path
 from verify import __main__ as verify
 
 codes = []
-with verify.DecoderPool(1) as pool:
-    verify.DecoderPool = lambda _: nullcontext(pool)
+with verify.DecoderPool() as pool:
+    verify.DecoderPool = lambda: nullcontext(pool)
     for folder in map(Path, sys.argv[1:]):
         (stated,) = (path for name in ("certificate", "record") if (path := folder / f"{name}.json").exists())
         codes.append(verify.main([str(stated), "--data", str(folder)]))

@@ -4,7 +4,8 @@ import logging
 
 import pytest
 
-from worker.decode.pool import DecoderUnavailable, Sandbox
+from store.sandbox.restrictions import Sandbox
+from worker.decode.pool import DecoderUnavailable
 from worker.process import start_decoders
 
 FULL = Sandbox(no_new_privs=True, landlock=7, seccomp=True)

@@ -1,166 +1,308 @@
-"""Files of hostile bytes, read by cells for the threads of this process."""
+"""Files of hostile bytes, each read by a cell of its own; no answer is believed before it is checked."""
 
 import os
+import signal
+import stat
 import threading
-from collections import Counter, defaultdict
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import TracebackType
-from typing import Self
+from typing import Any, Final, Self, TypeVar
 
+from radiometry.findings import files
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.proof import Proof
-from store.sandbox.restrictions import Sandbox
-from worker.decode.decoder import PREVIEW_SIDE_PX, Decoder, DecoderCrashed, DecoderKilled, Readable, path_of
-from worker.decode.nursery import DecoderUnavailable, Nursery
-from worker.decode.settings import DecoderLimits
+from store.blobs import BlobDamaged, StoredFile
+from worker.decode import answers, messages
+from worker.decode.nursery import Cell, DecoderUnavailable, Nursery
+from worker.decode.settings import NOT_SHUT_IN, DecoderLimits
 
-__all__ = [
-    "DecoderCrashed",
-    "DecoderKilled",
-    "DecoderLimits",
-    "DecoderPool",
-    "DecoderUnavailable",
-    "Readable",
-    "Sandbox",
-]
+__all__ = ["DecoderLimits", "DecoderPool", "DecoderUnavailable"]
+
+_PREVIEW_BYTES: Final = 64 << 20
+_PREVIEW_SIDE_PX: Final = 1600
+# What only the process itself, or a limit that it ran into, brings about.
+_OWN_SIGNALS: Final = frozenset(
+    {
+        *(signal.SIGSEGV, signal.SIGBUS, signal.SIGFPE, signal.SIGILL, signal.SIGABRT),
+        *(signal.SIGSYS, signal.SIGTRAP, signal.SIGXCPU, signal.SIGXFSZ),
+    }
+)
+# A process that used less of its time than this stood still for reasons that are not its file's.
+_BUSY_SHARE: Final = 0.25
+
+_T = TypeVar("_T")
+_Identity = tuple[int, int, int, int]
+
+Readable = Path | StoredFile
+"""A file to decode: a stored one is proven where it is read, any other is taken as it is."""
+
+
+class DecoderCrashed(Exception):  # noqa: N818  it says what happened
+    """The decoding process ended while it read this file: the file is hostile, or a decoder is wrong."""
+
+    def __init__(self, stage: str, reason: str) -> None:
+        message = f"The decoder failed while it read this file ({stage}: {reason}). The file may be damaged."
+        super().__init__(message)
+        self.stage = stage
+        self.reason = reason
+        self.message = message
+
+
+class DecoderKilled(Exception):  # noqa: N818  it says what happened
+    """Somebody else ended the decoding process, perhaps the kernel, short of memory: no word on the file."""
+
+    def __init__(self, stage: str, reason: str) -> None:
+        message = (
+            f"The decoder was ended from outside while it read this file ({stage}: {reason}). "
+            "That says nothing about the file: try again."
+        )
+        super().__init__(message)
+        self.message = message
 
 
 class DecoderPool:
-    """Thread-safe. A caller waits while as many cells are busy as the pool has room for.
+    """The decoders of one process and its forks: one file is read at a time.
 
     Every method raises InputRejected for a file that cannot be used, BlobDamaged for a stored one that is not
     what was uploaded, FileNotFoundError for one that is not there, DecoderCrashed for one that ended its
     cell, and DecoderKilled where somebody else did so twice.
     """
 
-    def __init__(
-        self,
-        size: int = 1,
-        *,
-        memory_bytes: int = DecoderLimits.memory_bytes,
-        cpu_seconds: int = DecoderLimits.cpu_seconds,
-        wall_seconds: float = DecoderLimits.wall_seconds,
-    ) -> None:
-        self._size = size
-        self._limits = DecoderLimits(
-            memory_bytes=memory_bytes, cpu_seconds=cpu_seconds, wall_seconds=wall_seconds
-        )
+    def __init__(self, limits: DecoderLimits | None = None) -> None:
+        self._limits = limits or DecoderLimits()
         self._nursery = Nursery(self._limits)
+        self.start = self._nursery.start
+        self.look_after = self._nursery.look_after
         self._begin()
 
-    def start(self) -> Sandbox:
-        """Start the zygote before the first file comes; what holds in its cells."""
-        self._look_for_fork()
-        return self._nursery.start()
+    def share(self) -> None:
+        """Go on in a fork, whose cells are its own: the answers of the parent's would be mixed up."""
+        self._nursery.share()
+        self._begin()
+
+    def _begin(self) -> None:
+        self._lock = threading.Lock()
+        self._held: dict[Path, _Decoder | None] = {}
+        self._reading: _Decoder | None = None
 
     @contextmanager
     def hold(self, file: Readable) -> Iterator[None]:
-        """Keep a file's cells between its reads; without that each read has a cell of its own."""
-        self._look_for_fork()
+        """Keep a file's cell between its reads; without that each read has a cell of its own."""
         path = path_of(file)
-        with self._lock:
-            self._holds[path] += 1
+        if path in self._held:
+            yield
+            return
+        self._held[path] = None
         try:
             yield
         finally:
-            with self._lock:
-                self._holds[path] -= 1
-                left = self._idle.pop(path, []) if self._holds[path] <= 0 else []
-                self._holds += Counter()  # forgets those that have come to nothing
-            for decoder in left:
-                decoder.close()
+            if (kept := self._held.pop(path)) is not None:
+                kept.close()
 
     def read_header(self, file: Readable) -> FrameHeader:
-        with self._borrowed(file) as decoder:
-            return decoder.read_header()
+        return self._read(file, lambda decoder: decoder.read_header())
 
     def read_window(self, file: Readable, window: tuple[int, int, int, int]) -> Frame:
         """``window`` : (row0, col0, height, width) in the visible area."""
-        with self._borrowed(file) as decoder:
-            return decoder.read_window(window)
+        return self._read(file, lambda decoder: decoder.read_window(window))
 
-    def inspect(self, file: Readable, longest_side_px: int = PREVIEW_SIDE_PX) -> tuple[bytes, Proof]:
+    def inspect(self, file: Readable, longest_side_px: int = _PREVIEW_SIDE_PX) -> tuple[bytes, Proof]:
         """Every row is read: a PNG, and what vouches for the pixels.
 
         Frame pixels per preview pixel are width_px / the preview's width.
         """
-        with self._borrowed(file) as decoder:
-            return decoder.inspect(longest_side_px)
+        return self._read(file, lambda decoder: decoder.inspect(longest_side_px))
 
     def pids(self) -> list[int]:
         """Return the process ids of the zygote and of the cells that live, as far as they are known."""
-        with self._lock:
-            idle = [decoder.pid for decoders in self._idle.values() for decoder in decoders]
-            found = [self._nursery.pid, *(decoder.pid for decoder in self._busy), *idle]
-        return [pid for pid in found if pid is not None]
+        cells = {each.pid for each in (self._reading, *self._held.values()) if each}
+        return [pid for pid in (self._nursery.pid, *cells) if pid is not None]
 
     def close(self) -> None:
-        if os.getpid() == self._owner:
-            with self._lock:
-                left = [decoder for decoders in self._idle.values() for decoder in decoders]
-                self._idle.clear()
-            for decoder in left:
-                decoder.close()
-            self._nursery.close()
+        for kept in filter(None, self._held.values()):
+            kept.close()
+        self._nursery.close()
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
-    def look_after(self) -> None:
-        """Start the zygote again if it has died: what its owner does while forks use it."""
-        self._nursery.look_after()
-
-    def _begin(self) -> None:
-        self._owner = os.getpid()
-        self._lock = threading.Lock()
-        self._room = threading.Semaphore(self._size)
-        self._holds: Counter[Path] = Counter()
-        self._idle: defaultdict[Path, list[Decoder]] = defaultdict(list)
-        self._busy: list[Decoder] = []
-
-    def _look_for_fork(self) -> None:
-        """After a fork the sockets lead to the parent's cells, whose answers would be mixed up."""
-        if os.getpid() != self._owner:
-            self._nursery.share()
-            for decoder in (*self._busy, *(each for idle in self._idle.values() for each in idle)):
-                decoder.abandon()
-            self._begin()
-
-    @contextmanager
-    def _borrowed(self, file: Readable) -> Iterator[Decoder]:
-        self._look_for_fork()
-        with self._room:
-            decoder = self._take(file)
+    def _read(self, file: Readable, ask: "Callable[[_Decoder], _T]") -> _T:
+        with self._lock:
+            path = path_of(file)
+            decoder = self._held.get(path)
+            if decoder is not None and not decoder.has_open(file):
+                decoder.close()
+                decoder = None
+            self._reading = decoder = decoder or _Decoder(self._nursery, self._limits, file)
             try:
-                yield decoder
+                return ask(decoder)
             finally:
-                self._give_back(path_of(file), decoder)
+                self._reading = None
+                if path in self._held and decoder.pid is not None:
+                    self._held[path] = decoder
+                else:
+                    decoder.close()
 
-    def _take(self, file: Readable) -> Decoder:
-        """One that has this very file open already, or a new one."""
-        path = path_of(file)
-        with self._lock:
-            kept = self._idle[path].pop() if self._idle.get(path) else None
-        if kept is not None and not kept.has_open(file):
-            kept.close()
-            kept = None
-        decoder = kept or Decoder(self._nursery, self._limits, file)
-        with self._lock:
-            self._busy.append(decoder)
-        return decoder
 
-    def _give_back(self, path: Path, decoder: Decoder) -> None:
-        with self._lock:
-            self._busy.remove(decoder)
-            keep = self._holds[path] > 0 and decoder.pid is not None
-            if keep:
-                self._idle[path].append(decoder)
-        if not keep:
-            decoder.close()
+class _Decoder:
+    """One file and its cell."""
+
+    def __init__(self, nursery: Nursery, bounds: DecoderLimits, file: Readable) -> None:
+        self._nursery = nursery
+        self._bounds = bounds
+        self._file = file
+        self._cell: Cell | None = None
+        self._wall_s = bounds.wall_seconds
+        self._identity: _Identity | None = None
+
+    @property
+    def pid(self) -> int | None:
+        return self._cell.pid if self._cell else None
+
+    def read_header(self) -> FrameHeader:
+        answer, _ = self._ask({"do": "read_header"}, 0)
+        return self._checked("read_header", lambda: answers.check_header(answer))
+
+    def read_window(self, window: tuple[int, int, int, int]) -> Frame:
+        _, _, height, width = window
+        most = min(max(0, height) * max(0, width) * 6, messages.MAX_BODY_BYTES)
+        answer, body = self._ask({"do": "read_window", "window": list(window)}, most)
+        return self._checked("read_window", lambda: answers.check_frame(answer, body, window))
+
+    def inspect(self, longest_side_px: int) -> tuple[bytes, Proof]:
+        request = {"do": "inspect", "longest_side_px": longest_side_px}
+        answer, body = self._ask(request, _PREVIEW_BYTES)
+        return self._checked("inspect", lambda: (answers.check_preview(body), answers.check_proof(answer)))
+
+    def has_open(self, file: Readable) -> bool:
+        """Return True if the cell reads this file: the same proof of it, the same bytes under its path."""
+        return self._file == file and self._identity == _identify(path_of(file).stat())
+
+    def close(self) -> None:
+        """End the cell, and all that it holds."""
+        cell, self._cell = self._cell, None
+        if cell is not None:
+            cell.close()
+            # not while the cell computes: on one core with two threads it would be slowed by that
+            self._nursery.prepare()
+
+    def _ask(self, request: dict[str, Any], max_body_bytes: int) -> tuple[dict[str, Any], memoryview]:
+        """The answer; a file is not blamed before a second cell has met the same end."""
+        try:
+            return self._ask_once(request, max_body_bytes)
+        except DecoderKilled:
+            return self._ask_once(request, max_body_bytes)
+
+    def _ask_once(self, request: dict[str, Any], max_body_bytes: int) -> tuple[dict[str, Any], memoryview]:
+        stage = str(request["do"])
+        try:
+            cell = self._deliver(request)
+            deadline = time.monotonic() + self._wall_s
+            answer, body = messages.receive(
+                cell.talk.fileno(), deadline=deadline, max_body_bytes=max_body_bytes
+            )
+        except TimeoutError:
+            raise self._end_late(stage) from None
+        except (messages.BrokenMessageError, OSError) as error:
+            if self._cell is None:
+                raise
+            raise self._autopsy(stage, str(error)) from error
+        return self._sorted(answer, stage), body
+
+    def _deliver(self, request: dict[str, Any]) -> Cell:
+        if self._cell is not None:
+            messages.send(self._cell.talk.fileno(), request)
+            return self._cell
+        descriptor, status = open_file(path_of(self._file))
+        try:
+            self._cell = self._nursery.take()
+            self._cell.give(descriptor)
+        finally:
+            os.close(descriptor)
+        self._identity = _identify(status)
+        self._wall_s = self._bounds.wall_seconds_of(status.st_size)
+        digests = self._file.blob.digests.hex() if isinstance(self._file, StoredFile) else None
+        messages.send(self._cell.talk.fileno(), {**request, "digests": digests})
+        return self._cell
+
+    def _sorted(self, answer: dict[str, Any], stage: str) -> dict[str, Any]:
+        """The answer if it is one; a refusal or a failure is raised."""
+        if "refused" in answer:
+            raise self._checked(stage, lambda: answers.check_refusal(answer))
+        if "damaged" in answer and isinstance(self._file, StoredFile):
+            raise BlobDamaged(self._file.blob.sha256)
+        if "failed" in answer:
+            self.close()
+            raise DecoderCrashed(stage, str(answer["failed"])[:200])
+        return answer
+
+    def _checked(self, stage: str, check: Callable[[], _T]) -> _T:
+        """A process that answers nonsense is not asked again."""
+        try:
+            return check()
+        except messages.BrokenMessageError as error:
+            self._kill()
+            raise DecoderCrashed(stage, str(error)) from error
+
+    def _end_late(self, stage: str) -> DecoderCrashed | DecoderKilled:
+        """End a process that took too long, and find whose fault that was."""
+        busy_s = _read_cpu_s(self.pid)
+        self._kill()
+        if busy_s < _BUSY_SHARE * self._wall_s:
+            return DecoderKilled(stage, f"it stood still for {self._wall_s:g} s")
+        return DecoderCrashed(stage, f"it took longer than {self._wall_s:g} s")
+
+    def _autopsy(self, stage: str, fallback: str) -> DecoderCrashed | DecoderKilled | DecoderUnavailable:
+        """How the process ended, once its socket is closed."""
+        cell, self._cell = self._cell, None
+        assert cell is not None  # noqa: S101  it has just been asked
+        code = cell.hear_end()
+        cell.kill()
+        if code is None:
+            return DecoderKilled(stage, "its zygote is gone")
+        if code == NOT_SHUT_IN:
+            return DecoderUnavailable("A decoding process could not shut itself in as the first one did.")
+        if code < 0:
+            ended = signal.Signals(-code)
+            return (DecoderCrashed if ended in _OWN_SIGNALS else DecoderKilled)(
+                stage, f"ended by {ended.name}"
+            )
+        return DecoderCrashed(stage, fallback)
+
+    def _kill(self) -> None:
+        cell, self._cell = self._cell, None
+        if cell is not None:
+            cell.kill()
+
+
+def path_of(file: Readable) -> Path:
+    return file.path if isinstance(file, StoredFile) else file
+
+
+def open_file(path: Path) -> tuple[int, os.stat_result]:
+    """Open a regular file for reading only; anything else is refused, and nothing can make this wait."""
+    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+    status = os.fstat(descriptor)
+    if not stat.S_ISREG(status.st_mode):
+        os.close(descriptor)
+        raise files.NOT_A_RAW_FILE.refuse("This is no file of its own.")
+    return descriptor, status
+
+
+def _identify(status: os.stat_result) -> _Identity:
+    """Return what changes when a path leads to other bytes."""
+    return (status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns)
+
+
+def _read_cpu_s(pid: int | None) -> float:
+    """The processor's time that a process has used; its zygote has not let go of its pid yet."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    except (OSError, ValueError, IndexError):
+        return float("inf")

@@ -221,10 +221,10 @@ def _sort(variant: Variant, found: Decoded, original: Decoded) -> str:
     return "not provable"
 
 
-def run(*, seconds: float, variants: int, first: int = 0, size: int = 1) -> Fuzzer:
+def run(*, seconds: float, variants: int, first: int = 0) -> Fuzzer:
     """Try variants until the time or their number is used up."""
     seeds, real = make_seeds(), find_real_seeds()
-    with tempfile.TemporaryDirectory(prefix="stilb-fuzz-") as folder, DecoderPool(size) as pool:
+    with tempfile.TemporaryDirectory(prefix="stilb-fuzz-") as folder, DecoderPool() as pool:
         fuzzer = Fuzzer(pool, Path(folder), seeds, real)
         end = time.monotonic() + seconds
         for number in range(first, first + variants):

@@ -19,7 +19,7 @@ from store.sandbox.calls import build_filter
 from store.sandbox.restrictions import Restrictions, Sandbox
 from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
 from worker.decode import nursery, reader, warmup
-from worker.decode.pool import DecoderCrashed, DecoderKilled, DecoderPool
+from worker.decode.pool import DecoderCrashed, DecoderKilled, DecoderLimits, DecoderPool
 
 SAMPLES = make_samples(64, 96, 14)
 linux = pytest.mark.skipif(
@@ -37,7 +37,7 @@ def hostile(monkeypatch):
     """A pool whose cells obey their files."""
     command = [sys.executable, "-s", "-P", "-m", "tests.worker.decode.probing"]
     monkeypatch.setattr(nursery, "build_command", lambda _module: command)
-    with DecoderPool(1, wall_seconds=1.5) as pool:
+    with DecoderPool(DecoderLimits(wall_seconds=1.5)) as pool:
         yield pool
 
 
@@ -143,7 +143,7 @@ def test_without_linux_nothing_is_lost_and_nothing_breaks(monkeypatch):
 
 def test_each_file_has_a_process_of_its_own(good, save):
     other = save(make_dng(SAMPLES[::-1].copy(), Variant(bits=14)), "other.dng")
-    with DecoderPool(1) as pool:
+    with DecoderPool() as pool:
         seen = []
         for path in (good, other, good):
             with pool.hold(path):
@@ -159,7 +159,7 @@ def test_each_file_has_a_process_of_its_own(good, save):
 
 def test_two_files_held_at_once_do_not_wait_for_each_other(good, save):
     other = save(make_dng(SAMPLES, Variant(bits=14)), "other.dng")
-    with DecoderPool(1) as pool, pool.hold(good), pool.hold(other):
+    with DecoderPool() as pool, pool.hold(good), pool.hold(other):
         for _ in range(2):
             pool.read_header(good)
             pool.read_header(other)
@@ -265,7 +265,7 @@ def _is_zombie(pid):
 
 
 def test_the_zygotes_death_is_nobodys_fault(good):
-    with DecoderPool(1) as pool, pool.hold(good):
+    with DecoderPool() as pool, pool.hold(good):
         pool.read_header(good)
         before = pool.pids()
         os.kill(before[0], signal.SIGKILL)
@@ -297,7 +297,7 @@ def test_a_dirty_process_gives_nothing_of_another_file(real_files, save):
 
 def test_a_clean_cell_refuses_the_same_file(real_files, save):
     content = (real_files / "dng" / "blackmagic_bigendian_ljpeg_tiled.dng").read_bytes()
-    with DecoderPool(1) as pool, pytest.raises(InputRejected) as caught:
+    with DecoderPool() as pool, pytest.raises(InputRejected) as caught:
         pool.inspect(save(_without_dng_version(content)))
     assert caught.value.code is files.TRUNCATED
 
@@ -307,7 +307,7 @@ def test_a_claim_that_the_file_cannot_back_is_refused_before_anything_is_allocat
     claims = {256: (LONG, 15_000), 257: (LONG, 16_000), 278: (LONG, 16_000)}
     claims |= {259: (LONG, compression), 279: (LONG, 64)}
     path = save(make_dng(SAMPLES[:16, :16], Variant(extra=claims)))
-    with DecoderPool(1) as pool:
+    with DecoderPool() as pool:
         began = time.process_time()
         with pytest.raises(InputRejected, match="far larger than its data can hold") as caught:
             pool.read_header(path)

@@ -101,7 +101,7 @@ def test_bands_of_one_real_capture_name_it_alike(real_files):
 
 def test_a_header_comes_through_the_pool_whole(real_files):
     path = real_files / "sequoia" / "IMG_180413_080658_0000_NIR.TIF"
-    with DecoderPool(1) as pool:
+    with DecoderPool() as pool:
         assert pool.read_header(path) == reader.read_header(path)
 
 

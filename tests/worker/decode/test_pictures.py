@@ -148,7 +148,7 @@ def test_bomb_of_pixels_is_refused_before_it_is_decoded(save, monkeypatch):
 
 def test_real_picture_comes_through_the_decoding_process(real_files):
     path = real_files / "checkerboard" / "left01.jpg"
-    with DecoderPool(1) as pool:
+    with DecoderPool() as pool:
         header = pool.read_header(path)
         frame = pool.read_window(path, (0, 0, 480, 640))
         preview, _ = pool.inspect(path, 64)

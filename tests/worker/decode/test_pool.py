@@ -18,7 +18,7 @@ from radiometry.findings import InputRejected, files, shared
 from simulation.tiff import LONG
 from tests.worker.decode.dng_variants import Variant, expected_samples, make_dng, make_samples
 from worker.decode import reader
-from worker.decode.pool import DecoderCrashed, DecoderPool, DecoderUnavailable
+from worker.decode.pool import DecoderCrashed, DecoderLimits, DecoderPool, DecoderUnavailable
 
 SAMPLES = make_samples(64, 96, 14)
 VARIANT = Variant(bits=14, active_area=(2, 4, 62, 90))
@@ -32,7 +32,7 @@ def good(save):
 
 @pytest.fixture(scope="module")
 def pool():
-    with DecoderPool(1) as shared:
+    with DecoderPool() as shared:
         yield shared
 
 
@@ -95,7 +95,7 @@ def test_nothing_secret_is_inherited(good, save, monkeypatch):
     secret = os.open(save(b"secret", "secret"), os.O_RDONLY)
     os.set_inheritable(secret, True)
     try:
-        with DecoderPool(1) as pool, pool.hold(good):
+        with DecoderPool() as pool, pool.hold(good):
             pool.read_header(good)
             zygote, cell = pool.pids()
             environments = [Path(f"/proc/{pid}/environ").read_bytes() for pid in (zygote, cell)]
@@ -148,7 +148,7 @@ def _sparse(path, side):
 
 def test_a_file_that_needs_too_much_memory(good, tmp_path):
     large = _sparse(tmp_path / "large.dng", 12_000)
-    with DecoderPool(1, memory_bytes=600 << 20) as pool:
+    with DecoderPool(DecoderLimits(memory_bytes=600 << 20)) as pool:
         assert pool.read_header(large).width_px == 12_000
         with pytest.raises(DecoderCrashed, match="more memory than is allowed"):
             pool.read_window(large, (0, 0, 12_000, 12_000))
@@ -163,7 +163,7 @@ def _read_often(pool, path):
 
 def test_a_file_that_needs_too_much_time(good, tmp_path):
     slow = _sparse(tmp_path / "slow.dng", 15_000)
-    with DecoderPool(1, cpu_seconds=0) as pool:
+    with DecoderPool(DecoderLimits(cpu_seconds=0)) as pool:
         with pytest.raises(DecoderCrashed, match="ended by SIGXCPU"):
             _read_often(pool, slow)
         assert pool.read_header(good).width_px == 86
@@ -172,7 +172,7 @@ def test_a_file_that_needs_too_much_time(good, tmp_path):
 def test_parents_sudden_death_leaves_nothing_behind(good):
     code = (
         "import sys, time, pathlib; from worker.decode.pool import DecoderPool\n"
-        "pool = DecoderPool(2); pool.read_header(pathlib.Path(sys.argv[1]))\n"
+        "pool = DecoderPool(); pool.read_header(pathlib.Path(sys.argv[1]))\n"
         "print(pool.pids()[0], flush=True); time.sleep(60)"
     )
     command = [sys.executable, "-c", code, str(good)]
@@ -193,7 +193,7 @@ def test_child_dies_although_somebody_holds_its_pipe_open():
 
 
 def test_a_process_that_cannot_start_is_our_fault(good, monkeypatch):
-    with DecoderPool(1) as pool:
+    with DecoderPool() as pool:
         monkeypatch.setattr(sys, "executable", "/bin/false")
         with pytest.raises(DecoderUnavailable):
             pool.read_header(good)
@@ -208,7 +208,7 @@ def test_threads_share_the_processes(good):
     def work():
         found.extend(pool.read_header(good) == expected for _ in range(10))
 
-    with DecoderPool(2) as pool:
+    with DecoderPool() as pool:
         threads = [threading.Thread(target=work) for _ in range(5)]
         for thread in threads:
             thread.start()
@@ -221,15 +221,18 @@ def test_threads_share_the_processes(good):
 FORKS = """
 import os, pathlib, signal, sys, time
 from worker.decode.pool import DecoderPool
-path, pool = pathlib.Path(sys.argv[1]), DecoderPool(1)
+path, pool = pathlib.Path(sys.argv[1]), DecoderPool()
 pool.start()
 zygote = pool.pids()[0]
 fork = os.fork()
 if not fork:
+    pool.share()
     with pool.hold(path):
         pool.read_header(path)
         before = pool.pids()
         os.kill(zygote, signal.SIGKILL)
+        while os.path.exists(f"/proc/{before[1]}"):
+            time.sleep(0.01)
         pool.read_window(path, (0, 0, 16, 16))
         after = pool.pids()
     os._exit(not (before[0] == zygote and len(before) == len(after) == 2 and not set(before) & set(after)))

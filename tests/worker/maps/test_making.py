@@ -33,7 +33,7 @@ EXPOSURE = Exposure(
 
 @pytest.fixture(scope="module")
 def decoders():
-    with DecoderPool(1) as pool:
+    with DecoderPool() as pool:
         yield pool
 
 
@@ -164,7 +164,7 @@ from worker.maps.tiff import ROUNDING_REL, MapFacts
 
 path = Path(sys.argv[1])
 exposure = Exposure(exposure_time_s=0.01, f_number=4.0, iso=3200.0)
-with DecoderPool(1) as decoders:
+with DecoderPool() as decoders:
     header = decoders.read_header(path)
     wide, high = header.width_px, header.height_px
     whole = Polygon.from_points([(0, 0), (wide, 0), (wide, high), (0, high)])

@@ -1,6 +1,6 @@
 """A clock that stands still while its loop is stopped."""
 
-from store.awake import AwakeClock
+from service.launch.supervisor import AwakeClock
 
 
 def test_a_turn_counts_at_most_its_longest_time():
