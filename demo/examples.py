@@ -212,11 +212,8 @@ def _survey(stage: Stage, http: httpx.Client, version: stilb.Calibration) -> Non
     old, new = measured[0].id, measured[1].id
     http.get(f"/v1/measurements/{new}/comparison", params={"old": old}).raise_for_status()
     window = {"step": 64, "height": 256, "width": 256}
-    line = {"line": " ".join(f"{x},{y}" for x, y in corners[:2]), "most": 4}
     queries: tuple[tuple[str, dict[str, Any]], ...] = (
         ("map.json", window),
-        ("profile.json", line),
-        ("histogram.json", {"area": "grid", "bins": 4}),
         ("isolines.geojson", {"area": "grid"}),
     )
     for name, query in queries:

@@ -45,11 +45,6 @@ def list_outlines(row: Measurement, coordinates: Coordinates) -> Iterator[list[l
             yield [lattice[corner].tolist() for corner in ring]
 
 
-def find_row_line(row: Measurement, line: int) -> Any:  # noqa: ANN401  an array
-    """Return both ends (x, y) [px] of the middle line of a row of cells, the first being 0."""
-    return _project(row, np.array([line + 0.5]), np.array([0.0, _columns(row)]))[0]
-
-
 def _rows(row: Measurement) -> int:
     return int(row.parameters["grid"]["rows"])
 

@@ -4,18 +4,19 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from radiometry.maps.ground import place_on_earth, place_on_road
-from radiometry.maps.isolines import (
+
+from radiometry.findings import interface
+from radiometry.maps import (
     MOST_VERTICES,
     TOLERANCE,
     Isoline,
     choose_levels,
     choose_step,
     is_ragged,
+    place_on_earth,
+    place_on_road,
     trace_isolines,
 )
-
-from radiometry.findings import interface
 from service.map_tools import MOST_SQUARES, OpenMap, frame_window, read_squares
 from service.map_values import Values
 from service.problems import Problem, invalid

@@ -1,28 +1,25 @@
-"""Readings of a measurement's map: pixels along a line, counted values and squares of an area."""
+"""Readings of a measurement's map: squares of an area, and the uncertainty of their means."""
 
 import hashlib
-import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from radiometry.maps.histogram import ValueCounts
-from radiometry.maps.profile import Trace
-from radiometry.maps.uncertainty import COVERAGE, PixelUncertainty, find_likeness, read_uncertainty
 
 from radiometry.findings import interface
 from radiometry.frame import roi
 from radiometry.frame.roi import Polygon
+from radiometry.maps import COVERAGE, PixelUncertainty, find_likeness, read_uncertainty
 from radiometry.methods import get_method
 from radiometry.specification.application import PictureApplication, SurfaceApplication
 from service.auth import Caller
 from service.context import Context
 from service.lookup import owned
-from service.map_values import Layout, Values, Window, read_layout, read_tiles, read_values
+from service.map_values import Layout, Values, Window, read_layout, read_values
 from service.problems import Problem
 from service.schemas.maps import uncertainty_of
 from store.blobs import prove_file
@@ -33,7 +30,6 @@ from store.tables import Calibration, FrameRow, Measurement
 Area = Literal["region", "grid", "frame"]
 
 MOST_SQUARES: Final = 250_000
-_LENS_PLACES: Final = 65
 _LENS_NODES: Final = 9
 
 DISTORTION: Final = (
@@ -82,16 +78,11 @@ class OpenMap:
             raise Problem(interface.NOT_FOUND, "This measurement has no grid: its map has a region only.")
         return Polygon.from_points(self.row.parameters["grid"]["corners"])
 
-    def list_notes(self, *, is_along_a_line: bool = False) -> list[str]:
+    def list_notes(self) -> list[str]:
         """Return sentences on what the uncertainty of a place does not contain."""
-        spec = get_method(self.row.method)
-        notes = [DISTORTION]
-        if isinstance(spec.application, SurfaceApplication):
-            if self.vignetting == "none":
-                notes.append(NO_VIGNETTING)
-            elif not is_along_a_line:
-                notes.append(REGIONS_VIGNETTING)
-        return notes
+        if not isinstance(get_method(self.row.method).application, SurfaceApplication):
+            return [DISTORTION]
+        return [DISTORTION, NO_VIGNETTING if self.vignetting == "none" else REGIONS_VIGNETTING]
 
 
 @contextmanager
@@ -124,26 +115,6 @@ def open_map(context: Context, measurement_id: str, caller: Caller) -> Iterator[
                 likeness=likeness,
             ),
         )
-
-
-def read_trace(found: OpenMap, trace: Trace) -> NDArray[np.float64]:
-    """Return the values of a line's pixels, each tile read once; NaN where unknown or outside."""
-    size, across = found.layout.tile_px, found.layout.across
-    tiles = np.where(trace.rows >= 0, trace.rows // size * across + trace.cols // size, -1)
-    values = np.full(tiles.shape, np.nan)
-    for index, plane in read_tiles(found.path, found.layout, np.unique(tiles[tiles >= 0]).tolist()):
-        here = tiles == index
-        values[here] = plane[trace.rows[here] % size, trace.cols[here] % size]
-    return values
-
-
-def weigh_lens(found: OpenMap, xy_px: NDArray[np.float64]) -> PixelUncertainty | None:
-    """Return the uncertainty with that of the vignetting correction at each place instead of the region's."""
-    known, weigh = found.uncertainty, _open_lens(found)
-    if known is None or weigh is None:
-        return known
-    chosen = np.unique(np.linspace(0, len(xy_px) - 1, min(_LENS_PLACES, len(xy_px))).astype(int))
-    return replace(known, relative=np.interp(np.arange(len(xy_px)), chosen, weigh(xy_px[chosen])))
 
 
 def map_uncertainty(found: OpenMap, window: Window, values: Values, *, step: int) -> Values:
@@ -199,15 +170,6 @@ def _open_lens(found: OpenMap) -> Callable[[NDArray[np.float64]], NDArray[np.flo
     return weigh
 
 
-def count_area(found: OpenMap, polygon: Polygon | None) -> ValueCounts:
-    """Count every value of an area, a band of rows at a time."""
-    counted = ValueCounts()
-    for window, inside in _list_bands(found.layout, polygon):
-        values = read_values(found.path, found.layout, window, step=1)
-        counted.add(values if inside is None else values[inside])
-    return counted
-
-
 def read_squares(found: OpenMap, window: Window, polygon: Polygon | None, *, step: int) -> tuple[Values, int]:
     """Return the means over the squares of a window, and how many of them have their centre in the area.
 
@@ -230,15 +192,6 @@ def frame_window(layout: Layout, polygon: Polygon | None) -> Window:
     return Window(top=part.row0, left=part.col0, bottom=part.row0 + part.height, right=part.col0 + part.width)
 
 
-def _list_bands(layout: Layout, polygon: Polygon | None) -> Iterator[tuple[Window, NDArray[np.bool_] | None]]:
-    whole, rows = frame_window(layout, polygon), layout.tile_px
-    # a band begins where tiles do, so that each is read once
-    ends = [whole.top, *range((whole.top // rows + 1) * rows, whole.bottom, rows), whole.bottom]
-    for top, bottom in itertools.pairwise(ends):
-        window = replace(whole, top=top, bottom=bottom)
-        yield window, None if polygon is None else _mask(polygon, window)
-
-
 def _mask(polygon: Polygon, window: Window) -> NDArray[np.bool_]:
     part = roi.Window(
         row0=window.top,
@@ -247,20 +200,3 @@ def _mask(polygon: Polygon, window: Window) -> NDArray[np.bool_]:
         width=window.right - window.left,
     )
     return roi.mask(polygon, part)
-
-
-def read_points(text: str) -> list[tuple[float, float]]:
-    """Read `x,y` pairs separated by blanks.
-
-    Raises
-    ------
-    ValueError
-        A pair is not two numbers.
-    """
-    try:
-        pairs: Sequence[Any] = [pair.split(",") for pair in text.split()]
-        return [(float(x), float(y)) for x, y in pairs]
-    except ValueError:
-        raise ValueError(
-            "must have two numbers in each corner, with a comma between: `20.5,40.5 300,40`"
-        ) from None

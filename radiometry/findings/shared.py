@@ -128,11 +128,6 @@ ROI_OUTSIDE_FRAME = error(
     "Draw the region again, or give the frame a region of its own.",
     *("frame", "request"),
 )
-LINE_INVALID = error(
-    "line_invalid",
-    "The line of a profile has no length, too many corners, or a corner outside the map.",
-    "Send two to 50 corners inside the image, as `x,y` pairs separated by blanks.",
-)
 # of a frame in its campaign, before its statistics are looked at
 NOT_READ = reason(
     "not_read",

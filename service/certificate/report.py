@@ -42,7 +42,6 @@ class Reported:
     """Statements of a report beside the measurement's answer.
 
     ``picture`` : an SVG of the map, or of the preview if there is no map; "" without either
-    ``readings`` : an SVG of profile and histogram with its caption; None without a map
     """
 
     quantity: str
@@ -55,7 +54,6 @@ class Reported:
     status: VersionStatus
     picture: str
     has_map: bool
-    readings: tuple[str, str] | None
 
 
 def lay_out_report(measurement: Node, reported: Reported) -> Node:
@@ -85,7 +83,6 @@ def lay_out_report(measurement: Node, reported: Reported) -> Node:
         "notes": list(_list_notes(measurement)),
         "picture": {"svg": reported.picture, "caption": _caption(measurement, reported)},
         "cells": tabulate_cells(measurement["grid"]) if "grid" in measurement else None,
-        "readings": _name_readings(reported.readings),
         "budget": _tabulate_budget(measurement),
         "flags": tabulate_flags(measurement["flags"]),
         "calibration": _list_calibration(measurement, reported),
@@ -96,10 +93,6 @@ def lay_out_report(measurement: Node, reported: Reported) -> Node:
             ["Frames", _list_frames(measurement.get("frame_ids", [measurement["frame_id"]]))],
         ],
     }
-
-
-def _name_readings(readings: tuple[str, str] | None) -> Node | None:
-    return None if readings is None else {"svg": readings[0], "caption": readings[1]}
 
 
 def _list_frames(frame_ids: Sequence[str]) -> str:

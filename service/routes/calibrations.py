@@ -117,7 +117,6 @@ def _hasten(context: Context, caller: Caller, campaign_id: str, outdated: Sequen
         campaign = session.get_one(Campaign, campaign_id)
         queued = hasten_renewal(session, campaign, outdated, by=caller.key_id)
         add_jobs(session, len(queued), organisation_id=caller.organisation_id)
-    context.hints.send([job.id for job in queued])
 
 
 @router.get(

@@ -8,19 +8,17 @@ from radiometry.drawing.maps import find_step
 from radiometry.findings import interface
 from radiometry.methods import get_method
 from radiometry.specification.application import SurfaceApplication
-from service.auth import Caller, Reader
+from service.auth import Reader
 from service.cells import list_outlines
 from service.certificate import lay_out_report
 from service.certificate.report import Reported
-from service.context import Context, UsesContext
+from service.context import UsesContext
 from service.lookup import Id, owned
-from service.map_tools import open_map
 from service.measurements import answer_measurements
 from service.operations import Router
 from service.press.orders import Order, order_sheets
 from service.press.regions import draw_region
 from service.problems import Problem
-from service.report_figures import draw_readings
 from service.routes import sends_stored_file
 from service.routes.certificates import send_pdf
 from store.files import Files
@@ -39,12 +37,10 @@ async def get_measurement_report(
 ) -> Response:
     """The measurement of a surface on two pages of A4 (PDF/A): figures, map, cells, budget and flags.
 
-    With a map, also a profile along the row of cells with the lowest U_l, and a histogram; else the frame's
-    preview. Long tables end with a sentence that says so.
+    Without a map it has the frame's preview. Long tables end with a sentence that says so.
     """
 
     def order() -> tuple[str, Order]:
-        readings = _read_map(context, measurement_id, caller)
         with context.database.reading() as session:
             row = owned(session, Measurement, measurement_id, caller)
             spec = get_method(row.method)
@@ -64,22 +60,12 @@ async def get_measurement_report(
                 status=read_version_statuses(session, [version.id])[version.id],
                 picture=_draw(row, frame, context.files),
                 has_map=row.map_png_sha256 is not None,
-                readings=readings,
             )
             return row.id, order_sheets(
                 lay_out_report(answer_measurements(session, [row])[0].dump(), reported)
             )
 
     return await send_pdf(request, context, order)
-
-
-def _read_map(context: Context, measurement_id: str, caller: Caller) -> tuple[str, str] | None:
-    """Return profile and histogram with their caption; None without a map of values."""
-    with context.database.reading() as session:
-        if owned(session, Measurement, measurement_id, caller).map_tif_sha256 is None:
-            return None
-    with open_map(context, measurement_id, caller) as found:
-        return draw_readings(found) if found.uncertainty is not None else None
 
 
 def _draw(row: Measurement, frame: FrameRow, files: Files) -> str:

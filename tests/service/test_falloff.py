@@ -118,12 +118,12 @@ def test_a_corner_is_wrong_by_the_falloff_without_and_right_with(house, staged):
     assert found["lens_share"]["value"] == pytest.approx(corner, rel=0.01)
     assert not {"no_vignetting_correction", "roi_elsewhere"} & flags(found)
     assert {row["source"] for row in found["budget"]} >= {"vignetting", "fit of K"}
-    # U of each place is that of the profile through it, with the uncertainty of V there
-    address = f"/v1/measurements/{found['id']}"
-    layer = house.get(f"{address}/map.json", layer="expanded_uncertainty_rel")["values"]
-    points = house.get(f"{address}/profile.json", line="4.5,50.5 139.5,50.5")["points"]
-    along = [2 * point["standard_uncertainty"] / point["value"] for point in points]
-    assert layer[50][4:140] == pytest.approx(along, rel=0.01)
+    # U of a place has the uncertainty of V there, which is larger in the corners
+    layer = house.get(f"/v1/measurements/{found['id']}/map.json", layer="expanded_uncertainty_rel")["values"]
+    dimmest = found["min"]
+    of_pixel = 2 * dimmest["standard_uncertainty"] / dimmest["value"]
+    assert layer[81][126] == pytest.approx(of_pixel, rel=0.1)
+    assert layer[94][142] > layer[48][72]
     # an even surface: pixels differ by noise, and all cells are alike
     assert found["min"]["value"] < 20.0 < found["max"]["value"]
     assert abs(found["median"]["value"] - found["mean"]["value"]) < 0.2

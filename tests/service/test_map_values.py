@@ -1,6 +1,5 @@
-"""A map's numbers against its TIFF: windows and means, line profiles, isolines and histograms."""
+"""A map's numbers against its TIFF: windows and means, and isolines."""
 
-import csv
 import io
 
 import numpy as np
@@ -171,91 +170,6 @@ def plane(house, measured):
     return tiff_of(house, measured)
 
 
-def rows_of(house, measured, name, **query):
-    address = f"/v1/measurements/{measured['id']}/{name}"
-    return list(csv.DictReader(io.StringIO(house.http.get(address, params=query).text)))
-
-
-def test_a_profile_along_a_row_is_the_row_of_the_tiff(house, measured, plane):
-    found = ask(house, measured, "profile.json", line="0.5,40.5 95.5,40.5")
-    points = found["points"]
-    assert [point.get("value", np.nan) for point in points] == pytest.approx(plane[40].tolist(), nan_ok=True)
-    saturated = [point["x_px"] for point in points if point.get("gap") == "saturated"]
-    assert saturated == [col + 0.5 for col in np.flatnonzero(np.isnan(plane[40]))]
-    assert found["gaps"] == {"saturated": len(saturated), "too_dark": 0}
-    for point in points[:3]:
-        parts = point["common_uncertainty"], point["own_uncertainty"]
-        assert point["standard_uncertainty"] == pytest.approx(np.hypot(*parts))
-    assert found["min_to_max"] == pytest.approx(np.nanmin(plane[40]) / np.nanmax(plane[40]), rel=1e-6)
-    assert any("too dark" in note for note in found["notes"])
-
-
-def test_a_line_in_the_lanes_is_as_long_as_on_the_road(house, measured):
-    """80 pixels are 20 m along, 30 pixels are 3 m across."""
-    along = ask(house, measured, "profile.json", line="8,20 88,20")
-    assert along["length_m"] == pytest.approx(20.0)
-    assert along["points"][40]["x_m"] == pytest.approx(10.0)
-    assert ask(house, measured, "profile.json", line="40,8 40,38")["length_m"] == pytest.approx(3.0)
-    outside = ask(house, measured, "profile.json", line="8,20 8,63")
-    assert "length_m" not in outside
-    assert any("too far outside" in note for note in outside["notes"])
-
-
-def test_dark_places_are_marked_and_keep_their_values(house, measured):
-    found = ask(house, measured, "profile.json", line="0.5,62.5 20.5,62.5")
-    assert [point.get("gap") for point in found["points"][:6]] == ["too_dark"] * 6
-    assert found["gaps"]["too_dark"] >= 6
-    assert all("value" in point for point in found["points"])
-
-
-def test_what_is_no_line_is_refused(house, measured):
-    for line, said in (("5,5 5,5", "no length"), ("5,5 97,5", "96 x 64 pixels"), ("5,5 nan,5", "finite")):
-        assert said in ask(house, measured, "profile.json", line=line, status=422)["detail"]
-    assert (
-        ask(house, measured, "profile.json", line="5,5 x", status=422)["errors"][0]["field"] == "query.line"
-    )
-
-
-def test_averages_have_less_noise_and_say_their_number(house, measured):
-    fine = ask(house, measured, "profile.json", line="10.5,20.5 89.5,20.5")
-    wide = ask(house, measured, "profile.json", line="10.5,20.5 89.5,20.5", across_px=9, most=20)
-    assert (wide["step_px"], len(wide["points"])) == (4, 20)
-    first, second = fine["points"][0], wide["points"][0]
-    assert second["own_uncertainty"] == pytest.approx(first["own_uncertainty"] / np.sqrt(36 / 2), rel=0.2)
-    assert second["common_uncertainty"] == pytest.approx(first["common_uncertainty"], rel=0.1)
-
-
-def test_profiles_and_histograms_as_csv(house, measured):
-    rows = rows_of(house, measured, "profile.csv", line="0.5,40.5 95.5,40.5")
-    assert len(rows) == 96
-    assert {"distance_m", "longitude_deg", "x_m"} <= rows[0].keys()  # also where the map has no place
-    assert (rows[60]["value"], rows[60]["gap"]) == ("", "saturated")
-    assert float(rows[1]["distance_px"]) == 1.0
-    bins = rows_of(house, measured, "histogram.csv", area="frame", bins=10)
-    assert [row["kind"] for row in bins] == ["bin"] * 10 + ["too_dark", "below", "above", "unknown"]
-    assert sum(int(row["pixels"]) for row in bins) == 64 * 96
-
-
-def test_every_pixel_is_counted_once(house, measured, plane):
-    whole = ask(house, measured, "histogram.json", area="frame")
-    kinds = [whole[name] for name in ("too_dark", "below", "above", "unknown")]
-    assert sum(kinds) + sum(each["pixels"] for each in whole["bins"]) == plane.size == whole["pixels"]
-    assert whole["unknown"] == np.isnan(plane).sum()
-    assert whole["too_dark"] == np.sum(plane < whole["limit"])
-    region = ask(house, measured, "histogram.json", axis="linear", low=0, high=50, bins=5)
-    part = plane[8:30, 8:40]
-    assert region["pixels"] == part.size
-    assert [each["pixels"] for each in region["bins"]] == np.histogram(part, np.linspace(0, 50, 6))[
-        0
-    ].tolist()
-    median = next(each for each in region["percentiles"] if each["percent"] == 50)
-    assert median["value"] == pytest.approx(np.sort(part.ravel())[part.size // 2 - 1])
-    assert median["standard_uncertainty"] > 0
-    grid = ask(house, measured, "histogram.json", area="grid", axis="linear", low=0, high=50, bins=5)
-    assert grid["pixels"] == 30 * 80
-    assert "must be below" in ask(house, measured, "histogram.json", low=2, high=1, status=422)["detail"]
-
-
 def test_isolines_of_a_ramp_are_upright_lines(house, measured, plane):
     levels = [float(np.mean(plane[8:38, col])) for col in (30, 60)]
     found = ask(house, measured, "isolines.geojson", levels=",".join(map(str, levels)), step=4)
@@ -287,9 +201,9 @@ def test_levels_and_squares_are_chosen_and_said(house, measured):
 
 
 def test_an_answer_is_kept_for_ever(house, measured):
-    address = f"/v1/measurements/{measured['id']}/histogram.json"
+    address = f"/v1/measurements/{measured['id']}/isolines.geojson?step=4"
     answer = house.http.get(address)
     assert "immutable" in answer.headers["cache-control"]
     named = {"If-None-Match": answer.headers["etag"]}
     assert house.http.get(address, headers=named).status_code == 304
-    assert house.http.get(f"{address}?bins=3", headers=named).status_code == 200
+    assert house.http.get(f"{address}&levels=5", headers=named).status_code == 200

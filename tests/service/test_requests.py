@@ -87,10 +87,6 @@ def test_a_wrong_field_is_named(house, change, field, message):
         ),
         (("post", "/v1/webhooks", {"url": "ftp://x"}), "must be an address such as https://example.org/hook"),
         (
-            ("get", "/v1/measurements/x/profile.json?line=5", None),
-            "must have two numbers in each corner, with a comma between: `20.5,40.5 300,40`",
-        ),
-        (
             ("get", "/v1/measurements/x/isolines.geojson?levels=1,a", None),
             "must be 1 to 20 finite numbers with commas between, as in `0.5,1,2`",
         ),

@@ -105,15 +105,10 @@ def test_measure_a_frame_and_save_its_map(command, calibrated, tmp_path):
     mean = item["mean"]
     assert abs(mean["value"] - 80.0) <= 3 * mean["standard_uncertainty"]
     assert (tmp_path / "maps" / f"field-{item['id']}.tif").read_bytes()[:2] in {b"II", b"MM"}
-    laid = ("--line", "10,20 60,20", "--levels", "60,80", "--save", tmp_path / "read")
-    read = command("map", item["id"], *laid, "--json").json
-    assert len(read["profile"]["points"]) == 51
-    assert read["histogram"]["pixels"] == sum(each["pixels"] for each in read["histogram"]["bins"]) + sum(
-        read["histogram"][name] for name in ("unknown", "too_dark", "below", "above")
-    )
-    assert sorted(path.suffix for path in (tmp_path / "read").iterdir()) == [".csv", ".csv", ".geojson"]
-    assert "line of 50 px: 51 points" in command("map", item["id"], "--line", "10,20 60,20").out
-    assert "--line needs two corners" in command("map", item["id"], "--line", "10,20").err
+    command("map", item["id"], "--levels", "60,80", "--save", tmp_path / "read")
+    lines = json.loads((tmp_path / "read" / f"{item['id']}-isolines.geojson").read_text())
+    assert [each["properties"]["level"] for each in lines["features"]] == [60.0, 80.0]
+    assert "--levels needs numbers" in command("map", item["id"], "--levels", "x").err
     grid = command("measure", field.id, "--grid", "2x3 10,10 80,10 80,50 10,50", "--json").json["items"][0]
     assert [len(row) for row in grid["grid"]["cells"]] == [3, 3]
     assert (item["region_origin"], grid["region_origin"]) == ("campaign", "grid")

@@ -1,26 +1,16 @@
 """Measurements: all of them, a new one, one with its map, and two against each other."""
 
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated
 
-from fastapi import Depends, Query, Request, Response
-from pydantic import ValidationError
+from fastapi import Query, Response
 
 from radiometry.frame.bands import NAMED_INDICES
-from service.auth import Reader
 from service.context import UsesContext
 from service.lookup import Id, owned
-from service.map_tools import open_map
 from service.operations import Router
-from service.problems import invalid
-from service.profiles import answer_histogram, answer_profile
 from service.schemas.base import Text
-from service.schemas.map_tools import BinsOfMap, LineOfMap
-from service.web.charts import View, draw_figure, send_svg
-from service.web.map_plots import plot_histogram, plot_profile
 from service.web.rendering import SignedInPage
 from store.tables import Calibration, FrameRow, Measurement
-
-Asked = TypeVar("Asked", LineOfMap, BinsOfMap)
 
 router = Router(include_in_schema=False)
 
@@ -44,51 +34,6 @@ def show_comparison(
         for named in (old, new):
             owned(session, Measurement, named, page.caller)
     return page.render("comparison.html", title="Compare measurements", old=old, new=new)
-
-
-def _read_line(request: Request) -> LineOfMap:
-    return _read_query(request, LineOfMap)
-
-
-def _read_bins(request: Request) -> BinsOfMap:
-    return _read_query(request, BinsOfMap)
-
-
-def _read_query(request: Request, form: type[Asked]) -> Asked:
-    """Read a form of the API out of a query that has more."""
-    given = {name: value for name, value in request.query_params.items() if name in form.model_fields}
-    try:
-        return form.model_validate(given)
-    except ValidationError as error:
-        raise invalid(error.errors()) from error
-
-
-@router.get("/plots/measurements/{measurement_id}/profile")
-def plot_measurement_profile(
-    measurement_id: Id,
-    caller: Reader,
-    context: UsesContext,
-    view: Annotated[View, Depends()],
-    asked: Annotated[LineOfMap, Depends(_read_line)],
-    axis: Annotated[Literal["logarithmic", "linear"], Query()] = "linear",
-) -> Response:
-    with open_map(context, measurement_id, caller) as found:
-        profile = answer_profile(found, asked)
-    figure = plot_profile(profile, logarithmic=axis == "logarithmic")
-    return send_svg(draw_figure(figure, "Profile along the line", view=view))
-
-
-@router.get("/plots/measurements/{measurement_id}/histogram")
-def plot_measurement_histogram(
-    measurement_id: Id,
-    caller: Reader,
-    context: UsesContext,
-    view: Annotated[View, Depends()],
-    asked: Annotated[BinsOfMap, Depends(_read_bins)],
-) -> Response:
-    with open_map(context, measurement_id, caller) as found:
-        histogram = answer_histogram(found, asked)
-    return send_svg(draw_figure(plot_histogram(histogram), "Histogram of the map", view=view))
 
 
 @router.get("/measurements/{measurement_id}")

@@ -1,8 +1,8 @@
 """Places on the ground against figures known by heart."""
 
 import numpy as np
-import pytest
-from radiometry.maps.ground import place_on_earth, place_on_road, travel
+
+from radiometry.maps import place_on_earth, place_on_road
 
 MARKED = [(100.0, 300.0), (500.0, 300.0), (400.0, 100.0), (200.0, 100.0)]
 LANES = {"marked": MARKED, "length_m": 30.0, "lanes": 2, "lane_width_m": 3.5}
@@ -26,24 +26,3 @@ def test_places_far_beyond_the_marked_corners_are_not_told():
 def test_an_affine_transformation_is_read_as_gdal_counts():
     placed = place_on_earth((11.0, 1e-6, 2e-6, 48.0, 3e-6, -1e-6), np.array([(0.0, 0.0), (10.0, 100.0)]))
     np.testing.assert_allclose(placed, [(11.0, 48.0), (11.00021, 47.99993)], rtol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("step_deg", "metres"),
-    [((0.001, 0.0), 111.31949), ((0.0, 0.001), 110.57428)],
-)
-def test_a_thousandth_of_a_degree_at_the_equator(step_deg, metres):
-    distances = travel(np.array([(0.0, 0.0), step_deg, step_deg]), is_in_degrees=True)
-    np.testing.assert_allclose(distances, [0.0, metres, metres], rtol=1e-6)
-
-
-def test_a_degree_of_longitude_at_sixty_degrees_is_half_and_a_little_more():
-    """55.80 km on WGS 84, 55.66 on a sphere of the equator's radius."""
-    distances = travel(np.array([(10.0, 60.0), (10.001, 60.0)]), is_in_degrees=True)
-    assert distances[1] == pytest.approx(55.800, abs=0.001)
-
-
-def test_metres_are_added_along_the_line():
-    np.testing.assert_allclose(
-        travel(np.array([(0.0, 0.0), (3.0, 4.0), (3.0, 0.0)]), is_in_degrees=False), [0, 5, 9]
-    )

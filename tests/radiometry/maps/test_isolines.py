@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from radiometry.maps.isolines import choose_levels, choose_step, is_ragged, trace_isolines
-from radiometry.maps.uncertainty import PixelUncertainty
+
+from radiometry.maps import PixelUncertainty, choose_levels, choose_step, is_ragged, trace_isolines
 
 ROWS, COLS = np.mgrid[0:40, 0:60] + 0.5
 

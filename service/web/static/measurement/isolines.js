@@ -15,7 +15,7 @@ export function isolineTool(view, id) {
   const file = h("a", { class: "button", download: "" }, "GeoJSON");
   const button = h("button", { type: "button", "aria-pressed": "false", onclick: () => turn(button.getAttribute("aria-pressed") !== "true") }, "Isolines");
   fill(byId("isolines-tools"), file);
-  fill(byId("isolines"), field("Levels", typed, "Values separated by commas, such as 0.5, 1, 2. Empty: round ones.", "/docs/measuring#profiles-isolines-and-histograms"), told);
+  fill(byId("isolines"), field("Levels", typed, "Values separated by commas, such as 0.5, 1, 2. Empty: round ones.", "/docs/measuring#isolines"), told);
   return button;
 
   function turn(on) {

@@ -10,9 +10,7 @@ import { empty, load } from "../states.js";
 import { regionTool } from "./draw.js";
 import { drawFigures } from "./figures.js";
 import { drawGrid } from "./grid.js";
-import { showHistogram } from "./histogram.js";
 import { isolineTool } from "./isolines.js";
-import { lineTool } from "./line.js";
 import { MapView } from "./map.js";
 import { scaleTools } from "./tools.js";
 import { loadMap } from "./values.js";
@@ -44,8 +42,7 @@ async function drawableMap() {
   const frame = await get(found.links.frame);
   const values = await loadMap(found, frame);
   const view = new MapView(values, { region: found.region, grid: found.grid, name: `Map of ${found.filename}` });
-  showHistogram(found, { isLight: values.unit !== "1" });
-  const tools = h("div", { class: "segments", role: "group", "aria-label": "Tools" }, lineTool(view, id), isolineTool(view, id), may("upload") ? regionTool(view, found, frame) : null);
+  const tools = h("div", { class: "segments", role: "group", "aria-label": "Tools" }, isolineTool(view, id), may("upload") ? regionTool(view, found, frame) : null);
   fill(byId("map-tools"), scaleTools([view]), tools, h("a", { class: "button", href: found.links.map_tif, download: "" }, "TIFF"), h("a", { class: "button", href: found.links.stac, download: "" }, "STAC item"));
   return view.element;
 }
