@@ -1,71 +1,179 @@
-"""Drift of one camera's coefficients between campaigns, and the date until which they may be used."""
+"""Drift of one camera and of a rig: a line through determinations, and its verdict."""
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from datetime import datetime, timedelta
+from typing import Literal
 
+import numpy as np
 import scipy
 
 from radiometry.fitting.evidence import Quantity
 from radiometry.fleet.determinations import Determination, Key, LeftOut, Source, keep_repeats
-from radiometry.fleet.line import (
-    CONFIDENCE,
-    DAYS_PER_YEAR,
-    Line,
-    Stability,
-    find_date,
-    fit_line,
-    judge_stability,
-    say_stability,
-)
 from radiometry.fleet.results import Tolerance
 from radiometry.fleet.sensitivity import NOT_SHARED, find_sensitivity, is_clear_of_zero, main_unit
+from radiometry.specification.rig import RigMember
+from radiometry.specification.stored import meaning
+
+__all__ = ["Drift", "RigStability", "RigVersion", "compare_sets", "group_sets", "judge_drift"]
+
+Stability = Literal["stable", "drifts", "cannot_tell"]
+
+CONFIDENCE = 0.95
+
+DAYS_PER_YEAR = 365.25
+
+_FEWEST = 3
+
+HORIZON_DAYS = 10 * DAYS_PER_YEAR  # Longest extrapolation of a straight line
+
+
+@dataclass(frozen=True, kw_only=True)
+class Line:
+    """Straight line, y = value + slope (t - origin), t in days, with the covariance of (value, slope)."""
+
+    origin: datetime
+    value: float
+    slope_per_day: float
+    covariance: tuple[tuple[float, float], tuple[float, float]]
+    dof: int
+
+    def at(self, days: float) -> tuple[float, float]:
+        """Return the line and its standard error."""
+        (a, b), (_, c) = self.covariance
+        return self.value + self.slope_per_day * days, math.sqrt(a + 2 * b * days + c * days * days)
+
+
+def fit_line(rows: Sequence[Determination]) -> Line | None:
+    """Fit a straight line by weighted least squares, with its uncertainty from the scatter about it.
+
+    As [1], with weights::
+
+        w_i = 1 / u_i^2,   cov = s^2 (A' W A)^-1,   s^2 = sum w_i (y_i - line_i)^2 / (n - 2)
+
+    The stated uncertainties decide the weights; the scatter alone decides the uncertainty of the line. An
+    error that all campaigns share (the meter's) is part of every u_i, moves no slope, and would hide a drift.
+    If one u_i is 0, all weights are equal.
+
+    [1] JCGM 100:2008, H.3, doi:10.59161/JCGM100-2008E
+    """
+    origin = rows[-1].source.at
+    days = np.array([(row.source.at - origin) / timedelta(days=1) for row in rows])
+    if len(rows) < _FEWEST or np.ptp(days) == 0.0:
+        return None
+    values = np.array([row.value for row in rows])
+    stated = np.array([row.standard_uncertainty for row in rows])
+    weights = 1.0 / (stated / stated.max()) ** 2 if np.all(stated > 0.0) else np.ones(len(rows))
+    # in units of the span the normal equations are well scaled
+    span = float(np.ptp(days))
+    design = np.column_stack([np.ones(len(rows)), days / span])
+    unit = np.linalg.inv(design.T @ (weights[:, None] * design))
+    offset = float(values.mean())
+    value, slope = unit @ (design.T @ (weights * (values - offset)))
+    residual = values - offset - design @ np.array([value, slope])
+    variance = float(np.sum(weights * residual**2)) / (len(rows) - 2)
+    (a, b), (_, c) = (unit * variance).tolist()
+    return Line(
+        origin=origin,
+        value=offset + float(value),
+        slope_per_day=float(slope) / span,
+        covariance=((a, b / span), (b / span, c / span**2)),
+        dof=len(rows) - 2,
+    )
+
+
+def find_date(line: Line, *, reference: float, limit: float) -> tuple[datetime | None, str | None]:
+    """Find when the line may first have left reference +-limit, from its origin on.
+
+    The time t solves::
+
+        |line(t) - reference| + t_{0.95,v} u(line(t)) = limit
+
+    At any time before, the true line is within the tolerance with 95 % on either side: t is the lower limit
+    of the time at which it leaves. This assumes that the drift continues unchanged.
+    """
+    quantile = float(scipy.special.stdtrit(line.dof, CONFIDENCE))
+
+    def excess(days: float) -> float:
+        value, error = line.at(days)
+        return abs(value - reference) + quantile * error - limit
+
+    if abs(line.value - reference) > limit:
+        return line.origin, None
+    if excess(0.0) > 0.0:
+        return None, (
+            "The line is known too poorly: already at the last version its uncertainty reaches beyond the "
+            "tolerance. Calibrate again, or accept more."
+        )
+    if excess(HORIZON_DAYS) <= 0.0:
+        return None, "The tolerance is not left within ten years, and a line is not believed for longer."
+    # convex, not above 0 at the one end and above it at the other: there is one crossing
+    days = float(scipy.optimize.brentq(excess, 0.0, HORIZON_DAYS, xtol=1e-6))
+    return line.origin + timedelta(days=days), None
+
+
+def judge_stability(
+    line: Line | None, span_days: float, *, limit: float | None
+) -> tuple[Stability, float | None, float | None]:
+    """Judge whether a coefficient stayed the same over the time in which it was determined.
+
+    With d the change of the line over the time and u its standard error, of v degrees of freedom::
+
+        stable   |d| + t_{0.95,v} u < limit        two one-sided tests at 5 %
+        drifts   |d| - t_{0.975,v} u > limit       without a limit: > 0
+
+    Without a limit nothing can be shown to be stable, only not to be found drifting.
+    """
+    if line is None:
+        return "cannot_tell", None, None
+    change = line.slope_per_day * span_days
+    error = math.sqrt(line.covariance[1][1]) * span_days
+    if abs(change) - float(scipy.special.stdtrit(line.dof, 0.5 + CONFIDENCE / 2.0)) * error > (limit or 0.0):
+        return "drifts", change, error
+    if limit is not None and abs(change) + float(scipy.special.stdtrit(line.dof, CONFIDENCE)) * error < limit:
+        return "stable", change, error
+    return "cannot_tell", change, error
+
+
+def say_stability(verdict: Stability, *, with_limit: bool, repeats: int) -> str:
+    """Return a verdict of `judge_stability` in words."""
+    if verdict == "stable":
+        return "It stayed within the tolerance, with 95 %."
+    if verdict == "drifts":
+        beyond = "by more than the tolerance" if with_limit else "from one determination to the next"
+        return f"It drifts {beyond}, with 95 %."
+    if repeats < _FEWEST:
+        there = "is" if repeats == 1 else "are"
+        return f"{_FEWEST} determinations at different times are needed; there {there} {repeats}."
+    if not with_limit:
+        return "No drift was found. Stability can be shown against a tolerance only."
+    return "Neither a drift beyond the tolerance nor stability within it is shown: repeat the calibration."
 
 
 @dataclass(frozen=True, kw_only=True)
 class Drift:
-    """The trend of one coefficient. What a field lacks is None.
-
-    Attributes
-    ----------
-    determinations : tuple of Determination
-        Those used, in time.
-    slope : Quantity or None
-        In the unit of the coefficient per year.
-    slope_interval : tuple or None
-        For 95 %, in the slope's unit.
-    slope_p_value : float or None
-        Small: it drifts.
-    cost_per_year : Quantity or None
-        The slope as its effect on the result.
-    scatter : Quantity or None
-        Of one determination about the line.
-    recalibrate_by : datetime or None
-        Before this time the camera is within the tolerance with 95 % on either side.
-    why : str or None
-        Why there is no date.
-    change : Quantity or None
-        Of the line from the first determination to the last, in the unit of the coefficient.
-    verdict : {"stable", "drifts", "cannot_tell"}
-        By `judge_stability`.
-    said : str
-        The verdict in words.
-    """
+    """The trend of one coefficient. What a field lacks is None."""
 
     key: Key
-    determinations: tuple[Determination, ...]
-    slope: Quantity | None
-    slope_interval: tuple[float, float] | None
-    slope_p_value: float | None
-    cost_per_year: Quantity | None
-    scatter: Quantity | None
+    determinations: tuple[Determination, ...] = field(metadata=meaning("Those used, in time."))
+    slope: Quantity | None = field(metadata=meaning("In the unit of the coefficient per year."))
+    slope_interval: tuple[float, float] | None = field(metadata=meaning("For 95 %, in the slope's unit."))
+    slope_p_value: float | None = field(metadata=meaning("Small: it drifts."))
+    cost_per_year: Quantity | None = field(metadata=meaning("The slope as its effect on the result."))
+    scatter: Quantity | None = field(metadata=meaning("Of one determination about the line."))
     tolerance: Tolerance | None
-    recalibrate_by: datetime | None
-    why: str | None
-    change: Quantity | None
-    verdict: Stability
-    said: str
+    recalibrate_by: datetime | None = field(
+        metadata=meaning("Before this time the camera is within the tolerance with 95 % on either side.")
+    )
+    why: str | None = field(metadata=meaning("Why there is no date."))
+    change: Quantity | None = field(
+        metadata=meaning(
+            "Of the line from the first determination to the last, in the unit of the coefficient."
+        )
+    )
+    verdict: Stability = field(metadata=meaning("By `judge_stability`."))
+    said: str = field(metadata=meaning("The verdict in words."))
 
 
 def judge_drift(
@@ -203,4 +311,161 @@ def _scatter(rows: Sequence[Determination], line: Line | None) -> Quantity | Non
     scatter = math.sqrt(sum(squares) / line.dof)
     return Quantity(
         value=scatter, standard_uncertainty=scatter / math.sqrt(2.0 * line.dof), unit=rows[0].key.unit
+    )
+
+
+_NAMED = meaning("Serial number of the camera, and the number: yaw, pitch, roll, x, y or z.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RigStability:
+    """One number of the orientation of one camera over several sets. What does not exist is None."""
+
+    camera: str = field(metadata=_NAMED)
+    name: str = field(metadata=_NAMED)
+    sets: int = field(metadata=meaning("Number of sets."))
+    mean: Quantity = field(metadata=meaning("Mean of the sets, with its standard uncertainty."))
+    repeatability: Quantity | None = field(metadata=meaning("Standard deviation of one set; None for one."))
+    slope: Quantity | None = field(
+        metadata=meaning("Trend per year; None for fewer than three sets at different times.")
+    )
+    change: Quantity | None = field(metadata=meaning("Of the trend from the first set to the last."))
+    verdict: Stability = field(
+        metadata=meaning("Verdict on the change, as on the coefficients of one camera.")
+    )
+    said: str = field(metadata=meaning("The verdict in words."))
+
+
+@dataclass(frozen=True, kw_only=True)
+class RigVersion:
+    """Version of one camera of a rig, with its time."""
+
+    version: str
+    at: datetime
+    member: RigMember
+
+
+def group_sets(
+    cameras: Sequence[Sequence[RigVersion]], count_shared: Callable[[RigMember, RigMember], int]
+) -> tuple[tuple[tuple[RigVersion, ...], ...], tuple[LeftOut, ...]]:
+    """Group versions by the triggers that their pictures share.
+
+    Parameters
+    ----------
+    cameras : sequence of sequence of RigVersion
+        Versions of each camera, one per campaign, the reference first.
+    count_shared : callable
+        ``(member, member) -> int``, how many triggers have a picture of both.
+
+    Returns
+    -------
+    tuple of (tuple of tuple of RigVersion, tuple of LeftOut)
+        Sets in time, one version of each camera in each, and versions that are in none.
+
+    Notes
+    -----
+    Each version of the reference takes, of every other camera, the version that shares most triggers with
+    it, of equally many the nearest in time: triggers of two days may have the same names.
+    """
+    free = [list(each) for each in cameras[1:]]
+    sets, why = [], []
+    for first in sorted(cameras[0], key=lambda each: (each.at, each.version)):
+        members = [first]
+        for versions in free:
+            shared = {each.version: count_shared(first.member, each.member) for each in versions}
+            best = min(
+                versions,
+                key=lambda each: (-shared[each.version], abs(each.at - first.at), each.version),
+                default=None,
+            )
+            if best is not None and shared[best.version]:
+                members.append(best)
+        if len(members) < len(cameras):
+            why.append(
+                LeftOut(version=first.version, why="No version of every other camera shares its triggers.")
+            )
+            continue
+        for versions, member in zip(free, members[1:], strict=True):
+            versions.remove(member)
+        sets.append(tuple(members))
+    why += [
+        LeftOut(
+            version=each.version,
+            why="No version of the reference shares its triggers, or another shares more.",
+        )
+        for versions in free
+        for each in versions
+    ]
+    return tuple(sets), tuple(why)
+
+
+def compare_sets(
+    sets: Sequence[tuple[datetime, Mapping[tuple[str, str], Quantity]]], *, limits: Mapping[str, float]
+) -> tuple[RigStability, ...]:
+    """Compare the orientations of several sets, number by number.
+
+    Parameters
+    ----------
+    sets : sequence of tuple of (datetime, mapping)
+        Time and numbers of each set, by camera and name.
+    limits : mapping
+        Largest accepted change from the first set to the last, by unit.
+
+    Returns
+    -------
+    tuple of RigStability
+        Results by camera and name.
+    """
+    found: dict[tuple[str, str], list[tuple[datetime, Quantity]]] = {}
+    for at, numbers in sorted(sets, key=lambda each: each[0]):
+        for key, quantity in numbers.items():
+            found.setdefault(key, []).append((at, quantity))
+    return tuple(_compare(camera, name, rows, limits) for (camera, name), rows in found.items())
+
+
+def _compare(
+    camera: str, name: str, found: Sequence[tuple[datetime, Quantity]], limits: Mapping[str, float]
+) -> RigStability:
+    unit = found[0][1].unit
+    limit = limits.get(unit)
+    rows = [
+        Determination(
+            key=Key(name=name, unit=unit, model="rig"),
+            value=quantity.value,
+            standard_uncertainty=quantity.standard_uncertainty,
+            source=Source(version=str(number), camera=camera, lens=None, campaign=str(number), at=at),
+        )
+        for number, (at, quantity) in enumerate(found)
+    ]
+    count, values = len(rows), np.array([row.value for row in rows])
+    spread = float(values.std(ddof=1)) if count > 1 else None
+    stated = math.sqrt(sum(row.standard_uncertainty**2 for row in rows)) / count
+    line = fit_line(rows)
+    span_days = (rows[-1].source.at - rows[0].source.at) / timedelta(days=1)
+    verdict, change, error = judge_stability(line, span_days, limit=limit)
+
+    def state(value: float | None, u: float | None, per: str = "") -> Quantity | None:
+        known = value is not None and u is not None
+        return Quantity(value=value, standard_uncertainty=u, unit=f"{unit}{per}") if known else None  # type: ignore[arg-type]
+
+    return RigStability(
+        camera=camera,
+        name=name,
+        sets=count,
+        mean=Quantity(
+            value=float(values.mean()),
+            standard_uncertainty=max(stated, (spread or 0.0) / math.sqrt(count)),
+            unit=unit,
+        ),
+        repeatability=state(spread, None if spread is None else spread / math.sqrt(2.0 * (count - 1))),
+        slope=state(
+            DAYS_PER_YEAR * line.slope_per_day if line else None,
+            DAYS_PER_YEAR * math.sqrt(line.covariance[1][1]) if line else None,
+            "/a",
+        ),
+        change=state(change, error),
+        verdict=verdict,
+        said=say_stability(
+            verdict, with_limit=limit is not None, repeats=len({row.source.at for row in rows})
+        ),
     )

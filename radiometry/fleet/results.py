@@ -1,122 +1,150 @@
-"""Results of the comparison of cameras: plain numbers, ready for JSON; None where there is no value."""
+"""Verdicts on a fleet, ready for JSON, and how each of them is judged."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
 
 from radiometry.findings import Raised
 from radiometry.fitting.evidence import Quantity
 from radiometry.fleet.determinations import Key, LeftOut
-from radiometry.fleet.verdicts import Judgement, Outcome
+from radiometry.specification.stored import meaning
+
+__all__ = ["Deviation", "Effect", "FleetVerdict", "Outcome", "ParameterVerdict"]
+
+Vector = NDArray[np.float64]
+Outcome = Literal["shared", "per_camera", "cannot_tell"]
+
+# Largest error rate: "shared" of a fleet that exceeds the tolerance, "per_camera" of one within it
+ALPHA = 0.05
+
+# Fewest degrees of freedom of the repeatability. With fewer its relative uncertainty is above 1 / sqrt(2 * 3)
+# = 41 %, for a normal distribution that cannot be checked: there is no verdict then.
+LEAST_DOF = 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judgement:
+    """An outcome and both tests behind it."""
+
+    outcome: Outcome
+    equivalence_p_value: float  # Small: all deviations lie within the tolerance
+    exceedance_p_value: float  # Small: at least one lies outside
+
+
+def judge_deviations(deviations: Vector, standard_errors: Vector, *, dof: int, limit: float) -> Judgement:
+    """Test each level's deviation d_i from the mean of all against +-limit, with both error rates limited.
+
+    The question is about these cameras, not the population that they are drawn from: the cameras are counted
+    and known, and five of them hardly determine a standard deviation between cameras (its upper limit is 2.4
+    times its estimate). So the test is on each camera's deviation from the set they would share::
+
+        shared      max_i P(t_v < (|d_i| - limit) / u_i) < alpha        every |delta_i| < limit
+        per_camera  2 k min_i P(t_v > (|d_i| - limit) / u_i) < alpha    some |delta_i| > limit
+
+    The first is two one-sided tests of each camera [2]; all must pass, so that no correction for their
+    number is needed (intersection-union [1]): for any fleet in which a camera exceeds the tolerance, the
+    probability of "shared" is at most alpha. The second is Bonferroni's over k cameras and two sides: for a
+    fleet within the tolerance, the probability of "per_camera" is at most alpha. If neither passes:
+    cannot_tell. A difference that is certain and small does not make a fleet per_camera, as an F test alone
+    would.
+
+    [1] R. L. Berger, Technometrics 24, 295 (1982), doi:10.2307/1267823
+    [2] D. J. Schuirmann, J. Pharmacokin. Biopharm. 15, 657 (1987), doi:10.1007/BF01068419
+    """
+    distances = (np.abs(deviations) - limit) / standard_errors
+    equivalence = float(np.max(scipy.special.stdtr(dof, distances)))
+    exceedance = min(1.0, 2.0 * deviations.size * float(np.min(scipy.special.stdtr(dof, -distances))))
+    outcome: Outcome = "cannot_tell"
+    if dof >= LEAST_DOF and equivalence < ALPHA:
+        outcome = "shared"
+    elif dof >= LEAST_DOF and exceedance < ALPHA:
+        outcome = "per_camera"
+    return Judgement(outcome=outcome, equivalence_p_value=equivalence, exceedance_p_value=exceedance)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Tolerance:
-    """The largest deviation from the shared value that is accepted.
+    """The largest deviation from the shared value that is accepted."""
 
-    Attributes
-    ----------
-    limit : float
-        In the unit of the cost.
-    kind : {"relative", "absolute"}
-    of : str
-        Of what it is a limit.
-    """
-
-    limit: float
+    limit: float = field(metadata=meaning("In the unit of the cost."))
     unit: str
     kind: str
-    of: str
+    of: str = field(metadata=meaning("Of what it is a limit."))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Deviation:
-    """The distance of one level from the mean of all.
+    """The distance of one level from the mean of all."""
 
-    Attributes
-    ----------
-    label : str
-        A serial number, or "body with lens" where a body had several lenses.
-    cost : Quantity or None
-        The same as its effect on the result; None where unknown.
-    """
-
-    label: str
+    label: str = field(
+        metadata=meaning('A serial number, or "body with lens" where a body had several lenses.')
+    )
     repeats: int
     deviation: Quantity
-    cost: Quantity | None
+    cost: Quantity | None = field(
+        metadata=meaning("The same as its effect on the result; None where unknown.")
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Effect:
-    """Effect of the levels of one factor.
+    """Effect of the levels of one factor."""
 
-    Attributes
-    ----------
-    factor : {"camera", "body", "lens"}
-        Body and lens where swaps separate the two.
-    between_variance : Quantity
-        Variance component, not below 0.
-    judgement : Judgement or None
-        None where the tests could not be made.
-    """
-
-    factor: Literal["camera", "body", "lens"]
+    factor: Literal["camera", "body", "lens"] = field(
+        metadata=meaning("Body and lens where swaps separate the two.")
+    )
     deviations: tuple[Deviation, ...]
-    between_variance: Quantity
+    between_variance: Quantity = field(metadata=meaning("Variance component, not below 0."))
     dof: int
     f_statistic: float | None
     f_p_value: float | None
-    judgement: Judgement | None
+    judgement: Judgement | None = field(metadata=meaning("None where the tests could not be made."))
 
 
 @dataclass(frozen=True, kw_only=True)
 class ParameterVerdict:
-    """Verdict on one parameter: does one value serve all cameras that have it.
-
-    Attributes
-    ----------
-    judged : bool
-        False: no tolerance was given for it, and the fleet's verdict ignores it.
-    mean : Quantity
-        The shared value, the unweighted mean; its uncertainty is from repeatability alone.
-    within_variance : Quantity or None
-        Of one determination repeated on one camera.
-    dof : int
-        Degrees of freedom of the repeatability.
-    f_statistic : float or None
-        Of all that makes cameras differ, bodies and lenses together.
-    repeatability : Quantity or None
-        Of one determination, as its effect on the result.
-    cost : Quantity or None
-        The largest cost of sharing for a camera.
-    costliest : str or None
-        The camera that this cost is of.
-    repeats_needed : int or None
-        Of each camera, to show that they are alike, where that is open and nothing was found.
-    cameras_without : tuple of str
-        Those that have no such coefficient.
-    """
+    """Verdict on one parameter: does one value serve all cameras that have it."""
 
     key: Key
     outcome: Outcome
-    judged: bool
+    judged: bool = field(
+        metadata=meaning("False: no tolerance was given for it, and the fleet's verdict ignores it.")
+    )
     said: str
     cameras: int
     repeats: int
-    mean: Quantity
-    within_variance: Quantity | None = None
+    mean: Quantity = field(
+        metadata=meaning(
+            "The shared value, the unweighted mean; its uncertainty is from repeatability alone."
+        )
+    )
+    within_variance: Quantity | None = field(
+        default=None, metadata=meaning("Of one determination repeated on one camera.")
+    )
     between_variance: Quantity | None = None
-    dof: int
-    f_statistic: float | None = None
+    dof: int = field(metadata=meaning("Degrees of freedom of the repeatability."))
+    f_statistic: float | None = field(
+        default=None, metadata=meaning("Of all that makes cameras differ, bodies and lenses together.")
+    )
     f_p_value: float | None = None
     effects: tuple[Effect, ...] = ()
     judgement: Judgement | None = None
     tolerance: Tolerance | None
-    repeatability: Quantity | None = None
-    cost: Quantity | None = None
-    costliest: str | None = None
-    repeats_needed: int | None = None
-    cameras_without: tuple[str, ...]
+    repeatability: Quantity | None = field(
+        default=None, metadata=meaning("Of one determination, as its effect on the result.")
+    )
+    cost: Quantity | None = field(default=None, metadata=meaning("The largest cost of sharing for a camera."))
+    costliest: str | None = field(default=None, metadata=meaning("The camera that this cost is of."))
+    repeats_needed: int | None = field(
+        default=None,
+        metadata=meaning(
+            "Of each camera, to show that they are alike, where that is open and nothing was found."
+        ),
+    )
+    cameras_without: tuple[str, ...] = field(metadata=meaning("Those that have no such coefficient."))
     flags: tuple[Raised, ...] = ()
 
 

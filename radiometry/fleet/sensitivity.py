@@ -9,46 +9,30 @@ from radiometry.fleet.determinations import Key
 from radiometry.fleet.results import Tolerance
 from radiometry.methods import get_method
 
+__all__ = ["PERCENT", "find_sensitivity", "main_unit"]
+
 Kind = Literal["relative", "absolute"]
 
 PERCENT = "%"
 
+# Measures of a fit's quality, which are listed with the coefficients and applied to no image
 NOT_SHARED = frozenset({"rms_px"})
-"""Measures of a fit's quality, which are listed with the coefficients and applied to no image."""
 
+# A fraction of a mean is meaningful if the mean is more than this many of its standard errors from 0
 CLEAR_OF_ZERO = 3.0
-"""A fraction of a mean is meaningful if the mean is more than this many of its standard errors from 0."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sensitivity:
-    """Sensitivity coefficient of a parameter: cost = factor * difference.
+    """Sensitivity coefficient of a parameter: cost = factor * difference."""
 
-    Attributes
-    ----------
-    kind : {"relative", "absolute"}
-        relative: tolerances are fractions (0.04), costs in %; absolute: both in ``unit``.
-    unit : str
-        Of the cost.
-    of : str
-        The affected quantity, for sentences.
-    factor : float
-        [unit per unit of the parameter]
-    """
-
-    kind: Kind
-    unit: str
-    of: str
+    kind: Kind  # relative: tolerances are fractions (0.04), costs in %; absolute: both in `unit`
+    unit: str  # Of the cost
+    of: str  # The affected quantity, for sentences
     factor: float
 
     def accept(self, tolerance: float) -> Tolerance:
-        """Return a tolerance in the unit of the cost.
-
-        Parameters
-        ----------
-        tolerance : float
-            As entered.
-        """
+        """Return a tolerance in the unit of the cost."""
         limit = 100.0 * tolerance if self.kind == "relative" else tolerance
         return Tolerance(limit=limit, unit=self.unit, kind=self.kind, of=self.of)
 
@@ -112,15 +96,7 @@ def find_sensitivity(method: str, key: Key, means: Mapping[str, float], *, mean:
 
 
 def is_clear_of_zero(sensitivity: Sensitivity, mean: float, standard_error: float) -> bool:
-    """Return True if the factor is meaningful: a fraction of a mean that may be 0 is not.
-
-    Parameters
-    ----------
-    sensitivity : Sensitivity
-        Effect of the parameter.
-    mean, standard_error : float
-        Mean of the parameter and its standard error.
-    """
+    """Return True if the factor is meaningful: a fraction of a mean that may be 0 is not."""
     if sensitivity.kind == "absolute":
         return math.isfinite(sensitivity.factor)
     return math.isfinite(sensitivity.factor) and abs(mean) > CLEAR_OF_ZERO * standard_error

@@ -1,12 +1,303 @@
-"""Verdict on a fleet: whether one value of each parameter serves all cameras, and what sharing costs."""
+"""Verdict on a fleet: whether one set of coefficients serves several cameras."""
 
+import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
-from radiometry.fleet.determinations import Determination, Key, keep_repeats
-from radiometry.fleet.parameter import judge_parameter
-from radiometry.fleet.results import FleetVerdict, ParameterVerdict
-from radiometry.fleet.sensitivity import NOT_SHARED
-from radiometry.fleet.verdicts import Outcome
+import numpy as np
+
+from radiometry.fitting.evidence import Quantity
+from radiometry.fleet import findings
+from radiometry.fleet.determinations import (
+    Determination,
+    Effects,
+    Grouping,
+    Key,
+    Matrix,
+    Vector,
+    fit_effects,
+    group_cameras,
+    keep_repeats,
+)
+from radiometry.fleet.findings import count_repeats, find_flags
+from radiometry.fleet.results import (
+    LEAST_DOF,
+    Deviation,
+    Effect,
+    FleetVerdict,
+    Judgement,
+    Outcome,
+    ParameterVerdict,
+    Tolerance,
+    judge_deviations,
+)
+from radiometry.fleet.sensitivity import (
+    NOT_SHARED,
+    Sensitivity,
+    find_sensitivity,
+    is_clear_of_zero,
+    main_unit,
+)
+
+__all__ = ["judge_fleet"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Analysis:
+    """A solved model with its effect on the result, None where a fraction of the mean is meaningless."""
+
+    key: Key
+    grouping: Grouping
+    effects: Effects
+    sensitivity: Sensitivity | None
+    tolerance: Tolerance | None
+
+    @property
+    def testable(self) -> bool:
+        return self.effects.dof >= LEAST_DOF and self.effects.within_variance > 0.0
+
+    @property
+    def contrasts(self) -> Matrix:
+        """Contrasts of each camera's deviation: of its body and its lens together."""
+        parts = zip(*self.grouping.units, strict=True)
+        factors = self.effects.factors
+        rows = [factor.contrasts[list(at)] for factor, at in zip(factors, parts, strict=True)]
+        total: Matrix = np.sum(rows, axis=0)
+        return total
+
+    @property
+    def deviations(self) -> Vector:
+        parts = zip(*self.grouping.units, strict=True)
+        rows = [factor.deviations[list(at)] for factor, at in zip(self.effects.factors, parts, strict=True)]
+        total: Vector = np.sum(rows, axis=0)
+        return total
+
+    def judge(self, deviations: Vector, contrasts: Matrix) -> Judgement | None:
+        """Make both tests, where they are possible."""
+        if not self.testable or self.sensitivity is None or self.tolerance is None:
+            return None
+        return judge_deviations(
+            deviations * self.sensitivity.factor,
+            self.effects.standard_errors(contrasts) * self.sensitivity.factor,
+            dof=self.effects.dof,
+            limit=self.tolerance.limit,
+        )
+
+
+def judge_parameter(
+    key: Key,
+    rows: Sequence[Determination],
+    *,
+    method: str,
+    cameras: Sequence[str],
+    tolerance: float | Mapping[str, float],
+    means: Mapping[str, float],
+) -> ParameterVerdict:
+    """Judge one parameter from its determinations."""
+    values = np.array([row.value for row in rows])
+    grouping = group_cameras(rows)
+    effects = fit_effects(values, grouping.labels) if len(grouping.unit_names) > 1 else None
+    # the mean of all values would count a camera as often as it was calibrated
+    mean = float(values.mean()) if effects is None else effects.mean
+    sensitivity = find_sensitivity(method, key, means, mean=mean)
+    limit = _find_tolerance(sensitivity, method, key, tolerance)
+    without = tuple(sorted(set(cameras) - {row.source.camera for row in rows}))
+    if effects is None:
+        return _judge_one_camera(key, rows, limit, without)
+    analysis = _Analysis(
+        key=key,
+        grouping=grouping,
+        effects=effects,
+        sensitivity=sensitivity if is_clear_of_zero(sensitivity, effects.mean, effects.mean_u) else None,
+        tolerance=limit,
+    )
+    judgement = analysis.judge(analysis.deviations, analysis.contrasts)
+    return _conclude(analysis, rows, without, judgement)
+
+
+def _find_tolerance(
+    sensitivity: Sensitivity, method: str, key: Key, tolerance: float | Mapping[str, float]
+) -> Tolerance | None:
+    if isinstance(tolerance, Mapping):
+        entered = tolerance.get(key.name)
+    else:
+        entered = tolerance if sensitivity.unit == main_unit(method) else None
+    if entered is None:
+        return None
+    return sensitivity.accept(entered)
+
+
+def _judge_one_camera(
+    key: Key, rows: Sequence[Determination], limit: Tolerance | None, without: tuple[str, ...]
+) -> ParameterVerdict:
+    """Describe one camera alone: there is nothing to compare it with."""
+    mean = Quantity(
+        value=float(np.mean([row.value for row in rows])),
+        standard_uncertainty=rows[-1].standard_uncertainty,
+        unit=key.unit,
+    )
+    return ParameterVerdict(
+        key=key,
+        outcome="cannot_tell",
+        judged=limit is not None,
+        said=findings.ONE_CAMERA.format(key=key),
+        cameras=1,
+        repeats=len(rows),
+        mean=mean,
+        dof=len(rows) - 1,
+        tolerance=limit,
+        cameras_without=without,
+    )
+
+
+def _conclude(
+    analysis: _Analysis,
+    rows: Sequence[Determination],
+    without: tuple[str, ...],
+    judgement: Judgement | None,
+) -> ParameterVerdict:
+    key, effects, sensitivity = analysis.key, analysis.effects, analysis.sensitivity
+    listed = _list_effects(analysis)
+    cost, costliest = _find_cost(analysis)
+    needed = None
+    if judgement is not None and judgement.outcome == "cannot_tell":
+        needed = _count_needed(analysis, listed)
+    outcome, said = _decide(analysis, rows, listed, judgement, cost, costliest, needed)
+    known = effects.dof > 0
+    scatter = math.sqrt(effects.within_variance)
+    within = None
+    if known:
+        within = _variance(
+            key, effects.within_variance, effects.within_variance * math.sqrt(2.0 / effects.dof)
+        )
+    between = sum(effect.between_variance.value for effect in listed)
+    between_u = math.hypot(*(effect.between_variance.standard_uncertainty for effect in listed))
+    return ParameterVerdict(
+        key=key,
+        outcome=outcome,
+        judged=analysis.tolerance is not None,
+        said=said,
+        cameras=len(analysis.grouping.unit_names),
+        repeats=len(rows),
+        mean=Quantity(value=effects.mean, standard_uncertainty=effects.mean_u, unit=key.unit),
+        within_variance=within,
+        between_variance=_variance(key, between, between_u) if known else None,
+        dof=effects.dof,
+        f_statistic=effects.f_statistic,
+        f_p_value=effects.f_p_value,
+        effects=listed if known else (),
+        judgement=judgement,
+        tolerance=analysis.tolerance,
+        # u(s) = s / sqrt(2 v)
+        repeatability=_convert(sensitivity, scatter, scatter / math.sqrt(2.0 * effects.dof))
+        if known
+        else None,
+        cost=cost,
+        costliest=costliest,
+        repeats_needed=needed,
+        cameras_without=without,
+        flags=find_flags(rows, analysis.grouping, effects),
+    )
+
+
+def _decide(
+    analysis: _Analysis,
+    rows: Sequence[Determination],
+    listed: tuple[Effect, ...],
+    judgement: Judgement | None,
+    cost: Quantity | None,
+    costliest: str | None,
+    needed: int | None,
+) -> tuple[Outcome, str]:
+    key, tolerance, count = analysis.key, analysis.tolerance, len(analysis.grouping.unit_names)
+    if tolerance is None:
+        return "cannot_tell", findings.NO_TOLERANCE.format(key=key)
+    if (dof := analysis.effects.dof) < LEAST_DOF:
+        return "cannot_tell", findings.TOO_FEW.format(key=key, count=count, repeats=len(rows), dof=dof)
+    if len({row.value for row in rows}) == 1:
+        return "shared", findings.EQUAL.format(key=key, count=count)
+    if analysis.effects.within_variance == 0.0:
+        return "cannot_tell", findings.IDENTICAL.format(key=key)
+    if judgement is None or cost is None or costliest is None:
+        text = findings.NEAR_ZERO if tolerance.kind == "relative" else findings.WITHOUT_SCALE
+        return "cannot_tell", text.format(key=key)
+    return judgement.outcome, findings.format_decision(
+        judgement.outcome,
+        key,
+        listed,
+        tolerance,
+        cost,
+        cameras=count,
+        costliest=costliest,
+        repeats_needed=needed,
+    )
+
+
+def _list_effects(analysis: _Analysis) -> tuple[Effect, ...]:
+    found = []
+    grouping, effects = analysis.grouping, analysis.effects
+    for name, labels, levels, factor in zip(
+        grouping.names, grouping.labels, grouping.levels, effects.factors, strict=True
+    ):
+        errors = effects.standard_errors(factor.contrasts)
+        repeats = np.bincount(labels, minlength=len(levels))
+        found.append(
+            Effect(
+                factor=name,
+                deviations=tuple(
+                    Deviation(
+                        label=level,
+                        repeats=int(count),
+                        deviation=Quantity(value=value, standard_uncertainty=error, unit=analysis.key.unit),
+                        cost=_convert(analysis.sensitivity, value, error),
+                    )
+                    for level, count, value, error in zip(
+                        levels, repeats, factor.deviations.tolist(), errors.tolist(), strict=True
+                    )
+                ),
+                between_variance=_variance(analysis.key, factor.variance, factor.variance_u),
+                dof=factor.dof,
+                f_statistic=factor.f_statistic,
+                f_p_value=factor.f_p_value,
+                judgement=analysis.judge(factor.deviations, factor.contrasts),
+            )
+        )
+    return tuple(found)
+
+
+def _find_cost(analysis: _Analysis) -> tuple[Quantity | None, str | None]:
+    """Return the largest cost of sharing, without its sign, and the camera."""
+    if analysis.sensitivity is None:
+        return None, None
+    deviations = analysis.deviations
+    largest = int(np.argmax(np.abs(deviations)))
+    errors = analysis.effects.standard_errors(analysis.contrasts)
+    cost = _convert(analysis.sensitivity, abs(float(deviations[largest])), float(errors[largest]))
+    return cost, analysis.grouping.unit_names[largest]
+
+
+def _count_needed(analysis: _Analysis, listed: tuple[Effect, ...]) -> int | None:
+    """Return the repeats of each camera that would decide, more than there are; None where cameras differ."""
+    if analysis.sensitivity is None or analysis.tolerance is None or any(map(findings.does_differ, listed)):
+        return None
+    repeatability = math.sqrt(analysis.effects.within_variance) * analysis.sensitivity.factor
+    found = count_repeats(
+        cameras=len(analysis.grouping.unit_names),
+        tolerance_in_repeatabilities=analysis.tolerance.limit / repeatability,
+    )
+    most = max(each.repeats for effect in listed for each in effect.deviations)
+    return None if found is None else max(found, most + 1)
+
+
+def _convert(sensitivity: Sensitivity | None, value: float, error: float) -> Quantity | None:
+    if sensitivity is None:
+        return None
+    factor = sensitivity.factor
+    return Quantity(value=value * factor, standard_uncertainty=error * factor, unit=sensitivity.unit)
+
+
+def _variance(key: Key, value: float, error: float) -> Quantity:
+    return Quantity(value=value, standard_uncertainty=error, unit=f"({key.unit})^2" if key.unit else "")
 
 
 def judge_fleet(

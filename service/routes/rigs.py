@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected, interface
 from radiometry.fleet.determinations import LeftOut
-from radiometry.fleet.rigs import RigStability, RigVersion, compare_sets, group_sets
+from radiometry.fleet.drift import RigStability, RigVersion, compare_sets, group_sets
 from radiometry.specification.rig import RigExport
 from service.auth import Calibrator, Caller, Reader
 from service.certificate import build_rig_certificate, lay_out_rig

@@ -7,8 +7,7 @@ from pydantic import AliasPath, Discriminator, Field, Tag, model_validator
 from radiometry.findings import Raised
 from radiometry.fleet import results
 from radiometry.fleet.determinations import Determination, Key, LeftOut
-from radiometry.fleet.results import Deviation, Effect, FleetVerdict, ParameterVerdict
-from radiometry.fleet.verdicts import Outcome
+from radiometry.fleet.results import Deviation, Effect, FleetVerdict, Outcome, ParameterVerdict
 from service.messages import AS_NUMBER, BY_NAME
 from service.schemas.base import EACH_ONCE, Answer, Form, Method, Positive, Quantity, Text
 from store.tables import Camera

@@ -5,7 +5,7 @@ from typing import Annotated, Any, get_args, get_type_hints
 from pydantic import Field, model_validator
 
 from radiometry.fitting import evidence
-from radiometry.fleet.rigs import RigStability
+from radiometry.fleet.drift import RigStability
 from service.schemas.base import EACH_ONCE, Answer, Form, Instant, Quantity, Text
 from service.schemas.calibrations import Gap
 from service.schemas.certificates import FlagInWords, Item, Laboratory, Work

@@ -7,7 +7,7 @@ from sqlalchemy.orm import Session
 
 from radiometry.fitting.evidence import FrameEvidence
 from radiometry.fleet.determinations import LeftOut, keep_repeats
-from radiometry.fleet.rigs import RigVersion
+from radiometry.fleet.drift import RigVersion
 from radiometry.methods import METHODS, get_method
 from radiometry.specification.rig import RigMember
 from store.codec import decode, decode_header

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from radiometry.fleet.drift import judge_drift
-from radiometry.fleet.line import DAYS_PER_YEAR, find_date, fit_line
+from radiometry.fleet.drift import DAYS_PER_YEAR, find_date, fit_line, judge_drift
 from tests.radiometry.fleet.fleets import START, determine
 
 DAYS = (0, 100, 200, 300)

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from radiometry.fleet.effects import are_separable, fit_effects
+from radiometry.fleet.determinations import are_separable, fit_effects
 
 BALANCED = np.array([10.0, 12.0, 13.0, 15.0, 19.0, 21.0])
 PAIRS = np.array([0, 0, 1, 1, 2, 2])

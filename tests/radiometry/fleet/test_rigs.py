@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from radiometry.fitting.evidence import Quantity
-from radiometry.fleet.rigs import RigVersion, compare_sets, group_sets
+from radiometry.fleet.drift import RigVersion, compare_sets, group_sets
 from tests.radiometry.fleet.fleets import START
 
 DAYS = (0, 30, 60, 90)

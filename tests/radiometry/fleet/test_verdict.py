@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radiometry.fleet.determinations import Key
-from radiometry.fleet.power import compute_power, count_repeats
+from radiometry.fleet.findings import compute_power, count_repeats
+from radiometry.fleet.results import judge_deviations
 from radiometry.fleet.sensitivity import find_sensitivity
 from radiometry.fleet.verdict import judge_fleet
-from radiometry.fleet.verdicts import judge_deviations
 from tests.radiometry.fleet.fleets import LUMINANCE_K, PRINCIPAL_POINT, determine, draw_fleet, fleet_of
 
 ALIKE = [[33.0, 33.2, 32.9], [33.1, 33.0, 33.2], [32.9, 33.0, 33.1]]
