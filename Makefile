@@ -6,7 +6,7 @@ CLIENTS := tests/flow/test_generated_clients.py
 CONSUMERS := tests/flow/test_consumers.py
 JOURNEYS := tests/journeys/test_every_door.py
 # what takes minutes of a processor and breaks seldom
-APART := $(CLIENTS) $(CONSUMERS) $(JOURNEYS) tests/bench/test_every_benchmark.py tests/flow/test_seventh_method.py
+APART := $(CLIENTS) $(CONSUMERS) $(JOURNEYS) tests/bench/test_every_benchmark.py tests/flow/test_readme.py tests/flow/test_seventh_method.py
 BIN := $(VENV)/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 # an image may forbid it: each process would then compile every module again, and `make up` take twice as long
@@ -27,7 +27,7 @@ test quick: export OPENBLAS_NUM_THREADS = 1
 test: $(VENV)/dev chromium  ## every test but those of `make apart`, on SQLite and on PostgreSQL (FILE="tests/radiometry -k gls" runs some)
 	@$(if $(FILE),pytest -q $(FILE),pytest -q -n $$(($$(nproc) + 1)) --maxprocesses 8 --dist worksteal $(APART:%=--ignore %))
 
-apart: $(VENV)/dev  ## what `make test` leaves out: journeys, clients, consumers, every benchmark in small, a seventh method
+apart: $(VENV)/dev  ## what `make test` leaves out: journeys, clients, consumers, the README, benchmarks in small, a seventh method
 	@pytest -q $(APART)
 
 clients: $(VENV)/dev  ## the clients that generators make of the OpenAPI document: each is built, typed and calibrates

@@ -134,7 +134,7 @@ def test_every_local_link_leads_somewhere(page):
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_every_make_target_exists(page):
     targets = set(re.findall(r"^([a-z]+):", read(ROOT / "Makefile"), re.MULTILINE))
-    named = set(re.findall(r"(?:^    |`|[A-Z]+=\d )make ([a-z]+)", read(page), re.MULTILINE))
+    named = set(re.findall(r"(?:^|`|[A-Z]+=\d )make ([a-z]+)", read(page), re.MULTILINE))
     assert named <= targets
 
 
@@ -162,6 +162,15 @@ def test_every_file_that_a_decision_lists_exists(page):
     for room, names in re.findall(r"^    (\w+)/(\w+\.py(?:, \w+\.py)*)  ", read(page), re.MULTILINE):
         for name in names.split(", "):
             assert (ROOT / room / name).exists(), name
+
+
+@pytest.mark.parametrize("page", [ROOT / "README.md", DOCS / "pages.md", DOCS / "first-evening.md"])
+def test_pictures_exist_and_are_small(page):
+    names = re.findall(r"!\[[^]]+\]\(([^)]+)\)", read(page))
+    assert names
+    for name in names:
+        assert (page.parent / name).stat().st_size < 100_000
+        assert (page.parent / name).read_bytes()[8:12] == b"WEBP"
 
 
 def test_every_page_can_be_reached_from_the_readme():

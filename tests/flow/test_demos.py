@@ -7,6 +7,7 @@ from demo.__main__ import play
 from demo.display import Display
 from demo.journey import Stage
 from radiometry.methods import METHODS
+from tests.support.printed import read_blocks, type_in
 
 
 def go(method, team, folder, camera=""):
@@ -26,10 +27,18 @@ def test_the_truth_is_found(embedded, method, tmp_path, capsys):
         assert "version 1 is published" in shown
 
 
-def test_the_truth_is_found_with_another_multispectral_camera(embedded, tmp_path, capsys):
+def test_the_truth_is_found_with_another_multispectral_camera(embedded, installed, tmp_path, capsys):
+    """Its flight is then measured with the commands that docs/reflectance.md prints."""
     with embedded.team() as team:
         assert go("reflectance", team, tmp_path, "p4m"), capsys.readouterr().out
         assert "NDVI" in capsys.readouterr().out
+        (campaign,) = team.client.campaigns(project_number="DEMO-FLIGHT")
+        team.client.change_campaign(campaign.id, project_number="FLIGHT")
+        typed = "".join(read_blocks("docs/reflectance.md"))
+        address = {"STILB_URL": team.url, "STILB_KEY": team.key}
+        type_in(tmp_path, typed, first=installed / "bin", **address)
+        # of each capture, an index and a map of its bands
+        assert len([*(tmp_path / "maps").glob("*.tif")]) == 4
 
 
 def test_the_second_time_finds_the_same_truth_and_changes_nothing(embedded, tmp_path, capsys):

@@ -14,6 +14,7 @@ import pytest
 from tests.support.campaigns import ISOS, K_TRUE
 from tests.support.compose import ROOT
 from tests.support.fieldwork import write_field_folder
+from tests.support.printed import NO_CURL
 
 PAGE = (ROOT / "docs" / "generated-clients.md").read_text(encoding="utf-8")
 LOCKS = Path(__file__).parent / "clients"
@@ -31,7 +32,7 @@ console.log(JSON.stringify(errors.map(({ ruleId, message }) => [ruleId, message]
 OF_PYTHON = {"yaml": "config.yaml", "python": "calibrate.py"}
 OF_TYPESCRIPT = {"json": "tsconfig.json", "ts": "calibrate.ts"}
 
-pytestmark = pytest.mark.skipif(shutil.which("curl") is None, reason="the document is fetched by curl")
+pytestmark = pytest.mark.skipif(shutil.which("curl") is None, reason=NO_CURL)
 
 
 def install(lock, *commands):

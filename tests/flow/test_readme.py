@@ -1,68 +1,47 @@
-"""The commands of README and of the page on HTTP work, word for word, on a running service."""
+"""The first minutes as the README prints them: the demo with its figures, then K from Python."""
 
-import json
+import doctest
 import os
 import re
-import shutil
+import signal
 import subprocess
-import xml.etree.ElementTree as ET
 
 import pytest
 
-from tests.support.campaigns import ISOS, K_TRUE, LEVELS
-from tests.support.compose import ROOT
-from tests.support.fieldwork import write_field_folder
+from tests.support.printed import link_checkout, read_blocks
 
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-HTTP_PAGE = (ROOT / "docs" / "http.md").read_text(encoding="utf-8")
-LINES = re.compile(r"^    (curl .*[^\\\n])$", re.MULTILINE)
-PAGES = (ROOT / "docs" / "pages.md").read_text(encoding="utf-8")
+SERVING = re.compile(r"serving (\S+) key (\S+) until Ctrl-C")
 
 
-@pytest.mark.skipif(shutil.which("curl") is None, reason="the commands are curl's")
-def test_every_command_of_the_first_calibration_is_true(embedded, tmp_path):
-    blocks = re.findall(r"^```sh\n(.*?)^```", HTTP_PAGE, re.MULTILINE | re.DOTALL)
-    assert len(blocks) == 1
-    field = tmp_path / "field"
-    write_field_folder(field)
-    copied = next((field / "dark").iterdir())
-    copied.rename(copied.with_name("copy of dark (1).DNG"))
-    with embedded.team() as team:
-        environment = os.environ | {"STILB": team.url, "KEY": team.key}
-        done = subprocess.run(
-            ["sh", "-euc", blocks[0]],
-            check=False,
-            cwd=field,
-            env=environment,
-            capture_output=True,
-            text=True,
-        )
-        (campaign,) = team.client.campaigns()
-        environment |= {"URL": team.url, "CAMERA": campaign.camera_id, "CAMPAIGN": campaign.id}
-        for page, count in (("dashboards.md", 5), ("tools.md", 1)):
-            lines = LINES.findall((ROOT / "docs" / page).read_text(encoding="utf-8"))
-            assert len(lines) == count
-            for line in lines:
-                asked = line.replace("curl", "curl -sS --fail-with-body", 1)
-                subprocess.run(["sh", "-euc", asked], check=True, cwd=field, env=environment)
-    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
-    assert done.stderr == ""
-    states = re.findall(r"^\w+$", done.stdout, re.MULTILINE)
-    frames = list(field.rglob("*.DNG"))
-    assert states == ["succeeded"] * len(frames)
-    in_force = json.loads(done.stdout[done.stdout.rindex('{"items":') :])["items"]
-    found = {item["iso"]: item for item in in_force if item["name"] == "luminance_k"}
-    assert sorted(found) == list(ISOS)
-    for item in found.values():
-        assert abs(item["value"] - K_TRUE) <= 3 * item["standard_uncertainty"]
-    assert len((field / "points.csv").read_text().splitlines()) > len(ISOS) * len(LEVELS)
-    assert ET.parse(field / "plot.svg").getroot().tag.endswith("svg")
+@pytest.mark.timeout(600)
+def test_the_demo_prints_these_figures_and_then_serves_them(tmp_path):
+    link_checkout(tmp_path)
+    command, *expected = read_blocks("README.md", "console")[0].removeprefix("$ ").splitlines()
+    with subprocess.Popen(
+        ["bash", "-c", command],
+        cwd=tmp_path,
+        env={name: value for name, value in os.environ.items() if not name.startswith("STILB_")},
+        stdout=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as demo:
+        try:
+            lines = []
+            while not (serving := SERVING.fullmatch(lines[-1] if lines else "")):
+                lines.append(demo.stdout.readline().strip())
+                assert lines[-1] or demo.poll() is None, lines
+            told = run_examples(*serving.groups())
+        finally:
+            os.killpg(demo.pid, signal.SIGTERM)
+    assert [line.strip() for line in expected if line.strip() not in lines] == [expected[-1]]
+    assert not told, "".join(told)
 
 
-def test_pictures_exist_and_are_small():
-    for page, folder in ((README, ROOT), (PAGES, ROOT / "docs")):
-        names = re.findall(r"!\[[^]]+\]\(([^)]+)\)", page)
-        assert names
-        for name in names:
-            assert (folder / name).stat().st_size < 100_000
-            assert (folder / name).read_bytes()[8:12] == b"WEBP"
+def run_examples(url: str, key: str) -> list[str]:
+    """Return what differs from what the page prints."""
+    text = read_blocks("README.md", "python")[0].replace("<url>", url).replace("<key>", key)
+    examples = doctest.DocTestParser().get_doctest(text, {}, "README.md", "README.md", 0)
+    told: list[str] = []
+    doctest.DocTestRunner().run(examples, out=told.append, clear_globs=False)
+    examples.globs["client"].close()
+    return told

@@ -301,6 +301,27 @@ def test_the_reference_shows_every_route_and_loads_nothing(open_http, document):
         assert all(below <= above + 1 for above, below in itertools.pairwise(levels)), name
 
 
+def test_the_requests_that_pages_print_are_those_of_the_document(document):
+    known = {re.sub(r"\{\w+\}", "{id}", path): methods for path, methods in document["paths"].items()}
+    found = 0
+    for page in sorted(Path("docs").glob("*.md")):
+        text = page.read_text("utf-8")
+        for line in re.finditer(
+            r"^    (GET|POST|PUT|PATCH|DELETE) +(/v1/[^\s?]+)(?:\?(\w+)=\S+)? *", text, re.MULTILINE
+        ):
+            method, path, parameter = line.groups()
+            operation, found = known[path][method.lower()], found + 1
+            names = {each["name"] for each in operation.get("parameters", ())}
+            assert parameter is None or parameter in names, (page.name, line[0])
+            if text[line.end()] == "{":
+                body, _ = json.JSONDecoder().raw_decode(text, line.end())
+                schema = operation["requestBody"]["content"][JSON]["schema"]
+                whole = {"components": document["components"], **schema}
+                faults = [each.message for each in Draft202012Validator(whole).iter_errors(body)]
+                assert faults == [], (page.name, line[0])
+    assert found > 20
+
+
 def test_the_type_of_a_problem_leads_to_its_explanation(open_http, monkeypatch, tmp_path):
     page = tmp_path / "errors.md"
     page.write_text(

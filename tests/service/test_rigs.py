@@ -13,6 +13,9 @@ from radiometry.fitting.curve import coverage_factor
 from simulation.heads import draw_boards
 from stilb.export import export
 from tests.support.certificates import InHouse
+from tests.support.house import KEY
+from tests.support.live import serving
+from tests.support.printed import link_checkout, read_blocks, type_in
 from tests.support.rigs import BOARD, RIG, photograph
 from tests.verify.changing import nudge, run
 
@@ -64,6 +67,7 @@ def test_a_rig_is_oriented_from_pictures_taken_together(house, tmp_path, capsys)
     check_certificate(house, path, pose)
     check_given_versions(house, path, made)
     check_recomputed(house, path, made, tmp_path, capsys)
+    check_printed(house, rig, made, tmp_path / "checkout")
     check_wrong_scene(house, path, made)
 
 
@@ -100,6 +104,18 @@ def check_recomputed(house, path, made, folder, capsys):
     code, said = run(capsys, folder)
     assert code == 1
     assert " 1 of " in said
+
+
+def check_printed(house, rig, made, folder):
+    """The commands of docs/rigs.md, with the line of each camera once for both."""
+    folder.mkdir()
+    link_checkout(folder)
+    exported, *others = "".join(read_blocks("docs/rigs.md")).splitlines()
+    each = "; ".join(f'CAL="{version}"; {exported.partition("#")[0]}' for _, version in made)
+    with serving(house) as live:
+        address = {"STILB": live.url, "STILB_URL": live.url, "KEY": KEY, "STILB_KEY": KEY, "RIG": rig["id"]}
+        told = type_in(folder, "\n".join([each, *others]), **address)
+    assert told.count("the same to the last bit") == 2
 
 
 def check_given_versions(house, path, made):

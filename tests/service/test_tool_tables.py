@@ -1,8 +1,6 @@
 """The calculators take a table as a spreadsheet writes it."""
 
 import csv
-import re
-from pathlib import Path
 
 import pytest
 
@@ -118,14 +116,6 @@ def test_the_nikon_s_own_tables_are_taken_as_they_are(house, channel, dark_dn):
     text = read_text("aperture_series_t1_250.csv")
     answer = ask_table(house, "exposure", text, signal=channel, exposure_time_s=0.004, iso=200, **told)
     assert answer.json()["exponents"]["f_number"]["value"] == pytest.approx(-2.04, abs=0.04)
-
-
-def test_the_example_of_the_documentation_runs(house):
-    text = (Path(__file__).parents[2] / "docs" / "tools.md").read_text(encoding="utf-8")
-    (address,) = re.findall(r'--data-binary @exposure_series.csv \\\n *"\$URL/v1/tools/(\S+)"', text)
-    answer = ask_table(house, address, read_text("exposure_series.csv"))
-    assert answer.status_code == 200, answer.text
-    assert sorted(answer.json()["exponents"]) == ["exposure_time_s", "f_number"]
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from stilb.field.template import read_methods
 from stilb.problem import Unclear
 from tests.support.campaigns import K_TRUE, LEVELS
 from tests.support.cards import write_card, write_plan
+from tests.support.printed import read_blocks
 
 NUMBERS = "readings.csv"
 KINDS = {"sharpness": "siemens_star", "geometry": "checkerboard"}
@@ -239,6 +240,15 @@ def test_a_plan_that_is_wrong_says_where(handful, old, new, message):
     with pytest.raises((Unclear, OSError)) as found:
         read_plan(handful)
     assert message in str(found.value)
+
+
+def test_the_table_that_the_page_prints_names_these_files(handful):
+    (printed,) = read_blocks("docs/command-line.md", "toml")
+    with (handful / "campaign.toml").open("a") as file:
+        file.write(printed)
+    rule = read_plan(handful).rules[-1]
+    assert (rule.role, rule.scene) == ("light", "level-1")
+    assert [rule.match(f"100/DJI_00{number}.DNG") for number in ("12", "13")] == [{}, None]
 
 
 def test_a_plan_that_is_not_there(signed_in, tmp_path):

@@ -9,11 +9,12 @@ from store.backup_check import main
 from store.blobs.objects import ObjectBlobs
 from tests.support.blobs import files, put, spoil, zero
 from tests.support.campaigns import published_campaign
+from tests.support.printed import link_checkout, read_blocks, type_in
 
 
 @pytest.fixture
 def backup(house, tmp_path):
-    """Copied as docs/operations.md says; of PostgreSQL the files alone: its address names the database."""
+    """Of PostgreSQL the files alone: its address names the database."""
     campaign = house.campaign()
     frames = [house.upload(campaign, house.frame_bytes(seed=seed), role="dark") for seed in (1, 2, 3)]
     house.work()
@@ -37,6 +38,19 @@ def test_a_whole_backup(backup, capsys):
     assert out[0].startswith("proven: 6 files, ")
     assert out[1] == "this backup is whole"
     assert files(folder) == before, "nothing is written into a backup"
+
+
+@pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
+def test_the_printed_commands_make_a_backup_and_verify_it(house, tmp_path_factory):
+    house.upload(house.campaign(), house.frame_bytes(), role="dark")
+    house.work()
+    (house.folder / "key").write_text("secret")
+    folder = tmp_path_factory.mktemp("checkout")
+    link_checkout(folder)
+    (folder / "stilb-data").symlink_to(house.folder)
+    told = type_in(folder, "".join(read_blocks("docs/operations.md")))
+    assert told.splitlines()[-1] == "this backup is whole"
+    assert (folder / "backup" / "key").read_text() == "secret"
 
 
 def test_every_lost_file_is_named(house, backup, capsys):

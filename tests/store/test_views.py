@@ -6,6 +6,7 @@ from sqlalchemy.exc import ProgrammingError
 
 from tests.support.campaigns import calibrate, upload_campaign
 from tests.support.measuring import field_frame, measure
+from tests.support.printed import read_blocks
 
 COLUMNS = {
     "coefficients": {
@@ -57,9 +58,12 @@ def test_the_views_say_what_the_api_says(house):
 def test_the_role_reads_the_views_and_nothing_else(database):
     if database.engine.dialect.name == "sqlite":
         pytest.skip("SQLite has no roles")
+    (block,) = read_blocks("docs/dashboards.md", "sql")
+    made, asked = block.strip().removesuffix(";").split(";\n")
     with database.engine.connect() as connection:
-        connection.execute(text("SET LOCAL ROLE stilb_read"))
-        connection.execute(text("SELECT * FROM api_v1.coefficients"))
+        connection.execute(text(made))
+        connection.execute(text("SET LOCAL ROLE board"))
+        connection.execute(text(asked))
         for statement in ("SELECT * FROM calibration", "INSERT INTO slot VALUES (1, 'a', 'b', 'c')"):
             with pytest.raises(ProgrammingError, match="permission denied"), connection.begin_nested():
                 connection.execute(text(statement))

@@ -22,8 +22,8 @@ class Shot:
     scene: str | None
 
 
-def write_campaign(folder: Path) -> list[Shot]:
-    """The frames of `tests.support.campaigns`, as files that a client sends."""
+def write_campaign(folder: Path, **more) -> list[Shot]:
+    """The frames of `tests.support.campaigns`, as files that a client sends; ``more`` : see `write_frame`."""
     shots = []
     for iso in ISOS:
         for index, (exposure_time_s, f_number) in enumerate(SETTINGS):
@@ -36,16 +36,17 @@ def write_campaign(folder: Path) -> list[Shot]:
                     f_number=f_number,
                     iso=iso,
                     seed=1 + 100 * number + index + iso,
+                    **more,
                 )
                 shots.append(Shot(path=path, role="light" if scene else "dark", scene=scene))
     return shots
 
 
-def write_field_folder(folder: Path) -> None:
+def write_field_folder(folder: Path, **more) -> None:
     """Write the folder of docs/http.md: a folder per light level, one of dark frames, the readings."""
     raw = folder / "raw"
     raw.mkdir(parents=True)
-    for shot in write_campaign(raw):
+    for shot in write_campaign(raw, **more):
         target = folder / (shot.scene or "dark")
         target.mkdir(exist_ok=True)
         shot.path.rename(target / shot.path.name)

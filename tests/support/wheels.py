@@ -3,12 +3,12 @@
 import subprocess
 import sys
 import sysconfig
-import venv
 from pathlib import Path
 
 import pytest
 
 from tests.support.compose import ROOT, load_script
+from tests.support.printed import read_blocks, type_in
 
 UV = Path(sys.executable).with_name("uv")
 
@@ -28,11 +28,17 @@ def server_wheel(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def installed(wheel, server_wheel, tmp_path_factory):
-    """An environment with both wheels; what they need is found in this one."""
+    """An environment with both wheels, made as the pages say; what they need is found in this one."""
     folder = tmp_path_factory.mktemp("installed")
-    venv.create(folder, symlinks=True)
-    (packages,) = folder.glob("lib/python*/site-packages")
+    (folder / "dist").mkdir()
+    for built in (wheel, server_wheel):
+        (folder / "dist" / built.name).symlink_to(built)
+    made, up = read_blocks("docs/install.md")[0].rsplit("\n", 2)[:2]
+    assert up == "stilb-env/bin/stilb-server up"
+    type_in(folder, made)
+    environment = folder / "stilb-env"
+    client, _ = read_blocks("docs/command-line.md")[0].splitlines()
+    type_in(folder, client, first=environment / "bin")
+    (packages,) = environment.glob("lib/python*/site-packages")
     (packages / "needs.pth").write_text(sysconfig.get_path("purelib"))
-    install = [UV, "pip", "install", "-q", "--offline", "--no-deps", "--python", folder / "bin" / "python"]
-    subprocess.run([*install, wheel, server_wheel], check=True)
-    return folder
+    return environment
