@@ -3,32 +3,22 @@
 Both end with the folder, not with the run: while the browser is driven, no event loop can be run beside it.
 """
 
-import subprocess
 from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from playwright._impl._driver import compute_driver_executable
 from playwright.sync_api import sync_playwright
 
-from tests.support.browser import CHROMIUM, DIALOG, launch, sign_in, visit
+from tests.support.browser import DIALOG, find_missing, launch, sign_in, visit
 from tests.support.deployments import Embedded, short_folder
 from tests.support.nightwork import work_a_night
 
 
 def pytest_collection_modifyitems(items):
-    if not Path(CHROMIUM).is_file():
-        why = f"no Chromium at {CHROMIUM}: apt-get install chromium-headless-shell, or set STILB_CHROMIUM"
-    elif subprocess.run(
-        [compute_driver_executable()[0], "--version"], check=False, capture_output=True
-    ).returncode:
-        why = "Playwright does not start: apt-get install libatomic1"
-    else:
-        return
-    absent = pytest.mark.skip(reason=why)
-    for item in items:
-        if Path(__file__).parent in item.path.parents:
-            item.add_marker(absent)
+    here = [item for item in items if Path(__file__).parent in item.path.parents]
+    if here and (missing := find_missing()):
+        for item in here:
+            item.add_marker(pytest.mark.skip(reason=missing))
 
 
 @pytest.hookimpl(wrapper=True)

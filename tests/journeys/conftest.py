@@ -1,7 +1,6 @@
 """One service for all journeys, and each card written once; every journey is an organisation of its own."""
 
 import shutil
-from pathlib import Path
 
 import pytest
 from playwright.sync_api import sync_playwright
@@ -13,8 +12,9 @@ from tests.journeys.flight import write_flight
 from tests.journeys.head import write_head
 from tests.journeys.night import write_night
 from tests.journeys.pages import Pages
-from tests.support.browser import CHROMIUM, launch
+from tests.support.browser import find_missing, launch
 from tests.support.deployments import Embedded, short_folder
+from tests.support.printed import NO_CURL
 
 DOORS = {"pages": Pages, "client": Client, "command": Command, "curl": Curl}
 
@@ -30,7 +30,7 @@ def door(request, service, tmp_path):
     """The door by the name that the test gives."""
     opens = DOORS[request.param]
     if opens is Curl and shutil.which("curl") is None:
-        pytest.skip("there is no curl: apt-get install curl")
+        pytest.skip(NO_CURL)
     more = {"browser": request.getfixturevalue("browser")} if opens is Pages else {}
     with service.team() as team, opens(service.url, team.key, tmp_path, **more) as opened:
         yield opened
@@ -38,8 +38,8 @@ def door(request, service, tmp_path):
 
 @pytest.fixture(scope="package")
 def browser():
-    if not Path(CHROMIUM).is_file():
-        pytest.skip(f"there is no Chromium at {CHROMIUM}; STILB_CHROMIUM names another")
+    if missing := find_missing():
+        pytest.skip(missing)
     with sync_playwright() as started:
         opened = launch(started)
         yield opened

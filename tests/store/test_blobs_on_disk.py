@@ -13,6 +13,7 @@ import pytest
 from store.blobs import LocalBlobs, StorageFull, StorageUnavailable, StoredBlob, prove_file
 from store.blobs.objects import ObjectBlobs
 from tests.support.blobs import files, put
+from tests.support.disks import small_disk
 from tests.support.s3 import s3_bucket, s3_endpoint  # noqa: F401 (fixtures)
 
 MIB = 1 << 20
@@ -67,23 +68,12 @@ def test_a_file_size_limit_is_a_full_storage(tmp_path):
 
 
 def test_a_full_disk_is_a_full_storage(tmp_path):
-    disk = tmp_path / "disk"
-    disk.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(disk)]
-    try:
-        mounted = subprocess.run(mount, capture_output=True, check=False).returncode == 0
-    except FileNotFoundError:
-        mounted = False
-    if not mounted:
-        pytest.skip("no small disk can be mounted here")
-    try:
+    with small_disk(tmp_path, megabytes=1) as disk:
         blobs = LocalBlobs(disk)
         with pytest.raises(StorageFull, match=r"no room left .*No space left"):
             put(blobs, b"x" * (3 * MIB // 4), b"y" * MIB)
         assert files(disk) == []
         put(blobs, b"x" * (MIB // 2))
-    finally:
-        subprocess.run(["umount", str(disk)], check=True)
 
 
 def test_a_folder_that_cannot_be_written_is_unavailable(tmp_path):

@@ -1,12 +1,14 @@
 """A browser that looks at the pages as people do: its console is quiet, its pictures are kept, axe asked."""
 
 import os
+import subprocess
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 
 from axe_playwright_python.sync_playwright import Axe
 from PIL import Image
+from playwright._impl._driver import compute_driver_executable
 from playwright.sync_api import Browser, BrowserContext, Locator, Page, Playwright, Response, expect
 
 from bench.pages import find_chromium
@@ -26,6 +28,15 @@ _COLOURS = {"type": "rule", "values": ["color-contrast"]}
 _LINES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
 
 expect.set_options(timeout=_PATIENCE_MS)
+
+
+def find_missing() -> str:
+    """Return what this machine lacks to show pages, and how it gets it; empty if nothing."""
+    if not Path(CHROMIUM).is_file():
+        return f"no Chromium at {CHROMIUM}: apt-get install chromium-headless-shell, or set STILB_CHROMIUM"
+    driver = [compute_driver_executable()[0], "--version"]
+    started = subprocess.run(driver, check=False, capture_output=True).returncode == 0
+    return "" if started else "Playwright does not start: apt-get install libatomic1"
 
 
 def launch(playwright: Playwright, *, scroll_bars: bool = False) -> Browser:
