@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any, cast
 
@@ -16,7 +17,7 @@ from stilb.commands.exits import Exit
 from stilb.commands.output import Output, command
 from stilb.commands.progress import showing
 from stilb.commands.push import send_night
-from stilb.commands.tables import figure, show_scope, table
+from stilb.commands.tables import figure, group_alike, name_some, show_scope, table
 from stilb.details import Grid, MeasureDetails
 from stilb.field.plan import read_spreadsheet
 from stilb.field.template import LAMP_HELP
@@ -282,7 +283,7 @@ def _read_lanes(text: str) -> Grid:
 def format_measurements(
     found: Sequence[Measurement], refused: Sequence[Mapping[str, Any]]
 ) -> list[RenderableType]:
-    """Return a table of measurements, and a line for each frame that was not measured."""
+    """Return a table of measurements, and the frames that were not measured, by their reasons."""
     shown = table(
         ("measurement", "file", "mean", "region", "U_o", "flags"),
         [
@@ -298,8 +299,12 @@ def format_measurements(
         ],
     )
     views = dict.fromkeys(one.raw["seen_from_detail"] for one in found if "seen_from" in one.raw)
-    return [
-        shown,
-        *(f"seen from above: {view}" for view in views),
-        *(f"{each['filename']} not measured: {each['detail']}" for each in refused),
-    ]
+    alike = group_alike(refused, lambda each: [each["detail"].replace(each["filename"], "")])
+    told = (
+        (
+            f"{name_some([each['filename'] for each in some], 'frames')}  not measured",
+            f"    {some[0]['detail']}",
+        )
+        for some in alike
+    )
+    return [shown, *(f"seen from above: {view}" for view in views), *chain.from_iterable(told)]

@@ -1,7 +1,6 @@
 """Progress of a push on stderr: a bar with rate and remaining time on a terminal, else one line per step."""
 
 import math
-import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
@@ -16,12 +15,10 @@ from rich.progress import (
     TransferSpeedColumn,
 )
 
-from stilb.commands.tables import name_some
-from stilb.field.push import Listener, Report, Told
+from stilb.commands.tables import NUMBER, group_alike, name_some
+from stilb.field.push import Listener, Report
 from stilb.problem import Problem
 from stilb.side_by_side import Progress as Sent
-
-_NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
 class _Screen:
@@ -82,13 +79,9 @@ def lines(report: Report) -> Iterator[str]:
 
     Reasons that differ only in numbers are one, with the range of each number.
     """
-    alike: dict[tuple[str, ...], list[Told]] = {}
-    for file in report.files:
-        if file.outcome != "pass" or file.reasons:
-            words = (_NUMBER.sub("#", reason) for reason in file.reasons)
-            alike.setdefault((file.outcome, *words), []).append(file)
-    for (outcome, *_), files in alike.items():
-        yield f"{name_some([file.name for file in files], 'files')}  {outcome}"
+    told = (file for file in report.files if file.outcome != "pass" or file.reasons)
+    for files in group_alike(told, lambda file: (file.outcome, *file.reasons)):
+        yield f"{name_some([file.name for file in files], 'files')}  {files[0].outcome}"
         yield from (f"    {_merge(some)}" for some in zip(*(file.reasons for file in files), strict=True))
     if report.left_out:
         yield f"left out, no rule fits: {', '.join(report.left_out)}"
@@ -101,7 +94,7 @@ def _merge(reasons: Sequence[str]) -> str:
     """Return sentences that are equal but for their numbers as one."""
     ranges = (
         (min(numbers, key=float), max(numbers, key=float))
-        for numbers in zip(*map(_NUMBER.findall, reasons), strict=True)
+        for numbers in zip(*map(NUMBER.findall, reasons), strict=True)
     )
     spans = (low if float(low) == float(high) else f"{low} to {high}" for low, high in ranges)
-    return _NUMBER.sub(lambda _: next(spans), reasons[0])
+    return NUMBER.sub(lambda _: next(spans), reasons[0])

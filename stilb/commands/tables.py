@@ -1,8 +1,9 @@
 """Tables for terminals, files and pipes."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, TypeVar
 
 from rich import box
 from rich.table import Table
@@ -71,7 +72,9 @@ def _plain(value: float | str | None) -> str:
     return f"{value:g}" if isinstance(value, float | int) else value or ""
 
 
+NUMBER = re.compile(r"\d+(?:\.\d+)?")
 _MOST_NAMED = 5
+_Row = TypeVar("_Row")
 
 
 def name_some(names: Sequence[str], what: str) -> str:
@@ -79,6 +82,14 @@ def name_some(names: Sequence[str], what: str) -> str:
     if len(names) <= _MOST_NAMED:
         return ", ".join(names)
     return f"{len(names)} {what}: {', '.join(names[:_MOST_NAMED])} and {len(names) - _MOST_NAMED} more"
+
+
+def group_alike(rows: Iterable[_Row], words: Callable[[_Row], Sequence[str]]) -> list[list[_Row]]:
+    """Return rows in groups whose words are the same but for their numbers."""
+    alike: dict[tuple[str, ...], list[_Row]] = {}
+    for row in rows:
+        alike.setdefault(tuple(NUMBER.sub("#", each) for each in words(row)), []).append(row)
+    return list(alike.values())
 
 
 def format_findings(found: Iterable[Mapping[str, Any]]) -> list[str]:

@@ -1,5 +1,6 @@
 """Lines that a command ends with: equal ones are one, with what they hold for."""
 
+from stilb.commands.measurements import format_measurements
 from stilb.commands.progress import lines
 from stilb.commands.tables import format_findings
 from stilb.field.push import Report, Told
@@ -36,6 +37,23 @@ def test_reasons_that_differ_only_in_numbers_are_told_once():
         "    Expose less.",
         "d.DNG  fail",
         "    Damaged.",
+    ]
+
+
+def test_frames_that_are_not_measured_for_one_reason_are_told_once():
+    """A reason names its frame and its time: that of the first stands for all."""
+    names = [f"DJI_{number}.DNG" for number in range(141)]
+    refused = [
+        {"filename": name, "detail": f"Frame {name} was taken at 20:{n % 60:02}: no version is in force."}
+        for n, name in enumerate(names)
+    ]
+    refused.append({"filename": "a.DNG", "detail": "Frame a.DNG is withdrawn."})
+    _, *said = format_measurements([], refused)
+    assert said == [
+        "141 frames: DJI_0.DNG, DJI_1.DNG, DJI_2.DNG, DJI_3.DNG, DJI_4.DNG and 136 more  not measured",
+        "    Frame DJI_0.DNG was taken at 20:00: no version is in force.",
+        "a.DNG  not measured",
+        "    Frame a.DNG is withdrawn.",
     ]
 
 
