@@ -23,6 +23,8 @@ ANSWER_WITHIN_S = 1.5
 _SILENT_AFTER_S = 2.5
 """Later than `ANSWER_WITHIN_S`: on a busy machine a single look may take longer than a request may wait."""
 _FRESH_S = 1.0
+_TRUSTED_FOR_S = 5.0
+"""How long what was found is held against a look that is slow."""
 _WRITE_WITHIN_S = 10.0
 """Others may hold SQLite's write lock for a while, and nothing is wrong."""
 _NOBODY = ""
@@ -97,12 +99,14 @@ class _Check:
         return self._under_way
 
     def finding(self) -> Finding:
-        """Return what is known now: of a look that is merely slow, what the one before it found."""
+        """Return what is known now: of a look that is merely slow, what the one just before it found."""
         self._take()
         asked_s = time.monotonic() - self._begun
         if self._under_way is None or asked_s < ANSWER_WITHIN_S:
             return self._finding
-        if asked_s < self._within_s:
+        # one that may take long says nothing by being slow; of any other only what was found lately counts
+        known = self._within_s > _SILENT_AFTER_S or time.monotonic() - self._ended < _TRUSTED_FOR_S
+        if asked_s < self._within_s and known:
             return replace(self._finding, slow_s=asked_s)
         return Finding(name=self.name, code=self._code, detail=f"It has not answered for {asked_s:.0f} s.")
 
@@ -112,6 +116,9 @@ class _Check:
             return self._look()
         except (SQLAlchemyError, StorageFull, StorageUnavailable, OSError) as error:
             return error
+        finally:
+            # not when it is taken: that may be long after
+            self._ended = time.monotonic()
 
     def _take(self) -> None:
         if self._under_way is None or not self._under_way.done():
@@ -126,7 +133,6 @@ class _Check:
             self.found = found
             self._finding = Finding(name=self.name)
         self._under_way = None
-        self._ended = time.monotonic()
 
 
 class Health:

@@ -19,6 +19,7 @@ from sqlalchemy import text, update
 
 from service.health import Health
 from store.blobs import StorageFull, StorageUnavailable
+from store.blobs.objects import ObjectBlobs
 from store.columns import utc_now
 from store.database import Database
 from store.migrate import alembic_config
@@ -127,6 +128,46 @@ def test_a_passing_slowness_is_named_and_does_not_end_readiness(house):
     finally:
         go_on.set()
     wait_until(lambda: house.http.get("/readyz").json().get("warnings", [])[2:] == [])
+
+
+@pytest.mark.either_database
+def test_what_a_slow_look_found_long_ago_is_not_news(house):
+    """Nobody was there to hear of it: the store answered in the end, and went away since."""
+    answers = threading.Semaphore(1)
+    away = threading.Event()
+
+    class Blobs:
+        def check(self):
+            answers.acquire()
+            if away.is_set():
+                raise StorageUnavailable("away")
+
+    look_anew(house, blobs=Blobs())
+    ready(house)
+    time.sleep(1.1)
+    assert ready(house)["warnings"][1].startswith("the check of files has taken ")
+    answers.release()
+    time.sleep(1.2)
+    away.set()
+    answers.release()
+    assert ready(house, status=503)["code"] == "storage_unavailable"
+
+
+@pytest.mark.either_database
+def test_s3_that_is_away_ends_readiness_at_the_first_look(
+    house, s3_bucket, s3_endpoint, tmp_path, monkeypatch
+):
+    host, port = s3_endpoint.removeprefix("http://").split(":")
+    monkeypatch.setattr("service.health._TRUSTED_FOR_S", 1.0)
+    with Proxy((host, int(port))) as proxy:
+        look_anew(
+            house, blobs=ObjectBlobs(f"s3://{s3_bucket}/x", tmp_path, endpoint=f"http://{proxy.address}")
+        )
+        for mode in ("away", "failing", "silent"):
+            wait_until(lambda: house.http.get("/readyz").status_code == 200)
+            time.sleep(1.2)
+            with proxy.being(mode):
+                assert ready(house, status=503)["code"] == "storage_unavailable", mode
 
 
 def test_a_schema_of_another_stilb(house, caplog):
