@@ -12,10 +12,10 @@ export PATH := $(CURDIR)/$(BIN):$(PATH)
 # an image may forbid it: each process would then compile every module again, and `make up` take twice as long
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: help demo up test apart journeys clients consumers quick faults chromium audit export verify verify-backup lint format fuzz model bench docs architecture tables api pictures examples release wheels lock clean
+.PHONY: help demo up test apart journeys clients consumers quick faults chromium audit audit-dependencies export verify verify-backup lint format fuzz model bench docs architecture tables api pictures examples release wheels lock clean
 
 help:  ## what can be made
-	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 15
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 20
 
 demo: $(VENV)/run  ## a whole simulated calibration through the HTTP API, in a minute (KEEP=1 keeps serving)
 	@python -m demo
@@ -59,6 +59,13 @@ chromium:
 
 audit: $(VENV)/run  ## is the audit trail whole, and every row as it says? (HEAD=seq:hash compares a head noted before)
 	@python -m store.audit_check $(HEAD)
+
+# tools of its own, which nothing else needs
+audit-dependencies: $(VENV)/uv  ## known vulnerabilities of all locked versions, by the databases of PyPI and npm; needs npm
+	@uv venv -q --clear build/audit && uv pip install -q --python build/audit --require-hashes -r .ci/audit.lock
+	@failed=0; for lock in $(wildcard *.lock .ci/*.lock tests/flow/*/requirements.lock); do echo "$$lock"; \
+	build/audit/bin/pip-audit --strict --disable-pip --require-hashes --progress-spinner off -r "$$lock" || failed=1; done; \
+	npm --prefix tests/flow/clients audit --package-lock-only && exit $$failed
 
 export: $(VENV)/run  ## what a version or measurement depends on, into a folder: CAL=<id> or MSR=<id> URL=<service> KEY=<key> TO=<folder>
 	@STILB_KEY="$(KEY)" python -m stilb export $(if $(MSR),--measurement) "$(or $(MSR),$(CAL))" "$(TO)" --url "$(URL)"
@@ -120,6 +127,7 @@ lock: $(VENV)/uv  ## resolve the dependencies again, with hashes; needs npm
 	uv pip compile -q -U --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 --group pyproject.toml:dev --group pyproject.toml:otel -c requirements.lock pyproject.toml -o requirements-dev.lock
 	echo openapi-python-client | uv pip compile -q -U --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 - -o tests/flow/clients/requirements.lock
 	uv pip compile -q -U --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 --overrides tests/flow/consumers/overrides.txt --no-emit-package gdal tests/flow/consumers/requirements.in -o tests/flow/consumers/requirements.lock
+	echo pip-audit | uv pip compile -q -U --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 - -o .ci/audit.lock
 	npm --prefix tests/flow/clients update --package-lock-only --omit-lockfile-registry-resolved --no-audit --no-fund
 
 clean:  ## forget the environment
