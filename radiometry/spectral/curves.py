@@ -10,6 +10,15 @@ from numpy.typing import NDArray
 
 from radiometry.findings import error, flag
 
+__all__ = [
+    "SPECTRAL_MISMATCH_UNKNOWN",
+    "find_response",
+    "list_lamps",
+    "read_lamp",
+    "read_observer",
+    "read_response",
+]
+
 SPECTRUM_INVALID = error(
     "spectrum_invalid",
     "A lamp or a camera response is neither a name of the library nor a table that can be read.",
@@ -50,13 +59,7 @@ def list_lamps() -> tuple[str, ...]:
 
 
 def list_responses() -> tuple[str, ...]:
-    """Return the names of the cameras whose response is in the library.
-
-    Returns
-    -------
-    tuple of str
-        Manufacturer and model.
-    """
+    """Return manufacturer and model of the cameras whose response is in the library."""
     return tuple(dict.fromkeys(name[:-2] for name in _read_library("responses.csv")))
 
 

@@ -16,6 +16,8 @@ from radiometry.spectral.curves import (
     read_response,
 )
 
+__all__ = ["DEFAULT_U_REL", "SOURCE", "find_confusion"]
+
 SOURCE = "spectral mismatch"
 DEFAULT_U_REL = 0.1
 """Standard uncertainty where lamp, response or light is unknown: over the library's lamps the published
