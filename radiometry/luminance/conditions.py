@@ -17,8 +17,6 @@ Colour = tuple[float, float]
 _ANY_DEPTH: Final[Interval] = (0.0, 1.0)
 _SECOND_RADIATION_CONSTANT_NM_K = 1.438776877e7
 _WHITE_LEDS = ("LED-B1", "LED-B2", "LED-B3", "LED-B4", "LED-B5", "LED-BH1")
-
-
 LABELS: Final[dict[str, str]] = {
     "incandescent": "Incandescent or halogen",
     "led": "LED with a steady driver, undimmed or dimmed by its current",

@@ -43,8 +43,6 @@ _GLARE_REL = 0.5 / math.sqrt(3.0)
 # Lenses scatter up to 4 % (ISO 9358 veiling glare); the rms of anything from 0 on, at any place of the frame.
 _USUAL_GLARE = 0.04
 _UNKNOWN_GLARE = _USUAL_GLARE / math.sqrt(3.0) * math.hypot(1.0, _GLARE_REL)
-
-
 MAINS_HZ = (50.0, 60.0)
 _NAMED_FLICKER = 0.005
 _LARGEST = 0.99

@@ -29,7 +29,6 @@ _BAND_ROWS = 256
 _CHUNK_ROWS = 16
 """Even, so that every chunk starts at the same CFA position; few, so that it stays in the cache."""
 
-
 _PLANES = ("R", "G", "B")
 
 

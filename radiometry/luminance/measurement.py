@@ -46,11 +46,12 @@ from radiometry.spectral.curves import list_responses
 from radiometry.spectral.mismatch import LEAST_U_REL, fit_colour_remedy
 from radiometry.vignetting.lens import Lens
 
+Corners = Sequence[tuple[float, float]]
+
 # A flicker over whole periods is not exactly 0.
 _ROUNDING = 1e-9
 # The extremes of fifty cells then lie within 3 % of each other, half of what a known camera is flagged for.
 _CLEAR_REL = 0.01
-Corners = Sequence[tuple[float, float]]
 # As well as a hand draws the same region twice, of the frame's diagonal.
 _NEAR_SHARE = 0.02
 # Mean over median, of a region and of a cell. Light that rises by three times over a cell as an exponential,
@@ -177,11 +178,11 @@ def measure(
 
     The mean of the region and of each cell is `application.apply_to_signal` of its statistics: measured as
     it was calibrated. E = pi L / rho holds for a diffuse surface; rho is taken as exact. With a correction
-    every signal above dark is divided by V (see `lens.correct_signal`). All luminances take the same
+    every signal above dark is divided by V (see `maps.correct_signal`). All luminances take the same
     corrections of the field (see `corrections`), found in the first frame.
 
     Repeated frames are averaged pixel by pixel. Their noise averages; every shared error remains; what they
-    scatter beyond noise is a source of its own (see `averaging.evaluate_scatter`). In a grid the part that
+    scatter beyond noise is a source of its own (see `pixels.evaluate_scatter`). In a grid the part that
     all cells have in common is shared by them, the rest is each cell's own.
     """
     coefficient = choose_coefficient(coefficients, iso=exposure.iso)

@@ -42,8 +42,6 @@ from radiometry.spectral.mismatch import compute_f1_prime
 _DISCOUNTED = 0.1
 _USUAL_CERTIFICATE_U_REL = 0.015
 _MOST_NAMES = 3
-
-
 _NONLINEARITY = 0.02
 _IMPLAUSIBLE_RATIO = 4.0
 _CHANCE = 0.01

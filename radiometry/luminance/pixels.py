@@ -17,22 +17,20 @@ from radiometry.luminance import codes
 from radiometry.luminance.maps import Sums, compute_shares, find_measured, name_channels, sum_signal
 from radiometry.vignetting.lens import Lens, LensShare
 
+Values = NDArray[np.float64]
+
 PERCENTILES = (5, 10, 90, 95)
 _ORDERED = (50, *PERCENTILES)
-
 _THREES_A_BIN = 500
 _MOST_BINS = 16
 _MOST_PIXELS_FOR_NOISE = 1_000_000
 _ROUNDING_VARIANCE = 1 / 12
 _OUTLIER_SIGMAS = 5.0
 _MAD_TO_SIGMA = 1.4826
-
-
 SCATTER = "scatter between repeats"
 _COVERAGE = 0.95
 _FLAG_LEVEL = 0.99
 _WORTH_NAMING_REL = 0.01
-Values = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

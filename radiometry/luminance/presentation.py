@@ -21,8 +21,6 @@ Rows = Callable[[], Sequence[Any]]
 _X: Final = "X = t S L / f²  [cd·s/m²]"
 _ALONG: Final = 80
 _TAKEN: Final = Axis(label="time taken, UTC", is_time=True)
-
-
 _RULES: Final = {
     "simple": "The verdict compares the largest deviation of a point from the luminance meter with the "
     "tolerance. Measurement uncertainty is not taken into account in this decision.",

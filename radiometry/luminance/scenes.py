@@ -16,8 +16,6 @@ from radiometry.luminance.rows import FrameRow, Params, Reading
 _LAMP_DRIFT_REL = 0.02
 _RHO_TOLERANCE_REL = 0.10
 _USUAL_COVERAGE_FACTOR = 2.0
-
-
 _HALF_HOUR_S = 1800.0
 _DOUBTFUL_S = 600.0
 _FARTHEST_ZONE_S = 14 * 3600.0

@@ -25,16 +25,18 @@ from radiometry.luminance.pixels import SCATTER, Values, average_signals, find_d
 from radiometry.luminance.results import Coefficient
 from radiometry.vignetting.lens import Lens, LensShare
 
+Array = NDArray[np.float64]
+Corners = Sequence[tuple[float, float]]
+Read = tuple[Signal, LensShare | None]
+
 _OF_CELLS = {
     shared.SATURATED: "Saturated",
     shared.BELOW_DETECTION: "Below detection",
     codes.OUTSIDE_SIGNALS: "Outside the calibrated signals",
 }
 _LOCAL: Final = frozenset({FLICKER})
-"""Sources that may err in each cell on its own (see `surface.judge_uniformity`)."""
+"""Sources that may err in each cell on its own (see `judge_uniformity`)."""
 
-Array = NDArray[np.float64]
-Corners = Sequence[tuple[float, float]]
 LEAST_CELL_PX = 4.0
 """Width of a cell below which the lens's blur and the rim's half pixels are much of it."""
 
@@ -43,7 +45,6 @@ _FOCAL_LENGTHS = np.geomspace(0.4, 5.0, 60)
 # Distortion of an uncorrected lens and a road's crown, beside the corners' own uncertainty.
 _ANGLE_DEG, _RATIO_LN = 5.0, math.log(1.1)
 _ERRORS = 3.0
-Read = tuple[Signal, LensShare | None]
 _GREENS = ("G1", "G2", "G")
 
 
@@ -369,7 +370,7 @@ class CalibratedCamera:
     ) -> AppliedLuminance:
         """Apply the coefficient to the mean of a region's signals.
 
-        ``drift`` is that of the whole grid (see `averaging.find_drift`): the shared part of the scatter.
+        ``drift`` is that of the whole grid (see `pixels.find_drift`): the shared part of the scatter.
         """
         signal, scatter_dn = average_signals(
             [signal for signal, _ in read],

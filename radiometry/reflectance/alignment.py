@@ -16,9 +16,10 @@ from radiometry.reflectance import codes
 
 Plane = NDArray[np.float32]
 Matrix = NDArray[np.float64]
+Grid = NDArray[np.float64]
+Affine = tuple[float, ...]
 
 IDENTITY: Final = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
-
 _PATCH_PX = 64
 _ACROSS = 12
 _SEARCHES_PX = (12, 5, 5)
@@ -32,10 +33,6 @@ _MOST_RESIDUAL_PX = 1.5
 _MAD_TO_SIGMA = 1.4826
 _SMOOTHING_PX = 1.2
 _EVEN_PX = 12.0
-
-
-Grid = NDArray[np.float64]
-Affine = tuple[float, ...]
 _WIDEST_RAD = 1.4
 _NOWHERE_PX = -10.0
 _UNDISTORT_STEPS = 20

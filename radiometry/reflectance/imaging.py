@@ -32,8 +32,6 @@ Plane = NDArray[np.float64]
 
 _DARKEST_SHARE, _BRIGHTEST_SHARE = 0.05, 2.0
 _PROBES = 33
-
-
 # Some firmware wrote 1/6329 s for exposures of 0.274 ms.
 _MISWRITTEN_TIME_S, _MEANT_TIME_S = 1.0 / 6329.0, 0.000274
 _ISO_PER_GAIN = 100.0

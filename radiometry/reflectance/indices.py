@@ -23,10 +23,9 @@ Values = NDArray[np.floating]
 _MOST_DEPTH: Final = 16
 _LARGEST_NUMBER: Final = 1e6
 _LARGEST_POWER: Final = 4.0
-
-
 UNREFINED_PX = 5.0
 """What is assumed to remain without a refinement: the most that lens data left on the real captures."""
+
 _REACH_PX, _WIDE_REACH_PX = 24, 96
 
 

@@ -32,13 +32,12 @@ from radiometry.specification.stored import LATER
 PERCENTILES = (5, 10, 90, 95)
 _OUTLIER_SIGMAS = 5.0
 _MAD_TO_SIGMA = 1.4826
-
-
 PANEL, ALIGNMENT = "panel", "alignment"
 _K: Final = "K"
 _NOISE: Final = "pixel noise"
 _COMMON: Final = ("sunshine tilt",)
 """One tilt of one sensor: the same sign in every band."""
+
 _UNKNOWN: Final = (PANEL, "drift", "sunshine gain")
 """The same panel, light and sensor, but nothing states how their errors correlate from band to band."""
 

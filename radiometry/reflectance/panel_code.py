@@ -16,6 +16,10 @@ from radiometry.frame.roi import Polygon
 from radiometry.reflectance.alignment import move_region
 from radiometry.specification.application import FoundBy
 
+Corners = NDArray[np.float64]
+Plane = NDArray[np.float32]
+Grey = NDArray[np.uint8]
+
 DARKEST_PANEL = 0.35
 """Of the way from the code's black to its white. Grass, soil and asphalt lie below 0.3."""
 
@@ -26,27 +30,27 @@ SAMPLES, CELLS = 64, 8
 # a plane along the rows, of unit length
 _RAMP = np.repeat(np.linspace(-1.0, 1.0, CELLS)[:, None], CELLS, axis=1)
 _RAMP /= np.linalg.norm(_RAMP)
-
-Corners = NDArray[np.float64]
-Plane = NDArray[np.float32]
-
-
 SHRINK = 0.65
 """Side of the region over the panel's: what is left absorbs a tilted panel and another lens."""
+
 CLEARLY_LESS_EVEN = 2.0
 """Scatter of the second most even side over that of the first, where both look like a panel."""
+
 SMALLEST_PX, MOST_OBLONG = 20.0, 2.0
 """Shortest side of a stated panel, and its longest over its shortest."""
+
 LONGEST_SIDE_PX = 2600
 """A larger picture is made smaller first, by a whole factor: a code is found at any size, in less time."""
+
 # two pairs of a wavelength in nm and a reflectance in thousandths
 _ALBEDO = re.compile(r"(\d{4})(\d{3})(\d{4})(\d{3})$", re.ASCII)
 _FIRST_LATE, _CORNERS = 3, 4
-Grey = NDArray[np.uint8]
 WIDEST_SHIFT = 0.12
 """Searched to either side of where the lens data put the panel, as a share of the frame's width."""
+
 LEAST_CORRELATION, MOST_ALIKE = 0.5, 0.9
 """Of the place that fits best, and of the second best, as a share of it."""
+
 _AROUND = 0.6  # of the region's size, added on each side: the panel's edges and part of its code
 _BLUR_PX = 1.5
 

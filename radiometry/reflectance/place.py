@@ -26,10 +26,9 @@ _TIE_POINTS: Final = slice(None, None, 2)
 _STEP_RAD: Final = 1e-4
 _CENTRE: Final = (_POINTS // 2, _POINTS // 2)
 _CORNERS: Final = ((0, 0), (0, -1), (-1, -1), (-1, 0))
-
-
 _U_POSITION_M: Final = 2.5
 """Along each axis, of a receiver that states no deviation; DJI's at times is off by this without RTK."""
+
 _U_HEIGHT: Final[dict[HeightSource, tuple[float, float]]] = {
     "request": (1.0, 0.05),
     "ground_altitude": (5.0, 0.0),

@@ -23,7 +23,6 @@ OLD_DAYS: Final = 730.5
 _FEWEST_DAYS: Final = 365.25
 """Two measurements closer than this state no rate of ageing: their difference is mostly the meter's."""
 
-
 PANEL = "panel"
 MOST_SATURATED_SHARE = 0.001
 DETECTION_ERRORS = 3.0

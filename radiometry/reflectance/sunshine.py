@@ -32,6 +32,9 @@ from radiometry.reflectance.sun import (
     sun_angle_deg,
 )
 
+Channel = Literal["ch0", "ch1"]
+Choice = Literal["mean", "last", "nearest"]
+
 REFERENCE_INDEX = 1
 SATURATED_COUNT = 65_535
 # The gains of a real sensor (24.6 and 16.7 between indices) are those of ams' TSL2591, whose counters stop
@@ -40,16 +43,10 @@ SHORT_SATURATED_COUNT, SHORT_TIME_S = 36_863, 0.1
 # A table's ratio of the channels holds for its own light. Under the sun it was off by 2, 4, 5 and 95 % in the
 # four bands of a real capture: the root mean square of the logarithms.
 _OTHER_LIGHT_U_REL = 0.35
-
 # The standard uncertainty of a number rounded to a whole one.
 ROUNDING = 1.0 / math.sqrt(12.0)
-
-Channel = Literal["ch0", "ch1"]
-
-
 # What records without the two fields are taken for: what later firmware wrote by day.
 ASSUMED_INTEGRATION_TIME_S = 0.1
-Choice = Literal["mean", "last", "nearest"]
 COUNTS_UNIT = "1/s"
 # Of a file's only reading: between a Sequoia at rest (0.2 %) and the bands of a RedEdge (4.7 %).
 SINGLE_READING_U_REL = 0.025

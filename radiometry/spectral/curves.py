@@ -19,6 +19,9 @@ __all__ = [
     "read_response",
 ]
 
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
 SPECTRUM_INVALID = error(
     "spectrum_invalid",
     "A lamp or a camera response is neither a name of the library nor a table that can be read.",
@@ -34,10 +37,6 @@ SPECTRAL_MISMATCH_UNKNOWN = flag(
     "`spectral_mismatch_u_rel` where you know better.",
     "measurement",
 )
-
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
-
 OBSERVER = "V"
 CHANNELS = ("R", "G", "B")
 _FIRST_NM, _LAST_NM, _STEP_NM = 380, 780, 5
