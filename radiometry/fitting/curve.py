@@ -1,4 +1,4 @@
-"""Fit of one calibration curve: points with shared errors, a model, and its parameters."""
+"""A curve through measurements that share errors: the choice of its model, and robust weights."""
 
 import math
 from collections.abc import Sequence
@@ -8,16 +8,24 @@ import numpy as np
 import scipy
 from numpy.linalg import LinAlgError
 
-from radiometry.fitting import models
-from radiometry.fitting.components import Matrix, Vector
-from radiometry.fitting.gls import solve
-from radiometry.fitting.prediction import Converged, Prediction, Rows, predict_errors
-from radiometry.fitting.sources import F_NUMBER, READING, SCATTER, TAIL_FACTOR, Curve, list_sources
-from radiometry.fitting.variances import are_separable
+from radiometry.fitting import sources
+from radiometry.fitting.components import Matrix, Vector, index_labels
+from radiometry.fitting.gls import (
+    Converged,
+    Prediction,
+    Rows,
+    are_separable,
+    leave_groups_out,
+    predict_errors,
+    solve,
+)
+from radiometry.fitting.sources import F_NUMBER, READING, SCATTER, TAIL_DOF, TAIL_FACTOR, Curve, list_sources
 
+__all__ = ["coverage_factor"]
+
+# Relative standard uncertainty of a nominal f-number that nothing is known of. Nominal values are rounded by
+# up to 2.8 % (f/11 for 11.314), which as a rectangular distribution is 2.8 / sqrt(3) %.
 F_NUMBER_U_REL = 0.015
-"""Relative standard uncertainty of a nominal f-number that nothing is known of. Nominal values are rounded by
-up to 2.8 % (f/11 for 11.314), which as a rectangular distribution is 2.8 / sqrt(3) %."""
 
 _FEWEST_F_NUMBERS = 3
 _MAX_ITERATIONS = 200
@@ -27,88 +35,42 @@ _COVERAGE = 0.95
 
 @dataclass(frozen=True, kw_only=True)
 class CurveFit:
-    """A model fitted to a calibration curve.
-
-    Attributes
-    ----------
-    model : str
-        Name of the model.
-    parameters : ndarray of float64
-        Fitted parameters, named by `models.PARAMETER_NAMES`.
-    covariance : ndarray of float64
-        Covariance of `parameters`, Birge ratio included, (p, p).
-    k_weights : ndarray of float64
-        Weight of each point's response in the model's first parameter, (n,).
-    k_shares : dict of str to tuple[str, float]
-        For each source, its kind (A or B) and the relative variance that it
-        contributes to the first parameter. The excess from the Birge ratio is one
-        of them.
-    predictions : tuple of Prediction
-        Errors at any f-number, then at each f-number of the points, rising; the first
-        alone for "semilog", and for points that do not tell f-numbers apart.
-    repeatability_u_rel : float or None
-        Relative standard uncertainty of one meter reading, given or estimated; None
-        if the model does not use one.
-    f_number_u_rel : float or None
-        Relative standard uncertainty of a nominal f-number, given or estimated; None
-        for "semilog".
-    scatter_u_rel : float
-        Relative scatter between frames; 0 if the other sources explain the scatter
-        of the points.
-    scatter_errors_rel : ndarray of float64
-        Predicted error of each point from that scatter, relative, (n,).
-    dark_rate_dn_per_s, dark_rate_u_dn_per_s : float
-        Prediction of the rate of the dark current relative to its expectation, from
-        dark and light frames together, and its standard uncertainty [DN/s].
-    lamp_size : float
-        Root mean square of the lamp's change that all scenes share, as the points show
-        it, in units of its given uncertainty; 1 if they cannot.
-    chi_squared, stated_chi_squared : float or None
-        With all sources, and without the scatter between frames; None for
-        "semilog".
-    dof : int
-        Points minus parameters.
-    birge_ratio : float
-        sqrt(chi^2 / dof) where that exceeds 1, else 1.
-    log_likelihood : float
-        Log likelihood of the signals in DN, comparable between models.
-    free_parameters : int
-        Number of fitted parameters, estimated variances included.
-    """
+    """A model fitted to a calibration curve."""
 
     model: str
-    parameters: Vector
-    covariance: Matrix
-    k_weights: Vector
+    parameters: Vector  # Fitted parameters, named by `models.PARAMETER_NAMES`
+    covariance: Matrix  # Covariance of `parameters`, Birge ratio included, (p, p)
+    k_weights: Vector  # Weight of each point's response in the model's first parameter, (n,)
+    # For each source, its kind (A or B) and the relative variance that it contributes to the first parameter.
+    # The excess from the Birge ratio is one of them.
     k_shares: dict[str, tuple[str, float]]
+    # Errors at any f-number, then at each f-number of the points, rising; the first alone for "semilog", and
+    # for points that do not tell f-numbers apart
     predictions: tuple[Prediction, ...]
+    # Relative standard uncertainty of one meter reading, given or estimated; None if the model does not use
+    # one
     repeatability_u_rel: float | None
+    # Relative standard uncertainty of a nominal f-number, given or estimated; None for "semilog"
     f_number_u_rel: float | None
+    # Relative scatter between frames; 0 if the other sources explain the scatter of the points
     scatter_u_rel: float
-    scatter_errors_rel: Vector
+    scatter_errors_rel: Vector  # Predicted error of each point from that scatter, relative, (n,)
+    # Prediction of the rate of the dark current relative to its expectation, from dark and light frames
+    # together, and its standard uncertainty [DN/s]
     dark_rate_dn_per_s: float
     dark_rate_u_dn_per_s: float
+    # Root mean square of the lamp's change that all scenes share, as the points show it, in units of its
+    # given uncertainty; 1 if they cannot
     lamp_size: float
-    chi_squared: float | None
+    chi_squared: float | None  # With all sources, and without the scatter between frames; None for "semilog"
     stated_chi_squared: float | None
-    dof: int
-    birge_ratio: float
-    log_likelihood: float
-    free_parameters: int
+    dof: int  # Points minus parameters
+    birge_ratio: float  # sqrt(chi^2 / dof) where that exceeds 1, else 1
+    log_likelihood: float  # Log likelihood of the signals in DN, comparable between models
+    free_parameters: int  # Number of fitted parameters, estimated variances included
 
     def effective_dof(self, common_variance_rel: float = 0.0) -> float:
-        """Return the degrees of freedom of K's variance, as `Prediction.effective_dof`.
-
-        Parameters
-        ----------
-        common_variance_rel : float, default: 0.0
-            Further relative variance of K that is known exactly.
-
-        Returns
-        -------
-        float
-            At least 1; infinite if the variance of K is known exactly.
-        """
+        """Return the degrees of freedom of K's variance, as `Prediction.effective_dof`."""
         return self.predictions[0].effective_dof(common_variance_rel)
 
 
@@ -131,25 +93,8 @@ def coverage_factor(dof: float) -> float:
 def fit_curve(curve: Curve, *, model: str) -> CurveFit | None:
     """Fit one model to a calibration curve by iterated generalised least squares.
 
-    Parameters
-    ----------
-    curve : Curve
-        Points of one curve: X, signal above dark [DN], uncertainties, and the
-        labels of shared errors.
-    model : {"proportional", "affine", "power", "semilog"}
-        Curve to fit. "semilog" is fitted by ordinary least squares, as the
-        procedure does.
-
-    Returns
-    -------
-    CurveFit or None
-        None if there are no more points than parameters, or if the iteration does
-        not converge.
-
-    Notes
-    -----
     The first three models are fitted to ln N. For N = K X the covariance of ln N is
-    [1]_::
+    [1]::
 
         V_ik = (u(N_i)^2 [i=k] + u(D)^2) / (K^2 X_i X_k) + u_r^2 / m_s [same scene]
              + 4 u_f^2 [same f-number] + u_t^2 [same time] + u_s^2 [i=k]
@@ -157,31 +102,27 @@ def fit_curve(curve: Curve, *, model: str) -> CurveFit | None:
     u_f may be None if it is not known. It is then estimated together with u_r, from
     the scatter between f-numbers, if there are at least three and the points separate
     it from u_r; else it is `F_NUMBER_U_REL`. The error of each f-number is predicted
-    from the points in the same pass [4]_.
+    from the points in the same pass [4].
 
     To V are added u(V_i) u(V_k) / (V_i V_k) [same f-number] where N was divided by the
     vignetting V; u(N) and u(D) are then divided by V too. X has errors as well, so
     V_ik depends on K and is updated until K converges. u_s enters only if the other
     sources leave chi^2 / dof > 1; it and an u_r that is not given are estimated
-    together by REML [2]_. If chi^2 / dof is still above 1, the testable variances
-    are multiplied by it (Birge [3]_).
+    together by REML [2]. If chi^2 / dof is still above 1, the testable variances
+    are multiplied by it (Birge [3]).
 
     u_s, the scatter of each frame's own light (shutter, aperture, lamp), is left
     out if it is 0, and if the points cannot separate it from u_r, as with one frame
     per scene. An error common to all points is not testable by their scatter.
 
-    References
-    ----------
-    .. [1] JCGM 102:2011, doi:10.59161/JCGM102-2011
-    .. [2] H. D. Patterson, R. Thompson, Biometrika 58, 545 (1971),
-           doi:10.1093/biomet/58.3.545
-    .. [3] R. T. Birge, Phys. Rev. 40, 207 (1932), doi:10.1103/PhysRev.40.207
-    .. [4] G. K. Robinson, Statistical Science 6, 15 (1991),
-           doi:10.1214/ss/1177011926
+    [1] JCGM 102:2011, doi:10.59161/JCGM102-2011
+    [2] H. D. Patterson, R. Thompson, Biometrika 58, 545 (1971), doi:10.1093/biomet/58.3.545
+    [3] R. T. Birge, Phys. Rev. 40, 207 (1932), doi:10.1103/PhysRev.40.207
+    [4] G. K. Robinson, Statistical Science 6, 15 (1991), doi:10.1214/ss/1177011926
     """
-    if len(curve.rhs) <= len(models.PARAMETER_NAMES[model]):
+    if len(curve.rhs) <= len(sources.PARAMETER_NAMES[model]):
         return None
-    start = models.start(model, curve.rhs, curve.signal_dn)
+    start = sources.start(model, curve.rhs, curve.signal_dn)
     curve = _complete(curve, model, start)
     stated = _converge(curve, model, start, scattered=False)
     if stated is not None and (model == "semilog" or stated.solution.chi_squared <= stated.dof):
@@ -198,7 +139,7 @@ def _complete(curve: Curve, model: str, theta: Vector) -> Curve:
     """Return the curve with the usual uncertainty of an f-number where the points do not determine it."""
     if curve.f_number_u_rel is not None:
         return curve
-    linear = models.linearise(model, curve.rhs, curve.signal_dn, theta)
+    linear = sources.linearise(model, curve.rhs, curve.signal_dn, theta)
     if linear is not None and len(set(curve.f_numbers)) >= _FEWEST_F_NUMBERS and model != "semilog":
         components = list_sources(curve, linear, model=model, scattered=False)
         if are_separable(linear.design, [each for each in components if each.variance is None]):
@@ -225,9 +166,9 @@ def _converge(curve: Curve, model: str, theta: Vector, *, scattered: bool) -> Co
     return None
 
 
-def linearise_curve(curve: Curve, model: str, theta: Vector) -> models.LinearModel | None:
+def linearise_curve(curve: Curve, model: str, theta: Vector) -> sources.LinearModel | None:
     """Return the linear problem, in which the dark current's error has its expectation."""
-    linear = models.linearise(model, curve.rhs, curve.signal_dn, theta)
+    linear = sources.linearise(model, curve.rhs, curve.signal_dn, theta)
     if linear is None or not curve.dark_rate_shift_dn_per_s:
         return linear
     back = linear.per_dn / curve.lens_shares * curve.dark_lever_s * curve.dark_rate_shift_dn_per_s
@@ -266,7 +207,7 @@ def _judge(curve: Curve, model: str, converged: Converged, stated_chi_squared: f
     estimated = sum(component.variance is None for component in converged.components)
     return CurveFit(
         model=model,
-        parameters=models.from_theta(model, theta),
+        parameters=sources.from_theta(model, theta),
         covariance=np.sum(
             [np.array(general.fit), np.array(general.f_numbers), _square(general.times)], axis=0
         ),
@@ -295,3 +236,80 @@ def _judge(curve: Curve, model: str, converged: Converged, stated_chi_squared: f
 def _square(rows: Rows) -> Matrix:
     matrix = np.array(rows)
     return np.asarray(matrix @ matrix.T, np.float64)
+
+
+def leave_scenes_out(fit: CurveFit, curve: Curve) -> list[float] | None:
+    """Compute the error of the luminance of each point, predicted from the other scenes.
+
+    The covariance, and the linearisation of a model that is not linear in ln N, are
+    those of the whole curve; the parameters and the errors of the f-numbers are
+    fitted again.
+    """
+    theta = sources.to_theta(fit.model, fit.parameters)
+    linear = linearise_curve(curve, fit.model, theta)
+    scenes = index_labels(curve.scenes)
+    counts = np.bincount(scenes)
+    if linear is None or len(scenes) - counts.max() <= theta.size:
+        return None
+    known = replace(
+        curve,
+        repeatability_u_rel=fit.repeatability_u_rel,
+        f_number_u_rel=fit.f_number_u_rel,
+        scatter_u_rel=fit.scatter_u_rel,
+    )
+    components = list_sources(known, linear, model=fit.model, scattered=False)
+    try:
+        rest = leave_groups_out(linear.design, linear.response, components, scenes)
+    except LinAlgError:
+        return None
+    f_numbers = index_labels(curve.f_numbers)
+    errors: list[float] = []
+    for scene, (parameters, predicted) in enumerate(rest):
+        out = scenes == scene
+        x_error = (
+            2.0 * predicted[F_NUMBER][f_numbers[out]] if F_NUMBER in predicted else np.zeros(counts[scene])
+        )
+        found = sources.from_theta(fit.model, parameters).tolist()
+        errors += [
+            sources.invert(fit.model, found, signal) / x / math.exp(error) - 1.0
+            for x, signal, error in zip(
+                curve.rhs[out].tolist(), curve.signal_dn[out].tolist(), x_error.tolist(), strict=True
+            )
+        ]
+    return errors if all(map(math.isfinite, errors)) else None
+
+
+_SMALLEST_SCATTER_REL = 1e-3
+_MOST_ITERATIONS = 50
+_TOLERANCE = 1e-3
+
+
+def weigh_points(curve: Curve, *, model: str) -> Curve:
+    """Return the curve with a weight for the scatter of each point: 1 for most, near 0 for outliers.
+
+    The scatter between frames is taken to follow Student's t with nu = 4 degrees of
+    freedom instead of a normal distribution. With e_i the predicted error of a frame
+    and s^2 the variance that REML finds with the weights so far, each round of the EM
+    algorithm [1] sets::
+
+        w_i = (nu + 1) / (nu + e_i^2 / s^2)
+
+    s is at least 0.1 %: no shutter and no lamp repeat to better than that. With one
+    frame per scene the error of a reading is one frame's too, and counts as scatter.
+
+    [1] K. L. Lange, R. J. A. Little, J. M. G. Taylor, J. Am. Stat. Assoc. 84, 881 (1989),
+        doi:10.1080/01621459.1989.10478852
+    """
+    if len(set(curve.scenes)) == len(curve.scenes) and curve.repeatability_u_rel is None:
+        curve = replace(curve, repeatability_u_rel=0.0)
+    for _ in range(_MOST_ITERATIONS):
+        fit = fit_curve(curve, model=model)
+        if fit is None:
+            break
+        spread: Vector = fit.scatter_errors_rel / max(fit.scatter_u_rel, _SMALLEST_SCATTER_REL)
+        weights = (TAIL_DOF + 1.0) / (TAIL_DOF + spread**2)
+        converged = np.max(np.abs(weights - curve.scatter_weights)) < _TOLERANCE
+        curve = replace(curve, scatter_weights=weights)
+        if converged:
+            break
+    return curve

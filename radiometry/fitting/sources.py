@@ -1,14 +1,160 @@
-"""Points of a calibration curve and the sources of their errors, with the points that share each."""
+"""Sources of error of measurements, and the models of a curve between X = t S L / f^2 and the signal N.
+
+    proportional  N = K X          power    N = K X^g
+    affine        N = K X + b      semilog  N = a ln X + b
+
+The first three are fitted on ln N: the errors of readings, apertures and times are factors, so they add up
+there, whereas in DN their products (3 % of 3 % is 0.1 %) would exceed the noise of a well exposed region.
+"""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from radiometry.fitting.components import Component, Vector, index_labels
-from radiometry.fitting.models import LinearModel
+
+Matrix = NDArray[np.float64]
+
+PARAMETER_NAMES: dict[str, tuple[str, ...]] = {
+    "proportional": ("luminance_k",),
+    "affine": ("luminance_k", "offset_dn"),
+    "power": ("luminance_k", "exponent"),
+    "semilog": ("slope_dn", "offset_dn"),
+}
+_IN_LOG_K = ("proportional", "power")
+
+K_UNITS = {
+    "proportional": "DN*m2/(cd*s)",
+    "affine": "DN*m2/(cd*s)",
+    "power": "DN*(m2/(cd*s))^exponent",
+    "semilog": "DN",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinearModel:
+    """A model as a linear problem near some parameters: response = design @ theta."""
+
+    design: Matrix  # Matrix of the linear problem, (n, p)
+    response: Vector  # Left-hand side, (n,)
+    per_dn: Vector  # Change of the response per DN of signal, (n,)
+    per_relative_x: Vector  # Change of the response per relative change of X, (n,)
+    # Sum of ln abs(d response / d signal), which makes likelihoods comparable between models
+    log_jacobian: float
+
+
+def linearise(model: str, rhs: Vector, signal_dn: Vector, theta: Vector) -> LinearModel | None:
+    """Write a model as a linear problem, with the sensitivities on the curve of `theta`.
+
+    The sensitivities are taken on the curve and not at the measured points: a
+    weight that followed the noise of a point would bias the fit.
+    """
+    one = np.ones_like(rhs)
+    if model == "semilog":
+        return LinearModel(
+            design=np.column_stack([np.log(rhs), one]),
+            response=signal_dn,
+            per_dn=one,
+            per_relative_x=theta[0] * one,
+            log_jacobian=0.0,
+        )
+    fitted = predict(model, from_theta(model, theta), rhs)
+    if not np.all(fitted > 0.0):
+        return None
+    slope = theta[1] * one if model == "power" else one
+    if model == "affine":
+        slope = theta[0] * rhs / fitted
+        design = np.column_stack([rhs / fitted, 1.0 / fitted])
+    else:
+        design = np.column_stack([one, np.log(rhs)])[:, : theta.size]
+    offset = np.log(rhs) if model == "proportional" else 0.0
+    response = np.log(signal_dn) - offset
+    if model == "affine":
+        response = np.log(signal_dn / fitted) + design @ theta
+    return LinearModel(
+        design=design,
+        response=response,
+        per_dn=1.0 / fitted,
+        per_relative_x=slope,
+        log_jacobian=-float(np.sum(np.log(signal_dn))),
+    )
+
+
+def start(model: str, rhs: Vector, signal_dn: Vector) -> Vector:
+    """Return the theta at which the iteration starts: the proportional K."""
+    log_k = float(np.mean(np.log(signal_dn / rhs)))
+    guesses = {
+        "proportional": [log_k],
+        "affine": [math.exp(log_k), 0.0],
+        "power": [log_k, 1.0],
+        "semilog": [0.0, 0.0],
+    }
+    return np.array(guesses[model])
+
+
+def from_theta(model: str, theta: Vector) -> Vector:
+    """Convert the solution of the linear problem to the parameters of the model."""
+    if model not in _IN_LOG_K:
+        return theta
+    return np.concatenate([np.exp(theta[:1]), theta[1:]])
+
+
+def to_theta(model: str, parameters: Vector) -> Vector:
+    """Convert the parameters of a model to the solution of its linear problem, against `from_theta`."""
+    if model not in _IN_LOG_K:
+        return parameters
+    return np.concatenate([np.log(parameters[:1]), parameters[1:]])
+
+
+def find_jacobian(model: str, theta: Vector) -> Vector:
+    """Return the derivative of each parameter with respect to its element of theta."""
+    jacobian = np.ones_like(theta)
+    if model in _IN_LOG_K:
+        jacobian[0] = math.exp(theta[0])
+    return jacobian
+
+
+def predict(model: str, parameters: Vector | Sequence[float], rhs: Vector | float) -> Vector:
+    """Compute the signal above dark at X."""
+    if model == "proportional":
+        return np.asarray(parameters[0] * rhs, np.float64)
+    if model == "affine":
+        return np.asarray(parameters[0] * rhs + parameters[1], np.float64)
+    if model == "power":
+        return np.asarray(parameters[0] * rhs ** parameters[1], np.float64)
+    return np.asarray(parameters[0] * np.log(rhs) + parameters[1], np.float64)
+
+
+def invert(model: str, parameters: Sequence[float], signal_dn: float) -> float:
+    """Compute X at a signal above dark."""
+    first, second = (*parameters, 0.0)[:2]
+    signal = np.float64(signal_dn)
+    with np.errstate(all="ignore"):  # K of points that disagree wildly may be 0 to rounding
+        if model == "power":
+            return float(np.exp(np.log(signal / first) / second)) if signal_dn > 0.0 else math.nan
+        if model == "semilog":
+            return float(np.exp((signal - second) / first))
+        return float((signal - second) / first)
+
+
+def invert_gradient(model: str, parameters: Sequence[float], signal_dn: float) -> tuple[float, Vector]:
+    """Compute the derivatives of X at a signal above dark where `invert` has a solution."""
+    first, second = (*parameters, 0.0)[:2]
+    rhs = invert(model, parameters, signal_dn)
+    if model == "proportional":
+        return 1.0 / first, np.array([-rhs / first])
+    if model == "affine":
+        return 1.0 / first, np.array([-rhs / first, -1.0 / first])
+    if model == "power":
+        return rhs / (second * signal_dn), np.array(
+            [-rhs / (second * first), -scipy.special.xlogy(rhs, rhs) / second]
+        )
+    return rhs / first, np.array([-scipy.special.xlogy(rhs, rhs) / first, -rhs / first])
+
 
 READING = "meter repeatability"
 DARK_CURRENT = "dark current"
@@ -17,15 +163,15 @@ F_NUMBER = "f-number"
 TIME = "exposure time"
 FLICKER = "flicker"
 
+# Degrees of freedom of Student's t, which a robust fit takes the scatter between frames to follow
 TAIL_DOF = 4.0
-"""Degrees of freedom of Student's t, which a robust fit takes the scatter between frames to follow."""
 
+# Variance of a location under that t, relative to what its weights alone state (Fisher information)
 TAIL_FACTOR = (TAIL_DOF + 3.0) / (TAIL_DOF + 1.0)
-"""Variance of a location under that t, relative to what its weights alone state (Fisher information)."""
 
+# Scatter between readings or frames of one surface beyond which something else than a meter or a shutter is
+# at work: meters repeat to 1 %, shutters and apertures to 2 %
 IMPLAUSIBLE_SCATTER_REL = 0.05
-"""Scatter between readings or frames of one surface beyond which something else than a meter or a shutter
-is at work: meters repeat to 1 %, shutters and apertures to 2 %."""
 SCATTER = "scatter between frames"
 
 # what rounding leaves of a flicker over whole periods
@@ -34,112 +180,51 @@ _WHOLE_PERIODS_REL = 1e-9
 
 @dataclass(frozen=True, kw_only=True)
 class Curve:
-    """Points of one curve, n in all, and the uncertainties that the caller knows.
+    """Points of one curve, n in all, and the uncertainties that the caller knows."""
 
-    Attributes
-    ----------
-    rhs : ndarray of float64
-        Right-hand side X = t S L / f^2, (n,).
-    signal_dn : ndarray of float64
-        Signal N above dark, above 0 [DN], (n,).
-    signal_u_dn : ndarray of float64
-        Standard uncertainty of each point alone, above 0 [DN], (n,).
-    scenes : tuple of str
-        Label of each point; points with the same label share one error.
-    f_numbers, times_s : tuple of float
-        Labels of each point, used in the same way.
-    readings : ndarray of int64
-        Number of meter readings averaged for the point's scene, (n,).
-    dark_u_dn, dark_dof : float
-        Standard uncertainty of the dark signal that all points share [DN], and its
-        degrees of freedom.
-    f_number_u_rel : float or None
-        Relative standard uncertainty of a nominal f-number; None if it is estimated
-        from the scatter between f-numbers.
-    time_u_rel : float
-        Relative standard uncertainty of the exposure time.
-    repeatability_u_rel : float or None
-        Relative standard uncertainty of one meter reading; None if it is estimated
-        from the scatter between scenes.
-    lens_shares : ndarray of float64
-        Relative illumination V by which the signals were divided, 1 if vignetting
-        is not corrected, (n,). Their noise, and the dark signal's error, are
-        divided by it too.
-    lens_u_rel : ndarray of float64
-        u(V) / V, shared within an f-number, (n,).
-    dark_lever_s : ndarray of float64
-        Exposure time of each point minus that at which `dark_u_dn` holds [s], (n,).
-    dark_rate_u_dn_per_s : float, default: 0.0
-        Standard uncertainty of the rate at which the dark signal grows [DN/s].
-    dark_rate_shift_dn_per_s : float, default: 0.0
-        What was subtracted from `signal_dn` per second of lever beyond the rate's
-        expectation [DN/s].
-    dark_rate_measured : bool, default: False
-        True if dark frames determine that rate, with `dark_dof`; False if its
-        uncertainty is a plausible size.
-    lamp_u_rel : ndarray of float64
-        Relative standard uncertainty of the lamp's change from the reading to each
-        point, signed, (n,).
-    lamp_labels : tuple of str
-        Label of each point for that error.
-    lamp_level_u_rel : ndarray of float64
-        Relative standard uncertainty of an independent change of the lamp that all
-        points share, (n,).
-    scatter_weights : ndarray of float64
-        Weight of each point; its scatter has the variance u_s^2 / weight, (n,).
-    flicker_u_rel : ndarray of float64 or None, default: None
-        Relative standard uncertainty of each point's light by flicker of a random phase, (n,).
-    scatter_u_rel : float or None, default: None
-        Relative scatter of a frame against the next at the same settings, by
-        shutter, aperture and lamp. None if it is estimated from the scatter where
-        the other sources do not explain it.
-    """
-
-    rhs: Vector
-    signal_dn: Vector
-    signal_u_dn: Vector
-    scenes: tuple[str, ...]
-    f_numbers: tuple[float, ...]
+    rhs: Vector  # Right-hand side X = t S L / f^2, (n,)
+    signal_dn: Vector  # Signal N above dark, above 0 [DN], (n,)
+    signal_u_dn: Vector  # Standard uncertainty of each point alone, above 0 [DN], (n,)
+    scenes: tuple[str, ...]  # Label of each point; points with the same label share one error
+    f_numbers: tuple[float, ...]  # Labels of each point, used in the same way
     times_s: tuple[float, ...]
-    readings: NDArray[np.int64]
+    readings: NDArray[np.int64]  # Number of meter readings averaged for the point's scene, (n,)
+    # Standard uncertainty of the dark signal that all points share [DN], and its degrees of freedom
     dark_u_dn: float
     dark_dof: float
+    # Relative standard uncertainty of a nominal f-number; None if it is estimated from the scatter between
+    # f-numbers
     f_number_u_rel: float | None
-    time_u_rel: float
+    time_u_rel: float  # Relative standard uncertainty of the exposure time
+    # Relative standard uncertainty of one meter reading; None if it is estimated from the scatter between
+    # scenes
     repeatability_u_rel: float | None
+    # Relative illumination V by which the signals were divided, 1 if vignetting is not corrected, (n,). Their
+    # noise, and the dark signal's error, are divided by it too.
     lens_shares: Vector
-    lens_u_rel: Vector
-    dark_lever_s: Vector
+    lens_u_rel: Vector  # u(V) / V, shared within an f-number, (n,)
+    dark_lever_s: Vector  # Exposure time of each point minus that at which `dark_u_dn` holds [s], (n,)
+    # Relative standard uncertainty of the lamp's change from the reading to each point, signed, (n,)
     lamp_u_rel: Vector
-    lamp_labels: tuple[str, ...]
+    lamp_labels: tuple[str, ...]  # Label of each point for that error
+    # Relative standard uncertainty of an independent change of the lamp that all points share, (n,)
     lamp_level_u_rel: Vector
-    scatter_weights: Vector
+    scatter_weights: Vector  # Weight of each point; its scatter has the variance u_s^2 / weight, (n,)
+    # Standard uncertainty of the rate at which the dark signal grows [DN/s]
     dark_rate_u_dn_per_s: float = 0.0
+    # What was subtracted from `signal_dn` per second of lever beyond the rate's expectation [DN/s]
     dark_rate_shift_dn_per_s: float = 0.0
+    # True if dark frames determine that rate, with `dark_dof`; False if its uncertainty is a plausible size
     dark_rate_measured: bool = False
+    # Relative standard uncertainty of each point's light by flicker of a random phase, (n,)
     flicker_u_rel: Vector | None = None
+    # Relative scatter of a frame against the next at the same settings, by shutter, aperture and lamp. None
+    # if it is estimated from the scatter where the other sources do not explain it.
     scatter_u_rel: float | None = None
 
 
 def list_sources(curve: Curve, linear: LinearModel, *, model: str, scattered: bool) -> list[Component]:
-    """List the sources of error with their structure in the units of the response.
-
-    Parameters
-    ----------
-    curve : Curve
-        Points of the curve.
-    linear : LinearModel
-        The model as a linear problem.
-    model : str
-        Name of the model.
-    scattered : bool
-        True to include the scatter between frames as a variance to estimate.
-
-    Returns
-    -------
-    list of Component
-        One component per source.
-    """
+    """List the sources of error with their structure in the units of the response."""
     n = len(curve.rhs)
     if model == "semilog":
         spread = _ordinary_variance(linear)
@@ -269,3 +354,28 @@ def _ordinary_variance(linear: LinearModel) -> float:
     residual = linear.response - linear.design @ theta
     smallest = (math.ulp(1.0) * float(np.max(np.abs(linear.response)))) ** 2
     return max(float(residual @ residual) / float(len(residual) - p), smallest)
+
+
+_LEVEL, _LEVEL_OF_TWO = 0.60, 0.35
+_COVERAGE = 0.975
+_KNOWN_DOF = 1e9
+
+
+def shows_scatter(observed: float, expected: float, count: int, *, dof: float = math.inf) -> bool:
+    """Return True if the variance of repeated values is not taken for that of their noise."""
+    level = _LEVEL_OF_TWO if count == 2 else _LEVEL
+    return observed > expected * float(scipy.special.fdtri(count - 1, min(dof, _KNOWN_DOF), level))
+
+
+def merge_variances(observed: float, predicted: float, count: int, *, dof: float) -> tuple[float, float]:
+    """Compute the standard uncertainty of a mean, and degrees of freedom that give it its expanded one."""
+    u = math.sqrt(max(observed, predicted) / count)
+    if u == 0.0 or not shows_scatter(observed, predicted, count, dof=dof):
+        return u, dof
+    by_noise, by_scatter = (
+        float(scipy.special.stdtrit(min(freedom, _KNOWN_DOF), _COVERAGE)) * math.sqrt(variance / count)
+        for freedom, variance in ((dof, predicted), (count - 1.0, observed))
+    )
+    if by_noise >= by_scatter:
+        return u, dof
+    return u, float(scipy.special.stdtridf(_COVERAGE, by_scatter / u))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected, Raised, shared
-from radiometry.fitting import models
+from radiometry.fitting import sources
 from radiometry.fitting.comparison import PERCENT, MeasuredChange
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame.exposure import Exposure, Settings, require_plausible
@@ -166,7 +166,7 @@ def luminance_per_dn(coefficient: Coefficient, exposure: Exposure) -> float:
 
 
 def _invert(coefficient: Coefficient, adjusted_dn: float) -> float:
-    rhs = models.invert(coefficient.model, coefficient.parameters, adjusted_dn)
+    rhs = sources.invert(coefficient.model, coefficient.parameters, adjusted_dn)
     if not math.isfinite(rhs):
         raise InputRejected(
             shared.FIT_FAILED,
@@ -226,7 +226,7 @@ def list_source_effects(
     conversion: Conversion,
 ) -> tuple[Effect, ...]:
     """List each source's effect on L = X scale [cd/m2]; correlated parameters as independent combinations."""
-    by_signal, by_parameters = models.invert_gradient(coefficient.model, coefficient.parameters, adjusted_dn)
+    by_signal, by_parameters = sources.invert_gradient(coefficient.model, coefficient.parameters, adjusted_dn)
     scale, luminance = conversion.scale, conversion.luminance
     through = share.value if share else 1.0
     by_lens = [-by_signal * adjusted_dn * effect / through for effect in share.effects] if share else []
@@ -358,7 +358,7 @@ def _luminance(coefficient: Coefficient, exposure: Exposure, signal_dn: float, l
     dark_dn = coefficient.at(settings.exposure_time_s).dark_signal_dn
     adjusted_dn = (signal_dn - dark_dn) / lens_share
     aperture = find_aperture(coefficient, settings)
-    rhs = models.invert(coefficient.model, coefficient.parameters, adjusted_dn)
+    rhs = sources.invert(coefficient.model, coefficient.parameters, adjusted_dn)
     rhs /= aperture.x_factor if aperture else 1.0
     return rhs * settings.f_number**2 / (settings.exposure_time_s * settings.iso)
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from radiometry.findings import Raised
+from radiometry.fitting.comparison import FOCUS, STRAY
 from radiometry.fitting.evidence import FieldCorrection, Quantity, Values
-from radiometry.fitting.shared_errors import FOCUS, STRAY
 from radiometry.fitting.sources import FLICKER
 from radiometry.frame.exposure import Settings
 from radiometry.luminance import codes

@@ -8,13 +8,18 @@ from typing import Any, get_args
 import numpy as np
 
 from radiometry.findings import InputRejected, shared
-from radiometry.fitting import models
+from radiometry.fitting import sources
 from radiometry.fitting.components import Vector
-from radiometry.fitting.cross_validation import leave_scenes_out
-from radiometry.fitting.curve import F_NUMBER_U_REL, CurveFit, coverage_factor, fit_curve
+from radiometry.fitting.curve import (
+    F_NUMBER_U_REL,
+    CurveFit,
+    coverage_factor,
+    fit_curve,
+    leave_scenes_out,
+    weigh_points,
+)
 from radiometry.fitting.evidence import BudgetEntry, Quantity
-from radiometry.fitting.prediction import Prediction
-from radiometry.fitting.robust import weigh_points
+from radiometry.fitting.gls import Prediction
 from radiometry.fitting.sources import Curve
 from radiometry.frame.exposure import expect_luminance_k
 from radiometry.luminance.conditions import CalibrationConditions, find_modulation
@@ -231,7 +236,7 @@ def report_model(fit: CurveFit, curve: Curve) -> ModelFit:
     dof = fit.effective_dof()
     return ModelFit(
         model=fit.model,
-        parameter_names=models.PARAMETER_NAMES[fit.model],
+        parameter_names=sources.PARAMETER_NAMES[fit.model],
         parameters=tuple(float(value) for value in fit.parameters),
         covariance=tuple(tuple(float(value) for value in row) for row in fit.covariance),
         r_squared=_r_squared(fit, curve),
@@ -255,7 +260,7 @@ def _finite(value: float) -> float | None:
 
 def _r_squared(fit: CurveFit, curve: Curve) -> float | None:
     """Compute 1 - SS_residual / SS_total of the signals [DN^2], on the same axis for every model."""
-    residual = curve.signal_dn - models.predict(fit.model, fit.parameters, curve.rhs)
+    residual = curve.signal_dn - sources.predict(fit.model, fit.parameters, curve.rhs)
     total = float(np.sum((curve.signal_dn - np.mean(curve.signal_dn)) ** 2))
     return _finite(1.0 - float(residual @ residual) / total) if total > 0.0 else None
 
@@ -294,7 +299,7 @@ def report_coefficient(
         exposure_basis=params.exposure_basis,
         luminance_k=k,
         luminance_k_standard_uncertainty=u_k,
-        luminance_k_unit=models.K_UNITS[fit.model],
+        luminance_k_unit=sources.K_UNITS[fit.model],
         expanded_uncertainty=factor * u_k,
         coverage_factor=factor,
         effective_dof=_finite(dof),
@@ -305,7 +310,7 @@ def report_coefficient(
         dark_rate_standard_uncertainty_dn_per_s=series.dark.rate_u_dn_per_s,
         black_level_dn=math.fsum(sorted(c.signal.black_level_dn for c in used)) / len(used),
         white_level_dn=min(c.signal.white_level_dn for c in used),
-        parameter_names=models.PARAMETER_NAMES[fit.model],
+        parameter_names=sources.PARAMETER_NAMES[fit.model],
         parameters=tuple(float(value) for value in fit.parameters),
         covariance=tuple(tuple(float(value) for value in row) for row in fit.covariance),
         meter_calibration_u_rel=calibration_u_rel,
@@ -423,8 +428,8 @@ def _point(
     factor = 1.0 if x_factor is None else x_factor
     fitted = error = None
     if candidate.rhs is not None:
-        fitted = _finite(float(models.predict(model, parameters, candidate.rhs * factor)))
-        rhs = models.invert(model, parameters, adjusted) / factor
+        fitted = _finite(float(sources.predict(model, parameters, candidate.rhs * factor)))
+        rhs = sources.invert(model, parameters, adjusted) / factor
         error = _finite(rhs / candidate.rhs - 1.0) if not candidate.left_out else None
     luminance = candidate.luminance_cd_m2
     return Point(

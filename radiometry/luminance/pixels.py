@@ -9,7 +9,7 @@ import scipy
 from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected, Raised, shared
-from radiometry.fitting.repeats import shows_scatter
+from radiometry.fitting.sources import shows_scatter
 from radiometry.frame import Frame
 from radiometry.frame.roi import Polygon, Window, mask
 from radiometry.frame.statistics import GREY, Signal, name_site

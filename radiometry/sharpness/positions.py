@@ -8,7 +8,7 @@ import numpy as np
 
 from radiometry.drawing.text import name_few
 from radiometry.fitting.evidence import MOST_DOF, Quantity
-from radiometry.fitting.repeats import merge_variances
+from radiometry.fitting.sources import merge_variances
 from radiometry.sharpness.edges import JACKKNIFE_DOF
 from radiometry.sharpness.features import (
     Contrasts,

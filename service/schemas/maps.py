@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, WithJsonSchema
 
-from radiometry.fitting.shared_errors import SUBTRACTED
+from radiometry.fitting.comparison import SUBTRACTED
 from service.map_values import Layout, Values, Window
 from service.schemas.base import Answer, Form
 from store.tables import Measurement

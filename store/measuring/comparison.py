@@ -6,11 +6,11 @@ from itertools import chain
 from typing import Any, Final
 
 from radiometry.findings import interface
-from radiometry.fitting.comparison import Comparison
-from radiometry.fitting.shared_errors import (
+from radiometry.fitting.comparison import (
     FOCUS,
     STRAY,
     Budgeted,
+    Comparison,
     compare_measured,
     scale_effects,
     sign_effects,

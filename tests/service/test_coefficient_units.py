@@ -2,7 +2,7 @@
 
 import pytest
 
-from radiometry.fitting.models import K_UNITS
+from radiometry.fitting.sources import K_UNITS
 from tests.support.campaigns import calibrate, upload_campaign
 
 pytestmark = pytest.mark.either_database

@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from radiometry.fitting.components import Component, index_labels
-from radiometry.fitting.factoring import Problem
-from radiometry.fitting.gls import leave_groups_out, solve
-from radiometry.fitting.variances import are_separable, estimate_variances
+from radiometry.fitting.components import Component, Problem, index_labels
+from radiometry.fitting.gls import are_separable, estimate_variances, leave_groups_out, solve
 
 ONES = np.ones((4, 1))
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from radiometry.fitting.models import (
+from radiometry.fitting.sources import (
     PARAMETER_NAMES,
     from_theta,
     invert,

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from radiometry.fitting.shared_errors import Budgeted, compare_measured, scale_effects, sign_effects
+from radiometry.fitting.comparison import Budgeted, compare_measured, scale_effects, sign_effects
 
 OLD = Budgeted(value=10.0, unit="cd/m2", effects={"fit of K": 0.2, "f-number": 0.1, "pixel noise": 0.03})
 NEW = Budgeted(value=8.0, unit="cd/m2", effects={"fit of K": 0.16, "f-number": 0.08, "pixel noise": 0.04})
