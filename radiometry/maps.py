@@ -8,7 +8,7 @@ from typing import Any, Final, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.frame.lanes import find_homography
+from radiometry.frame.grid import find_homography
 from radiometry.frame.opencv import cv2
 from radiometry.frame.statistics import GREY
 

@@ -5,7 +5,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from radiometry.frame.lanes import find_homography
+from radiometry.frame.grid import find_homography
 from store.tables import Measurement
 
 Coordinates = Literal["pixel", "road_m"]

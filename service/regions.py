@@ -5,8 +5,7 @@ import json
 from pydantic import ValidationError
 
 from radiometry.fitting.evidence import Region
-from radiometry.frame.grid import Grid
-from radiometry.frame.lanes import LaneGrid, lay_lanes
+from radiometry.frame.grid import Grid, LaneGrid, lay_lanes
 from radiometry.frame.roi import Polygon, parse_imagej
 from service.problems import invalid, located
 from service.schemas.campaigns import NewRoi

@@ -16,8 +16,7 @@ from pydantic import TypeAdapter
 from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected, shared
-from radiometry.frame import FrameHeader
-from radiometry.frame.clock import has_set_clock, writes_utc
+from radiometry.frame import FrameHeader, has_set_clock, writes_utc
 from store.codec import decode_header
 from store.tables import Campaign, FrameRow, Organisation
 

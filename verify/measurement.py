@@ -10,7 +10,7 @@ import numpy as np
 import tifffile
 
 from radiometry.findings import InputRejected
-from radiometry.frame.acceptance import Camera, SuppliedExposure, accept_frame
+from radiometry.frame.exposure import Camera, SuppliedExposure, accept_frame
 from stilb.export import MAP
 from stilb.transport import hash_file
 from store.blobs.local import LocalBlobs

@@ -8,8 +8,7 @@ from radiometry import methods
 from radiometry.findings import InputRejected
 from radiometry.fitting.evidence import Extracted, FrameEvidence, Region
 from radiometry.frame import FrameHeader
-from radiometry.frame.acceptance import Camera, SuppliedExposure, accept_frame
-from radiometry.frame.exposure import Exposure
+from radiometry.frame.exposure import Camera, Exposure, SuppliedExposure, accept_frame
 from radiometry.frame.roi import Polygon, bounding_window
 from radiometry.frame.statistics import ChannelStatistics, measure_signal
 from radiometry.specification.application import SurfaceApplication

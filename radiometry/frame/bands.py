@@ -3,7 +3,10 @@
 import re
 from typing import Final, Literal
 
+__all__ = ["MOST_LETTERS", "NAMED_INDICES", "classify_band", "label_band", "name_band", "name_panel"]
+
 Kind = Literal["thermal", "panchromatic"]
+# Vegetation indices by name, as formulas of reflectances
 NAMED_INDICES: Final = {
     "ndvi": "(nir - red) / (nir + red)",
     "ndre": "(nir - red_edge) / (nir + red_edge)",
@@ -11,14 +14,12 @@ NAMED_INDICES: Final = {
     "evi2": "2.5 * (nir - red) / (nir + 2.4 * red + 1)",
     "savi": "1.5 * (nir - red) / (nir + red + 0.5)",
 }
-"""Vegetation indices by name, as formulas of reflectances."""
-MOST_LETTERS: Final = 200
-"""Longest formula of an index."""
+MOST_LETTERS: Final = 200  # Longest formula of an index
 _THERMAL_NM: Final = 3000.0
 _PANCHROMATIC_WIDTH_NM: Final = 200.0
 _BAND_ALIASES: Final = {"gre": "green", "reg": "red_edge", "rededge": "red_edge"}
+# Serial number of a MicaSense panel; from RP04 on its code continues with reflectances
 PANEL_SERIAL: Final = re.compile(r"RP(\d{2})-\d{7}-[A-Z]{2}", re.ASCII)
-"""Serial number of a MicaSense panel; from RP04 on its code continues with reflectances."""
 
 
 def name_band(text: str) -> str:

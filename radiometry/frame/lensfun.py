@@ -10,6 +10,8 @@ from xml.sax.saxutils import escape
 from radiometry.findings import InputRejected, interface
 from radiometry.specification.exports import ExportOption, ExportSubject
 
+__all__ = ["FORBIDDEN_IN_XML"]
+
 FULL_FRAME_DIAGONAL_MM: Final = math.hypot(36.0, 24.0)
 FORBIDDEN_IN_XML: Final = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _DATABASE_VERSION: Final = 1
@@ -17,35 +19,20 @@ _DATABASE_VERSION: Final = 1
 
 @dataclass(frozen=True, kw_only=True)
 class LensfunNames:
-    """Entries that Lensfun's database requires and that raw files do not reliably contain.
+    """Entries that Lensfun's database requires and that raw files do not reliably contain."""
 
-    Attributes
-    ----------
-    camera_make, camera_model, lens_make, lens_model : str
-        Names of the camera and of the lens.
-    mount : str
-        Mount; for a fixed lens, a name of its own that begins in lower case, as in
-        Lensfun's own database.
-    focal_length_mm : float
-        Focal length [mm].
-    sensor_width_mm, sensor_height_mm : float
-        Size of the visible area [mm], from which the crop factor follows.
-    distance_m : float, default: 1000.0
-        Distance to which the lens was focused [m]; Lensfun's 1000 for infinity.
-    widest_f_number : float or None, default: None
-        Widest f-number of the lens, as in its name; otherwise Lensfun does not find the
-        lens by that name. None: that of the flats.
-    """
-
-    camera_make: str
+    camera_make: str  # Names of the camera and of the lens
     camera_model: str
     lens_make: str
     lens_model: str
+    # Mount; for a fixed lens, a name of its own that begins in lower case, as in Lensfun's own database
     mount: str
     focal_length_mm: float
-    sensor_width_mm: float
+    sensor_width_mm: float  # Size of the visible area [mm], from which the crop factor follows
     sensor_height_mm: float
-    distance_m: float = 1000.0
+    distance_m: float = 1000.0  # Distance to which the lens was focused [m]; Lensfun's 1000 for infinity
+    # Widest f-number of the lens, as in its name; otherwise Lensfun does not find the lens by that name.
+    # None: that of the flats.
     widest_f_number: float | None = None
 
     def __post_init__(self) -> None:
@@ -65,13 +52,7 @@ class LensfunNames:
 
 
 def list_options(*, needs_widest: bool) -> tuple[ExportOption, ...]:
-    """Return the options of an export that no raw file states reliably.
-
-    Parameters
-    ----------
-    needs_widest : bool
-        True if the calibration knows no f-number.
-    """
+    """Return the options of an export that no raw file states reliably."""
     mount = "Of a fixed lens a name of its own, in lower case."
     widest = "Of the lens, as in its name."
     return (
@@ -84,17 +65,7 @@ def list_options(*, needs_widest: bool) -> tuple[ExportOption, ...]:
 def name_for_lensfun(
     subject: ExportSubject, options: dict[str, Any], *, width_px: int, height_px: int
 ) -> LensfunNames:
-    """Return the names of the camera and lens of a version.
-
-    Parameters
-    ----------
-    subject : ExportSubject
-        Camera, with its pixel pitch.
-    options : dict of str to object
-        Values of `list_options`.
-    width_px, height_px : int
-        Size of the frame [px].
-    """
+    """Return the names of the camera and lens of a version."""
     pitch_mm = subject.pitch_um / 1000.0
     return LensfunNames(
         camera_make=subject.make,
@@ -116,26 +87,7 @@ def write_database(
     widest_f_number: float,
     centre: tuple[float, float] | None = None,
 ) -> str:
-    """Write a database with the camera, the lens, and the elements of its calibration.
-
-    Parameters
-    ----------
-    names : LensfunNames
-        Names and sizes of camera and lens.
-    elements : sequence of str
-        Content of `calibration`, as lines.
-    width_px, height_px : int
-        Size of the frame [px].
-    widest_f_number : float
-        Widest f-number of the lens, unless the names state it.
-    centre : tuple[float, float] or None, default: None
-        Centre (x, y) of the lens from the frame's middle, in half the shorter side.
-
-    Raises
-    ------
-    InputRejected
-        `validation_failed` if a name holds characters that XML cannot.
-    """
+    """Write a database with the camera, the lens, and the elements of its calibration."""
     widest = names.widest_f_number or widest_f_number
     crop = f"{names.crop_factor:.6g}"
     ratio = f"{max(width_px, height_px)}:{min(width_px, height_px)}"

@@ -3,62 +3,35 @@
 import base64
 import math
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from radiometry.specification.stored import meaning
 
 _TYPES = ("<u2", "<i4", "<f2", "<f4")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Packed:
-    """An array that can be stored in JSON.
+    """An array that can be stored in JSON."""
 
-    Attributes
-    ----------
-    dtype : str
-        "<u2", "<i4", "<f2" or "<f4".
-    shape : tuple of int
-        Shape of the array.
-    data : str
-        Base64 of the compressed values in row-major order.
-    """
-
-    dtype: str
-    shape: tuple[int, ...]
-    data: str
+    dtype: str = field(metadata=meaning('"<u2", "<i4", "<f2" or "<f4".'))
+    shape: tuple[int, ...] = field(metadata=meaning("Shape of the array."))
+    data: str = field(metadata=meaning("Base64 of the compressed values in row-major order."))
 
 
 def pack(array: NDArray[Any], *, dtype: str) -> Packed:
-    """Write an array as text; the same array gives the same text on one machine.
-
-    Parameters
-    ----------
-    array : ndarray
-        Array to write.
-    dtype : str
-        Type in which it is stored, one of those of `Packed`.
-    """
+    """Write an array as text; the same array gives the same text on one machine."""
     plain = np.ascontiguousarray(array, np.dtype(dtype))
     text = base64.b64encode(zlib.compress(plain.tobytes(), level=6)).decode("ascii")
     return Packed(dtype=dtype, shape=plain.shape, data=text)
 
 
 def unpack(packed: Packed) -> NDArray[np.float64]:
-    """Read an array back, as float64.
-
-    Parameters
-    ----------
-    packed : Packed
-        Array as text.
-
-    Raises
-    ------
-    ValueError
-        If type, shape and data do not belong together.
-    """
+    """Read an array back, as float64."""
     if packed.dtype not in _TYPES:
         raise ValueError(f"dtype {packed.dtype!r} is none of {', '.join(_TYPES)}")
     kind = np.dtype(packed.dtype)

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected, shared
 
+__all__ = ["Polygon", "Window", "bounding_window", "mask", "parse_imagej"]
+
 MAX_POINTS = 1000
 MAX_COORDINATE_PX = 1e6
 
@@ -28,14 +30,10 @@ class Polygon:
     Pixel (row, col) has its centre at (x, y) = (col + 0.5, row + 0.5). Polygons are
     made by `Polygon.from_points` or `parse_imagej`, which refuse what is not a
     simple polygon.
-
-    Attributes
-    ----------
-    points : tuple of tuple[float, float]
-        Corners (x, y) [px], from the smallest (x, y) and clockwise on the screen,
-        in whichever order they were given: one region has one text and one key.
     """
 
+    #: Corners (x, y) [px], from the smallest (x, y) and clockwise on the screen, in whichever order they were
+    #: given: one region has one text and one key
     points: tuple[tuple[float, float], ...]
 
     @classmethod
@@ -77,19 +75,11 @@ class Polygon:
 
 @dataclass(frozen=True, kw_only=True)
 class Window:
-    """A rectangle of whole pixels in the visible area.
+    """A rectangle of whole pixels in the visible area."""
 
-    Attributes
-    ----------
-    row0, col0 : int
-        First row and column [px].
-    height, width : int
-        Number of rows and columns [px].
-    """
-
-    row0: int
+    row0: int  #: First row and column [px]
     col0: int
-    height: int
+    height: int  #: Number of rows and columns [px]
     width: int
 
 

@@ -1,14 +1,23 @@
-"""Statistics of a region per channel from an exact histogram, and the signal that a calibration uses."""
+"""Statistics of the raw values of a region, and their histogram."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.frame import Frame
-from radiometry.frame.table import TableRow
+from radiometry.frame import Frame, TableRow
+from radiometry.specification.stored import meaning
+
+__all__ = [
+    "ChannelStatistics",
+    "compute_statistics",
+    "count_histogram",
+    "find_clipped",
+    "map_clipping",
+    "measure_signal",
+]
 
 GREY = "grey"
 CHANNELS = ("R", "G1", "G2", "G", "B", GREY)
@@ -18,74 +27,43 @@ _LEVELS = 1 << 16
 
 @dataclass(frozen=True, kw_only=True)
 class ChannelStatistics:
-    """One channel's raw values in a region; black is not subtracted.
+    """One channel's raw values in a region; black is not subtracted."""
 
-    Attributes
-    ----------
-    channel : str
-        R, G1 (green in a red row), G2 (green in a blue row), B of a mosaic; R, G, B
-        of a rendered colour image. `grey` is all samples together and always
-        present.
-    n : int
-        Number of samples.
-    min_dn, max_dn : int
-        Smallest and largest sample [DN].
-    mean_dn : float
-        Mean [DN].
-    median_dn : float
-        Median [DN]; the mean of the two middle samples if n is even.
-    std_dn : float
-        Sample standard deviation (n - 1) [DN]; 0 for a single sample.
-    saturated_share : float
-        Fraction of the samples at or above the white level of their own CFA
-        position.
-    zero_share : float
-        Fraction of the samples that are zero.
-    black_level_dn : float
-        Black level, mean over the samples [DN].
-    white_level_dn : float
-        Lowest white level of the CFA positions [DN].
-    """
-
-    channel: str
-    n: int
-    min_dn: int
-    max_dn: int
-    mean_dn: float
-    median_dn: float
-    std_dn: float
-    saturated_share: float
-    zero_share: float
-    black_level_dn: float
-    white_level_dn: float
+    channel: str = field(
+        metadata=meaning(
+            "R, G1 (green in a red row), G2 (green in a blue row), B of a mosaic; R, G, B of a rendered "
+            "colour image. `grey` is all samples together and always present."
+        )
+    )
+    n: int = field(metadata=meaning("Number of samples."))
+    min_dn: int = field(metadata=meaning("Smallest and largest sample [DN]."))
+    max_dn: int = field(metadata=meaning("Smallest and largest sample [DN]."))
+    mean_dn: float = field(metadata=meaning("Mean [DN]."))
+    median_dn: float = field(
+        metadata=meaning("Median [DN]; the mean of the two middle samples if n is even.")
+    )
+    std_dn: float = field(metadata=meaning("Sample standard deviation (n - 1) [DN]; 0 for a single sample."))
+    saturated_share: float = field(
+        metadata=meaning("Fraction of the samples at or above the white level of their own CFA position.")
+    )
+    zero_share: float = field(metadata=meaning("Fraction of the samples that are zero."))
+    black_level_dn: float = field(metadata=meaning("Black level, mean over the samples [DN]."))
+    white_level_dn: float = field(metadata=meaning("Lowest white level of the CFA positions [DN]."))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Signal:
-    """Mean raw value of a region in the channel that a calibration uses, black included.
+    """Mean raw value of a region in the channel that a calibration uses, black included."""
 
-    Attributes
-    ----------
-    value_dn, standard_uncertainty_dn : float
-        Mean and its standard uncertainty [DN].
-    saturated_share : float
-        Largest saturated fraction of the rows that were used.
-    black_level_dn, white_level_dn : float
-        Black and white level [DN].
-    rounding_dn : float, default: 0.0
-        Part of the standard uncertainty that is the error of rounding [DN], which
-        repeated frames do not average out.
-    skew_dn : float, default: 0.0
-        Mean less median [DN].
-    """
-
-    value_dn: float
+    value_dn: float  # Mean and its standard uncertainty [DN]
     standard_uncertainty_dn: float
-    saturated_share: float
-    black_level_dn: float
+    saturated_share: float  # Largest saturated fraction of the rows that were used
+    black_level_dn: float  # Black and white level [DN]
     white_level_dn: float
+    # Part of the standard uncertainty that is the error of rounding [DN], which repeated frames do not
+    # average out
     rounding_dn: float = 0.0
-    skew_dn: float = 0.0
+    skew_dn: float = 0.0  # Mean less median [DN]
 
 
 @dataclass(frozen=True)
@@ -130,19 +108,7 @@ def compute_statistics(frame: Frame, inside: NDArray[np.bool_]) -> tuple[Channel
 
 
 def state_row(row: TableRow) -> ChannelStatistics:
-    """Return the statistics that a row of a table stands for.
-
-    Parameters
-    ----------
-    row : TableRow
-        Statistics as the table states them.
-
-    Returns
-    -------
-    ChannelStatistics
-        Of `grey`. What the table does not state is the worst that it can be: the standard
-        deviation and the saturated fraction; the median is the mean.
-    """
+    """Return the statistics that a row of a table stands for."""
     return ChannelStatistics(
         channel=GREY,
         n=row.pixels,
@@ -159,20 +125,7 @@ def state_row(row: TableRow) -> ChannelStatistics:
 
 
 def select_rows(statistics: Sequence[ChannelStatistics], *, channel: str) -> list[ChannelStatistics]:
-    """Return the rows of which the signal is made.
-
-    Parameters
-    ----------
-    statistics : sequence of ChannelStatistics
-        Rows of a region.
-    channel : str
-        "green", "grey", or the name of one row.
-
-    Returns
-    -------
-    list of ChannelStatistics
-        The rows of `channel`, or grey if the image has none.
-    """
+    """Return the rows of which the signal is made."""
     wanted = ("G1", "G2", "G") if channel == "green" else (channel,)
     rows = [row for row in statistics if row.channel in wanted]
     return rows or [row for row in statistics if row.channel == GREY]
@@ -229,36 +182,12 @@ def measure_signal(statistics: Sequence[ChannelStatistics], *, channel: str = "g
 
 
 def mean_variance(std_dn: float, n: int) -> float:
-    """Compute the variance of a mean of rounded values, as in `measure_signal`.
-
-    Parameters
-    ----------
-    std_dn : float
-        Standard deviation of the values [DN].
-    n : int
-        Number of values.
-
-    Returns
-    -------
-    float
-        Variance of the mean [DN^2].
-    """
+    """Compute the variance of a mean of rounded values, as in `measure_signal`."""
     return std_dn**2 / n + rounding_variance(std_dn)
 
 
 def rounding_variance(std_dn: float) -> float:
-    """Compute the variance of the error of rounding that noise does not average out, as in `measure_signal`.
-
-    Parameters
-    ----------
-    std_dn : float
-        Standard deviation of the rounded values [DN].
-
-    Returns
-    -------
-    float
-        Variance [DN^2].
-    """
+    """Compute the variance of rounding that noise does not average out, as in `measure_signal`."""
     noise_variance = max(0.0, std_dn**2 - 1 / 12)
     return math.exp(-4 * math.pi**2 * noise_variance) / 12
 
@@ -290,20 +219,7 @@ def _read_sites(frame: Frame, inside: NDArray[np.bool_]) -> list[tuple[str, _Sit
 
 
 def name_site(cfa: str, index: int) -> str:
-    """Return the name of a position of the 2 x 2 pattern.
-
-    Parameters
-    ----------
-    cfa : str
-        Four letters of the pattern.
-    index : int
-        Position in row-major order, 0 to 3.
-
-    Returns
-    -------
-    str
-        R, G1, G2 or B; a green is G1 if its row contains the red.
-    """
+    """Return the name of a position of the 2 x 2 pattern."""
     if cfa[index] != "G":
         return cfa[index]
     return "G1" if cfa[index ^ 1] == "R" else "G2"
@@ -346,3 +262,157 @@ def _summarise(
         black_level_dn=black_level_dn,
         white_level_dn=white_level_dn,
     )
+
+
+_MOST_BINS = 128
+_MOST_CELLS = 48
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChannelCounts:
+    """Histogram of one channel."""
+
+    channel: str
+    counts: tuple[int, ...]  # Number of samples in each bin
+
+
+@dataclass(frozen=True, kw_only=True)
+class Histogram:
+    """Counts in bins that all channels share; bin i begins at first_dn + i step_dn."""
+
+    first_dn: int  # Start of the first bin and width of each [DN]
+    step_dn: int
+    channels: tuple[ChannelCounts, ...]  # Counts of each channel
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClippedCell:
+    """A cell that contains clipped samples."""
+
+    row: int  # Position in the grid of cells
+    col: int
+    share: float  # Clipped fraction of its pixels that belong to the region, 0 to 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Clipping:
+    """Clipped parts of a region, in a grid of square cells."""
+
+    row0_px: int  # Corner of the grid in the frame [px]
+    col0_px: int
+    cell_px: int  # Side of a cell [px]
+    cells: tuple[ClippedCell, ...]  # Cells with clipped samples
+
+
+def count_histogram(frame: Frame, inside: NDArray[np.bool_]) -> Histogram:
+    """Count a region's raw values per channel, in at most 128 bins of whole DN.
+
+    Parameters
+    ----------
+    frame : Frame
+        Window of the mosaic, (row, col) or (row, col, 3).
+    inside : ndarray of bool
+        Pixels of the region in the same window, at least one, (row, col).
+
+    Returns
+    -------
+    Histogram
+        Counts of the channels that the region touches, in the order of `CHANNELS`;
+        grey only for a grey image.
+    """
+    values = frame.samples_dn[inside]
+    first_dn, last_dn = int(values.min()), int(values.max())
+    step_dn = max(1, math.ceil((last_dn - first_dn + 1) / _MOST_BINS))
+    bins = (last_dn - first_dn) // step_dn + 1
+    counts = {}
+    for channel, samples, within, _ in _planes(frame, inside):
+        if within.any():
+            counted = np.bincount((samples[within].astype(np.int64) - first_dn) // step_dn, minlength=bins)
+            counts[channel] = tuple(counted.tolist())
+    ordered = sorted(counts, key=CHANNELS.index)
+    return Histogram(
+        first_dn=first_dn,
+        step_dn=step_dn,
+        channels=tuple(ChannelCounts(channel=name, counts=counts[name]) for name in ordered),
+    )
+
+
+def map_clipping(frame: Frame, inside: NDArray[np.bool_]) -> Clipping:
+    """Find the cells of a region in which a sample reaches the white level of its own CFA position.
+
+    Parameters
+    ----------
+    frame : Frame
+        Window of the mosaic, (row, col) or (row, col, 3).
+    inside : ndarray of bool
+        Pixels of the region in the same window, at least one, (row, col).
+
+    Returns
+    -------
+    Clipping
+        At most 48 cells along the longer side of the window. A pixel of a colour
+        image is clipped if one of its planes is.
+    """
+    height, width = inside.shape
+    cell_px = max(1, math.ceil(max(height, width) / _MOST_CELLS))
+    clipped = find_clipped(frame, inside)
+    hits, members = _sum_cells(clipped, cell_px), _sum_cells(inside, cell_px)
+    rows, cols = np.nonzero(hits)
+    return Clipping(
+        row0_px=frame.row0,
+        col0_px=frame.col0,
+        cell_px=cell_px,
+        cells=tuple(
+            ClippedCell(row=int(row), col=int(col), share=float(hits[row, col] / members[row, col]))
+            for row, col in zip(rows, cols, strict=True)
+        ),
+    )
+
+
+def find_clipped(frame: Frame, inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which pixels of a region reach the white level of their own CFA position.
+
+    Parameters
+    ----------
+    frame : Frame
+        Window of the mosaic, (row, col) or (row, col, 3).
+    inside : ndarray of bool
+        Pixels of the region in the same window, (row, col).
+
+    Returns
+    -------
+    ndarray of bool
+        Of the window, (row, col). A pixel of a colour image is clipped if one of its
+        planes is.
+    """
+    clipped = np.zeros_like(inside)
+    for _, samples, within, (part, white_dn) in _planes(frame, inside):
+        clipped[part] |= within & (samples >= white_dn)
+    return clipped
+
+
+_Part = tuple[slice, slice]
+_Plane = tuple[str, NDArray[np.uint16], NDArray[np.bool_], tuple[_Part, float]]
+
+
+def _planes(frame: Frame, inside: NDArray[np.bool_]) -> Iterator[_Plane]:
+    """Yield name, samples, membership, position and white level of each CFA position or plane."""
+    white, whole = frame.white_level_dn, (slice(None), slice(None))
+    if frame.cfa == "rgb":
+        for index, name in enumerate("RGB"):
+            yield name, frame.samples_dn[..., index], inside, (whole, white[index % len(white)])
+        return
+    if frame.cfa == GREY:
+        yield GREY, frame.samples_dn, inside, (whole, white[0])
+        return
+    for index in range(4):
+        row, col = divmod(index, 2)
+        part = slice((row - frame.row0) % 2, None, 2), slice((col - frame.col0) % 2, None, 2)
+        name = name_site(frame.cfa, index)
+        yield name, frame.samples_dn[part], inside[part], (part, white[index % len(white)])
+
+
+def _sum_cells(flags: NDArray[np.bool_], cell_px: int) -> NDArray[np.int64]:
+    rows = np.add.reduceat(flags.astype(np.int64), np.arange(0, flags.shape[0], cell_px), axis=0)
+    summed: NDArray[np.int64] = np.add.reduceat(rows, np.arange(0, flags.shape[1], cell_px), axis=1)
+    return summed

@@ -1,15 +1,97 @@
-"""Verdicts on a frame for a field team on site: pass, warn, fail or pending, with the reasons."""
+"""Verdict on a frame, from what is known of it before any fit."""
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, TypeVar
 
-from radiometry.findings import InputRejected, Outcome, Reason, shared
-from radiometry.frame.keeping import Keeping
+from radiometry.drawing.text import name_few, sort_naturally
+from radiometry.findings import InputRejected, Outcome, Raised, Reason, shared
+from radiometry.frame import FrameHeader
 from radiometry.frame.roi import Polygon, bounding_window
+from radiometry.specification.stored import meaning
 
-Format = tuple[int, int, str]
-"""Width and height [px], and the colour filter array."""
+__all__ = ["Keeping", "ReviewedFrame", "Verdict", "conclude", "inspect_frame"]
+
+T = TypeVar("T")
+
+
+class Keeping:
+    """Base of a frozen dataclass: reviews of a campaign that grows meet the same frames again and again."""
+
+    @cached_property
+    def _kept(self) -> dict[str, tuple[object, Any]]:
+        return {}
+
+    def keep(self, name: str, given: object, compute: Callable[..., T], *args: object) -> T:
+        """Return a result that was computed from this object and from `given`, computed once.
+
+        Parameters
+        ----------
+        name : str
+            Name of the result; the last one of each name is kept.
+        given : object
+            All else on which it depends, compared with ``==``.
+        compute : callable
+            Computes the result from `args`.
+        """
+        kept = self._kept.get(name)
+        if kept is None or kept[0] != given:
+            kept = self._kept[name] = given, compute(*args)
+        found: T = kept[1]
+        return found
+
+
+# Of the span, above the stated black level: half of the weakest useful signal. A warm sensor reaches it at
+# long times by itself, so that it is no more than a warning.
+ABOVE_BLACK_SHARE = 0.005
+
+# Of the span, above the stated black level: more than the dark current of any sensor at the times and ISO
+# values of a campaign; this is light
+LIT_SHARE = 0.05
+
+TAKE_AGAIN = "Switch the lamp off, cover the lens and take it again."
+
+
+def inspect_black(mean_dn: float, *, black_level_dn: float, white_level_dn: float) -> Reason | None:
+    """Compare a dark frame's mean with the stated black level."""
+    # a black level of zero is what a file has that states none
+    if black_level_dn <= 0.0:
+        return None
+    share = (mean_dn - black_level_dn) / max(white_level_dn - black_level_dn, 1.0)
+    if share <= ABOVE_BLACK_SHARE:
+        return None
+    said = (
+        f"Its mean is {share:.1%} of the span from black to white above the black level that the file states"
+    )
+    if share > LIT_SHARE:
+        detail = f"{said}: this frame saw light. {TAKE_AGAIN}"
+        return shared.DARK_NOT_DARK.reason(detail)
+    detail = f"{said}. {TAKE_AGAIN} If it stays with the lens covered, the sensor is warm, the frame right."
+    return shared.DARK_NOT_DARK.reason(detail, "warn")
+
+
+def flag_not_dark(found: Mapping[str, Reason], where: str) -> list[Raised]:
+    """Return the flag of a fit that uses dark frames that are not dark."""
+    if not found:
+        return []
+    return [shared.DARK_NOT_DARK.at(where, name_not_dark(found))]
+
+
+def name_not_dark(found: Mapping[str, Reason]) -> str:
+    """Name the dark frames that are not dark, with the reason of the first."""
+    return f"{name_few('', found)}: {found[sort_naturally(found)[0]].detail}"
+
+
+def flag_assumed_black(headers: Sequence[FrameHeader]) -> list[Raised]:
+    """Return the flag of a result that is made from raw files without a black level."""
+    assumed = sum(header.assumes_black for header in headers)
+    detail = f"Frames without a black level: {assumed} of {len(headers)}."
+    return [shared.BLACK_LEVEL_ASSUMED.at("", detail)] if assumed else []
+
+
+Format = tuple[int, int, str]  # Width and height [px], and the colour filter array
 
 # What is certain to be lost outranks what is not known yet, and that what is doubtful.
 _RANKS: dict[Outcome, int] = {"fail": 0, "pending": 1, "warn": 2, "pass": 3}
@@ -19,66 +101,29 @@ _FIELD = "field"
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """Verdict from all reasons together; "pass" if there are none.
+    """Verdict from all reasons together; "pass" if there are none."""
 
-    Attributes
-    ----------
-    outcome : Outcome
-        Outcome of the gravest reason.
-    reasons : tuple of Reason
-        Reasons, the gravest first.
-    """
-
-    outcome: Outcome
-    reasons: tuple[Reason, ...]
+    outcome: Outcome = field(metadata=meaning("Outcome of the gravest reason."))
+    reasons: tuple[Reason, ...] = field(metadata=meaning("Reasons, the gravest first."))
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReviewedFrame(Keeping):
-    """State of a frame in its campaign at one moment.
+    """State of a frame in its campaign at one moment."""
 
-    Attributes
-    ----------
-    frame : str
-        Name of the frame, unique in the campaign.
-    role : str
-        "light", "dark" and so on.
-    scene : str or None
-        Name of what the frame shows, if it was given.
-    state : str
-        "received", "read", "extracted" or "refused".
-    refusal : str
-        Message of a refused frame, else "".
-    flags : tuple of str
-        Flags raised when the frame was accepted, and the code of a region that
-        could not be used.
-    format : Format or None
-        Format of a frame that has been read, else None.
-    region : Polygon or None
-        Polygon that applies to it now; None if none is drawn.
-    needs_region : bool, default: True
-        False for a frame that is measured as a whole if no region is drawn.
-    roles : frozenset of str, optional
-        Roles that the method of its campaign uses; empty for all.
-    told : bool, default: True
-        False if what is photographed has not been described and the method needs
-        it.
-    left_out : str, default: ""
-        Why its campaign's method has no use for it; "" if it has.
-    """
-
-    frame: str
-    role: str
-    scene: str | None
-    state: str
-    refusal: str
+    frame: str  #: Name of the frame, unique in the campaign
+    role: str  #: "light", "dark" and so on
+    scene: str | None  #: Name of what the frame shows, if it was given
+    state: str  #: "received", "read", "extracted" or "refused"
+    refusal: str  #: Message of a refused frame, else ""
+    #: Flags raised when the frame was accepted, and the code of a region that could not be used
     flags: tuple[str, ...]
-    format: Format | None
-    region: Polygon | None
-    needs_region: bool = True
-    roles: frozenset[str] = frozenset()
-    told: bool = True
-    left_out: str = ""
+    format: Format | None  #: Format of a frame that has been read, else None
+    region: Polygon | None  #: Polygon that applies to it now; None if none is drawn
+    needs_region: bool = True  #: False for a frame that is measured as a whole if no region is drawn
+    roles: frozenset[str] = frozenset()  #: Roles that the method of its campaign uses; empty for all
+    told: bool = True  #: False if what is photographed has not been described and the method needs it
+    left_out: str = ""  #: Why its campaign's method has no use for it; "" if it has
 
 
 def conclude(reasons: Iterable[Reason]) -> Verdict:
@@ -100,18 +145,7 @@ def conclude(reasons: Iterable[Reason]) -> Verdict:
 
 
 def assume_whole_frame(frame: ReviewedFrame) -> ReviewedFrame:
-    """Return the frame with the whole image as its region if none is drawn and one is needed.
-
-    Parameters
-    ----------
-    frame : ReviewedFrame
-        Frame in review.
-
-    Returns
-    -------
-    ReviewedFrame
-        The frame, unchanged if it has a region, needs none, or has not been read.
-    """
+    """Return the frame with the whole image as its region if none is drawn and one is needed."""
     if frame.region is not None or frame.format is None or not frame.needs_region:
         return frame
     width, height = frame.format[:2]
@@ -119,14 +153,7 @@ def assume_whole_frame(frame: ReviewedFrame) -> ReviewedFrame:
 
 
 def find_usual_format(frames: Sequence[ReviewedFrame]) -> Format | None:
-    """Return the format that most frames of a campaign have.
-
-    Returns
-    -------
-    Format or None
-        The most frequent format; of equally many, the smallest by its numbers. None
-        if no frame has been read.
-    """
+    """Return the format that most frames of a campaign have."""
     counts = Counter(
         frame.format
         for frame in frames
@@ -136,21 +163,7 @@ def find_usual_format(frames: Sequence[ReviewedFrame]) -> Format | None:
 
 
 def inspect_frames(frames: Sequence[ReviewedFrame]) -> dict[str, list[Reason]]:
-    """Check frames of any role and method before their statistics are used.
-
-    Parameters
-    ----------
-    frames : sequence of ReviewedFrame
-        All frames of the campaign.
-
-    Returns
-    -------
-    dict of str to list of Reason
-        Reasons by name of the frame. Fail: `refused`, `roi_unfit`. Warn:
-        `role_unused`, `exposure_not_manual`, `rendered`. Pending: `not_read`,
-        `no_region`, `not_extracted`. `format_differs`: fail if frames of another
-        format share the frame's region, else warn.
-    """
+    """Check frames of any role and method before their statistics are used."""
     usual = find_usual_format(frames)
     if all(frame.format in {usual, None} for frame in frames):
         return {frame.frame: [*inspect_frame(frame)] for frame in frames}

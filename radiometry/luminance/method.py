@@ -19,9 +19,9 @@ from radiometry.findings import InputRejected, Raised, shared
 from radiometry.fitting.evidence import CoefficientValue, FrameEvidence
 from radiometry.fitting.sources import IMPLAUSIBLE_SCATTER_REL
 from radiometry.frame import Frame
-from radiometry.frame.darkness import flag_not_dark
 from radiometry.frame.roi import Polygon, Window, mask
 from radiometry.frame.statistics import ChannelStatistics, compute_statistics
+from radiometry.frame.verdicts import flag_not_dark
 from radiometry.luminance import codes
 from radiometry.luminance.conditions import LABELS
 from radiometry.luminance.fit import fit_series

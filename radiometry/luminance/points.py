@@ -11,8 +11,8 @@ from functools import cache, cached_property
 from radiometry.findings import Raised, shared
 from radiometry.fitting.evidence import Exclusion, Quantity
 from radiometry.frame.exposure import Settings, compute_rhs
-from radiometry.frame.keeping import Keeping
 from radiometry.frame.statistics import ChannelStatistics, Signal, select_rows
+from radiometry.frame.verdicts import Keeping
 from radiometry.luminance import codes
 from radiometry.luminance.conditions import Colour, measure_colour
 from radiometry.luminance.results import SceneSummary

@@ -5,9 +5,9 @@ from typing import Literal
 
 from radiometry.fitting.evidence import Exclusion, Quantity
 from radiometry.frame.exposure import Exposure, Settings
-from radiometry.frame.keeping import Keeping
 from radiometry.frame.statistics import ChannelStatistics, measure_signal
 from radiometry.frame.statistics import Signal as MeasuredSignal
+from radiometry.frame.verdicts import Keeping
 from radiometry.luminance.conditions import LABELS, LampKind
 from radiometry.specification.parameters import check_parameters, parameter
 from radiometry.specification.stored import LATER

@@ -13,8 +13,7 @@ from radiometry.fitting.evidence import FieldCorrection, Quantity
 from radiometry.fitting.sources import FLICKER
 from radiometry.frame import Frame
 from radiometry.frame.exposure import Exposure
-from radiometry.frame.grid import MAX_CELLS_A_SIDE, Grid
-from radiometry.frame.lanes import find_homography
+from radiometry.frame.grid import MAX_CELLS_A_SIDE, Grid, find_homography
 from radiometry.frame.roi import MAX_COORDINATE_PX, Polygon
 from radiometry.frame.statistics import ChannelStatistics, Signal, measure_signal
 from radiometry.luminance import codes, method

@@ -10,10 +10,16 @@ from statistics import NormalDist
 from radiometry.drawing.text import name_few, sort_naturally
 from radiometry.findings import Reason, shared
 from radiometry.fitting.evidence import Exclusion
-from radiometry.frame.darkness import TAKE_AGAIN, inspect_black
 from radiometry.frame.exposure import Settings, compute_rhs
 from radiometry.frame.statistics import ChannelStatistics, Signal, select_rows
-from radiometry.frame.verdicts import ReviewedFrame, Verdict, conclude, inspect_frames
+from radiometry.frame.verdicts import (
+    TAKE_AGAIN,
+    ReviewedFrame,
+    Verdict,
+    conclude,
+    inspect_black,
+    inspect_frames,
+)
 from radiometry.luminance import codes
 from radiometry.luminance.points import (
     DETECTION_ERRORS,

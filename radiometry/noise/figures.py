@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from radiometry.findings import Reason, shared
 from radiometry.fitting.evidence import MOST_DOF, Quantity
-from radiometry.frame.darkness import TAKE_AGAIN, inspect_black
+from radiometry.frame.verdicts import TAKE_AGAIN, inspect_black
 from radiometry.noise.results import DARK, DarkCurrentFigures, TransferFigures
 from radiometry.noise.stacks import Stack, estimate_rounded_noise, estimate_rounding_error
 from radiometry.noise.transfer import Saturation, Transfer

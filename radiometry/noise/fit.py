@@ -7,9 +7,9 @@ from radiometry.drawing.text import name_few
 from radiometry.findings import Finding, InputRejected, Raised, shared
 from radiometry.fitting.evidence import MOST_DOF, CoefficientValue, Extracted, Quantity, Region
 from radiometry.frame import Frame, FrameHeader
-from radiometry.frame.darkness import flag_assumed_black, name_not_dark
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.statistics import CHANNELS
+from radiometry.frame.verdicts import flag_assumed_black, name_not_dark
 from radiometry.noise import codes
 from radiometry.noise.blocks import Features, FrameRow, extract_features
 from radiometry.noise.channels import FittedChannel, fit_channel

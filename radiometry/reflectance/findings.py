@@ -5,8 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from radiometry.findings import InputRejected, Raised, Reason, interface, shared
-from radiometry.frame import FrameHeader
-from radiometry.frame.clock import has_set_clock
+from radiometry.frame import FrameHeader, has_set_clock
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.multispectral import Multispectral
 from radiometry.frame.verdicts import ReviewedFrame, Verdict, conclude, inspect_frames

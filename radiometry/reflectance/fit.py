@@ -10,7 +10,7 @@ from typing import Literal
 from radiometry.findings import Raised
 from radiometry.fitting.curve import coverage_factor
 from radiometry.fitting.evidence import BudgetEntry
-from radiometry.frame.clock import EARLIEST_YEAR
+from radiometry.frame import EARLIEST_YEAR
 from radiometry.frame.multispectral import Multispectral, RadianceModel, SensorModel
 from radiometry.reflectance import codes
 from radiometry.reflectance.points import Candidate

@@ -10,8 +10,8 @@ from typing import Final
 from radiometry.drawing.text import name_few
 from radiometry.findings import Finding, InputRejected, Raised, interface
 from radiometry.fitting.evidence import list_unknown_exclusions
+from radiometry.frame import has_set_clock
 from radiometry.frame.bands import name_panel
-from radiometry.frame.clock import has_set_clock
 from radiometry.frame.multispectral import Multispectral
 from radiometry.reflectance import codes
 from radiometry.reflectance.imaging import Features

@@ -5,8 +5,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 
 from radiometry.findings import InputRejected
-from radiometry.frame import FrameHeader
-from radiometry.frame.clock import has_set_clock, writes_utc
+from radiometry.frame import FrameHeader, has_set_clock, writes_utc
 from radiometry.reflectance import codes
 from radiometry.specification.parameters import check_parameters, parameter
 

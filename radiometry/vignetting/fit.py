@@ -10,9 +10,9 @@ import numpy as np
 from radiometry.findings import InputRejected, Raised, shared
 from radiometry.fitting.evidence import MOST_DOF, CoefficientValue, Extracted, Quantity, Region
 from radiometry.frame import Frame, FrameHeader
-from radiometry.frame.darkness import flag_assumed_black, flag_not_dark
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.statistics import CHANNELS
+from radiometry.frame.verdicts import flag_assumed_black, flag_not_dark
 from radiometry.vignetting import codes
 from radiometry.vignetting.blocks import Features, FrameRow, Vector, extract_features
 from radiometry.vignetting.channels import FittedChannel, farthest_radius, find_best, fit_channel

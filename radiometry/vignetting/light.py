@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.findings import Reason
-from radiometry.frame.darkness import inspect_black
 from radiometry.frame.packing import unpack
+from radiometry.frame.verdicts import inspect_black
 from radiometry.vignetting.blocks import ChannelBlocks, Features, FrameRow, Plane
 from radiometry.vignetting.falloff import Blocks, DarkError
 from radiometry.vignetting.results import DARK

@@ -8,7 +8,7 @@ from pydantic import Field
 from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected, shared
-from radiometry.frame.lanes import describe_lanes
+from radiometry.frame.grid import describe_lanes
 from radiometry.frame.roi import Polygon, bounding_window
 from radiometry.frame.verdicts import Verdict
 from radiometry.methods import get_method

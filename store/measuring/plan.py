@@ -7,8 +7,7 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected, shared
-from radiometry.frame.grid import Grid
-from radiometry.frame.lanes import LaneGrid, describe_lanes
+from radiometry.frame.grid import Grid, LaneGrid, describe_lanes
 from radiometry.frame.roi import Polygon, bounding_window
 from radiometry.methods import METHODS, get_method
 from radiometry.specification.application import BandApplication, PictureApplication, SurfaceApplication

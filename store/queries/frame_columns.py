@@ -13,9 +13,9 @@ from radiometry import methods
 from radiometry.findings import shared
 from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
-from radiometry.frame.keeping import Keeping
 from radiometry.frame.proof import Proof
 from radiometry.frame.statistics import ChannelStatistics
+from radiometry.frame.verdicts import Keeping
 from store.codec import decode, read_text
 from store.database import read_plainly
 from store.digests import digest_piece

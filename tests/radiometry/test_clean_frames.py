@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from radiometry.frame.grid import Grid
+from radiometry.frame.proof import WholenessCheck
 from radiometry.frame.roi import Polygon
-from radiometry.frame.wholeness import WholenessCheck
 from radiometry.luminance import method as luminance
 from radiometry.luminance.measurement import Request, measure
 from radiometry.luminance.rows import FrameRow, Params

@@ -2,8 +2,7 @@
 
 from typing import Final
 
-from radiometry.frame.proof import Proof
-from radiometry.frame.wholeness import WholenessCheck
+from radiometry.frame.proof import Proof, WholenessCheck
 from worker.decode.opened import OpenedFile
 from worker.decode.preview import PreviewMaker
 

@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
 from radiometry.findings import files
-from radiometry.frame import FrameHeader
+from radiometry.frame import FrameHeader, TableRow
 from radiometry.frame.proof import PieceRun, Voucher
-from radiometry.frame.table import TableRow
 from worker.decode.source import Source
 
 MAGIC: Final = b'{"stilb_row": 1,'

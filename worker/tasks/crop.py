@@ -9,7 +9,7 @@ from PIL import Image
 from sqlalchemy.orm import Session
 
 from radiometry.frame import Frame
-from radiometry.frame.histogram import find_clipped
+from radiometry.frame.statistics import find_clipped
 from store.columns import new_id
 from store.jobs import Claim
 from store.queries.crops import keep_crop, say_asked

@@ -9,8 +9,7 @@ from radiometry import methods
 from radiometry.findings import InputRejected, files, shared
 from radiometry.fitting.evidence import Region
 from radiometry.frame import FrameHeader
-from radiometry.frame.acceptance import Acceptance, Camera, SuppliedExposure, accept_frame
-from radiometry.frame.exposure import Exposure
+from radiometry.frame.exposure import Acceptance, Camera, Exposure, SuppliedExposure, accept_frame
 from radiometry.frame.proof import Proof
 from radiometry.frame.roi import Polygon, bounding_window
 from radiometry.specification.application import FoundRegion

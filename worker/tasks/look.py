@@ -5,9 +5,8 @@ from typing import Any
 
 from radiometry.findings import InputRejected, files
 from radiometry.frame import Frame
-from radiometry.frame.histogram import count_histogram, map_clipping
 from radiometry.frame.roi import Polygon, Window, bounding_window, mask
-from radiometry.frame.statistics import compute_statistics
+from radiometry.frame.statistics import compute_statistics, count_histogram, map_clipping
 from store.codec import decode_header, encode_statistics
 from store.jobs import Claim
 from store.tables import FrameRow

@@ -7,7 +7,7 @@ import pytest
 
 from radiometry.findings import InputRejected, files, shared
 from radiometry.frame import FrameHeader
-from radiometry.frame.acceptance import ROLES, ROLES_WITH_EXPOSURE, Camera, SuppliedExposure, accept_frame
+from radiometry.frame.exposure import ROLES, ROLES_WITH_EXPOSURE, Camera, SuppliedExposure, accept_frame
 
 CAMERA = Camera(make="DJI", model="FC6520", serial="0AB12")
 NOTHING = SuppliedExposure()

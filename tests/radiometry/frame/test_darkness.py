@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from radiometry.frame.darkness import inspect_black
+from radiometry.frame.verdicts import inspect_black
 from radiometry.noise import fit as noise
 from radiometry.vignetting import fit as vignetting
 from simulation.camera import change

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from radiometry.frame import Frame
-from radiometry.frame.histogram import ClippedCell, count_histogram, map_clipping
-from radiometry.frame.statistics import compute_statistics
+from radiometry.frame.statistics import ClippedCell, compute_statistics, count_histogram, map_clipping
 
 WHITE = (100.0, 200.0, 150.0, 100.0)
 

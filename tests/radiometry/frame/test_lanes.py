@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from radiometry.frame.lanes import LaneGrid, describe_lanes, find_homography, lay_lanes
+from radiometry.frame.grid import LaneGrid, describe_lanes, find_homography, lay_lanes
 
 # 30 m along and 7 m across at 10 px/m
 FLAT = LaneGrid(

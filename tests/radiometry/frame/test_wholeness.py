@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from radiometry.frame.wholeness import EmptyBlock, WholenessCheck, describe_empty
+from radiometry.frame.proof import EmptyBlock, WholenessCheck, describe_empty
 
 ROWS, COLS = 240, 400
 

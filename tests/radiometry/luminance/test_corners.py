@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from radiometry.frame.grid import Grid
-from radiometry.frame.lanes import LaneGrid, find_homography, lay_lanes
+from radiometry.frame.grid import Grid, LaneGrid, find_homography, lay_lanes
 from radiometry.luminance.surface import Cells, check_grid, displace_cells, judge_uniformity
 
 SIZE = {"height_px": 3000, "width_px": 4000}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from radiometry.findings import InputRejected
-from radiometry.frame.acceptance import Camera, SuppliedExposure, accept_frame
+from radiometry.frame.exposure import Camera, SuppliedExposure, accept_frame
 from radiometry.frame.multispectral import CAMERAS
 from radiometry.frame.roi import Polygon, Window
 from radiometry.reflectance import findings
