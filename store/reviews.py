@@ -24,7 +24,7 @@ from radiometry.findings import Reason
 from radiometry.findings.grouping import FindingGroup
 from radiometry.frame.verdicts import Verdict, conclude
 from radiometry.methods.findings import FINDINGS
-from radiometry.specification.grid import Gap
+from radiometry.specification.roles import Gap
 from store.codec import decode, encode
 from store.columns import utc_now
 from store.database import Database, summarise

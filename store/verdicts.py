@@ -14,8 +14,7 @@ from radiometry.findings import shared
 from radiometry.findings.grouping import FindingGroup, Occurrence, group_findings
 from radiometry.frame.roi import Polygon
 from radiometry.frame.verdicts import ReviewedFrame, Verdict, conclude, inspect_frame
-from radiometry.specification.grid import Gap
-from radiometry.specification.roles import FIELD
+from radiometry.specification.roles import FIELD, Gap
 from store.fits import leave_out_doubtful, list_missing, make_params
 from store.queries.checklist import RecordState, read_record
 from store.queries.evidence import Evidence, gather

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from radiometry.findings import InputRejected
-from radiometry.specification.rig import RigMember
+from radiometry.specification.exports import RigMember
 from store.codec import drop_absent, encode
 from store.queries.rigs import SPEC
 from store.statements import state_orientation

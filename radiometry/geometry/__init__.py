@@ -25,10 +25,15 @@ from radiometry.geometry.target import Target
 from radiometry.geometry.verdicts import check_features, find_gaps, judge_frames, plan_views
 from radiometry.geometry.views import missing
 from radiometry.specification.application import PictureApplication
-from radiometry.specification.certificate import FRAME, CertificateText, Column
-from radiometry.specification.coefficients import CoefficientEffect, CoefficientKind
+from radiometry.specification.certificate import (
+    FRAME,
+    CertificateText,
+    CoefficientEffect,
+    CoefficientKind,
+    Column,
+)
+from radiometry.specification.exports import RigSpec
 from radiometry.specification.method import MethodSpec, drop_readings
-from radiometry.specification.rig import RigSpec
 from radiometry.specification.roles import CHART
 
 __all__ = ["SPEC"]

@@ -15,8 +15,7 @@ from radiometry.frame.opencv import cv2
 from radiometry.geometry.camera import PARAMETERS, CameraModel, project
 from radiometry.geometry.results import Fit
 from radiometry.geometry.rig.results import RigFit
-from radiometry.specification.exports import Export, ExportOption, ExportSubject
-from radiometry.specification.rig import RigExport, RigMember
+from radiometry.specification.exports import Export, ExportOption, ExportSubject, RigExport, RigMember
 
 
 def export_opencv(fit: Fit) -> str:

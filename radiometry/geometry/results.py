@@ -8,7 +8,7 @@ from radiometry.fitting.evidence import Exclusion, FrameEvidence, Quantity
 from radiometry.geometry.camera import CameraModel
 from radiometry.geometry.features import Features, LateralColour
 from radiometry.geometry.target import Target
-from radiometry.specification.key_figures import KeyFigure, of_quantity
+from radiometry.specification.certificate import KeyFigure, of_quantity
 from radiometry.specification.parameters import check_parameters, parameter
 from radiometry.specification.stored import LATER, meaning
 

@@ -13,7 +13,7 @@ from radiometry.geometry.features import Features
 from radiometry.geometry.fit import CELLS, GOOD_SHARE, GOOD_VIEWS, count_cells, fit_geometry
 from radiometry.geometry.results import CHART, FrameRow, Params
 from radiometry.geometry.views import Candidate, collect_candidates, make_view, missing
-from radiometry.specification.grid import Gap
+from radiometry.specification.roles import Gap
 
 BLURRED_RISE_PX: Final = 5.0
 SMALL_SHARE: Final = 0.05

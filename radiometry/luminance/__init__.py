@@ -13,10 +13,9 @@ from radiometry.luminance.rows import Params, Reading
 from radiometry.luminance.suggestions import find_gaps, plan
 from radiometry.luminance.verdicts import judge
 from radiometry.specification.application import SurfaceApplication
-from radiometry.specification.coefficients import Budget, CoefficientEffect, CoefficientKind
-from radiometry.specification.grid import Grid
+from radiometry.specification.certificate import Budget, CoefficientEffect, CoefficientKind
 from radiometry.specification.method import MethodSpec
-from radiometry.specification.roles import DARK, LIGHT
+from radiometry.specification.roles import DARK, LIGHT, Grid
 
 __all__ = ["SPEC"]
 

@@ -11,8 +11,7 @@ from radiometry.drawing.figure import Axis, Figure, Mark, Plot, Series
 from radiometry.drawing.text import label_axis, sort_naturally, write_exposure, write_quantity
 from radiometry.fitting.sources import DARK_CURRENT, READING, SCATTER, predict
 from radiometry.luminance.results import IsoFit
-from radiometry.specification.certificate import CertificateText
-from radiometry.specification.key_figures import KeyFigure
+from radiometry.specification.certificate import CertificateText, KeyFigure
 
 Node = dict[str, Any]
 Rows = Callable[[], Sequence[Any]]

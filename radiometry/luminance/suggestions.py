@@ -16,7 +16,7 @@ from radiometry.luminance.points import FEW_POINTS, FEWEST_SCENES, IsoSeries, ch
 from radiometry.luminance.rows import FrameRow, Params, Reading
 from radiometry.luminance.scenes import check_reading_times, check_scenes, summarise_scenes
 from radiometry.luminance.verdicts import DOUBTFUL_REL, measure_brightness, show_time
-from radiometry.specification.grid import Gap
+from radiometry.specification.roles import Gap
 
 GOOD_SCENES = 5
 """Usable light levels per ISO value. The models have one or two parameters: five levels leave three degrees

@@ -18,11 +18,9 @@ from radiometry.noise.fit import missing
 from radiometry.noise.plots import PLOTS, split
 from radiometry.noise.results import Fit, Params, list_key_figures
 from radiometry.noise.verdicts import find_gaps, judge, plan
-from radiometry.specification.certificate import FRAME, CertificateText, Column
-from radiometry.specification.coefficients import CoefficientKind
-from radiometry.specification.grid import Grid
+from radiometry.specification.certificate import FRAME, CertificateText, CoefficientKind, Column
 from radiometry.specification.method import MethodSpec, drop_readings, drop_target
-from radiometry.specification.roles import DARK, FLAT, LIGHT
+from radiometry.specification.roles import DARK, FLAT, LIGHT, Grid
 
 __all__ = ["SPEC"]
 

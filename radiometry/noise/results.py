@@ -5,7 +5,7 @@ from typing import Any, Literal
 
 from radiometry.findings import Raised
 from radiometry.fitting.evidence import Exclusion, Quantity
-from radiometry.specification.key_figures import KeyFigure, choose_channel, of_quantity
+from radiometry.specification.certificate import KeyFigure, choose_channel, of_quantity
 from radiometry.specification.parameters import check_parameters, parameter
 from radiometry.specification.stored import meaning
 

@@ -11,7 +11,7 @@ from radiometry.noise.figures import find_not_dark
 from radiometry.noise.fit import DRIFT_REL, collect_stacks
 from radiometry.noise.results import DARK, Params
 from radiometry.noise.stacks import Stack
-from radiometry.specification.grid import Gap
+from radiometry.specification.roles import Gap
 
 
 def judge(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], params: Params) -> dict[str, Verdict]:

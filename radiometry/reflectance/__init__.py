@@ -12,10 +12,9 @@ from radiometry.reflectance.results import Fit
 from radiometry.reflectance.rows import Params, Reading
 from radiometry.reflectance.sunshine import measure_sunshine
 from radiometry.specification.application import BandApplication
-from radiometry.specification.coefficients import CoefficientEffect, CoefficientKind
-from radiometry.specification.grid import Grid
+from radiometry.specification.certificate import CoefficientEffect, CoefficientKind
 from radiometry.specification.method import MethodSpec, drop_target
-from radiometry.specification.roles import FIELD, PANEL
+from radiometry.specification.roles import FIELD, PANEL, Grid
 
 __all__ = ["SPEC"]
 

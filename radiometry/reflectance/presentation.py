@@ -13,9 +13,7 @@ from radiometry.drawing.text import label_axis, write_quantity, write_unit
 from radiometry.fitting.evidence import BudgetEntry
 from radiometry.frame.bands import label_band
 from radiometry.reflectance.results import HALF_HOUR_S, USUAL_DRIFT_REL, Fit, KAtTime, Knot, interpolate
-from radiometry.specification.certificate import FRAME, CertificateText, Column
-from radiometry.specification.coefficients import Budget
-from radiometry.specification.key_figures import KeyFigure
+from radiometry.specification.certificate import FRAME, Budget, CertificateText, Column, KeyFigure
 
 Node = dict[str, Any]
 

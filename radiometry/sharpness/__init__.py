@@ -18,11 +18,15 @@ from radiometry.sharpness.plots import PLOTS
 from radiometry.sharpness.positions import missing
 from radiometry.sharpness.results import Fit, Params, Target, list_key_figures
 from radiometry.sharpness.verdicts import judge, plan
-from radiometry.specification.certificate import FRAME, CertificateText, Column
-from radiometry.specification.coefficients import CoefficientEffect, CoefficientKind
-from radiometry.specification.grid import Grid
+from radiometry.specification.certificate import (
+    FRAME,
+    CertificateText,
+    CoefficientEffect,
+    CoefficientKind,
+    Column,
+)
 from radiometry.specification.method import MethodSpec, drop_readings
-from radiometry.specification.roles import CHART
+from radiometry.specification.roles import CHART, Grid
 
 __all__ = ["SPEC"]
 

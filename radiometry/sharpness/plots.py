@@ -5,7 +5,7 @@ from typing import Any, Final
 
 from radiometry.drawing.figure import MOST, Axis, Figure, Mark, Plot, Series
 from radiometry.drawing.text import write_quantity
-from radiometry.specification.key_figures import choose_channel
+from radiometry.specification.certificate import choose_channel
 
 Node = dict[str, Any]
 

@@ -7,7 +7,7 @@ from typing import Any, Literal, get_args
 from radiometry.findings import Raised
 from radiometry.fitting.evidence import Exclusion, FrameEvidence, Quantity
 from radiometry.sharpness.features import Features
-from radiometry.specification.key_figures import KeyFigure, choose_channel, of_quantity
+from radiometry.specification.certificate import KeyFigure, choose_channel, of_quantity
 from radiometry.specification.parameters import check_parameters, parameter
 from radiometry.specification.stored import LATER, meaning
 

@@ -11,9 +11,18 @@ from typing import Any, Literal, Protocol
 from radiometry.findings import Finding
 from radiometry.frame.roi import Polygon
 
+__all__ = [
+    "BandApplication",
+    "Correction",
+    "FoundBy",
+    "FoundRegion",
+    "PictureApplication",
+    "SurfaceApplication",
+]
+
 Function = Callable[..., Any]
+# How a panel was found: by its code, by the camera's own statement, or in another band of the capture
 FoundBy = Literal["code", "reflect_area", "other_band"]
-"""How a panel was found: by its code, by the camera's own statement, or in another band of the capture."""
 
 
 class FoundRegion(Protocol):
@@ -43,67 +52,36 @@ class FoundRegion(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Correction:
-    """Correction of the signals of another method by a version of this one.
+    """Correction of the signals of another method by a version of this one."""
 
-    Attributes
-    ----------
-    lens : type
-        ``(*, coefficients, f_number)``, the correction at an f-number.
-    average_over_polygon : callable
-        ``(coefficients, polygon, *, channels, f_number) -> Quantity``, the divisor of a region's signal.
-    """
-
-    lens: Function
+    lens: Function  #: `(*, coefficients, f_number)`, the correction at an f-number
+    #: `(coefficients, polygon, *, channels, f_number) -> Quantity`, the divisor of a region's signal
     average_over_polygon: Function
 
 
 @dataclass(frozen=True, kw_only=True)
 class Application:
-    """Application of a version of a method to a later frame.
+    """Application of a version of a method to a later frame."""
 
-    Attributes
-    ----------
-    quantity, unit : str
-        Quantity of the map that is made of a frame, and its unit.
-    options : tuple of str
-        Options of a measurement that this method takes, beside region and products.
-    conditions : type or None
-        Frozen dataclass of what a measurement states of its surroundings, each field a parameter.
-    needs_exposure : bool
-        True if a frame without exposure cannot be measured.
-    """
-
-    quantity: str
+    quantity: str  # Quantity of the map that is made of a frame, and its unit
     unit: str
+    # Options of a measurement that this method takes, beside region and products
     options: tuple[str, ...] = ()
+    # Frozen dataclass of what a measurement states of its surroundings, each field a parameter
     conditions: type[Any] | None = None
-    needs_exposure: bool = True
+    needs_exposure: bool = True  # True if a frame without exposure cannot be measured
 
 
 @dataclass(frozen=True, kw_only=True)
 class SurfaceApplication(Application):
-    """Measurement of a lit surface: a region, the cells of a grid, and a map of one scale.
-
-    Attributes
-    ----------
-    check_grid : callable
-        ``(grid, *, height_px, width_px) -> flags``, what is wrong with a grid before it is measured.
-    foresee : callable
-        ``(coefficients, *, iso) -> float``, the standard uncertainty of the headline coefficient at an
-        f-number that was not calibrated, in its unit.
-    unforeseen : str
-        Code of the flag of such an f-number.
-    rim_px : int
-        Pixels around a block that `compute_map` needs.
-    view : Finding or None
-        Flag of what is seen from above, where that is not what a standard's observer sees.
-    """
+    """Measurement of a lit surface: a region, the cells of a grid, and a map of one scale."""
 
     name_channels: Function
     choose_coefficient: Function
     request: Function
     correction: Function
     outline: Function
+    #: `(grid, *, height_px, width_px) -> flags`, what is wrong with a grid before it is measured
     check_grid: Function
     find_window: Function
     find_map_scale: Function
@@ -111,23 +89,18 @@ class SurfaceApplication(Application):
     measure: Function
     compute_map: Function
     change: Function
+    #: `(coefficients, *, iso) -> float`, the standard uncertainty of the headline coefficient at an f-number
+    #: that was not calibrated, in its unit
     foresee: Function
-    unforeseen: str
-    rim_px: int
+    unforeseen: str  #: Code of the flag of such an f-number
+    rim_px: int  #: Pixels around a block that `compute_map` needs
+    #: Flag of what is seen from above, where that is not what a standard's observer sees
     view: Finding | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class BandApplication(Application):
-    """Measurement of one band of a capture, or of an index of its bands.
-
-    Attributes
-    ----------
-    radiance_unit : str
-        Unit of a band's radiance.
-    find_place : callable
-        ``(header, conditions) -> Place``, where the pixels of a frame lie on the ground.
-    """
+    """Measurement of one band of a capture, or of an index of its bands."""
 
     read_formula: Function
     align_band: Function
@@ -142,11 +115,11 @@ class BandApplication(Application):
     band_map: Function
     compute_index: Function
     map_uncertainty: Function
-    radiance_unit: str
+    radiance_unit: str  #: Unit of a band's radiance
     require_radiance: Function
     measure_radiance: Function
     scale_pixels: Function
-    find_place: Function
+    find_place: Function  #: `(header, conditions) -> Place`, where the pixels of a frame lie on the ground
     change: Function
 
 

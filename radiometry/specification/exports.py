@@ -1,11 +1,16 @@
-"""Exports of a version: the forms in which other programs read it."""
+"""Exports of a version, and rigs: cameras mounted together, whose orientation a method finds."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
+from radiometry.fitting.evidence import Quantity
+from radiometry.specification.certificate import CertificateText
+
+__all__ = ["Export", "ExportOption", "ExportSubject", "Picture", "RigExport", "RigMember"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,25 +53,54 @@ class Picture:
 
 @dataclass(frozen=True, kw_only=True)
 class Export:
-    """Form in which another program reads a version.
+    """Form in which another program reads a version."""
 
-    Attributes
-    ----------
-    filename, label, media_type : str
-        Last part of its address, label on pages, and type of its content.
-    operation, description : str
-        Name of the operation in the OpenAPI document, and its text.
-    write : callable
-        ``(fitted, subject, options) -> str or Picture``. Raises InputRejected.
-    needs_pixel_pitch : bool
-        True if the camera's pixel pitch must be registered.
+    filename: str  #: Last part of its address, label on pages, and type of its content
+    label: str
+    media_type: str
+    operation: str  #: Name of the operation in the OpenAPI document, and its text
+    description: str
+    #: `(fitted, subject, options) -> str or Picture`. Raises InputRejected.
+    write: Callable[[Any, ExportSubject, dict[str, Any]], str | Picture]
+    options: tuple[ExportOption, ...] = ()
+    needs_pixel_pitch: bool = False  #: True if the camera's pixel pitch must be registered
+
+
+@dataclass(frozen=True, kw_only=True)
+class RigMember:
+    """Version of one camera of a rig, with the frames that it was made from."""
+
+    serial: str  #: Serial number of the camera
+    fitted: Any  #: Result of the version
+    params: Any  #: Parameters of the version
+    rows: tuple[Any, ...]  #: Frames, as the fit read them
+
+
+@dataclass(frozen=True, kw_only=True)
+class RigExport:
+    """Form in which another program reads a rig.
+
+    ``write`` : ``(orientation, members, name) -> str``
     """
 
     filename: str
-    label: str
     media_type: str
     operation: str
     description: str
-    write: Callable[[Any, ExportSubject, dict[str, Any]], str | Picture]
-    options: tuple[ExportOption, ...] = ()
-    needs_pixel_pitch: bool = False
+    label: str
+    write: Callable[[Any, Sequence[RigMember], str], str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RigSpec:
+    """Orientation of rigs by a method."""
+
+    result: type[Any]  # Type of an orientation
+    # `(members) -> orientation`, the reference first. Raises InputRejected.
+    orient: Callable[[Sequence[RigMember]], Any]
+    # `(member, member) -> int`, how many triggers have a picture of both
+    count_shared: Callable[[RigMember, RigMember], int]
+    # `(orientation) -> mapping` from (camera, name) to Quantity, what is compared between sets
+    list_quantities: Callable[[Any], Mapping[tuple[str, str], Quantity]]
+    certificate: CertificateText  # Certificate text
+    exports: tuple[RigExport, ...]  # Forms in which other programs read an orientation

@@ -12,14 +12,13 @@ from radiometry.drawing.sheet import draw_sheet
 from radiometry.findings import Finding, Raised
 from radiometry.frame.roi import Polygon
 from radiometry.specification.application import Application, Correction, FoundRegion
-from radiometry.specification.certificate import CertificateText
-from radiometry.specification.coefficients import Budget, CoefficientKind
-from radiometry.specification.exports import Export
-from radiometry.specification.grid import Gap, Grid
-from radiometry.specification.key_figures import KeyFigure
+from radiometry.specification.certificate import Budget, CertificateText, CoefficientKind, KeyFigure
+from radiometry.specification.exports import Export, RigSpec
 from radiometry.specification.parameters import Parameter, list_parameters
-from radiometry.specification.rig import RigSpec
-from radiometry.specification.roles import Role
+from radiometry.specification.roles import Gap, Grid, Role
+from radiometry.specification.stored import meaning
+
+__all__ = ["MethodSpec", "Scope"]
 
 Reference = Literal["meter", "panel"]
 Scope = Literal["traceable", "relative_only"]
@@ -47,13 +46,7 @@ def _alone(result: dict[str, Any]) -> Iterable[dict[str, Any]]:
 
 
 def drop_readings(call: Callable[..., Any]) -> Callable[..., Any]:
-    """Return the function of a method without a reference, with readings as an ignored argument.
-
-    Parameters
-    ----------
-    call : callable
-        ``(rows, params, ...)``.
-    """
+    """Return the function of a method without a reference, with readings as an ignored argument."""
 
     def without(rows: Any, readings: Any, params: Any, **named: Any) -> Any:  # noqa: ANN401  the method's own
         del readings
@@ -63,13 +56,7 @@ def drop_readings(call: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def drop_target(call: Callable[..., Any]) -> Callable[..., Any]:
-    """Return the `extract` of a method without a target, with the target as an ignored argument.
-
-    Parameters
-    ----------
-    call : callable
-        ``(frame, regions, ...)``.
-    """
+    """Return the `extract` of a method without a target, with the target as an ignored argument."""
 
     def without(frame: Any, regions: Any, *, target: Any = None, **named: Any) -> Any:  # noqa: ANN401
         del target
@@ -78,163 +65,116 @@ def drop_target(call: Callable[..., Any]) -> Callable[..., Any]:
     return without
 
 
+_NAMES = meaning("Name in the API, label on pages, and one sentence: what is calibrated, from what.")
+
+
 @dataclass(frozen=True, kw_only=True)
 class MethodSpec:
-    """A calibration method.
+    """A calibration method."""
 
-    Attributes
-    ----------
-    name, label, description : str
-        Name in the API, label on pages, and one sentence: what is calibrated, from what.
-    schema_version : int
-        Version of the form in which parameters and results are stored.
-    findings : tuple of Finding
-        What only this method finds, for the registry.
-    roles : tuple of Role
-        Roles of the frames that the fit uses; the first is the default of a frame.
-    applied_roles : tuple of Role
-        Roles of frames that the coefficients are applied to; they are judged beside the others and need
-        no region.
-    params, result : type
-        Frozen dataclasses of the parameters and of the fit. The result has ``points``, each with its
-        ``frame``, and ``flags``.
-    features : type or None
-        Frozen dataclass of what `extract` returns beside statistics, None if statistics are enough.
-    target : type or None
-        Frozen dataclass that describes what is photographed, None if no description is needed.
-    target_example : mapping or None
-        A target as a request states it, for documents and forms.
-    reference : {"meter", "panel"} or None
-        What a campaign is measured against: meter readings of scenes, or a panel's reflectances.
-    reading : type
-        Frozen dataclass of one reading of the reference.
-    coefficients : tuple of CoefficientKind
-        What the method reports, the most looked-for first.
-    passed_on : tuple of Finding
-        Flags of a fit that hold for everything that is measured with it too.
-    untraced : Finding or None
-        Flag of a fit whose headline coefficients are relative only: their uncertainty lacks that of the
-        reference's scale. None if the method states no traceability to one.
-    has_checklist : bool
-        True if the procedure has a checklist that an operator ticks and signs.
-    whole_frame : bool
-        True if the whole frame is used where no region is drawn.
-    finds_region : bool
-        True if `find_region` looks for the region where none is drawn.
-    several_regions : bool
-        True if a frame usually has several regions, each with a name of its own.
-    tolerance_unit : {"%", "px"}
-        Unit in which one tolerance for all coefficients of a camera or a fleet is meant.
-    manual_exposure : bool
-        True if a camera that chooses its exposure deserves a flag.
-    check_frame : callable
-        ``(header, *, exposure) -> sequence of Raised``, what the method finds in a frame's metadata when it
-        is read; `frame_left_out` if it has no use for it. Raises InputRejected if the frame cannot be used.
-    check_features : callable
-        ``(features) -> sequence of Raised``, what the method finds in a frame's features.
-    extract : callable
-        ``(frame, regions, *, header, exposure, target) -> Extracted``. ``frame`` contains the regions'
-        window. ``exposure`` is None only for a frame of a chart whose file has none. Raises InputRejected.
-    find_region : callable
-        ``(frame, *, header) -> found or None``.
-    take_region : callable
-        ``(frame, *, header, other, other_header, region) -> (region, likeness) or None``, where a frame
-        shows what was found in another band of its capture.
-    make_row : callable
-        ``(evidence) -> row``, a frame in the form that the fit takes.
-    missing : callable
-        ``(rows, readings, params, *, unread) -> tuple of str``, what a fit still needs, by name; ``unread``
-        names frames that have not been read.
-    judge : callable
-        ``(frames, rows, readings, params) -> dict of Verdict`` by the frame's name.
-    plan : callable
-        ``(rows, readings, params) -> tuple of str``, suggestions for a better fit.
-    grid : Grid
-        Axes of the grid in which a campaign's frames are shown.
-    find_gaps : callable
-        ``(rows, readings, params) -> tuple of Gap``, the frames to photograph next, with their places.
-    fit : callable
-        ``(rows, readings, params) -> result``. Raises InputRejected.
-    list_coefficients : callable
-        ``(fitted) -> tuple of CoefficientValue``.
-    list_key_figures : callable
-        ``(stored result) -> tuple of KeyFigure``, what a person looks for first; empty for the coefficients.
-    plots : tuple of Plot
-        Plots of a version that pages show, the most looked-for first; what they read of a stored result may
-        be None or missing if it does not exist.
-    split : callable
-        ``(stored result) -> stored results``, parts whose plots are printed in a row each.
-    of_one_flight : bool
-        True if a version holds for the flight of its campaign: frames of the campaign are measured with it,
-        and a plot marks when they were taken (times in ISO 8601 under "flight").
-    certificate : CertificateText
-        What a certificate prints of the method.
-    list_budgets : callable
-        ``(fitted) -> tuple of Budget``, empty if the fit states none.
-    application : Application or None
-        What a version makes of a later frame, None if it cannot be applied.
-    applied : str
-        Field of ``result`` with what is applied: fits, each with its ``coefficient``, or one model.
-    correction : Correction or None
-        What a version corrects the signals of another method with, None if it corrects none.
-    exports : tuple of Export
-        Forms in which other programs read a version.
-    rig : RigSpec or None
-        Orientation of cameras that are mounted together, None if versions say nothing of it.
-    measure_light : callable or None
-        ``(band) -> light``, the light that a multispectral frame's own sensor recorded. Raises InputRejected.
-    configure : callable
-        ``(fitted) -> mapping``, what a version holds for beside camera and lens, ready for JSON.
-    """
-
-    name: str
-    label: str
-    description: str
-    schema_version: int
-    roles: tuple[Role, ...]
+    name: str = field(metadata=_NAMES)
+    label: str = field(metadata=_NAMES)
+    description: str = field(metadata=_NAMES)
+    schema_version: int  #: Version of the form in which parameters and results are stored
+    roles: tuple[Role, ...]  #: Roles of the frames that the fit uses; the first is the default of a frame
+    #: Frozen dataclasses of the parameters and of the fit. The result has `points`, each with its `frame`,
+    #: and `flags`.
     params: type[Any]
     result: type[Any]
-    coefficients: tuple[CoefficientKind, ...]
+    coefficients: tuple[CoefficientKind, ...]  #: What the method reports, the most looked-for first
+    #: `(frame, regions, *, header, exposure, target) -> Extracted`. `frame` contains the regions' window.
+    #: `exposure` is None only for a frame of a chart whose file has none. Raises InputRejected.
     extract: Callable[..., Any]
+    #: `(rows, readings, params, *, unread) -> tuple of str`, what a fit still needs, by name; `unread` names
+    #: frames that have not been read
     missing: Callable[..., tuple[str, ...]]
+    #: `(frames, rows, readings, params) -> dict of Verdict` by the frame's name
     judge: Callable[..., Mapping[str, Any]]
+    #: `(rows, readings, params) -> tuple of str`, suggestions for a better fit
     plan: Callable[..., tuple[str, ...]]
-    fit: Callable[..., Any]
-    list_coefficients: Callable[..., tuple[Any, ...]]
-    certificate: CertificateText
-    grid: Grid = field(default_factory=Grid)
+    fit: Callable[..., Any]  #: `(rows, readings, params) -> result`. Raises InputRejected.
+    list_coefficients: Callable[..., tuple[Any, ...]]  #: `(fitted) -> tuple of CoefficientValue`
+    certificate: CertificateText  #: What a certificate prints of the method
+    grid: Grid = field(default_factory=Grid)  #: Axes of the grid in which a campaign's frames are shown
+    #: `(rows, readings, params) -> tuple of Gap`, the frames to photograph next, with their places
     find_gaps: Callable[..., tuple[Gap, ...]] = field(default=_none)
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[Finding, ...] = ()  #: What only this method finds, for the registry
+    #: What a version makes of a later frame, None if it cannot be applied
     application: Application | None = None
+    #: Field of `result` with what is applied: fits, each with its `coefficient`, or one model
     applied: str = ""
+    #: What a version corrects the signals of another method with, None if it corrects none
     correction: Correction | None = None
-    exports: tuple[Export, ...] = ()
+    exports: tuple[Export, ...] = ()  #: Forms in which other programs read a version
+    #: Orientation of cameras that are mounted together, None if versions say nothing of it
     rig: RigSpec | None = None
+    #: `(band) -> light`, the light that a multispectral frame's own sensor recorded. Raises InputRejected.
     measure_light: Callable[..., Any] | None = None
+    #: Roles of frames that the coefficients are applied to; they are judged beside the others and need no
+    #: region
     applied_roles: tuple[Role, ...] = ()
+    #: Frozen dataclass of what `extract` returns beside statistics, None if statistics are enough
     features: type[Any] | None = None
+    #: Frozen dataclass that describes what is photographed, None if no description is needed
     target: type[Any] | None = None
+    #: A target as a request states it, for documents and forms
     target_example: Mapping[str, Any] | None = None
-    reference: Reference | None = None
-    reading: type[Any] = field(default=type(None))
+    reference: Reference | None = field(
+        default=None,
+        metadata=meaning(
+            "What a campaign is measured against: meter readings of scenes, or a panel's reflectances."
+        ),
+    )
+    reading: type[Any] = field(default=type(None))  #: Frozen dataclass of one reading of the reference
+    #: Flags of a fit that hold for everything that is measured with it too
     passed_on: tuple[Finding, ...] = ()
+    #: Flag of a fit whose headline coefficients are relative only: their uncertainty lacks that of the
+    #: reference's scale. None if the method states no traceability to one.
     untraced: Finding | None = None
-    has_checklist: bool = False
-    whole_frame: bool = False
-    finds_region: bool = False
-    several_regions: bool = False
-    tolerance_unit: ToleranceUnit = "%"
-    manual_exposure: bool = True
+    has_checklist: bool = field(
+        default=False,
+        metadata=meaning("True if the procedure has a checklist that an operator ticks and signs."),
+    )
+    whole_frame: bool = field(
+        default=False, metadata=meaning("True if the whole frame is used where no region is drawn.")
+    )
+    finds_region: bool = field(
+        default=False, metadata=meaning("True if `find_region` looks for the region where none is drawn.")
+    )
+    several_regions: bool = field(
+        default=False,
+        metadata=meaning("True if a frame usually has several regions, each with a name of its own."),
+    )
+    tolerance_unit: ToleranceUnit = field(
+        default="%",
+        metadata=meaning("Unit in which one tolerance for all coefficients of a camera or a fleet is meant."),
+    )
+    manual_exposure: bool = True  #: True if a camera that chooses its exposure deserves a flag
+    #: Plots of a version that pages show, the most looked-for first; what they read of a stored result may be
+    #: None or missing if it does not exist
     plots: tuple[Plot, ...] = ()
+    #: `(stored result) -> stored results`, parts whose plots are printed in a row each
     split: Callable[[dict[str, Any]], Iterable[dict[str, Any]]] = field(default=_alone)
+    #: `(stored result) -> tuple of KeyFigure`, what a person looks for first; empty for the coefficients
     list_key_figures: Callable[[dict[str, Any]], tuple[KeyFigure, ...]] = field(default=_none)
+    #: True if a version holds for the flight of its campaign: frames of the campaign are measured with it,
+    #: and a plot marks when they were taken (times in ISO 8601 under "flight")
     of_one_flight: bool = False
+    #: `(fitted) -> tuple of Budget`, empty if the fit states none
     list_budgets: Callable[[Any], tuple[Budget, ...]] = field(default=_none)
+    #: `(header, *, exposure) -> sequence of Raised`, what the method finds in a frame's metadata when it is
+    #: read; `frame_left_out` if it has no use for it. Raises InputRejected if the frame cannot be used.
     check_frame: Callable[..., Sequence[Raised]] = field(default=_none)
+    #: `(features) -> sequence of Raised`, what the method finds in a frame's features
     check_features: Callable[[Any], Sequence[Raised]] = field(default=_none)
+    #: `(frame, *, header) -> found or None`
     find_region: Callable[..., FoundRegion | None] = field(default=_nothing)
+    #: `(frame, *, header, other, other_header, region) -> (region, likeness) or None`, where a frame shows
+    #: what was found in another band of its capture
     take_region: Callable[..., tuple[Polygon, float] | None] = field(default=_nothing)
+    #: `(evidence) -> row`, a frame in the form that the fit takes
     make_row: Callable[..., Any] = field(default=_same)
+    #: `(fitted) -> mapping`, what a version holds for beside camera and lens, ready for JSON
     configure: Callable[..., Mapping[str, Any]] = field(default=_empty)
 
     def find_scope(self, name: str, flags: Collection[str]) -> Scope | None:

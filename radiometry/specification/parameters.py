@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final, Literal, Union, get_args, get_origin, get_type_hints
 
-from radiometry.specification.stored import LATER
+from radiometry.specification.stored import LATER, meaning
+
+__all__ = ["Choice", "Kind", "Parameter", "list_parameters"]
 
 Kind = Literal["number", "integer", "boolean", "choice", "interval", "group", "version", "text"]
 
@@ -25,56 +27,63 @@ class Choice:
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """One parameter of a fit, as forms, documents and the command line show it.
+    """One parameter of a fit, as forms, documents and the command line show it."""
 
-    Attributes
-    ----------
-    field : str
-        Its name in `Params`, in stored versions and in certificates.
-    name : str
-        Its name in requests, the same as ``field`` but for two older names.
-    kind : {"number", "integer", "boolean", "choice", "interval", "group", "version", "text"}
-        "interval" is a pair, the lower bound first; "group" holds ``members``; "version" names the
-        calibration version of another method; "text" is a name, or a table of several lines.
-    unit : str
-        "1" for a fraction.
-    minimum, maximum : float or None
-        Bounds, included unless ``above_minimum`` or ``below_maximum`` is True.
-    default : object
-        None if there is none; ``default_text`` then states what the fit does, and ``example`` is a value
-        that could be given.
-    given_by : {"request", "campaign"}
-        "campaign" if the value is part of the campaign and no request may change it.
-    none_allowed : bool
-        True if the text "none" switches the parameter off.
-    version_of : str
-        Name of the method whose version a "version" names, otherwise empty.
-    displaced_by : tuple of str
-        Parameters of a request, any of which states other surroundings than the campaign's: its value of
-        this one then does not count.
-    suggest : callable
-        ``() -> tuple of str``, names that a "text" may have.
-    """
-
-    field: str
-    name: str
+    field: str = dataclasses.field(
+        metadata=meaning("Its name in `Params`, in stored versions and in certificates.")
+    )
+    name: str = dataclasses.field(
+        metadata=meaning("Its name in requests, the same as ``field`` but for two older names.")
+    )
     label: str
     description: str
-    kind: Kind
-    unit: str = "1"
-    minimum: float | None = None
-    maximum: float | None = None
+    kind: Kind = dataclasses.field(
+        metadata=meaning(
+            '"interval" is a pair, the lower bound first; "group" holds ``members``; "version" names the '
+            'calibration version of another method; "text" is a name, or a table of several lines.'
+        )
+    )
+    unit: str = dataclasses.field(default="1", metadata=meaning('"1" for a fraction.'))
+    minimum: float | None = dataclasses.field(
+        default=None,
+        metadata=meaning("Bounds, included unless ``above_minimum`` or ``below_maximum`` is True."),
+    )
+    maximum: float | None = dataclasses.field(
+        default=None,
+        metadata=meaning("Bounds, included unless ``above_minimum`` or ``below_maximum`` is True."),
+    )
     above_minimum: bool = False
     below_maximum: bool = False
     choices: tuple[Choice, ...] = ()
-    default: Any = None
+    default: Any = dataclasses.field(
+        default=None,
+        metadata=meaning(
+            "None if there is none; ``default_text`` then states what the fit does, and ``example`` is a "
+            "value that could be given."
+        ),
+    )
     default_text: str = ""
     example: Any = None
-    given_by: Literal["request", "campaign"] = "request"
-    none_allowed: bool = False
-    version_of: str = ""
-    displaced_by: tuple[str, ...] = ()
-    suggest: Callable[[], tuple[str, ...]] = tuple
+    given_by: Literal["request", "campaign"] = dataclasses.field(
+        default="request",
+        metadata=meaning('"campaign" if the value is part of the campaign and no request may change it.'),
+    )
+    none_allowed: bool = dataclasses.field(
+        default=False, metadata=meaning('True if the text "none" switches the parameter off.')
+    )
+    version_of: str = dataclasses.field(
+        default="", metadata=meaning('Name of the method whose version a "version" names, otherwise empty.')
+    )
+    displaced_by: tuple[str, ...] = dataclasses.field(
+        default=(),
+        metadata=meaning(
+            "Parameters of a request, any of which states other surroundings than the campaign's: its value "
+            "of this one then does not count."
+        ),
+    )
+    suggest: Callable[[], tuple[str, ...]] = dataclasses.field(
+        default=tuple, metadata=meaning('``() -> tuple of str``, names that a "text" may have.')
+    )
     members: tuple["Parameter", ...] = ()
 
     @property
@@ -122,21 +131,7 @@ def parameter(
     later: bool = False,
     **stated: Any,  # noqa: ANN401  the other attributes of Parameter
 ) -> Any:  # noqa: ANN401  a field of a dataclass takes its annotated type
-    """Return a dataclass field that carries the description of its parameter.
-
-    Parameters
-    ----------
-    default : object
-        Default of the field.
-    label, description : str
-        As in `Parameter`.
-    later : bool, optional
-        True for a field that older versions do not have (`stored.LATER`).
-    **stated
-        Other attributes of `Parameter`; ``labels`` maps each choice of a field of a `Literal` type to its
-        label, and ``bounds`` is the range as an interval, "(0, 1]". The type follows from the field's
-        annotation.
-    """
+    """Return a dataclass field that carries the description of its parameter."""
     stated |= {"label": label, "description": description}
     if bounds := stated.pop("bounds", ""):
         low, high = bounds[1:-1].split(", ")
@@ -157,18 +152,7 @@ def list_parameters(kind: type[Any]) -> tuple[Parameter, ...]:
 
 
 def check_parameters(params: Any) -> None:  # noqa: ANN401  of any method
-    """Check every parameter against its choices and range.
-
-    Parameters
-    ----------
-    params : object
-        Instance of a `Params` class.
-
-    Raises
-    ------
-    ValueError
-        The value is not one of the choices, not finite or out of range; the text names field and range.
-    """
+    """Check every parameter against its choices and range."""
     for each in list_parameters(type(params)):
         value = getattr(params, each.field)
         if value is None:

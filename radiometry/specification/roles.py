@@ -1,24 +1,24 @@
-"""Roles of frames in a campaign, the same for all methods."""
+"""Roles of the frames of a campaign, the grid in which they are shown, and its gaps."""
 
-from dataclasses import dataclass
-from typing import Final
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final, Literal
+
+from radiometry.specification.stored import meaning
+
+__all__ = ["CHART", "DARK", "FIELD", "ROLES", "Gap", "Grid", "Role"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Role:
-    """Role of a frame.
-
-    Attributes
-    ----------
-    has_scene : bool
-        True if the frame belongs to a scene, one light level.
-
-    """
+    """Role of a frame."""
 
     name: str
     label: str
     description: str
-    has_scene: bool = False
+    has_scene: bool = field(
+        default=False, metadata=meaning("True if the frame belongs to a scene, one light level.")
+    )
 
 
 LIGHT: Final = Role(
@@ -43,3 +43,42 @@ FIELD: Final = Role(
 )
 
 ROLES: Final = (LIGHT, DARK, FLAT, PANEL, CHART, FIELD)
+
+
+# Field of a frame whose values make the rows or columns of a grid
+Axis = Literal["scene", "iso", "f_number", "exposure_time_s", "band", "capture_id"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Grid:
+    """Axes of the grid in which a method's frames are shown."""
+
+    rows: Axis | None = field(
+        default=None,
+        metadata=meaning(
+            'A row per role and value; "scene" splits only roles that have scenes. None for one row per role.'
+        ),
+    )
+    columns: tuple[Axis, ...] = field(
+        default=(),
+        metadata=meaning(
+            "A column per combination of values, the outer axis first; empty if the frames of a row are "
+            "laid side by side."
+        ),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gap:
+    """A frame to photograph next."""
+
+    role: str = field(metadata=meaning("Role of the frame."))
+    at: Mapping[Axis, str | float] = field(
+        default_factory=dict, metadata=meaning("Values of the grid's axes, as far as they are known.")
+    )
+    exposure_time_s: float | None = field(
+        default=None, metadata=meaning("Exposure time to use [s]; None if the plan does not know one.")
+    )
+    text: str = field(
+        default="", metadata=meaning("What to photograph, if exposure and place do not say it.")
+    )

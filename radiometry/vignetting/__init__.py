@@ -10,11 +10,15 @@ r = 1 at half of the frame's diagonal, from a fitted centre; dividing by V corre
 from typing import Final
 
 from radiometry.specification.application import Correction
-from radiometry.specification.certificate import FRAME, CertificateText, Column
-from radiometry.specification.coefficients import CoefficientEffect, CoefficientKind
-from radiometry.specification.grid import Grid
+from radiometry.specification.certificate import (
+    FRAME,
+    CertificateText,
+    CoefficientEffect,
+    CoefficientKind,
+    Column,
+)
 from radiometry.specification.method import MethodSpec, drop_readings, drop_target
-from radiometry.specification.roles import DARK, FLAT
+from radiometry.specification.roles import DARK, FLAT, Grid
 from radiometry.vignetting import codes, fit
 from radiometry.vignetting.blocks import Features
 from radiometry.vignetting.exports import EXPORTS

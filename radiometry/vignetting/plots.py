@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from radiometry.drawing.figure import MOST, Axis, Cell, Figure, Mark, Plot, Series
 from radiometry.drawing.text import write_quantity
 from radiometry.frame.packing import Packed, unpack
-from radiometry.specification.key_figures import choose_channel
+from radiometry.specification.certificate import choose_channel
 
 Node = dict[str, Any]
 

@@ -7,8 +7,7 @@ from typing import Any, Literal
 from radiometry.findings import Raised
 from radiometry.fitting.evidence import BudgetEntry, Exclusion
 from radiometry.frame.packing import Packed
-from radiometry.specification.coefficients import Budget
-from radiometry.specification.key_figures import KeyFigure, choose_channel
+from radiometry.specification.certificate import Budget, KeyFigure, choose_channel
 from radiometry.specification.parameters import check_parameters, parameter
 from radiometry.specification.stored import meaning
 

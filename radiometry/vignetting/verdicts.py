@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from radiometry.drawing.text import name_few
 from radiometry.findings import Reason, shared
 from radiometry.frame.verdicts import ReviewedFrame, Verdict, assume_whole_frame, conclude, inspect_frames
-from radiometry.specification.grid import Gap
+from radiometry.specification.roles import Gap
 from radiometry.vignetting import codes
 from radiometry.vignetting.blocks import FrameRow
 from radiometry.vignetting.light import EXPOSURE_RATIO, find_not_dark

@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
 from radiometry.frame.verdicts import Verdict
-from radiometry.specification.grid import Gap
+from radiometry.specification.roles import Gap
 from service.auth import Calibrator, Reader
 from service.changes import Reply, Writes
 from service.context import Context, UsesContext

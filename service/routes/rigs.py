@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session
 from radiometry.findings import InputRejected, interface
 from radiometry.fleet.determinations import LeftOut
 from radiometry.fleet.drift import RigStability, RigVersion, compare_sets, group_sets
-from radiometry.specification.rig import RigExport
+from radiometry.specification.exports import RigExport
 from service.auth import Calibrator, Caller, Reader
 from service.certificate import build_rig_certificate, lay_out_rig
 from service.changes import Reply, Writes

@@ -5,7 +5,7 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from radiometry.methods import get_method
-from radiometry.specification.key_figures import KeyFigure
+from radiometry.specification.certificate import KeyFigure
 from radiometry.specification.method import Scope
 from service.schemas.base import Answer, Form, Instant, LongText, Method
 from service.schemas.findings import FindingGroupAnswer, group_flags

@@ -8,11 +8,10 @@ from pydantic import Field, TypeAdapter
 
 from radiometry.methods import METHODS
 from radiometry.specification.application import PictureApplication
-from radiometry.specification.coefficients import CoefficientKind
-from radiometry.specification.grid import Grid
+from radiometry.specification.certificate import CoefficientKind
 from radiometry.specification.method import MethodSpec
 from radiometry.specification.parameters import Choice, Kind, Parameter
-from radiometry.specification.roles import Role
+from radiometry.specification.roles import Grid, Role
 from service.schemas.base import Answer, FrameRole, Method
 from service.schemas.fits import FitRequest
 from store.codec import drop_absent

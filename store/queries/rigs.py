@@ -9,7 +9,7 @@ from radiometry.fitting.evidence import FrameEvidence
 from radiometry.fleet.determinations import LeftOut, keep_repeats
 from radiometry.fleet.drift import RigVersion
 from radiometry.methods import METHODS, get_method
-from radiometry.specification.rig import RigMember
+from radiometry.specification.exports import RigMember
 from store.codec import decode, decode_header
 from store.fits import read_result
 from store.queries.fleet import list_sources

@@ -30,7 +30,7 @@ from radiometry.geometry.rig.adjustment import (
 )
 from radiometry.geometry.rig.results import RigFit, RigPoint, describe_pose
 from radiometry.geometry.views import make_view
-from radiometry.specification.rig import RigMember
+from radiometry.specification.exports import RigMember
 
 __all__ = ["COMPARED"]
 

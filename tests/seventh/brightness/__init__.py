@@ -11,8 +11,7 @@ from radiometry.fitting.evidence import CoefficientValue, Exclusion, Extracted, 
 from radiometry.frame.roi import Window, mask
 from radiometry.frame.statistics import compute_statistics, measure_signal
 from radiometry.frame.verdicts import ReviewedFrame, Verdict, conclude, inspect_frames
-from radiometry.specification.certificate import FRAME, CertificateText, Column
-from radiometry.specification.coefficients import CoefficientKind
+from radiometry.specification.certificate import FRAME, CertificateText, CoefficientKind, Column
 from radiometry.specification.method import MethodSpec
 from radiometry.specification.parameters import check_parameters, parameter
 from radiometry.specification.roles import FLAT
