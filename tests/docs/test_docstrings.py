@@ -122,7 +122,7 @@ def _list_imported() -> dict[Path, set[str]]:
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("radiometry"):
                 module = ROOT / node.module.replace(".", "/")
                 names = {each.name for each in node.names if not _is_module(module / each.name)}
-                file = module / "__init__.py" if module.is_dir() else module.with_suffix(".py")
+                file = one if (one := module.with_suffix(".py")).is_file() else module / "__init__.py"
                 imported.setdefault(file, set()).update(names)
     return imported
 

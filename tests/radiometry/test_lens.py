@@ -373,7 +373,7 @@ def test_a_dimmer_lens_makes_the_dark_signal_count_for_more():
 def test_a_fit_that_lacks_a_share_is_refused():
     rows = tuple(map(through, ROWS))
     rows = (dataclasses.replace(rows[0], lens_share=None), *rows[1:])
-    with pytest.raises(InputRejected, match=f"frame {rows[0].frame} has no V") as refused:
+    with pytest.raises(InputRejected, match=f"No V of the region: frame {rows[0].frame}") as refused:
         fit(rows, params=CORRECTED)
     assert refused.value.code == "vignetting_not_calibrated"
 
