@@ -1,4 +1,4 @@
-"""What a version reports: certificate text, coefficients with their budgets, and key figures."""
+"""Reports of a version: certificate text, coefficients with their budgets, and key figures."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
