@@ -5,8 +5,8 @@ import statistics
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+from radiometry.drawing.chart import draw_sheet
 from radiometry.drawing.figure import Axis, Figure, Mark, Series
-from radiometry.drawing.sheet import draw_sheet
 from radiometry.drawing.text import write_exposure
 from radiometry.tools.coverage import Coverage
 from radiometry.tools.exponents import SETTINGS, ExponentFit, SeriesRow

@@ -1,16 +1,18 @@
-"""Figures as SVG, for pages and for print."""
+"""Charts as SVG, for pages and for print, and sheets of them side by side."""
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from html import escape
 from typing import Final
 
 from radiometry.drawing.figure import Axis, Figure, Mark, Series
-from radiometry.drawing.svg import Panel, Scale, span
+from radiometry.drawing.svg import Panel, Scale, document, span
 from radiometry.drawing.text import shorten
+
+__all__ = ["draw_sheet"]
 
 _BOTTOM_PX, _LINE_PX = 48, 22
 _MONTHS: Final = (1, 2, 3, 6, 12, 24, 60, 120, 240)
@@ -73,19 +75,7 @@ class _Dates(Scale):
 def place_figure(
     figure: Figure, box: tuple[float, float, float, float], *, title: str = "", in_print: bool = False
 ) -> Panel:
-    """Return the panel of a figure.
-
-    Parameters
-    ----------
-    figure : Figure
-        What is drawn.
-    box : (float, float, float, float)
-        Left, top, right and bottom of what the axes enclose [px].
-    title : str, optional
-        Text above it.
-    in_print : bool, optional
-        True: points that are left out lie within the limits.
-    """
+    """Return the panel of a figure."""
     (left, top, right, bottom), (xs, ys) = box, figure.find_limits(in_print=in_print)
     if figure.is_to_scale:
         # the shorter of two ranges is widened
@@ -132,25 +122,7 @@ def _scale(axis: Axis, values: Sequence[float], start_px: float, end_px: float) 
 
 
 def draw_figure(figure: Figure, panel: Panel, *, in_print: bool) -> tuple[list[str], float]:
-    """Draw a figure with its axes and its legend.
-
-    Parameters
-    ----------
-    figure : Figure
-        What is drawn.
-    panel : Panel
-        Where it is drawn.
-    in_print : bool
-        True: cells have their texts, points a tooltip, a single series its name, and the note is below.
-        False: points and cells carry what a page tells of them.
-
-    Returns
-    -------
-    parts : list of str
-        Elements.
-    bottom_px : float
-        Where the legend ends.
-    """
+    """Draw a figure with its axes and its legend."""
     parts = [*panel.frame(), *_draw_ground(panel, figure, in_print=in_print)]
     for n, each in enumerate(figure.series):
         place = _place(each, n)
@@ -295,3 +267,40 @@ def _symbol(place: int) -> str:
 
 def _dash(place: int) -> str:
     return _DASHES[(place + place // len(_COLOURS)) % len(_DASHES)]
+
+
+_COLUMNS: Final = 3
+_LEFT_PX, _GAP_PX, _RIGHT_PX, _TOP_PX, _BELOW_PX = 64, 82, 42, 44, 4
+
+
+def draw_sheet(
+    rows: Iterable[Iterable[tuple[str, Figure]]], label: str, *, panel_px: tuple[int, int] = (290, 204)
+) -> str:
+    """Draw figures with their titles as an SVG document.
+
+    Parameters
+    ----------
+    rows : iterable of iterable of (str, Figure)
+        What begins a row each; what does not fit beside it goes below.
+    label : str
+        Text for screen readers.
+    panel_px : (int, int), optional
+        Width and height of what the axes of a figure enclose.
+    """
+    wide, high = panel_px
+    parts: list[str] = []
+    columns, bottom = 1, 0.0
+    for row in rows:
+        figures = list(row)
+        for first in range(0, len(figures), _COLUMNS):
+            top, shown = bottom + _TOP_PX, figures[first : first + _COLUMNS]
+            for column, (title, figure) in enumerate(shown):
+                left = _LEFT_PX + column * (wide + _GAP_PX)
+                box = (left, top, left + wide, top + high)
+                panel = place_figure(figure, box, title=title, in_print=True)
+                drawn, end = draw_figure(figure, panel, in_print=True)
+                parts += drawn
+                bottom = max(bottom, end + _BELOW_PX)
+            columns = max(columns, len(shown))
+    width = _LEFT_PX + columns * wide + (columns - 1) * _GAP_PX + _RIGHT_PX
+    return document(parts, width_px=width, height_px=math.ceil(bottom), label=label, style=STYLE)

@@ -1,4 +1,4 @@
-"""A panel with two axes in SVG: enough for a calibration's plots, and nothing that runs."""
+"""SVG documents, panels with two axes, and the layout of a picture of a map."""
 
 import itertools
 import math
@@ -8,6 +8,8 @@ from html import escape
 from typing import Final, Self
 
 from radiometry.drawing.text import write_tick
+
+__all__ = ["BAR_PX", "WIDEST_PX", "document", "find_step"]
 
 _STEPS = (1.0, 2.0, 5.0, 10.0)
 _LEAST_TICKS, _MOST_TICKS = 3, 8
@@ -43,28 +45,15 @@ def document(parts: Iterable[str], *, width_px: int, height_px: int, label: str,
 
 @dataclass(frozen=True, kw_only=True)
 class Scale:
-    """Mapping of a value to a pixel along one axis.
+    """Mapping of a value to a pixel along one axis."""
 
-    Attributes
-    ----------
-    low, high : float
-        Ends of the axis.
-    start_px, end_px : float
-        Their pixels.
-    logarithmic : bool
-        True for a logarithmic scale.
-    is_downward : bool
-        True if values are negated; ticks have no sign.
-    named : tuple of (float, str) or None
-        Where ticks stand, with their texts; None for round numbers.
-    """
-
-    low: float
+    low: float  # Ends of the axis
     high: float
-    start_px: float
+    start_px: float  # Their pixels
     end_px: float
-    logarithmic: bool = False
-    is_downward: bool = False
+    logarithmic: bool = False  # True for a logarithmic scale
+    is_downward: bool = False  # True if values are negated; ticks have no sign
+    # Where ticks stand, with their texts; None for round numbers
     named: tuple[tuple[float, str], ...] | None = None
 
     def __call__(self, value: float) -> float:
@@ -75,26 +64,14 @@ class Scale:
         return self.start_px + (self.end_px - self.start_px) * (at - low) / (high - low)
 
     def part(self, low: float, high: float) -> Self:
-        """Return the scale with other ends.
-
-        Parameters
-        ----------
-        low, high : float
-            Ends as fractions of the present ones; at least a thousandth apart.
-        """
+        """Return the scale with other ends."""
         first, last = (math.log(self.low), math.log(self.high)) if self.logarithmic else (self.low, self.high)
         ends = (first + end * (last - first) for end in (low, max(high, low + 1e-3)))
         low, high = map(math.exp, ends) if self.logarithmic else ends
         return replace(self, low=low, high=high)
 
     def label(self, tick: float) -> str:
-        """Return the text beside a tick.
-
-        Parameters
-        ----------
-        tick : float
-            Value of the tick.
-        """
+        """Return the text beside a tick."""
         if self.named is not None:
             return dict(self.named)[tick]
         step = 0.0 if self.logarithmic else self._even_step()
@@ -127,30 +104,14 @@ class Scale:
         return next(s * power for s in _STEPS if s * power >= rough * 0.999)
 
     def shows(self, value: float) -> bool:
-        """Return True if a value has a place on the axis, within the limits or beyond.
-
-        Parameters
-        ----------
-        value : float
-            Value; nothing that is not finite has a place, on a logarithmic axis nothing that is not positive.
-        """
+        """Return True if a value has a place on the axis, within the limits or beyond."""
         return math.isfinite(value) and (value > 0.0 or not self.logarithmic)
 
 
 def span(
     values: Iterable[float], *, logarithmic: bool = False, include: Sequence[float] = ()
 ) -> tuple[float, float]:
-    """Return limits with a margin around the values.
-
-    Parameters
-    ----------
-    values : iterable of float
-        Shown values.
-    logarithmic : bool, optional
-        True if only positive values are shown.
-    include : sequence of float, optional
-        Further values within the limits.
-    """
+    """Return limits with a margin around the values."""
     known = [value for value in (*values, *include) if math.isfinite(value)]
     if logarithmic:
         known = [value for value in known if value > 0] or [1.0]
@@ -200,17 +161,7 @@ class Panel:
         return parts
 
     def line(self, points: Iterable[tuple[float, float]], css: str, *, dash: str = "none") -> str:
-        """Return a line through points, cut at the limits; a point without a place on the axes breaks it.
-
-        Parameters
-        ----------
-        points : iterable of (float, float)
-            x and y.
-        css : str
-            Class.
-        dash : str, optional
-            Lengths of dashes and gaps [px].
-        """
+        """Return a line through points, cut at the limits; a point without a place on the axes breaks it."""
         dashes = "" if dash == "none" else f' stroke-dasharray="{dash}"'
         return "".join(
             f'<polyline class="{css}"{dashes} points="{" ".join(f"{x:.1f},{y:.1f}" for x, y in run)}"/>'
@@ -254,25 +205,25 @@ class Panel:
         )
 
     def write(self, x: float, y: float, text: str, css: str = "mid note") -> str:
-        """Return a text at a point.
-
-        Parameters
-        ----------
-        x, y : float
-            Position.
-        text : str
-            Text.
-        css : str, optional
-            Classes.
-        """
+        """Return a text at a point."""
         return f'<text class="{css}" x="{self.x(x):.1f}" y="{self.y(y):.1f}">{escape(text)}</text>'
 
     def holds(self, x: float, y: float) -> bool:
-        """Return True if a point lies within the limits.
-
-        Parameters
-        ----------
-        x, y : float
-            Position.
-        """
+        """Return True if a point lies within the limits."""
         return self.x.low <= x <= self.x.high and self.y.low <= y <= self.y.high
+
+
+WIDEST_PX: Final = 1600  # Of the picture
+
+BAR_PX: Final = 200  # Of its width: the bar and its labels
+
+
+def find_step(width_px: int) -> int:
+    """Return how many pixels of the map, along each side, are one of its picture.
+
+    Parameters
+    ----------
+    width_px : int
+        Width of the map.
+    """
+    return max(1, math.ceil(width_px / (WIDEST_PX - BAR_PX)))

@@ -5,6 +5,16 @@ import re
 from collections.abc import Iterable
 from typing import Final
 
+__all__ = [
+    "in_step",
+    "label_axis",
+    "natural_key",
+    "sort_naturally",
+    "write_exposure",
+    "write_quantity",
+    "write_unit",
+]
+
 _PLAIN: Final = (1e-4, 1e7)
 _THIN: Final = "\N{THIN SPACE}"
 _RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -44,15 +54,7 @@ def write_quantity(value: float, uncertainty: float, unit: str = "1") -> str:
 
 
 def write_tick(value: float, *, step: float = 0.0) -> str:
-    """Return a number beside an axis: 0.25, 20 000, a power of ten beyond 10⁷.
-
-    Parameters
-    ----------
-    value : float
-        Number.
-    step : float, optional
-        Distance to the next; so many digits are written that both can be told apart.
-    """
+    """Return a number beside an axis: 0.25, 20 000, a power of ten beyond 10⁷."""
     if value == 0.0:
         return "0"
     digits = 6
@@ -70,15 +72,7 @@ def write_tick(value: float, *, step: float = 0.0) -> str:
 
 
 def shorten(text: str, most: int) -> str:
-    """Return a text of at most so many characters; serial numbers differ at their end, so the middle goes.
-
-    Parameters
-    ----------
-    text : str
-        Text.
-    most : int
-        Characters, at least 3.
-    """
+    """Return a text of at most so many characters; serial numbers differ at their end, so the middle goes."""
     if len(text) <= most:
         return text
     end = (most - 1) // 2

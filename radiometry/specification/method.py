@@ -7,8 +7,8 @@ from functools import cached_property
 from types import GenericAlias
 from typing import Any, Literal, get_args, get_type_hints
 
+from radiometry.drawing.chart import draw_sheet
 from radiometry.drawing.figure import Figure, Plot
-from radiometry.drawing.sheet import draw_sheet
 from radiometry.findings import Finding, Raised
 from radiometry.frame.roi import Polygon
 from radiometry.specification.application import Application, Correction, FoundRegion

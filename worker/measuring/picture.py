@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from radiometry.drawing.maps import WIDEST_PX
+from radiometry.drawing.svg import WIDEST_PX
 from radiometry.frame import Frame
 from radiometry.specification.application import PictureApplication
 from store.applied import read_applied
