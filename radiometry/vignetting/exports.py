@@ -7,9 +7,9 @@ from typing import Any, Final
 import numpy as np
 
 from radiometry.findings import InputRejected, shared
-from radiometry.frame.lensfun import LensfunNames, list_options, name_for_lensfun, write_database
 from radiometry.frame.packing import unpack
 from radiometry.specification.exports import Export, ExportOption, ExportSubject, Picture
+from radiometry.specification.lensfun import LensfunNames, list_options, name_for_lensfun, write_database
 from radiometry.vignetting.blocks import Vector
 from radiometry.vignetting.lens import compute_correction, evaluate, select_channels
 from radiometry.vignetting.results import ChannelFit, Coefficient, Fit

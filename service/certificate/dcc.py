@@ -4,8 +4,8 @@ import base64
 import xml.etree.ElementTree as ET
 from typing import Final
 
-from radiometry.frame.lensfun import FORBIDDEN_IN_XML
 from radiometry.methods import get_method
+from radiometry.specification.lensfun import FORBIDDEN_IN_XML
 from service.press.pages import STAMPS
 from service.press.sheet import Node
 
