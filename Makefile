@@ -50,12 +50,12 @@ faults: $(VENV)/dev  ## drill every fault on both deployments and write docs/fau
 	@python -m tests.faults --seed $(or $(SEED),1) $(or $(ARGS),--write)
 
 # Debian's, for the tests of the pages, where it may be installed; where not, they say so and skip. What drives it
-# is linked with libatomic, which only the whole chromium brings.
+# is linked with libatomic, which a chromium does not always bring.
 chromium:
-	@[ -n "$$STILB_CHROMIUM" ] || command -v chromium >/dev/null || [ "$$(id -u)" != 0 ] || ! command -v apt-get >/dev/null \
-	|| dpkg -s chromium-headless-shell libatomic1 >/dev/null 2>&1 \
-	|| timeout 600 sh -c 'export DEBIAN_FRONTEND=noninteractive; apt-get -qq -o Acquire::http::Timeout=20 update \
-	&& apt-get -qq -o Acquire::http::Timeout=20 install -y --no-install-recommends chromium-headless-shell libatomic1' >/dev/null 2>&1 || true
+	@needed=libatomic1; [ -n "$$STILB_CHROMIUM" ] || command -v chromium >/dev/null || needed="$$needed chromium-headless-shell"; \
+	[ "$$(id -u)" != 0 ] || ! command -v apt-get >/dev/null || dpkg -s $$needed >/dev/null 2>&1 \
+	|| timeout 600 sh -c "export DEBIAN_FRONTEND=noninteractive; apt-get -qq -o Acquire::http::Timeout=20 update \
+	&& apt-get -qq -o Acquire::http::Timeout=20 install -y --no-install-recommends $$needed" >/dev/null 2>&1 || true
 
 audit: $(VENV)/run  ## is the audit trail whole, and every row as it says? (HEAD=seq:hash compares a head noted before)
 	@python -m store.audit_check $(HEAD)
