@@ -12,7 +12,7 @@ export PATH := $(CURDIR)/$(BIN):$(PATH)
 # an image may forbid it: each process would then compile every module again, and `make up` take twice as long
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: help demo up test apart journeys clients consumers quick faults chromium audit audit-dependencies export verify verify-backup lint format fuzz model bench docs architecture tables api pictures examples release wheels lock clean
+.PHONY: help demo up test apart journeys clients consumers quick faults hostile chromium audit audit-dependencies export verify verify-backup lint format fuzz model bench docs architecture tables api pictures examples release wheels lock clean
 
 help:  ## what can be made
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 20
@@ -48,6 +48,10 @@ quick: lint  ## what a change needs in a minute: lint, types, and the tests of t
 faults: export OPENBLAS_NUM_THREADS = 1
 faults: $(VENV)/dev  ## drill every fault on both deployments and write docs/faults.md, in an hour (SEED=1, ARGS="--only disk")
 	@python -m tests.faults --seed $(or $(SEED),1) $(or $(ARGS),--write)
+
+hostile: export OPENBLAS_NUM_THREADS = 1
+hostile: $(VENV)/dev  ## hostile requests at every operation, and 512 hostile connections, in 20 minutes (ARGS="--only attack")
+	@python -m tests.faults.hostile $(ARGS)
 
 # Debian's, for the tests of the pages, where it may be installed; where not, they say so and skip. What drives it
 # is linked with libatomic, which a chromium does not always bring.

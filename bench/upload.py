@@ -128,8 +128,8 @@ def _hash_and_sync(path: Path, copy: Path) -> str:
 
 @contextmanager
 def serving(data: Path, database_url: str | None = None, *, workers: int = 1) -> Iterator[Service]:
-    """Run `python -m service` on a new database, without a broker: a hint is sent to nobody."""
-    data.mkdir()
+    """Run `python -m service` on a database, new unless one is there, without a broker: hints go nowhere."""
+    data.mkdir(exist_ok=True)
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]

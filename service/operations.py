@@ -49,8 +49,7 @@ class _Operation(APIRoute):
         handle = super().get_route_handler()
         called = list(list_calls(self.dependant))
         scopes = [each.scope for each in called if isinstance(each, Needs)]
-        form = self.body_field.field_info.annotation if self.body_field else None
-        validate = getattr(form, "model_validate", _as_it_is)
+        form: Any = self.body_field and self.body_field.field_info.annotation
 
         async def operate(request: Request) -> Response:
             if get_caller in called:
@@ -61,7 +60,7 @@ class _Operation(APIRoute):
                 require(request.state.caller, scope)
             if request.headers.get("content-encoding", "identity").strip().lower() != "identity":
                 raise _encoded()
-            return await handle(_StrictRequest(request.scope, request.receive, validate))
+            return await handle(_StrictRequest(request.scope, request.receive, form))
 
         return operate
 
@@ -74,14 +73,14 @@ def list_calls(dependant: Dependant) -> Iterator[Callable[..., Any] | None]:
 
 
 class _StrictRequest(Request):
-    def __init__(self, scope: Scope, receive: Receive, validate: Callable[[Any], Any]) -> None:
+    def __init__(self, scope: Scope, receive: Receive, form: Any) -> None:  # noqa: ANN401  a model, if any
         super().__init__(scope, receive)
-        self._validate = validate
+        self._model = form
 
     async def json(self) -> Any:  # noqa: ANN401  the form of the route, which the framework takes as it is
         """Read the document into its form, once, and beside the loop where it is large."""
         if not hasattr(self, "_json"):
-            read = partial(read_document, validate=self._validate)
+            read = partial(read_document, validate=self._model.model_validate)
             self._json = await read_apart(self, read)
         return self._json
 
@@ -138,10 +137,6 @@ def _read_whole(text: str) -> int:
 def _read_real(text: str) -> float:
     # in Python: between two of them the reader's thread gives way to the loop
     return float(text)
-
-
-def _as_it_is(document: Any) -> Any:  # noqa: ANN401
-    return document
 
 
 def _wrong(message: str) -> Problem:
