@@ -13,6 +13,8 @@ from stilb.resources.jobs import Jobs
 from stilb.transport import Call, address
 from stilb.upload import PathLike
 
+_ISSUED_WITHIN_S = 300.0  # the pages of the certificate are set before the answer
+
 
 class Calibrations(Campaigns, Jobs):
     """Versions of a camera's coefficients."""
@@ -71,7 +73,13 @@ class Calibrations(Campaigns, Jobs):
         body = {"valid_from": as_text(valid_from), "reason": reason}
         if valid_to is not None:
             body["valid_to"] = as_text(valid_to)
-        return Calibration.of(self._post(address("calibrations", calibration_id, "publish"), body))
+        call = Call(
+            method="POST",
+            path=address("calibrations", calibration_id, "publish"),
+            json=body,
+            answer_within_s=_ISSUED_WITHIN_S,
+        )
+        return Calibration.of(self._transport.json(call))
 
     def impact(self, calibration_id: str, *, at: Moment | None = None) -> dict[str, Any]:
         """Compare a version with what is in force at ``at`` (now): what publishing it would change."""
