@@ -65,7 +65,7 @@ def prepare(context: Context, calibration_id: str, caller: Caller, publication: 
             f"Add them, then publish again: {' '.join(gap.message for gap in certificate.gaps)}",
             gaps=[gap.dump() for gap in certificate.gaps],
         )
-    return Prepared(printed=_print(context, record, certificate), gaps=certificate.gaps)
+    return Prepared(printed=_print(context, record, certificate, first=True), gaps=certificate.gaps)
 
 
 def build_issued(
@@ -149,9 +149,8 @@ def _issue_late(context: Context, calibration_id: str) -> None:
     with context.database.reading(snapshot=True) as session:
         record = gather(context, session, session.get_one(Calibration, calibration_id))
     issued = Issued(at=utc_now(), at_upgrade=True)
-    printed = _print(
-        context, record, build_certificate(record, issued=issued, published=list_published(record))
-    )
+    certificate = build_certificate(record, issued=issued, published=list_published(record))
+    printed = _print(context, record, certificate, first=False)
     try:
         with context.database.writing("service", record.organisation.id) as session:
             keep_issued(session, record.acts[-1].publication, printed)
@@ -159,11 +158,14 @@ def _issue_late(context: Context, calibration_id: str) -> None:
         log.info("another process has issued the certificate of %s", calibration_id)
 
 
-def _print(context: Context, record: CalibrationRecord, certificate: CertificateAnswer) -> PrintedCertificate:
+def _print(
+    context: Context, record: CalibrationRecord, certificate: CertificateAnswer, *, first: bool
+) -> PrintedCertificate:
     content, issued = certificate.dump(), certificate.issued
     assert issued is not None  # noqa: S101  narrows the type
     order = order_certificate(content, draw_preview(record, context.files))
-    pdf = kept.render_apart(write_order(order))
+    require = context.settings.decoder_sandbox == "require"
+    pdf = kept.render_apart(write_order(order), require=require, first=first)
     return PrintedCertificate(
         amendment=issued.amends.amendment if issued.amends else 0,
         number=certificate.number,

@@ -65,10 +65,14 @@ def render_and_keep(context: Context, source: str, order: bytes) -> bytes:
     return rendered
 
 
-def render_apart(order: bytes, *, require: bool = False) -> bytes:
-    """Render an order in a process that is shut in and ends. ``require`` : fully shut in, or not at all."""
+def render_apart(order: bytes, *, require: bool = False, first: bool = False) -> bytes:
+    """Render an order in a process that is shut in and ends.
+
+    ``require`` : fully shut in, or not at all. ``first`` : at the usual priority, where a publication waits
+    """
+    chosen = [name for name, wanted in (("--require", require), ("--first", first)) if wanted]
     process = subprocess.Popen(  # noqa: S603  our own module
-        [*build_command("service.press"), *(["--require"] if require else [])],
+        [*build_command("service.press"), *chosen],
         env=build_environment() | _THREADS,
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,

@@ -2,6 +2,7 @@
 
 import json
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from hashlib import sha256
 
 import pytest
@@ -56,7 +57,7 @@ def revise(monkeypatch):
     monkeypatch.setattr("service.certificate.document.SCHEMA_VERSION", 2)
     monkeypatch.setattr("service.press.kept.RENDERER", "render-99")
     monkeypatch.setattr("service.press.pages.STAMPS", dict.fromkeys(("draft", "published"), "Other"))
-    monkeypatch.setattr("service.press.kept.render_apart", lambda _: b"%PDF of a later release")
+    monkeypatch.setattr("service.press.kept.render_apart", lambda *_, **__: b"%PDF of a later release")
 
 
 def test_what_was_issued_keeps_its_bytes_whatever_comes_later(house, staged, monkeypatch):
@@ -113,7 +114,7 @@ def test_a_later_publication_issues_an_amendment_beside_the_original(house, vers
 
 @pytest.mark.parametrize("fault", ["typesetter", "room", "commit"])
 def test_nothing_is_published_without_its_certificate(house, version, monkeypatch, fault):
-    def fail(*_):
+    def fail(*_, **__):
         raise StorageFull if fault == "room" else RuntimeError(fault)
 
     place = {
@@ -134,7 +135,18 @@ def test_nothing_is_published_without_its_certificate(house, version, monkeypatc
 
 
 def test_a_repeated_request_issues_once(house, version, monkeypatch):
+    ordered, context = [], house.app.state.context
+    settings = context.settings.model_copy(update={"decoder_sandbox": "require"})
+    house.app.state.context = replace(context, settings=settings)
+
+    def note(order, **how):
+        ordered.append(how)
+        return render(order)
+
+    monkeypatch.setattr("service.press.kept.render_apart", note)
     first = publish(house, version, key="once")
+    # shut in as all that is rendered, and before what nobody waits for
+    assert ordered == [{"require": True, "first": True}]
     monkeypatch.setattr("service.press.kept.render_apart", None)
     assert publish(house, version, key="once") == first
     assert count(house, IssuedCertificate) == 1
@@ -187,7 +199,7 @@ def test_what_was_published_before_is_issued_once_also_if_it_is_killed(house, ve
     monkeypatch.undo()
     backlog = Backlog(house.app.state.context)
 
-    def die(_order):
+    def die(_order, **_):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as during:
@@ -195,7 +207,7 @@ def test_what_was_published_before_is_issued_once_also_if_it_is_killed(house, ve
         with pytest.raises(KeyboardInterrupt):
             backlog.issue_next()
     assert count(house, IssuedCertificate) == 0
-    monkeypatch.setattr("service.press.kept.render_apart", render)
+    monkeypatch.setattr("service.press.kept.render_apart", lambda order, **_: render(order))
     # whoever asks need not wait for its turn
     asked = fetch(house, version, "json")
     assert (backlog.issue_next(), backlog.issue_next()) == (1.0, 3600.0)
