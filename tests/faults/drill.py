@@ -37,7 +37,7 @@ class Fault:
     strike: Callable[["Drill"], AbstractContextManager[object]] = nullcontext
     on: tuple[Kind, ...] = BOTH
     lasts_s: float = 0.0
-    needs: Literal["", "disk", "clock"] = ""
+    needs: Literal["", "disk", "clock", "pair"] = ""
     readyz: int | None = None
     """What it must answer while the fault lasts; None where it is not asked."""
     livez: bool = False
@@ -47,7 +47,7 @@ class Fault:
     no_errors: bool = False
     """Whether a user of the client must not see any."""
     slow: bool = False
-    """Whether files are large and sent slowly."""
+    """Whether files are large and sent slowly, while versions are looked up."""
     refuses: frozenset[str] = frozenset()
     """Codes of lasting refusals that are right while the fault lasts."""
     sends_again: bool = False

@@ -27,7 +27,6 @@ from tests.support.processes import alive, children, command, family
 from tests.support.proxy import Proxy
 
 BUSY = b"HTTP/1.1 503 Slow Down\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
-OURS = ("service", "worker")
 AS_DELIVERED = {
     f"STILB_{name.upper()}": f"{Settings.model_fields[name].default:g}"
     for name in ("lease_s", "sweep_interval_s")
@@ -41,6 +40,11 @@ class Ground(Deployment):
     disk: Path | None = None
     clock: Clock | None = None
     proxies: dict[str, Proxy]
+    services: list[str]
+
+    @property
+    def ours(self) -> list[str]:
+        return [*self.services, "worker"]
 
     @abstractmethod
     def kill_all(self) -> None:
@@ -57,6 +61,10 @@ class Ground(Deployment):
     @abstractmethod
     def locked(self):
         """Lock the database against writes until the block ends."""
+
+    @abstractmethod
+    def is_amid_a_transaction(self, pid: int) -> bool:
+        """Return whether this process, which is stopped, holds locks of the database."""
 
     @abstractmethod
     def stored(self, sha256: str) -> bytes | None:
@@ -97,6 +105,7 @@ class EmbeddedGround(Ground, Embedded):
         port = str(pick_port())
         super().__init__(folder / "data", **{"STILB_PORT": port} | settings)
         self.proxies = {}
+        self.services = ["service"]
 
     def kill_all(self) -> None:
         tree = family(self.launcher.pid)
@@ -123,6 +132,14 @@ class EmbeddedGround(Ground, Embedded):
             held.execute("BEGIN IMMEDIATE")
             yield
             held.execute("ROLLBACK")
+
+    def is_amid_a_transaction(self, pid: int) -> bool:
+        # in a process of its own, as it opens and closes a file of the database
+        code = (
+            "import sys; from store.write_lock import find_stopped_writer as find; print(find(sys.argv[1]))"
+        )
+        command = [sys.executable, "-c", code, f"sqlite:///{self.data / 'stilb.sqlite'}"]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout == f"{pid}\n"
 
     def stored(self, sha256: str) -> bytes | None:
         try:
@@ -161,14 +178,16 @@ class EmbeddedGround(Ground, Embedded):
 class ComposedGround(Ground, Composed):
     kind = "composed"
 
-    def __init__(self, folder: Path, server: PostgresServer, stack: ExitStack, **settings: str):
+    def __init__(
+        self, folder: Path, server: PostgresServer, stack: ExitStack, *, services: int = 1, **settings: str
+    ):
         url = server.new_database()
         self._name = make_url(url).database
         self._server = server
         self._sockets = Path(make_url(url).query["host"])
         database = stack.enter_context(Proxy(self._sockets / ".s.PGSQL.5432"))
         through = f"postgresql+psycopg://stilb@{database.address}/{self._name}"
-        super().__init__(folder, url, **{"STILB_DATABASE_URL": through} | settings)
+        super().__init__(folder, url, services=services, **{"STILB_DATABASE_URL": through} | settings)
         self.proxies = {"database": database}
         self.held_down: set[str] = set()
         self._checks: dict[str, tuple[float, subprocess.Popen | None]] = {}
@@ -181,21 +200,21 @@ class ComposedGround(Ground, Composed):
 
     def look_after(self) -> None:
         """Start again what died, and check the health of ours, both as Compose does."""
-        for name in OURS:
+        for name in self.ours:
             self._check_health(name)
         for name, process in list(self._running.items()):
             if process.poll() is not None and name not in self.held_down:
                 self.start(name)
 
     def _check_health(self, name: str) -> None:
-        check = compose()["services"][name]["healthcheck"]
+        check = compose()["services"][name.partition("-")[0]]["healthcheck"]
         now = time.monotonic()
         began, running = self._checks.get(name, (now, None))
         if running is not None and running.poll() is None and now - began > _seconds(check["timeout"]):
             _end_check(running)
         if name in self._running and now - began >= _seconds(check["interval"]):
             words = [
-                self.url + word[word.index("/readyz") :] if "/readyz" in word else word
+                self.url_of(name) + word[word.index("/readyz") :] if "/readyz" in word else word
                 for word in check["test"][1:]
             ]
             command = [sys.executable, *words[1:]]
@@ -222,10 +241,10 @@ class ComposedGround(Ground, Composed):
         self._end()
 
     def stop_all(self) -> None:
-        self.held_down |= set(OURS)
-        for name in OURS:
+        self.held_down |= set(self.ours)
+        for name in self.ours:
             os.kill(self.pid(name), signal.SIGTERM)
-        for name in OURS:
+        for name in self.ours:
             self.wait_until_gone(name, self.pid(name), 60)
 
     def start_all(self) -> None:
@@ -238,6 +257,13 @@ class ComposedGround(Ground, Composed):
         with psycopg.connect(self._address) as held:
             _lock_tables(held)
             yield
+
+    def is_amid_a_transaction(self, _pid: int) -> bool:
+        held = "SELECT pid, xact_start FROM pg_stat_activity WHERE state = 'idle in transaction'"
+        held += " AND datname = current_database() AND now() - state_change > interval '0.3 s'"
+        with psycopg.connect(self._address, autocommit=True) as asking:
+            time.sleep(0.5)
+            return bool(asking.execute(held).fetchall())
 
     def stored(self, sha256: str) -> bytes | None:
         try:

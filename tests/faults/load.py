@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from random import Random
 
@@ -17,6 +18,7 @@ _AGAIN_AFTER_S = 0.5
 _REFUSALS_ALLOWED = 3
 _SLOW_BYTES = 3 << 20
 _SLOW_CHUNK_S = 0.7
+_LOOK_UP_EVERY_S = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,6 +56,7 @@ class Load:
         self.fitted: list[str] = []
         self.troubles: list[Trouble] = []
         self.refused: list[Trouble] = []
+        self.looked_up = 0
         self._slow = slow
         lit = [name for name, frame in base.frames.items() if frame.role == "light"]
         self._items: list[tuple[str, Callable[[], None]]] = [
@@ -66,7 +69,8 @@ class Load:
         self._open: set[str] = set()
         self._lock = threading.Lock()
         self._stopped = threading.Event()
-        self._threads = [threading.Thread(target=self._ask, daemon=True) for _ in range(_ASKERS)]
+        askers = [*([self._ask] * _ASKERS), *([self._look_up] if slow else [])]
+        self._threads = [threading.Thread(target=ask, daemon=True) for ask in askers]
 
     def __enter__(self):
         self.ask_all()
@@ -106,6 +110,20 @@ class Load:
             with self._lock:
                 self._open.discard(name)
 
+    def _look_up(self) -> None:
+        """Ask again and again for K, as a program does that measures with it."""
+        try:
+            while not self._stopped.wait(_LOOK_UP_EVERY_S):
+                self._insist("look up K", self._look_up_once)
+        except Exception:
+            if not self._stopped.is_set():  # its client was closed
+                raise
+
+    def _look_up_once(self) -> None:
+        found = self.team.client.coefficients(self.base.campaign.camera_id, name="luminance_k")
+        assert found, "no K is in force"
+        self.looked_up += 1
+
     def _insist(self, name: str, call: Callable[[], None]) -> None:
         refusals = 0
         while not self._stopped.is_set():
@@ -144,12 +162,13 @@ class Load:
 
 
 def prepare(team: Team, shots: Sequence[Shot]) -> Base:
-    """A campaign that is uploaded, read and fitted in peace."""
+    """A campaign that is uploaded, read, fitted and published in peace."""
     campaign = team.campaign()
     frames = team.push(campaign, list(shots))
     for frame in frames:
         team.client.wait(frame.job_id, timeout_s=90)
     version = team.client.calibrate(campaign.id)
+    team.client.publish(version.id, valid_from=datetime(2020, 1, 1, tzinfo=UTC), reason="checked in peace")
     named = {shot.path.name: frame for shot, frame in zip(shots, frames, strict=True)}
     return Base(campaign=campaign, frames=named, version=version)
 

@@ -26,7 +26,7 @@ _SEEN_FOR_S = 8.0
 def ground(
     kind: Kind, needs: str, server: PostgresServer | None, settings: dict[str, str]
 ) -> Iterator[Ground]:
-    """A running deployment, on a small disk or with a clock of its own if that is needed."""
+    """A running deployment; on a small disk, with its own clock, or with two services if that is needed."""
     with ExitStack() as stack:
         folder = stack.enter_context(short_folder())
         disk = stack.enter_context(small_disk(folder)) if needs == "disk" else None
@@ -36,7 +36,8 @@ def ground(
             made = EmbeddedGround(disk or folder, **settings, **(clock.environment if clock else {}))
         else:
             assert server is not None
-            made = ComposedGround(disk or folder, server, stack, **settings)
+            services = 2 if needs == "pair" else 1
+            made = ComposedGround(disk or folder, server, stack, services=services, **settings)
         made.disk, made.clock = disk, clock
         yield stack.enter_context(made)
 
@@ -73,7 +74,7 @@ class Matrix:
             self._beside = stack.enter_context(bystander(self._folder))
             server = stack.enter_context(PostgresServer()) if "composed" in kinds else None
             for kind in kinds:
-                for needs in ("", "disk", "clock"):
+                for needs in ("", "disk", "clock", "pair"):
                     chosen = [fault for fault in faults if fault.needs == needs and kind in fault.on]
                     while chosen:
                         chosen = self._run_some(chosen, kind, needs, server)

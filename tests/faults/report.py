@@ -58,6 +58,9 @@ is answered and no job is left, everything is compared with a run without a faul
 Where other work keeps the machine busy, as `machine` or a high load average shows, all seconds are
 upper values.
 
+Where each part is restarted in turn, composed has two services behind one address, and K is looked up
+twenty times a second; large files are sent slowly meanwhile.
+
 A part that hangs is stopped by a signal and left so: the fault ends when it has been replaced. The clock is
 set for all processes but PostgreSQL's by a library that is loaded before theirs; their monotonic clocks run
 on, as they do on a machine. Leases and sweeps are those that stilb is

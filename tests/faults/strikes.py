@@ -10,13 +10,12 @@ from contextlib import AbstractContextManager, contextmanager, suppress
 import stilb
 from store.queues import LANES, QUEUES, Message, Post
 from tests.faults.drill import Drill
-from tests.faults.grounds import OURS
 from tests.support.disks import filled
 from tests.support.processes import alive, family
 from tests.support.proxy import Mode
 
 Strike = Callable[[Drill], AbstractContextManager[object]]
-_HUNG_WITHIN_S = 240.0
+_HUNG_WITHIN_S = _STARTS_WITHIN_S = 240.0
 
 
 def killed(part: str, times: int = 1) -> Strike:
@@ -113,6 +112,25 @@ def frozen_past_its_lease(lease_s: float) -> Strike:
         yield
 
     return strike
+
+
+@contextmanager
+def stopped_amid_a_transaction(drill: Drill) -> Iterator[None]:
+    """Stop the worker for good while it holds locks of the database, for which all others wait."""
+    drill.wait_until_at_work()
+    pid = drill.ground.pid("worker")
+
+    def stopped() -> bool:
+        with suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGSTOP)
+            if drill.ground.is_amid_a_transaction(pid):
+                return True
+            os.kill(pid, signal.SIGCONT)
+        return False
+
+    drill.ground.wait_until(stopped, "a worker amid a transaction")
+    yield
+    drill.ground.wait_until_gone("worker", pid, _HUNG_WITHIN_S)
 
 
 def hung(part: str) -> Strike:
@@ -251,15 +269,21 @@ def restarted_politely(drill: Drill) -> Iterator[None]:
 
 @contextmanager
 def restarted_in_turn(drill: Drill) -> Iterator[None]:
-    """Two rounds of asking one part after the other to end."""
+    """Two rounds of asking one part after the other to end; of two services one is always there."""
     for _ in range(2):
-        for name in OURS:
+        for name in drill.ground.ours:
             before = drill.ground.terminate(name)
             drill.ground.wait_until(
                 lambda name=name, before=before: drill.ground.pid(name) != before, f"another {name}"
             )
-            drill.ground.wait_until(drill.ground.serves, "readiness of the service")
+            for service in drill.ground.services:
+                drill.ground.wait_until(
+                    lambda service=service: drill.ground.serves(service),
+                    f"readiness of the {service}",
+                    timeout_s=_STARTS_WITHIN_S,
+                )
             drill.pause(1.0)
+    assert drill.load.looked_up > 10, f"only {drill.load.looked_up} look-ups"
     yield
 
 

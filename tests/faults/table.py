@@ -77,6 +77,7 @@ FAULTS: tuple[Fault, ...] = (
         refuses=frozenset({"stored_file_damaged"}),
         in_tests=_EMBEDDED,
     ),
+    Fault(name="the worker is stopped amid a transaction", strike=strikes.stopped_amid_a_transaction),
     Fault(name="the service hangs", strike=strikes.hung("service")),
     Fault(name="the worker hangs", strike=strikes.hung("worker")),
     Fault(
@@ -92,6 +93,12 @@ FAULTS: tuple[Fault, ...] = (
         no_errors=True,
         slow=True,
     ),
-    Fault(name="each part is restarted in turn", strike=strikes.restarted_in_turn, no_errors=True, slow=True),
+    Fault(
+        name="each part is restarted in turn",
+        strike=strikes.restarted_in_turn,
+        needs="pair",
+        no_errors=True,
+        slow=True,
+    ),
     *_peers(),
 )

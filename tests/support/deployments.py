@@ -11,6 +11,7 @@ import tempfile
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
 from pathlib import Path
 
 import httpx
@@ -26,6 +27,7 @@ from tests.support.compose import ROOT, S3, command_of, compose, environment_of
 from tests.support.fieldwork import Team, new_team
 from tests.support.ports import pick_port
 from tests.support.processes import alive, children, command
+from tests.support.proxy import Proxy
 from tests.support.waiting import PATIENCE_S, state_of, text_of, wait_for
 
 # What is lost is found again within seconds.
@@ -124,9 +126,14 @@ class Deployment(ABC):
     def team(self, **settings) -> Team:
         return new_team(self.url, self.key, **settings)
 
-    def serves(self) -> bool:
+    def url_of(self, _name: str) -> str:
+        return self.url
+
+    def serves(self, name: str = "") -> bool:
+        """Return whether the service is ready; of several the one of this name."""
         try:
-            return httpx.get(f"{self.url}/readyz", timeout=5.0).status_code == 200
+            url = self.url_of(name) if name else self.url
+            return httpx.get(f"{url}/readyz", timeout=5.0).status_code == 200
         except httpx.TransportError:
             return False
 
@@ -192,10 +199,14 @@ class Embedded(Deployment):
 
 
 class Composed(Deployment):
-    """Commands and environment of docker-compose.yml with S3; only the addresses are this machine's."""
+    """Commands and environment of docker-compose.yml with S3; only the addresses are this machine's.
 
-    def __init__(self, folder: Path, database_url: str, **settings: str):
+    ``services`` : so many of them are behind one address, as with ``--scale service=2``
+    """
+
+    def __init__(self, folder: Path, database_url: str, *, services: int = 1, **settings: str):
         self.folder = folder
+        self.services = ["service", *(f"service-{number}" for number in range(2, services + 1))]
         self.logs = folder / "logs"
         self.key = SECRETS["STILB_KEY_FILE"]
         self._database_url = database_url
@@ -210,8 +221,11 @@ class Composed(Deployment):
 
     def _start_all(self, stack: ExitStack) -> None:
         self.logs.mkdir()
-        port, broker_port = pick_port(), pick_port()
-        self.url = f"http://127.0.0.1:{port}"
+        broker_port = pick_port()
+        self._ports = {name: pick_port() for name in self.services}
+        addresses = [("127.0.0.1", port) for port in self._ports.values()]
+        balance = stack.enter_context(Proxy(*addresses)) if len(addresses) > 1 else None
+        self.url = f"http://{balance.address}" if balance else self.url_of("service")
         self.broker_url = f"redis://127.0.0.1:{broker_port}/0"
         self.broker = stack.enter_context(redis.Redis(port=broker_port))
         self.database = Database(self._database_url)
@@ -222,7 +236,6 @@ class Composed(Deployment):
             "STILB_DATABASE_URL": self._database_url,
             "STILB_BROKER_URL": self.broker_url,
             "STILB_HOST": "127.0.0.1",
-            "STILB_PORT": str(port),
             "AWS_ENDPOINT_URL": self._start_s3(stack),
             **{name: str(self.folder / name) for name in SECRETS},
         }
@@ -233,9 +246,12 @@ class Composed(Deployment):
         wait_for(self._broker_answers, "an answer of Valkey")
         self.start("migrate")
         assert self._running.pop("migrate").wait(_STARTS_WITHIN_S) == 0, self.last_words()
-        for name in ("service", "worker"):
+        for name in (*self.services, "worker"):
             self.start(name)
-        self.wait_until(self.serves, "readiness of the service", timeout_s=_STARTS_WITHIN_S)
+        for name in self.services:
+            self.wait_until(
+                partial(self.serves, name), f"readiness of the {name}", timeout_s=_STARTS_WITHIN_S
+            )
 
     def start(self, name: str) -> None:
         with (self.logs / f"{name}.log").open("ab") as log:
@@ -243,6 +259,9 @@ class Composed(Deployment):
 
     def pid(self, name: str) -> int:
         return self._running[name].pid
+
+    def url_of(self, name: str) -> str:
+        return f"http://127.0.0.1:{self._ports[name]}"
 
     def look_after(self) -> None:
         # As `restart: unless-stopped` does.
@@ -259,13 +278,16 @@ class Composed(Deployment):
             words = compose()["services"]["redis"]["command"]
             where = ["--port", str(self._broker_port), "--bind", "127.0.0.1", "--dir", str(self.folder)]
             return [str(valkey_binary()), *words[1:], *where], path
-        named = environment_of(name, {"STILB_BLOBS_URL": "s3://stilb/raw", "AWS_ENDPOINT_URL": ""}, S3)
+        kind = name.partition("-")[0]
+        named = environment_of(kind, {"STILB_BLOBS_URL": "s3://stilb/raw", "AWS_ENDPOINT_URL": ""}, S3)
         # the address that the test was given has its password
         del named["STILB_DATABASE_PASSWORD_FILE"]
         # each container has a /tmp of its own
         addresses = self._addresses | {"STILB_PULSE": str(self.folder / f"pulse-{name}")}
+        if name in self._ports:
+            addresses["STILB_PORT"] = str(self._ports[name])
         here = {key: value for key, value in addresses.items() if key in named}
-        return command_of(name), path | named | here | QUICK | self._settings
+        return command_of(kind), path | named | here | QUICK | self._settings
 
     def _start_s3(self, stack: ExitStack) -> str:
         server = stack.enter_context(

@@ -4,6 +4,7 @@ import asyncio
 import socket
 import threading
 import time
+from collections import deque
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -29,8 +30,15 @@ class Proxy:
     last did that are more than a request's head.
     """
 
-    def __init__(self, upstream: tuple[str, int] | Path, *, failure: bytes = b"", rate: float | None = None):
-        self._upstream = upstream
+    def __init__(
+        self,
+        upstream: tuple[str, int] | Path,
+        *others: tuple[str, int],
+        failure: bytes = b"",
+        rate: float | None = None,
+    ):
+        """With ``others`` each connection goes to the next in turn, or to whoever takes it."""
+        self._upstreams = deque([upstream, *others])
         self._failure = failure
         self._rate = rate
         self._mode: Mode = "open"
@@ -138,10 +146,18 @@ class Proxy:
                 self._writers.discard(each)
                 _reset(each)
 
-    def _connect(self) -> Awaitable[tuple[asyncio.StreamReader, asyncio.StreamWriter]]:
-        if isinstance(self._upstream, Path):
-            return asyncio.open_unix_connection(str(self._upstream))
-        return asyncio.open_connection(*self._upstream)
+    async def _connect(self) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+        for _ in range(len(self._upstreams) - 1):
+            with suppress(OSError):
+                return await self._connect_next()
+        return await self._connect_next()
+
+    async def _connect_next(self) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+        upstream = self._upstreams[0]
+        self._upstreams.rotate(-1)
+        if isinstance(upstream, Path):
+            return await asyncio.open_unix_connection(str(upstream))
+        return await asyncio.open_connection(*upstream)
 
     def _count(self, chunk: bytes) -> None:
         self.passed += len(chunk)
