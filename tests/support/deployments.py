@@ -138,7 +138,7 @@ class Deployment(ABC):
             return False
 
     def last_words(self) -> str:
-        tails = [f"--- {path.name}\n{path.read_text()[-1500:]}" for path in sorted(self.logs.glob("*.log"))]
+        tails = [f"--- {path.name}\n{path.read_text()[-9000:]}" for path in sorted(self.logs.glob("*.log"))]
         return "\n".join(tails)
 
 
