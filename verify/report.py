@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 from rich.table import Table
 
-from radiometry.findings.shared import STATISTICS_FROM_TABLE
+from radiometry.findings import shared
 from radiometry.methods import get_method
 from verify.compare import Agreement, Row
 from verify.data import Node, is_measurement, is_rig
@@ -100,7 +100,7 @@ def name_libraries() -> str:
 def name_unseen(certificate: Node) -> str:
     """Return how many frames were rows of a table, whose pixels nobody can recompute; "" if none was."""
     frames = certificate.get("frames", [])
-    unseen = sum(STATISTICS_FROM_TABLE.sentence in frame.get("warnings", []) for frame in frames)
+    unseen = sum(shared.STATISTICS_FROM_TABLE.sentence in frame.get("warnings", []) for frame in frames)
     return (
         f" Of {len(frames)} frames {unseen} are rows of a table: their pixels were not seen."
         if unseen

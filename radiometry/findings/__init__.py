@@ -1,8 +1,12 @@
 """Findings in frames, fits, measurements and requests: the form of an entry, and of each occurrence."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, Self
+
+from radiometry.specification.stored import meaning
+
+__all__ = ["Finding", "InputRejected", "Place", "Raised", "Reason", "Severity"]
 
 Outcome = Literal["pass", "warn", "fail", "pending"]
 Severity = Literal["warn", "pending", "fail", "error"]
@@ -22,36 +26,25 @@ Place = Literal[
 
 @dataclass(frozen=True, eq=False, repr=False, slots=True)
 class Finding(str):  # noqa: SLOT000  the decorator makes them
-    """One entry of the registry; as a string it is its code, which is stored and stays.
+    """One entry of the registry; as a string it is its code, which is stored and stays."""
 
-    Attributes
-    ----------
-    code : str
-        Stable name, also the heading in the documentation.
-    severity : {"warn", "pending", "fail", "error"}
-        The gravest that an occurrence can have. "error": there is no result.
-    where : tuple of str
-        Where it occurs: as a warning of a stored "frame", a reason in a frame's "verdict", a finding of a
-        "campaign", a flag of a "calibration", "measurement" or "fleet" comparison, a missing item of a
-        "certificate", the refusal of a "file" or a "request", or the error of a "job".
-    sentence : str
-        What was found.
-    remedy : str
-        What to do about it.
-    status : int or None
-        HTTP status of the refusal of a request; None if it refuses none.
-    retryable : bool
-        True if the same request may succeed later.
-
-    """
-
-    code: str
-    severity: Severity
-    where: tuple[Place, ...]
-    sentence: str
-    remedy: str
-    status: int | None = None
-    retryable: bool = False
+    code: str = field(metadata=meaning("Stable name, also the heading in the documentation."))
+    severity: Severity = field(
+        metadata=meaning('The gravest that an occurrence can have. "error": there is no result.')
+    )
+    where: tuple[Place, ...] = field(
+        metadata=meaning(
+            'Where it occurs: as a warning of a stored "frame", a reason in a frame\'s "verdict", a finding '
+            'of a "campaign", a flag of a "calibration", "measurement" or "fleet" comparison, a missing '
+            'item of a "certificate", the refusal of a "file" or a "request", or the error of a "job".'
+        )
+    )
+    sentence: str = field(metadata=meaning("What was found."))
+    remedy: str = field(metadata=meaning("What to do about it."))
+    status: int | None = field(
+        default=None, metadata=meaning("HTTP status of the refusal of a request; None if it refuses none.")
+    )
+    retryable: bool = field(default=False, metadata=meaning("True if the same request may succeed later."))
 
     def __new__(cls, code: str, *_: object) -> Self:
         """Make the code the value of the string."""
@@ -96,77 +89,36 @@ class Finding(str):  # noqa: SLOT000  the decorator makes them
 
 
 def flag(code: str, sentence: str, remedy: str, where: Place = "calibration", *more: Place) -> Finding:
-    """Declare a flag of a result that can be used.
-
-    Parameters
-    ----------
-    code, sentence, remedy : str
-        As in `Finding`.
-    where, *more : str
-        Places.
-    """
+    """Declare a flag of a result that can be used."""
     return Finding(code, "warn", (where, *more), sentence, remedy)
 
 
 def reason(
     code: str, severity: Literal["warn", "pending", "fail"], sentence: str, remedy: str, *more: Place
 ) -> Finding:
-    """Declare a reason why a frame does not simply pass.
-
-    Parameters
-    ----------
-    code, sentence, remedy : str
-        As in `Finding`.
-    severity : {"warn", "pending", "fail"}
-        The gravest of an occurrence.
-    *more : str
-        Places other than a verdict.
-    """
+    """Declare a reason why a frame does not simply pass."""
     return Finding(code, severity, ("verdict", *more), sentence, remedy)
 
 
 def error(code: str, sentence: str, remedy: str, where: Place = "request", *more: Place) -> Finding:
-    """Declare a reason why an input gives no result.
-
-    Parameters
-    ----------
-    code, sentence, remedy : str
-        As in `Finding`.
-    where, *more : str
-        Places.
-    """
+    """Declare a reason why an input gives no result."""
     return Finding(code, "error", (where, *more), sentence, remedy, 422)
 
 
 def declared(names: Mapping[str, object]) -> tuple[Finding, ...]:
-    """Return the entries that a module has declared, in their order.
-
-    Parameters
-    ----------
-    names : mapping
-        Globals of the module.
-    """
+    """Return the entries that a module has declared, in their order."""
     return tuple(each for each in names.values() if isinstance(each, Finding))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Raised:
-    """A flag with the place where it applies and what was found there.
+    """A flag with the place where it applies and what was found there."""
 
-    Attributes
-    ----------
-    flag : str
-        Code of the finding.
-    where : str
-        For example "iso 3200", "scene level-4" or "frame dark-2"; "" for the whole.
-    detail : str
-        One sentence with the numbers.
-
-    """
-
-    flag: str
-    where: str
-    detail: str
+    flag: str = field(metadata=meaning("Code of the finding."))
+    where: str = field(
+        metadata=meaning('For example "iso 3200", "scene level-4" or "frame dark-2"; "" for the whole.')
+    )
+    detail: str = field(metadata=meaning("One sentence with the numbers."))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -179,16 +131,7 @@ class Reason:
 
 
 class InputRejected(Exception):  # noqa: N818  the name says whose fault it is
-    """An input that cannot be used: never retried, always explained.
-
-    Attributes
-    ----------
-    code : Finding
-        The entry of the registry.
-    message : str
-        A sentence for the person who supplied the input: what is wrong and what to do.
-
-    """
+    """An input that cannot be used: never retried, always explained."""
 
     def __init__(self, code: Finding, message: str) -> None:
         super().__init__(message)

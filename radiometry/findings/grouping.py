@@ -1,10 +1,13 @@
-"""Equal findings as one, with the subjects that they hold for."""
+"""Equal findings as one, and the advice that follows from them."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
 from radiometry.findings import Finding, Severity
+from radiometry.specification.stored import meaning
+
+__all__ = ["FindingGroup", "Occurrence", "advise", "group_findings"]
 
 MOST_SUBJECTS: Final = 100
 _RANKS: Final[Mapping[Severity, int]] = {"error": 0, "fail": 0, "pending": 1, "warn": 2}
@@ -12,62 +15,38 @@ _RANKS: Final[Mapping[Severity, int]] = {"error": 0, "fail": 0, "pending": 1, "w
 
 @dataclass(frozen=True, kw_only=True)
 class Occurrence:
-    """A finding at one subject.
+    """A finding at one subject."""
 
-    Attributes
-    ----------
-    finding : Finding
-        Entry of the registry.
-    severity : Severity
-        Severity here.
-    subject : str
-        For example "scene level-4" or "frame dark-2"; "" for the whole.
-    detail : str
-        One sentence with the numbers.
-    values : Mapping, optional
-        Those numbers by name.
-    """
-
-    finding: Finding
-    severity: Severity
-    subject: str
-    detail: str
-    values: Mapping[str, Any] = field(default_factory=dict)
+    finding: Finding  #: Entry of the registry
+    severity: Severity  #: Severity here
+    subject: str  #: For example "scene level-4" or "frame dark-2"; "" for the whole
+    detail: str  #: One sentence with the numbers
+    values: Mapping[str, Any] = field(default_factory=dict)  #: Those numbers by name
 
 
 @dataclass(frozen=True, kw_only=True)
 class FindingGroup:
-    """Equal findings as one.
+    """Equal findings as one."""
 
-    Attributes
-    ----------
-    code : str
-        Code of the finding.
-    severity : Severity
-        Severity of all of them.
-    count : int
-        Number of occurrences.
-    subjects : tuple of str
-        Where each of the first hundred occurred; "" for the whole.
-    values : Mapping
-        Numbers by name, a list each in the order of the subjects; "detail" where the occurrences differ in
-        their sentences.
-    sentence : str
-        What the finding means.
-    detail : str
-        What was found: the sentence of all occurrences if it is the same, else that of the finding.
-    action : str
-        What to do.
-    """
-
-    code: str
-    severity: Severity
-    count: int
-    subjects: tuple[str, ...]
-    values: Mapping[str, tuple[Any, ...]]
-    sentence: str
-    detail: str
-    action: str
+    code: str = field(metadata=meaning("Code of the finding."))
+    severity: Severity = field(metadata=meaning("Severity of all of them."))
+    count: int = field(metadata=meaning("Number of occurrences."))
+    subjects: tuple[str, ...] = field(
+        metadata=meaning('Where each of the first hundred occurred; "" for the whole.')
+    )
+    values: Mapping[str, tuple[Any, ...]] = field(
+        metadata=meaning(
+            'Numbers by name, a list each in the order of the subjects; "detail" where the occurrences '
+            "differ in their sentences."
+        )
+    )
+    sentence: str = field(metadata=meaning("What the finding means."))
+    detail: str = field(
+        metadata=meaning(
+            "What was found: the sentence of all occurrences if it is the same, else that of the finding."
+        )
+    )
+    action: str = field(metadata=meaning("What to do."))
 
 
 def group_findings(occurrences: Iterable[Occurrence]) -> tuple[FindingGroup, ...]:
@@ -100,3 +79,80 @@ def _join(some: list[Occurrence]) -> FindingGroup:
         detail=first.detail if same and first.detail else first.finding.sentence,
         action=first.finding.remedy,
     )
+
+
+_BY_SOURCE = {
+    "fit of K": "Calibrate with more light levels, apertures and readings: the fit of K is the largest "
+    "source.",
+    "meter calibration": "Use a meter with a smaller calibration uncertainty: it is the largest source here, "
+    "and no number of readings or frames reduces it.",
+    "dark signal": "Take more dark frames at this ISO value and time: the dark signal is the largest source.",
+    "exposure time": "Have the shutter's times measured: the marking of the time is the largest source.",
+    "f-number": "Have the apertures measured, or calibrate and measure at one aperture: the marking of the "
+    "f-number is the largest source.",
+    "ISO setting": "Calibrate at this very ISO setting: it is the largest source.",
+    "vignetting": "Take more and brighter flat fields at this f-number: the correction of vignetting is the "
+    "largest source.",
+    "spectral mismatch": "Calibrate under the very light that is measured, or send the measured spectra of "
+    "both and the camera's response as tables: the spectral mismatch is the largest source.",
+    "flicker": "Expose for a whole number of half periods of the mains, such as 1/50 s of 50 Hz: flicker is "
+    "the largest source.",
+    "focus distance": "Calibrate at the distance of the measurement: the focus is the largest source.",
+    "stray light": "Keep bright lamps out of the frame, and shade the lens: stray light is the largest "
+    "source.",
+    "K": "Take the panel again, before and after the flight, in even light: K is the largest source.",
+    "sunshine readings": "Fly under a steady sky, or take the mean of more readings: the scatter of the "
+    "sunshine sensor is the largest source.",
+    "drift": "Take the panel nearer to the frames in time, before and after them: K's drift between the "
+    "panel visits is the largest source.",
+    "sunshine tilt": "Mount the sunshine sensor level, and fly when the sun is high: its tilt is the largest "
+    "source.",
+    "panel": "Have the panel measured, and take it level and evenly lit: the panel is the largest source.",
+    "alignment": "Draw the region where its surroundings are even: what remains of the bands' displacement "
+    "is the largest source.",
+    "sunshine gain": "Take the panel in the light of the flight, so that the sunshine sensor chooses the "
+    "same gain: the gain's ratio is the largest source.",
+    "scatter between repeats": "Keep the light and the camera still and average more frames: what the frames "
+    "scatter is the largest source.",
+    "pixel noise": "Average several frames or a larger region: the noise of the pixels is the largest "
+    "source.",
+}
+
+# In place of the above, where the correction assumes what could have been stated
+_IF_ASSUMED = {
+    "spectral mismatch": "State what its correction names as not known, with the campaign of the calibration "
+    "or with the night, or calibrate under a lamp of this kind: the spectral mismatch is the largest source.",
+    "flicker": "State what its correction names as assumed, with the light of the place, or expose for a "
+    "whole number of half periods of the mains, such as 1/50 s of 50 Hz: flicker is the largest source.",
+    "focus distance": "State what its correction names as not known: the focus is the largest source.",
+    "stray light": "Keep bright lamps out of the frame, and shade the lens, or state the glare that a black "
+    "trap shows: stray light is the largest source.",
+}
+
+
+def advise(
+    found: Iterable[Finding], *, budget: Sequence[tuple[str, float]], assumed: Collection[str] = ()
+) -> tuple[str, ...]:
+    """Return the remedy of each finding once, then a sentence for the largest source of uncertainty.
+
+    Parameters
+    ----------
+    found : iterable of Finding
+        The entries of the flags that were raised.
+    budget : sequence of (str, float)
+        Source and its share of the variance of the region's mean.
+    assumed : collection of str, default: ()
+        Sources whose correction assumes what could have been stated.
+
+    Returns
+    -------
+    tuple of str
+        One sentence or more each.
+
+    """
+    sentences = list(dict.fromkeys(finding.remedy for finding in found))
+    largest = max(budget, key=lambda entry: entry[1], default=None)
+    if largest is not None and largest[1] > 0.0:
+        source = largest[0]
+        sentences.append((_IF_ASSUMED if source in assumed else _BY_SOURCE)[source])
+    return tuple(sentences)

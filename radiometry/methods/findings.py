@@ -3,9 +3,11 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from radiometry.findings import Finding, files, gaps, interface, shared
+from radiometry.findings import Finding, files, interface, shared
 from radiometry.fleet import findings as fleet
 from radiometry.methods import METHODS
+
+__all__ = ["FINDINGS"]
 
 
 def collect_findings(*declared: tuple[Finding, ...]) -> Mapping[str, Finding]:
@@ -29,7 +31,6 @@ FINDINGS = collect_findings(
     shared.FINDINGS,
     files.FINDINGS,
     interface.FINDINGS,
-    gaps.FINDINGS,
     fleet.FINDINGS,
     *(spec.findings for spec in METHODS),
 )

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from radiometry.findings import Finding, gaps
+from radiometry.findings import Finding, interface
 from radiometry.methods import get_method
 from radiometry.methods.findings import FINDINGS
 from service.schemas.certificates import CertificateAnswer, UsedMeter
@@ -43,48 +43,48 @@ def _unnamed(certificate: CertificateAnswer) -> Iterator[Found]:
     for value, code, message in (
         (
             certificate.approved_by if certificate.published else "a draft",
-            gaps.APPROVER_MISSING,
+            interface.APPROVER_MISSING,
             "Nobody signs it. State your name and role with your key (page Organisation, stilb key change).",
         ),
         (
             certificate.fitted_by,
-            gaps.AUTHOR_MISSING,
+            interface.AUTHOR_MISSING,
             "Who fitted is missing. State name and role with the key (page Organisation, stilb key change).",
         ),
         (
             None if name == UNNAMED_LABORATORY else name,
-            gaps.LABORATORY_NAME_MISSING,
+            interface.LABORATORY_NAME_MISSING,
             "The laboratory's name is missing. Enter it on the page Organisation (stilb organisation).",
         ),
         (
             certificate.laboratory.address,
-            gaps.LABORATORY_ADDRESS_MISSING,
+            interface.LABORATORY_ADDRESS_MISSING,
             "The laboratory's address is missing. Enter it on the page Organisation (stilb organisation).",
         ),
-        (work.customer, gaps.CUSTOMER_MISSING, "The customer is missing. Enter it on the campaign."),
+        (work.customer, interface.CUSTOMER_MISSING, "The customer is missing. Enter it on the campaign."),
         (
             work.place,
-            gaps.PLACE_MISSING,
+            interface.PLACE_MISSING,
             "The place of the measurements is missing. Enter it on the campaign.",
         ),
         (
             work.conditions,
-            gaps.CONDITIONS_MISSING,
+            interface.CONDITIONS_MISSING,
             "The conditions (temperature, lamp, daylight) are missing. Describe them on the campaign.",
         ),
         (
             work.first_day,
-            gaps.DATE_MISSING,
+            interface.DATE_MISSING,
             "The day of the measurements is missing. Enter the start of the campaign.",
         ),
         (
             work.recorder,
-            gaps.RECORDER_MISSING,
+            interface.RECORDER_MISSING,
             "The recorder of the measurements is missing. Enter the name on the campaign.",
         ),
         (
             lens,
-            gaps.LENS_MISSING,
+            interface.LENS_MISSING,
             "The lens is missing, and the result is valid for one lens only. Register it with the camera.",
         ),
     ):
@@ -104,13 +104,13 @@ def _of_meter(meter: UsedMeter) -> Iterator[Found]:
         return
     if meter.last_day and certificate.due_on < meter.last_day:
         yield Found(
-            code=gaps.METER_CERTIFICATE_EXPIRED,
+            code=interface.METER_CERTIFICATE_EXPIRED,
             message=f"{name} was read on {meter.last_day}, after its certificate {certificate.number} "
             f"was due on {certificate.due_on}.",
         )
     if meter.first_day and meter.first_day < certificate.issued_on:
         yield Found(
-            code=gaps.METER_CERTIFICATE_NOT_YET_ISSUED,
+            code=interface.METER_CERTIFICATE_NOT_YET_ISSUED,
             message=f"{name} was read on {meter.first_day}, before its certificate {certificate.number} "
             f"was issued on {certificate.issued_on}.",
         )
@@ -120,7 +120,7 @@ def _of_readings(certificate: CertificateAnswer) -> Iterator[Found]:
     unknown = [reading for reading in certificate.readings if reading.meter is None]
     if unknown:
         yield Found(
-            code=gaps.METER_UNKNOWN,
+            code=interface.METER_UNKNOWN,
             message=f"{len(unknown)} of {len(certificate.readings)} readings have no meter. "
             "Send readings with their meter_id.",
         )
@@ -157,11 +157,12 @@ def _of_checklist(certificate: CertificateAnswer) -> Iterator[Found]:
         named = "; ".join(waiting[:_MOST_NAMED])
         more = f"; and {len(waiting) - _MOST_NAMED} more" if len(waiting) > _MOST_NAMED else ""
         yield Found(
-            code=gaps.CHECKLIST_INCOMPLETE,
+            code=interface.CHECKLIST_INCOMPLETE,
             message=f"{len(waiting)} of {len(items)} items of the procedure's checklist are not ticked: "
             f"{named}{more}.",
         )
     if certificate.checklist.signature is None:
         yield Found(
-            code=gaps.CHECKLIST_UNSIGNED, message="The operator has not signed the procedure's checklist."
+            code=interface.CHECKLIST_UNSIGNED,
+            message="The operator has not signed the procedure's checklist.",
         )

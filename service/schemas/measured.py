@@ -5,7 +5,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from radiometry.findings import shared
-from radiometry.findings.advice import advise
+from radiometry.findings.grouping import advise
 from radiometry.methods import get_method
 from radiometry.methods.findings import FINDINGS
 from radiometry.specification.application import PictureApplication, SurfaceApplication

@@ -9,7 +9,7 @@ import re
 import pytest
 from sqlalchemy import event
 
-from radiometry.findings import gaps
+from radiometry.findings import interface
 from radiometry.methods.findings import FINDINGS
 from service.certificate import write_dcc
 from service.certificate.gaps import list_gaps
@@ -386,22 +386,22 @@ def test_every_gap_is_found_by_its_rule_and_filled_alone(house, version):
     complete = certificate_of(house, version)
     assert list_gaps(CertificateAnswer.model_validate(complete)) == []
     removals = {
-        gaps.AUTHOR_MISSING: ("fitted_by",),
-        gaps.APPROVER_MISSING: ("approved_by",),
-        gaps.LABORATORY_ADDRESS_MISSING: ("laboratory", "address"),
-        gaps.CUSTOMER_MISSING: ("work", "customer"),
-        gaps.PLACE_MISSING: ("work", "place"),
-        gaps.CONDITIONS_MISSING: ("work", "conditions"),
-        gaps.DATE_MISSING: ("work", "first_day"),
-        gaps.RECORDER_MISSING: ("work", "recorder"),
-        gaps.LENS_MISSING: ("item", "lens"),
-        gaps.METER_UNKNOWN: ("readings", 0, "meter"),
+        interface.AUTHOR_MISSING: ("fitted_by",),
+        interface.APPROVER_MISSING: ("approved_by",),
+        interface.LABORATORY_ADDRESS_MISSING: ("laboratory", "address"),
+        interface.CUSTOMER_MISSING: ("work", "customer"),
+        interface.PLACE_MISSING: ("work", "place"),
+        interface.CONDITIONS_MISSING: ("work", "conditions"),
+        interface.DATE_MISSING: ("work", "first_day"),
+        interface.RECORDER_MISSING: ("work", "recorder"),
+        interface.LENS_MISSING: ("item", "lens"),
+        interface.METER_UNKNOWN: ("readings", 0, "meter"),
         "meter_certificate_missing": ("meters", 0, "certificate"),
-        gaps.CHECKLIST_INCOMPLETE: ("checklist", "items", 5, "done_by"),
-        gaps.CHECKLIST_UNSIGNED: ("checklist", "signature"),
+        interface.CHECKLIST_INCOMPLETE: ("checklist", "items", 5, "done_by"),
+        interface.CHECKLIST_UNSIGNED: ("checklist", "signature"),
     }
-    dates = {gaps.METER_CERTIFICATE_EXPIRED, gaps.METER_CERTIFICATE_NOT_YET_ISSUED}
-    dates |= {gaps.LABORATORY_NAME_MISSING}
+    dates = {interface.METER_CERTIFICATE_EXPIRED, interface.METER_CERTIFICATE_NOT_YET_ISSUED}
+    dates |= {interface.LABORATORY_NAME_MISSING}
     of_panels = {"panel_unknown", "panel_uncertainty_missing"}
     assert {
         code for code, finding in FINDINGS.items() if "certificate" in finding.where

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from radiometry.findings.advice import advise
+from radiometry.findings.grouping import advise
 from radiometry.frame.grid import Grid
 from radiometry.frame.statistics import Signal
 from radiometry.luminance.pixels import SCATTER, average_signals

@@ -8,7 +8,7 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 
 from radiometry.findings import InputRejected
-from radiometry.findings.advice import advise
+from radiometry.findings.grouping import advise
 from radiometry.findings.shared import SATURATED
 from radiometry.frame import Frame
 from radiometry.frame.exposure import Exposure
