@@ -23,6 +23,7 @@ from tests.support.blobs import files
 from tests.support.fieldwork import Team
 from tests.support.proxy import Proxy
 from tests.support.resumable import PIECE, TUS, describe
+from tests.support.waiting import wait_for
 
 MEGABYTE = 1 << 20
 
@@ -230,9 +231,8 @@ def test_a_connection_that_hangs_is_taken_over_at_once(team, campaign):
         place = http.post("/v1/uploads", headers=describe(campaign.id, content)).headers["Location"]
         with open_piece(team, place, len(content)) as hanging:
             hanging.sendall(content[:MEGABYTE])
-            time.sleep(0.5)
-            offset = int(http.head(place, headers=TUS).headers["Upload-Offset"])
-            assert offset == MEGABYTE
+            offset = MEGABYTE
+            wait_for(lambda: int(http.head(place, headers=TUS).headers["Upload-Offset"]) == offset)
             hanging.sendall(content[MEGABYTE : MEGABYTE + 1000])
             time.sleep(0.5)
             rest = http.patch(place, content=content[offset:], headers=PIECE | {"Upload-Offset": str(offset)})
