@@ -13,7 +13,7 @@ from radiometry.frame.place import HeightSource, Place, PlaceShare
 from radiometry.reflectance import codes
 from radiometry.reflectance.alignment import find_directions, require_lens_data, rotate_into_rig
 from radiometry.specification.parameters import check_parameters, parameter
-from radiometry.tools.attitude import Attitude, rotate
+from radiometry.tools.motion import Attitude, rotate
 
 Plane = NDArray[np.float64]
 

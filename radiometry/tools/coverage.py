@@ -1,47 +1,29 @@
 """Ground coverage of a camera above level ground: near and far edge, sampling distance, footprint."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+from radiometry.specification.stored import meaning
+
+__all__ = ["MOST_TILT_DEG", "Coverage", "View", "compute_coverage"]
 
 # a ray this close to the horizon (as the sine of its angle below) meets no ground worth a number
 _HORIZON = 1e-6
 
-MOST_TILT_DEG = 89.99
-"""Nearer to the horizon the middle of the picture meets no ground worth a number either."""
+MOST_TILT_DEG = 89.99  # Nearer to the horizon the middle of the picture meets no ground worth a number either
 
 
 @dataclass(frozen=True, kw_only=True)
 class View:
-    """A camera above level ground, its rows level.
+    """A camera above level ground, its rows level."""
 
-    Attributes
-    ----------
-    height_m : float
-        Height above ground [m].
-    tilt_deg : float
-        Angle of the line of sight from straight down, 0 to MOST_TILT_DEG [deg].
-    focal_length_mm : float
-        Focal length [mm].
-    sensor_width_mm, sensor_height_mm : float
-        Sensor size along the rows and along the tilt [mm].
-    pixel_pitch_um : float
-        Pixel pitch [um].
-    azimuth_deg : float, default: 0.0
-        Direction of the tilt, clockwise from y of the footprint [deg].
-
-    Raises
-    ------
-    ValueError
-        If a length is not positive and finite, or an angle is out of range.
-    """
-
-    height_m: float
-    tilt_deg: float
+    height_m: float  #: Height above ground [m]
+    tilt_deg: float  #: Angle of the line of sight from straight down, 0 to MOST_TILT_DEG [deg]
     focal_length_mm: float
-    sensor_width_mm: float
+    sensor_width_mm: float  #: Sensor size along the rows and along the tilt [mm]
     sensor_height_mm: float
     pixel_pitch_um: float
-    azimuth_deg: float = 0.0
+    azimuth_deg: float = 0.0  #: Direction of the tilt, clockwise from y of the footprint [deg]
 
     def __post_init__(self) -> None:
         """Check what every caller must have checked at its interface."""
@@ -56,39 +38,53 @@ class View:
 
 @dataclass(frozen=True, kw_only=True)
 class Coverage:
-    """Ground coverage of a view; None for what is above the horizon.
+    """Ground coverage of a view; None for what is above the horizon."""
 
-    Attributes
-    ----------
-    horizontal_fov_deg, vertical_fov_deg : float
-        Fields of view [deg].
-    near_m, far_m : float or None
-        Where the middle of the image's lower and upper edge meets the ground, from
-        the point below the camera along the tilt [m]; negative behind that point.
-    gsd_near_m, gsd_centre_m, gsd_far_m : float or None
-        Ground sampling distance of a pixel across the line of sight, in that whole
-        row [m].
-    gsd_near_along_m, gsd_centre_along_m, gsd_far_along_m : float or None
-        Ground sampling distance of a pixel along the tilt [m].
-    footprint : tuple of tuple[float, float] or None
-        [x, y] of near left, near right, far right, far left, from the point below
-        the camera [m]; y is azimuth 0.
-    horizon_in_view : bool
-        True if the upper edge looks above the ground.
-    """
-
-    horizontal_fov_deg: float
-    vertical_fov_deg: float
-    near_m: float
-    far_m: float | None
-    gsd_near_m: float
-    gsd_centre_m: float
-    gsd_far_m: float | None
-    gsd_near_along_m: float
-    gsd_centre_along_m: float
-    gsd_far_along_m: float | None
-    footprint: tuple[tuple[float, float], ...] | None
-    horizon_in_view: bool
+    horizontal_fov_deg: float = field(metadata=meaning("Fields of view [deg]."))
+    vertical_fov_deg: float = field(metadata=meaning("Fields of view [deg]."))
+    near_m: float = field(
+        metadata=meaning(
+            "Where the middle of the image's lower and upper edge meets the ground, from the point below "
+            "the camera along the tilt [m]; negative behind that point."
+        )
+    )
+    far_m: float | None = field(
+        metadata=meaning(
+            "Where the middle of the image's lower and upper edge meets the ground, from the point below "
+            "the camera along the tilt [m]; negative behind that point."
+        )
+    )
+    gsd_near_m: float = field(
+        metadata=meaning(
+            "Ground sampling distance of a pixel across the line of sight, in that whole row [m]."
+        )
+    )
+    gsd_centre_m: float = field(
+        metadata=meaning(
+            "Ground sampling distance of a pixel across the line of sight, in that whole row [m]."
+        )
+    )
+    gsd_far_m: float | None = field(
+        metadata=meaning(
+            "Ground sampling distance of a pixel across the line of sight, in that whole row [m]."
+        )
+    )
+    gsd_near_along_m: float = field(
+        metadata=meaning("Ground sampling distance of a pixel along the tilt [m].")
+    )
+    gsd_centre_along_m: float = field(
+        metadata=meaning("Ground sampling distance of a pixel along the tilt [m].")
+    )
+    gsd_far_along_m: float | None = field(
+        metadata=meaning("Ground sampling distance of a pixel along the tilt [m].")
+    )
+    footprint: tuple[tuple[float, float], ...] | None = field(
+        metadata=meaning(
+            "[x, y] of near left, near right, far right, far left, from the point below the camera [m]; y "
+            "is azimuth 0."
+        )
+    )
+    horizon_in_view: bool = field(metadata=meaning("True if the upper edge looks above the ground."))
 
 
 @dataclass(frozen=True)

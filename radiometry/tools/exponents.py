@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,87 +10,55 @@ from numpy.typing import NDArray
 from radiometry.findings import InputRejected, Raised, shared
 from radiometry.fitting.evidence import Quantity
 from radiometry.fitting.sources import IMPLAUSIBLE_SCATTER_REL
+from radiometry.specification.stored import meaning
+
+__all__ = ["SETTINGS", "ExponentFit", "LeftOut", "SeriesRow", "fit_exponents"]
 
 SETTINGS = ("exposure_time_s", "f_number", "iso")
 
+# Eight stops below white. Dark signals are stated in whole DN and drift by some: of the 64 DN that this is in
+# 14 bits one DN is 1.6 %, and it bends a logarithm the more the lower it stands.
 LOWEST_SHARE = 2.0**-8
-"""Eight stops below white. Dark signals are stated in whole DN and drift by some: of the 64 DN that this is
-in 14 bits one DN is 1.6 %, and it bends a logarithm the more the lower it stands."""
 
-HIGHEST_SHARE = 0.95
-"""Above it single pixels clip before the mean does, and many sensors bend."""
+HIGHEST_SHARE = 0.95  # Above it single pixels clip before the mean does, and many sensors bend
 
+# Of a setting, from its least to its largest, relative. A sixth of a stop is 12 %; what is less has been
+# rounded in another way and was not set, and an exponent of it would be any number.
 SMALLEST_STEP = 0.01
-"""Of a setting, from its least to its largest, relative. A sixth of a stop is 12 %; what is less has been
-rounded in another way and was not set, and an exponent of it would be any number."""
 
 _LARGEST_CONDITION = 1e4
 
 
 @dataclass(frozen=True, kw_only=True)
 class SeriesRow:
-    """Settings and mean signal of one frame.
-
-    Attributes
-    ----------
-    exposure_time_s : float
-        Exposure time [s].
-    f_number : float
-        F-number.
-    iso : float
-        ISO value.
-    signal_dn : float
-        Mean signal, dark included [DN].
-    dark_dn : float or None, default: None
-        Dark signal of this frame [DN], if it has its own.
-    """
+    """Settings and mean signal of one frame."""
 
     exposure_time_s: float
     f_number: float
-    iso: float
-    signal_dn: float
-    dark_dn: float | None = None
+    iso: float  #: ISO value
+    signal_dn: float  #: Mean signal, dark included [DN]
+    dark_dn: float | None = None  #: Dark signal of this frame [DN], if it has its own
 
 
 @dataclass(frozen=True, kw_only=True)
 class LeftOut:
-    """A row that was not used.
+    """A row that was not used."""
 
-    Attributes
-    ----------
-    row : int
-        Number of the row, from 0.
-    reason : str
-        Reason why it was not used.
-    """
-
-    row: int
-    reason: str
+    row: int = field(metadata=meaning("Number of the row, from 0."))
+    reason: str = field(metadata=meaning("Reason why it was not used."))
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExponentFit:
-    """Exponents of the settings that vary.
+    """Exponents of the settings that vary."""
 
-    Attributes
-    ----------
-    exponents : dict of str to Quantity
-        Exponent by name of the setting.
-    used : int
-        Number of rows used.
-    left_out : tuple of LeftOut
-        Rows that were not used.
-    scatter_rel : float
-        Relative scatter of the signal about the fit.
-    flags : tuple of Raised
-        `scatter_implausible` if it is above 5 %, as in a luminance fit.
-    """
-
-    exponents: dict[str, Quantity]
-    used: int
-    left_out: tuple[LeftOut, ...]
-    scatter_rel: float
-    flags: tuple[Raised, ...]
+    exponents: dict[str, Quantity] = field(metadata=meaning("Exponent by name of the setting."))
+    used: int = field(metadata=meaning("Number of rows used."))
+    left_out: tuple[LeftOut, ...] = field(metadata=meaning("Rows that were not used."))
+    scatter_rel: float = field(metadata=meaning("Relative scatter of the signal about the fit."))
+    flags: tuple[Raised, ...] = field(
+        metadata=meaning("`scatter_implausible` if it is above 5 %, as in a luminance fit.")
+    )
 
 
 def fit_exponents(rows: Sequence[SeriesRow], *, dark_dn: float, white_level_dn: float) -> ExponentFit:

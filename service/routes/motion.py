@@ -8,7 +8,7 @@ from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected, shared
 from radiometry.frame import FrameHeader
-from radiometry.tools.attitude import blur_of_file, compute_turns, read_attitudes
+from radiometry.tools.motion import blur_of_file, compute_turns, read_attitudes
 from service.auth import Reader
 from service.context import UsesContext
 from service.lookup import Id, owned

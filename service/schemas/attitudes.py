@@ -5,8 +5,15 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from radiometry.tools.attitude import Basis, FrameBlur, Turn
-from radiometry.tools.motion import USUAL_LIMIT_PX, MotionCase, compute_motion, tolerable_rate_deg_s
+from radiometry.tools.motion import (
+    USUAL_LIMIT_PX,
+    Basis,
+    FrameBlur,
+    MotionCase,
+    Turn,
+    compute_motion,
+    tolerable_rate_deg_s,
+)
 from service.schemas.base import Answer, Form
 from service.schemas.campaigns import Role
 from service.schemas.tools.motion import KM_H_PER_M_S
