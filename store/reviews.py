@@ -15,6 +15,7 @@ from collections.abc import Collection, Mapping
 from datetime import datetime, timedelta
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from sqlalchemy import ColumnElement, CursorResult, delete, insert, or_, select, update
 from sqlalchemy.exc import SQLAlchemyError
@@ -102,9 +103,11 @@ class Reviews:
         finally:
             gc.enable()
         rest = timedelta(seconds=min(_PAUSE * (time.monotonic() - began), _LONGEST_PAUSE_S))
+        values, verdicts = _encode(found), _encode_verdicts(found.verdicts)
         try:
             with self._database.writing("review") as writing:
-                _keep(writing, campaign_id, revision, found, not_before=utc_now() + rest)
+                values["not_before"] = utc_now() + rest
+                _keep(writing, campaign_id, revision, values, verdicts)
         except SQLAlchemyError as error:
             # what was asked for is known, and the next who asks computes it again
             log.warning("the review of %s is not kept: %s", campaign_id, summarise(error))
@@ -169,28 +172,29 @@ def _encode_verdicts(verdicts: Mapping[str, Verdict]) -> dict[str, str]:
     }
 
 
-def _keep(
-    session: Session, campaign_id: str, revision: int, found: Assessment, *, not_before: datetime
-) -> None:
-    """Keep what was computed unless the campaign has changed meanwhile; only what differs is written."""
-    mine = (CampaignReview.campaign_id == campaign_id) & (CampaignReview.revision == revision)
-    values = {
-        "kept_revision": revision,
+def _encode(found: Assessment) -> dict[str, Any]:
+    return {
         "kept_by": hash_code(),
-        "not_before": not_before,
         "missing": found.missing,
         "advice": found.advice,
         "gaps": [encode(each) for each in found.gaps],
         "findings": [encode(each) for each in found.findings],
         "checklist": encode(found.record) if found.record else None,
     }
-    if not _update(session, mine, **values):
-        _update(session, CampaignReview.campaign_id == campaign_id, not_before=not_before)
+
+
+def _keep(
+    session: Session, campaign_id: str, revision: int, values: Mapping[str, Any], now: Mapping[str, str]
+) -> None:
+    """Keep what was computed unless the campaign has changed meanwhile; only what differs is written."""
+    mine = (CampaignReview.campaign_id == campaign_id) & (CampaignReview.revision == revision)
+    if not _update(session, mine, kept_revision=revision, **values):
+        _update(session, CampaignReview.campaign_id == campaign_id, not_before=values["not_before"])
         return
     rows = session.execute(
         select(FrameVerdict.frame_id, FrameVerdict.reasons).where(FrameVerdict.campaign_id == campaign_id)
     )
-    before, now = {row[0]: row[1] for row in rows}, _encode_verdicts(found.verdicts)
+    before = {row[0]: row[1] for row in rows}
     gone = [frame_id for frame_id, reasons in before.items() if now.get(frame_id) != reasons]
     new = [
         {"frame_id": frame_id, "campaign_id": campaign_id, "reasons": reasons}
