@@ -34,9 +34,10 @@ def _shut_in(*, require: bool) -> None:
     lacks = Restrictions().shut_in(start_threads).lacks
     if lacks and require:
         raise RuntimeError(f"STILB_DECODER_SANDBOX=require, and this kernel gives no {', no '.join(lacks)}.")
-    resource.setrlimit(resource.RLIMIT_AS, (_MEMORY_BYTES, _MEMORY_BYTES))
     # the first ends it by SIGXCPU, which says why
     resource.setrlimit(resource.RLIMIT_CPU, (_CPU_S, _CPU_S + 1))
+    if sys.platform == "linux":
+        resource.setrlimit(resource.RLIMIT_AS, (_MEMORY_BYTES, _MEMORY_BYTES))
 
 
 if __name__ == "__main__":

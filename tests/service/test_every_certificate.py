@@ -27,6 +27,7 @@ from tests.support.every_method import (
     reflectance_campaign,
     register_panel,
 )
+from tests.support.press import COMMAND
 
 OTHERS = [spec.name for spec in methods.METHODS if spec.name != "luminance"]
 # with a point, and no part of a name, a version or a date
@@ -192,6 +193,7 @@ def test_every_number_on_paper_is_one_of_the_jsons(
     with monkeypatch.context() as apart:
         # shut in as in production: nothing of any method is loaded late
         apart.setattr("service.press.kept.render_apart", render_apart)
+        apart.setattr("service.press.kept.build_command", lambda _module: COMMAND)
         answer = sqlite_house.http.get(f"{path}/certificate.pdf")
     assert (answer.status_code, answer.headers["Content-Type"]) == (200, "application/pdf")
     reader = pypdf.PdfReader(io.BytesIO(answer.content))

@@ -12,6 +12,7 @@ from service.press import kept
 from service.press.kept import RenderingFailed, render_apart
 from service.press.orders import write_order
 from store.sandbox.restrictions import Restrictions
+from tests.support.press import COMMAND
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only Linux shuts processes in")
 
@@ -21,8 +22,7 @@ def obey(monkeypatch):
     """Have an order obeyed that no press takes."""
     if Restrictions()._landlock == 0:
         pytest.skip("this kernel has no Landlock")
-    command = [sys.executable, "-s", "-P", "-m", "tests.service.hostile_press"]
-    monkeypatch.setattr(kept, "build_command", lambda _module: command)
+    monkeypatch.setattr(kept, "build_command", lambda _module: COMMAND)
     return lambda kind, **order: render_apart(json.dumps({"kind": kind} | order).encode(), require=True)
 
 
@@ -70,6 +70,7 @@ def test_less_than_the_whole_sandbox_will_do_unless_it_is_required(monkeypatch):
     code = "from service.press import __main__ as press\n"
     code += "press.Restrictions._restrict_files = lambda _: False\n"
     code += "press.render = lambda order: order\n"
+    code += "press.os.nice = lambda _: 0\n"
     code += "press.main()"
     monkeypatch.setattr(kept, "build_command", lambda _module: [sys.executable, "-c", code])
     assert render_apart(write_order({"kind": "any"})) == b'{"kind": "any"}'

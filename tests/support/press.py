@@ -1,11 +1,14 @@
-"""A press that obeys its order; `python -m tests.service.hostile_press` stands in for `service.press`."""
+"""The press at the priority of the tests, not below it, which also obeys orders that no press takes."""
 
 import json
+import os
+import sys
 
 from service.press import __main__ as press
-from service.press import typesetter
+from service.press import rendering, typesetter
 from tests.worker.decode.probing import probe
 
+COMMAND = [sys.executable, "-s", "-P", "-m", "tests.support.press"]
 ORDERS = {
     "probe": lambda order: json.dumps(probe(order["world"])).encode(),
     "typst": lambda _: typesetter.typeset({"template": "hostile", "created_at": "2026-01-01T00:00:00Z"}),
@@ -16,10 +19,11 @@ ORDERS = {
 def obey(order: bytes) -> bytes:
     read = json.loads(order)
     typesetter._TEMPLATES["hostile"] = read.get("typst", "").encode()
-    return ORDERS[read["kind"]](read)
+    return ORDERS[read["kind"]](read) if read["kind"] in ORDERS else rendering.render(order)
 
 
 if __name__ == "__main__":
+    os.nice = lambda _: 0
     press.render = obey
-    press._CPU_S = 2
+    press._CPU_S = 4
     press.main()
