@@ -5,21 +5,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class Item:
-    """One line of the checklist.
+    """One line of the checklist."""
 
-    Attributes
-    ----------
-    key : str
-        Stable key under which ticks are stored.
-    section : str
-        Heading of the section.
-    text : str
-        Text of the print.
-    """
-
-    key: str
-    section: str
-    text: str
+    key: str  # Stable key under which ticks are stored
+    section: str  # Heading of the section
+    text: str  # Text of the print
 
 
 _SECTIONS: dict[str, dict[str, str]] = {

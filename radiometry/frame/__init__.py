@@ -148,7 +148,7 @@ class FrameHeader:
     exposure_time_apex_s: float | None = None  #: 2^-ShutterSpeedValue [s]
     f_number: float | None = None  #: Nominal f-number from EXIF FNumber
     f_number_apex: float | None = None  #: 2^(ApertureValue / 2)
-    iso: float | None = None  #: ISO value
+    iso: float | None = None
     exposure_mode: str | None = None  #: "manual", "auto" or "bracket"
     exposure_program: str | None = None  #: "manual", "program", "aperture_priority" and so on
     make: str | None = None  #: Manufacturer, model and serial number of the camera body

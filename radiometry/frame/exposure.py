@@ -26,7 +26,7 @@ class Settings:
 
     exposure_time_s: float  #: Exposure time t [s]
     f_number: float
-    iso: float  #: ISO value S
+    iso: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,7 +142,7 @@ class SuppliedExposure:
 
     exposure_time_s: float | None = None
     f_number: float | None = None
-    iso: float | None = None  #: ISO value
+    iso: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -44,7 +44,7 @@ class LaneGrid:
 
     #: Image (x, y) [px] of a rectangle as wide as all lanes, its first side along them
     corners: tuple[tuple[float, float], ...]
-    lanes: int  #: Number of lanes
+    lanes: int
     lane_width_m: float  #: Width of a lane and spacing of the luminaires [m]
     spacing_m: float
     length_m: float  #: Length of the rectangle along the lanes [m]; the field begins at its first corner

@@ -230,7 +230,7 @@ piece ends where it states and is as long as its samples need. "length": the fil
 class PieceRun:
     """Consecutive pieces (strips or tiles) of equal size."""
 
-    pieces: int  #: Number of pieces
+    pieces: int
     stored_bytes: int  #: Stored bytes of each piece
     consumed_bytes: int  #: Bytes of each piece up to the end of its data
     samples: int  #: Samples decoded from each piece

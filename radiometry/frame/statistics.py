@@ -282,7 +282,7 @@ class Histogram:
 
     first_dn: int  # Start of the first bin and width of each [DN]
     step_dn: int
-    channels: tuple[ChannelCounts, ...]  # Counts of each channel
+    channels: tuple[ChannelCounts, ...]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -185,7 +185,7 @@ class Setting:
 
     role: str
     scene: str
-    iso: float  # ISO value
+    iso: float
     f_number: float
     exposure_time_s: float
     channel: str
@@ -217,7 +217,7 @@ class Stack:
     copies: dict[str, str]  # Name of a copy to the name of the frame that it copies
     frame_means_dn: tuple[float, ...]
     samples: int  # Number of samples of one frame
-    mean_dn: float  # Mean of all frames [DN]
+    mean_dn: float
     temporal: Variance | None  # Variance of one pixel from frame to frame; None for a single frame
     pattern: Variance | None  # Spatial variance that every frame repeats; None for a single frame
     # The same without the slow part, which light and lens cause; None for a single frame

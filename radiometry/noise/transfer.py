@@ -16,8 +16,8 @@ from radiometry.noise.stacks import Stack
 class Level:
     """Lit stack and its dark stack: the one of the same exposure time, else of the nearest."""
 
-    lit: Stack  # Lit stack
-    dark: Stack  # Dark stack
+    lit: Stack
+    dark: Stack
     # Mean above the mean of `dark` [DN]: electrons of light and, where the times differ, of dark current,
     # which the photon transfer does not distinguish
     signal_dn: float

@@ -102,5 +102,5 @@ class RigSpec:
     count_shared: Callable[[RigMember, RigMember], int]
     # `(orientation) -> mapping` from (camera, name) to Quantity, what is compared between sets
     list_quantities: Callable[[Any], Mapping[tuple[str, str], Quantity]]
-    certificate: CertificateText  # Certificate text
+    certificate: CertificateText
     exports: tuple[RigExport, ...]  # Forms in which other programs read an orientation

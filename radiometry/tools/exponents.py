@@ -35,7 +35,7 @@ class SeriesRow:
 
     exposure_time_s: float
     f_number: float
-    iso: float  #: ISO value
+    iso: float
     signal_dn: float  #: Mean signal, dark included [DN]
     dark_dn: float | None = None  #: Dark signal of this frame [DN], if it has its own
 

@@ -158,8 +158,8 @@ CENTRE_DRIFT_U = 0.02  # By so much the centre differs from one f-number to the 
 class FittedChannel:
     """One f-number and channel: the stored result, and the fits on which it rests."""
 
-    fit: ChannelFit  # Result of the fit
-    solution: Solution  # Fit of the result
+    fit: ChannelFit
+    solution: Solution
     alone: Solution  # The same without knowledge of the centre from another f-number
     not_turned: bool  # True if the light did not turn in the frame as the camera was stated to turn
 

@@ -127,7 +127,7 @@ class FlatLight:
 
     frame: str
     f_number: float
-    channels: tuple[ChannelLight, ...]  # Light of each channel
+    channels: tuple[ChannelLight, ...]
     dark_frames: int  # Number of dark frames that were subtracted
     dark_time_ratio: float | None  # Exposure time ratio of the nearest dark frames; None without any
     dark_times: int  # Number of exposure times of the dark frames of its ISO value

@@ -188,7 +188,7 @@ Matrix = NDArray[np.float64]
 class RigCamera:
     """Calibrated camera of a rig."""
 
-    serial: str  # Serial number
+    serial: str
     model: CameraModel  # Camera as its geometry version states it
     covariance: Matrix  # Covariance of PARAMETERS, (9, 9)
     noise_px: float  # Standard deviation of a corner in row and in col [px]
