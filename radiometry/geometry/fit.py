@@ -14,8 +14,19 @@ from radiometry.frame.opencv import cv2
 from radiometry.geometry import codes
 from radiometry.geometry.bundle import Pose, Solution, choose_free_parameters, find_pose, require_determined
 from radiometry.geometry.camera import MODEL, PARAMETERS, UNITS, CameraModel, project
-from radiometry.geometry.features import ColourView, Features, LateralColour, fit_colour
-from radiometry.geometry.results import Coefficient, Coverage, CurvePoint, Fit, FrameRow, Params, Point
+from radiometry.geometry.results import (
+    Coefficient,
+    ColourView,
+    Coverage,
+    CurvePoint,
+    Features,
+    Fit,
+    FrameRow,
+    LateralColour,
+    Params,
+    Point,
+    fit_colour,
+)
 from radiometry.geometry.target import FIXED_WINDOW_PX, Target
 from radiometry.geometry.views import (
     Candidate,

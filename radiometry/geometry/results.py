@@ -1,16 +1,242 @@
-"""Parameters and results of a fit, ready for JSON; what does not exist is None."""
+"""Corners in one picture, lateral colour, parameters and results of a fit, ready for JSON."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 from radiometry.findings import Raised
-from radiometry.fitting.evidence import Exclusion, FrameEvidence, Quantity
-from radiometry.geometry.camera import CameraModel
-from radiometry.geometry.features import Features, LateralColour
-from radiometry.geometry.target import Target
+from radiometry.fitting.evidence import Exclusion, Extracted, FrameEvidence, Quantity, Region
+from radiometry.frame import Frame, FrameHeader, roi
+from radiometry.frame.opencv import cv2
+from radiometry.frame.statistics import ChannelStatistics, compute_statistics
+from radiometry.geometry.camera import BINOMIAL, CameraModel, make_grey
+from radiometry.geometry.target import FITTED_STOP, FirstSquare, Found, Target, find_corners, refine
 from radiometry.specification.certificate import KeyFigure, of_quantity
 from radiometry.specification.parameters import check_parameters, parameter
 from radiometry.specification.stored import LATER, meaning
+
+POINTS: Final = 11
+FEWEST_VIEWS: Final = 3
+_REFERENCE: Final = "G"
+_LETTERS: Final = "RGB"
+_TERMS: Final = 4
+
+Matrix = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ColourCorners:
+    """Corners of a board in one colour."""
+
+    channel: str  # Colour, R or B
+    moved_px: tuple[tuple[float, float], ...]  # (row, col) of each corner less its place in green [px]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ColourPoint:
+    """Lateral colour at one distance from the principal point; positive is outwards."""
+
+    radius_px: float = field(metadata=meaning("Distance [px]."))
+    displacement_px: float = field(metadata=meaning("Radial displacement [px]."))
+    standard_uncertainty_px: float
+    extrapolated: bool = field(metadata=meaning("True if further out than any corner that was used."))
+
+
+@dataclass(frozen=True, kw_only=True)
+class LateralColour:
+    """Lateral colour of one colour against green."""
+
+    channels: str = field(metadata=meaning('Pair of channels, such as "R-G".'))
+    corner: Quantity = field(
+        metadata=meaning("Radial displacement half a diagonal of the frame from the principal point.")
+    )
+    shift_row: Quantity = field(metadata=meaning("Displacement at the principal point."))
+    shift_col: Quantity = field(metadata=meaning("Displacement at the principal point."))
+    rms_px: float = field(metadata=meaning("Rms distance of the corners from the model [px]."))
+    views: int = field(metadata=meaning("Number of views and of corners."))
+    corners: int = field(metadata=meaning("Number of views and of corners."))
+    curve: tuple[ColourPoint, ...] = field(metadata=meaning("Displacement against the radius."))
+
+
+@dataclass(frozen=True)
+class ColourView:
+    """Corners of one picture, (corner, 2) row before col: places in the frame, and displacements [px]."""
+
+    seen_px: Matrix
+    moved_px: Matrix
+
+
+def find_colours(frame: Frame, found: Found) -> tuple[ColourCorners, ...] | None:
+    """Place the corners of a board in each colour of a frame.
+
+    The sites of a colour in a mosaic are weighted by 1/4 [1 2 1] along rows and columns and divided by the
+    same sum of weights: linear interpolation, which moves no edge.
+    """
+    if frame.cfa == "grey":
+        return None
+    placed = {
+        letter: refine(
+            _read_colour(frame, letter), found.fitted[:, ::-1], found.fitted_window_px, FITTED_STOP
+        )
+        for letter in _LETTERS
+    }
+    return tuple(
+        ColourCorners(
+            channel=letter,
+            moved_px=tuple((float(row), float(col)) for col, row in placed[letter] - placed[_REFERENCE]),
+        )
+        for letter in _LETTERS
+        if letter != _REFERENCE
+    )
+
+
+def fit_colour(views: Sequence[ColourView], camera: CameraModel, *, channel: str) -> LateralColour | None:
+    """Fit the displacement of one colour's corners.
+
+    With q the vector from the principal point, half the frame's diagonal being 1::
+
+        moved = q (a + b |q|^2) + shift                                  least squares
+        C = (n - 1)/n sum over views (p without the view - mean)^2       jackknife
+
+    Corners of one picture share errors of the interpolation between a colour's sites, which depend on where
+    its edges lie: hence whole views are left out in turn, and corners are not taken as independent.
+    """
+    if len(views) < FEWEST_VIEWS:
+        return None
+    half_px = float(np.hypot(camera.height_px, camera.width_px)) / 2.0
+    principal = np.array([camera.cy_px, camera.cx_px])
+    normal, right, squares = [], [], 0.0
+    for view in views:
+        q = (view.seen_px - principal) / half_px
+        design = np.zeros((len(q), 2, _TERMS))
+        design[:, :, 0] = q
+        design[:, :, 1] = q * (q**2).sum(axis=1, keepdims=True)
+        design[:, 0, 2] = design[:, 1, 3] = 1.0
+        flat = design.reshape(-1, _TERMS)
+        normal.append(flat.T @ flat)
+        right.append(flat.T @ view.moved_px.ravel())
+        squares += float((view.moved_px**2).sum())
+    whole, sums = np.sum(normal, axis=0), np.sum(right, axis=0)
+    if np.linalg.cond(whole) > 1.0 / np.finfo(float).eps:
+        return None
+    values = np.linalg.solve(whole, sums)
+    without = np.array(
+        [np.linalg.solve(whole - one, sums - other) for one, other in zip(normal, right, strict=True)]
+    )
+    spread = without - without.mean(axis=0)
+    covariance = (len(views) - 1) / len(views) * spread.T @ spread
+    corners = sum(len(view.seen_px) for view in views)
+    reached = max(float(np.linalg.norm(view.seen_px - principal, axis=1).max()) for view in views)
+
+    def state(slopes: Matrix) -> Quantity:
+        return Quantity(
+            value=float(slopes @ values),
+            standard_uncertainty=float(np.sqrt(slopes @ covariance @ slopes)),
+            unit="px",
+        )
+
+    curve = [(radius, state(np.array([radius, radius**3, 0.0, 0.0]))) for radius in np.linspace(0, 1, POINTS)]
+    return LateralColour(
+        channels=f"{channel}-{_REFERENCE}",
+        corner=curve[-1][1],
+        shift_row=state(np.eye(_TERMS)[2]),
+        shift_col=state(np.eye(_TERMS)[3]),
+        rms_px=float(np.sqrt(max(0.0, squares - float(values @ sums)) / corners)),
+        views=len(views),
+        corners=corners,
+        curve=tuple(
+            ColourPoint(
+                radius_px=float(radius * half_px),
+                displacement_px=each.value,
+                standard_uncertainty_px=each.standard_uncertainty,
+                extrapolated=bool(radius * half_px > reached),
+            )
+            for radius, each in curve
+        ),
+    )
+
+
+def _read_colour(frame: Frame, letter: str) -> NDArray[np.float32]:
+    if frame.cfa == "rgb":
+        return np.ascontiguousarray(frame.samples_dn[:, :, _LETTERS.index(letter)], np.float32)
+    rows, cols = np.indices(frame.samples_dn.shape)
+    sites = 2 * ((rows + frame.row0) % 2) + (cols + frame.col0) % 2
+    mine = np.isin(sites, [place for place, one in enumerate(frame.cfa) if one == letter])
+
+    def smooth(values: NDArray[np.float32]) -> NDArray[np.float32]:
+        smoothed = cv2.sepFilter2D(values, cv2.CV_32F, BINOMIAL, BINOMIAL, borderType=cv2.BORDER_REFLECT_101)
+        return np.asarray(smoothed, np.float32)
+
+    return smooth((frame.samples_dn * mine).astype(np.float32)) / smooth(mine.astype(np.float32))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Features:
+    """Corners in one picture, ready for JSON."""
+
+    target: Target  # Board that was searched
+    not_found: str  # Reason why there are no corners, else ""
+    height_px: int  # Size of the whole frame [px]
+    width_px: int
+    indices: tuple[int, ...] = ()  # Indices of the corners on the board, row by row
+    # (row, col) of each corner [px], from the centre of the frame's first pixel, as placed in OpenCV's fixed
+    # window and in one fitted to the squares
+    fixed_px: tuple[tuple[float, float], ...] = ()
+    fitted_px: tuple[tuple[float, float], ...] = ()
+    fitted_window_px: int = 0  # Half side of that window [px]
+    spacing_px: float = 0.0  # Shortest distance between neighbours [px]
+    # 10 to 90 % rise of the squares' edges [px]; None where the board is not seen whole
+    edge_rise_px: float | None = None
+    board_share: float = 0.0  # Fraction of the frame that the corners span
+    # Colour of the square between the first corners of the first two rows, of a board that differs from its
+    # mirror image; else None
+    first_square: FirstSquare | None = field(default=None, metadata=LATER)
+    # Displacement of red's and blue's corners from those of green; None without colours
+    colours: tuple[ColourCorners, ...] | None = field(default=None, metadata=LATER)
+
+
+def extract_features(
+    frame: Frame, regions: Sequence[Region], *, header: FrameHeader, target: Target
+) -> Extracted[Features]:
+    """Find the board in a window of a frame; a board that is not there is a result and not an error."""
+    found = find_corners(make_grey(frame, bits_per_sample=header.bits_per_sample), target)
+    return Extracted(statistics=_count(frame, regions[0]), features=_describe(frame, found, target))
+
+
+def _count(frame: Frame, region: Region) -> tuple[ChannelStatistics, ...]:
+    height, width = frame.samples_dn.shape[:2]
+    inside = roi.mask(
+        region.polygon, roi.Window(row0=frame.row0, col0=frame.col0, height=height, width=width)
+    )
+    return compute_statistics(frame, inside)
+
+
+def _describe(frame: Frame, found: Found, target: Target) -> Features:
+    if found.not_found:
+        return Features(
+            target=target, not_found=found.not_found, height_px=frame.height_px, width_px=frame.width_px
+        )
+    corner = np.array([frame.row0, frame.col0])
+    hull = cv2.convexHull(found.fitted.astype(np.float32))
+    return Features(
+        target=target,
+        not_found="",
+        height_px=frame.height_px,
+        width_px=frame.width_px,
+        indices=tuple(int(index) for index in found.indices),
+        fixed_px=tuple((float(row), float(col)) for row, col in found.fixed + corner),
+        fitted_px=tuple((float(row), float(col)) for row, col in found.fitted + corner),
+        fitted_window_px=found.fitted_window_px,
+        spacing_px=found.spacing_px,
+        edge_rise_px=found.edge_rise_px,
+        board_share=float(cv2.contourArea(hull)) / (frame.height_px * frame.width_px),
+        first_square=found.first_square,
+        colours=find_colours(frame, found),
+    )
+
 
 CHART: Final = "chart"
 Window = Literal["fixed", "fitted"]

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from radiometry.findings import InputRejected, Raised, Reason
 from radiometry.frame.verdicts import ReviewedFrame, Verdict, assume_whole_frame, conclude, inspect_frames
 from radiometry.geometry import codes
-from radiometry.geometry.features import Features
 from radiometry.geometry.fit import CELLS, GOOD_SHARE, GOOD_VIEWS, count_cells, fit_geometry
-from radiometry.geometry.results import CHART, FrameRow, Params
+from radiometry.geometry.results import CHART, Features, FrameRow, Params
 from radiometry.geometry.views import Candidate, collect_candidates, make_view, missing
 from radiometry.specification.roles import Gap
 

@@ -25,8 +25,7 @@ from radiometry.geometry.bundle import (
     solve,
 )
 from radiometry.geometry.camera import PARAMETERS, CameraModel
-from radiometry.geometry.features import Features
-from radiometry.geometry.results import CHART, FrameRow, Params
+from radiometry.geometry.results import CHART, Features, FrameRow, Params
 from radiometry.geometry.target import locate_corners_mm
 
 # Whether rows, and columns, run the other way

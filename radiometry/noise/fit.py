@@ -11,10 +11,19 @@ from radiometry.frame.exposure import Exposure
 from radiometry.frame.statistics import CHANNELS
 from radiometry.frame.verdicts import flag_assumed_black, name_not_dark
 from radiometry.noise import codes
-from radiometry.noise.blocks import Features, FrameRow, extract_features
 from radiometry.noise.channels import FittedChannel, fit_channel
 from radiometry.noise.figures import find_not_dark
-from radiometry.noise.results import DARK, TRANSFER_EQUATION, ChannelFit, Fit, Params, Point
+from radiometry.noise.results import (
+    DARK,
+    TRANSFER_EQUATION,
+    ChannelFit,
+    Features,
+    Fit,
+    FrameRow,
+    Params,
+    Point,
+    extract_features,
+)
 from radiometry.noise.stacks import Stack, group_by_channel, make_stacks
 from radiometry.noise.transfer import FEWEST_LEVELS
 

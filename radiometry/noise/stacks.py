@@ -11,8 +11,7 @@ import scipy
 from numpy.typing import NDArray
 
 from radiometry.frame.packing import unpack
-from radiometry.noise.blocks import ChannelBlock, FrameRow
-from radiometry.noise.results import DARK
+from radiometry.noise.results import DARK, ChannelBlock, FrameRow
 
 Image = NDArray[np.float64]
 Counts = NDArray[np.int64]

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected
 from radiometry.sharpness import codes
-from radiometry.sharpness.features import EdgePlace, EdgeResponse, Estimate
 from radiometry.sharpness.profile import (
     BINS_PER_PIXEL,
     NYQUIST_CYCLES_PER_PIXEL,
@@ -22,6 +21,7 @@ from radiometry.sharpness.profile import (
     locate_edge,
     measure_lengths,
 )
+from radiometry.sharpness.results import EdgePlace, EdgeResponse, Estimate
 from radiometry.sharpness.sampling import Plane
 
 Vector = NDArray[np.float64]

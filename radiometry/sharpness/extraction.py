@@ -13,8 +13,7 @@ from radiometry.frame.roi import Window, bounding_window
 from radiometry.frame.statistics import compute_statistics
 from radiometry.sharpness import codes
 from radiometry.sharpness.edges import measure_edge
-from radiometry.sharpness.features import EdgeResponse, Features, Refusal, RegionResponse, StarResponse
-from radiometry.sharpness.results import Target
+from radiometry.sharpness.results import EdgeResponse, Features, Refusal, RegionResponse, StarResponse, Target
 from radiometry.sharpness.sampling import LUMINANCE, Plane, Tone, average_sites, read_planes
 from radiometry.sharpness.stars import guess_centre, measure_star, refine_centre
 

@@ -10,7 +10,6 @@ import numpy as np
 from radiometry.findings import InputRejected, Raised, shared
 from radiometry.fitting.evidence import MOST_DOF, CoefficientValue, Quantity
 from radiometry.sharpness import codes
-from radiometry.sharpness.features import EdgeResponse, Estimate
 from radiometry.sharpness.positions import (
     MTF50,
     RESOLVING_POWER,
@@ -23,6 +22,8 @@ from radiometry.sharpness.positions import (
 from radiometry.sharpness.results import (
     Coefficient,
     EdgeColour,
+    EdgeResponse,
+    Estimate,
     Falloff,
     FalloffTable,
     Fit,

@@ -10,16 +10,21 @@ from radiometry.drawing.text import name_few
 from radiometry.fitting.evidence import MOST_DOF, Quantity
 from radiometry.fitting.sources import merge_variances
 from radiometry.sharpness.edges import JACKKNIFE_DOF
-from radiometry.sharpness.features import (
+from radiometry.sharpness.profile import list_frequencies
+from radiometry.sharpness.results import (
+    Coefficient,
     Contrasts,
+    Curve,
+    Direction,
     EdgeResponse,
     Estimate,
     Features,
+    FrameRow,
+    Params,
+    PositionFit,
     RegionResponse,
     StarResponse,
 )
-from radiometry.sharpness.profile import list_frequencies
-from radiometry.sharpness.results import Coefficient, Curve, Direction, FrameRow, Params, PositionFit
 
 SMALL_FORMAT_HEIGHT_MM = 24.0
 

@@ -9,7 +9,7 @@ import scipy
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from radiometry.sharpness.features import CURVE_STEP_CYCLES_PER_PIXEL
+from radiometry.sharpness.results import CURVE_STEP_CYCLES_PER_PIXEL
 from radiometry.sharpness.sampling import Plane
 
 Vector = NDArray[np.float64]

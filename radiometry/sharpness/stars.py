@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from radiometry.findings import InputRejected
 from radiometry.sharpness import codes
 from radiometry.sharpness.edges import MOST_CLIPPED_SHARE
-from radiometry.sharpness.features import Contrasts, StarResponse
+from radiometry.sharpness.results import Contrasts, StarResponse
 from radiometry.sharpness.sampling import Plane
 
 Matrix = NDArray[np.float64]

@@ -21,8 +21,7 @@ from radiometry.specification.method import MethodSpec, drop_readings, drop_targ
 from radiometry.specification.roles import DARK, FLAT, Grid
 from radiometry.vignetting import codes, fit
 from radiometry.vignetting.blocks import Features
-from radiometry.vignetting.exports import EXPORTS
-from radiometry.vignetting.lens import Lens, average_over_polygon
+from radiometry.vignetting.lens import EXPORTS, Lens, average_over_polygon
 from radiometry.vignetting.plots import PLOTS
 from radiometry.vignetting.points import missing
 from radiometry.vignetting.results import Fit, Params, list_budgets, list_key_figures

@@ -9,8 +9,7 @@ from radiometry.fitting.evidence import FrameEvidence, Region
 from radiometry.frame import Frame
 from radiometry.frame.roi import Polygon
 from radiometry.geometry.camera import CameraModel, project
-from radiometry.geometry.features import Features, extract_features
-from radiometry.geometry.results import Params
+from radiometry.geometry.results import Features, Params, extract_features
 from radiometry.geometry.target import Target, locate_corners_mm, measure_spacing_px
 from simulation.boards import draw_poses, set_up
 

@@ -7,9 +7,8 @@ import pytest
 
 from radiometry.fitting.evidence import FrameEvidence
 from radiometry.geometry.camera import CameraModel
-from radiometry.geometry.features import ColourView, fit_colour
 from radiometry.geometry.fit import check_colours, fit_geometry, list_coefficients
-from radiometry.geometry.results import Params
+from radiometry.geometry.results import ColourView, Params, fit_colour
 from radiometry.methods import get_method
 from simulation.boards import View, draw_poses, set_up
 from simulation.camera import change

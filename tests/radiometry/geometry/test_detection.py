@@ -8,7 +8,7 @@ import pytest
 from pydantic import TypeAdapter
 
 from radiometry.geometry.camera import CameraModel, make_grey, project
-from radiometry.geometry.features import Features
+from radiometry.geometry.results import Features
 from radiometry.geometry.target import Target, locate_corners_mm
 from simulation.boards import View, draw_poses, set_up
 from tests.radiometry.geometry.boards import BOARD, CHARUCO, extract, make_frame

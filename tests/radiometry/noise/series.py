@@ -9,8 +9,7 @@ from radiometry.fitting.evidence import Region
 from radiometry.frame.packing import pack, unpack
 from radiometry.frame.roi import Polygon
 from radiometry.noise import fit as noise
-from radiometry.noise.blocks import Features, FrameRow
-from radiometry.noise.results import Params
+from radiometry.noise.results import Features, FrameRow, Params
 from simulation.camera import change
 from simulation.camera import take as expose
 from simulation.flats import COUNTING_SENSOR, plan_series

@@ -12,7 +12,7 @@ from radiometry.frame import Frame
 from radiometry.frame.packing import unpack
 from radiometry.frame.roi import Polygon
 from radiometry.noise import fit as noise
-from radiometry.noise.blocks import Features
+from radiometry.noise.results import Features
 from simulation.flats import COUNTING_SENSOR
 
 HEADER = COUNTING_SENSOR.describe()

@@ -7,8 +7,7 @@ import pytest
 
 from radiometry.frame.packing import pack, unpack
 from radiometry.noise import verdicts as noise_verdicts
-from radiometry.noise.blocks import Features
-from radiometry.noise.results import Params
+from radiometry.noise.results import Features, Params
 from simulation.camera import change
 from simulation.flats import COUNTING_SENSOR
 from tests.radiometry.evidence import taken

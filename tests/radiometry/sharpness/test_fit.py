@@ -14,10 +14,9 @@ from radiometry.fitting.curve import coverage_factor
 from radiometry.fitting.evidence import Exclusion
 from radiometry.sharpness import fit as sharpness
 from radiometry.sharpness import verdicts as sharpness_verdicts
-from radiometry.sharpness.features import Estimate, Features
 from radiometry.sharpness.fit import list_coefficients
 from radiometry.sharpness.positions import merge_estimates
-from radiometry.sharpness.results import Fit, Params, StarCentre, Target
+from radiometry.sharpness.results import Estimate, Features, Fit, Params, StarCentre, Target
 from simulation.camera import change
 from simulation.targets import CHART_STUDIO, Edge, Star
 from tests.radiometry.evidence import taken

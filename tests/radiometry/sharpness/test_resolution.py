@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from radiometry.sharpness.features import Contrasts
 from radiometry.sharpness.positions import convert_resolution, find_resolving_power, unresolved_diameter
 from radiometry.sharpness.profile import find_crossing
+from radiometry.sharpness.results import Contrasts
 
 
 def test_the_printed_lp_mm_are_line_widths_of_another_picture():

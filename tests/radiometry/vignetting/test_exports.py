@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from radiometry.findings import InputRejected
-from radiometry.vignetting import exports as vignetting_lensfun
 from radiometry.vignetting import lens as vignetting_lens
+from radiometry.vignetting import lens as vignetting_lensfun
 from simulation.flats import FALLOFFS
 from tests.radiometry.vignetting.flats import coefficient
 

@@ -10,8 +10,8 @@ from radiometry.findings import InputRejected
 from radiometry.fitting.evidence import Exclusion, Region
 from radiometry.frame.packing import unpack
 from radiometry.frame.roi import Polygon
-from radiometry.vignetting import exports as vignetting_residuals
 from radiometry.vignetting import fit as vignetting
+from radiometry.vignetting import lens as vignetting_residuals
 from radiometry.vignetting import verdicts
 from radiometry.vignetting import verdicts as vignetting_verdicts
 from simulation.camera import change
