@@ -24,7 +24,7 @@ from store.webhooks import announce, describe_version
 
 _UNTOLD = "nobody has said what is photographed: describe the board in the campaign's target"
 
-_READ_AGAIN = "frames are being read again, after an upgrade of stilb or a change of the target"
+_READ_AGAIN = "frames are read again, after an upgrade of stilb or a change of the target"
 
 
 def make_params(session: Session, campaign: Campaign, **said: Any) -> Any:  # noqa: ANN401 (the method's own)

@@ -7,8 +7,6 @@ import sys
 from pathlib import Path
 from typing import Final
 
-from sqlalchemy.engine import make_url
-
 _LOCK: Final = "hhqqi4x"
 """Linux's `struct flock`: type, whence, start, length, process."""
 _WRITE_LOCK: Final = 120
@@ -22,11 +20,11 @@ def find_stopped_writer(url: str) -> int | None:
 
     Only for a process that never opens the database: as it closes the file, its own locks on it would go.
     """
-    database = make_url(url)
-    if database.get_backend_name() != "sqlite" or not database.database or sys.platform != "linux":
+    scheme, _, path = url.partition(":///")
+    if scheme != "sqlite" or sys.platform != "linux":
         return None
     try:
-        with Path(f"{database.database}-shm").open("rb") as shared:
+        with Path(f"{path}-shm").open("rb") as shared:
             asked = struct.pack(_LOCK, fcntl.F_WRLCK, os.SEEK_SET, _WRITE_LOCK, 1, 0)
             kind, _, _, _, pid = struct.unpack(_LOCK, fcntl.fcntl(shared, fcntl.F_GETLK, asked))
         if kind == fcntl.F_UNLCK:

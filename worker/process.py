@@ -18,11 +18,12 @@ from store.chores import sweep_floor
 from store.database import Database, summarise
 from store.logs import configure_logging
 from store.partials import Partials
-from store.parts import Presence
+from store.parts import Presence, list_parts
 from store.pulse import Pulse
 from store.queues import CANCEL, LANES, REVIEW, Message, Post
 from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers, require_own_schema
 from store.tracing import configure_tracing
+from store.upkeep import look
 from worker.app import app, settings
 from worker.context import build_context, make_decoders
 from worker.decode.malloc import keep_memory, share_one_arena
@@ -119,6 +120,9 @@ def prepare(**_: object) -> None:
     database = Database(settings.effective_database_url, answer_within_s=settings.database_timeout_s)
     try:
         database.guard_schema()
+        with database.reading() as session:  # prepares the tables once for all forks
+            look(session, lease_s=settings.lease_s)
+            list_parts(session)
         _mine["sandbox"] = start_decoders(decoders, require=settings.decoder_sandbox == "require")
     except SchemaDiffers as error:
         log.error("%s: no job is done", error)  # noqa: TRY400  expected: no traceback

@@ -41,13 +41,17 @@ _KILLED_ATTEMPTS = 5
 _PATIENCE_S = 1800.0
 """How long a result is kept for a database that does not answer."""
 _PAUSE_S = 0.5
+_DROPPED: Mapping[str, Any] = {"state": "dropped"}
 
 
 def run(context: Context, job_id: str) -> Mapping[str, Any]:
     """Do a job and end it, unless others have; how it has ended or goes on."""
-    with context.database.writing("worker") as session:
-        claim = jobs.begin(session, job_id, lease_s=context.settings.lease_s)
-    return {"state": "dropped"} if claim is None else _run(context, claim)
+    try:
+        with context.database.writing("worker") as session:
+            claim = jobs.begin(session, job_id, lease_s=context.settings.lease_s)
+    except (SchemaDiffers, *DATABASE_AWAY):
+        return _DROPPED  # upkeep tells, and sends it again
+    return _DROPPED if claim is None else _run(context, claim)
 
 
 def _run(context: Context, claim: Claim) -> Mapping[str, Any]:
@@ -69,10 +73,10 @@ def _run(context: Context, claim: Claim) -> Mapping[str, Any]:
                 ended = _end(context, claim, _fail_as_ours(claim, traceback.format_exc()))
         except LeaseLost:
             log.warning("%s is another worker's now; what was computed here is dropped", claim.job_id)
-            return {"state": "dropped"}
-        except DATABASE_AWAY as fault:
+            return _DROPPED
+        except (SchemaDiffers, *DATABASE_AWAY) as fault:
             log.warning("%s is not ended, its lease will run out: %s", claim.job_id, summarise(fault))
-            return {"state": "dropped"}
+            return _DROPPED
         took_s = time.monotonic() - began
         context.durations.observe(claim.kind, took_s)
         log.info("job", extra={"fields": {**ended, "duration_s": round(took_s, 4)}})

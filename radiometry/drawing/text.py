@@ -117,17 +117,7 @@ def sort_naturally(names: Iterable[str]) -> list[str]:
 
 
 def name_few(noun: str, names: Iterable[str], *, most: int = 3) -> str:
-    """Return the first of some names, and how many more there are: frames a, b, c and 9 more.
-
-    Parameters
-    ----------
-    noun : str
-        What is named, in the singular; left out if the names begin with it, as Scene 1 does.
-    names : iterable of str
-        Names.
-    most : int, default: 3
-        How many are named.
-    """
+    """Return the first names in order, and how many more; a noun that they begin with is left out."""
     ordered = sort_naturally(names)
     shown = ", ".join(ordered[:most]) + (f" and {len(ordered) - most} more" if len(ordered) > most else "")
     if all(name.lower().startswith(noun) for name in ordered):

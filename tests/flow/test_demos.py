@@ -37,8 +37,8 @@ def test_the_truth_is_found_with_another_multispectral_camera(embedded, installe
         typed = "".join(read_blocks("docs/reflectance.md"))
         address = {"STILB_URL": team.url, "STILB_KEY": team.key}
         type_in(tmp_path, typed, first=installed / "bin", **address)
-        # of each capture, an index and a map of its bands
-        assert len([*(tmp_path / "maps").glob("*.tif")]) == 4
+        # of two captures, an index each and a map of the bands for each of five frames
+        assert len([*(tmp_path / "maps").glob("*.tif")]) == 2 + 2 * 5
 
 
 def test_the_second_time_finds_the_same_truth_and_changes_nothing(embedded, tmp_path, capsys):

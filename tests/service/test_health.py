@@ -18,6 +18,7 @@ from alembic.script import ScriptDirectory
 from sqlalchemy import text, update
 
 from service.health import Health
+from service.up import WORKER
 from store.blobs import StorageFull, StorageUnavailable
 from store.blobs.objects import ObjectBlobs
 from store.columns import utc_now
@@ -236,8 +237,8 @@ def test_it_lives_while_every_thread_waits_for_a_lock(migrated_sqlite, tmp_path)
                 assert {post.result().status_code for post in posts} <= {200, 201}
 
 
-@pytest.mark.parametrize(("module", "found"), [("service", "9999"), ("worker", "0001")])
-def test_no_part_starts_on_the_schema_of_another_stilb(module, found, migrated_sqlite, tmp_path):
+@pytest.mark.parametrize(("part", "found"), [("service", "9999"), ("worker", "0001")])
+def test_no_part_starts_on_the_schema_of_another_stilb(part, found, migrated_sqlite, tmp_path):
     path = tmp_path / "stilb.sqlite"
     path.write_bytes(migrated_sqlite.read_bytes())
     with closing(sqlite3.connect(path)) as database:
@@ -245,7 +246,7 @@ def test_no_part_starts_on_the_schema_of_another_stilb(module, found, migrated_s
         database.commit()
     environment = os.environ | {"STILB_DATA": str(tmp_path), "STILB_PORT": "0"}
     ended = subprocess.run(
-        [sys.executable, "-m", module],
+        WORKER if part == "worker" else [sys.executable, "-m", part],
         env=environment,
         capture_output=True,
         text=True,

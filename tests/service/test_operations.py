@@ -44,7 +44,7 @@ def operations(house):
         for extra in [each.openapi_extra or {}]
         for method in each.methods
     ]
-    assert len(found) > 160
+    assert len(found) > 140
     return found
 
 
@@ -203,7 +203,8 @@ def test_files_that_are_held_dripped_or_cut_are_given_up(house, monkeypatch):
     assert house.get(path)["items"] == []
     address = begin_upload(house, campaign, bytes(9000))
     piece = {name.lower(): text for name, text in PIECE.items()} | {"upload-offset": "0"}
-    assert send_slowly(house, [("PATCH", address)], key, **piece)[0] == 400
+    # the last of them has taken the upload over from the others
+    assert set(send_slowly(house, [("PATCH", address)], key, **piece)) in ({400}, {400, 409})
     assert int(house.http.head(address, headers=TUS).headers["upload-offset"]) > 0
 
 

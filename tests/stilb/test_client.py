@@ -158,7 +158,7 @@ def test_calibrate_waits_and_reads_the_draft(service, client, monkeypatch):
 
 def test_calibrate_waits_for_frames_that_are_read_again(service, monkeypatch):
     monkeypatch.setattr("time.sleep", lambda _s: None)
-    detail = "69 of 81 frames are being read again"
+    detail = "69 of 81 frames are read again"
     again = {"code": "campaign_incomplete", "status": 422, "detail": detail, "retryable": True}
     for answer in (campaign_with(0), (again, 422), campaign_with(69), campaign_with(0), (JOB, 202)):
         body, status = answer if isinstance(answer, tuple) else (answer, 200)

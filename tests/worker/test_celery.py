@@ -14,8 +14,10 @@ from store.queues import QUEUES, Post, make_celery
 from store.schema import OTHER_SCHEMA_EXIT
 from store.tables import Job
 from tests.support.broker import own_broker
+from tests.support.compose import ROOT
 from tests.support.deployments import short_folder, spawn
 from tests.support.house import House
+from tests.support.printed import read_blocks, type_in
 from tests.support.processes import children, command
 from tests.support.waiting import wait_for
 
@@ -115,6 +117,10 @@ def test_the_tools_of_celery_see_the_work(house):
         tasks = ["cancel", "extract", "fit", "look", "measure", "review"]
         assert sorted(worker.inspect("registered")) == [f"stilb.{task}" for task in tasks]
         wait_for(lambda: worker.inspect("stats")["total"].get("stilb.extract") == 1)
+        (printed,) = (each for each in read_blocks("docs/operations.md") if "inspect" in each)
+        told = type_in(house.folder, f"cd {ROOT}\n{printed}", STILB_BROKER_URL=worker.celery.conf.broker_url)
+        assert "pong" in told
+        assert "stilb.extract" in told
 
 
 def test_a_worker_grows_and_shrinks_with_its_work(house):

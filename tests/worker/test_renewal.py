@@ -24,7 +24,7 @@ def test_frames_of_an_earlier_extractor_are_read_again_once(house, monkeypatch):
     # kept reviews are of other code too, after an upgrade
     monkeypatch.setattr("store.reviews.hash_code", lambda: "later")
     (said,) = house.get(path)["missing"]
-    assert said.startswith("2 of 2 frames are being read again")
+    assert said.startswith("2 of 2 frames are read again")
     assert house.get(path)["advice"] == []
     assert renewal.do_round() < 3600
     with house.database.reading() as session:
@@ -38,7 +38,7 @@ def test_frames_of_an_earlier_extractor_are_read_again_once(house, monkeypatch):
     with house.database.reading() as session:
         assert {*session.scalars(select(Job.lane).where(Job.state == "queued"))} == {"extract"}
     house.work()
-    assert "being read again" not in " ".join(house.get(path)["missing"])
+    assert "read again" not in " ".join(house.get(path)["missing"])
     assert renewal.do_round() > 3600
 
 
@@ -51,9 +51,9 @@ def test_a_fit_has_frames_read_again_that_nobody_has_queued(house, monkeypatch):
     monkeypatch.setattr("store.queries.frames.EXTRACTOR", "extract-later")
     for _ in range(2):
         refused = house.http.post(f"{path}/calibrations", json={})
-        assert refused.json()["missing"][0].startswith("1 of 1 frames are being read again")
+        assert refused.json()["missing"][0].startswith("1 of 1 frames are read again")
         assert house.get(path)["frames"]["being_read"] == 1
     house.work()
     refused = house.http.post(f"{path}/calibrations", json={})
     assert (refused.json()["code"], refused.json()["retryable"]) == ("campaign_incomplete", False)
-    assert "being read again" not in refused.json()["detail"]
+    assert "read again" not in refused.json()["detail"]

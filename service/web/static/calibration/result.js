@@ -26,7 +26,7 @@ export function drawStatus([calibration, successor]) {
 function certificates({ id, certificates: issued = [] }) {
   const links = (query) => [h("a", { href: `/v1/calibrations/${id}/certificate.pdf${query}` }, "PDF"), " · ", h("a", { href: `/v1/calibrations/${id}/certificate.json${query}` }, "JSON")];
   if (!issued.length) return h("span", {}, links(""));
-  return issued.map((each) => h("div", { title: each.number }, each.amendment ? `Amendment ${each.amendment}: ` : null, links(each.amendment ? `?amendment=${each.amendment}` : ""), h("span", { class: "sub" }, `${each.at_upgrade ? "issued at an upgrade" : "issued"} ${day(each.issued_at)}, ${each.approved_by ? `signed by ${each.approved_by.name}, ${each.approved_by.role}` : "nobody has signed"}`)));
+  return issued.map((each) => h("div", { title: each.number }, each.amendment ? `Amendment ${each.amendment}: ` : null, links(each.amendment ? `?amendment=${each.amendment}` : ""), h("span", { class: "sub" }, `${each.at_upgrade ? "issued at an upgrade" : "issued"} ${day(each.issued_at)}, ${each.approved_by ? `signed by ${each.approved_by.name}, ${each.approved_by.role}` : "not signed"}`)));
 }
 
 /** Of a superseded version: whether what is left of its time is now. */

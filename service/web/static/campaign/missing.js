@@ -8,7 +8,7 @@ import { groupBy } from "../groups.js";
 const PANEL = "panel";
 /** What a sentence of the service is about, and the part of the campaign's page that mends it; none for what a worker does. */
 const PARTS = [
-  [/\byet\b|being read again/, null, null],
+  [/\byet\b|read again/, null, null],
   [/region/, "region", "Draw region"],
   [/panel.* (reflectance|uncertainty)/, PANEL, "Choose panel…"],
   [/target|say what/, "target", "Describe target"],
