@@ -4,6 +4,7 @@
 """
 
 import asyncio
+import gc
 import json
 import os
 import re
@@ -82,7 +83,11 @@ def ask(house, requests, *keys):
         with suppress(asyncio.CancelledError):
             await watching
 
+    # what other tests have left in this process is not searched for garbage meanwhile
+    gc.collect()
+    gc.freeze()
     house.http.portal.call(send_all)
+    gc.unfreeze()
     return answers
 
 

@@ -46,7 +46,11 @@ def type_in(folder: Path, commands: str, *, first: Path | None = None, **variabl
     program.chmod(0o755)
     path = [str(each) for each in (first, program.parent, Path(sys.executable).parent) if each]
     own = {"PIP_NO_INDEX": "1", "PIP_NO_DEPS": "1", "HOME": str(home)}
-    clean = {name: value for name, value in os.environ.items() if not name.startswith(("STILB_", "XDG_"))}
+    clean = {
+        name: value
+        for name, value in os.environ.items()
+        if not name.startswith(("STILB_", "XDG_", "MAKE", "MFLAGS"))
+    }
     done = subprocess.run(
         ["bash", "-euc", commands],
         check=False,
