@@ -10,8 +10,8 @@ import stilb
 from bench.bulk import write_rows
 from bench.subject import CAMERA, Scale, draw_roi, make_mosaic, write_copies
 from bench.upload import KEY, Service
-from store.columns import new_id, utc_now
 from store.tables import Base, Blob, CampaignReview, ChannelRow, Extraction, FrameRow, Job
+from store.tables.base import new_id, utc_now
 from worker.context import Context
 from worker.runner import run
 

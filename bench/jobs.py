@@ -11,10 +11,10 @@ from bench.report import judge, say, show_times
 from bench.subject import CAMERA, Scale
 from bench.timing import Seconds, compare, take_turns
 from bench.upload import KEY, Service, open_http
-from store.columns import new_id, utc_now
 from store.jobs import begin, take_back
-from store.queues import choose_messages, touch
+from store.jobs.queues import choose_messages, touch
 from store.tables import Camera, Campaign, Job
+from store.tables.base import new_id, utc_now
 from worker.context import Context
 
 _FEW = 100

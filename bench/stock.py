@@ -15,8 +15,7 @@ from sqlalchemy.orm import Session
 from bench.bulk import write_rows
 from bench.subject import CAMERA
 from store.database import Database
-from store.ready.measurements import make_measured
-from store.ready.publications import make_ready
+from store.ready.rows import make_measured, make_ready
 from store.tables import (
     Base,
     Blob,

@@ -20,12 +20,12 @@ from bench.subject import Scale
 from bench.timing import Ratio, Seconds, compare
 from service.launch.lifeline import die_with_parent
 from service.launch.valkey import valkey_binary, valkey_command
-from store.columns import new_id
 from store.database import Database
+from store.jobs.queues import LANES, QUEUES, Post, make_celery, touch
 from store.migrate import migrate
-from store.queues import LANES, QUEUES, Post, make_celery, touch
 from store.settings import Settings
 from store.tables import Job, Organisation
+from store.tables.base import new_id
 from tests.support.postgres import PostgresServer
 
 _TOUCHES_PER_S = 10

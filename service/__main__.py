@@ -30,14 +30,12 @@ from service.shutdown import Server, Traffic
 from service.signing import read_seed
 from service.vitals import Vitals
 from store.blobs import blobs_from_url
-from store.chores import repeat, sweep_floor
-from store.database import Database
+from store.blobs.partials import Partials
+from store.database import OTHER_SCHEMA_EXIT, Database, SchemaDiffers
+from store.jobs.processes import Presence, repeat, sweep_floor
+from store.jobs.queues import Post
 from store.logs import configure_logging
-from store.partials import Partials
-from store.parts import Presence
 from store.pulse import Pulse
-from store.queues import Post
-from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers
 from store.settings import Settings, read_settings
 from store.tracing import configure_tracing
 

@@ -31,8 +31,14 @@ from service.web.assets import Assets
 from service.web.headers import SecurityHeaders
 from service.web.pages import include_pages
 from service.web.rendering import build_environment
-from store.database import Database, is_full, summarise
-from store.schema import SchemaDiffers, is_about_missing_parts, require_own_schema
+from store.database import (
+    Database,
+    SchemaDiffers,
+    is_about_missing_parts,
+    is_full,
+    require_own_schema,
+    summarise,
+)
 from store.software import read_version
 
 _SHOWN = [

@@ -16,7 +16,7 @@ from service.context import Context
 from service.problems import Problem
 from service.schemas.base import rfc3339
 from service.sessions import CSRF_HEADER
-from store.queries.keys import UNNAMED, Person, Who, find_ended_key, find_key, find_session_key
+from store.queries.organisations import UNNAMED, Person, Who, find_ended_key, find_key, find_session_key
 from store.tables import ApiKey, Organisation
 
 Scope = Literal["read", "upload", "calibrate", "publish", "admin"]

@@ -18,9 +18,9 @@ from service.auth import Caller
 from service.context import Context, get_context
 from service.problems import Problem
 from service.schemas.base import Answer, Text
-from store.log_fields import present_fields
+from store.queries.usage import charge
 from store.tables import IdempotentAnswer, Job
-from store.usage import charge
+from store.tracing import present_fields
 
 _ATTEMPTS = 3
 REPLAYED = "Idempotent-Replayed"

@@ -18,13 +18,13 @@ from service.signing import Signer, read_seed
 from service.together import Together
 from service.uses import STEP, Uses
 from store.blobs import Blobs
+from store.blobs.partials import Partials
 from store.database import Database
 from store.files import Files
-from store.partials import Partials
+from store.queries.usage import Quotas
 from store.ready.lookups import Lookups
 from store.reviews import Reviews
 from store.settings import Settings
-from store.usage import Quotas
 
 
 @dataclass(frozen=True, kw_only=True)

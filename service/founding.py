@@ -4,8 +4,8 @@ from sqlalchemy import func, select
 
 from service.auth import SCOPES
 from store.database import Database
-from store.queries.keys import ensure_operator
-from store.usage import recount_all
+from store.queries.organisations import ensure_operator
+from store.queries.usage import recount_all
 
 _TURN = 0x7374696C62
 

@@ -10,8 +10,8 @@ from service.schemas.frames import FrameAnswer, StatisticsRow
 from store.blobs import StoredBlob
 from store.queries.frames import extractions_of, statistics_of
 from store.queries.jobs import find_reading_jobs
+from store.reviews import judge_alone
 from store.tables import Blob, Campaign, FrameRow, Job
-from store.verdicts import judge_alone
 
 
 def answer_frames(

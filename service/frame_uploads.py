@@ -20,11 +20,10 @@ from service.schemas.campaigns import NewRoi
 from service.schemas.frames import Upload
 from store.blobs import StoredBlob
 from store.jobs import enqueue_extraction
-from store.queries.campaigns import Drawing, find_or_add_roi
+from store.queries.campaigns import Drawing, find_known, find_or_add_roi
 from store.queries.frames import NewFrame, find_or_add_frames, require_role
-from store.queries.known import find_known
+from store.queries.usage import QuotaExceeded, check_room, recount_if_old
 from store.tables import Campaign
-from store.usage import QuotaExceeded, check_room, recount_if_old
 
 _LONGEST_NAME: Final = 255
 """As on file systems, some of which count bytes."""

@@ -13,10 +13,9 @@ from sqlalchemy.exc import SQLAlchemyError
 from radiometry.findings import Finding as Entry
 from radiometry.findings import interface
 from store.blobs import Blobs, StorageFull, StorageUnavailable
-from store.database import Database
+from store.database import Database, SchemaDiffers, require_own_schema
 from store.files import count_damaged
-from store.parts import Part, list_parts
-from store.schema import SchemaDiffers, require_own_schema
+from store.jobs.processes import Part, list_parts
 from store.tables import PartRow
 
 ANSWER_WITHIN_S = 1.5

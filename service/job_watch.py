@@ -15,7 +15,7 @@ from radiometry.findings import interface
 from service.problems import Problem
 from store.database import Database
 from store.jobs import FINAL_STATES
-from store.queries.keys import Who, find_in_force
+from store.queries.organisations import Who, find_in_force
 from store.tables import CampaignReview, Job
 
 _TICK_S: Final = 0.1

@@ -24,7 +24,7 @@ from service.problems import Problem
 from service.schemas.maps import uncertainty_of
 from store.blobs import prove_file
 from store.codec import decode_exposure
-from store.falloff import read_lens
+from store.measuring.version import read_lens
 from store.tables import Calibration, FrameRow, Measurement
 
 Area = Literal["region", "grid", "frame"]

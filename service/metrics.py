@@ -18,11 +18,10 @@ from sqlalchemy.orm import Session
 from service.schemas.frames import State as FrameState
 from service.schemas.jobs import State as JobState
 from store.blobs import Damage
-from store.durations import BOUNDS_S
 from store.jobs import Dependency
-from store.parts import Kind, Part
-from store.parts import State as PartState
-from store.queries.resource_counts import QueueCounts, Totals, count_queue, count_totals
+from store.jobs.processes import BOUNDS_S, Kind, Part
+from store.jobs.processes import State as PartState
+from store.queries.jobs import QueueCounts, Totals, count_queue, count_totals
 from store.software import read_version
 
 disable_created_metrics()  # type: ignore[no-untyped-call]

@@ -17,7 +17,7 @@ from service.context import Context
 from service.hosts import absolute
 from service.problems import invalid
 from service.schemas.base import Answer, Text
-from store.ready.series import is_plain
+from store.ready.series import is_text
 
 AnswerType = TypeVar("AnswerType", bound=Answer)
 
@@ -56,7 +56,7 @@ def read_key(cursor: str, table: str) -> Any:  # noqa: ANN401  a text, or the nu
 
 
 def _is_key(key: object) -> bool:
-    return is_plain(key) or (type(key) is int and 0 <= key <= _LARGEST_KEY)
+    return is_text(key) or (type(key) is int and 0 <= key <= _LARGEST_KEY)
 
 
 class Listing(BaseModel):

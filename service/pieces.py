@@ -11,7 +11,7 @@ from starlette.concurrency import run_in_threadpool
 from radiometry.findings import interface
 from service.problems import Problem, not_found
 from service.upload_headers import read_checksum
-from store.partials import Claim, Facts, OtherOffset, Partial, Superseded
+from store.blobs.partials import Claim, Facts, OtherOffset, Partial, Superseded
 
 _WRITE_BYTES: Final = 1 << 20
 _KEEP_EVERY_S: Final = 0.5

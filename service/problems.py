@@ -14,9 +14,9 @@ from starlette.requests import ClientDisconnect
 from radiometry.findings import Finding, InputRejected, interface
 from service.messages import describe
 from store.blobs import BlobDamaged, StorageFull, StorageUnavailable
-from store.errors import Conflict
+from store.database import Conflict
 from store.files import describe_damage
-from store.usage import QuotaExceeded
+from store.queries.usage import QuotaExceeded
 
 _MOST_LISTED: Final = 100
 _MORE: Final = {"type": "more", "loc": (), "msg": ""}

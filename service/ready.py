@@ -22,7 +22,7 @@ from service.immutable import not_modified, standing_headers
 from service.operations import NUMBER
 from service.schemas.base import BandName, Form, Instant, Method, PositiveText, Text
 from store.ready.lookups import Held
-from store.ready.publications import key_of
+from store.ready.rows import key_of
 
 _SAME_F_NUMBER_REL = 1e-3
 _BEARER = "Bearer "

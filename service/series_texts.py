@@ -11,7 +11,7 @@ from typing import get_args
 from service.arrow import Kind
 from service.schemas.base import Answer
 from service.tabular import keep_texts, spell_instant, spell_text
-from store.ready.records import is_plain, split_records
+from store.ready.rows import is_plain, split_records
 from store.ready.series import Page
 
 _CHUNK_BYTES = 1 << 16

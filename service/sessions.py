@@ -10,8 +10,7 @@ import secrets
 import time
 from typing import Final
 
-from store.kept_secrets import keep_secret
-from store.settings import Settings
+from store.settings import Settings, keep_secret
 
 SESSION_S: Final = 12 * 3600
 """A working day; then one signs in again."""

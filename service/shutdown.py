@@ -21,8 +21,7 @@ from service.attempts import name_address
 from service.job_watch import JobWatch
 from service.metrics import Metrics
 from service.problems import Problem
-from store.log_fields import fields
-from store.tracing import span
+from store.tracing import fields, span
 
 log = logging.getLogger("stilb.request")
 

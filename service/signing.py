@@ -9,8 +9,7 @@ from sqlalchemy.exc import IntegrityError
 
 from service.launch.refusal import Refusal
 from store.database import Database
-from store.kept_secrets import keep_secret
-from store.settings import Settings
+from store.settings import Settings, keep_secret
 from store.tables import SigningKey
 
 if TYPE_CHECKING:

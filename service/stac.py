@@ -7,7 +7,7 @@ from typing import Any, Final
 from xml.etree import ElementTree as ET
 from xml.sax.saxutils import unescape
 
-from store.frame_times import Zones, read_frame_time
+from store.queries.frame_times import Zones, read_frame_time
 from store.tables import Calibration, FrameRow, Measurement
 
 STAC_VERSION: Final = "1.0.0"

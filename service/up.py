@@ -12,8 +12,8 @@ from service.launch.lifeline import follow_make
 from service.launch.refusal import Exit, report
 from service.launch.run import Roster, launch
 from service.launch.supervisor import Part
-from store.revision import is_current
 from store.settings import read_settings
+from store.software import is_current
 
 # By the folder of this very installation: Celery would else look for `worker` where it is started.
 WORKER = [

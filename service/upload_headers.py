@@ -17,7 +17,7 @@ from service.problems import Problem, invalid, located
 from service.regions import read_region
 from service.schemas.base import Sha256, Text
 from service.schemas.frames import Upload
-from store.partials import Facts, Partial
+from store.blobs.partials import Facts, Partial
 
 TUS: Final = "1.0.0"
 _DRAFT: Final = "6"

@@ -8,10 +8,10 @@ from typing import Final
 
 from sqlalchemy.exc import SQLAlchemyError
 
-from store.columns import utc_now
 from store.database import Database
-from store.queries.keys import note_use
+from store.queries.organisations import note_use
 from store.tables import ApiKey, WebSession
+from store.tables.base import utc_now
 
 STEP: Final = timedelta(minutes=10)
 _MOST_KEPT: Final = 10_000

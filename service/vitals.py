@@ -8,7 +8,7 @@ from starlette.concurrency import run_in_threadpool
 
 from service.attempts import Attempts
 from service.rates import Rates
-from store.parts import Presence
+from store.jobs.processes import Presence
 from store.pulse import Pulse
 
 _LOOK_EVERY_S = 5.0

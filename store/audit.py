@@ -15,10 +15,9 @@ from typing import Any
 from sqlalchemy import Column, ColumnElement, Float, func, insert, inspect, literal, select, text, update
 from sqlalchemy.orm import Session
 
-from store.columns import utc_now
 from store.tables.audit import AuditChain, AuditEntry, AuditHead
-from store.tables.base import Audited, AuditedTogether, Base
-from store.tables.identity import Organisation
+from store.tables.base import Audited, AuditedTogether, Base, utc_now
+from store.tables.organisation import Organisation
 
 _COVERED = (
     *("seq", "organisation_id", "actor", "action", "subject_type", "subject_id", "before", "after"),

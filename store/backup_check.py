@@ -18,12 +18,10 @@ from typing import Final
 from sqlalchemy import or_, select
 from sqlalchemy.exc import SQLAlchemyError
 
-from store.audit_check import check_audit
-from store.audit_rows import check_rows
+from store.audit_check import check_audit, check_rows
 from store.blobs import BlobDamaged, Blobs, StorageUnavailable, blobs_from_url
-from store.database import Database
+from store.database import Database, require_own_schema
 from store.migrate import NewerSchema, migrate
-from store.schema import require_own_schema
 from store.tables import Blob, IssuedCertificate
 
 _DATABASE: Final = "stilb.sqlite"

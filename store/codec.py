@@ -11,6 +11,8 @@ from pydantic import TypeAdapter
 from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.statistics import ChannelStatistics
+from radiometry.methods import get_method
+from store.tables import Calibration
 from store.tables.base import Json
 
 _HEADER = TypeAdapter(FrameHeader)
@@ -100,3 +102,11 @@ def drop_absent(value: Any) -> Any:  # noqa: ANN401
     if isinstance(value, dict):
         return {name: drop_absent(member) for name, member in value.items() if member is not None}
     return [drop_absent(member) for member in value] if isinstance(value, list) else value
+
+
+def read_applied(calibration: Calibration) -> Any:  # noqa: ANN401  the method's own
+    """Return what a version applies to other frames: its coefficients, or its one model."""
+    spec = get_method(calibration.method)
+    stored = calibration.result[spec.applied]
+    plain = [fit["coefficient"] for fit in stored] if isinstance(stored, list) else stored
+    return decode(spec.applied_type, plain)

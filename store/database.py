@@ -9,19 +9,70 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from sqlalchemy import Engine, Executable, create_engine, event
+from sqlalchemy import Engine, Executable, create_engine, event, text
 from sqlalchemy.engine import make_url
-from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.exc import OperationalError, ProgrammingError, SQLAlchemyError
 from sqlalchemy.orm import Session
 
 from store.audit import append_entries, forget_entries, record_changes
-from store.errors import ConnectionLost
-from store.queues import Post, choose_messages
+from store.jobs.queues import Post, choose_messages
 from store.revisions import forget_changes, note_changes, raise_revisions
-from store.schema import SchemaDiffers, require_own_schema
+from store.software import own_schema
 
 if TYPE_CHECKING:
     from store.postgres import Line
+
+
+class Conflict(Exception):  # noqa: N818  it says what happened
+    """The request contradicts what is recorded; the message says what."""
+
+    def __init__(self, code: str, message: str) -> None:
+        super().__init__(message)
+        self.code = code
+        self.message = message
+
+
+class ConnectionLost(Exception):  # noqa: N818  it is what happened
+    """A connection of the driver's own ended, or was not answered."""
+
+
+_VERSION = text("SELECT version_num FROM alembic_version")
+
+OTHER_SCHEMA_EXIT = 3
+"""The exit code of a process that finds a database of another stilb."""
+
+
+class SchemaDiffers(SQLAlchemyError):  # noqa: N818  it says what was found
+    """The database has the schema of another stilb than this one."""
+
+    def __init__(self, found: str | None) -> None:
+        if found is None:
+            what = "has no schema yet"
+        elif found > own_schema():
+            what = f"has schema {found}, which is newer than this stilb"
+        else:
+            what = f"has schema {found}, which is older than this stilb's {own_schema()}"
+        super().__init__(f"the database {what}")
+        self.found = found
+
+
+def require_own_schema(session: Session) -> None:
+    """Raise `SchemaDiffers` unless the database is this code's."""
+    try:
+        found = session.scalar(_VERSION)
+    except (ProgrammingError, OperationalError) as error:
+        if not is_about_missing_parts(error):
+            raise
+        found = None
+    if found != own_schema():
+        raise SchemaDiffers(found)
+
+
+def is_about_missing_parts(error: ProgrammingError | OperationalError) -> bool:
+    """Return whether a table or column is missing, which SQLite reports as it reports a locked file."""
+    words = str(error.orig)
+    return isinstance(error, ProgrammingError) or "no such" in words or "has no column" in words
+
 
 ANSWER_WITHIN_S = 30.0
 _ASK_AGAIN_S = 1.0

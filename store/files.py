@@ -4,13 +4,15 @@ A damaged file is a state of its own. Nothing reads it until the same upload, or
 again, ends that; the jobs that failed for it then go on by themselves.
 """
 
+import io
 import logging
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from datetime import datetime
 from itertools import chain
 from typing import Final
 
+from PIL import Image
 from sqlalchemy import func, select
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Session
@@ -19,10 +21,10 @@ from radiometry.findings import interface
 from store import jobs
 from store.audit import record_act
 from store.blobs import BlobDamaged, BlobMissing, Blobs, Damage, StorageUnavailable, StoredBlob, StoredFile
-from store.columns import utc_now
 from store.database import Database
-from store.tables import Blob, Job
-from store.usage import add_jobs
+from store.queries.usage import add_jobs
+from store.tables import Blob, Job, SmallPreview
+from store.tables.base import utc_now
 
 log = logging.getLogger(__name__)
 
@@ -187,3 +189,30 @@ def _retry_jobs(session: Session, sha256: str) -> None:
     for_its_damage = Job.error["code"].as_string() == interface.STORED_FILE_DAMAGED
     if retried := jobs.retry(session, for_its_damage & (Job.error["sha256"].as_string() == sha256)):
         add_jobs(session, retried)
+
+
+SIDE_PX: Final = 160
+
+
+def reduce_preview(preview: bytes) -> bytes:
+    """Return a frame's preview as WebP of at most 160 px, some 3 kB."""
+    with Image.open(io.BytesIO(preview)) as opened:
+        grey = opened.convert("L")
+    grey.thumbnail((SIDE_PX, SIDE_PX), reducing_gap=2.0)
+    out = io.BytesIO()
+    grey.save(out, "WEBP", quality=80, method=2)
+    return out.getvalue()
+
+
+def find_small_previews(session: Session, hashes: Collection[str]) -> dict[str, bytes]:
+    """Return those that are kept, by the hash of the preview."""
+    columns = select(SmallPreview.preview_sha256, SmallPreview.webp)
+    rows = session.execute(columns.where(SmallPreview.preview_sha256.in_(hashes)))
+    return {row[0]: row[1] for row in rows}
+
+
+def keep_small_previews(session: Session, pictures: Mapping[str, bytes]) -> None:
+    """Keep pictures by the hash of their preview, unless somebody else has done so."""
+    insert = sqlite.insert if session.get_bind().dialect.name == "sqlite" else postgresql.insert
+    rows = [{"preview_sha256": sha256, "webp": pictures[sha256]} for sha256 in sorted(pictures)]
+    session.execute(insert(SmallPreview).values(rows).on_conflict_do_nothing())

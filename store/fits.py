@@ -14,12 +14,12 @@ from radiometry import methods
 from radiometry.specification.parameters import list_parameters
 from radiometry.spectral.curves import find_response
 from store.codec import decode, encode
-from store.columns import new_id
 from store.queries.calibrations import next_version
 from store.queries.evidence import Evidence
 from store.queries.frames import extractor_of, is_told
 from store.software import FIT_CODE_VERSION, read_version
 from store.tables import Calibration, Camera, Campaign, CoefficientRow, Roi
+from store.tables.base import new_id
 from store.webhooks import announce, describe_version
 
 _UNTOLD = "nobody has said what is photographed: describe the board in the campaign's target"

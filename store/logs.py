@@ -8,9 +8,8 @@ from typing import Any
 from sqlalchemy.exc import InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as NoConnectionFree
 
-from store.database import summarise
-from store.log_fields import present_fields
-from store.schema import is_about_missing_parts
+from store.database import is_about_missing_parts, summarise
+from store.tracing import present_fields
 
 _EXPECTED = (OperationalError, InterfaceError, NoConnectionFree, ConnectionError, TimeoutError)
 # by name: few processes load what talks to the broker

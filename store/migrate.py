@@ -10,8 +10,9 @@ from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
 from store.database import Database, summarise
-from store.revision import MIGRATIONS, list_revisions, own_schema
+from store.ready.rows import write_missing
 from store.settings import read_settings
+from store.software import MIGRATIONS, list_revisions, own_schema
 
 if TYPE_CHECKING:
     from alembic.config import Config
@@ -48,8 +49,6 @@ def migrate(database: Database, revision: str = "head") -> None:
         config.attributes["connection"] = connection
         command.upgrade(config, revision)
         if _read_revision(connection) == own_schema():
-            from store.ready.backfill import write_missing
-
             with Session(connection, join_transaction_mode="rollback_only") as session:
                 write_missing(session)
                 session.flush()

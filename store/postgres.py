@@ -15,7 +15,7 @@ from psycopg.pq import ConnStatus, ExecStatus, Format
 from psycopg.pq.abc import PGresult
 from sqlalchemy import URL, Engine, create_engine, event
 
-from store.errors import ConnectionLost
+from store.database import ConnectionLost
 
 Result = TypeVar("Result")
 

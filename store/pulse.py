@@ -5,12 +5,15 @@ beat is the machine's steady clock, written as the file's time of change. It imp
 health check starts it again and again.
 """
 
+import fcntl
 import os
 import signal
+import struct
 import sys
 import time
 from contextlib import suppress
 from pathlib import Path
+from typing import Final
 
 HANG_S = 60.0
 UNHEALTHY_EXIT = 1
@@ -81,6 +84,34 @@ def main() -> int:
         except OSError:
             return UNHEALTHY_EXIT
     return 0
+
+
+_LOCK: Final = "hhqqi4x"
+"""Linux's `struct flock`: type, whence, start, length, process."""
+_WRITE_LOCK: Final = 120
+"""Its byte in the file of shared memory, as the format of the write-ahead log says."""
+
+_STOPPED: Final = ("T", "t")
+
+
+def find_stopped_writer(url: str) -> int | None:
+    """Return the process that was stopped amid a writing transaction; None for none or unknown.
+
+    Only for a process that never opens the database: as it closes the file, its own locks on it would go.
+    """
+    scheme, _, path = url.partition(":///")
+    if scheme != "sqlite" or sys.platform != "linux":
+        return None
+    try:
+        with Path(f"{path}-shm").open("rb") as shared:
+            asked = struct.pack(_LOCK, fcntl.F_WRLCK, os.SEEK_SET, _WRITE_LOCK, 1, 0)
+            kind, _, _, _, pid = struct.unpack(_LOCK, fcntl.fcntl(shared, fcntl.F_GETLK, asked))
+        if kind == fcntl.F_UNLCK:
+            return None
+        state = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()[0]
+    except OSError:
+        return None
+    return int(pid) if state in _STOPPED else None
 
 
 if __name__ == "__main__":

@@ -12,10 +12,8 @@ from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Session
 
 from store.tables.calibration import Calibration, Revocation
-from store.tables.campaign import Campaign, Extraction, FrameRow, Reading
-from store.tables.equipment import Camera, Meter, Panel
-from store.tables.identity import Organisation
-from store.tables.kept import CampaignReview, FrameChange
+from store.tables.campaign import Campaign, CampaignReview, Extraction, FrameChange, FrameRow, Reading
+from store.tables.organisation import Camera, Meter, Organisation, Panel
 
 _MOST_AT_ONCE = 5000
 

@@ -1,7 +1,11 @@
-"""The settings that every process of stilb reads once, in its main, from the environment."""
+"""Settings, which every process reads once, in its main, and secrets that an installation makes itself."""
 
+import base64
+import hashlib
+import hmac
 import os
 import re
+import secrets
 import sys
 from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
@@ -16,6 +20,7 @@ from store.pulse import HANG_S
 
 if TYPE_CHECKING:
     from obstore.store import S3Config
+
 
 _PREFIX = "STILB_"
 _IN_FILE = "_FILE"
@@ -230,3 +235,31 @@ def read_bucket_secrets() -> "S3Config":
         if path := os.environ.get(variable):
             secrets[name] = read_secret(variable, path)
     return secrets
+
+
+def keep_secret(path: Path) -> bytes:
+    """Read 32 random bytes that only this user may read; made at the first call."""
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        draft = path.with_name(f"{path.name}.{os.getpid()}")
+        fd = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+        with os.fdopen(fd, "wb") as file:
+            file.write(secrets.token_bytes(32))
+            file.flush()
+            os.fsync(file.fileno())
+        try:
+            # never half a secret; and of two processes that start at once, the first one's is kept by both
+            path.hardlink_to(draft)
+        except FileExistsError:
+            pass
+        finally:
+            draft.unlink()
+    return path.read_bytes()
+
+
+def derive_webhook_secret(settings: Settings, webhook_id: str) -> str:
+    """Return the secret that signs a webhook's deliveries; the database has its hash alone."""
+    given = settings.webhook_key.get_secret_value()
+    key = given.encode() if given else keep_secret(settings.data / "webhook-key")
+    secret = hmac.digest(key, f"webhook:{webhook_id}".encode(), hashlib.sha256)
+    return f"whsec_{base64.b64encode(secret).decode()}"

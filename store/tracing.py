@@ -1,16 +1,36 @@
-"""OpenTelemetry traces, if OTEL_EXPORTER_OTLP_ENDPOINT is set: one from a request to what its jobs make.
-
-Without the variable nothing is imported here; FastAPI itself brings the API, which then does nothing. The
-libraries are the extra `stilb-server[otel]`.
-"""
+"""Log fields and OpenTelemetry spans of one request or job, and what joins them."""
 
 import logging
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any, Protocol
 
 from store.software import read_version
+
+_fields: ContextVar[dict[str, Any]] = ContextVar("fields")
+
+
+@contextmanager
+def fields(**known: Any) -> Iterator[dict[str, Any]]:  # noqa: ANN401
+    """Add these fields to each line that is logged meanwhile, and those that are put into what is yielded."""
+    token = _fields.set(known)
+    try:
+        yield known
+    finally:
+        _fields.reset(token)
+
+
+def present_fields() -> dict[str, Any]:
+    """Return the fields of the present request or job, which others may add to; else new ones."""
+    return _fields.get(None) or {}
+
+
+def present_request_id() -> str | None:
+    """Return the id of the present request, or of the one that queued the present job."""
+    return present_fields().get("request_id")
+
 
 log = logging.getLogger(__name__)
 

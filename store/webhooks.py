@@ -6,8 +6,8 @@ from typing import Any, Final, Literal
 from sqlalchemy import CursorResult, delete, func, or_, select, update
 from sqlalchemy.orm import Session
 
-from store.columns import utc_now
 from store.tables import Calibration, Webhook, WebhookDelivery
+from store.tables.base import utc_now
 
 EventName = Literal[
     "calibration.created",

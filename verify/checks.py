@@ -7,9 +7,9 @@ from stilb.export import name_issued
 from stilb.transport import hash_file
 from store.codec import drop_absent, encode
 from store.fits import hash_content
+from store.queries.calibration_record import state_budgets, state_coefficients
 from store.queries.frames import name_extractor
 from store.software import FIT_CODE_VERSION
-from store.statements import state_budgets, state_coefficients
 from verify.compare import ABSENT, Row, compare
 from verify.data import Data, Node
 from verify.recompute import Recomputed, hash_region, inputs_of

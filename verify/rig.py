@@ -10,8 +10,8 @@ from pathlib import Path
 from radiometry.findings import InputRejected
 from radiometry.specification.exports import RigMember
 from store.codec import drop_absent, encode
-from store.queries.rigs import SPEC
-from store.statements import state_orientation
+from store.queries.calibration_record import state_orientation
+from store.queries.fleet import SPEC
 from verify.checks import check
 from verify.compare import Row, compare, take_stated
 from verify.data import Node, Unusable, is_address, open_data

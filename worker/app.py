@@ -3,7 +3,7 @@
 `inspect`, `events` and Flower load nothing of the work itself, which `worker.process` brings in.
 """
 
-from store.queues import make_celery
+from store.jobs.queues import make_celery
 from store.settings import read_settings
 
 settings = read_settings()

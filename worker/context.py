@@ -5,9 +5,9 @@ from functools import cached_property
 
 from store.blobs import Blobs, blobs_from_url
 from store.database import Database
-from store.durations import Durations
 from store.files import Files
-from store.queues import Post
+from store.jobs.processes import Durations
+from store.jobs.queues import Post
 from store.reviews import Reviews
 from store.settings import Settings
 from worker.decode.pool import DecoderLimits, DecoderPool

@@ -14,16 +14,13 @@ from celery.exceptions import Retry
 from sqlalchemy.exc import SQLAlchemyError
 
 from store import jobs
-from store.chores import sweep_floor
-from store.database import Database, summarise
+from store.blobs.partials import Partials
+from store.database import OTHER_SCHEMA_EXIT, Database, SchemaDiffers, require_own_schema, summarise
+from store.jobs.processes import Presence, list_parts, sweep_floor
+from store.jobs.queues import CANCEL, LANES, REVIEW, Message, Post
 from store.logs import configure_logging
-from store.partials import Partials
-from store.parts import Presence, list_parts
 from store.pulse import Pulse
-from store.queues import CANCEL, LANES, REVIEW, Message, Post
-from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers, require_own_schema
 from store.tracing import configure_tracing
-from store.upkeep import look
 from worker.app import app, settings
 from worker.context import build_context, make_decoders
 from worker.decode.malloc import keep_memory, share_one_arena
@@ -31,7 +28,7 @@ from worker.decode.pool import DecoderPool, DecoderUnavailable
 from worker.renewal import Renewal
 from worker.runner import run
 from worker.scrub import Scrub
-from worker.upkeep import Upkeep
+from worker.upkeep import Upkeep, look
 from worker.webhooks import Deliveries
 
 log = logging.getLogger("stilb.worker")

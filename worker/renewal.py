@@ -6,12 +6,12 @@ from typing import Final
 from sqlalchemy import Select, select, true
 from sqlalchemy.orm import Session
 
-from store.chores import repeat
 from store.database import Database
+from store.jobs.processes import repeat
 from store.queries.campaigns import RENEWAL_LANE, renew_extraction
+from store.queries.usage import add_jobs
 from store.software import EXTRACTOR
 from store.tables import Campaign, Extraction, FrameRow, Job
-from store.usage import add_jobs
 
 _AT_ONCE: Final = 500
 _IN_ONE_COMMIT: Final = 20

@@ -14,12 +14,10 @@ from sqlalchemy.orm import Session
 from radiometry.findings import InputRejected, files, interface
 from store import jobs
 from store.blobs import BlobDamaged, Blobs, StorageFull, StorageUnavailable
-from store.database import summarise
+from store.database import SchemaDiffers, summarise
 from store.files import describe_damage
 from store.jobs import Claim, Dependency, LeaseLost
-from store.log_fields import fields
-from store.schema import SchemaDiffers
-from store.tracing import span
+from store.tracing import fields, span
 from worker.context import Context
 from worker.decode.pool import DecoderKilled, DecoderUnavailable
 from worker.tasks import Outcome, work

@@ -13,12 +13,12 @@ from sqlalchemy.orm import Session, aliased
 
 from store import jobs
 from store.blobs import BlobDamaged
-from store.chores import repeat
-from store.columns import utc_now
 from store.database import Database
 from store.files import Files
+from store.jobs.processes import repeat
+from store.queries.usage import add_jobs
 from store.tables import Blob, Campaign, FrameRow
-from store.usage import add_jobs
+from store.tables.base import utc_now
 
 _BYTES_PER_S: Final = 20e6
 """A disk reads ten times as fast: whoever works meanwhile notices little. 1.7 TB a day."""

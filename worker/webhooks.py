@@ -18,10 +18,9 @@ from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
 from store.audit import digest_value
-from store.chores import repeat
 from store.database import Database, summarise
-from store.kept_secrets import derive_webhook_secret
-from store.settings import Settings
+from store.jobs.processes import repeat
+from store.settings import Settings, derive_webhook_secret
 from store.software import read_version
 from store.tables import Webhook, WebhookDelivery
 from store.webhooks import claim_due, forget_old, is_any_due, note_outcome

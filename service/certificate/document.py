@@ -35,9 +35,8 @@ from service.schemas.certificates import (
 )
 from service.schemas.equipment import CameraAnswer
 from store.codec import drop_absent, encode_statistics
-from store.queries.calibration_record import CalibrationRecord
-from store.queries.keys import Person, name_laboratory
-from store.statements import state_budgets, state_coefficients
+from store.queries.calibration_record import CalibrationRecord, state_budgets, state_coefficients
+from store.queries.organisations import Person, name_laboratory
 from store.tables import Calibration
 
 

@@ -7,7 +7,7 @@ from radiometry.findings import Finding, interface
 from radiometry.methods import get_method
 from radiometry.methods.findings import FINDINGS
 from service.schemas.certificates import CertificateAnswer, UsedMeter
-from store.queries.keys import UNNAMED_LABORATORY
+from store.queries.organisations import UNNAMED_LABORATORY
 
 _MOST_NAMED = 3
 

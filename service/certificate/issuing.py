@@ -24,13 +24,19 @@ from service.problems import Problem
 from service.schemas.calibrations import Gap, NewPublication
 from service.schemas.certificates import Amended, CertificateAnswer, Issued, PublishedBy
 from store.blobs import BlobDamaged, StorageUnavailable, StoredBlob
-from store.columns import utc_now
-from store.errors import Conflict
+from store.database import Conflict
 from store.files import Files
-from store.issued import PrintedCertificate, find_unissued, is_published, keep_issued, list_issued
-from store.publications import require_not_revoked
+from store.publications import (
+    PrintedCertificate,
+    find_unissued,
+    is_published,
+    keep_issued,
+    list_issued,
+    require_not_revoked,
+)
 from store.queries.calibration_record import CalibrationRecord, read_calibration_record
 from store.tables import Calibration, IssuedCertificate
+from store.tables.base import utc_now
 
 log = logging.getLogger(__name__)
 

@@ -22,9 +22,8 @@ from service.schemas.rigs import (
     RigCertificateAnswer,
     RigStabilityAnswer,
 )
-from store.queries.calibration_record import CalibrationRecord
-from store.queries.rigs import SPEC
-from store.statements import state_orientation
+from store.queries.calibration_record import CalibrationRecord, state_orientation
+from store.queries.fleet import SPEC
 from store.tables import Rig
 
 SCHEMA_VERSION = 1

@@ -18,8 +18,8 @@ from service.launch.refusal import Exit, Refusal, report
 from service.launch.room import has_room
 from service.launch.signals import Signals
 from service.launch.supervisor import GaveUp, Part, Patience, Supervisor
+from store.pulse import find_stopped_writer
 from store.settings import Settings
-from store.write_lock import find_stopped_writer
 
 READY_WITHIN_S = 120.0
 

@@ -12,7 +12,7 @@ from typing import Final
 
 from service.press.rendering import render
 from service.press.typesetter import start_threads
-from store.sandbox.restrictions import Restrictions
+from store.sandbox import Restrictions
 
 _MEMORY_BYTES: Final = 2 << 30
 _CPU_S: Final = 120

@@ -12,7 +12,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from service.context import Context
 from store.blobs import BlobDamaged, StorageFull, StorageUnavailable
 from store.files import keep_blob
-from store.sandbox.start import build_command, build_environment
+from store.sandbox import build_command, build_environment
 from store.software import RENDERER
 from store.tables import Rendering
 

@@ -18,9 +18,9 @@ from service.proposals.card import CardFrame, choose_methods, sort_card
 from service.routes import problems
 from service.schemas.base import Answer, Form, FrameRole, Method, Number, Positive, Text
 from service.schemas.campaigns import Kind
-from store.columns import utc_now
 from store.publications import in_force
 from store.tables import Camera, Campaign, FrameRow
+from store.tables.base import utc_now
 
 router = Router(prefix="/v1", tags=["frames"])
 

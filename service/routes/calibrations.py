@@ -43,16 +43,21 @@ from service.schemas.jobs import JobAnswer
 from service.tabular import write_csv
 from store import jobs, publications
 from store.codec import encode
-from store.falloff import choose_falloff
 from store.fits import leave_out_doubtful, list_missing, make_params
 from store.impact import list_touched
-from store.issued import keep_issued, list_issued
-from store.queries.calibrations import coefficients_of, history, read_version_statuses
+from store.measuring.version import choose_falloff
+from store.publications import keep_issued, list_issued
+from store.queries.calibrations import (
+    coefficients_of,
+    history,
+    list_flight,
+    read_version_statuses,
+    suggest_validity,
+)
 from store.queries.campaigns import count_being_read, hasten_renewal
 from store.queries.evidence import Evidence, gather
-from store.queries.flight import list_flight, suggest_validity
+from store.queries.usage import add_jobs
 from store.tables import Calibration, Camera, Campaign, Panel, Publication
-from store.usage import add_jobs
 
 router = Router(prefix="/v1", tags=["calibrations"])
 

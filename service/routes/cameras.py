@@ -17,7 +17,7 @@ from service.routes import problems
 from service.schemas.base import Text
 from service.schemas.equipment import CameraAnswer, CameraChange, NewCamera
 from store.queries.campaigns import check_again
-from store.queries.equipment import find_or_add_camera
+from store.queries.organisations import find_or_add_camera
 from store.tables import Camera, Campaign
 
 router = Router(prefix="/v1/cameras", tags=["cameras"])

@@ -33,7 +33,6 @@ from service.schemas.campaigns import (
 )
 from service.schemas.panels import PanelOffered
 from store.codec import decode, read_strictly
-from store.columns import utc_now
 from store.queries.campaigns import (
     check_again,
     count,
@@ -42,10 +41,11 @@ from store.queries.campaigns import (
     renew_extractions,
     set_roi,
 )
-from store.queries.equipment import find_or_add_panel
-from store.queries.references import Offer, find_by_serial, find_offer
+from store.queries.evidence import Offer, find_by_serial, find_offer
+from store.queries.organisations import find_or_add_panel
+from store.reviews import Assessment, assess
 from store.tables import Calibration, Camera, Campaign, FrameRow, Panel, Roi
-from store.verdicts import Assessment, assess
+from store.tables.base import utc_now
 
 router = Router(prefix="/v1/campaigns", tags=["campaigns"])
 

@@ -36,7 +36,7 @@ from service.routes import UNCHANGED, problems, sends_file, sends_stored_file
 from service.schemas.base import Form
 from service.schemas.certificates import CertificateAnswer, Validity
 from store.blobs import BlobDamaged
-from store.issued import is_published, list_issued
+from store.publications import is_published, list_issued
 from store.queries.calibration_record import CalibrationRecord
 from store.queries.calibrations import read_version_statuses
 from store.tables import Calibration, IssuedCertificate

@@ -21,11 +21,11 @@ from service.schemas.calibrations import CoefficientsAnswer
 from service.schemas.series import SeriesAnswer, SeriesRow
 from service.series import SeriesQuery, answer_series, sends_series
 from service.series_texts import describe_columns
-from store.columns import utc_now
-from store.ready.coefficient_series import CoefficientSeries
 from store.ready.lookups import Held, find_ready
-from store.ready.publications import show_instant
+from store.ready.rows import show_instant
+from store.ready.series import CoefficientSeries
 from store.tables import Camera
+from store.tables.base import utc_now
 
 router = Router(prefix="/v1", tags=["coefficients"])
 ready_router = Router(prefix="/v1", tags=["coefficients"])

@@ -18,7 +18,7 @@ from service.routes.frames import require_header
 from service.schemas.base import WHOLE, Form, Number
 from service.schemas.jobs import JobAnswer
 from store import jobs
-from store.queries.crops import find_crop_job, say_asked
+from store.queries.campaigns import find_crop_job, say_asked
 from store.tables import Crop, FrameRow
 
 MOST_SIDE_PX = 1024

@@ -26,11 +26,11 @@ from service.regions import read_region, read_roi
 from service.routes import problems, sends_stored_file
 from service.schemas.campaigns import NewRoi, RoiAnswer
 from service.schemas.frames import FrameAnswer, FrameChange, Upload
-from store.columns import utc_now
 from store.queries.campaigns import find_or_add_roi, renew_extraction
 from store.queries.frames import current_roi, describe_anew, require_role
+from store.reviews import judge_alone
 from store.tables import Campaign, FrameRow, Job
-from store.verdicts import judge_alone
+from store.tables.base import utc_now
 
 router = Router(prefix="/v1", tags=["frames"])
 

@@ -28,7 +28,7 @@ from service.schemas.base import Answer, Text, rfc3339
 from service.schemas.frames import ExpectedFrame, FramesChange, FramesChanged
 from service.thumbnails import tag_of
 from store.queries.audit import name_last_actor
-from store.queries.grid import read_grid
+from store.queries.campaigns import read_grid
 from store.reviews import hash_code
 from store.tables import Campaign, CampaignReview, FrameRow
 

@@ -14,12 +14,11 @@ from service.schemas.base import Answer, Instant, Method
 from service.schemas.calibrations import NewPublication
 from service.schemas.history import ImpactAnswer
 from service.schemas.validity import LifetimeAnswer, ValidityAnswer
-from store.columns import utc_now
 from store.impact import assess, find_in_force
-from store.queries.decisions import Decision, list_decisions
-from store.queries.keys import name_people
-from store.queries.validity import list_lifetimes
+from store.queries.calibrations import Decision, list_decisions, list_lifetimes
+from store.queries.organisations import name_people
 from store.tables import Calibration, Camera
+from store.tables.base import utc_now
 
 
 class DecisionAnswer(Answer, restates=Decision, without="calibration"):

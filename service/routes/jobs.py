@@ -34,8 +34,8 @@ from store import jobs
 from store.audit import record_act
 from store.jobs import FINAL_STATES
 from store.queries.jobs import frames_of, list_causes, select_given_up, select_makers, summarise_queue
+from store.queries.usage import add_jobs
 from store.tables import Calibration, Campaign, FrameRow, Job, Measurement, Organisation
-from store.usage import add_jobs
 
 router = Router(prefix="/v1/jobs", tags=["jobs"])
 

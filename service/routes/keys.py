@@ -24,9 +24,9 @@ from service.schemas.keys import (
     OrganisationAnswer,
     OwnKeyAnswer,
 )
-from store.columns import utc_now
-from store.queries.keys import Person, create_key, end_sessions, has_other_admin, new_secret
+from store.queries.organisations import Person, create_key, end_sessions, has_other_admin, new_secret
 from store.tables import ApiKey, Organisation
+from store.tables.base import utc_now
 
 router = Router(prefix="/v1", tags=["keys"])
 

@@ -12,8 +12,8 @@ from service.lookup import Id, owned
 from service.operations import Router
 from service.routes import problems
 from service.schemas.known import HashesAsked, KnownAnswer
+from store.queries.campaigns import find_known, find_known_anywhere, read_sizes
 from store.queries.jobs import find_reading_jobs
-from store.queries.known import find_known, find_known_anywhere, read_sizes
 from store.tables import Campaign, FrameRow
 
 router = Router(prefix="/v1", tags=["frames"])

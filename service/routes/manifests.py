@@ -29,10 +29,10 @@ from service.schemas.manifests import (
     SigningKeys,
 )
 from service.signing import ALGORITHM
-from store.columns import utc_now
-from store.queries.manifests import find_manifest, read_stored, write_canonical
+from store.queries.campaigns import find_manifest, read_stored, write_canonical
 from store.software import read_version
 from store.tables import Campaign, Manifest, SigningKey
+from store.tables.base import utc_now
 
 router = Router(prefix="/v1", tags=["manifests"])
 keys_router = Router(prefix="/v1", tags=["manifests"])

@@ -27,9 +27,8 @@ from service.series import (
 )
 from service.series_texts import describe_columns, gather, write_csv
 from service.tabular import write_csv as write_table
-from store.ready.measurement_series import MeasurementSeries
-from store.ready.measurements import COLUMNS, read_row
-from store.ready.series import Asked, Page
+from store.ready.rows import COLUMNS, read_row
+from store.ready.series import Asked, MeasurementSeries, Page
 from store.tables import Campaign, Measurement
 
 router = Router(prefix="/v1", tags=["measurements"])

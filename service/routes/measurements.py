@@ -32,9 +32,8 @@ from service.schemas.measurements import (
     NotMeasured,
 )
 from store import jobs
-from store.errors import Conflict
-from store.measuring.captures import Captures
-from store.measuring.plan import Asked, find_subject, list_others, plan_measurement
+from store.database import Conflict
+from store.measuring.plan import Asked, Captures, find_subject, list_others, plan_measurement
 from store.tables import Calibration, Campaign, FrameRow, Job, Measurement
 
 RECORD_SCHEMA = 1

@@ -14,7 +14,7 @@ from service.paging import Listing, Page, page_own
 from service.routes import problems
 from service.schemas.base import Text
 from service.schemas.equipment import MeterAnswer, NewMeter
-from store.queries.equipment import find_or_add_meter
+from store.queries.organisations import find_or_add_meter
 from store.tables import Meter
 
 router = Router(prefix="/v1/meters", tags=["meters"])

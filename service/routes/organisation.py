@@ -15,9 +15,9 @@ from service.operations import Router
 from service.problems import Problem
 from service.routes import problems
 from service.schemas.base import Answer, ClearableLong, ClearableZone, Form, Text
+from store.queries.usage import Quotas, Used, read_usage
 from store.settings import Settings
 from store.tables import Organisation
-from store.usage import Quotas, Used, read_usage
 
 
 class OrganisationChange(Form):

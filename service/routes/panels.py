@@ -16,7 +16,7 @@ from service.problems import Problem
 from service.routes import problems
 from service.schemas.base import Text
 from service.schemas.panels import NewPanel, PanelAnswer
-from store.queries.equipment import find_or_add_panel
+from store.queries.organisations import find_or_add_panel
 from store.tables import Panel
 
 router = Router(prefix="/v1/panels", tags=["panels"])

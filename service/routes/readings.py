@@ -18,9 +18,9 @@ from service.routes import problems
 from service.schemas.base import Text
 from service.schemas.campaigns import MOST_READINGS, NewReading, ReadingAnswer, ReadingsAnswer
 from service.sheets import Kind, read_sheet, read_sheet_or_document, refuse_columns
-from store.columns import utc_now
 from store.queries.campaigns import add_readings
 from store.tables import Campaign, Meter, Reading
+from store.tables.base import utc_now
 
 _COLUMNS = ("scene", "quantity", "value", "unit", "meter_id", "taken_at")
 _NEEDED = frozenset(_COLUMNS[:4])

@@ -12,7 +12,7 @@ from service.operations import Router
 from service.paging import Page, UsesPaging
 from service.routes import problems
 from service.schemas.recalls import NewPurge, PurgeAnswer
-from store import recalls
+from store import impact as recalls
 from store.tables import Meter, Recall
 
 router = Router(prefix="/v1/recalls", tags=["recalls"])

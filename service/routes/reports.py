@@ -23,7 +23,7 @@ from service.routes import sends_stored_file
 from service.routes.certificates import send_pdf
 from store.files import Files
 from store.queries.calibrations import read_version_statuses
-from store.queries.keys import name_laboratory
+from store.queries.organisations import name_laboratory
 from store.tables import Calibration, Camera, Campaign, FrameRow, Measurement, Organisation
 
 router = Router(prefix="/v1/measurements/{measurement_id}", tags=["measurements"])

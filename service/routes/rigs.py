@@ -27,7 +27,7 @@ from service.schemas.findings import group_flags
 from service.schemas.rigs import NewRig, RigAnswer, RigCertificateAnswer, RigFile, RigOrientationAnswer
 from store.codec import encode
 from store.queries.calibration_record import read_calibration_record
-from store.queries.rigs import METHOD, SPEC, find_or_add_rig, list_cameras, list_versions, read_member
+from store.queries.fleet import METHOD, SPEC, find_or_add_rig, list_cameras, list_versions, read_member
 from store.tables import Calibration, Camera, Rig
 
 router = Router(prefix="/v1/rigs", tags=["rigs"])

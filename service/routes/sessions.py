@@ -16,9 +16,9 @@ from service.problems import not_found
 from service.routes import problems
 from service.schemas.base import Text
 from service.schemas.keys import EndedSessions, SessionAnswer
-from store.columns import utc_now
-from store.queries.keys import is_open
+from store.queries.organisations import is_open
 from store.tables import ApiKey, WebSession
+from store.tables.base import utc_now
 
 router = Router(prefix="/v1/sessions", tags=["keys"])
 

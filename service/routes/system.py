@@ -17,8 +17,8 @@ from service.routes import problems
 from service.schemas.base import Answer
 from service.shutdown import stopping
 from store.files import count_damaged, find_proof_age_s
-from store.parts import Part
-from store.queries.resource_counts import count_queue
+from store.jobs.processes import Part
+from store.queries.jobs import count_queue
 from store.tables import Blob
 
 probes = APIRouter(tags=["system"])

@@ -21,8 +21,8 @@ from service.schemas.base import Answer
 from service.thumbnails import draw_light_thumbnail, tag_of
 from store.blobs import BlobDamaged
 from store.database import summarise
+from store.files import find_small_previews, keep_small_previews, reduce_preview
 from store.queries.frames import region_ids
-from store.small_previews import find_small_previews, keep_small_previews, reduce_preview
 from store.tables import Campaign, FrameRow, Roi
 
 log = logging.getLogger(__name__)

@@ -34,8 +34,8 @@ from service.upload_headers import (
     read_said,
 )
 from store.blobs import StoredBlob
-from store.partials import LASTS_S, Facts, FactsTooLong, Partial, Partials
-from store.queries.keys import find_key, find_key_by_id
+from store.blobs.partials import LASTS_S, Facts, FactsTooLong, Partial, Partials
+from store.queries.organisations import find_key, find_key_by_id
 
 router = Router(prefix="/v1/uploads", tags=["uploads"])
 

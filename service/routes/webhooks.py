@@ -17,9 +17,9 @@ from service.problems import Problem, invalid, not_found
 from service.routes import problems
 from service.schemas.webhooks import DeliveryAnswer, NewWebhook, WebhookAnswer, WebhookChange
 from store.audit import digest_value
-from store.columns import new_id, utc_now
-from store.kept_secrets import derive_webhook_secret
+from store.settings import derive_webhook_secret
 from store.tables import Webhook, WebhookDelivery
+from store.tables.base import new_id, utc_now
 from store.webhooks import TEST
 
 router = Router(prefix="/v1/webhooks", tags=["webhooks"])

@@ -44,7 +44,7 @@ from radiometry.frame.bands import name_band
 from radiometry.methods import METHODS
 from radiometry.specification.roles import ROLES
 from service.messages import SHA256
-from store.frame_times import name_zone
+from store.queries.frame_times import name_zone
 
 
 def _name_zone(text: str) -> str:

@@ -11,7 +11,7 @@ from service.schemas.base import Answer, Form, Instant, LongText, Method
 from service.schemas.findings import FindingGroupAnswer, group_flags
 from store.codec import drop_absent
 from store.queries.calibrations import VersionStatus
-from store.queries.keys import Person
+from store.queries.organisations import Person
 from store.tables import Calibration, CoefficientRow, IssuedCertificate
 
 IN_FORCE = "in_force"

@@ -25,8 +25,8 @@ from service.schemas.base import (
 from service.schemas.campaigns import REGION_PATTERN, Role
 from store.blobs import Damage
 from store.codec import decode_header
-from store.queries.frame_columns import FrameColumns
-from store.queries.references import list_panels
+from store.queries.evidence import list_panels
+from store.queries.frames import FrameColumns
 from store.tables import Blob, Extraction, FrameRow
 
 _measure_light = next(spec.measure_light for spec in METHODS if spec.measure_light)

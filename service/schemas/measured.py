@@ -29,7 +29,7 @@ from service.schemas.measured_parts import (
     UndistortedAnswer,
 )
 from store.queries.calibrations import VersionStatus
-from store.ready.measurements import list_passed
+from store.ready.rows import list_passed
 from store.tables import Calibration, FrameRow, Measurement
 
 

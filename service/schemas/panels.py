@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from service.schemas.base import EACH_ONCE, Answer, BandName, Day, Form, Number, Text
-from store.queries.references import Offer
+from store.queries.evidence import Offer
 from store.tables import Panel
 
 

@@ -7,8 +7,8 @@ from pydantic import ConfigDict, Field, model_validator
 from service.schemas.base import Answer, Form, LongText, Text
 from service.schemas.calibrations import State
 from service.schemas.history import TouchedMeasurement
+from store.impact import Condemned
 from store.queries.calibrations import VersionStatus
-from store.recalls import Condemned
 from store.tables import Calibration, Recall
 
 _CAUSES = ("meter_id", "meter_certificate_number", "software", "recorder")

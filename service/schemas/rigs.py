@@ -11,7 +11,7 @@ from service.schemas.calibrations import Gap
 from service.schemas.certificates import FlagInWords, Item, Laboratory, Work
 from service.schemas.findings import FindingGroupAnswer
 from service.schemas.fleet import VersionLeftOut
-from store.queries.rigs import SPEC
+from store.queries.fleet import SPEC
 from store.tables import Rig
 
 _PARTS = get_type_hints(SPEC.result)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import Field, create_model
 
 from service.schemas.base import Answer, Instant
-from store.ready.measurements import COLUMNS, KINDS
+from store.ready.rows import COLUMNS, KINDS
 
 _NULL: dict[str, Any] = {"nullable_on_purpose": True}
 _Number = Annotated[float | None, Field(json_schema_extra=_NULL)]

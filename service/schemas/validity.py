@@ -2,7 +2,7 @@
 
 from service.schemas.base import Answer, Instant
 from service.schemas.calibrations import Coefficient
-from store.queries.validity import Lifetime
+from store.queries.calibrations import Lifetime
 from store.tables import Publication
 
 

@@ -6,7 +6,7 @@ from typing import Final
 
 from radiometry.drawing.figure import Axis, Cell, Figure, Mark, Series
 from radiometry.drawing.text import label_axis, write_quantity
-from store.queries.validity import Lifetime
+from store.queries.calibrations import Lifetime
 from store.tables import CoefficientRow, Publication
 
 _HOLDS, _REVOKED, _PUBLISHED, _ENDED = 0, 1, 2, 5

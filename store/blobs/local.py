@@ -5,12 +5,19 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from urllib.parse import unquote, urlsplit
 
-from store.blobs.errors import BlobDamaged, BlobMissing, StorageUnavailable
-from store.blobs.proof import StoredBlob, StoredFile, prove_pieces, prove_whole
-from store.blobs.spool import BlobWriter, hashes_to, sweep, sync_folder
-from store.blobs.surface import checked_name
-from store.digests import PIECE_BYTES
+from store.blobs.proof import (
+    PIECE_BYTES,
+    BlobDamaged,
+    BlobMissing,
+    StorageUnavailable,
+    StoredBlob,
+    StoredFile,
+    prove_pieces,
+    prove_whole,
+)
+from store.blobs.spool import Blobs, BlobWriter, checked_name, hashes_to, sweep, sync_folder
 
 # What a disk answers, and a filesystem with checksums, for what it cannot read back.
 _UNREADABLE = {errno.EIO, errno.EBADMSG, errno.EUCLEAN}
@@ -105,3 +112,19 @@ class LocalBlobs:
         # Also when another writer was first: it may not have come as far as syncing the names yet.
         for folder in (final.parent, final.parent.parent, self._folder):
             sync_folder(folder)
+
+
+def blobs_from_url(url: str, data_folder: Path) -> Blobs:
+    """Open what the setting names: "" the data folder's own, a path or file:// a folder, s3:// a bucket."""
+    parts = urlsplit(url)
+    match parts.scheme:
+        case "":
+            return LocalBlobs(Path(url) if url else data_folder / "blobs")
+        case "file":
+            return LocalBlobs(Path(unquote(parts.path)))
+        case "s3":
+            from store.blobs.objects import ObjectBlobs
+
+            return ObjectBlobs(url, data_folder / "blob-cache")
+        case other:
+            raise ValueError(f"blobs can be kept in a folder or at s3://, not at {other}://")

@@ -1,9 +1,10 @@
-"""Blobs in an S3 bucket; whatever speaks S3 will do."""
+"""Blobs in an S3 bucket, with copies on the local disk; whatever speaks S3 will do."""
 
+import fcntl
 import os
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import timedelta
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -12,13 +13,82 @@ import obstore
 from obstore.exceptions import BaseError
 from obstore.store import S3Store
 
-from store.blobs.cache import Cache
-from store.blobs.errors import BlobDamaged, BlobMissing, StorageUnavailable
-from store.blobs.proof import StoredBlob, StoredFile, prove_pieces, prove_whole
-from store.blobs.spool import BlobWriter, sweep
-from store.blobs.surface import checked_name
-from store.digests import PIECE_BYTES
+from store.blobs.proof import (
+    PIECE_BYTES,
+    BlobDamaged,
+    BlobMissing,
+    StorageUnavailable,
+    StoredBlob,
+    StoredFile,
+    prove_pieces,
+    prove_whole,
+)
+from store.blobs.spool import BlobWriter, checked_name, sweep
 from store.settings import read_bucket_secrets
+
+
+class Cache:
+    """A folder of files named by their hash; a file in use is never evicted, whichever process uses it."""
+
+    def __init__(self, folder: Path, limit_bytes: int) -> None:
+        self._folder = folder
+        self._limit_bytes = limit_bytes
+
+    @contextmanager
+    def held(self, name: str) -> Iterator[Path | None]:
+        """Return the file and keep it from eviction while the context lasts; None if it is not here."""
+        path = self._folder / name
+        try:
+            fd = os.open(path, os.O_RDONLY)
+        except FileNotFoundError:
+            yield None
+            return
+        try:
+            # A lock, unlike a counter, goes away with a killed process.
+            fcntl.flock(fd, fcntl.LOCK_SH)
+            evicted = os.fstat(fd).st_nlink == 0
+            if not evicted:
+                os.utime(path)
+            yield None if evicted else path
+        finally:
+            os.close(fd)
+
+    def add(self, name: str, file: Path) -> None:
+        """Take over a finished file of the same filesystem."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+        file.replace(self._folder / name)
+
+    def evict(self) -> None:
+        """Remove the files that were not used for longest until the rest fits, leaving those in use."""
+        entries = []
+        for entry in os.scandir(self._folder):
+            with suppress(FileNotFoundError):
+                if entry.is_file():
+                    entries.append((entry.stat().st_mtime, entry.stat().st_size, entry.path))
+        total = sum(size for _, size, _ in entries)
+        for _, size, path in sorted(entries):
+            if total <= self._limit_bytes:
+                return
+            if _removed_unless_held(path):
+                total -= size
+
+
+def _removed_unless_held(path: str) -> bool:
+    try:
+        fd = os.open(path, os.O_RDONLY)
+    except FileNotFoundError:
+        return True
+    try:
+        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        os.unlink(path)  # noqa: PTH108 (a path from scandir)
+    except BlockingIOError:
+        return False
+    except FileNotFoundError:
+        return True
+    finally:
+        os.close(fd)
+    return True
+
 
 CACHE_BYTES = 8 << 30
 _CONNECT_WITHIN_S = 5.0

@@ -1,12 +1,81 @@
-"""Hashes that identify a blob, and the proof that bytes are its own."""
+"""Hashes that identify a blob, the proof that bytes are its own, and how a store can refuse."""
 
 import hashlib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Final, Literal
 
-from store.blobs.errors import BlobDamaged
-from store.digests import DIGEST_BYTES, PIECE_BYTES, PieceDigester, digest_piece
+import xxhash
+
+Damage = Literal["damaged", "missing"]
+
+
+class BlobDamaged(Exception):  # noqa: N818 (named by the state that it reports)
+    """The stored bytes are not those that were uploaded, or cannot be read any more."""
+
+    damage: Damage = "damaged"
+
+    def __init__(self, sha256: str) -> None:
+        super().__init__(f"the stored file {sha256} is {self.damage}")
+        self.sha256 = sha256
+
+
+class BlobMissing(BlobDamaged):
+    """No bytes are stored under this name."""
+
+    damage = "missing"
+
+
+class StorageFull(Exception):  # noqa: N818 (named by the state that it reports)
+    """The disk, quota or file size limit leaves no room for these bytes; worth a retry once there is room."""
+
+
+class StorageUnavailable(Exception):  # noqa: N818 (named by the state that it reports)
+    """The store does not answer or does not let us in; worth a retry."""
+
+
+PIECE_BYTES: Final = 1 << 20
+DIGEST_BYTES: Final = 16
+
+
+def digest_piece(piece: bytes | memoryview) -> bytes:
+    """Compute the digest of one piece; only a file's last one may be shorter than a MiB."""
+    return xxhash.xxh3_128_digest(piece)
+
+
+def count_pieces(size_bytes: int) -> int:
+    """Return in how many pieces a file of this size is proven."""
+    return -(-size_bytes // PIECE_BYTES)
+
+
+class PieceDigester:
+    """Computes the digests of a file while it streams by."""
+
+    def __init__(self) -> None:
+        self._done: list[bytes] = []
+        self._hash = xxhash.xxh3_128()
+        self._missing = PIECE_BYTES
+
+    def update(self, chunk: bytes | memoryview) -> None:
+        """Take the file's next bytes, however many."""
+        rest = memoryview(chunk)
+        while rest:
+            taken, rest = rest[: self._missing], rest[self._missing :]
+            self._hash.update(taken)
+            self._missing -= len(taken)
+            if not self._missing:
+                self._close_piece()
+
+    def digests(self) -> bytes:
+        """Return the digests of all that was taken, joined in the order of the pieces."""
+        last = [self._hash.digest()] if self._missing < PIECE_BYTES else []
+        return b"".join([*self._done, *last])
+
+    def _close_piece(self) -> None:
+        self._done.append(self._hash.digest())
+        self._hash.reset()
+        self._missing = PIECE_BYTES
 
 
 @dataclass(frozen=True)

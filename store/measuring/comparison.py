@@ -1,16 +1,17 @@
-"""Two stored measurements as the science compares them: budgets, and which errors are the same in both."""
+"""Two measurements, or the references of two versions, and which errors are the same in both."""
 
 import math
 from dataclasses import dataclass
 from itertools import chain
-from typing import Any, Final
+from typing import Any, Final, Literal
 
-from radiometry.findings import interface
+from radiometry.findings import InputRejected, interface
 from radiometry.fitting.comparison import (
     FOCUS,
     STRAY,
     Budgeted,
     Comparison,
+    MeasuredChange,
     compare_measured,
     scale_effects,
     sign_effects,
@@ -21,11 +22,91 @@ from radiometry.specification.application import BandApplication, SurfaceApplica
 from radiometry.spectral.curves import SPECTRAL_MISMATCH_UNKNOWN
 from radiometry.spectral.mismatch import DEFAULT_U_REL, find_confusion
 from radiometry.spectral.mismatch import SOURCE as SPECTRUM
-from store.applied import read_applied
-from store.codec import decode_exposure
-from store.errors import Conflict
-from store.measuring.meters import compare_meters
+from store.codec import decode_exposure, read_applied
+from store.database import Conflict
+from store.queries.frame_times import read_header
 from store.tables import Calibration, FrameRow, Measurement
+
+MeterCalibration = Literal["common", "separate", "unknown"]
+
+
+def compare_meters(old: Calibration, new: Calibration) -> tuple[MeterCalibration, float]:
+    """Compare the certificates of two versions; return the error that they share, relative to K."""
+    if {get_method(each.method).reference for each in (old, new)} != {"meter"}:
+        return "separate", 0.0
+    before, after = _certificates(old), _certificates(new)
+    if before is None or after is None:
+        return "unknown", 0.0
+    coefficients = (*read_applied(old), *read_applied(new))
+    if before != after or any(coefficient.model == "semilog" for coefficient in coefficients):
+        return "separate", 0.0
+    return "common", min(coefficient.meter_calibration_u_rel for coefficient in coefficients)
+
+
+def _certificates(calibration: Calibration) -> set[tuple[str, ...]] | None:
+    """The certificates behind a version's luminance readings; None where one has none."""
+    readings = [r for r in calibration.inputs.get("readings", []) if r["quantity"] == "luminance"]
+    meters = [m for m in calibration.inputs.get("meters", []) if m["kind"] == "luminance"]
+    named = {f"{m['make']} {m['model']} {m['serial']}" for m in meters if "certificate" in m}
+    if not readings or not all(reading["meter"] in named for reading in readings):
+        return None
+    return {(m["make"], m["model"], m["serial"], m["certificate"]["number"]) for m in meters}
+
+
+PanelCalibration = Literal["common", "separate", "unknown"]
+
+_PANEL = "panel reflectance"
+
+
+def compare_panels(old: Calibration, new: Calibration) -> tuple[PanelCalibration, dict[str, float]]:
+    """Compare the panels of two versions; return the error that they share, relative to K, by band."""
+    before, after = _panels(old), _panels(new)
+    if not before or not after:
+        return "unknown", {}
+    if before != after:
+        return "separate", {}
+    of_old, of_new = _panel_u_rel(old), _panel_u_rel(new)
+    return "common", {band: min(of_old[band], of_new[band]) for band in of_old.keys() & of_new.keys()}
+
+
+def touch_band(
+    application: BandApplication,
+    measurement: Measurement,
+    frame: FrameRow,
+    old: Calibration,
+    new: Calibration,
+) -> MeasuredChange:
+    """The change of what was measured, or why there is no figure."""
+    if "index" in measurement.parameters:
+        return MeasuredChange.untold("An index changes with both of its bands: measure it again.")
+    band = str(measurement.result.get("band", ""))
+    try:
+        change = application.change(
+            read_applied(old),
+            read_applied(new),
+            header=read_header(frame, measurement.parameters.get("time_zone")),
+            incidence_angle_deg=measurement.parameters.get("incidence_angle_deg"),
+            common_u_rel=compare_panels(old, new)[1].get(band, 0.0),
+        )
+    except InputRejected as refusal:
+        return MeasuredChange.untold(refusal.message)
+    return MeasuredChange(change=change, basis="signal", why=None)
+
+
+def _panels(version: Calibration) -> set[tuple[str, str]]:
+    fits = [each["coefficient"] for each in version.result["band_fits"]]
+    used = {(each["panel"], day) for each in fits for day in each.get("panel_measured_on", ())}
+    # versions from before the days were stored had one measurement
+    return used or {(panel["serial"], panel["measured_on"]) for panel in version.inputs.get("panels", [])}
+
+
+def _panel_u_rel(version: Calibration) -> dict[str, float]:
+    return {fit["coefficient"]["band"]: _share_of_panel(fit["budget"]) for fit in version.result["band_fits"]}
+
+
+def _share_of_panel(budget: list[dict[str, Any]]) -> float:
+    return next((float(entry["u_rel"]) for entry in budget if entry["source"] == _PANEL), 0.0)
+
 
 SURE: Final = 2.0
 """Standard uncertainties of a difference from which on it is significant."""

@@ -1,26 +1,129 @@
 """Plan of a measurement for the worker, made from a frame and a request."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected, shared
 from radiometry.frame.grid import Grid, LaneGrid, describe_lanes
+from radiometry.frame.proof import Proof
 from radiometry.frame.roi import Polygon, bounding_window
 from radiometry.methods import METHODS, get_method
 from radiometry.specification.application import BandApplication, PictureApplication, SurfaceApplication
 from radiometry.specification.parameters import list_parameters
-from store.applied import read_applied
-from store.codec import decode, decode_exposure, decode_header, encode
-from store.falloff import find_falloff, read_lens
-from store.frame_times import read_frame_time, read_zones
-from store.measuring.captures import Captures
-from store.measuring.requirements import read_proof, require_read, require_repeat, require_whole
-from store.measuring.version import choose_version
+from store.codec import decode, decode_exposure, decode_header, encode, read_applied
+from store.measuring.version import choose_version, find_falloff, read_lens
+from store.queries.frame_times import read_frame_time, read_zones
 from store.queries.frames import current_roi, whole_frame_of
 from store.tables import Calibration, Campaign, FrameRow
+
+_SAID = FrameRow.header["multispectral"]
+
+
+class Captures:
+    """Captures of the campaigns of the frames that are asked for, as they are when first asked."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._frames: dict[str, dict[tuple[str, str], str]] = {}
+
+    def find(self, frame: FrameRow, band: str) -> FrameRow:
+        """The frame of a band in the capture, and campaign, of a frame that has been read.
+
+        Raises InputRejected(capture_incomplete)
+        """
+        shown = (frame.header or {}).get("multispectral") or {}
+        if shown.get("band") == band:
+            return frame
+        capture_id = shown.get("capture_id")
+        found = self._of_campaign(frame.campaign_id).get((capture_id, band)) if capture_id else None
+        if found is None:
+            there = ", ".join(sorted(self.list_bands(frame)))
+            raise InputRejected(
+                shared.CAPTURE_INCOMPLETE,
+                f"The campaign holds no frame of band {band} of the capture that {frame.filename} belongs "
+                f"to, or it has not been read yet; there are {there or 'none'}. Upload the other files.",
+            )
+        return self._session.get_one(FrameRow, found)
+
+    def list_bands(self, frame: FrameRow) -> dict[str, str]:
+        """Return the ids of all frames of a frame's capture by band."""
+        capture_id = ((frame.header or {}).get("multispectral") or {}).get("capture_id")
+        frames = self._of_campaign(frame.campaign_id) if capture_id else {}
+        return {band: frame_id for (capture, band), frame_id in frames.items() if capture == capture_id}
+
+    def _of_campaign(self, campaign_id: str) -> dict[tuple[str, str], str]:
+        """Ids by capture and band; of two frames of one band the older."""
+        if campaign_id not in self._frames:
+            rows = self._session.execute(
+                select(_SAID["capture_id"].as_string(), _SAID["band"].as_string(), FrameRow.id)
+                .where(FrameRow.campaign_id == campaign_id, FrameRow.exposure_time_s.is_not(None))
+                .where(FrameRow.state != "refused", FrameRow.withdrawn_at.is_(None))
+                .order_by(FrameRow.id.desc())
+            )
+            self._frames[campaign_id] = {(capture, band): frame_id for capture, band, frame_id in rows}
+        return self._frames[campaign_id]
+
+
+# what frames must have in common to be averaged, beside their exposure
+_FORMAT = ("width_px", "height_px", "cfa", "white_level_dn", "rendered")
+
+
+def require_read(frame: FrameRow, method: str) -> None:
+    """Refuse a frame that was refused, has not been read, or lacks the exposure that its method needs."""
+    if frame.state == "refused":
+        raise InputRejected(
+            shared.FRAME_NOT_READ, f"Frame {frame.filename} was refused: {frame.refusal_detail}"
+        )
+    if frame.header is None:
+        raise InputRejected(
+            shared.FRAME_NOT_READ,
+            f"Frame {frame.filename} has not been read yet: wait for its job and ask again.",
+        )
+    application = get_method(method).application
+    if frame.exposure is None and (application is None or application.needs_exposure):
+        raise InputRejected(
+            shared.EXPOSURE_MISSING,
+            f"Frame {frame.filename} states no exposure: type its exposure_time_s, f_number and iso in.",
+        )
+
+
+def read_proof(frame: FrameRow) -> Proof | None:
+    """Return the proof of a frame's pixels; None for one that was never read as a whole."""
+    return decode(Proof, frame.proof) if frame.proof else None
+
+
+def require_whole(frame: FrameRow, proof: Proof | None, allowed: Sequence[str]) -> None:
+    """Refuse a frame with an empty part, unless somebody has asked for it by the flag's name."""
+    if proof is None or not proof.wholeness.empty or shared.IMAGE_PART_EMPTY in allowed:
+        return
+    raise InputRejected(
+        shared.IMAGE_PART_EMPTY,
+        f"Frame {frame.filename}: {proof.describe_doubt(decode_header(frame.header or {}))}. Copy the file "
+        f"from the card again. To measure it as it is, ask with allow=[{shared.IMAGE_PART_EMPTY}]: "
+        "the measurement then carries that flag.",
+    )
+
+
+def require_repeat(repeat: FrameRow, frame: FrameRow) -> None:
+    """Refuse to average two frames that are not repeats of one scene, and name what differs."""
+    header, other = frame.header or {}, repeat.header or {}
+    compared = {
+        "campaign": (frame.campaign_id, repeat.campaign_id),
+        "scene": (frame.scene, repeat.scene),
+        "exposure": (frame.exposure, repeat.exposure),
+        **{name: (header.get(name), other.get(name)) for name in _FORMAT},
+    }
+    differing = [name.replace("_", " ") for name, (here, there) in compared.items() if here != there]
+    if frame.sha256 == repeat.sha256:
+        differing = ["nothing: they are one image"]
+    if differing:
+        raise shared.FRAMES_DIFFER.refuse(
+            f"{repeat.filename} cannot be averaged with {frame.filename}; different: {', '.join(differing)}."
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,11 +12,11 @@ from sqlalchemy.orm import Session
 
 from radiometry.frame.roi import Polygon
 from store.blobs import StoredBlob
-from store.columns import new_id
 from store.files import keep_blob
-from store.ready.measurements import make_measured
+from store.ready.rows import make_measured
 from store.software import MEASURER, read_version
 from store.tables import Blob, Calibration, Camera, Campaign, FrameRow, MeasuredRow, Measurement
+from store.tables.base import new_id
 
 RESULT_SCHEMA = 1
 

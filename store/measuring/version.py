@@ -1,17 +1,34 @@
-"""Which version a frame is measured with: the one that is named, or the one in force when it was taken."""
+"""Which version a frame is measured with, and which corrects a fit of another method."""
 
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import Any
 
 from sqlalchemy import ColumnElement, select, true
 from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected, interface, shared
-from radiometry.methods import get_method
-from store.errors import Conflict
-from store.frame_times import FrameTime, advise_zone, read_frame_time, read_zones, refuse_timeless
-from store.publications import InForce, list_between, overlaps
-from store.ready.publications import write_instant
-from store.tables import Calibration, Campaign, FrameRow, Publication, Revocation
+from radiometry.fitting.evidence import Quantity
+from radiometry.frame import FrameHeader
+from radiometry.frame.exposure import Exposure
+from radiometry.frame.roi import Polygon
+from radiometry.methods import METHODS, get_method
+from radiometry.specification.application import Correction, SurfaceApplication
+from store.codec import decode, encode, read_applied
+from store.database import Conflict
+from store.publications import InForce, in_force, list_between, overlaps
+from store.queries.evidence import Evidence
+from store.queries.frame_times import (
+    FrameTime,
+    advise_zone,
+    find_time,
+    read_frame_time,
+    read_zones,
+    refuse_timeless,
+)
+from store.ready.rows import write_instant
+from store.tables import Calibration, Campaign, FrameRow, Publication, Revocation, Roi
+from store.tables.base import utc_now
 
 
 def choose_version(
@@ -116,3 +133,190 @@ def _fits(configuration: dict[str, Any], frame: FrameRow) -> bool:
     held = configuration.get("sunshine_sensor", {}).get("serial")
     said = ((frame.header or {}).get("multispectral") or {}).get("sunshine_serial")
     return held is None or said is None or held.casefold() == said.casefold()
+
+
+@dataclass(frozen=True)
+class _Light:
+    """A light frame that a fit would use. ``row``: as the fit sees it; ``header``: as its file says."""
+
+    row: Any
+    header: FrameHeader
+    roi: Roi
+
+    def channels(self, application: SurfaceApplication, params: Any) -> tuple[str, ...]:  # noqa: ANN401
+        named: tuple[str, ...] = application.name_channels(self.header.cfa, channel=params.channel)
+        return named
+
+
+def choose_falloff(
+    session: Session,
+    campaign: Campaign,
+    evidence: Evidence,
+    params: Any,  # noqa: ANN401  the method's own
+    named: Calibration | None,
+) -> Calibration:
+    """The version that is named, or else the one in force when the campaign's light frames were taken.
+
+    Raises InputRejected or Conflict, saying what to do, for a version that cannot correct these frames.
+    """
+    corrector, application = _find_corrector(campaign.method)
+    lights = list(_list_lights(session, evidence, params))
+    chosen = named or _find_corrector_in_force(session, campaign, corrector, lights)
+    if chosen.camera_id != campaign.camera_id:
+        raise InputRejected(
+            shared.WRONG_CAMERA,
+            f"{corrector.capitalize()} {chosen.id} is of another camera than this campaign. "
+            "Name a version of its own.",
+        )
+    if chosen.method != corrector:
+        raise Conflict(
+            interface.METHOD_MISMATCH,
+            f"Calibration {chosen.id} is of {chosen.method}: name one of {corrector}.",
+        )
+    _refuse_revoked(session, chosen)
+    for light in lights:
+        lens = _read_correction(corrector).lens(
+            coefficients=read_applied(chosen), f_number=light.row.exposure.f_number
+        )
+        lens.require(
+            channels=light.channels(application, params),
+            height_px=light.header.height_px,
+            width_px=light.header.width_px,
+        )
+    return chosen
+
+
+def correct(session: Session, campaign: Campaign, evidence: Evidence, params: Any) -> Evidence:  # noqa: ANN401
+    """The evidence with V of each light frame's region, where the parameters name a version."""
+    named = get_method(campaign.method).corrected_by
+    content_sha256 = getattr(params, named) if named else None
+    if named is None or content_sha256 is None:
+        return evidence
+    corrector, application = _find_corrector(campaign.method)
+    version = _find(session, campaign.camera_id, corrector, content_sha256)
+    coefficients = read_applied(version)
+    shares: dict[str, Quantity] = {}
+    known: dict[tuple[str, float, tuple[str, ...]], Quantity] = {}
+    for light in _list_lights(session, evidence, params):
+        key = light.roi.id, light.row.exposure.f_number, light.channels(application, params)
+        if key not in known:
+            known[key] = _read_correction(corrector).average_over_polygon(
+                coefficients, Polygon.from_points(light.roi.points), channels=key[2], f_number=key[1]
+            )
+        shares[light.row.frame] = known[key]
+    source = {"content_sha256": version.content_sha256, "coefficients": [encode(c) for c in coefficients]}
+    return replace(
+        evidence,
+        frames=[replace(row, lens_share=shares.get(row.frame)) for row in evidence.frames],
+        references={**evidence.references, corrector: [source]},
+    )
+
+
+def find_falloff(session: Session, calibration: Calibration) -> Calibration | None:
+    """The vignetting version that a luminance version needs; None: it was made without.
+
+    Raises Conflict(calibration_revoked)
+    """
+    corrector = get_method(calibration.method).corrected_by
+    content_sha256 = calibration.parameters.get(corrector) if corrector else None
+    if corrector is None or content_sha256 is None:
+        return None
+    found = _find(session, calibration.camera_id, corrector, content_sha256)
+    _refuse_revoked(session, found)
+    return found
+
+
+def read_lens(calibration: Calibration, exposure: Exposure) -> Any:  # noqa: ANN401  the method's own
+    """The lens at a frame's f-number, by what went into a luminance version; None: it was made without."""
+    corrector = get_method(calibration.method).corrected_by
+    sources = calibration.inputs.get(corrector, []) if corrector else []
+    if corrector is None or not sources:
+        return None
+    coefficients = decode(get_method(corrector).applied_type, sources[0]["coefficients"])
+    return _read_correction(corrector).lens(coefficients=coefficients, f_number=exposure.f_number)
+
+
+def list_corrected(session: Session, version: Calibration) -> list[str]:
+    """Return the ids of the versions that were corrected with this one, if its method corrects others."""
+    corrected = [spec.name for spec in METHODS if spec.corrected_by == version.method]
+    if not corrected:
+        return []
+    rows = session.execute(
+        select(Calibration.id, Calibration.parameters)
+        .where(Calibration.camera_id == version.camera_id, Calibration.method.in_(corrected))
+        .order_by(Calibration.version)
+    )
+    return [row[0] for row in rows if row[1].get(version.method) == version.content_sha256]
+
+
+def _find_corrector(method: str) -> tuple[str, SurfaceApplication]:
+    """Return the name of the method that corrects this one, and how this one is applied."""
+    spec = get_method(method)
+    if spec.corrected_by is None or not isinstance(spec.application, SurfaceApplication):
+        raise TypeError(f"{method} is corrected by no other method")
+    return spec.corrected_by, spec.application
+
+
+def _read_correction(corrector: str) -> Correction:
+    correction = get_method(corrector).correction
+    if correction is None:
+        raise TypeError(f"{corrector} corrects no other method")
+    return correction
+
+
+def _find(session: Session, camera_id: str, method: str, content_sha256: str) -> Calibration:
+    """The camera's version with this content: of several, which then say the same, the first."""
+    rows = session.scalars(
+        select(Calibration)
+        .where(Calibration.camera_id == camera_id, Calibration.method == method)
+        .where(Calibration.content_sha256 == content_sha256)
+        .order_by(Calibration.version)
+    )
+    return next(iter(rows))
+
+
+def _refuse_revoked(session: Session, version: Calibration) -> None:
+    if session.get(Revocation, version.id):
+        raise Conflict(
+            shared.CALIBRATION_REVOKED,
+            f"Version {version.version} of {version.method} was revoked: fit with one that stands, and "
+            "measure with that fit.",
+        )
+
+
+def _list_lights(session: Session, evidence: Evidence, params: Any) -> Iterator[_Light]:  # noqa: ANN401
+    rows = {row.frame: row for row in evidence.frames if row.role == "light" and row.statistics}
+    out = {exclusion.frame for exclusion in params.exclude}
+    rois = {
+        roi.id: roi for roi in session.scalars(select(Roi).where(Roi.id.in_(set(evidence.rois.values()))))
+    }
+    for name in (evidence.names[frame_id] for frame_id in sorted(evidence.names)):
+        if name in rows and name not in out:
+            yield _Light(rows[name], evidence.headers[name], rois[evidence.rois[name]])
+
+
+def _find_corrector_in_force(
+    session: Session, campaign: Campaign, corrector: str, lights: list[_Light]
+) -> Calibration:
+    zones, times = read_zones(session, campaign), []
+    for light in lights:
+        taken = find_time(light.header.taken_at, zones)
+        if taken is None:
+            raise refuse_timeless(light.row.frame, light.header.taken_at, wanted=corrector)
+        times.append(taken)
+    earliest = min((taken.earliest for taken in times), default=utc_now())
+    latest = max((taken.latest for taken in times), default=earliest)
+    held = [
+        found.calibration
+        for found in in_force(session, camera_id=campaign.camera_id, method=corrector, at=earliest)
+        if found.publication.valid_to is None or found.publication.valid_to > latest
+    ]
+    if len(held) != 1:
+        reason = "several, for different lenses, are" if held else "no one version is"
+        raise Conflict(
+            interface.NO_CALIBRATION_IN_FORCE,
+            f"Of this camera's {corrector} {reason} in force for all times at which the light frames may "
+            f"have been taken. Publish a version for that time{advise_zone(times)}, or name one with "
+            f"{corrector}_id.",
+        )
+    return held[0]

@@ -1,6 +1,8 @@
 """Everything that is recorded about a version and that its certificate has to say."""
 
+import math
 from collections import defaultdict
+from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
@@ -8,15 +10,22 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from radiometry.fitting.curve import coverage_factor
 from radiometry.frame.statistics import ChannelStatistics
 from radiometry.methods import get_method
 from radiometry.specification.application import FoundBy
-from store.queries.calibrations import VersionStatus, coefficients_of, read_version_statuses
+from store.codec import decode, drop_absent, encode
+from store.queries.calibrations import (
+    Act,
+    VersionStatus,
+    coefficients_of,
+    list_flight,
+    list_publishings,
+    read_version_statuses,
+)
 from store.queries.checklist import ChecklistItem, RecordState, read_checklist, read_signature
-from store.queries.decisions import Act, list_publishings
-from store.queries.flight import list_flight
 from store.queries.frames import statistics_of
-from store.queries.keys import UNNAMED, Person, name_people
+from store.queries.organisations import UNNAMED, Person, name_people
 from store.tables import (
     ApiKey,
     Blob,
@@ -202,3 +211,65 @@ def _frames_used(session: Session, calibration: Calibration) -> dict[str, FrameA
 def _find_panel(found: dict[str, Any], roi_id: str) -> dict[str, Any]:
     by = found.get("by", "code") if found.get("roi_id") == roi_id else None
     return {"found_by": by, "panel_serial": found.get("serial")}
+
+
+Json = dict[str, Any]
+
+_COVERAGE_FACTOR = 2.0
+"""Of a figure whose method states none: about 95 % of a normal distribution."""
+
+_IDENTITY = ("name", "iso", "f_number", "band", "channel", "model")
+
+
+def state_coefficients(method: str, result: Json, figures: Iterable[Json]) -> list[Json]:
+    """The figures of a version, each with its expanded uncertainty, coverage factor and degrees of freedom.
+
+    One that is relative only has no expanded uncertainty: nobody may take it for traceable.
+
+    ``figures`` : with the names of `radiometry.fitting.evidence.CoefficientValue`
+    """
+    spec = get_method(method)
+    listed = spec.list_coefficients(decode(spec.result, result))
+    known = {tuple(getattr(each, name) for name in _IDENTITY): each for each in listed}
+    rows = []
+    for figure in figures:
+        value = known.get(tuple(figure.get(name) for name in _IDENTITY))
+        dof = value.effective_dof if value else None
+        factor = value.coverage_factor if value else None
+        if factor is None:
+            factor = _COVERAGE_FACTOR if dof is None else coverage_factor(dof)
+        stated = {
+            "expanded_uncertainty": factor * figure["standard_uncertainty"],
+            "coverage_factor": factor,
+            "effective_dof": dof if dof is None or math.isfinite(dof) else None,
+        }
+        scope = spec.find_scope(figure["name"], figure["flags"])
+        own = {name: each for name, each in figure.items() if name not in stated}
+        rows.append(
+            drop_absent({**own, **({} if scope == "relative_only" else stated), "uncertainty_scope": scope})
+        )
+    return rows
+
+
+def state_budgets(method: str, result: Json) -> list[Json]:
+    """Return the uncertainty budget of each coefficient that has one, with what it holds for."""
+    spec = get_method(method)
+    return [
+        {**budget.holds_for, "lines": [drop_absent(encode(line)) for line in budget.lines]}
+        for budget in spec.list_budgets(decode(spec.result, result))
+    ]
+
+
+def state_orientation(orientation: Any) -> list[Json]:  # noqa: ANN401  of a rig
+    """Return each quantity of the orientation of a rig's cameras with its expanded uncertainty."""
+    rows = []
+    for pose in orientation.poses:
+        for name, dof in pose.effective_dof.items():
+            quantity, factor = encode(getattr(pose, name)), coverage_factor(dof)
+            expanded = {
+                "expanded_uncertainty": factor * quantity["standard_uncertainty"],
+                "coverage_factor": factor,
+                "effective_dof": dof,
+            }
+            rows.append({**quantity, "camera": pose.camera, "name": name, **expanded})
+    return rows

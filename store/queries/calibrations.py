@@ -1,14 +1,26 @@
-"""Versions, and how each stands."""
+"""Versions: how each stands, what was decided of it, and when it was and may be in force."""
 
 from collections import defaultdict
-from dataclasses import dataclass, replace
-from datetime import datetime
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime, timedelta
 from typing import Literal
 
-from sqlalchemy import Select, func, select
+from sqlalchemy import Select, func, or_, select
 from sqlalchemy.orm import Session
 
-from store.tables import Calibration, CoefficientRow, Publication, Revocation
+from radiometry.methods import get_method
+from store.queries.frame_times import find_time, read_zones
+from store.tables import (
+    AuditEntry,
+    Calibration,
+    Campaign,
+    CoefficientRow,
+    FrameRow,
+    Measurement,
+    Publication,
+    Revocation,
+    Slot,
+)
 
 State = Literal["draft", "published", "superseded", "revoked"]
 
@@ -121,3 +133,183 @@ def next_version(session: Session, camera_id: str, method: str) -> int:
         )
     )
     return (last or 0) + 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Act:
+    """One publishing of a version: by whom, when, and what was said."""
+
+    by: str
+    publication: Publication
+
+
+@dataclass(frozen=True, kw_only=True)
+class Decision:
+    """One decision about a version.
+
+    Attributes
+    ----------
+    by : str
+        The id of the key.
+    valid_from : datetime or None
+        As it was published.
+    """
+
+    act: Literal["made", "published", "revoked"]
+    calibration: Calibration
+    at: datetime
+    by: str
+    reason: str | None = None
+    valid_from: datetime | None = None
+    valid_to: datetime | None = None
+
+
+def list_publishings(session: Session, slot_ids: Select[int]) -> list[Act]:
+    """List what was published in these slots, oldest first.
+
+    When a newer version takes a part of an older one's time, its rest is written again in the same
+    instant: of a slot's rows of one instant only the last one written is what somebody published.
+    """
+    rows = session.execute(
+        select(Publication, AuditEntry)
+        .join(AuditEntry, AuditEntry.subject_id == Publication.id)
+        .where(AuditEntry.action == "publication.create", Publication.slot_id.in_(slot_ids))
+        .order_by(AuditEntry.seq)
+    )
+    last = {(row[0].known_from, row[0].slot_id): Act(by=row[1].actor, publication=row[0]) for row in rows}
+    return [act for _, act in sorted(last.items())]
+
+
+def list_decisions(session: Session, camera_id: str) -> list[Decision]:
+    """Everything that was decided of a camera's versions, newest first."""
+    versions = {
+        row.id: row for row in session.scalars(select(Calibration).where(Calibration.camera_id == camera_id))
+    }
+    found = [
+        Decision(act="made", calibration=row, at=row.created_at, by=row.created_by)
+        for row in versions.values()
+    ]
+    for act in list_publishings(session, select(Slot.id).where(Slot.camera_id == camera_id)):
+        row = act.publication
+        found.append(
+            Decision(
+                act="published",
+                calibration=versions[row.calibration_id],
+                at=row.known_from,
+                by=act.by,
+                reason=row.reason,
+                valid_from=row.valid_from,
+                valid_to=row.valid_to,
+            )
+        )
+    for end in session.scalars(select(Revocation).where(Revocation.calibration_id.in_(versions))):
+        version = versions[end.calibration_id]
+        found.append(
+            Decision(
+                act="revoked", calibration=version, at=end.revoked_at, by=end.revoked_by, reason=end.reason
+            )
+        )
+    return sorted(found, key=lambda each: (each.at, each.calibration.id), reverse=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lifetime:
+    """A published version as known at a time.
+
+    Attributes
+    ----------
+    in_force, revoked_from : list of Publication
+        Rows that hold then, and those that its revocation closed.
+    published : list of Act
+        Every publishing of it until then, oldest first.
+    revocation : Revocation or None
+        None if it was not revoked by then.
+    """
+
+    calibration: Calibration
+    coefficients: list[CoefficientRow]
+    in_force: list[Publication] = field(default_factory=list)
+    revoked_from: list[Publication] = field(default_factory=list)
+    published: list[Act] = field(default_factory=list)
+    revocation: Revocation | None = None
+
+
+def list_lifetimes(session: Session, camera_id: str, method: str, known_at: datetime) -> list[Lifetime]:
+    """List every version that had been published by ``known_at``, newest first."""
+    slots = select(Slot.id).where(Slot.camera_id == camera_id, Slot.method == method)
+    acts: dict[str, list[Act]] = defaultdict(list)
+    for act in list_publishings(session, slots):
+        if act.publication.known_from <= known_at:
+            acts[act.publication.calibration_id].append(act)
+    rows: dict[str, list[Publication]] = defaultdict(list)
+    of_slots = select(Publication).where(Publication.slot_id.in_(slots), Publication.known_from <= known_at)
+    for row in session.scalars(of_slots.order_by(Publication.valid_from)):
+        rows[row.calibration_id].append(row)
+    ended = select(Revocation).where(Revocation.calibration_id.in_(acts), Revocation.revoked_at <= known_at)
+    revoked = {row.calibration_id: row for row in session.scalars(ended)}
+    versions = session.scalars(select(Calibration).where(Calibration.id.in_(acts)))
+    coefficients = coefficients_of(session, list(acts))
+    return [
+        Lifetime(
+            calibration=version,
+            coefficients=coefficients[version.id],
+            in_force=[row for row in rows[version.id] if row.known_to is None or row.known_to > known_at],
+            revoked_from=[
+                row
+                for row in rows[version.id]
+                if version.id in revoked and row.known_to == revoked[version.id].revoked_at
+            ],
+            published=acts[version.id],
+            revocation=revoked.get(version.id),
+        )
+        for version in sorted(versions, key=lambda each: -each.version)
+    ]
+
+
+_SYSTEM = FrameRow.header["multispectral"]["system"].as_string()
+
+
+def list_flight(session: Session, calibration: Calibration) -> list[datetime]:
+    """Return the times of frames measured with it, or to be in its campaign; none if no plot shows them."""
+    spec = get_method(calibration.method)
+    if not spec.of_one_flight:
+        return []
+    measured = select(Measurement.frame_id).where(Measurement.calibration_id == calibration.id)
+    to_measure = (FrameRow.campaign_id == calibration.campaign_id) & FrameRow.role.in_(
+        spec.applied_role_names
+    )
+    to_measure &= FrameRow.withdrawn_at.is_(None)
+    stated = session.scalars(
+        select(FrameRow.header["taken_at"].as_string())
+        .where(or_(FrameRow.id.in_(measured), to_measure), FrameRow.header.is_not(None))
+        .distinct()
+    )
+    times = (datetime.fromisoformat(each) for each in stated if each is not None)
+    return sorted(at if at.tzinfo else at.replace(tzinfo=UTC) for at in times)
+
+
+def suggest_validity(session: Session, calibration: Calibration) -> tuple[datetime, datetime | None]:
+    """Return when a version may be in force, so that what was taken with its campaign is measured with it.
+
+    A version of one flight ends with the last day of its frames, in UTC; any other is in force until it is
+    replaced.
+    """
+    campaign = session.get_one(Campaign, calibration.campaign_id)
+    zones = read_zones(session, campaign)
+    stated = session.execute(
+        select(FrameRow.header["taken_at"].as_string(), _SYSTEM)
+        .where(FrameRow.campaign_id == campaign.id, FrameRow.header.is_not(None))
+        .where(FrameRow.withdrawn_at.is_(None))
+        .distinct()
+    )
+    times = [taken for at, system in stated if (taken := find_time(at, zones, system=system))]
+    if not times:
+        return campaign.started_at or calibration.created_at, None
+    start = _begin_day(min(taken.earliest for taken in times))
+    if get_method(calibration.method).of_one_flight:
+        return start, _begin_day(max(taken.latest for taken in times)) + timedelta(days=1)
+    return campaign.started_at or start, None
+
+
+def _begin_day(at: datetime) -> datetime:
+    return at.astimezone(UTC).replace(hour=0, minute=0, second=0, microsecond=0)

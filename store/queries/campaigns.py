@@ -1,19 +1,37 @@
-"""Campaigns, regions, readings, and what has arrived of them."""
+"""Campaigns, regions, readings, manifests and crops, what has arrived, and the frames of the grid."""
 
 import hashlib
-from collections.abc import Iterable, Sequence
+import json
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC
 from typing import Any, Final
 
-from sqlalchemy import func, literal_column, select, update
+from sqlalchemy import ColumnElement, Row, delete, func, literal_column, select, update
 from sqlalchemy.orm import Session
 
 from radiometry.findings import shared
 from radiometry.fitting.evidence import Region
 from radiometry.frame.roi import Polygon
 from store import jobs
-from store.columns import new_id
-from store.tables import Campaign, FrameRow, Job, Measurement, Reading, Roi
+from store.queries.frame_times import find_time, read_zones
+from store.queries.frames import extractor_of, region_ids
+from store.tables import (
+    Blob,
+    Campaign,
+    ChannelRow,
+    Crop,
+    Extraction,
+    FrameChange,
+    FrameRow,
+    Job,
+    Manifest,
+    Measurement,
+    Reading,
+    Roi,
+)
+from store.tables.base import new_id
 
 RENEWAL_LANE: Final = "renewal"
 """Of frames that are read again in the background."""
@@ -209,3 +227,193 @@ def add_readings(session: Session, campaign: Campaign, values: Iterable[dict[str
     session.add_all(rows)
     session.flush()
     return rows
+
+
+_HEADER = FrameRow.header
+COLUMNS = {
+    **{
+        name: getattr(FrameRow, name)
+        for name in (
+            *("id", "filename", "role", "scene", "state", "exposure_time_s", "f_number", "iso", "roi_id"),
+            *("left_out", "withdrawn_at", "refusal_code", "preview_sha256"),
+        )
+    },
+    "width_px": _HEADER["width_px"].as_integer(),
+    "height_px": _HEADER["height_px"].as_integer(),
+    "taken_at": _HEADER["taken_at"].as_string(),
+    "band": _HEADER["multispectral"]["band"].as_string(),
+    "system": _HEADER["multispectral"]["system"].as_string(),
+    "capture_id": _HEADER["multispectral"]["capture_id"].as_string(),
+    "found": FrameRow.found,
+}
+_GREEN = frozenset({"G", "G1", "G2"})
+
+
+@dataclass(frozen=True, slots=True)
+class _Placed:
+    """A frame as `region_ids` asks for it."""
+
+    id: str
+    roi_id: str | None
+    size_px: tuple[int, int] | None
+
+
+def read_grid(
+    session: Session, campaign: Campaign, *, after: str, limit: int, since: int | None = None
+) -> list[dict[str, Any]]:
+    """Read a page of a campaign's frames in the order in which they came, withdrawn ones too.
+
+    ``since`` : only those that have changed since this revision of the campaign.
+
+    ``instant`` is None where the zone of the clock is not known, ``time_zone`` where none had to be stated;
+    ``signal_dn`` is the mean of the green channels, else of all, in the region that holds for the frame;
+    ``clipped_share`` that of the channel with the largest share of pixels at the white level; ``region_id``
+    is the region that holds.
+    """
+    chosen = FrameRow.campaign_id == campaign.id
+    if since is not None:
+        newer = (FrameChange.campaign_id == campaign.id) & (FrameChange.revision > since)
+        chosen &= FrameRow.id.in_(select(FrameChange.frame_id).where(newer))
+    rows = session.execute(
+        select(*(column.label(name) for name, column in COLUMNS.items()))
+        .where(chosen, FrameRow.id > after)
+        .order_by(FrameRow.id)
+        .limit(limit)
+    )
+    frames = [dict(row._mapping) for row in rows]  # noqa: SLF001  the public name of a row's mapping
+    if not frames:
+        return frames
+    placed = [
+        _Placed(f["id"], f["roi_id"], (f["width_px"], f["height_px"]) if f["width_px"] else None)
+        for f in frames
+    ]
+    regions = region_ids(session, campaign, placed)
+    within = chosen & FrameRow.id.between(frames[0]["id"], frames[-1]["id"])
+    measured, zones = _read_signals(session, campaign, within), read_zones(session, campaign)
+    for frame in frames:
+        region = frame["region_id"] = regions[frame["id"]]
+        frame["signal_dn"], frame["clipped_share"] = measured.get((frame["id"], region or ""), (None, None))
+        taken = find_time(frame["taken_at"], zones, system=frame.pop("system"))
+        read = taken is not None and (taken.is_known or taken.zone is not None)
+        frame["instant"] = taken.earliest.astimezone(UTC) if taken and read else None
+        frame["time_zone"] = taken.zone if taken else None
+        found = frame.pop("found") or {}
+        own = frame["roi_id"] is not None
+        frame["roi_origin"] = (
+            ("found" if found.get("roi_id") == frame["roi_id"] else "drawn") if own else None
+        )
+    return frames
+
+
+def _read_signals(
+    session: Session, campaign: Campaign, chosen: ColumnElement[bool]
+) -> dict[tuple[str, str], tuple[float, float]]:
+    """Signal and clipping of some frames, by frame and region."""
+    rows: Any = session.execute(
+        select(
+            *(Extraction.frame_id, Extraction.roi_id),
+            *(ChannelRow.channel, ChannelRow.mean_dn, ChannelRow.saturated_share),
+        )
+        .join(Extraction, Extraction.id == ChannelRow.extraction_id)
+        .join(FrameRow, FrameRow.id == Extraction.frame_id)
+        .where(chosen, Extraction.extractor == extractor_of(campaign))
+    )
+    means: dict[tuple[str, str], dict[str, float]] = defaultdict(dict)
+    clipped: dict[tuple[str, str], float] = defaultdict(float)
+    for frame_id, roi_id, channel, mean_dn, share in rows:
+        key = (frame_id, roi_id)
+        means[key][channel] = mean_dn
+        clipped[key] = max(clipped[key], share)
+    return {key: (_average(by_channel), clipped[key]) for key, by_channel in means.items()}
+
+
+def _average(by_channel: dict[str, float]) -> float:
+    used = [mean for name, mean in by_channel.items() if name in _GREEN] or list(by_channel.values())
+    return sum(used) / len(used)
+
+
+MOST_KEPT: Final = 32
+"""Of an organisation: with the largest crop there is they take 32 MiB of the database."""
+
+
+def say_asked(window: Sequence[int], low_dn: float | None, high_dn: float | None) -> str:
+    """Return the text under which a crop is found again."""
+    return " ".join(map(str, (*window, low_dn, high_dn)))
+
+
+def find_crop_job(session: Session, frame: FrameRow, asked: str) -> Job | None:
+    """Return the job that drew what is asked for, while its picture is kept and its file is whole."""
+    kept = (
+        select(Job)
+        .join(Crop, Crop.job_id == Job.id)
+        .join(Blob, Blob.sha256 == frame.sha256)
+        .where(Crop.frame_id == frame.id, Crop.asked == asked, Blob.damage.is_(None))
+    )
+    return session.scalar(kept.order_by(Crop.id.desc()).limit(1))
+
+
+def keep_crop(session: Session, crop: Crop) -> None:
+    """Add a crop, and delete the oldest of its organisation beyond the most that are kept."""
+    session.add(crop)
+    session.flush()
+    owns = Crop.organisation_id == crop.organisation_id
+    last = session.scalar(select(Crop.id).where(owns).order_by(Crop.id.desc()).offset(MOST_KEPT).limit(1))
+    if last is not None:
+        session.execute(delete(Crop).where(owns, Crop.id <= last))
+
+
+def find_known(session: Session, campaign: Campaign, hashes: Sequence[str]) -> dict[str, FrameRow]:
+    """The campaign's frames with these bytes, by hash; a withdrawn one is restored when it is sent again."""
+    rows = select(FrameRow).where(FrameRow.campaign_id == campaign.id, FrameRow.sha256.in_(set(hashes)))
+    rows = rows.where(FrameRow.withdrawn_at.is_(None))
+    return {frame.sha256: frame for frame in session.scalars(rows)}
+
+
+def find_known_anywhere(session: Session, organisation_id: str, hashes: Sequence[str]) -> list[FrameRow]:
+    """Every frame of an organisation with these bytes, in the order in which they came."""
+    rows = (
+        select(FrameRow)
+        .join(Campaign, Campaign.id == FrameRow.campaign_id)
+        .where(Campaign.organisation_id == organisation_id, FrameRow.sha256.in_(set(hashes)))
+        .order_by(FrameRow.id)
+    )
+    return list(session.scalars(rows))
+
+
+def read_sizes(session: Session, hashes: Iterable[str]) -> dict[str, int]:
+    """Return the size [bytes] in which each of these files was stored."""
+    rows = session.execute(select(Blob.sha256, Blob.size_bytes).where(Blob.sha256.in_(set(hashes))))
+    return {row[0]: row[1] for row in rows}
+
+
+def write_canonical(value: object) -> bytes:
+    """Return text, integers, lists, and objects with names in ASCII, as RFC 8785 spells them."""
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False).encode()
+
+
+def find_manifest(session: Session, campaign: Campaign, manifest_id: str | None) -> Manifest | None:
+    """Return a campaign's manifest with this id, else its newest."""
+    rows = select(Manifest).where(Manifest.campaign_id == campaign.id)
+    if manifest_id is not None:
+        rows = rows.where(Manifest.id == manifest_id)
+    return session.scalar(rows.order_by(Manifest.id.desc()).limit(1))
+
+
+def read_stored(session: Session, campaign_id: str, hashes: set[str]) -> Mapping[str, Row[Any]]:
+    """Return the campaign's frames with these bytes and their files, withdrawn and refused ones included."""
+    rows = session.execute(
+        select(
+            FrameRow.sha256,
+            FrameRow.id.label("frame_id"),
+            FrameRow.state,
+            FrameRow.refusal_code,
+            FrameRow.withdrawn_at,
+            FrameRow.created_at.label("received_at"),
+            Blob.size_bytes,
+            Blob.proven_at.label("hash_checked_at"),
+        )
+        .join(Blob, Blob.sha256 == FrameRow.sha256)
+        .where(FrameRow.campaign_id == campaign_id)
+    )
+    found: list[Row[Any]] = list(rows)  # type: ignore[arg-type]
+    return {row.sha256: row for row in found if row.sha256 in hashes}

@@ -15,7 +15,6 @@ from radiometry.checklist import ITEMS, Facts, Finding, FrameFacts, IsoFacts, It
 from radiometry.findings import shared
 from radiometry.frame import FrameHeader
 from radiometry.methods import get_method
-from store.columns import utc_now
 from store.queries.evidence import Evidence
 from store.tables import (
     AuditEntry,
@@ -29,6 +28,7 @@ from store.tables import (
     Revocation,
     Roi,
 )
+from store.tables.base import utc_now
 
 BY_ITSELF = "stilb"
 """Who ticked what follows from the record."""

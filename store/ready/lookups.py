@@ -14,10 +14,9 @@ from sqlalchemy.dialects.sqlite.pysqlite import SQLiteDialect_pysqlite
 from sqlalchemy.exc import OperationalError
 from sqlalchemy.orm import Session, aliased
 
-from store.columns import UtcDateTime, utc_now
-from store.database import Database
-from store.errors import ConnectionLost
+from store.database import ConnectionLost, Database
 from store.tables import ApiKey, ReadyAnswer, ReadyRow, Slot
+from store.tables.base import UtcDateTime, utc_now
 
 if TYPE_CHECKING:
     from store.postgres import Line

@@ -6,21 +6,47 @@ from store.tables.calibration import (
     Calibration,
     CoefficientRow,
     IssuedCertificate,
+    MeasuredRow,
+    Measurement,
     Publication,
+    ReadyAnswer,
+    ReadyCells,
+    ReadyRow,
     Revocation,
     Slot,
 )
-from store.tables.campaign import Blob, Campaign, ChannelRow, Extraction, FrameRow, Reading, Roi
-from store.tables.crop import Crop
-from store.tables.equipment import Camera, Meter, Panel, Rig
-from store.tables.identity import ApiKey, IdempotentAnswer, Organisation, Usage, WebSession
-from store.tables.job import Job, Turn
-from store.tables.kept import CampaignReview, FrameChange, FrameVerdict, Rendering, SmallPreview
-from store.tables.measurement import Measurement
-from store.tables.part import PartRow
-from store.tables.ready import MeasuredRow, ReadyAnswer, ReadyCells, ReadyRow
-from store.tables.receipt import Manifest, SigningKey
-from store.tables.review import ChecklistSignature, ChecklistTick, Recall
+from store.tables.campaign import (
+    Blob,
+    Campaign,
+    CampaignReview,
+    ChannelRow,
+    ChecklistSignature,
+    ChecklistTick,
+    Crop,
+    Extraction,
+    FrameChange,
+    FrameRow,
+    FrameVerdict,
+    Manifest,
+    Reading,
+    Recall,
+    Rendering,
+    Roi,
+    SigningKey,
+    SmallPreview,
+)
+from store.tables.job import Job, PartRow, Turn
+from store.tables.organisation import (
+    ApiKey,
+    Camera,
+    IdempotentAnswer,
+    Meter,
+    Organisation,
+    Panel,
+    Rig,
+    Usage,
+    WebSession,
+)
 from store.tables.webhook import Webhook, WebhookDelivery
 
 __all__ = [

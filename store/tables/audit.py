@@ -5,8 +5,7 @@ from datetime import datetime
 from sqlalchemy import BigInteger, CheckConstraint, Index, String, text
 from sqlalchemy.orm import Mapped, mapped_column
 
-from store.columns import UtcDateTime, utc_now
-from store.tables.base import Base, Json
+from store.tables.base import Base, Json, UtcDateTime, utc_now
 
 IN_SERIES = text("subject_type IN ('camera', 'measurement', 'publication', 'revocation')")
 """What a series shows changes with one of these; the condition as the index has it."""

@@ -1,12 +1,11 @@
-"""Calibration versions, which never change, and what was published of them from when to when."""
+"""Calibration versions, which never change, what was published and measured with them, and ready rows."""
 
 from datetime import datetime
 
 from sqlalchemy import CheckConstraint, ForeignKey, Index, String, UniqueConstraint, text
 from sqlalchemy.orm import Mapped, mapped_column
 
-from store.columns import UtcDateTime, new_id, utc_now
-from store.tables.base import Audited, AuditedTogether, Base, Json
+from store.tables.base import Audited, AuditedTogether, Base, Json, UtcDateTime, new_id, utc_now
 
 
 class Calibration(Audited, Base):
@@ -141,3 +140,137 @@ class IssuedCertificate(Audited, Base):
     """Likewise; nobody has signed a certificate without."""
     at_upgrade: Mapped[bool]
     issued_at: Mapped[datetime] = mapped_column(UtcDateTime)
+
+
+class Measurement(Audited, Base):
+    """One measurement, complete and immutable (triggers hold it)."""
+
+    __tablename__ = "measurement"
+    __audit_digests__ = frozenset({"result"})
+    __table_args__ = (
+        UniqueConstraint("frame_id", "content_sha256"),
+        Index("ix_measurement_calibration_id", "calibration_id"),
+        Index("ix_measurement_organisation_id_id", "organisation_id", "id"),
+        Index("ix_measurement_campaign_id", "campaign_id"),
+    )
+
+    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("msr"))
+    organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"))
+    campaign_id: Mapped[str] = mapped_column(ForeignKey("campaign.id"))
+    frame_id: Mapped[str] = mapped_column(ForeignKey("frame.id"))
+    calibration_id: Mapped[str] = mapped_column(ForeignKey("calibration.id"))
+    method: Mapped[str]
+    parameters: Mapped[Json]
+    """What was asked for: region, grid, reflectance, products."""
+    result: Mapped[Json]
+    result_schema: Mapped[int]
+    software: Mapped[Json]
+    content_sha256: Mapped[str] = mapped_column(String(64))
+    """Over frame, version, parameters and code version: the same content is the same measurement."""
+    map_tif_sha256: Mapped[str | None] = mapped_column(ForeignKey("blob.sha256"))
+    map_png_sha256: Mapped[str | None] = mapped_column(ForeignKey("blob.sha256"))
+    created_by: Mapped[str]
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
+
+
+_KNOWN_NOW = text("known_to IS NULL")
+
+
+class ReadyRow(Base):
+    """A publication with what a look-up and a series ask it for, one row for each."""
+
+    __tablename__ = "ready"
+    __table_args__ = (
+        Index("ix_ready_slot_id_valid_from", "slot_id", "valid_from"),
+        Index(
+            "ix_ready_slot_id_now",
+            "slot_id",
+            "valid_from",
+            sqlite_where=_KNOWN_NOW,
+            postgresql_where=_KNOWN_NOW,
+        ),
+        Index("ix_ready_series", "organisation_id", "camera_id", "valid_from", "method", "publication_id"),
+    )
+
+    publication_id: Mapped[str] = mapped_column(ForeignKey("publication.id"), primary_key=True)
+    slot_id: Mapped[int] = mapped_column(ForeignKey("slot.id"))
+    organisation_id: Mapped[str]
+    camera_id: Mapped[str]
+    campaign_id: Mapped[str]
+    method: Mapped[str]
+    calibration_id: Mapped[str]
+    version: Mapped[int]
+    computed_at: Mapped[datetime] = mapped_column(UtcDateTime)
+    valid_from: Mapped[datetime] = mapped_column(UtcDateTime)
+    valid_to: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    known_from: Mapped[datetime] = mapped_column(UtcDateTime)
+    known_to: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    coefficients: Mapped[int]
+    """How many coefficients the version has."""
+
+
+class ReadyAnswer(Base):
+    """The coefficients of a publication as they are answered.
+
+    Attributes
+    ----------
+    items : bytes
+        JSON list of all of them, in their order.
+    whole : bool
+        A look-up without a filter is answered with all of them: none is a general one's at an f-number.
+    foreseen : str or None
+        JSON object: the standard uncertainty at an f-number that was not calibrated, by position in `items`.
+    """
+
+    __tablename__ = "ready_answer"
+
+    publication_id: Mapped[str] = mapped_column(ForeignKey("ready.publication_id"), primary_key=True)
+    etag: Mapped[str]
+    whole: Mapped[bool]
+    foreseen: Mapped[str | None]
+    items: Mapped[bytes]
+
+
+class ReadyCells(Base):
+    """The coefficients of a publication as rows of a series: CSV records, a line each, in their order.
+
+    The camera and its names are left out: a series has the names of today.
+    """
+
+    __tablename__ = "ready_cells"
+
+    publication_id: Mapped[str] = mapped_column(ForeignKey("ready.publication_id"), primary_key=True)
+    cells: Mapped[str]
+
+
+class MeasuredRow(Base):
+    """A measurement as one row of a series.
+
+    Attributes
+    ----------
+    taken_from : datetime
+        Earliest instant at which the frame may have been taken; of a frame without a time, `created_at`.
+    taken_to : datetime or None
+        Latest such instant, `taken_from` if the file states a time zone; None for a frame without a time.
+    cells : str
+        The static cells, a CSV record.
+    """
+
+    __tablename__ = "measured"
+    __table_args__ = (
+        Index("ix_measured_organisation_id", "organisation_id", "taken_from", "measurement_id"),
+        Index("ix_measured_camera_id", "camera_id", "taken_from", "measurement_id"),
+        Index("ix_measured_campaign_id", "campaign_id", "taken_from", "measurement_id"),
+    )
+
+    measurement_id: Mapped[str] = mapped_column(ForeignKey("measurement.id"), primary_key=True)
+    organisation_id: Mapped[str]
+    camera_id: Mapped[str]
+    campaign_id: Mapped[str]
+    calibration_id: Mapped[str]
+    corrector_id: Mapped[str | None]
+    """Version that corrected the frame's vignetting, where one did."""
+    taken_from: Mapped[datetime] = mapped_column(UtcDateTime)
+    taken_to: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime)
+    cells: Mapped[str]

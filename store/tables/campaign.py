@@ -1,4 +1,4 @@
-"""Tables of field work: campaigns, their regions, meter readings, frames and frame statistics."""
+"""Field work: campaigns, regions, readings, frames, statistics, checklists, and what is kept of them."""
 
 from datetime import datetime
 from typing import Any, ClassVar
@@ -6,9 +6,8 @@ from typing import Any, ClassVar
 from sqlalchemy import BigInteger, CheckConstraint, ForeignKey, Index, String, UniqueConstraint, text
 from sqlalchemy.orm import Mapped, mapped_column
 
-from store.blobs.errors import Damage
-from store.columns import UtcDateTime, new_id, utc_now
-from store.tables.base import Audited, AuditedTogether, Base, Json
+from store.blobs.proof import Damage
+from store.tables.base import Audited, AuditedTogether, Base, Json, UtcDateTime, new_id, utc_now
 
 
 class Campaign(Audited, Base):
@@ -136,7 +135,7 @@ class Blob(Base):
     sha256: Mapped[str] = mapped_column(String(64), primary_key=True)
     size_bytes: Mapped[int] = mapped_column(BigInteger)
     digests: Mapped[bytes | None] = mapped_column(default=None, deferred=True)
-    """One per MiB, joined (store/digests.py); None until a blob of an older stilb has been proven once."""
+    """One per MiB, joined; None until a blob of an older stilb has been proven once."""
     proven_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
     """When all of it was last found to hash to its name."""
     damage: Mapped[Damage | None] = mapped_column(String, default=None)
@@ -242,3 +241,188 @@ class ChannelRow(AuditedTogether, Base):
     zero_share: Mapped[float]
     black_level_dn: Mapped[float]
     white_level_dn: Mapped[float]
+
+
+class Crop(Base):
+    """A picture that can be drawn again from its frame; derived, so never audited.
+
+    Attributes
+    ----------
+    asked : str
+        What was asked for: window, and range of the grey scale.
+    job_id : str
+        The job that drew it; its result tells the rest.
+    png : bytes
+        The picture.
+    """
+
+    __tablename__ = "crop"
+    __table_args__ = (
+        Index("ix_crop_frame_id_asked", "frame_id", "asked"),
+        Index("ix_crop_organisation_id_id", "organisation_id", "id"),
+    )
+
+    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("crp"))
+    organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"))
+    frame_id: Mapped[str] = mapped_column(ForeignKey("frame.id"))
+    asked: Mapped[str]
+    job_id: Mapped[str] = mapped_column(ForeignKey("job.id"))
+    png: Mapped[bytes]
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
+
+
+_IS_STALE = "kept_revision < revision"
+
+
+class CampaignReview(Base):
+    """List of what a campaign still lacks, and the revision of the campaign that it was computed from."""
+
+    __tablename__ = "campaign_review"
+    __table_args__ = (
+        Index(
+            "ix_campaign_review_stale",
+            "not_before",
+            sqlite_where=text(_IS_STALE),
+            postgresql_where=text(_IS_STALE),
+        ),
+    )
+
+    campaign_id: Mapped[str] = mapped_column(ForeignKey("campaign.id"), primary_key=True)
+    revision: Mapped[int] = mapped_column(BigInteger, default=0)
+    """Rises in every transaction that changes what the review depends on (store/revisions.py)."""
+    whole_revision: Mapped[int] = mapped_column(BigInteger, default=0)
+    """Last one at which any of its frames may have changed: that of the campaign itself."""
+    kept_revision: Mapped[int] = mapped_column(BigInteger, default=-1)
+    """Revision that the rest of this row and the verdicts were computed from."""
+    kept_by: Mapped[str | None]
+    """Hash of the code that computed them: another code computes them again."""
+    not_before: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    """No worker begins before: one computes them, or has just done so and it took long."""
+    missing: Mapped[list[Any] | None] = mapped_column(default=None)
+    advice: Mapped[list[Any] | None] = mapped_column(default=None)
+    gaps: Mapped[list[Any] | None] = mapped_column(default=None)
+    findings: Mapped[list[Any] | None] = mapped_column(default=None)
+    checklist: Mapped[Json | None] = mapped_column(default=None)
+    """What the record says of each item, and since when each part of the record is as it is."""
+
+
+class FrameVerdict(Base):
+    """Reasons of the verdict on one frame, from the same revision; a frame that passes has no row."""
+
+    __tablename__ = "frame_verdict"
+
+    # no foreign keys: checking one takes a lock on the frame, whose own writer waits for the review's row
+    frame_id: Mapped[str] = mapped_column(primary_key=True)
+    campaign_id: Mapped[str] = mapped_column(index=True)
+    reasons: Mapped[str]
+    """JSON: code, outcome and detail of each."""
+
+
+class FrameChange(Base):
+    """Revision of the campaign at which a frame, its statistics or the verdict on it last changed."""
+
+    __tablename__ = "frame_change"
+    __table_args__ = (Index("ix_frame_change_campaign_id_revision", "campaign_id", "revision"),)
+
+    # no foreign keys, as for its verdict
+    frame_id: Mapped[str] = mapped_column(primary_key=True)
+    campaign_id: Mapped[str]
+    revision: Mapped[int] = mapped_column(BigInteger)
+
+
+class SmallPreview(Base):
+    """A frame's preview at the size of a grid's cell."""
+
+    __tablename__ = "small_preview"
+
+    # no foreign key: it is kept before the frame that shows it, and holds nothing that its preview does not
+    preview_sha256: Mapped[str] = mapped_column(String(64), primary_key=True)
+    webp: Mapped[bytes]
+
+
+class Rendering(Base):
+    """A certificate, a report or a version's plot as it was rendered: the same content is rendered once."""
+
+    __tablename__ = "rendering"
+
+    source_sha256: Mapped[str] = mapped_column(String(64), primary_key=True)
+    """Of all that goes in, and of how it is rendered."""
+    sha256: Mapped[str] = mapped_column(ForeignKey("blob.sha256"))
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
+
+
+class Manifest(Audited, Base):
+    """Contents of a card, as the sender lists them; never changed."""
+
+    __tablename__ = "manifest"
+    __audit_digests__: ClassVar[frozenset[str]] = frozenset({"files", "others"})
+    __table_args__ = (
+        UniqueConstraint("campaign_id", "sha256"),
+        Index("ix_manifest_campaign_id_id", "campaign_id", "id"),
+    )
+
+    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("man"))
+    organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"))
+    campaign_id: Mapped[str] = mapped_column(ForeignKey("campaign.id"))
+    sha256: Mapped[str] = mapped_column(String(64))
+    """Of both lists in canonical JSON: the same card is the same manifest."""
+    files: Mapped[list[Any]]
+    others: Mapped[list[Any]]
+    """Files of the card that are not sent."""
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
+
+
+class SigningKey(Audited, Base):
+    """A public key of this service; none is ever removed, so that old receipts can be verified."""
+
+    __tablename__ = "signing_key"
+
+    id: Mapped[str] = mapped_column(primary_key=True)
+    public_key: Mapped[str]
+    """PEM."""
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
+
+
+class ChecklistTick(Audited, Base):
+    """An item of the procedure's checklist that somebody has ticked; unticking empties who and when."""
+
+    __tablename__ = "checklist_tick"
+    __table_args__ = (CheckConstraint("(done_by IS NULL) = (done_at IS NULL)", "who_and_when"),)
+
+    campaign_id: Mapped[str] = mapped_column(ForeignKey("campaign.id"), primary_key=True)
+    key: Mapped[str] = mapped_column(primary_key=True)
+    done_by: Mapped[str | None]
+    done_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    note: Mapped[str | None]
+
+
+class ChecklistSignature(Audited, Base):
+    """The operator's signature below a campaign's checklist."""
+
+    __tablename__ = "checklist_signature"
+
+    campaign_id: Mapped[str] = mapped_column(ForeignKey("campaign.id"), primary_key=True)
+    name: Mapped[str]
+    signed_by: Mapped[str]
+    """The key that signed."""
+    signed_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
+    state_sha256: Mapped[str | None] = mapped_column(String(64))
+    """Of the campaign's details, frames, readings and region as they were signed."""
+
+
+class Recall(Audited, Base):
+    """All versions made with something that turned out wrong: proposed, reviewed, revoked as one step."""
+
+    __tablename__ = "purge"
+    __table_args__ = (CheckConstraint("(confirmed_by IS NULL) = (confirmed_at IS NULL)", "who_and_when"),)
+
+    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("prg"))
+    organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"), index=True)
+    cause: Mapped[Json]
+    reason: Mapped[str]
+    calibration_ids: Mapped[list[Any]]
+    """What the review saw: confirming revokes these and refuses when the cause has found others since."""
+    created_by: Mapped[str]
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
+    confirmed_by: Mapped[str | None]
+    confirmed_at: Mapped[datetime | None] = mapped_column(UtcDateTime)

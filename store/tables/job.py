@@ -1,14 +1,12 @@
-"""The authority on work: the row; a message only says that it may be begun."""
+"""Jobs, whose rows are the authority on work, the turns of queues, and the processes that run."""
 
 from datetime import datetime
 
 from sqlalchemy import CheckConstraint, ForeignKey, Index, text
 from sqlalchemy.orm import Mapped, mapped_column
 
-from store.columns import UtcDateTime, new_id, utc_now
-from store.log_fields import present_request_id
-from store.tables.base import Base, Json
-from store.tracing import present_traceparent
+from store.tables.base import Base, Json, UtcDateTime, new_id, utc_now
+from store.tracing import present_request_id, present_traceparent
 
 KINDS = ("extract", "fit", "measure")
 
@@ -74,7 +72,7 @@ class Job(Base):
     subject_id: Mapped[str]
     """The frame or campaign it works on."""
     lane: Mapped[str]
-    """What it is: `store.queues.LANES` names its queue and its task."""
+    """What it is: `store.jobs.queues.LANES` names its queue and its task."""
     parameters: Mapped[Json] = mapped_column(default=dict)
     state: Mapped[str] = mapped_column(default="queued")
     progress: Mapped[float] = mapped_column(default=0.0)
@@ -114,3 +112,23 @@ class Turn(Base):
     queue: Mapped[str] = mapped_column(primary_key=True)
     organisation_id: Mapped[str] = mapped_column(default="")
     """The one whose job was sent last."""
+
+
+class PartRow(Base):
+    """One run of one process. Not audited: it records that somebody is there, and nobody's decision."""
+
+    __tablename__ = "part"
+    __table_args__ = (CheckConstraint("kind IN ('service', 'worker', 'sweeper')", "kind_known"),)
+
+    id: Mapped[str] = mapped_column(primary_key=True)
+    kind: Mapped[str]
+    host: Mapped[str]
+    pid: Mapped[int]
+    started_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
+    seen_at: Mapped[datetime] = mapped_column(UtcDateTime)
+    """When the process last wrote this row."""
+    worked_at: Mapped[datetime] = mapped_column(UtcDateTime)
+    """When it last did its work, or was free to: the loop that does the work sets it."""
+    details: Mapped[Json] = mapped_column(default=dict)
+    counts: Mapped[Json | None] = mapped_column(default=None)
+    """What the other processes of its kind must count with: shown to nobody."""

@@ -6,8 +6,7 @@ from typing import ClassVar
 from sqlalchemy import CheckConstraint, ForeignKey, Index
 from sqlalchemy.orm import Mapped, mapped_column
 
-from store.columns import UtcDateTime, new_id, utc_now
-from store.tables.base import Audited, Base, Json
+from store.tables.base import Audited, Base, Json, UtcDateTime, new_id, utc_now
 
 
 class Webhook(Audited, Base):

@@ -135,9 +135,7 @@ class EmbeddedGround(Ground, Embedded):
 
     def is_amid_a_transaction(self, pid: int) -> bool:
         # in a process of its own, as it opens and closes a file of the database
-        code = (
-            "import sys; from store.write_lock import find_stopped_writer as find; print(find(sys.argv[1]))"
-        )
+        code = "import sys; from store.pulse import find_stopped_writer as find; print(find(sys.argv[1]))"
         command = [sys.executable, "-c", code, f"sqlite:///{self.data / 'stilb.sqlite'}"]
         return subprocess.run(command, capture_output=True, text=True, check=True).stdout == f"{pid}\n"
 

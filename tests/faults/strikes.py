@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 
 import stilb
-from store.queues import LANES, QUEUES, Message, Post
+from store.jobs.queues import LANES, QUEUES, Message, Post
 from tests.faults.drill import Drill
 from tests.support.disks import filled
 from tests.support.processes import alive, family

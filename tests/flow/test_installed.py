@@ -9,8 +9,7 @@ import zipfile
 
 import httpx
 
-from store.revision import list_revisions
-from store.software import read_version
+from store.software import list_revisions, read_version
 from tests.support.compose import ROOT, load_script
 
 ROOMS = load_script("server_wheel").ROOMS
@@ -56,7 +55,7 @@ def test_the_command_runs_the_installed_rooms_from_any_folder(installed, tmp_pat
     data = tmp_path / "data"
     key = run(installed, "stilb-server", "key", STILB_DATA=str(data))
     assert (key.stdout, key.stderr) == ((data / "key").read_text(), "")
-    where = "import service.up as a, store.revision as b; print(a.__file__, b.MIGRATIONS)"
+    where = "import service.up as a, store.software as b; print(a.__file__, b.MIGRATIONS)"
     found = run(installed, "python", "-c", where, PYTHONSAFEPATH="1").stdout.split()
     assert len(found) == 2
     assert all(each.startswith(str(installed)) for each in found)

@@ -5,7 +5,7 @@ from sqlalchemy import text
 
 import stilb
 from store.jobs import FINAL_STATES
-from store.queues import LANES, Message, Post
+from store.jobs.queues import LANES, Message, Post
 from store.tables import FrameRow
 
 

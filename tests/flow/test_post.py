@@ -6,7 +6,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from store.queues import LANES, QUEUES, Message, Post
+from store.jobs.queues import LANES, QUEUES, Message, Post
 from tests.support.broker import own_broker
 from tests.support.deployments import short_folder
 from tests.support.processes import wait_until

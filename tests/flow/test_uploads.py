@@ -18,7 +18,7 @@ from tusclient.client import TusClient
 import stilb
 from bench.cuts import Cuts, run
 from stilb.transport import hash_file
-from store.partials import Partial
+from store.blobs.partials import Partial
 from store.tables import Blob, FrameRow
 from tests.support.blobs import files
 from tests.support.fieldwork import Team

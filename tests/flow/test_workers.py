@@ -9,7 +9,7 @@ import httpx
 import pytest
 
 from store.database import Database
-from store.parts import list_parts
+from store.jobs.processes import list_parts
 from tests.support.ports import pick_port
 from tests.support.waiting import wait_for
 

@@ -64,7 +64,7 @@ def test_old_address_takes_writes_and_answers_with_the_old_code(sqlite_house, mo
     house = sqlite_house
     recall = house.post("/v1/purges", {"cause": {"software": "none"}, "reason": "rehearsal"}, status=201)
     assert house.get(f"/v1/recalls/{recall['id']}") == recall
-    monkeypatch.setattr("store.recalls.find_versions", lambda *_: ["cal_later"])
+    monkeypatch.setattr("store.impact.find_versions", lambda *_: ["cal_later"])
     for path, code in (("purges", "purge_outdated"), ("recalls", "recall_outdated")):
         refused = house.http.post(f"/v1/{path}/{recall['id']}/confirm")
         assert (refused.status_code, refused.json()["code"]) == (409, code)

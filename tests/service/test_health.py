@@ -21,13 +21,12 @@ from service.health import Health
 from service.up import WORKER
 from store.blobs import StorageFull, StorageUnavailable
 from store.blobs.objects import ObjectBlobs
-from store.columns import utc_now
-from store.database import Database
+from store.database import OTHER_SCHEMA_EXIT, Database
+from store.jobs.processes import Presence
 from store.migrate import alembic_config
-from store.parts import Presence
-from store.revision import own_schema
-from store.schema import OTHER_SCHEMA_EXIT
+from store.software import own_schema
 from store.tables import PartRow
+from store.tables.base import utc_now
 from tests.support.alone import alone
 from tests.support.processes import wait_until
 from tests.support.proxy import Proxy

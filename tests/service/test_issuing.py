@@ -12,7 +12,7 @@ from sqlalchemy.exc import DBAPIError
 from service.certificate.issuing import Backlog
 from service.press.pages import lay_out
 from service.press.rendering import render
-from store.audit_rows import check_rows
+from store.audit_check import check_rows
 from store.blobs import StorageFull
 from store.tables import FrameRow, IssuedCertificate, Publication
 from tests.support.blobs import put, zero

@@ -11,10 +11,10 @@ from sqlalchemy import update
 
 from service.job_watch import MOST_STREAMS, JobWatch
 from service.problems import Problem
-from store.columns import utc_now
 from store.database import Database
-from store.queries.keys import Who
+from store.queries.organisations import Who
 from store.tables import Job
+from store.tables.base import utc_now
 from tests.support.house import House
 from tests.support.proxy import Proxy
 

@@ -6,9 +6,9 @@ import pytest
 from sqlalchemy import select
 from sqlalchemy.exc import OperationalError
 
-from store.columns import utc_now
-from store.queries.keys import find_key
+from store.queries.organisations import find_key
 from store.tables import ApiKey, IdempotentAnswer
+from store.tables.base import utc_now
 from tests.support.everything import make_one_of_each
 
 pytestmark = pytest.mark.either_database

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 from sqlalchemy import func, select
 
-from store.queries import crops
+from store.queries import campaigns as crops
 from store.tables import Crop, Extraction
 from tests.support.blobs import zero
 from worker.decode.reader import read_window

@@ -3,10 +3,10 @@
 import pytest
 
 from service import ready
-from store.columns import utc_now
 from store.database import Database
-from store.queries.keys import create_key
+from store.queries.organisations import create_key
 from store.tables import ApiKey, Organisation
+from store.tables.base import utc_now
 from tests.support.campaigns import published_campaign
 
 QUERIES = (

@@ -11,13 +11,13 @@ from prometheus_client.parser import text_string_to_metric_families
 from sqlalchemy import update
 
 from store import jobs
-from store.columns import utc_now
 from store.jobs import Dependency
-from store.parts import Presence
+from store.jobs.processes import Presence
 from store.software import read_version
 from store.tables import Job
-from store.upkeep import mend_times
+from store.tables.base import utc_now
 from tests.support.compose import ROOT
+from worker.upkeep import mend_times
 
 pytestmark = pytest.mark.either_database
 

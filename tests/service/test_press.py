@@ -11,7 +11,7 @@ import pytest
 from service.press import kept
 from service.press.kept import RenderingFailed, render_apart
 from service.press.orders import write_order
-from store.sandbox.restrictions import Restrictions
+from store.sandbox import Restrictions
 from tests.support.press import COMMAND
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only Linux shuts processes in")

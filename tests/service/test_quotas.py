@@ -10,11 +10,11 @@ from sqlalchemy import update
 import stilb
 from service.problems import Problem
 from service.rates import Rates
-from store.columns import utc_now
-from store.partials import Partial
+from store.blobs.partials import Partial
+from store.queries.usage import Quotas, recount_all
 from store.settings import Settings
 from store.tables import Usage
-from store.usage import Quotas, recount_all
+from store.tables.base import utc_now
 from tests.support.house import KEY
 from tests.support.live import serving
 from tests.support.resumable import PIECE, TUS, begin_upload, describe

@@ -2,7 +2,7 @@
 
 import pytest
 
-from store import recalls
+from store import impact as recalls
 from store.software import FIT_CODE_VERSION
 from tests.support.campaigns import calibrate
 from tests.support.measuring import field_frame, measure

@@ -9,7 +9,7 @@ from functools import partial
 
 import pytest
 
-from store.partials import Partials
+from store.blobs.partials import Partials
 from tests.support.resumable import PIECE, TUS, begin_upload, describe, metadata
 
 pytestmark = pytest.mark.either_database

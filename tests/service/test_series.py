@@ -12,8 +12,9 @@ from sqlalchemy import delete, select
 
 from service import series as answers
 from service.schemas.series import MeasurementSeriesRow, SeriesRow
-from store.ready import coefficient_series, measurement_series
-from store.ready.backfill import write_missing
+from store.ready import series as coefficient_series
+from store.ready import series as measurement_series
+from store.ready.rows import write_missing
 from store.tables import MeasuredRow
 from tests.support.campaigns import published_campaign
 from tests.support.measuring import field_frame, measure

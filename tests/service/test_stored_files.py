@@ -8,7 +8,7 @@ from sqlalchemy import select
 
 from store.blobs import BlobDamaged, StorageUnavailable, StoredBlob
 from store.blobs.objects import ObjectBlobs
-from store.digests import PIECE_BYTES
+from store.blobs.proof import PIECE_BYTES
 from store.files import Files
 from store.tables import AuditEntry, Blob
 from tests.support.blobs import put, spoil, zero

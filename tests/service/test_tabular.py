@@ -11,7 +11,7 @@ import pytest
 from service import series_texts
 from service.arrow import write_arrow
 from service.tabular import write_csv
-from store.ready.records import read_records, write_record
+from store.ready.rows import read_records, write_record
 
 EXCEL = {
     ("text", "0012"): '="0012"',

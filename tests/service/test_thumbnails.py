@@ -9,7 +9,7 @@ from PIL import Image
 from sqlalchemy import delete
 
 from service.thumbnails import draw_light_thumbnail, draw_thumbnail
-from store.small_previews import reduce_preview
+from store.files import reduce_preview
 from store.tables import FrameRow, Roi, SmallPreview
 
 pytestmark = pytest.mark.either_database

@@ -13,7 +13,7 @@ from PIL import Image
 
 from service.thumbnails import draw_light_thumbnail
 from service.web.fields import describe_fields
-from store.small_previews import reduce_preview
+from store.files import reduce_preview
 from tests.support.house import KEY
 
 STATIC = Path(__file__).parents[2] / "service" / "web" / "static"

@@ -15,8 +15,8 @@ import pytest
 from pydantic import SecretStr
 from sqlalchemy import update
 
-from store.columns import utc_now
 from store.tables import Webhook, WebhookDelivery
+from store.tables.base import utc_now
 from store.webhooks import mend_due
 from worker.webhooks import Deliveries, Unreachable, find_address, is_public
 

@@ -13,8 +13,7 @@ from sqlalchemy import MetaData
 
 from store.database import Database
 from store.migrate import migrate
-from store.revision import list_revisions
-from store.software import read_version
+from store.software import list_revisions, read_version
 from tests.store.test_upgrades import RELEASES
 from tests.support.campaigns import calibrate, published_campaign
 from tests.support.house import House

@@ -2,7 +2,7 @@
 
 from sqlalchemy import select
 
-from store.queries.keys import create_key
+from store.queries.organisations import create_key
 from store.tables import AuditEntry, Camera, Organisation
 
 

@@ -9,8 +9,8 @@ from sqlalchemy import select, text
 from store import audit_check
 from store.audit import digest
 from store.audit_check import Head, check_audit, main
+from store.database import OTHER_SCHEMA_EXIT
 from store.migrate import alembic_config, migrate
-from store.schema import OTHER_SCHEMA_EXIT
 from store.tables import AuditChain, AuditEntry, Organisation
 
 

@@ -3,10 +3,9 @@
 import pytest
 from sqlalchemy import text
 
-from store.audit_check import main
-from store.audit_rows import check_rows
-from store.columns import utc_now
+from store.audit_check import check_rows, main
 from store.tables import AuditEntry, Camera, ChecklistTick, Organisation
+from store.tables.base import utc_now
 from tests.support.campaigns import published_campaign
 from tests.support.everything import make_one_of_each
 

@@ -17,7 +17,7 @@ from store.blobs import (
     prove_file,
 )
 from store.blobs.objects import ObjectBlobs
-from store.digests import PIECE_BYTES
+from store.blobs.proof import PIECE_BYTES
 from tests.support.blobs import files, put, spoil
 from tests.support.s3 import s3_bucket, s3_endpoint  # noqa: F401 (fixtures)
 

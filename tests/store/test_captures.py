@@ -3,7 +3,7 @@
 import pytest
 
 from radiometry.findings import InputRejected, shared
-from store.measuring.captures import Captures
+from store.measuring.plan import Captures
 from store.tables import FrameRow
 
 pytestmark = pytest.mark.either_database

@@ -2,10 +2,10 @@
 
 import pytest
 
-from store.columns import utc_now
 from store.queries.checklist import BY_ITSELF, read_checklist, read_signature, set_tick, sign
+from store.reviews import assess
 from store.tables import Campaign
-from store.verdicts import assess
+from store.tables.base import utc_now
 from tests.support.campaigns import calibrate, upload_campaign
 
 pytestmark = pytest.mark.either_database

@@ -9,8 +9,7 @@ import pytest
 from sqlalchemy import text
 from sqlalchemy.exc import OperationalError
 
-from store.database import Database
-from store.errors import ConnectionLost
+from store.database import ConnectionLost, Database
 from store.migrate import migrate
 from tests.support.proxy import Proxy
 

@@ -9,13 +9,12 @@ import pytest
 from sqlalchemy import event, select, update
 
 from store import jobs
-from store.columns import utc_now
 from store.database import Database
 from store.jobs import Dependency
 from store.queries import campaigns
-from store.queries.jobs import oldest_wait_s
-from store.queries.resource_counts import count_queue
+from store.queries.jobs import count_queue, oldest_wait_s
 from store.tables import Campaign, Job, Organisation
+from store.tables.base import utc_now
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from service.founding import found
 from store.database import Database
 from store.migrate import NewerSchema, alembic_config, find_difference, migrate
 from store.publications import publish
-from store.revision import own_schema
+from store.software import own_schema
 from store.tables import ApiKey, Base, Calibration, ReadyAnswer, ReadyCells, ReadyRow
 from tests.support.compose import ROOT
 from tests.support.versions import add_versions

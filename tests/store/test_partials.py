@@ -6,7 +6,7 @@ import os
 import pytest
 
 from store.blobs import StorageUnavailable
-from store.partials import _STATE, LASTS_S, Facts, OtherOffset, Partials, Superseded
+from store.blobs.partials import _STATE, LASTS_S, Facts, OtherOffset, Partials, Superseded
 
 FACTS = Facts(
     organisation_id="org_1",
@@ -128,6 +128,6 @@ def test_who_reads_while_it_becomes_a_frame_reads_one_state_or_the_other(partial
                 begun.become("frm_1")
             return found
 
-    monkeypatch.setattr("store.partials._STATE", Interrupted())
+    monkeypatch.setattr("store.blobs.partials._STATE", Interrupted())
     assert begun.read_facts().frame_id in {"", "frm_1"}
     assert begun.read_facts().frame_id == "frm_1"

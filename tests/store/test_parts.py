@@ -5,9 +5,9 @@ from datetime import timedelta
 import pytest
 from sqlalchemy import func, select, update
 
-from store.columns import utc_now
-from store.parts import BEAT_EVERY_S, Presence, list_parts
+from store.jobs.processes import BEAT_EVERY_S, Presence, list_parts
 from store.tables import AuditEntry, PartRow
+from store.tables.base import utc_now
 
 
 def parts(database):

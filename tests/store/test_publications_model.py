@@ -23,7 +23,7 @@ from starlette.requests import Request
 
 from service.ready import Wanted, answer_held
 from store import publications
-from store.errors import Conflict
+from store.database import Conflict
 from store.queries.calibrations import history, read_version_statuses
 from store.ready.lookups import find_ready
 from store.tables import Calibration, Camera, Campaign, CoefficientRow, Organisation, Publication, Revocation

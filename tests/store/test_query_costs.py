@@ -9,9 +9,7 @@ from sqlalchemy import event
 
 from bench.filling import copy_frame
 from store.queries.evidence import gather
-from store.ready.coefficient_series import CoefficientSeries
-from store.ready.measurement_series import MeasurementSeries
-from store.ready.series import Asked
+from store.ready.series import Asked, CoefficientSeries, MeasurementSeries
 from store.tables import Campaign
 from tests.support.campaigns import ROI
 

@@ -8,7 +8,7 @@ from sqlalchemy.exc import OperationalError
 
 from store.codec import encode
 from store.queries.checklist import read_checklist
-from store.reviews import Reviews
+from store.reviews import Reviews, assess
 from store.tables import (
     Blob,
     Calibration,
@@ -22,7 +22,6 @@ from store.tables import (
     Revocation,
     Roi,
 )
-from store.verdicts import assess
 from tests.support.campaigns import ROI
 from tests.support.house import CAMERA
 

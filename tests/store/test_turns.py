@@ -9,10 +9,10 @@ import pytest
 from sqlalchemy import insert, update
 
 from store import jobs
-from store.columns import utc_now
 from store.jobs import Dependency
-from store.queues import LANES, QUEUES, WINDOW, touch, unsend_lost
+from store.jobs.queues import LANES, QUEUES, WINDOW, touch, unsend_lost
 from store.tables import Job, Organisation, Turn
+from store.tables.base import utc_now
 
 CARD = 300
 _NUMBERS = count()

@@ -13,8 +13,8 @@ import pytest
 from sqlalchemy import Boolean, LargeBinary, MetaData, text
 
 from service.certificate import Backlog
+from store.audit_check import check_rows
 from store.audit_check import main as check_audit
-from store.audit_rows import check_rows
 from store.blobs import blobs_from_url
 from store.codec import drop_absent
 from store.database import Database

@@ -6,9 +6,9 @@ import pytest
 from sqlalchemy import update
 
 from store import jobs
-from store.columns import utc_now
 from store.tables import Job, Organisation
-from store.upkeep import ClockWatch, mend_times
+from store.tables.base import utc_now
+from worker.upkeep import ClockWatch, mend_times
 
 LEASE_S = 30.0
 HOUR = timedelta(hours=1)

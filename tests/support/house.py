@@ -18,11 +18,11 @@ from service.press.rendering import render
 from service.sessions import Sessions
 from service.shutdown import Traffic
 from store.blobs import LocalBlobs
-from store.columns import utc_now
 from store.database import Database
-from store.queries.keys import ensure_operator
+from store.queries.organisations import ensure_operator
 from store.settings import Settings
 from store.tables import Job
+from store.tables.base import utc_now
 from tests.support.frames import write_frame
 from worker.context import Context as WorkerContext
 from worker.decode.pool import DecoderPool

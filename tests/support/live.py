@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 import uvicorn
 
-from store.queues import Message
+from store.jobs.queues import Message
 from tests.support.fieldwork import Team, new_team
 from tests.support.house import KEY, House
 

@@ -8,10 +8,9 @@ from contextlib import contextmanager, suppress
 import pytest
 from sqlalchemy import text
 
-from store.database import Database
+from store.database import OTHER_SCHEMA_EXIT, Database
 from store.jobs import FINAL_STATES
-from store.queues import QUEUES, Post, make_celery
-from store.schema import OTHER_SCHEMA_EXIT
+from store.jobs.queues import QUEUES, Post, make_celery
 from store.tables import Job
 from tests.support.broker import own_broker
 from tests.support.compose import ROOT

@@ -11,11 +11,11 @@ from sqlalchemy import update
 from sqlalchemy.exc import OperationalError
 
 from store.blobs import StorageUnavailable
-from store.columns import utc_now
 from store.jobs import begin
-from store.parts import Presence, list_parts
-from store.queues import WINDOW
+from store.jobs.processes import Presence, list_parts
+from store.jobs.queues import WINDOW
 from store.tables import Job
+from store.tables.base import utc_now
 from tests.support.campaigns import ROI
 from tests.support.processes import wait_until
 from worker import runner

@@ -4,7 +4,7 @@ import logging
 
 import pytest
 
-from store.sandbox.restrictions import Sandbox
+from store.sandbox import Sandbox
 from worker.decode.pool import DecoderUnavailable
 from worker.process import start_decoders
 

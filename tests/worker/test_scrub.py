@@ -6,9 +6,9 @@ import pytest
 from sqlalchemy import select
 
 from store.audit_check import main as check_audit
-from store.columns import utc_now
 from store.files import Files, count_damaged, find_proof_age_s
 from store.tables import Blob, FrameRow, Job
+from store.tables.base import utc_now
 from tests.support.blobs import spoil, zero
 from worker.scrub import Scrub
 

@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 from radiometry.findings import InputRejected
-from store.sandbox.restrictions import OPEN_FILES, Restrictions, Sandbox
+from store.sandbox import OPEN_FILES, Restrictions, Sandbox
 from worker.decode import messages
 from worker.decode.budget import Budget
 from worker.decode.pieces import start_second_thread

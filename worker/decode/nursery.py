@@ -12,8 +12,7 @@ import threading
 import time
 from typing import Any, Final
 
-from store.sandbox.restrictions import Sandbox
-from store.sandbox.start import build_command, build_environment
+from store.sandbox import Sandbox, build_command, build_environment
 from worker.decode.settings import DecoderLimits
 
 _START_SECONDS: Final = 60.0

@@ -11,7 +11,7 @@ from typing import Final, Self, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from store.digests import DIGEST_BYTES, PIECE_BYTES, count_pieces, digest_piece
+from store.blobs.proof import DIGEST_BYTES, PIECE_BYTES, count_pieces, digest_piece
 
 _READ_ONLY: Final = mmap.ACCESS_READ
 

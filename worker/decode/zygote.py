@@ -19,7 +19,7 @@ from typing import Any, Final, NoReturn
 
 import imagecodecs
 
-from store.sandbox.restrictions import Restrictions, Sandbox
+from store.sandbox import Restrictions, Sandbox
 from worker.decode import cell
 from worker.decode.budget import read_address_space
 from worker.decode.libraw import check_version

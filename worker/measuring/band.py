@@ -11,8 +11,7 @@ from radiometry.frame import Frame
 from radiometry.frame.place import Place
 from radiometry.frame.roi import Polygon, bounding_window
 from radiometry.specification.application import BandApplication
-from store.applied import read_applied
-from store.codec import decode, drop_absent, encode
+from store.codec import decode, drop_absent, encode, read_applied
 from store.measuring.record import Products
 from store.software import read_version
 from worker.maps.making import Made, Subject, draw_map, make_map

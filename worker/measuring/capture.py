@@ -7,8 +7,7 @@ from typing import Any
 
 from radiometry.frame.roi import Polygon
 from radiometry.specification.application import BandApplication
-from store.applied import read_applied
-from store.codec import encode
+from store.codec import encode, read_applied
 from store.measuring.plan import list_others
 from store.measuring.record import Products
 from worker.maps.packet import write_packet

@@ -12,8 +12,7 @@ from PIL import Image
 from radiometry.drawing.svg import WIDEST_PX
 from radiometry.frame import Frame
 from radiometry.specification.application import PictureApplication
-from store.applied import read_applied
-from store.codec import decode_exposure
+from store.codec import decode_exposure, read_applied
 from store.measuring.record import Products
 from store.software import read_version
 from worker.maps.packet import write_packet

@@ -7,11 +7,10 @@ from typing import Any
 from radiometry.frame import FrameHeader
 from radiometry.methods import get_method
 from radiometry.specification.application import SurfaceApplication
-from store.applied import read_applied
-from store.codec import encode
-from store.falloff import read_lens
+from store.codec import encode, read_applied
 from store.measuring.plan import read_request
 from store.measuring.record import Products, read_regions
+from store.measuring.version import read_lens
 from store.software import read_version
 from worker.decode.pool import Readable
 from worker.maps.making import Subject, average_maps, make_map

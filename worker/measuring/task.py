@@ -11,7 +11,7 @@ from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
 from store.blobs import Blobs, StoredBlob
 from store.codec import decode_exposure
-from store.frame_times import read_header
+from store.queries.frame_times import read_header
 from store.software import MEASURER, read_version
 from store.tables import Calibration, FrameRow
 from worker.decode.pool import DecoderPool, Readable

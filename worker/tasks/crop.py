@@ -10,10 +10,10 @@ from sqlalchemy.orm import Session
 
 from radiometry.frame import Frame
 from radiometry.frame.statistics import find_clipped
-from store.columns import new_id
 from store.jobs import Claim
-from store.queries.crops import keep_crop, say_asked
+from store.queries.campaigns import keep_crop, say_asked
 from store.tables import Crop, FrameRow
+from store.tables.base import new_id
 from worker.context import Context
 from worker.tasks.look import read_pixels
 from worker.tasks.outcome import Outcome

@@ -16,7 +16,7 @@ from radiometry.specification.application import FoundRegion
 from store import tables
 from store.blobs import StoredBlob, StoredFile
 from store.codec import decode, decode_header, encode, encode_statistics
-from store.files import keep_blob
+from store.files import keep_blob, keep_small_previews, reduce_preview
 from store.jobs import Claim
 from store.queries.campaigns import Drawing, find_or_add_roi
 from store.queries.frames import (
@@ -30,7 +30,6 @@ from store.queries.frames import (
     whole_frame,
     whole_frame_of,
 )
-from store.small_previews import keep_small_previews, reduce_preview
 from store.tables import Blob, Campaign, Extraction, FrameRow, Roi
 from worker.context import Context
 from worker.decode.pool import DecoderCrashed

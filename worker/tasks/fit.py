@@ -5,9 +5,9 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from radiometry import methods
-from store.falloff import correct
 from store.fits import leave_out_doubtful, make_version, read_params, write_version
 from store.jobs import Claim
+from store.measuring.version import correct
 from store.queries.evidence import gather
 from store.tables import Campaign
 from worker.context import Context

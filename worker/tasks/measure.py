@@ -12,9 +12,8 @@ from radiometry.specification.application import BandApplication, PictureApplica
 from store.blobs import StoredFile
 from store.codec import decode_header, encode
 from store.jobs import Claim
-from store.measuring.plan import list_others
+from store.measuring.plan import list_others, read_proof, require_whole
 from store.measuring.record import Products, find_measurement, has_lost_products, write_measurement
-from store.measuring.requirements import read_proof, require_whole
 from store.tables import Calibration, FrameRow, Measurement
 from worker.context import Context
 from worker.decode.pool import DecoderCrashed, Readable

@@ -12,11 +12,11 @@ from radiometry.findings import InputRejected
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.roi import Polygon
 from radiometry.specification.application import FoundBy
-from store.blobs.errors import BlobDamaged
+from store.blobs.proof import BlobDamaged
 from store.codec import decode_header
 from store.jobs import enqueue_extraction
+from store.queries.usage import add_jobs
 from store.tables import Campaign, FrameRow, Roi
-from store.usage import add_jobs
 from worker.context import Context
 from worker.decode.pool import DecoderCrashed
 

@@ -13,8 +13,8 @@ from service.operations import Router
 from service.problems import Problem
 from service.web.charts import View, draw_figure, send_svg
 from service.web.rendering import SignedInPage
+from store.queries.calibrations import list_flight
 from store.queries.evidence import gather
-from store.queries.flight import list_flight
 from store.tables import Calibration, Camera, Campaign
 
 router = Router(include_in_schema=False)

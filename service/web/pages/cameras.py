@@ -18,10 +18,10 @@ from service.web.charts import View, draw_figure, send_svg
 from service.web.determinations import build_drift, build_fleet
 from service.web.lifetimes import build_lives, build_values
 from service.web.rendering import SignedInPage
-from store.columns import utc_now
+from store.queries.calibrations import list_lifetimes
 from store.queries.fleet import list_determinations
-from store.queries.validity import list_lifetimes
 from store.tables import Calibration, Camera
+from store.tables.base import utc_now
 
 router = Router(include_in_schema=False)
 

@@ -8,7 +8,7 @@ from service.context import UsesContext
 from service.lookup import Id, owned
 from service.routes.rigs import Versions
 from service.web.rendering import SignedInPage
-from store.queries.rigs import METHOD, SPEC, list_cameras
+from store.queries.fleet import METHOD, SPEC, list_cameras
 from store.tables import Rig
 
 router = APIRouter(include_in_schema=False)

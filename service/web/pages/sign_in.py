@@ -15,9 +15,9 @@ from service.context import Context, UsesContext
 from service.problems import Problem
 from service.sessions import SESSION_S
 from service.web.rendering import render
-from store.columns import utc_now
-from store.queries.keys import find_ended_key, find_key
+from store.queries.organisations import find_ended_key, find_key
 from store.tables import ApiKey, WebSession
+from store.tables.base import utc_now
 
 router = APIRouter(include_in_schema=False)
 

@@ -15,8 +15,7 @@ import pytest
 
 from radiometry.findings import InputRejected, files
 from simulation.tiff import LONG
-from store.sandbox.calls import build_filter
-from store.sandbox.restrictions import Restrictions, Sandbox
+from store.sandbox import Restrictions, Sandbox, build_filter
 from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
 from worker.decode import nursery, reader, warmup
 from worker.decode.pool import DecoderCrashed, DecoderKilled, DecoderLimits, DecoderPool
@@ -98,7 +97,7 @@ def test_the_same_probe_outside_a_cell_reaches_the_world(world):
 @linux
 def test_landlock_alone_holds_on_the_second_thread_too():
     code = """
-from store.sandbox.restrictions import Restrictions
+from store.sandbox import Restrictions
 from worker.decode import pieces
 restrictions = Restrictions()
 restrictions._filter = []

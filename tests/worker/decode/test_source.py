@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from store.digests import PIECE_BYTES, PieceDigester
+from store.blobs.proof import PIECE_BYTES, PieceDigester
 from worker.decode.budget import allow_all
 from worker.decode.opened import open_source
 from worker.decode.source import Source, SourceDamagedError

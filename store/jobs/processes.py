@@ -1,25 +1,46 @@
-"""Heartbeats: which service and worker processes run, and whether their work goes on.
-
-The row of a process says two things: that the process was there (`seen_at`), and that the loop that does its
-work went on (`worked_at`). A thread that lives on beside a hung loop renews the first and not the second.
-"""
+"""Processes of service and worker: heartbeats, chores beside their work, and how long their jobs took."""
 
 import itertools
+import logging
 import os
 import socket
+import threading
 import time
-from collections.abc import Mapping
+from bisect import bisect_left
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import datetime, timedelta
-from typing import Any, Literal
+from functools import partial
+from typing import Any, Final, Literal
 
 from sqlalchemy import ColumnElement, CursorResult, delete, insert, or_, select, update
 from sqlalchemy.exc import IntegrityError, SQLAlchemyError
 from sqlalchemy.orm import Session
 
-from store.columns import utc_now
-from store.database import Database
+from store.blobs import Blobs, StorageUnavailable
+from store.blobs.partials import Partials
+from store.database import Database, SchemaDiffers, summarise
 from store.tables import PartRow
+from store.tables.base import utc_now
+from store.tables.job import KINDS
+
+BOUNDS_S: Final = (0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0, 60.0, 300.0, 1800.0)
+
+
+class Durations:
+    """The jobs of one process by kind: how many took at most each bound, beyond the last, and their sum [s].
+
+    `found` is one JSON object for the life of the process and never changes its shape: a heartbeat may
+    write it while a job ends.
+    """
+
+    def __init__(self) -> None:
+        self.found = {kind: [0.0] * (len(BOUNDS_S) + 2) for kind in KINDS}
+
+    def observe(self, kind: str, seconds: float) -> None:
+        self.found[kind][bisect_left(BOUNDS_S, seconds)] += 1
+        self.found[kind][-1] += seconds
+
 
 Kind = Literal["service", "worker"]
 State = Literal["working", "hung", "gone"]
@@ -166,3 +187,45 @@ def list_parts(session: Session) -> list[Part]:
         )
         for row in session.scalars(select(PartRow).order_by(PartRow.started_at, PartRow.id))
     ]
+
+
+log = logging.getLogger(__name__)
+
+_AFTER_FAULT_S: Final = 10.0
+_FLOOR_EVERY_S: Final = 3600.0
+_ABANDONED_AFTER_S: Final = 24 * 3600.0
+
+
+def repeat(name: str, chore: Callable[[], float]) -> None:
+    """Do a chore until the process ends, each time after the pause [s] that the last one returned."""
+    threading.Thread(target=_repeat, args=[name, chore], name=name, daemon=True).start()
+
+
+def _repeat(name: str, chore: Callable[[], float]) -> None:
+    trouble = ""
+    while True:
+        try:
+            pause_s = chore()
+            if trouble:
+                log.warning("%s: works again", name)
+            trouble = ""
+        except SchemaDiffers:
+            return
+        except (SQLAlchemyError, StorageUnavailable, OSError) as error:
+            pause_s = _AFTER_FAULT_S
+            if not trouble:
+                trouble = summarise(error)
+                log.warning("%s: fails until further notice: %s", name, trouble)
+        time.sleep(pause_s)
+
+
+def sweep_floor(blobs: Blobs, partials: Partials) -> None:
+    """Remove every hour what killed uploads left a day ago, and uploads in pieces that have expired."""
+    repeat("floor", partial(_sweep_floor, blobs, partials))
+
+
+def _sweep_floor(blobs: Blobs, partials: Partials) -> float:
+    removed = blobs.sweep_temporary(_ABANDONED_AFTER_S) + partials.sweep()
+    if removed:
+        log.info("removed %d abandoned uploads", removed)
+    return _FLOOR_EVERY_S

@@ -16,9 +16,9 @@ from sqlalchemy import ColumnElement, CursorResult, select, update
 from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
-from store.columns import new_id, utc_now
-from store.queues import IS_QUEUED, LANES, is_held_back, touch
+from store.jobs.queues import IS_QUEUED, LANES, is_held_back, touch
 from store.tables import FrameRow, Job
+from store.tables.base import new_id, utc_now
 from store.webhooks import EventName, announce
 
 RETRIED_FOR = timedelta(days=1)

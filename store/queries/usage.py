@@ -16,10 +16,10 @@ from sqlalchemy import func, select, update
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
-from store.columns import utc_now
-from store.partials import Facts, Partials
+from store.blobs.partials import Facts, Partials
 from store.settings import Settings
 from store.tables import Blob, Campaign, FrameRow, Job, Organisation, Usage
+from store.tables.base import utc_now
 
 Quota = Literal["stored_bytes", "frames", "jobs_waiting"]
 

@@ -1,0 +1,418 @@
+"""Ready rows: a publication with its answer, and a measurement as a row of a series."""
+
+import csv
+import hashlib
+import json
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from datetime import UTC, datetime
+from typing import Any, Final
+
+from pydantic_core import to_json
+from sqlalchemy import insert, select, update
+from sqlalchemy.orm import Session
+
+from radiometry.methods import get_method
+from radiometry.specification.application import PictureApplication, SurfaceApplication
+from store.codec import read_applied
+from store.queries.frame_times import Zones, read_frame_time
+from store.tables import (
+    Base,
+    Calibration,
+    Camera,
+    CoefficientRow,
+    FrameRow,
+    MeasuredRow,
+    Measurement,
+    Publication,
+    ReadyAnswer,
+    ReadyCells,
+    ReadyRow,
+)
+
+Value = str | float | int | None
+
+_PLAIN: Final = re.compile(r"(?:[\w%°(][\w%°(). :/*+-]*)?")
+"""Texts that every reader takes as they are: CSV and JSON, and a spreadsheet for no formula."""
+
+
+def write_record(values: Iterable[Value]) -> str:
+    """Write a CSV record without its line end; an absent value is an empty cell."""
+    return ",".join(map(_write, values))
+
+
+def is_plain(records: str) -> bool:
+    """Return True if no cell is quoted: each comma ends one, and each text is one that all readers take."""
+    return '"' not in records
+
+
+def split_records(records: Sequence[str]) -> list[Sequence[str]]:
+    """Split records into columns of cells."""
+    joined = ",".join(records)
+    if not is_plain(joined):
+        return list(zip(*csv.reader(records), strict=True))
+    # one list of all cells: a list for each record would be collected as garbage time and again
+    cells, width = joined.split(","), records[0].count(",") + 1
+    return [cells[place::width] for place in range(width)]
+
+
+def read_records(lines: str) -> list[str]:
+    """Return the records of a text that has one a line; a quoted cell may have lines of its own."""
+    if is_plain(lines):
+        return lines.split("\n") if lines else []
+    records: list[str] = []
+    for line in lines.split("\n"):
+        if records and records[-1].count('"') % 2:
+            records[-1] += f"\n{line}"
+        else:
+            records.append(line)
+    return records
+
+
+def _write(value: Value) -> str:
+    if value is None:
+        return ""
+    if not isinstance(value, str):
+        # repr gives a float its shortest exact form
+        return repr(value)
+    return value if _PLAIN.fullmatch(value) else '"' + value.replace('"', '""') + '"'
+
+
+_ITEM = ("name", "value", "standard_uncertainty", "unit", "iso", "f_number", "band", "channel", "model")
+
+
+def show_instant(instant: datetime) -> str:
+    """Format an instant for a sentence, to the second."""
+    return write_instant(instant.replace(microsecond=0))
+
+
+def write_instant(instant: datetime) -> str:
+    """Format an instant in UTC as RFC 3339 does."""
+    return instant.astimezone(UTC).isoformat().replace("+00:00", "Z")
+
+
+def describe_validity(version: int, publication: Publication) -> str:
+    """Return which version is in force and for how long, as the beginning of a sentence."""
+    end = f"to {show_instant(publication.valid_to)}" if publication.valid_to else "on"
+    return f"version {version} is in force from {show_instant(publication.valid_from)} {end}"
+
+
+def write_ready(session: Session, publications: list[Publication]) -> None:
+    """Write the ready rows of publications, which the session has flushed."""
+    ids = list({row.calibration_id for row in publications})
+    versions = {row.id: row for row in session.scalars(select(Calibration).where(Calibration.id.in_(ids)))}
+    coefficients: dict[str, list[CoefficientRow]] = {each: [] for each in ids}
+    owned = select(CoefficientRow).where(CoefficientRow.calibration_id.in_(ids))
+    for each in session.scalars(owned.order_by(CoefficientRow.position)):
+        coefficients[each.calibration_id].append(each)
+    made = [
+        make_ready(row, versions[row.calibration_id], coefficients[row.calibration_id])
+        for row in publications
+    ]
+    for table in (ReadyRow, ReadyAnswer, ReadyCells):
+        session.execute(insert(table), [each[table] for each in made])
+
+
+def make_ready(
+    publication: Publication,
+    calibration: Calibration,
+    coefficients: list[CoefficientRow],
+) -> dict[type[Base], dict[str, Any]]:
+    """Return the columns of a publication's ready row, of its answer and of its cells, by table."""
+    ready = {
+        "publication_id": publication.id,
+        "slot_id": publication.slot_id,
+        "organisation_id": calibration.organisation_id,
+        "camera_id": calibration.camera_id,
+        "campaign_id": calibration.campaign_id,
+        "method": calibration.method,
+        "calibration_id": calibration.id,
+        "version": calibration.version,
+        "computed_at": calibration.created_at,
+        "valid_from": publication.valid_from,
+        "valid_to": publication.valid_to,
+        "known_from": publication.known_from,
+        "known_to": publication.known_to,
+        "coefficients": len(coefficients),
+    }
+    records = _write_records(publication, calibration, coefficients)
+    return {
+        ReadyRow: ready,
+        ReadyAnswer: _write_answer(publication, calibration, coefficients),
+        ReadyCells: {"publication_id": publication.id, "cells": records},
+    }
+
+
+def close_ready(session: Session, publication: Publication) -> None:
+    """End the knowledge of a ready row with that of its publication."""
+    closing = update(ReadyRow).where(ReadyRow.publication_id == publication.id)
+    session.execute(closing.values(known_to=publication.known_to))
+
+
+def _write_answer(
+    publication: Publication, calibration: Calibration, coefficients: list[CoefficientRow]
+) -> dict[str, Any]:
+    why = (
+        f"{describe_validity(calibration.version, publication)}, known since "
+        f"{show_instant(publication.known_from)}: {publication.reason}"
+    )
+    more = {
+        "calibration_id": calibration.id,
+        "version": calibration.version,
+        "valid_from": write_instant(publication.valid_from),
+        "valid_to": write_instant(publication.valid_to) if publication.valid_to else None,
+        "why": why,
+    }
+    spec = get_method(calibration.method)
+    items: list[dict[str, Any]] = []
+    for row in coefficients:
+        scope = spec.find_scope(row.name, row.flags)
+        item = {name: getattr(row, name) for name in _ITEM}
+        item |= {"flags": row.flags, "uncertainty_scope": scope, **more}
+        items.append({name: value for name, value in item.items() if value is not None})
+    content = to_json(items)
+    foreseen = _foresee(calibration, coefficients)
+    general = {key_of(item) for item in items if "f_number" not in item}
+    return {
+        "publication_id": publication.id,
+        "etag": hashlib.sha256(content + (foreseen or "").encode()).hexdigest()[:32],
+        "whole": not any("f_number" in item and key_of(item) in general for item in items),
+        "foreseen": foreseen,
+        "items": content,
+    }
+
+
+def _write_records(
+    publication: Publication, calibration: Calibration, coefficients: list[CoefficientRow]
+) -> str:
+    """Write the rows of a series of coefficients, a line each, without the camera and its names."""
+    ended = write_instant(publication.valid_to) if publication.valid_to else None
+    tail = (
+        *(write_instant(publication.valid_from), ended),
+        *(calibration.campaign_id, write_instant(calibration.created_at)),
+    )
+    return "\n".join(
+        write_record(
+            (
+                *(calibration.method, calibration.version, calibration.id, row.name, float(row.value)),
+                *(float(row.standard_uncertainty), row.unit, *map(_as_float, (row.iso, row.f_number))),
+                *(row.band, row.channel, row.model, " ".join(row.flags), *tail),
+            )
+        )
+        for row in coefficients
+    )
+
+
+def _as_float(value: float | None) -> float | None:
+    return None if value is None else float(value)
+
+
+def key_of(item: dict[str, Any]) -> tuple[object, ...]:
+    """Return what a coefficient is of, apart from its f-number."""
+    return tuple(item.get(name) for name in ("name", "iso", "band", "channel", "model"))
+
+
+def _foresee(calibration: Calibration, coefficients: list[CoefficientRow]) -> str | None:
+    """Return the standard uncertainty of each general headline coefficient at an uncalibrated f-number."""
+    spec = get_method(calibration.method)
+    general = [
+        (place, row)
+        for place, row in enumerate(coefficients)
+        if row.f_number is None and row.name == spec.coefficients[0].name
+    ]
+    if not general or not isinstance(spec.application, SurfaceApplication):
+        return None
+    applied = read_applied(calibration)
+    return json.dumps({place: spec.application.foresee(applied, iso=row.iso) for place, row in general})
+
+
+_FIGURES = {
+    "mean": "cd_m2",
+    "min": "cd_m2",
+    "max": "cd_m2",
+    "median": "cd_m2",
+    "illuminance": "lx",
+    "l_av_cd_m2": "",
+    "l_min_cd_m2": "",
+    "l_max_cd_m2": "",
+    "u_o": "",
+    "average_to_min": "",
+    "max_to_min": "",
+    "grid_illuminance": "lx",
+}
+_STORED = {"min": "smallest", "max": "largest", "illuminance": "illuminance_lx"}
+"""Names in a result that differ from those of the answer."""
+_PLACE = ("taken_at", "latitude_deg", "longitude_deg", "altitude_m")
+_PIXELS = ("mean", "min", "max", "median")
+_SHARES = ("below_zero_share", "above_one_share")
+_LIGHT = ("i_ss", "i_ss_oriented", "i_ss_basis")
+_PERCENTS = (5, 10, 90, 95)
+_BODY = ("make", "model_name", "serial")
+
+
+def _with_u(*names: str) -> Iterator[str]:
+    return (f"{name}{suffix}" for name in names for suffix in ("", "_standard_uncertainty"))
+
+
+_NAMES = {figure: f"{figure}_{unit}" if unit else figure for figure, unit in _FIGURES.items()}
+COLUMNS = (
+    *("id", "frame_id", "filename", *_PLACE),
+    *("calibration_id", "calibration_version", "calibration_state", "region_origin", "pixels", "frames"),
+    *_with_u(*_NAMES.values()),
+    *(f"p{percent}_cd_m2" for percent in _PERCENTS),
+    *_with_u(*(f"{figure}_reflectance" for figure in _PIXELS)),
+    *(f"p{percent}_reflectance" for percent in _PERCENTS),
+    *("index", *_with_u("index_value"), *_SHARES, "saturated_share", "vignetting", "signal"),
+    *("flags", "created_at", "camera_id", *_BODY, "campaign_id", "method"),
+    *_LIGHT,
+)
+KINDS: dict[str, type] = dict.fromkeys(
+    (
+        *("id", "frame_id", "filename", "taken_at", "calibration_id", "calibration_state", "region_origin"),
+        *("index", "i_ss_basis", "vignetting", "signal", "flags", "created_at"),
+        *("camera_id", *_BODY, "campaign_id", "method"),
+    ),
+    str,
+) | dict.fromkeys(("calibration_version", "pixels", "frames"), int)
+"""Types of the columns that are not numbers with a fraction."""
+STATE, FLAGS = COLUMNS.index("calibration_state"), COLUMNS.index("flags")
+"""Columns that decisions change: the state is empty in a stored row, and the flags lack those of it."""
+BODY = slice(COLUMNS.index(_BODY[0]), COLUMNS.index(_BODY[-1]) + 1)
+"""Columns of the camera's names, which may be corrected: a stored row has them as they were."""
+
+
+def make_measured(
+    row: Measurement, frame: FrameRow, calibration: Calibration, camera: Camera
+) -> dict[str, Any]:
+    """Return the columns of a measurement's row."""
+    spec = get_method(row.method)
+    taken = read_frame_time(frame, Zones(campaign=row.parameters.get("time_zone")))
+    named = row.parameters.get(spec.corrected_by) if spec.corrected_by else None
+    cells = _describe(row, frame, calibration, camera)
+    return {
+        "measurement_id": row.id,
+        "organisation_id": row.organisation_id,
+        "camera_id": camera.id,
+        "campaign_id": row.campaign_id,
+        "calibration_id": row.calibration_id,
+        "corrector_id": named["calibration_id"] if named else None,
+        "taken_from": taken.earliest if taken else row.created_at,
+        "taken_to": taken.latest if taken else None,
+        "created_at": row.created_at,
+        "cells": write_record(_take(name, cells.get(name)) for name in COLUMNS),
+    }
+
+
+def _describe(row: Measurement, frame: FrameRow, calibration: Calibration, camera: Camera) -> dict[str, Any]:
+    result, header = row.result, frame.header or {}
+    cells: dict[str, Any] = {
+        "id": row.id,
+        "frame_id": row.frame_id,
+        "filename": frame.filename,
+        **{name: header.get(name) for name in _PLACE},
+        "calibration_id": calibration.id,
+        "calibration_version": calibration.version,
+        "region_origin": row.parameters["region_origin"],
+        "pixels": result.get("pixels"),
+        "frames": 1 + len(row.parameters.get("repeats", ())),
+        "saturated_share": result.get("saturated_share"),
+        "flags": " ".join(
+            dict.fromkeys((*_flags_of(result["flags"]), *_flags_of(list_passed(calibration, frame))))
+        ),
+        "created_at": write_instant(row.created_at),
+        "camera_id": camera.id,
+        "make": camera.make,
+        "model_name": camera.model,
+        "serial": camera.serial,
+        "campaign_id": row.campaign_id,
+        "method": row.method,
+        "vignetting": result.get("vignetting", "file"),
+    }
+    application = get_method(row.method).application
+    if isinstance(application, PictureApplication):
+        return cells | {"vignetting": "none", "signal": "".join(result["undistorted"]["planes"])}
+    if isinstance(application, SurfaceApplication):
+        surface = result["surface"] or {}
+        found = {name: result.get(_STORED.get(name, name), surface.get(name)) for name in _FIGURES}
+        found["grid_illuminance"] = surface.get("illuminance_lx")
+        names, unit = _NAMES, "luminance"
+        cells |= {"signal": result["channel"]}
+    elif "index" in result:
+        found, names, unit = {"mean": result["value"]}, {"mean": "index_value"}, ""
+        cells |= {"signal": result["index"], "index": result["index"]}
+    elif "radiance" in result:
+        # stored rows have no column for it
+        return cells | {"signal": f"radiance {result['radiance']}"}
+    else:
+        found = {name: result[_STORED.get(name, name)] for name in _PIXELS}
+        names, unit = {name: f"{name}_reflectance" for name in _PIXELS}, "reflectance"
+        cells |= {"signal": result["band"], **{name: result.get(name) for name in (*_SHARES, *_LIGHT)}}
+    for figure, quantity in found.items():
+        if quantity is not None:
+            cells[names[figure]] = quantity["value"]
+            cells[f"{names[figure]}_standard_uncertainty"] = quantity["standard_uncertainty"]
+    suffix = "cd_m2" if unit == "luminance" else unit
+    for entry in result.get("percentiles", ()):
+        if entry.get(unit):
+            cells[f"p{entry['percent']}_{suffix}"] = entry[unit]["value"]
+    return cells
+
+
+def _flags_of(raised: list[dict[str, Any]]) -> list[str]:
+    return [each["flag"] for each in raised]
+
+
+def list_passed(calibration: Calibration, frame: FrameRow) -> list[dict[str, Any]]:
+    """Return those flags with their place and detail."""
+    iso = (frame.exposure or {}).get("iso")
+    places = {"", *([f"iso {iso:g}"] if iso else [])}
+    passed_on = get_method(calibration.method).passed_on
+    return [
+        raised
+        for raised in calibration.result["flags"]
+        if raised["where"] in places and raised["flag"] in passed_on
+    ]
+
+
+def _take(name: str, value: Any) -> Value:  # noqa: ANN401  of the column's kind
+    kind: type[str | int | float] = KINDS.get(name, float)
+    return None if value is None else kind(value)
+
+
+def read_row(cells: Mapping[str, str]) -> dict[str, Any]:
+    """Return the cells of a row with their types; empty ones are left out."""
+    return {name: KINDS.get(name, float)(text) for name, text in cells.items() if text or name == "flags"}
+
+
+_PAGE = 500
+
+
+def write_missing(session: Session) -> None:
+    """Write the rows that are missing, a page at a time; they are derived, so that none is lost."""
+    unready = (
+        select(Publication)
+        .outerjoin(ReadyRow, ReadyRow.publication_id == Publication.id)
+        .where(ReadyRow.publication_id.is_(None))
+        .order_by(Publication.id)
+        .limit(_PAGE)
+    )
+    last = ""
+    while rows := list(session.scalars(unready.where(Publication.id > last))):
+        last = rows[-1].id
+        write_ready(session, rows)
+        session.expunge_all()
+    unmeasured = (
+        select(Measurement, FrameRow, Calibration, Camera)
+        .join(FrameRow, FrameRow.id == Measurement.frame_id)
+        .join(Calibration, Calibration.id == Measurement.calibration_id)
+        .join(Camera, Camera.id == Calibration.camera_id)
+        .outerjoin(MeasuredRow, MeasuredRow.measurement_id == Measurement.id)
+        .where(MeasuredRow.measurement_id.is_(None))
+        .order_by(Measurement.id)
+        .limit(_PAGE)
+    )
+    last = ""
+    while found := session.execute(unmeasured.where(Measurement.id > last)).all():
+        last = found[-1][0].id
+        session.execute(insert(MeasuredRow), [make_measured(*row) for row in found])
+        session.expunge_all()

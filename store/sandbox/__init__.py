@@ -1,1 +1,0 @@
-"""Processes that the kernel shuts in: they parse files of strangers and render documents of their content."""
