@@ -288,10 +288,6 @@ def _manage(http: httpx.Client) -> None:
     _send(http, "DELETE", "sessions")
     _send(http, "DELETE", f"keys/{key['id']}")
     _post(http, "organisations", {"name": "City of Lansing"})
-    hook = {"url": "https://board.example/stilb", "events": ["calibration.published", "job.failed"]}
-    hook_id = _post(http, "webhooks", hook)["id"]
-    _post(http, f"webhooks/{hook_id}/test", {})
-    _send(http, "PATCH", f"webhooks/{hook_id}", {"enabled": False})
     _post(http, "jobs/retry", {"state": "failed", "code": "temporarily_unavailable"})
     _post(http, "jobs/dismiss", {"state": "failed", "code": "not_a_raw_file"})
 

@@ -18,7 +18,6 @@ from service.routes import problems
 from service.schemas.fits import NewCalibration, describe_requests
 from service.schemas.methods import describe_versions
 from service.tabular import write_csv
-from service.upload_headers import PIECES
 
 _EXAMPLES = Path(__file__).with_name("examples.json")
 """What `make examples` recorded, by the name of the schema."""
@@ -46,7 +45,7 @@ _EXAMPLES_OF = {
 _PROBLEM = "application/problem+json"
 ALSO_ACCEPTS = "x-also-accepts"
 """Media types of a request's body beside those of `content`, and as they are stated there."""
-_OTHER_FORMS = {"application/json": "text/csv", "application/octet-stream": "text/csv", PIECES[0]: PIECES[1]}
+_OTHER_FORMS = {"application/json": "text/csv", "application/octet-stream": "text/csv"}
 
 Node = dict[str, Any]
 

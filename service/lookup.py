@@ -25,8 +25,6 @@ from store.tables import (
     Reading,
     Recall,
     Rig,
-    Webhook,
-    WebhookDelivery,
     WebSession,
 )
 
@@ -50,8 +48,6 @@ _WORDS: dict[type[Base], str] = {
     Reading: "reading",
     Rig: "rig",
     WebSession: "session",
-    Webhook: "webhook",
-    WebhookDelivery: "delivery",
 }
 
 
@@ -102,7 +98,5 @@ def _find(
 def _organisation_of(session: Session, row: Base) -> str:
     if isinstance(row, FrameRow | Reading):
         return session.get_one(Campaign, row.campaign_id).organisation_id
-    if isinstance(row, WebhookDelivery):
-        return session.get_one(Webhook, row.webhook_id).organisation_id
     organisation_id: str = row.organisation_id  # type: ignore[attr-defined]
     return organisation_id

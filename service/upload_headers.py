@@ -1,4 +1,4 @@
-"""Headers of tus 1.0.0 and of the IETF's draft of resumable uploads."""
+"""Headers of tus 1.0.0."""
 
 import base64
 import hashlib
@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from email.utils import format_datetime
 from typing import Annotated, Final
 
-from fastapi import Depends, Header, Request, Response
+from fastapi import Depends, Header, Response
 from pydantic import ValidationError
 from pydantic.config import JsonDict
 
@@ -20,9 +20,8 @@ from service.schemas.frames import Upload
 from store.blobs.partials import Facts, Partial
 
 TUS: Final = "1.0.0"
-_DRAFT: Final = "6"
-PIECES: Final = ("application/offset+octet-stream", "application/partial-upload")
-"""Media types of a piece: of tus, and of the IETF's draft."""
+PIECE: Final = "application/offset+octet-stream"
+"""Media type of a piece."""
 _OF_BROWSERS: Final = frozenset({"name", "type", "filetype", "relativePath"})
 """What uploaders of browsers say of any file."""
 _COUNT: Final = r"^[0-9]{1,15}$"
@@ -34,14 +33,6 @@ class UploadHeaders:
     """Statements of a request in headers; what is absent is None."""
 
     tus_version: Annotated[str | None, Header(alias="Tus-Resumable", description="`1.0.0`, of tus.")] = None
-    complete: Annotated[
-        str | None,
-        Header(
-            alias="Upload-Complete",
-            pattern=r"^\?[01]$",
-            description="Of the IETF's draft: `?1` with the last byte, `?0` before.",
-        ),
-    ] = None
     offset: Annotated[
         str | None,
         Header(
@@ -54,7 +45,7 @@ class UploadHeaders:
         str | None,
         Header(
             alias="Upload-Length",
-            description="Size of the whole file [bytes], in digits; needed unless the body is all of it.",
+            description="Size of the whole file [bytes], in digits; needed where an upload begins.",
             json_schema_extra=_COUNTED,
         ),
     ] = None
@@ -79,7 +70,7 @@ class UploadHeaders:
     @property
     def is_piece(self) -> bool:
         """Return True if the body is a piece of a file."""
-        return self.media_type.partition(";")[0].strip() in PIECES
+        return self.media_type.partition(";")[0].strip() == PIECE
 
 
 UsesHeaders = Annotated[UploadHeaders, Depends()]
@@ -93,13 +84,10 @@ class FrameSaid(Upload):
 
 
 def check_protocol(headers: UploadHeaders) -> None:
-    """Refuse a client that speaks neither protocol."""
-    if headers.tus_version != TUS and headers.complete is None:
-        raise Problem(
-            interface.UPLOAD_VERSION,
-            "Send Tus-Resumable: 1.0.0 (tus), or Upload-Complete (the IETF's resumable uploads).",
-            headers={"Tus-Version": TUS},
-        )
+    """Refuse a client that does not speak tus."""
+    if headers.tus_version != TUS:
+        detail = "Send Tus-Resumable: 1.0.0."
+        raise Problem(interface.UPLOAD_VERSION, detail, headers={"Tus-Version": TUS})
 
 
 def read_count(text: str | None, name: str) -> int:
@@ -159,18 +147,15 @@ def read_checksum(text: str | None) -> bytes | None:
     return value
 
 
-def answer(request: Request, partial: Partial, facts: Facts, status: int) -> Response:
-    """State how far an upload is, in the words of both protocols."""
+def answer(partial: Partial, facts: Facts, status: int) -> Response:
+    """State how far an upload is."""
     headers = {
         "Tus-Resumable": TUS,
         "Upload-Offset": str(partial.read_offset()),
         "Upload-Length": str(facts.size_bytes),
-        "Upload-Complete": "?1" if facts.frame_id else "?0",
         "Upload-Expires": format_datetime(datetime.fromtimestamp(facts.expires_at, UTC), usegmt=True),
         "Cache-Control": "no-store",
     }
-    if "upload-draft-interop-version" in request.headers:
-        headers["Upload-Draft-Interop-Version"] = _DRAFT
     if facts.frame_id:
         headers["Content-Location"] = f"/v1/frames/{facts.frame_id}"
     if facts.job_id:

@@ -10,7 +10,6 @@ from stilb.resources.organisation import Organisation
 from stilb.resources.receipts import Receipts
 from stilb.resources.rigs import Rigs
 from stilb.resources.system import System
-from stilb.resources.webhooks import Webhooks
 
 
 class Client(
@@ -24,7 +23,6 @@ class Client(
     Organisation,
     Receipts,
     System,
-    Webhooks,
 ):
     """A connection to one calibration service, for one key. Use it as a context manager.
 

@@ -20,7 +20,6 @@ from store.queries.frames import extractor_of, is_told
 from store.software import FIT_CODE_VERSION, read_version
 from store.tables import Calibration, Camera, Campaign, CoefficientRow, Roi
 from store.tables.base import new_id
-from store.webhooks import announce, describe_version
 
 _UNTOLD = "nobody has said what is photographed: describe the board in the campaign's target"
 
@@ -127,7 +126,6 @@ def write_version(session: Session, new: NewVersion) -> Calibration:
     number = next_version(session, new.columns["camera_id"], new.columns["method"])
     calibration = Calibration(id=new_id("cal"), version=number, **new.columns)
     session.add(calibration)
-    announce(session, calibration.organisation_id, "calibration.created", describe_version(calibration))
     session.flush()
     for position, columns in enumerate(new.coefficients):
         session.add(CoefficientRow(calibration_id=calibration.id, position=position, **columns))

@@ -15,7 +15,6 @@ from store.files import keep_blobs
 from store.ready.rows import close_ready, describe_validity, write_ready
 from store.tables import Calibration, IssuedCertificate, Publication, Revocation, Slot
 from store.tables.base import Json, utc_now
-from store.webhooks import announce, describe_version
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +67,6 @@ def publish(
     ]
     session.flush()
     session.add(row)
-    announce(session, calibration.organisation_id, "calibration.published", describe_version(calibration))
     session.flush()
     write_ready(session, [*remainders, row])
     return row
@@ -88,7 +86,6 @@ def revoke(session: Session, calibration: Calibration, *, reason: str, by: str) 
     if session.get(Revocation, calibration.id):
         return
     now = _next_instant(session, slot)
-    announce(session, calibration.organisation_id, "calibration.revoked", describe_version(calibration))
     session.add(Revocation(calibration_id=calibration.id, reason=reason, revoked_by=by, revoked_at=now))
     for row in _open_rows(session, slot):
         if row.calibration_id == calibration.id:

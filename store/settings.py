@@ -1,8 +1,5 @@
 """Settings, which every process reads once, in its main, and secrets that an installation makes itself."""
 
-import base64
-import hashlib
-import hmac
 import os
 import re
 import secrets
@@ -70,13 +67,11 @@ class Settings(BaseSettings):
     key: SecretStr = SecretStr("")
     session_secret: SecretStr = SecretStr("")
     signing_key: SecretStr = SecretStr("")
-    webhook_key: SecretStr = SecretStr("")
     cors_origins: str = ""
     allowed_hosts: str = ""
     database_url: str = ""
     database_password: SecretStr = SecretStr("")
     database_timeout_s: Seconds = 30.0
-    webhook_hosts: str = ""
     broker_url: str = ""
     blobs_url: str = ""
     max_upload_bytes: int = Field(default=2 * 1024**3, gt=0)
@@ -101,10 +96,6 @@ class Settings(BaseSettings):
     decoder_cpu_s: int = Field(default=60, ge=1, le=86_400)
     decoder_wall_s: Seconds = 120.0
     decoder_sandbox: Literal["auto", "require"] = "auto"
-
-    @property
-    def private_webhook_hosts(self) -> frozenset[str]:
-        return frozenset(each.strip().lower() for each in self.webhook_hosts.split(",") if each.strip())
 
     @property
     def effective_database_url(self) -> str:
@@ -255,11 +246,3 @@ def keep_secret(path: Path) -> bytes:
         finally:
             draft.unlink()
     return path.read_bytes()
-
-
-def derive_webhook_secret(settings: Settings, webhook_id: str) -> str:
-    """Return the secret that signs a webhook's deliveries; the database has its hash alone."""
-    given = settings.webhook_key.get_secret_value()
-    key = given.encode() if given else keep_secret(settings.data / "webhook-key")
-    secret = hmac.digest(key, f"webhook:{webhook_id}".encode(), hashlib.sha256)
-    return f"whsec_{base64.b64encode(secret).decode()}"

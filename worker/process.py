@@ -29,7 +29,6 @@ from worker.renewal import Renewal
 from worker.runner import run
 from worker.scrub import Scrub
 from worker.upkeep import Upkeep, look
-from worker.webhooks import Deliveries
 
 log = logging.getLogger("stilb.worker")
 
@@ -154,7 +153,6 @@ def begin(**_: object) -> None:
         sweep_floor(context.blobs, Partials.of(settings))
         Renewal(context.database, leads=presence.leads).start()
         Scrub(context.database, context.files, days=settings.scrub_days, leads=presence.leads).start()
-        Deliveries(context.database, settings, leads=presence.leads).start()
 
     upkeep = Upkeep(context, presence, lead=lead)
     _mine.update(context=context, upkeep=upkeep, presence=presence)

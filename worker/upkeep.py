@@ -37,7 +37,6 @@ from store.pulse import read_beat
 from store.reviews import is_stale
 from store.tables import CampaignReview, Job
 from store.tables.base import UtcDateTime, utc_now
-from store.webhooks import mend_due
 from worker.context import Context
 from worker.runner import serves
 
@@ -75,7 +74,6 @@ def mend_times(session: Session, *, lease_s: float, jumped: bool) -> None:
     too_long = true() if jumped else Job.lease_until > now + _LEASES_AHEAD * lease
     session.execute(update(Job).where(Job.state == "running", too_long).values(lease_until=now + lease))
     session.execute(update(Job).where(IS_QUEUED, Job.due_at > now + _FURTHEST_DUE).values(due_at=now))
-    mend_due(session)
 
 
 class Look(NamedTuple):

@@ -174,9 +174,8 @@ PRECONDITION_FAILED = _refusal(
 UPLOAD_VERSION = _refusal(
     412,
     "upload_version",
-    "The request speaks neither tus 1.0.0 (`Tus-Resumable: 1.0.0`) nor the IETF's resumable uploads "
-    "(`Upload-Complete`).",
-    "Use a client of one of the two.",
+    "The request does not speak tus 1.0.0 (`Tus-Resumable: 1.0.0`).",
+    "Use a client of tus.",
 )
 RANGE_OUTSIDE = _refusal(
     416,
@@ -187,8 +186,7 @@ RANGE_OUTSIDE = _refusal(
 UPLOAD_TYPE = _refusal(
     415,
     "upload_type",
-    "A piece of a file comes as another media type than `application/offset+octet-stream` (tus) or "
-    "`application/partial-upload` (IETF).",
+    "A piece of a file comes as another media type than `application/offset+octet-stream`.",
     "Send that `Content-Type`.",
 )
 CONTENT_ENCODED = _refusal(

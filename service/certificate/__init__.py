@@ -1,6 +1,5 @@
 """The certificate of a calibration, or of a rig: one document, whose pages service/press sets."""
 
-from service.certificate.dataset import describe_dataset
 from service.certificate.dcc import write_dcc
 from service.certificate.document import build_certificate
 from service.certificate.issuing import (
@@ -21,7 +20,6 @@ __all__ = [
     "build_certificate",
     "build_issued",
     "build_rig_certificate",
-    "describe_dataset",
     "draw_preview",
     "find_issued",
     "gather",

@@ -13,7 +13,7 @@ _MEANINGS = {
     403: "The key lacks a scope.",
     404: "There is no such thing for this key's organisation.",
     409: "It contradicts what is recorded.",
-    412: "A condition in a header cannot be met, or an upload speaks no protocol that the service does.",
+    412: "A condition in a header cannot be met, or an upload does not speak tus 1.0.0.",
     413: "The body is too large.",
     500: "The stored file is damaged or missing; the same upload heals it.",
     415: "The body has another media type than is taken here, or it is compressed (`content_encoded`).",
@@ -104,7 +104,6 @@ def include_routes(app: FastAPI) -> None:
         thumbnails,
         tools,
         uploads,
-        webhooks,
     )
 
     for usual in coefficients.ready_router.routes:
@@ -153,7 +152,6 @@ def include_routes(app: FastAPI) -> None:
         audit,
         history,
         recalls,
-        webhooks,
         motion,
         tools,
     ):

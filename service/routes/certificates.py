@@ -15,14 +15,12 @@ from radiometry.findings import interface
 from service.auth import Caller, Reader
 from service.certificate import (
     build_certificate,
-    describe_dataset,
     draw_preview,
     find_issued,
     gather,
     write_dcc,
 )
 from service.context import Context, UsesContext
-from service.hosts import absolute
 from service.immutable import not_modified, send_blob, standing_headers
 from service.lookup import Id, owned
 from service.messages import COUNTRY
@@ -140,22 +138,6 @@ async def get_certificate_dcc(
         state = find_state(certificate | {"validity": validity})
         dcc = write_dcc(certificate, country=query.country, state=state, document=document)
         return _answer(request, dcc, "application/xml")
-
-    return await run_in_threadpool(send)
-
-
-@router.get("/dataset.jsonld", response_class=Response, responses=sends_file("application/ld+json"))
-async def get_dataset_jsonld(
-    calibration_id: Id, request: Request, caller: Reader, context: UsesContext
-) -> Response:
-    """The certificate as a schema.org Dataset with Dublin Core terms (JSON-LD), for a catalogue."""
-    issued = await _find(context, calibration_id, caller, 0)
-
-    def send() -> Response:
-        certificate, _, validity = _read(context, calibration_id, issued)
-        address = absolute(request, f"/v1/calibrations/{calibration_id}")
-        described = describe_dataset(certificate, address=address, validity=validity)
-        return _answer(request, write_json(described).encode(), "application/ld+json")
 
     return await run_in_threadpool(send)
 

@@ -1,4 +1,4 @@
-"""Uploads that go on where they were cut: tus 1.0.0, and the IETF's draft of the same."""
+"""Uploads that go on where they were cut: tus 1.0.0."""
 
 import json
 import re
@@ -22,7 +22,7 @@ from service.regions import read_region
 from service.routes import problems
 from service.schemas.frames import Upload
 from service.upload_headers import (
-    PIECES,
+    PIECE,
     TUS,
     FrameSaid,
     UsesHeaders,
@@ -46,7 +46,7 @@ _ADDRESS: Final = re.compile(r"upl_([0-9A-Za-z]+)_([0-9a-f]{64})", re.ASCII)
 _PIECE = {
     "requestBody": {
         "description": "The bytes from `Upload-Offset` on.",
-        "content": {kind: {"schema": {"type": "string", "format": "binary"}} for kind in PIECES},
+        "content": {PIECE: {"schema": {"type": "string", "format": "binary"}}},
     }
 }
 _STATED = {
@@ -54,7 +54,6 @@ _STATED = {
     "Tus-Resumable": "The protocol's version.",
     "Upload-Offset": "How many bytes of the file are durable.",
     "Upload-Length": "How many it will have.",
-    "Upload-Complete": "`?1` once the file is a frame.",
     "Upload-Expires": "When what has arrived is forgotten.",
     "Content-Location": "The frame that a finished upload has become.",
     "Link": "Of a finished upload, as `status`: the job that reads its frame.",
@@ -75,7 +74,6 @@ def describe_uploads(context: UsesContext) -> Response:
         "Tus-Extension": "creation,creation-with-upload,checksum,expiration,termination",
         "Tus-Checksum-Algorithm": "sha256",
         "Tus-Max-Size": str(context.settings.max_upload_bytes),
-        "Upload-Limit": f"max-size={context.settings.max_upload_bytes}, max-age={LASTS_S}",
     }
     return Response(status_code=204, headers=headers)
 
@@ -103,19 +101,16 @@ async def begin_upload(
     session that began it is over, as long as its key is in force.
     """
     check_protocol(headers)
-    length = headers.length
-    if length is None and headers.complete == "?1":
-        length = request.headers.get("content-length")
-    size_bytes = read_length(length, context.settings.max_upload_bytes)
+    size_bytes = read_length(headers.length, context.settings.max_upload_bytes)
     said = read_metadata(headers.metadata)
     frame = read_said(said)
     address, partial = await run_in_threadpool(
         _begin, context, caller, frame, said, size_bytes, idempotency_key
     )
-    if headers.is_piece or headers.complete == "?1":
+    if headers.is_piece:
         await append(request, partial, 0, headers.checksum)
     facts = await _finish_if_whole(context, partial)
-    begun = await run_in_threadpool(answer, request, partial, facts, 201)
+    begun = await run_in_threadpool(answer, partial, facts, 201)
     begun.headers["Location"] = f"/v1/uploads/{address}"
     return begun
 
@@ -123,20 +118,14 @@ async def begin_upload(
 @router.head(
     "/{upload_id}",
     response_class=Response,
-    responses={
-        200: _states("How far it is."),
-        204: _states("The same, in the IETF's words."),
-        **problems(404, 409, 507),
-    },
+    responses={200: _states("How far it is."), **problems(404, 409, 507)},
 )
 async def get_upload(upload_id: Id, request: Request, context: UsesContext) -> Response:
     """State how many bytes are durable; whoever still sends to this upload is ended."""
     partial = await run_in_threadpool(_find, context, request, upload_id)
     await run_in_threadpool(_end_writer, partial)
     facts = await _finish_if_whole(context, partial)
-    return await run_in_threadpool(
-        answer, request, partial, facts, 200 if "tus-resumable" in request.headers else 204
-    )
+    return await run_in_threadpool(answer, partial, facts, 200)
 
 
 @router.patch(
@@ -159,11 +148,11 @@ async def append_to_upload(
     partial = await run_in_threadpool(_find, context, request, upload_id)
     check_protocol(headers)
     if not headers.is_piece:
-        raise Problem(interface.UPLOAD_TYPE, f"Send a piece with Content-Type: {PIECES[0]}.")
+        raise Problem(interface.UPLOAD_TYPE, f"Send a piece with Content-Type: {PIECE}.")
     begins = read_count(headers.offset, "Upload-Offset")
     await append(request, partial, begins, headers.checksum)
     facts = await _finish_if_whole(context, partial)
-    return await run_in_threadpool(answer, request, partial, facts, 204)
+    return await run_in_threadpool(answer, partial, facts, 204)
 
 
 @router.delete("/{upload_id}", status_code=204, response_class=Response, responses=problems(404))

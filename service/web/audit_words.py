@@ -43,9 +43,6 @@ ACTS: Final = {
     "web_session.create": "signed in",
     "web_session.change": "session ended",
     "signing_key.create": "registered a signing key",
-    "webhook.create": "added a webhook",
-    "webhook.change": "edited a webhook",
-    "webhook.delete": "removed a webhook",
     "organisation.create": "organisation registered",
     "organisation.change": "edited the organisation",
 }

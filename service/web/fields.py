@@ -13,7 +13,6 @@ from service.schemas.keys import NewKey
 from service.schemas.measurements import MeasurementOptions, NewGrid
 from service.schemas.panels import NewPanel
 from service.schemas.rigs import NewRig
-from service.schemas.webhooks import NewWebhook
 
 SHOWN: Final[tuple[type[Form], ...]] = (
     Certificate,
@@ -33,7 +32,6 @@ SHOWN: Final[tuple[type[Form], ...]] = (
     NewRig,
     NewRoi,
     NewSignature,
-    NewWebhook,
     OrganisationChange,
 )
 """Forms that a page asks a person to fill in."""

@@ -24,7 +24,6 @@ from stilb.commands import (
     receipt,
     rig,
     session,
-    webhooks,
 )
 from stilb.commands.exits import Exit, exit_of, next_step
 from stilb.commands.output import print_json
@@ -69,7 +68,6 @@ _SECTIONS: Final = {
         ("logout", session.logout, "stilb logout"),
         ("organisation", keys.organisation, "stilb organisation --time-zone Europe/Vienna"),
         ("key", keys.app, "stilb key create laptop --scope read --scope upload"),
-        ("webhook", webhooks.app, "stilb webhook add https://example.org/hook"),
     ),
 }
 _FIRST_STEPS: Final = (

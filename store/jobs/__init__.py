@@ -19,7 +19,6 @@ from radiometry.findings import interface
 from store.jobs.queues import IS_QUEUED, LANES, is_held_back, touch
 from store.tables import FrameRow, Job
 from store.tables.base import new_id, utc_now
-from store.webhooks import EventName, announce
 
 RETRIED_FOR = timedelta(days=1)
 SHORTEST_PAUSE = timedelta(seconds=2)
@@ -192,11 +191,8 @@ def take_back(session: Session, lost: ColumnElement[bool]) -> int:
         update(Job)
         .where(lost, Job.lost + 1 >= QUARANTINE_AFTER)
         .values(state="quarantined", lost=Job.lost + 1, error=error, lease_until=None, finished_at=now)
-        .returning(Job.id, Job.kind, Job.subject_id, Job.organisation_id)
     )
-    for row in session.execute(ended.execution_options(synchronize_session=False)).all():
-        data = {"job_id": row.id, "kind": row.kind, "subject_id": row.subject_id, "code": error["code"]}
-        announce(session, row.organisation_id, "job.quarantined", data)
+    session.execute(ended.execution_options(synchronize_session=False))
     return _requeue(session, lost, lost=Job.lost + 1)
 
 
@@ -211,7 +207,6 @@ def succeed(session: Session, held: Claim, result: dict[str, Any]) -> None:
     _held(
         session, held, state="succeeded", progress=1.0, result=result, lease_until=None, finished_at=utc_now()
     )
-    _announce_end(session, held, "job.succeeded")
 
 
 def fail(session: Session, held: Claim, error: dict[str, Any], traceback: str | None = None) -> None:
@@ -225,7 +220,6 @@ def fail(session: Session, held: Claim, error: dict[str, Any], traceback: str | 
         lease_until=None,
         finished_at=utc_now(),
     )
-    _announce_end(session, held, "job.failed", code=error.get("code"))
 
 
 def retry_later(
@@ -283,8 +277,6 @@ def cancel(session: Session, job_id: str) -> None:
     job.state, job.finished_at, job.lease_until = "failed", utc_now(), None
     job.error = {"code": str(interface.JOB_CANCELLED), "detail": detail, "retryable": False}
     job.fence += 1
-    told = {"job_id": job.id, "kind": job.kind, "subject_id": job.subject_id, "code": job.error["code"]}
-    announce(session, job.organisation_id, "job.failed", told)
     touch(session, LANES[job.lane].queue)
 
 
@@ -292,11 +284,6 @@ def dismiss(session: Session, chosen: ColumnElement[bool], *, dismissed: bool) -
     """Mark the chosen jobs that were given up as dismissed, or undo that; how many."""
     given_up = chosen & Job.state.in_(GIVEN_UP) & (Job.dismissed_at.is_(None) == dismissed)
     return update_where(session, given_up, dismissed_at=utc_now() if dismissed else None)
-
-
-def _announce_end(session: Session, held: Claim, event: EventName, **more: Any) -> None:  # noqa: ANN401
-    data = {"job_id": held.job_id, "kind": held.kind, "subject_id": held.subject_id, **more}
-    announce(session, held.organisation_id, event, data)
 
 
 def _held(session: Session, held: Claim, **values: Any) -> None:  # noqa: ANN401

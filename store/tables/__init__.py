@@ -47,7 +47,6 @@ from store.tables.organisation import (
     Usage,
     WebSession,
 )
-from store.tables.webhook import Webhook, WebhookDelivery
 
 __all__ = [
     "ApiKey",
@@ -96,6 +95,4 @@ __all__ = [
     "Turn",
     "Usage",
     "WebSession",
-    "Webhook",
-    "WebhookDelivery",
 ]

@@ -62,47 +62,6 @@ def test_a_key_is_made_seen_once_used_and_revoked(page, context, browser, servic
     look(page, "keys-ended")
 
 
-def test_a_webhook_is_added_tested_sent_again_and_removed(page):
-    page.goto("/organisation/webhooks")
-    settle(page)
-    expect(page.get_by_text("No webhooks")).to_be_visible()
-    page.get_by_role("button", name="New webhook…").click()
-    dialog = page.get_by_role("dialog")
-    asked = dialog.get_by_role("button", name="About Address")
-    asked.focus()
-    page.keyboard.press("Enter")
-    expect(dialog.get_by_text("https, without a login")).to_be_visible()
-    expect(asked).to_have_attribute("aria-expanded", "true")
-    address = dialog.get_by_label("Address", exact=True)
-    expect(address).to_have_accessible_description(re.compile("without a login"))
-    address.fill("https://board.invalid/hook")
-    dialog.get_by_label("job: failed").check()
-    check_access(page)
-    look(page, "webhook-new")
-    dialog.get_by_role("button", name="Add webhook").click()
-    made = page.locator("#made")
-    secret = made.locator("code").inner_text()
-    assert secret.startswith("whsec_")
-    look(page, "webhook-made")
-    made.get_by_role("button", name="I have saved it").click()
-    page.get_by_role("button", name="Test: https://board.invalid/hook").click()
-    sent = page.locator("#log").get_by_role("row").filter(has_text="webhook: test")
-    # the name is nowhere: each attempt fails, and the next waits
-    expect(sent).to_contain_text(re.compile(r"\d attempt"))
-    page.get_by_role("button", name=re.compile("Send again: webhook: test")).click()
-    expect(page.get_by_text("It is queued")).to_be_visible()
-    expect(sent).to_have_count(1)
-    settle(page)
-    look(page, "webhooks")
-    assert secret not in page.content()
-    page.get_by_role("button", name="Disable: https://board.invalid/hook").click()
-    expect(page.locator("#webhooks")).to_contain_text("It was disabled by a key.")
-    page.get_by_role("button", name="Remove: https://board.invalid/hook").click()
-    page.get_by_role("button", name="Remove webhook").click()
-    expect(page.get_by_text("No webhooks")).to_be_visible()
-    expect(page.locator("#log-section")).to_be_hidden()
-
-
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_details_are_edited(browser, service, team, scheme):
     with visit(browser, service.url, color_scheme=scheme) as context:

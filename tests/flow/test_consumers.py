@@ -109,7 +109,7 @@ def save_luminance(team, deployment, shots, folder):
     client.publish(version.id, valid_from="2026-01-01T00:00:00Z", reason="spring")
     path = f"/v1/calibrations/{version.id}"
     fetch(team, f"{path}/certificate.xml", folder / "certificate.xml", params={"country": "DE"})
-    for name in ("certificate.json", "certificate.pdf", "dataset.jsonld"):
+    for name in ("certificate.json", "certificate.pdf"):
         fetch(team, f"{path}/{name}", folder / name)
 
 

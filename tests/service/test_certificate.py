@@ -132,23 +132,6 @@ def test_its_dcc_says_the_same(house, version):
     assert revoked.findtext("document/dataBase64") == root.findtext("document/dataBase64")
 
 
-def test_its_dataset_says_the_same(house, version):
-    publish(house, version)
-    certificate = certificate_of(house, version)
-    answer = house.http.get(f"/v1/calibrations/{version['id']}/dataset.jsonld")
-    assert (answer.status_code, answer.headers["Content-Type"]) == (200, "application/ld+json")
-    said = answer.json()
-    assert (said["@type"], said["creativeWorkStatus"]) == ("Dataset", "published")
-    assert said["dcterms:valid"] == "2026-05-01T00:00:00Z/.."
-    assert said["dcterms:issued"] == certificate["published"][0]["at"]
-    assert [(each["name"], each["value"], each["unitText"]) for each in said["variableMeasured"]] == [
-        (row["name"], row["value"], row["unit"]) for row in certificate["coefficients"]
-    ]
-    for form in said["distribution"]:
-        found = house.http.get(form["contentUrl"].removeprefix(str(house.http.base_url)))
-        assert found.headers["Content-Type"] == form["encodingFormat"]
-
-
 def test_its_figures_are_the_versions(house, version):
     certificate = certificate_of(house, version)
     stated = {fit["coefficient"]["iso"]: fit["coefficient"] for fit in certificate["result"]["iso_fits"]}

@@ -53,9 +53,6 @@ def cursors(sqlite_house):
     ids = {
         "campaign_id": sqlite_house.campaign()["id"],
         "camera_id": sqlite_house.camera()["id"],
-        "webhook_id": sqlite_house.post(
-            "/v1/webhooks", {"url": "https://h.example", "events": ["job.failed"]}
-        )["id"],
     }
     sqlite_house.post("/v1/meters", {"kind": "luminance", "make": "a", "model": "b", "serial": "1"})
     sqlite_house.post("/v1/meters", {"kind": "luminance", "make": "a", "model": "b", "serial": "2"})

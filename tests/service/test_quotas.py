@@ -67,7 +67,7 @@ def test_an_upload_that_has_begun_keeps_its_room(house, limit, quotas):
     # also if the operator allows less meanwhile
     limit(quota_bytes=1, quota_frames=1)
     done = finish(house, begun.headers["Location"], b"a" * 100)
-    assert (done.status_code, done.headers["Upload-Complete"]) == (204, "?1"), done.text
+    assert (done.status_code, "Content-Location" in done.headers) == (204, True), done.text
     limit(**quotas)
     # its campaign has the file: it needs no more room
     repeated = begin(house, campaign, b"a" * 100, **named)
@@ -84,7 +84,7 @@ def test_a_frame_whose_upload_was_not_told_so_takes_its_room_once(house, limit, 
         assert finish(house, place, b"a" * 100).status_code == 404
     assert usage(house)["stored_bytes"] == 100
     assert send(house, campaign, b"b" * 50).status_code == 201
-    assert house.http.head(place, headers=TUS).headers["Upload-Complete"] == "?1"
+    assert "Content-Location" in house.http.head(place, headers=TUS).headers
 
 
 def test_an_upload_that_is_ended_or_has_expired_gives_its_room_back(house, limit, monkeypatch):

@@ -85,7 +85,6 @@ def test_a_wrong_field_is_named(house, change, field, message):
             ("get", "/v1/calibrations/x/certificate.xml?country=1", None),
             "must be two capital letters of ISO 3166, such as DE",
         ),
-        (("post", "/v1/webhooks", {"url": "ftp://x"}), "must be an address such as https://example.org/hook"),
         (
             ("get", "/v1/measurements/x/isolines.geojson?levels=1,a", None),
             "must be 1 to 20 finite numbers with commas between, as in `0.5,1,2`",

@@ -21,7 +21,6 @@ def make_one_of_each(house: House) -> dict[str, str]:
     drawn = house.post(f"/v1/frames/{frame_id}/crops", window, status=202)
     house.work()
     other = house.post("/v1/cameras", {"make": "DJI", "model": "FC6520", "serial": "beside"})["id"]
-    hook = house.post("/v1/webhooks", {"url": "https://h.example", "events": ["job.failed"]})["id"]
     return {
         "rig_id": house.post("/v1/rigs", {"name": "head", "camera_ids": [version["camera_id"], other]})["id"],
         "campaign_id": campaign_id,
@@ -34,8 +33,6 @@ def make_one_of_each(house: House) -> dict[str, str]:
         "meter_id": house.post("/v1/meters", METER)["id"],
         "panel_id": house.post("/v1/panels", PANEL)["id"],
         "key_id": key["id"],
-        "webhook_id": hook,
-        "delivery_id": house.post(f"/v1/webhooks/{hook}/test", {}, status=202)["id"],
         "session_id": house.get("/v1/sessions", key_id=key["id"])["items"][0]["id"],
         "measurement_id": measure(house, {"id": frame_id}, version)["id"],
         "upload_id": begin_upload(house, version["campaign_id"], b"raw").rpartition("/")[2],

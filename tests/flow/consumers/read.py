@@ -111,17 +111,9 @@ def read_map(path):
 
 def certificates(folder):
     import dcclib.validation.schematron
-    import rdflib
     from lxml import etree
 
     wanted = json.loads((folder / "certificate.json").read_text())["coefficients"]
-    graph = rdflib.Graph().parse(folder / "dataset.jsonld", format="json-ld")
-    schema = rdflib.Namespace("https://schema.org/")
-    found = sorted(
-        float(graph.value(each, schema.value)) for each in graph.objects(None, schema.variableMeasured)
-    )
-    off = largest(found, sorted(row["value"] for row in wanted))
-    add(f"rdflib {version('rdflib')}", "dataset.jsonld", f"{len(found)} coefficients", off)
     path = folder / "certificate.xml"
     result = dcclib.validation.schematron.SchematronValidator.for_dcc().validate_file(str(path))
     failed = [each for each in result.failed_assertions if each.role != "warning"]
