@@ -28,10 +28,8 @@ SCOPE_MISSING = _refusal(
 CSRF_TOKEN_WRONG = _refusal(
     403,
     "csrf_token_wrong",
-    "A change came with the cookie of a browser's session and without the token of the page that asks for "
-    "it.",
-    "Reload the page and try again. Programs send a key instead: `Authorization: Bearer <key>` needs no such "
-    "token.",
+    "A change came with the cookie of a session and without the token of its page.",
+    "Reload the page and try again. Programs send a key instead: `Authorization: Bearer <key>`.",
 )
 NOT_FOUND = _refusal(
     404,
@@ -49,8 +47,8 @@ VALIDATION_FAILED = _refusal(
     422,
     "validation_failed",
     "A field is missing, unknown, given twice, of the wrong kind or out of range.",
-    "Correct it: `errors` names each field and what is wrong. In tables and addresses a number is written "
-    "with the digits 0 to 9, a sign, a point and an exponent, and nothing else.",
+    "Correct it: `errors` names each field. Numbers in tables and addresses have the digits 0 to "
+    "9, a sign, a point and an exponent only.",
 )
 BAD_REQUEST = _refusal(
     400,
@@ -76,9 +74,8 @@ TOO_MANY_STREAMS = _refusal(
 QUOTA_EXCEEDED = _refusal(
     507,
     "quota_exceeded",
-    "Your organisation would use more than it may: `quota` names what (`stored_bytes`, `frames`, or, with "
-    "the status 429, `jobs_waiting`), `limit` how much it may, `used` how much it uses, "
-    "unfinished uploads included. Nothing was kept.",
+    "Your organisation would use more than it may: `quota` names what (`stored_bytes`, `frames`, "
+    "or, with the status 429, `jobs_waiting`), `limit` and `used` how much. Nothing was kept.",
     "Wait for `Retry-After` seconds while waiting jobs get fewer; for files ask the operator for more space "
     "(`STILB_QUOTA_BYTES`, `STILB_QUOTA_FRAMES`).",
     retryable=True,
@@ -86,9 +83,10 @@ QUOTA_EXCEEDED = _refusal(
 TOO_MANY_ATTEMPTS = _refusal(
     429,
     "too_many_attempts",
-    "Too many attempts to sign in failed, from this address or with a key that was revoked, expired or may "
-    "not read. A key that was used lately is not delayed by others' failures.",
-    "Try again after `Retry-After`; the wait doubles up to five minutes.",
+    "Too many attempts to sign in failed, from this address or with a key that was revoked, "
+    "expired or may not read.",
+    "Try again after `Retry-After`; the wait doubles up to five minutes. A key that was used "
+    "lately is not delayed.",
     retryable=True,
 )
 HOST_NOT_ALLOWED = _refusal(
@@ -145,7 +143,7 @@ DIGEST_MISMATCH = _refusal(
     "digest_mismatch",
     "The bytes that arrived are not those that `Content-Digest`, `Repr-Digest` or `X-Content-SHA256` "
     "announced. Nothing was kept.",
-    "Send it again; if it persists, the disk or memory of the sender is at fault.",
+    "Send it again; if it persists, check the disk and memory of the sender.",
     retryable=True,
 )
 UPLOAD_OFFSET_DIFFERS = _refusal(
@@ -217,11 +215,10 @@ STORED_FILE_DAMAGED = Finding(
     "stored_file_damaged",
     "error",
     ("request", "job"),
-    "The disk of the service has changed or lost a stored file. Nothing of it is handed out and nothing is "
-    "computed from it; the frame itself is not at fault.",
-    "Upload the same file again: it replaces the damaged one, and every job that failed for it is queued "
-    "again automatically. `/frames/known` does not name such a file, so `stilb push` sends it. Repeat the "
-    "measurement of a lost map, and the reading of a frame without its preview.",
+    "The disk of the service has changed or lost a stored file. Nothing is handed out or computed from it.",
+    "Upload the same file again (`stilb push` does): it replaces the damaged one, and every job "
+    "that failed for it runs again. Repeat the measurement of a lost map, and the reading of a "
+    "frame without its preview.",
     500,
 )
 DATABASE_UNAVAILABLE = _refusal(
@@ -282,8 +279,8 @@ PANEL_DIFFERS = Finding(
     ("verdict", "request"),
     "A panel frame shows another panel than the campaign's, by its tags or its code; or a panel of this "
     "serial number and day of measurement is registered with other reflectances.",
-    "Name the panel that was photographed in the campaign, or leave the frames of the other one out. New "
-    "values take the day on which they were measured: a measurement does not change.",
+    "Name the panel that was photographed in the campaign, or leave out the frames of the other "
+    "one. Register new values with the day of their measurement.",
     409,
 )
 RIG_DIFFERS = _refusal(
@@ -354,9 +351,9 @@ REGIONS_DIFFER = _refusal(
 # of jobs
 TEMPORARILY_UNAVAILABLE = _failure(
     "temporarily_unavailable",
-    "Something that the job needs did not serve: `waits_for` is `blobs` (the file store), `database` or "
-    "`decoder`. While the job is `queued` it is tried again automatically, next at its `next_attempt_at` or "
-    "sooner. After a day it is `failed`.",
+    "Something that the job needs did not serve: `waits_for` is `blobs` (the file store), "
+    "`database` or `decoder`. The job is tried again at its `next_attempt_at` or sooner; after a "
+    "day it is `failed`.",
     "Retry a failed job (`stilb retry --state failed --code temporarily_unavailable`) when the cause is "
     "gone.",
     retryable=True,
@@ -411,10 +408,9 @@ PLACE_MISSING = _gap(
 )
 CONDITIONS_MISSING = _gap(
     "conditions_missing",
-    "The ambient conditions that may affect the result are missing. The procedure requires a room without "
-    "daylight and a steady lamp.",
-    "Describe the `conditions` with the details of the campaign: the temperature and how "
-    "long the lamp had been on.",
+    "The ambient conditions that may affect the result are missing.",
+    "Describe the `conditions` with the details of the campaign: a room without daylight, the "
+    "temperature, how long the lamp had been on.",
 )
 DATE_MISSING = _gap(
     "date_missing",

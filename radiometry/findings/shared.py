@@ -107,8 +107,8 @@ EXPOSURE_IMPLAUSIBLE = error(
 # of a region or a grid
 ROI_INVALID = error(
     "roi_invalid",
-    "The region is not a polygon: it has fewer than three different points, all of them on one line, a "
-    "coordinate that is not a number, or a macro call that cannot be read.",
+    "The region is not a polygon: it has fewer than three different points, all of them on one "
+    "line, or it cannot be read.",
     "Send three or more corners, or one ImageJ call.",
 )
 ROI_SELF_INTERSECTING = error(
@@ -311,15 +311,15 @@ CAPTURE_INCOMPLETE = error(
 )
 FRAMES_DIFFER = error(
     "frames_differ",
-    "The frames to be averaged are not repeats of one scene: they differ in exposure, size, region, scene, "
-    "campaign or calibration version, or one is named twice.",
+    "The frames to be averaged differ in exposure, size, region, scene, campaign or calibration "
+    "version, or one is named twice.",
     "Average frames of one campaign that were taken one after another with the same settings, and send the "
     "region with the request.",
 )
 OPTION_NOT_OF_METHOD = error(
     "option_not_of_method",
-    "The measurement asks for something that its method does not have, such as a grid of a reflectance or an "
-    "index of a luminance; or the frame's campaign has a method that measures nothing.",
+    "The measurement asks for something that its method does not have, such as an index of a "
+    "luminance; or the frame's campaign has a method that measures nothing.",
     "Leave the option out, or upload the frame with `role=field` to a campaign of luminance or reflectance.",
 )
 ATTITUDE_MISSING = error(

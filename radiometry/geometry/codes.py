@@ -14,10 +14,10 @@ VIEW_MIRRORED = flag(
 )
 MIRROR_NOT_EXCLUDED = flag(
     "mirror_not_excluded",
-    "A rendered picture may be mirrored or turned by 180 degrees without being found, and the principal "
-    "point be wrong by more than its standard uncertainty.",
-    "Use pictures as the camera wrote them, a ChArUco board, or a checkerboard with two odd and different "
-    "numbers of inner corners, whose colours show a mirrored picture.",
+    "A rendered picture may be mirrored or turned by 180 degrees unseen, and the principal point "
+    "be wrong by more than its standard uncertainty.",
+    "Use pictures as the camera wrote them, a ChArUco board, or a checkerboard with two odd and "
+    "different numbers of inner corners.",
 )
 CORNER_WINDOW_WIDE = flag(
     "corner_window_wide",

@@ -38,9 +38,9 @@ LAMP_DRIFT = reason(
 )
 READING_FAR_FROM_FRAMES = flag(
     "reading_far_from_frames",
-    "A meter reading was taken more than an hour from the frames of its scene: the lamp is assumed to have "
-    "changed no more than while one scene is taken.",
-    "Correct the time of the reading or the camera's clock, or read and photograph the light level again.",
+    "A meter reading was taken more than an hour from the frames of its scene: the lamp is "
+    "assumed to have changed no more than during a scene.",
+    "Correct the time of the reading or the camera's clock, or repeat the light level.",
 )
 RHO_CROSS_CHECK = flag(
     "rho_cross_check",
@@ -55,8 +55,8 @@ GAIN_MAPS_DIFFER = flag(
 OFFSET_SIGNIFICANT = flag(
     "offset_significant",
     "The affine model is better than the proportional one by more than 10 in AICc: the signal has an offset.",
-    "Look for stray light, a wrong dark signal or a wrong black level, and take the frames again; until then "
-    "weak signals are wrong by about the offset.",
+    "Look for stray light, a wrong dark signal or a wrong black level, and take the frames again. "
+    "Weak signals are wrong by about the offset.",
     *("calibration", "measurement"),
 )
 OUTLIERS_DISCOUNTED = flag(
@@ -154,50 +154,49 @@ ROI_ELSEWHERE = flag(
 )
 OBSERVER_DIFFERS = flag(
     "observer_differs",
-    "The camera is not at the observer's position of EN 13201 or RP-8: it sees the road from above, and that "
-    "observer at 1.43° or less. On one simulated road U_o was 0.386 from above, and 0.427 (surface R1) or "
-    "0.266 (R4) for the driver: neither values nor ratios carry over. That road is dry; of a wet road, which "
-    "mirrors the lamps, EN 13201-2 asks a U_o of 0.15 instead of 0.40.",
-    "For results according to EN 13201 or RP-8, measure from the observer's position with a luminance meter; "
-    "use this result for the pattern and to compare nights.",
+    "The camera is not at the observer's position of EN 13201 or RP-8 (1.43° or less above the "
+    "road), but above it. On one simulated dry road U_o was 0.386 from above, and 0.427 (surface "
+    "R1) or 0.266 (R4) for the driver: neither values nor ratios carry over. Of a wet road EN "
+    "13201-2 asks a U_o of 0.15 instead of 0.40.",
+    "For results according to EN 13201 or RP-8, measure from the observer's position with a luminance meter.",
     "measurement",
 )
 FRAMES_DISAGREE = flag(
     "frames_disagree",
     "The averaged frames differ beyond their noise, and by 1 % or more: the light or the view changed.",
-    "Keep the camera still and the light steady, avoid times in which mains light flickers, and take "
-    "more frames; or measure them one by one.",
+    "Keep the camera still and the light steady, avoid flicker, and take more frames; or measure "
+    "them one by one.",
     "measurement",
 )
 FLICKER_UNKNOWN = flag(
     "flicker_unknown",
-    "The mains frequency is not stated, and the exposure is not long against the period of mains light: the "
-    "budget assumes 50 or 60 Hz, whichever errs more.",
-    "State `mains_frequency_hz` and `lamp_kind` with the campaign or the measurement, or expose for a whole "
-    "number of half periods of the mains, such as 1/50 s.",
+    "The mains frequency is not stated, and the exposure is short against its period: the budget "
+    "assumes 50 or 60 Hz, whichever errs more.",
+    "State `mains_frequency_hz` and `lamp_kind` with the campaign or the measurement, or expose "
+    "for a whole number of half periods, such as 1/50 s.",
     "measurement",
 )
 STRAY_LIGHT_UNKNOWN = flag(
     "stray_light_unknown",
-    "The glare of the lens is not known: minimum and U_o may be too large, dark parts the most. The budget "
-    "assumes up to 4 % of the frame's mean luminance.",
+    "The glare of the lens is not known: minimum and U_o may be too large. The budget assumes up "
+    "to 4 % of the frame's mean luminance.",
     "Photograph a black trap in a bright scene and state its luminance over that of the whole frame as "
     "`glare_share`.",
     "measurement",
 )
 MIXED_SURFACE = flag(
     "mixed_surface",
-    "Mean and median differ: the light changes steeply within the area, or it covers unlike parts, such as a "
-    "kerb, a road marking, a lamp, its reflection or the light of a passing car.",
+    "Mean and median differ: the light changes steeply within the area, or it covers unlike "
+    "parts, such as a road marking, a lamp or the light of a passing car.",
     "Look at the map, draw on one surface, take more cells, or measure a frame without traffic.",
     "measurement",
 )
 MIXED_LIGHT = flag(
     "mixed_light",
-    "The raw colours of the cells differ: unlike lamps or surfaces lie side by side, and the camera "
-    "errs differently for each. The budget holds one spectral error, the same for all cells.",
-    "Measure the part that each kind of lamp lights by itself, stating its `light_source`, and do not report "
-    "ratios of cells that unlike lamps light.",
+    "The raw colours of the cells differ: unlike lamps or surfaces lie side by side. The budget "
+    "holds one spectral error, the same for all cells.",
+    "Measure the part that each kind of lamp lights by itself, stating its `light_source`, and "
+    "report no ratios between the parts.",
     "measurement",
 )
 CORNERS_IMPLAUSIBLE = flag(
@@ -225,8 +224,8 @@ DIFFUSE_ASSUMED = flag(
     "diffuse_assumed",
     "The illuminance takes the surface as matt and its reflectance as exact: its uncertainty is that of the "
     "luminance alone.",
-    "Measure the reflectance of this surface, dry, and add its relative uncertainty; of a wet or polished "
-    "surface, measure the illuminance with a meter.",
+    "Measure the reflectance of this dry surface, and add its relative uncertainty; of a wet or "
+    "polished surface, measure the illuminance with a meter.",
     "measurement",
 )
 ISO_NOT_CALIBRATED = error(

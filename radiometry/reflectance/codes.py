@@ -13,8 +13,8 @@ SUNSHINE_SECOND_CHANNEL = flag(
     "sunshine_second_channel",
     "No reading of the sunshine sensor's channel 0 is valid, mostly because all are saturated: channel 1 "
     "took its place.",
-    "Take the panel in the light of the flight: its frames then show how the two channels compare. By the "
-    "gain table alone that is uncertain by 35 %, unless the panel was read in channel 1 too.",
+    "Take the panel in the light of the flight: its frames then show how the two channels "
+    "compare. The gain table alone is uncertain by 35 %.",
     *("calibration", "measurement", "frame", "verdict"),
 )
 SUNSHINE_GAIN_ASSUMED = flag(
@@ -33,8 +33,8 @@ SUNSHINE_SINGLE_READING = flag(
     "sunshine_single_reading",
     "There is one sunshine reading, whose scatter is not known: 2.5 % was assumed, unless several frames of "
     "a panel visit show it.",
-    "This is always so with a light sensor of MicaSense: take three or more captures at each panel visit. "
-    "Otherwise use the mean of several readings.",
+    "With a light sensor of MicaSense take three or more captures at each panel visit; otherwise "
+    "use the mean of several readings.",
     *("calibration", "measurement"),
 )
 SUNSHINE_TIME_UNKNOWN = flag(
@@ -59,9 +59,10 @@ HORIZONTAL_IRRADIANCE_LEFT_OUT = flag(
 )
 TILT_NOT_CORRECTABLE = flag(
     "tilt_not_correctable",
-    "The reading of the sunshine sensor was not converted to a level surface: the file lacks position, time, "
-    "its zone or attitude, or the sun is under 10 degrees. The tilt is in the uncertainty instead.",
-    "Wait for the GPS fix before the flight, fly when the sun is higher, and state the campaign's time zone.",
+    "The reading of the sunshine sensor was not converted to a level surface: the file lacks "
+    "position, time, its zone or attitude, or the sun is under 10 degrees. The tilt is in the "
+    "uncertainty.",
+    "Wait for the GPS fix, fly when the sun is higher, and state the campaign's time zone.",
     *("calibration", "measurement"),
 )
 SUNSHINE_TILTED = flag(
@@ -147,8 +148,9 @@ PANEL_DRIFT = flag(
 )
 IMPLAUSIBLE_REFLECTANCE_K = flag(
     "implausible_reflectance_k",
-    "K is more than 1.5 times off pi: radiance and irradiance in absolute units give R = pi L / E. The panel "
-    "was shaded, its reflectance is wrong, the sunshine sensor saw another light, or a unit is wrong.",
+    "K is more than 1.5 times off pi: radiance and irradiance in absolute units give R = pi L / "
+    "E. The panel was shaded, its reflectance or a unit is wrong, or the sunshine sensor saw "
+    "another light.",
     "Check the panel's values and its picture; take it again in the light that the sensor sees.",
 )
 PANEL_ONCE = flag(
@@ -162,7 +164,7 @@ PANEL_TIMES_DOUBTFUL = flag(
     "The times of the panel captures cannot all be right, or do not belong to one flight; `detail` names the "
     "reason. Where they contradict each other K is the mean of the captures, with their whole difference in "
     "the uncertainty.",
-    "Set the camera's clock, or wait for its GPS fix, before the first panel capture; fit each day alone.",
+    "Set the camera's clock before the first panel capture; fit each day alone.",
 )
 PANEL_ONLY = flag(
     "panel_only",
@@ -205,16 +207,16 @@ SUNSHINE_UNUSABLE = reason(
 # of a measurement
 LIGHT_CHANGED = flag(
     "light_changed",
-    "The sunshine sensor shows less than 0.7 or more than 1.4 times the light of the panel's captures: a "
-    "cloud, or another hour. The reading divides the change out. Where the diffuse fraction was assumed for "
-    "the tilt, the sky may have had any.",
+    "The sunshine sensor shows less than 0.7 or more than 1.4 times the light of the panel's "
+    "captures. The reading divides the change out. Where the diffuse fraction was assumed for the "
+    "tilt, the sky may have had any.",
     "Take the panel in the light of the flight; measure again with a visit in that light.",
     "measurement",
 )
 OUTSIDE_PANEL_TIMES = flag(
     "outside_panel_times",
-    "The frame was not taken between two panel captures, or a time is not known: K of the nearest, or the "
-    "mean, was used. The line `drift` of the uncertainty grows with the time to the nearest.",
+    "The frame was not taken between two panel captures, or a time is not known: K of the "
+    "nearest, or the mean, was used. `drift` grows with the time to the nearest.",
     "Take the panel before and after the flight.",
     "measurement",
 )
@@ -264,8 +266,8 @@ BAND_NOT_CALIBRATED = error(
 )
 ALIGNMENT_NOT_REFINED = flag(
     "alignment_not_refined",
-    "The bands were aligned by the lens data of their files alone: too few edges agree between them, as on "
-    "water, on bare even ground, and close to a scene with depth. 5 pixels are assumed to remain.",
+    "The bands were aligned by the lens data of their files alone: too few edges agree, as on "
+    "water, on bare ground, and close to a scene with depth. 5 pixels are assumed to remain.",
     "Use captures of structured ground from flight height, or a region that is even around its border.",
     "measurement",
 )

@@ -57,8 +57,8 @@ EDGE_NOT_FOUND = error(
 )
 EDGE_ANGLE_UNSUITABLE = error(
     "edge_angle_unsuitable",
-    "The edge is too close to the pixel axes (under 2 degrees) or to the diagonal (over 40), or has a slope "
-    "that meets the pixels at the same places again and again.",
+    "The edge is under 2 or over 40 degrees from the pixel axes, or has a slope that meets the "
+    "pixels at the same places again and again.",
     "Turn the chart or the camera; 5 degrees are best.",
 )
 EDGE_TOO_SHORT = error(

@@ -1,6 +1,6 @@
 """The matrix as people read it: printed while it is drilled, and written to docs/faults.md."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,38 +33,23 @@ class Run:
 
 TEXT = """# Faults
 
-What stilb does on bad days of its machine and of its neighbours. `make faults` drills each row on really
-started processes and writes this page. On "embedded", which is `make up` on SQLite, a folder and the
-bundled Valkey; on "composed", which is what `docker-compose.yml` runs, on PostgreSQL, Valkey and an S3
-store, started without containers. The database and the S3 store are reached through a proxy on loopback
-that can fall silent, slow down, fail or go away.
+`make faults` drills each fault on really started processes and writes this page: "embedded" is `make up`
+(SQLite, a folder, the bundled Valkey), "composed" what `docker-compose.yml` runs (PostgreSQL, Valkey and an
+S3 store behind a proxy that can fall silent, slow down, fail or go away), without containers.
 
-Each row works with {frames} small frames of an organisation of its own. Half of them are read and fitted
-in peace. Under the fault the other half is sent, the first half is measured and fitted once more. The fault
-begins at a moment that the seed chooses. What fails with an error is asked again, as a user would. When all
-is answered and no job is left, everything is compared with a run without a fault, to the last bit.
+Each drill has {frames} small frames. Half of them are read and fitted before; under the fault the other
+half is sent, and the first half is measured and fitted once more. What fails with an error is repeated, as
+a user would. Then everything is compared with a run without a fault, to the last bit: what is lost, exists
+twice or differs. A part that hangs is stopped by a signal until it has been replaced; the clock is set by a
+library that is loaded before the processes.
 
 | column | meaning |
 |---|---|
-| lost | frames, measurements or fits that were asked for and are not there, not read or not readable |
-| twice | frames, extractions, jobs, measurements, versions or audit entries that exist more than once |
-| wrong | files, statistics, previews, K, measurements that differ; a broken audit trail; seen by a stranger |
-| errors | exceptions that users of `stilb.Client` saw, and after which they asked again |
 | goes on | from the end of the fault until another job has ended |
 | all done | from the end of the fault until the last answer |
-| told | from 4 s on: did `/readyz` and `/livez` say how it was, in 2 s and `machine`? empty: not asked |
-| machine | the slowest answer of an idle web server beside it, asked four times a second; empty: not asked |
-
-Where other work keeps the machine busy, as `machine` or a high load average shows, all seconds are
-upper values.
-
-Where each part is restarted in turn, composed has two services behind one address, and K is looked up
-twenty times a second; large files are sent slowly meanwhile.
-
-A part that hangs is stopped by a signal and left so: the fault ends when it has been replaced. The clock is
-set for all processes but PostgreSQL's by a library that is loaded before theirs; their monotonic clocks run
-on, as they do on a machine. Leases and sweeps are those that stilb is
-delivered with, except with `--quick`, as in the tests.
+| errors | exceptions that users of `stilb.Client` saw |
+| told | from 4 s on, `/readyz` and `/livez` said how it was, in time; empty: not asked |
+| machine | slowest answer of an idle web server beside it; if high, seconds are upper values |
 
 """
 
@@ -98,6 +83,19 @@ def summary(rows: Sequence[Row]) -> str:
     )
 
 
+def table(rows: Sequence[tuple[Row, int]]) -> Iterable[str]:
+    """The lines of the page's table: seconds, errors and run of each drill that was not skipped."""
+    yield "| fault | on | goes on, all done [s] | errors | told | machine [s] | run |"
+    yield f"|{'---|' * 7}"
+    for row, run in rows:
+        if not row.skipped:
+            values = (row.goes_on_s, row.all_done_s, row.machine_s)
+            goes_on, all_done, machine = ("" if value is None else f"{value:.1f}" for value in values)
+            seconds = ", ".join(filter(None, (goes_on, all_done)))
+            cells = (row.fault, row.kind, seconds, row.errors or "", row.told, machine, run)
+            yield f"| {' | '.join(map(str, cells))} |"
+
+
 def complaints(row: Row) -> list[str]:
     found = row.verdict
     named = (("lost", found.lost), ("twice", found.twice), ("wrong", found.wrong), ("", row.complaints))
@@ -114,10 +112,10 @@ def page(drilled: Sequence[tuple[Run, Row]]) -> str:
         parts.append(
             f"Run {number}, {len(own)} rows: {run.began} UTC, `{run.command}`, on {run.machine}.\n\n"
         )
-    lines = [f"{line(row)} {runs.index(run) + 1} |" for run, row in drilled]
     parts += [
         f"{summary(rows)}\n\n",
-        "\n".join([f"| {' | '.join(HEAD)} | run |", f"|{'---|' * (len(HEAD) + 1)}", *lines, ""]),
+        "\n".join(table([(row, runs.index(run) + 1) for run, row in drilled])),
+        "\n",
     ]
     failed = [row for row in rows if not row.holds]
     if failed:
