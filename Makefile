@@ -82,8 +82,8 @@ verify-backup: $(VENV)/run  ## can a backup be restored? FROM=<folder> [DATABASE
 
 # That the tests can be collected is seen beside mypy, which takes longer and one processor: it compiles every module
 # once, as each process of `make test` would otherwise do for itself.
-lint: $(VENV)/dev  ## style, types, who may import whom, and that no method is known by its name
-	@ruff check . && ruff format --check . && \
+lint: $(VENV)/dev  ## style, types, who may import whom, that no method is known by its name, and the budgets of size
+	@ruff check . && ruff format --check . && python -m tests.docs.budgets && \
 	(mypy & types=$$!; lint-imports && python -m tests.docs.method_names && collected=$$(pytest -qq --collect-only) \
 	|| { echo "$$collected"; false; }; others=$$?; wait $$types && exit $$others)
 
