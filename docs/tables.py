@@ -62,7 +62,10 @@ def _format_row(parameter: Parameter, *, within: str) -> str:
     default = parameter.default_text or f"`{parameter.default_shown}`"
     unit = parameter.unit if parameter.kind in ("number", "interval") else ""
     stated = " Stated by the campaign." if parameter.given_by == "campaign" else ""
-    description = f"{parameter.description}{stated}".replace("|", "\\|")
+    # a number's first sentence: the others, such as where a default comes from, are in its form
+    sentence, stop, _ = parameter.description.partition(". ")
+    told = parameter.description if parameter.choices or not stop else f"{sentence}."
+    description = f"{told}{stated}".replace("|", "\\|")
     return f"| `{within}{parameter.name}` | {default} | {allowed} | {unit} | {description} |"
 
 
