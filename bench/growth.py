@@ -1,74 +1,76 @@
-"""How the cost of looking at a campaign and adding to it grows; memory that certificates and plots take."""
+"""How the cost of a campaign grows with its frames, and of the service with its jobs and campaigns."""
 
-import itertools
 import os
-import statistics
-import threading
-import time
+import tempfile
 from collections.abc import Callable
-from datetime import UTC, datetime
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 import httpx
-import numpy as np
-from sqlalchemy import delete, event
+from sqlalchemy import event, select, update
 from sqlalchemy.engine import Engine
 
 import stilb
-from bench.filling import copy_frame, do_jobs, review_all
-from bench.memory import forget_peak, read_memory_mb
-from bench.report import judge, say, show_times
-from bench.subject import CAMERA, Scale, draw_roi, make_mosaic, write_copies
-from bench.timing import Ratio, Seconds, compare, take_turns
-from bench.upload import KEY, Service, open_http, renew
-from radiometry.frame.exposure import Settings as Exposure
-from simulation.dng import write_dng
+from bench.frames import CAMERA, copy_frame, review_all, send_frame, write_rows
+from bench.harness import (
+    KEY,
+    Scale,
+    Seconds,
+    Service,
+    Ways,
+    compare,
+    judge,
+    say,
+    serving,
+    show_times,
+    take_turns,
+)
+from store.jobs import begin, take_back
+from store.jobs.queues import choose_messages, touch
 from store.queries.evidence import gather
-from store.tables import Campaign, Rendering
-from worker.context import Context
+from store.settings import Settings
+from store.tables import Camera, Campaign, Job
+from store.tables.base import new_id, utc_now
+from worker.context import Context, build_context, make_decoders
 
-_SMALL = Scale(rows=480, cols=640)
-_SCENES = {"bright": (1600, 40.0), "middle": (800, 20.0), "dim": (400, 10.0)}
-
-
-def run(scale: Scale, service: Service, worker: Context, folder: Path) -> list[bool]:
-    """Compare a campaign of ``grown`` frames with one of a hundredth of that; make certificates and plots."""
-    with stilb.Client(service.url, KEY) as client, open_http(service) as http:
-        return [
-            *_grow(scale, folder, client, http, worker),
-            *_certify(scale, folder, service, client, http, worker),
-        ]
+_FEW_JOBS = 100
+_QUEUED_SHARE = 0.4
+_JOBS_OF_A_CAMPAIGN = 100
 
 
-def _grow(
-    scale: Scale, folder: Path, client: stilb.Client, http: httpx.Client, worker: Context
-) -> list[bool]:
+def run(scale: Scale) -> list[bool]:
+    """Measure one service, with a worker that is called where it is needed."""
+    with tempfile.TemporaryDirectory(prefix="stilb-bench-") as name, serving(Path(name) / "data") as service:
+        settings = Settings(data=Path(name) / "data")
+        worker = build_context(settings, make_decoders(settings))
+        worker.database.post = None
+        try:
+            with service.open_http() as http:
+                verdicts = _grow(scale, service, worker, http, Path(name))
+                return verdicts + _add_jobs(scale, service, worker, http)
+        finally:
+            worker.decoders.close()
+            worker.database.dispose()
+
+
+def _grow(scale: Scale, service: Service, worker: Context, http: httpx.Client, folder: Path) -> list[bool]:
     few, many = max(scale.grown // 100, 2), scale.grown
     say(f"\na campaign of {many:,} frames beside one of {few:,}")
-    (path,) = write_copies(folder, make_mosaic(scale), "none", names=1)
-    camera = client.create_camera(CAMERA.body.make, CAMERA.body.model, CAMERA.body.serial)
-    fresh = itertools.count(1)
-    frames: dict[int, stilb.Frame] = {}
-    for count in (few, many):
-        campaign = client.create_campaign(camera.id).id
-        client.set_roi(campaign, polygon=draw_roi(scale).points)
-        renew(path, next(fresh))
-        frames[count] = client.push(campaign, path, role="light", scene="level-1")
-        do_jobs(worker)
-        copy_frame(worker, frames[count].id, count)
+    size, number = Scale(rows=480, cols=640), count(1)
+    frames: dict[str, str] = {}
+    for times in (few, many):
+        frame = send_frame(size, service, worker, folder, number=next(number))
+        copy_frame(worker, frame.id, times)
         review_all(worker)
+        frames[str(frame.raw["campaign_id"])] = frame.id
 
-    def get(template: str, count: int) -> Callable[[], object]:
-        frame = frames[count]
-        path = template.format(frame=frame.id, campaign=frame.raw["campaign_id"])
+    def get(template: str, campaign: str) -> Callable[[], object]:
+        path = template.format(frame=frames[campaign], campaign=campaign)
         return lambda: http.get(path).raise_for_status()
 
-    def add(count: int) -> object:
-        renew(path, next(fresh))
-        frame = client.push(str(frames[count].raw["campaign_id"]), path, role="light", scene="level-1")
-        do_jobs(worker)
-        review_all(worker)
+    def add(campaign: str) -> object:
+        frame = send_frame(size, service, worker, folder, number=next(number), campaign=campaign)
         return http.get(f"/v1/frames/{frame.id}").raise_for_status()
 
     verdicts = []
@@ -78,118 +80,91 @@ def _grow(
         "the campaign": "/v1/campaigns/{campaign}",
         "its checklist": "/v1/campaigns/{campaign}/checklist",
     }.items():
-        ways = {f"{text}, of {count:,}": get(template, count) for count in (few, many)}
-        verdicts.append(_compare(text, take_turns(ways, rounds=scale.rounds), at_most=1.5))
-    ways = {f"adding a frame to {count:,}": (lambda count=count: add(count)) for count in (few, many)}
-    seconds = take_turns(ways, rounds=scale.uploads, warm_up=1)
-    return [
-        *verdicts,
-        _compare("adding a frame, with the verdicts on all", seconds, at_most=3.0),
-        _count_statements(worker, [str(frame.raw["campaign_id"]) for frame in frames.values()]),
-    ]
-
-
-def _count_statements(worker: Context, campaigns: list[str]) -> bool:
-    """Read what a fit reads; the smaller campaign first, so that the larger one adds to the memory."""
-    counts = []
-    for campaign_id in campaigns:
-        executed: list[str] = []
-
-        def note(*told: Any, executed: list[str] = executed) -> None:  # noqa: ANN401  SQLAlchemy's
-            executed.append(told[2])
-
-        before_mb = read_memory_mb(os.getpid(), "VmRSS")
-        forget_peak(os.getpid())
-        event.listen(Engine, "before_cursor_execute", note)
-        with worker.database.reading() as session:
-            read = len(gather(session, session.get_one(Campaign, campaign_id)).frames)
-        event.remove(Engine, "before_cursor_execute", note)
-        more_mb = read_memory_mb(os.getpid(), "VmHWM") - before_mb
-        say(f"  a fit's input of {read:,} frames: {len(executed)} statements, at most {more_mb:.0f} MB more")
-        counts.append(len(executed))
-    small, large = counts
-    grown = large / small
-    return judge("statements of a fit's input: large to small", Ratio(grown, grown, grown), at_most=1.0)
-
-
-def _compare(text: str, seconds: dict[str, Seconds], *, at_most: float) -> bool:
-    show_times(seconds)
-    small, large = seconds.values()
-    return judge(f"{text}: large to small", compare(large, small), at_most=at_most)
-
-
-def _certify(
-    scale: Scale, folder: Path, service: Service, client: stilb.Client, http: httpx.Client, worker: Context
-) -> list[bool]:
-    say(f"\n{scale.certificates} certificates, each with other content, and as many plots")
-    version = _calibrate(folder, client, worker)
-    camera, campaign = version.camera_id, str(version.raw["campaign_id"])
-    number = itertools.count()
-
-    def certify() -> None:
-        item = {"key": "equipment_lamp", "done": True, "note": f"note {next(number)}"}
-        http.patch(f"/v1/campaigns/{campaign}/checklist", json={"items": [item]}).raise_for_status()
-        http.get(f"/v1/calibrations/{version.id}/certificate.pdf").raise_for_status()
-
-    def draw() -> None:
-        with worker.database.writing("bench") as session:
-            session.execute(delete(Rendering))
-        http.get(f"/v1/calibrations/{version.id}/plot.svg").raise_for_status()
-
-    def time_looks(make: Callable[[], None]) -> list[float]:
-        threads = [threading.Thread(target=make) for _ in range(min(4, scale.certificates))]
-        for thread in threads:
-            thread.start()
-        beside = [look()]
-        while any(thread.is_alive() for thread in threads):
-            beside.append(look())
-        return beside
-
-    def look() -> float:
-        began = time.perf_counter()
-        http.get(f"/v1/cameras/{camera}").raise_for_status()
-        return time.perf_counter() - began
-
-    makers = {"certificates": certify, "plots": draw}
-    for make in makers.values():
-        make()
-    alone = [look() for _ in range(10 * scale.rounds)]
-    verdicts = []
-    for name, make in makers.items():
-        before_mb = read_memory_mb(service.pid, "VmRSS")
-        for _ in range(scale.certificates):
-            make()
-        after_mb = read_memory_mb(service.pid, "VmRSS")
-        say(f"  {name}: the service's memory: {before_mb:.0f} MB before, {after_mb:.0f} MB after")
-        beside = time_looks(make)
-        show_times({"a look-up, alone": alone, f"a look-up during four {name}": beside})
-        median = statistics.median(beside) / statistics.median(alone)
-        grown = after_mb / before_mb
-        verdicts += [
-            judge(f"memory after {name}, to before", Ratio(grown, grown, grown), at_most=1.1),
-            judge(f"a look-up during four {name}, to alone", Ratio(median, median, median), at_most=3.0),
-        ]
+        ways = {each: get(template, each) for each in frames}
+        verdicts.append(_judge(text, ways, rounds=scale.rounds, at_most=1.5))
+    adding = {each: (lambda each=each: add(each)) for each in frames}
+    verdicts.append(
+        _judge("adding a frame, with the verdicts on all", adding, rounds=scale.uploads, at_most=3.0)
+    )
+    small, large = (_count_statements(worker, each) for each in frames)
+    verdicts.append(judge("statements of a fit's input: large to small", large / small, at_most=1.0))
     return verdicts
 
 
-def _calibrate(folder: Path, client: stilb.Client, worker: Context) -> stilb.Calibration:
-    """Fit three scenes of two frames each."""
-    random = np.random.default_rng(2)
-    camera = client.create_camera(CAMERA.body.make, CAMERA.body.model, CAMERA.body.serial)
-    campaign = client.create_campaign(camera.id).id
-    client.set_roi(campaign, polygon=draw_roi(_SMALL).points)
-    taken_at = datetime(2026, 5, 1, 20, 0, tzinfo=UTC)
-    for scene, (signal_dn, luminance) in _SCENES.items():
-        for f_number in (4.0, 4.0 * 2**0.5):
-            level = CAMERA.sensor.black_level_dn + signal_dn * 16 / f_number**2
-            mosaic = random.normal(level, 8.0, (_SMALL.rows, _SMALL.cols)).astype(np.uint16)
-            path = folder / f"{scene}-{f_number:.1f}.dng"
-            exposure = Exposure(exposure_time_s=0.01, f_number=f_number, iso=3200)
-            write_dng(path, mosaic, camera=CAMERA, settings=exposure, taken_at=taken_at)
-            client.push(campaign, path, role="light", scene=scene)
-        reading = {"scene": scene, "quantity": "luminance", "value": luminance, "unit": "cd/m2"}
-        client.add_readings(campaign, [reading])
-    do_jobs(worker)
-    job = client.start_calibration(campaign)
-    do_jobs(worker)
-    return client.calibration(str(client.wait(job).result["calibration_id"]))
+def _judge(text: str, ways: Ways, *, rounds: int, at_most: float) -> bool:
+    few, many = take_turns(ways, rounds=rounds, warm_up=1).values()
+    show_times({f"{text}: few": few, f"{text}: many": many})
+    return judge(f"{text}: many to few", compare(many, few), at_most=at_most)
+
+
+def _count_statements(worker: Context, campaign_id: str) -> int:
+    executed: list[str] = []
+
+    def note(*told: Any) -> None:  # noqa: ANN401  SQLAlchemy's
+        executed.append(told[2])
+
+    event.listen(Engine, "before_cursor_execute", note)
+    with worker.database.reading() as session:
+        gather(session, session.get_one(Campaign, campaign_id))
+    event.remove(Engine, "before_cursor_execute", note)
+    return len(executed)
+
+
+def _add_jobs(scale: Scale, service: Service, worker: Context, http: httpx.Client) -> list[bool]:
+    """Measure with a hundred jobs, then with a thousand times as many; four in ten wait for a worker."""
+    say(f"\n{scale.jobs:,} jobs and {scale.jobs // _JOBS_OF_A_CAMPAIGN:,} campaigns beside {_FEW_JOBS}")
+    with stilb.Client(service.url, KEY) as client:
+        camera = client.create_camera(CAMERA.body.make, CAMERA.body.model, CAMERA.body.serial).id
+        campaign = client.create_campaign(camera).id
+
+    def get(path: str) -> Callable[[], object]:
+        return lambda: http.get(path).raise_for_status()
+
+    def upload() -> None:
+        address = f"/v1/campaigns/{campaign}/frames?role=field"
+        http.post(address, content=os.urandom(20_000)).raise_for_status()
+
+    full = round(_FEW_JOBS * _QUEUED_SHARE)  # a page is full both times: half a page costs half as much
+    ways: dict[str, Callable[[], object]] = {
+        "a page of queued jobs": get(f"/v1/jobs?state=queued&limit={full}"),
+        "a page of campaigns": get("/v1/campaigns?limit=10"),
+        "a campaign": get(f"/v1/campaigns/{campaign}"),
+        "the metrics": get("/metrics"),
+        "an upload of 20 kB": upload,
+        "choosing a job, and its begin": lambda: _begin_next(worker),
+        "taking back lost jobs": lambda: _take_back(worker),
+    }
+    measured: list[dict[str, Seconds]] = []
+    for number in (_FEW_JOBS, scale.jobs - _FEW_JOBS):
+        _fill(worker, camera, number)
+        measured.append(take_turns(ways, rounds=scale.rounds, warm_up=1))
+    few, many = measured
+    show_times(many)
+    return [judge(f"{name}: many to few", compare(many[name], few[name]), at_most=1.5) for name in ways]
+
+
+def _begin_next(worker: Context) -> None:
+    with worker.database.writing("bench") as session:
+        touch(session, "fits")
+        message, *others = choose_messages(session)
+        session.execute(update(Job).where(Job.id.in_([each.task_id for each in others])).values(sent_at=None))
+        begin(session, str(message.task_id), lease_s=30.0)
+
+
+def _take_back(worker: Context) -> None:
+    with worker.database.writing("bench") as session:
+        take_back(session, Job.lease_until < utc_now())
+
+
+def _fill(worker: Context, camera_id: str, number: int) -> None:
+    with worker.database.writing("bench") as session:
+        of = {"organisation_id": session.scalars(select(Camera.organisation_id)).first()}
+        campaigns = [new_id("cmp") for _ in range(max(1, number // _JOBS_OF_A_CAMPAIGN))]
+        about = of | {"camera_id": camera_id, "method": "luminance"}
+        job = of | {"kind": "fit", "lane": "fit", "created_by": "bench"}
+        states = ["queued" if each < number * _QUEUED_SHARE else "succeeded" for each in range(number)]
+        jobs = (
+            job | {"state": state, "subject_id": campaigns[each % len(campaigns)]}
+            for each, state in enumerate(states)
+        )
+        write_rows(session, {Campaign: (about | {"id": each} for each in campaigns), Job: jobs})

@@ -1,11 +1,11 @@
-"""Statistics of a region of a file on the disk: ours, other people's ways, and the limit.
+"""Statistics of a region of a file on the disk, and its luminance map: ours, other ways, and the limit.
 
-Every way ends in the same function on the same region, and must give the same numbers.
+Ways that are compared must give the same numbers.
 """
 
 import itertools
-from collections.abc import Callable, Iterator
-from functools import partial
+import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 import imagecodecs
@@ -13,64 +13,66 @@ import numpy as np
 import rawpy
 import tifffile
 
-from bench import imagej
-from bench.report import judge, say, show_times
-from bench.subject import CAMERA, KINDS, Scale, draw_roi, measure_kinds
-from bench.timing import compare, take_turns
-from radiometry.frame import Frame
+from bench.frames import CAMERA, NAMES, draw_roi, make_mosaic, write_copies
+from bench.harness import Scale, compare, judge, say, show_times, take_turns
+from radiometry.frame import Frame, FrameHeader
+from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon, Window, bounding_window
 from radiometry.frame.statistics import ChannelStatistics
+from radiometry.luminance import SPEC
 from radiometry.luminance import method as luminance
+from radiometry.luminance.maps import MapScale
 from simulation.dng import Compression
+from worker.decode.malloc import keep_memory, share_one_arena
 from worker.decode.pool import DecoderPool
+from worker.maps.making import write_map
+from worker.maps.tiff import LEVEL, ROUNDING_REL, TILE_PX, MapFacts
+from worker.measuring.surface import make_subject
 
 Rows = tuple[ChannelStatistics, ...]
-
-OURS = "ours, as the worker does it, its process included"
-RAWPY = "rawpy's full decode"
-LIMIT = "the limit: only these pixels or tiles, no header"
+_FASTER: dict[Compression, float] = {"none": 4.0, "ljpeg": 8.0}
+_OF_LIMIT: dict[Compression, float] = {"none": 2.0, "ljpeg": 1.5}
+_SCALE = MapScale(slope_cd_m2_per_dn=0.00123, dark_signal_dn=256.3, channel="green")
+_EXPOSURE = Exposure(exposure_time_s=0.01, f_number=4.0, iso=3200.0)
 
 
 def run(scale: Scale) -> list[bool]:
-    """Measure both kinds of file."""
-    return measure_kinds(scale, partial(_measure, scale))
+    """Measure uncompressed files and lossless JPEG, in a process that keeps memory as the worker's does."""
+    share_one_arena()
+    keep_memory()
+    verdicts: list[bool] = []
+    mosaic = make_mosaic(scale)
+    for compression in _FASTER:
+        with tempfile.TemporaryDirectory(prefix="stilb-bench-") as folder, DecoderPool() as pool:
+            paths = write_copies(Path(folder), mosaic, compression, names=NAMES)
+            size_mb = paths[0].stat().st_size / 1e6
+            say(f"\na frame of {scale.cols} x {scale.rows} px, {size_mb:.0f} MB, compression: {compression}")
+            verdicts += _read_region(scale, compression, paths, pool)
+            verdicts += _make_map(scale, paths, pool)
+    return verdicts
 
 
-def _measure(scale: Scale, compression: Compression, paths: list[Path], pool: DecoderPool) -> list[bool]:
-    polygon, kind = draw_roi(scale), KINDS[compression]
+def _read_region(scale: Scale, compression: Compression, paths: list[Path], pool: DecoderPool) -> list[bool]:
+    polygon = draw_roi(scale)
     window = bounding_window(polygon, height_px=scale.rows, width_px=scale.cols)
-    size_mb = paths[0].stat().st_size / 1e6
-    say(f"\nreading a region of 5 % of {scale.cols} x {scale.rows} px, {kind}, {size_mb:.0f} MB")
     ours, theirs = itertools.cycle(paths), itertools.cycle(paths)
-    limit = (
-        _limit_of_pixels(paths[0], window, polygon)
-        if compression == "none"
-        else _limit_of_tiles(paths[0], window, polygon)
-    )
     ways: dict[str, Callable[[], Rows]] = {
-        OURS: lambda: extract_ours(pool, next(ours), polygon),
-        RAWPY: lambda: extract_with_rawpy(next(theirs), polygon),
-        LIMIT: limit,
+        "a region: ours, as the worker does it": lambda: _extract_ours(pool, next(ours), polygon),
+        "a region: rawpy's full decode": lambda: _extract_with_rawpy(next(theirs), polygon),
+        "a region: only its pixels or tiles, no header": _make_limit(paths[0], window, polygon),
     }
-    _require_equal(ways)
+    if len({way() for way in ways.values()}) != 1:
+        raise AssertionError("the ways differ")
     seconds = take_turns(ways, rounds=scale.rounds)
     show_times(seconds)
-    imagej.run(paths[0], polygon, ours=seconds[OURS])
-    against_rawpy = compare(seconds[RAWPY], seconds[OURS])
-    against_limit = compare(seconds[OURS], seconds[LIMIT])
-    if compression == "none":
-        return [
-            judge("times faster than rawpy", against_rawpy, at_least=4.0),
-            judge("times the limit", against_limit, at_most=2.0),
-        ]
+    our, rawpys, limit = seconds.values()
     return [
-        judge("times faster than rawpy", against_rawpy, at_least=8.0),
-        judge("times the limit", against_limit, at_most=1.5),
+        judge("a region, times faster than rawpy", compare(rawpys, our), at_least=_FASTER[compression]),
+        judge("a region, times the limit", compare(our, limit), at_most=_OF_LIMIT[compression]),
     ]
 
 
-def extract_ours(pool: DecoderPool, path: Path, polygon: Polygon) -> Rows:
-    """Extract as the worker does for one frame: header, window, statistics."""
+def _extract_ours(pool: DecoderPool, path: Path, polygon: Polygon) -> Rows:
     with pool.hold(path):
         header = pool.read_header(path)
         window = bounding_window(polygon, height_px=header.height_px, width_px=header.width_px)
@@ -78,82 +80,99 @@ def extract_ours(pool: DecoderPool, path: Path, polygon: Polygon) -> Rows:
     return luminance.extract(frame, polygon)
 
 
-def extract_with_rawpy(path: Path, polygon: Polygon) -> Rows:
-    """Extract as a script with rawpy does: decode all of it, then read the region."""
+def _extract_with_rawpy(path: Path, polygon: Polygon) -> Rows:
     with rawpy.imread(str(path)) as raw:
         mosaic = raw.raw_image_visible
         window = bounding_window(polygon, height_px=mosaic.shape[0], width_px=mosaic.shape[1])
-        rows, cols = _slices(window)
-        return luminance.extract(_as_frame(mosaic[rows, cols], window, *mosaic.shape), polygon)
+        return _extract(mosaic[_slice(window)], window, mosaic.shape, polygon)
 
 
-def _limit_of_pixels(path: Path, window: Window, polygon: Polygon) -> Callable[[], Rows]:
-    """Map the file where the samples are known to lie, and touch only the region."""
+def _make_limit(path: Path, window: Window, polygon: Polygon) -> Callable[[], Rows]:
+    """Read only the pixels, or the tiles, of the window, each known by its place in the file."""
     with tifffile.TiffFile(path) as file:
         page = file.pages[0]
-        offset, shape = page.dataoffsets[0], page.shape
-
-    def extract() -> Rows:
-        mosaic = np.memmap(path, "<u2", mode="r", offset=offset, shape=shape)
-        return luminance.extract(_as_frame(mosaic[_slices(window)], window, *shape), polygon)
-
-    return extract
-
-
-def _limit_of_tiles(path: Path, window: Window, polygon: Polygon) -> Callable[[], Rows]:
-    """Decode only the tiles that the region's window touches, each known by its place in the file."""
-    with tifffile.TiffFile(path) as file:
-        page = file.pages[0]
-        shape, tile = page.shape, page.tile or page.shape
+        shape, tile = page.shape, page.tile
         segments = list(zip(page.dataoffsets, page.databytecounts, strict=True))
-    across = -(-shape[1] // tile[1])
 
-    def touched() -> Iterator[tuple[int, int]]:
-        last_row, last_col = window.row0 + window.height - 1, window.col0 + window.width - 1
-        for row in range(window.row0 // tile[0], last_row // tile[0] + 1):
-            for col in range(window.col0 // tile[1], last_col // tile[1] + 1):
-                yield row, col
+    def read_pixels() -> Rows:
+        mosaic = np.memmap(path, "<u2", mode="r", offset=segments[0][0], shape=shape)
+        return _extract(mosaic[_slice(window)], window, shape, polygon)
 
-    wanted = list(touched())
-    top, left = wanted[0][0] * tile[0], wanted[0][1] * tile[1]
-    height = (wanted[-1][0] + 1) * tile[0] - top
-    width = (wanted[-1][1] + 1) * tile[1] - left
-    inner = Window(row0=window.row0 - top, col0=window.col0 - left, height=window.height, width=window.width)
-
-    def extract() -> Rows:
-        samples = np.empty((height, width), np.uint16)
+    def read_tiles() -> Rows:
+        rows = range(window.row0 // tile[0], (window.row0 + window.height - 1) // tile[0] + 1)
+        cols = range(window.col0 // tile[1], (window.col0 + window.width - 1) // tile[1] + 1)
+        samples = np.empty((len(rows) * tile[0], len(cols) * tile[1]), np.uint16)
         with path.open("rb") as file:
-            for row, col in wanted:
-                offset, count = segments[row * across + col]
+            for row, col in itertools.product(rows, cols):
+                offset, count = segments[row * -(-shape[1] // tile[1]) + col]
                 file.seek(offset)
-                at_row, at_col = row * tile[0] - top, col * tile[1] - left
-                samples[at_row : at_row + tile[0], at_col : at_col + tile[1]] = imagecodecs.ljpeg_decode(
-                    file.read(count)
-                )
-        return luminance.extract(_as_frame(samples[_slices(inner)], window, *shape), polygon)
+                y, x = (row - rows[0]) * tile[0], (col - cols[0]) * tile[1]
+                samples[y : y + tile[0], x : x + tile[1]] = imagecodecs.ljpeg_decode(file.read(count))
+        top, left = window.row0 - rows[0] * tile[0], window.col0 - cols[0] * tile[1]
+        inside = samples[top : top + window.height, left : left + window.width]
+        return _extract(inside, window, shape, polygon)
 
-    return extract
+    return read_tiles if tile else read_pixels
 
 
-def _as_frame(samples_dn: np.ndarray, window: Window, height_px: int, width_px: int) -> Frame:
-    return Frame(
+def _extract(samples_dn: np.ndarray, window: Window, shape: tuple[int, ...], polygon: Polygon) -> Rows:
+    frame = Frame(
         samples_dn=samples_dn,
         row0=window.row0,
         col0=window.col0,
-        height_px=height_px,
-        width_px=width_px,
+        height_px=shape[0],
+        width_px=shape[1],
         cfa=CAMERA.sensor.cfa,
         black_level_dn=(CAMERA.sensor.black_level_dn,) * 4,
         white_level_dn=(CAMERA.sensor.white_level_dn,) * 4,
     )
+    return luminance.extract(frame, polygon)
 
 
-def _slices(window: Window) -> tuple[slice, slice]:
+def _slice(window: Window) -> tuple[slice, slice]:
     return slice(window.row0, window.row0 + window.height), slice(window.col0, window.col0 + window.width)
 
 
-def _require_equal(ways: dict[str, Callable[[], Rows]]) -> None:
-    """A quick way that gives other numbers is no way."""
-    answers = {name: way() for name, way in ways.items()}
-    if len(set(answers.values())) != 1:
-        raise AssertionError(f"the ways differ: {answers}")
+def _make_map(scale: Scale, paths: list[Path], pool: DecoderPool) -> list[bool]:
+    ours, plain = (paths[0].with_name(f"{name}.tif") for name in ("ours", "plain"))
+    our_paths, plain_paths = itertools.cycle(paths), itertools.cycle(paths)
+    seconds = take_turns(
+        {
+            "a map: ours, as the worker does it": lambda: _map_ours(pool, next(our_paths), ours),
+            "a map: plain numpy over rawpy's full decode": lambda: _map_plainly(next(plain_paths), plain),
+        },
+        rounds=scale.rounds,
+    )
+    one, other = tifffile.imread(ours), tifffile.imread(plain)
+    if not np.allclose(one, other, rtol=1e-5 + ROUNDING_REL, atol=1e-6, equal_nan=True):
+        raise AssertionError("the maps differ")
+    show_times(seconds)
+    our, numpys = seconds.values()
+    return [judge("a map, times faster than plain numpy", compare(numpys, our), at_least=3.0)]
+
+
+def _map_ours(pool: DecoderPool, path: Path, target: Path) -> None:
+    with pool.hold(path):
+        header: FrameHeader = pool.read_header(path)
+        facts = MapFacts(header=header, exposure=_EXPOSURE, software="stilb", description={"unit": "cd/m2"})
+        write_map(pool, make_subject(SPEC.application, path, header, _SCALE), facts, target)
+
+
+def _map_plainly(path: Path, target: Path) -> None:
+    """Make the map as a script does, in single precision: decode all, interpolate green in whole arrays.
+
+    The same tiles, compression and level, and the values as computed: ours are rounded to 12 bits first.
+    """
+    with rawpy.imread(str(path)) as raw:
+        mosaic = raw.raw_image_visible.astype(np.float32)
+    padded = np.pad(mosaic, 1, mode="reflect")
+    around = padded[:-2, 1:-1] + padded[2:, 1:-1] + padded[1:-1, :-2] + padded[1:-1, 2:]
+    green = np.zeros(mosaic.shape, bool)
+    green[0::2, 1::2] = green[1::2, 0::2] = True
+    signal = np.where(green, mosaic, around / 4)
+    luminance_cd_m2 = (signal - np.float32(_SCALE.dark_signal_dn)) * np.float32(_SCALE.slope_cd_m2_per_dn)
+    over = np.pad(mosaic >= CAMERA.sensor.white_level_dn, 1, mode="reflect")
+    beside = over[:-2, 1:-1] | over[2:, 1:-1] | over[1:-1, :-2] | over[1:-1, 2:]
+    luminance_cd_m2[np.where(green, over[1:-1, 1:-1], beside)] = np.nan
+    tile, level = (TILE_PX, TILE_PX), {"level": LEVEL}
+    tifffile.imwrite(target, luminance_cd_m2, tile=tile, compression="zlib", compressionargs=level)

@@ -26,9 +26,16 @@ from urllib.parse import urlsplit
 
 import httpx
 
-from bench.memory import forget_peak, read_cpu_s, read_memory_mb
-from bench.report import describe_machine, say
-from bench.upload import KEY, Service, serving
+from bench.harness import (
+    KEY,
+    Service,
+    describe_machine,
+    forget_peak,
+    read_cpu_s,
+    read_memory_mb,
+    say,
+    serving,
+)
 from service.limits import MAX_BODY_BYTES
 from store.database import Database
 from store.migrate import migrate

@@ -16,7 +16,7 @@ import httpx
 import pytest
 from fastapi.routing import APIRoute, iter_route_contexts
 
-from bench.memory import forget_peak, read_memory_mb
+from bench.harness import forget_peak, read_memory_mb
 from service import auth, limits
 from service.auth import get_caller
 from service.limits import MAX_BODY_BYTES, STRANGER_BYTES

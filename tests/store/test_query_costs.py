@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 import pytest
 from sqlalchemy import event
 
-from bench.filling import copy_frame
+from bench.frames import copy_frame
 from store.queries.evidence import gather
 from store.ready.series import Asked, CoefficientSeries, MeasurementSeries
 from store.tables import Campaign

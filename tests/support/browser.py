@@ -1,6 +1,7 @@
 """A browser that looks at the pages as people do: its console is quiet, its pictures are kept, axe asked."""
 
 import os
+import shutil
 import subprocess
 from contextlib import contextmanager
 from io import BytesIO
@@ -11,10 +12,13 @@ from PIL import Image
 from playwright._impl._driver import compute_driver_executable
 from playwright.sync_api import Browser, BrowserContext, Locator, Page, Playwright, Response, expect
 
-from bench.pages import find_chromium
-
 WIDTHS = {"desktop": (1440, 900), "phone": (390, 844)}
-CHROMIUM = find_chromium() or "/usr/bin/chromium-headless-shell"
+CHROMIUM = (
+    os.environ.get("STILB_CHROMIUM")
+    or shutil.which("chromium-headless-shell")
+    or shutil.which("chromium")
+    or "/usr/bin/chromium-headless-shell"
+)
 PICTURES = os.environ.get("STILB_PICTURES")
 ILLUSTRATIONS = os.environ.get("STILB_ILLUSTRATIONS")
 _ARGUMENTS = [

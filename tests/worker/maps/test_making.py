@@ -11,7 +11,8 @@ import pytest
 import tifffile
 from PIL import ExifTags, Image
 
-from bench.subject import Scale, make_mosaic
+from bench.frames import make_mosaic
+from bench.harness import Scale
 from radiometry.frame.exposure import Exposure
 from radiometry.luminance import SPEC
 from radiometry.luminance.maps import MapScale, compute_map
