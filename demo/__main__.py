@@ -20,8 +20,7 @@ from rich.console import Console
 
 import stilb
 from demo.child import NotServing, Service, serving
-from demo.display import Display
-from demo.journey import Stage
+from demo.journey import Display, Stage
 from radiometry.methods import METHODS
 
 

@@ -22,8 +22,7 @@ import stilb
 from demo import luminance
 from demo.__main__ import play
 from demo.child import serving
-from demo.display import Display
-from demo.journey import Stage
+from demo.journey import Display, Stage
 from radiometry.methods import METHODS
 from simulation.camera import change
 from simulation.sequoia import SEQUOIA, capture

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import stilb
-from demo.findings import Finding
-from demo.journey import Stage, begin, calibrate, conclude, register, take
+from demo.journey import Finding, Stage, begin, calibrate, conclude, register, take
 from radiometry.geometry.camera import PARAMETERS, UNITS, CameraModel, find_directions
 from radiometry.geometry.rig.orientation import COMPARED
 from radiometry.geometry.rig.results import describe_pose

@@ -3,24 +3,108 @@
 Taking them again, with the same files, changes nothing and ends the same.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Any, Self, Unpack
 
 import numpy as np
+from rich import box
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
 
 import stilb
-from demo.display import Display
-from demo.findings import Finding, as_table
 from radiometry.frame.roi import Polygon, Window
 from simulation.camera import Camera, Shot
 from simulation.camera import take as expose
 from simulation.dng import write_dng
-from stilb.details import CampaignDetails, LensDetails
+from stilb.records import CampaignDetails, LensDetails
+
+Advance = Callable[[float], None]  # takes the share that is done, 0..1
+
+
+class Display:
+    """One stage after another, each with its share done: a bar, or outside a terminal a line at its end."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+
+    def say(self, text: str) -> None:
+        """Print one line as it is."""
+        self._console.print(text, highlight=False, soft_wrap=True)
+
+    def show(self, table: Table) -> None:
+        """Print a table."""
+        self._console.print(table)
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[Advance]:
+        """Show one stage from its begin to its end; the body reports how far it is."""
+        columns = (BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
+        with Progress(TextColumn("{task.description:<34}"), *columns, console=self._console) as progress:
+            task = progress.add_task(name, total=1.0)
+            yield lambda share: progress.update(task, completed=share)
+            progress.update(task, completed=1.0)
+
+
+AGREES_WITHIN = 3.0  # standard uncertainties
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """One figure."""
+
+    what: str
+    value: float
+    standard_uncertainty: float
+    truth: float
+    unit: str
+
+    @classmethod
+    def of(cls, what: str, found: stilb.Coefficient | stilb.Quantity, *, truth: float) -> Self:
+        """Take a figure as the service reports it."""
+        return cls(
+            what=what,
+            value=found.value,
+            standard_uncertainty=found.standard_uncertainty,
+            truth=truth,
+            unit=found.unit,
+        )
+
+    @property
+    def difference(self) -> float:
+        """How far the figure lies from the truth, in its own standard uncertainties."""
+        return (self.value - self.truth) / self.standard_uncertainty
+
+    @property
+    def agrees(self) -> bool:
+        """Return True if the figure agrees with the truth."""
+        return abs(self.difference) <= AGREES_WITHIN
+
+
+def as_table(title: str, findings: Sequence[Finding]) -> Table:
+    """Lay the findings out for a person."""
+    table = Table(title=f"{title} beside the simulated truth", box=box.SIMPLE_HEAD)
+    table.add_column("", no_wrap=True)
+    for heading in ("found", "u", "truth", "off / u"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("unit")
+    for one in findings:
+        table.add_row(
+            one.what,
+            f"{one.value:.5g}",
+            f"{one.standard_uncertainty:.2g}",
+            f"{one.truth:.5g}",
+            f"{one.difference:+.2f}" + ("" if one.agrees else " FAR"),
+            "" if one.unit == "1" else one.unit,
+        )
+    return table
+
 
 STARTED_AT = datetime(2026, 5, 1, 12, 0, tzinfo=UTC)
 

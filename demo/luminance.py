@@ -11,13 +11,12 @@ from rich import box
 from rich.table import Table
 
 import stilb
-from demo.findings import Finding
-from demo.journey import Stage, begin, calibrate, register, take
+from demo.journey import Finding, Stage, begin, calibrate, register, take
 from radiometry.frame.roi import Polygon, Window
 from simulation.camera import Camera, Shot, change
 from simulation.light import Meter
 from simulation.luminance import X5S, Errors, find_k, plan_campaign
-from stilb.details import Reading
+from stilb.records import Reading
 
 _SEED = 20250301
 _STARTED_AT = datetime(2025, 3, 1, 20, 30, tzinfo=UTC)

@@ -2,8 +2,7 @@
 
 import math
 
-from demo.findings import Finding
-from demo.journey import Stage, begin, calibrate, conclude, register, take
+from demo.journey import Finding, Stage, begin, calibrate, conclude, register, take
 from simulation.camera import Camera, change
 from simulation.flats import COUNTING_SENSOR, find_variance_maximum, plan_series
 

@@ -17,8 +17,7 @@ import numpy as np
 import tifffile
 
 import stilb
-from demo.findings import Finding
-from demo.journey import Stage, begin, calibrate, conclude, send, write_files
+from demo.journey import Finding, Stage, begin, calibrate, conclude, send, write_files
 from radiometry.frame import FrameHeader
 from simulation import rigs, sequoia
 from simulation.camera import Taken, change

@@ -7,8 +7,7 @@ import numpy as np
 import tifffile
 
 import stilb
-from demo.findings import Finding
-from demo.journey import Stage, begin, calibrate, conclude, register, take
+from demo.journey import Finding, Stage, begin, calibrate, conclude, register, take
 from radiometry.vignetting.blocks import Grid
 from radiometry.vignetting.falloff import evaluate_curve, find_farthest_corner
 from simulation.camera import Camera, change

@@ -7,9 +7,7 @@ with stilb.Client("http://127.0.0.1:8000", key) as client:
 """
 
 from stilb.client import Client
-from stilb.details import Grid, PanelBand, Polygon, Reading
 from stilb.export import ExportProgress
-from stilb.health import Health
 from stilb.problem import JobFailed, Problem, Unclear
 from stilb.records import (
     AuditChain,
@@ -20,6 +18,7 @@ from stilb.records import (
     Coefficient,
     Comparison,
     Frame,
+    Grid,
     Job,
     Key,
     KnownFrame,
@@ -27,13 +26,16 @@ from stilb.records import (
     Meter,
     OwnKey,
     Panel,
+    PanelBand,
+    Polygon,
     Quantity,
+    Reading,
     Reason,
     Rig,
     Session,
 )
-from stilb.side_by_side import Progress
-from stilb.upload import Upload
+from stilb.resources.organisation import Health
+from stilb.upload import Progress, Upload
 
 __all__ = [
     "AuditChain",

@@ -1,15 +1,11 @@
 """The client: one method a thing that a field team or a dashboard does."""
 
-from stilb.resources.calibrations import Calibrations
+from stilb.resources.calibrations import Calibrations, Coefficients
 from stilb.resources.campaigns import Campaigns
-from stilb.resources.coefficients import Coefficients
-from stilb.resources.frames import Frames
-from stilb.resources.maps import Maps
-from stilb.resources.measurements import Measurements
-from stilb.resources.organisation import Organisation
-from stilb.resources.receipts import Receipts
-from stilb.resources.rigs import Rigs
-from stilb.resources.system import System
+from stilb.resources.equipment import Rigs
+from stilb.resources.frames import Frames, Receipts
+from stilb.resources.measurements import Maps, Measurements
+from stilb.resources.organisation import Organisation, System
 
 
 class Client(

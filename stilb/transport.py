@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 import random
 import threading
 import time
@@ -32,7 +33,9 @@ _CHUNK_BYTES = 1 << 20
 
 Answer = TypeVar("Answer")
 
-Query = Mapping[str, str | int | float | list[str] | None]
+Query = Mapping[str, Any]
+
+PathLike = str | os.PathLike[str]
 
 OnRetry = Callable[[problem.Problem, float], None]
 """Is told what went wrong and how long the pause is [s] before the same request is sent again."""
@@ -242,7 +245,8 @@ class Transport:
             response = self._http.request(
                 call.method,
                 call.path,
-                params=_given(call.query),
+                params=without_none(call.query)
+                or None,  # httpx drops an address's own query for an empty one
                 json=call.json,
                 content=content,
                 headers=headers,
@@ -262,7 +266,7 @@ class Transport:
 
     def _save(self, call: Call, headers: Mapping[str, str], file: BinaryIO) -> None:
         try:
-            params = _given(call.query)
+            params = without_none(call.query) or None
             with self._http.stream(call.method, call.path, params=params, headers=headers) as response:
                 _require_success(response)
                 file.writelines(response.iter_bytes(_CHUNK_BYTES))
@@ -300,6 +304,71 @@ def hash_file(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _given(query: Query) -> dict[str, str | int | float | list[str]] | None:
-    """The parameters that have a value; httpx drops an address's own query where it is given an empty one."""
-    return {name: value for name, value in query.items() if value is not None} or None
+def without_none(row: Mapping[str, Any]) -> dict[str, Any]:
+    """As the service answers: what is absent is left out."""
+    return {name: value for name, value in row.items() if value is not None}
+
+
+class Connection:
+    """A connection to one calibration service, for one key. Use it as a context manager.
+
+    ``timeout`` is how long one silence of the service may last [s]. What is safe to send twice is sent again
+    after a lost connection or a passing refusal, up to ``retries`` times, first after about ``backoff_s``,
+    then after twice as long each time: by default for a minute and a half at least, which outlasts a restart
+    of the service on a slow machine. ``on_retry`` is told each time, from whichever thread sends.
+    """
+
+    def __init__(
+        self,
+        url: str,
+        key: str,
+        *,
+        timeout: float = 60.0,
+        retries: int = 10,
+        backoff_s: float = 0.25,
+        on_retry: OnRetry | None = None,
+    ) -> None:
+        self._timeout_s = timeout
+        self._transport = Transport(
+            url, key, timeout_s=timeout, retries=retries, backoff_s=backoff_s, on_retry=on_retry
+        )
+
+    def __enter__(self) -> Self:
+        self._transport.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._transport.__exit__(kind, error, trace)
+
+    def close(self) -> None:
+        self._transport.close()
+
+    def _get(self, path: str, query: Query | None = None) -> dict[str, Any]:
+        return self._transport.json(Call(method="GET", path=path, query=query or {}))
+
+    def _post(self, path: str, body: object) -> dict[str, Any]:
+        return self._transport.json(Call(method="POST", path=path, json=body))
+
+    def _put(self, path: str, body: object) -> dict[str, Any]:
+        return self._transport.json(Call(method="PUT", path=path, json=body))
+
+    def _patch(self, path: str, body: object) -> dict[str, Any]:
+        return self._transport.json(Call(method="PATCH", path=path, json=body))
+
+    def _delete(self, path: str) -> dict[str, Any]:
+        return self._transport.json(Call(method="DELETE", path=path))
+
+    def _items(
+        self, path: str, query: Query | None = None, *, member: str = "items"
+    ) -> Iterator[dict[str, Any]]:
+        return self._transport.items(path, query, member=member)
+
+    def _text(self, path: str, query: Query | None = None) -> str:
+        return self._transport.send(Call(method="GET", path=path, query=query or {})).text
+
+    def _save(self, target: PathLike, path: str, query: Query | None = None) -> Path:
+        """Download to a file; return its path."""
+        self._transport.download(Call(method="GET", path=path, query=query or {}), Path(target))
+        return Path(target)

@@ -4,18 +4,28 @@ import base64
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterator
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, TypedDict, TypeVar
+from typing import Any, Required, TypedDict, TypeVar
 from urllib.parse import urlsplit
 
-from stilb.details import Polygon
 from stilb.problem import UNREACHABLE, Problem
-from stilb.records import Frame
-from stilb.side_by_side import WHOLE_BYTES, FileCount, OnProgress, Tally, send_side_by_side
-from stilb.transport import Call, Transport, address
+from stilb.records import Frame, Polygon
+from stilb.transport import Call, PathLike, Transport, address
+
+WHOLE_BYTES = 1 << 20
+"""A smaller file goes in one request; only if that is cut it is sent as what can go on."""
+_AT_ONCE = 2
+_MOST_AT_ONCE = 16
+"""Small files; more gain nothing, and a service takes what arrives together in one transaction anyway."""
+_MOST_BYTES = 4 << 20
+"""Of small files under way, beyond the first two."""
+_QUICK_S = 1.0
 
 _CHUNK_BYTES = 1 << 20
 _LARGEST_PIECE_BYTES, _SMALLEST_PIECE_BYTES = 16 << 20, 16 << 10
@@ -26,7 +36,45 @@ _OF_ONE_FILE = frozenset({400, 413, 422})
 
 Sent = TypeVar("Sent")
 
-PathLike = str | os.PathLike[str]
+
+@dataclass(frozen=True, kw_only=True)
+class Progress:
+    """How far a ``push`` is. Bytes go back to what has arrived when a connection is lost."""
+
+    filename: str
+    files_done: int
+    files_total: int
+    bytes_sent: int
+    bytes_total: int
+
+
+OnProgress = Callable[[Progress], None]
+
+
+class Width:
+    """How many files may be under way: two, and of small ones as many as a line carries in about a second.
+
+    Each that was answered within a second makes room for one more, and each that took longer for one less: a
+    line that breaks loses what was on its way. A caller's own number holds for all files.
+    """
+
+    def __init__(self, own: int | None) -> None:
+        self._least = self._now = own or _AT_ONCE
+        self._most = own or _MOST_AT_ONCE
+        self._sizes: list[int] = []
+
+    def has_room(self, size_bytes: int) -> bool:
+        under_way = len(self._sizes)
+        small = sum(self._sizes) + size_bytes <= _MOST_BYTES and size_bytes < WHOLE_BYTES
+        return under_way < self._least or (small and under_way < self._now)
+
+    def begin(self, size_bytes: int) -> None:
+        self._sizes.append(size_bytes)
+
+    def end(self, size_bytes: int, took_s: float) -> None:
+        self._sizes.remove(size_bytes)
+        more = 1 if took_s < _QUICK_S else -1
+        self._now = max(self._least, min(self._most, self._now + more))
 
 
 class FrameDetails(TypedDict, total=False):
@@ -36,6 +84,12 @@ class FrameDetails(TypedDict, total=False):
     exposure_time_s: float
     f_number: float
     iso: float
+
+
+class PushDetails(FrameDetails, total=False):
+    role: Required[str]
+    scene: str | None
+    on_progress: OnProgress | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,53 +107,94 @@ class Upload:
     sha256: str | None = None
 
 
-def send_all(
-    transport: Transport, uploads: list[Upload], *, concurrency: int | None, on_progress: OnProgress | None
-) -> list[Frame]:
-    """Send files side by side; frames come back in the order of ``uploads``.
+class Tally:
+    """Counts over all threads of one push, and reports to one listener, one report at a time."""
 
-    The first failure stops what has not begun and is raised, with the file's name as its note. Sending the
-    same list again is safe: a frame that has arrived answers as it did.
-    """
-    return _side_by_side(transport, uploads, _send, concurrency=concurrency, on_progress=on_progress)
+    def __init__(self, paths: Sequence[Path], on_progress: OnProgress | None) -> None:
+        self._lock = threading.Lock()
+        self._on_progress = on_progress
+        self._paths = paths
+        # A file that has gone is the matter of whoever opens it.
+        self.sizes = [path.stat().st_size if path.exists() else 0 for path in paths]
+        self._sent = [0] * len(paths)
+        self._files_done = 0
+
+    def count(self, index: int, sent_bytes: int | None = None) -> None:
+        """Note how much of a file has arrived; without a number it is done."""
+        with self._lock:
+            if sent_bytes is None:
+                self._files_done += 1
+            else:
+                self._sent[index] = sent_bytes
+            if self._on_progress is not None:
+                self._on_progress(
+                    Progress(
+                        filename=self._paths[index].name,
+                        files_done=self._files_done,
+                        files_total=len(self._paths),
+                        bytes_sent=sum(self._sent),
+                        bytes_total=sum(self.sizes),
+                    )
+                )
 
 
-def send_each(
-    transport: Transport, uploads: list[Upload], *, concurrency: int | None, on_progress: OnProgress | None
-) -> list[Frame | Exception]:
-    """The same, where a file that cannot be sent answers its error, and the others go on."""
-
-    def send(transport: Transport, upload: Upload, count: FileCount) -> Frame | Exception:
-        try:
-            return _send(transport, upload, count)
-        except OSError as error:
-            return error
-        except Problem as problem:
-            if problem.status in _OF_ONE_FILE:
-                return problem
-            raise
-
-    return _side_by_side(transport, uploads, send, concurrency=concurrency, on_progress=on_progress)
+Count = Callable[[int | None], None]
 
 
-def _side_by_side(
+def send_side_by_side(
     transport: Transport,
     uploads: list[Upload],
-    send: Callable[[Transport, Upload, FileCount], Sent],
+    send: Callable[[Transport, Upload, Count], Sent],
     *,
-    concurrency: int | None,
+    at_once: int | None,
     on_progress: OnProgress | None,
 ) -> list[Sent]:
+    """Send files side by side; the answers come back in the order of ``uploads``.
+
+    The first failure is raised, and no further file begun. If somebody wants to stop, so do the files that
+    are on their way.
+    """
     tally = Tally([Path(upload.path) for upload in uploads], on_progress)
-    return send_side_by_side(
-        tally,
-        lambda index: send(transport, uploads[index], tally.file(index)),
-        at_once=concurrency,
-        stop=transport.halt,
-    )
+    width, under_way = Width(at_once), dict[Future[Sent], tuple[int, float]]()
+    futures = list[Future[Sent]]()
+    with ThreadPoolExecutor(at_once or _MOST_AT_ONCE, thread_name_prefix="stilb-push") as pool:
+        try:
+            for index, (upload, size_bytes) in enumerate(zip(uploads, tally.sizes, strict=True)):
+                while not width.has_room(size_bytes):
+                    _take_ended(under_way, width)
+                width.begin(size_bytes)
+                futures.append(pool.submit(send, transport, upload, partial(tally.count, index)))
+                under_way[futures[-1]] = size_bytes, time.monotonic()
+            while under_way:
+                _take_ended(under_way, width)
+        except (KeyboardInterrupt, SystemExit):
+            transport.halt()
+            raise
+    return [future.result() for future in futures]
 
 
-def _send(transport: Transport, upload: Upload, count: FileCount) -> Frame:
+def _take_ended(under_way: dict[Future[Sent], tuple[int, float]], width: Width) -> None:
+    """Wait for files that are answered, and raise the error of one that failed."""
+    for future in wait(under_way, return_when=FIRST_COMPLETED).done:
+        size_bytes, begun_at = under_way.pop(future)
+        width.end(size_bytes, time.monotonic() - begun_at)
+        future.result()
+
+
+def try_file(transport: Transport, upload: Upload, count: Count) -> Frame | Exception:
+    """Send one file; an error that concerns it alone is the answer."""
+    try:
+        return send_file(transport, upload, count)
+    except OSError as error:
+        return error
+    except Problem as problem:
+        if problem.status in _OF_ONE_FILE:
+            return problem
+        raise
+
+
+def send_file(transport: Transport, upload: Upload, count: Count) -> Frame:
+    """Send one file; sending it again is safe: a frame that has arrived answers as it did."""
     path = Path(upload.path)
     try:
         with path.open("rb") as file:
@@ -111,7 +206,7 @@ def _send(transport: Transport, upload: Upload, count: FileCount) -> Frame:
     except Exception as error:
         error.add_note(f"while sending {path}")
         raise
-    count.finish()
+    count(None)
     return Frame.of(frame)
 
 
@@ -129,7 +224,7 @@ def _send_whole(transport: Transport, call: Call, size_bytes: int) -> dict[str, 
 
 
 def _send_resumably(
-    transport: Transport, upload: Upload, path: Path, sha256: str, size_bytes: int, count: FileCount
+    transport: Transport, upload: Upload, path: Path, sha256: str, size_bytes: int, count: Count
 ) -> dict[str, Any]:
     """Send a file from where the last connection was cut, as long as each brings it forward.
 
@@ -173,17 +268,17 @@ def _send_resumably(
     return transport.json(Call(method="GET", path=told["Content-Location"]))
 
 
-def _stream(path: Path, count: FileCount, offset: int, length: int) -> Iterator[bytes]:
-    count.restart(offset)
+def _stream(path: Path, count: Count, offset: int, length: int) -> Iterator[bytes]:
+    end = offset + length
     with path.open("rb") as file:
         file.seek(offset)
-        while chunk := file.read(min(length, _CHUNK_BYTES)):
+        while chunk := file.read(min(end - offset, _CHUNK_BYTES)):
             yield chunk
-            length -= len(chunk)
-            count.advance(len(chunk))
+            offset += len(chunk)
+            count(offset)
 
 
-def _call(upload: Upload, path: Path, sha256: str, size_bytes: int, count: FileCount) -> Call:
+def _call(upload: Upload, path: Path, sha256: str, size_bytes: int, count: Count) -> Call:
     return Call(
         method="POST",
         path=address("campaigns", upload.campaign_id, "frames"),

@@ -19,9 +19,9 @@ from verify.data import (
     is_address,
     is_measurement,
     is_rig,
-    open_data,
-    open_measurement,
+    open_export,
     read_certificate,
+    read_folder,
     split_address,
 )
 from verify.measurement import verify_measurement
@@ -49,7 +49,8 @@ def main(arguments: list[str] | None = None) -> int:
 def _verify(place: str, data_place: str, key: str, console: Console) -> int:
     certificate = read_certificate(place, key)
     if is_measurement(certificate):
-        with open_measurement(data_place, key, certificate["id"]) as folder, DecoderPool() as decoders:
+        opened = open_export(data_place, key, certificate["id"], measured=True)
+        with opened as folder, DecoderPool() as decoders:
             return _report(certificate, verify_measurement(certificate, folder, decoders), console)
     with DecoderPool() as decoders, console.status("reading the frames") as status:
 
@@ -58,7 +59,8 @@ def _verify(place: str, data_place: str, key: str, console: Console) -> int:
 
         if is_rig(certificate):
             return _report(certificate, verify_rig(certificate, data_place, key, decoders, tell), console)
-        with open_data(data_place, key, certificate["calibration_id"]) as data:
+        with open_export(data_place, key, certificate["calibration_id"]) as folder:
+            data = read_folder(folder)
             rows = check(certificate, data, recompute(certificate, data, decoders, tell))
     return _report(certificate, rows, console)
 

@@ -29,51 +29,39 @@ def check(certificate: Node, data: Data, found: Recomputed) -> list[Row]:
         *compare("readings", certificate["readings"], data.readings),
         *compare("panels", certificate["panels"], data.panels),
         *compare("regions", certificate["regions"], data.regions),
-        *_regions(data),
+        *(
+            Row("regions", "SHA-256 of its corners", each["sha256"], hash_region(each))
+            for each in data.regions
+        ),
         *_meters(certificate),
         *_figures(certificate, found),
-        *_content(certificate, data, found),
+        Row(
+            "content hash",
+            "content SHA-256",
+            certificate["content_sha256"],
+            hash_content(inputs_of(certificate, found, data), encode(found.params)),
+        ),
         *_own_copy(certificate, data),
         *_issued_files(data),
     ]
 
 
 def _software(certificate: Node) -> Iterator[Row]:
-    yield from compare(
-        "software",
-        {name: certificate["software"].get(name, ABSENT) for name in ("stilb", "extractor")},
-        {
-            "stilb": FIT_CODE_VERSION,
-            "extractor": name_extractor(certificate["method"], certificate.get("target")),
-        },
-    )
+    extractor = name_extractor(certificate["method"], certificate.get("target"))
+    found = {"stilb": FIT_CODE_VERSION, "extractor": extractor}
+    yield from compare("software", {name: certificate["software"].get(name, ABSENT) for name in found}, found)
 
 
 def _frames(found: Recomputed) -> Iterator[Row]:
     for frame in found.frames:
         stated, name = frame.stated, frame.stated["frame"]
-        yield Row(
-            group="frame files",
-            quantity=f"{name} SHA-256",
-            certificate=stated["sha256"],
-            recomputed=frame.sha256 or frame.trouble,
-        )
+        yield Row("frame files", f"{name} SHA-256", stated["sha256"], frame.sha256 or frame.trouble)
         if frame.row is None:
-            yield Row(group="frames", quantity=name, certificate="can be read", recomputed=frame.trouble)
+            yield Row("frames", name, "can be read", frame.trouble)
             continue
         exposure = drop_absent(encode(frame.exposure)) if frame.exposure else {}
         yield from compare("exposures", stated.get("exposure", {}), exposure, name)
         yield from compare("frame statistics", {key: stated[key] for key in frame.signal}, frame.signal, name)
-
-
-def _regions(data: Data) -> Iterator[Row]:
-    for region in data.regions:
-        yield Row(
-            group="regions",
-            quantity="SHA-256 of its corners",
-            certificate=region["sha256"],
-            recomputed=hash_region(region),
-        )
 
 
 def _meters(certificate: Node) -> Iterator[Row]:
@@ -82,17 +70,13 @@ def _meters(certificate: Node) -> Iterator[Row]:
     for index, reading in enumerate(certificate["readings"]):
         if "meter_id" in reading:
             for name in ("expanded_uncertainty_rel", "coverage_factor"):
-                yield Row(
-                    group="meter certificates",
-                    quantity=f"[{index}].{name}",
-                    certificate=meters.get(reading["meter_id"], {}).get(name, ABSENT),
-                    recomputed=reading.get(name, ABSENT),
-                )
+                stated = meters.get(reading["meter_id"], {}).get(name, ABSENT)
+                yield Row("meter certificates", f"[{index}].{name}", stated, reading.get(name, ABSENT))
 
 
 def _figures(certificate: Node, found: Recomputed) -> Iterator[Row]:
     if found.fit is None:
-        yield Row(group="fit", quantity="fit", certificate="was possible", recomputed=found.trouble)
+        yield Row("fit", "fit", "was possible", found.trouble)
         return
     stated = dict(certificate["result"])
     stated["points"] = [_without(point, "frame_id") for point in stated["points"]]
@@ -109,16 +93,6 @@ def _figures(certificate: Node, found: Recomputed) -> Iterator[Row]:
     yield from compare("flags in words", flags, result["flags"], "flags")
 
 
-def _content(certificate: Node, data: Data, found: Recomputed) -> Iterator[Row]:
-    inputs = inputs_of(certificate, found, data)
-    yield Row(
-        group="content hash",
-        quantity="content SHA-256",
-        certificate=certificate["content_sha256"],
-        recomputed=hash_content(inputs, encode(found.params)),
-    )
-
-
 def _own_copy(certificate: Node, data: Data) -> Iterator[Row]:
     """The data bring the certificate as it was handed out with them."""
     both = certificate, data.find_copy(certificate)
@@ -133,10 +107,7 @@ def _issued_files(data: Data) -> Iterator[Row]:
         for form in ("json", "pdf"):
             path = data.folder / f"{name_issued(issued)}.{form}"
             found = hash_file(path) if path.exists() else ABSENT
-            stated = issued[f"{form}_sha256"]
-            yield Row(
-                group="issued files", quantity=f"{path.name} SHA-256", certificate=stated, recomputed=found
-            )
+            yield Row("issued files", f"{path.name} SHA-256", issued[f"{form}_sha256"], found)
 
 
 def _without(node: Node, name: str) -> Node:

@@ -22,13 +22,12 @@ _U: Final = "standard_uncertainty"
 _QUANTITY: Final = frozenset({"value", _U, "expanded_uncertainty"})
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Row:
     """One quantity, as the certificate has it and as it was recomputed.
 
-    ``scale`` : of a number: its standard uncertainty where one is stated, else the largest number of its
-    column,
-        series or matrix; 0 where there is none of these, and the number itself counts
+    ``scale``: of a number its standard uncertainty where one is stated, else the largest of its column,
+    series or matrix; 0 where there is none of these, and the number itself counts.
     """
 
     group: str
@@ -93,22 +92,20 @@ def compare(
             )
     elif isinstance(certificate, list) and isinstance(recomputed, list):
         if len(certificate) != len(recomputed):
-            counts = {"certificate": len(certificate), "recomputed": len(recomputed)}
-            yield Row(group=group, quantity=f"{name} count".strip(), **counts)
+            yield Row(group, f"{name} count".strip(), len(certificate), len(recomputed))
         scales = scale if isinstance(scale, list) else _scale_members(certificate)
         for index, (stated, found) in enumerate(zip(certificate, recomputed, strict=False)):
             yield from compare(group, stated, found, f"{name}[{index}]", scales[index])
     else:
         size = scale if isinstance(scale, float) else 0.0
-        yield Row(group=group, quantity=name, certificate=certificate, recomputed=recomputed, scale=size)
+        yield Row(group, name, certificate, recomputed, size)
 
 
 def take_stated(stated: Any, found: Any) -> Any:  # noqa: ANN401  JSON
     """Return what was found, with the stated number wherever the two are the same to rounding."""
     if isinstance(stated, dict) and isinstance(found, dict):
         return {key: take_stated(stated.get(key, ABSENT), value) for key, value in found.items()}
-    rounded = Row(group="", quantity="", certificate=stated, recomputed=found).agreement == "rounding"
-    return stated if rounded else found
+    return stated if Row("", "", stated, found).agreement == "rounding" else found
 
 
 def _find_uncertainty(node: dict[str, Any], key: str) -> float | list[float]:

@@ -39,13 +39,9 @@ class Data:
         amends = certificate.get("issued", {}).get("amends")
         return _read_json(self.folder / f"{name_issued(amends)}.json") if amends else self.certificate
 
-    def path(self, frame: Node) -> Path:
-        """Where a frame of a certificate lies, if it is there; earlier exports named some differently."""
-        return find_frame(self.folder, frame)
-
 
 def find_frame(folder: Path, frame: Node) -> Path:
-    """Where a frame lies in an export, by its hash and name."""
+    """Where a frame lies in an export, by its hash and name; earlier exports named some differently."""
     path = folder / frame_path(frame)
     return path if path.exists() else next(path.parent.glob(f"{frame['sha256'][:12]}-*"), path)
 
@@ -72,14 +68,14 @@ def read_certificate(place: str, key: str) -> Node:
 
 
 @contextmanager
-def open_data(place: str, key: str, calibration_id: str) -> Iterator[Data]:
-    """An export's folder; a server's export is made in a folder that lasts as long as this context."""
+def open_export(place: str, key: str, of: str, *, measured: bool = False) -> Iterator[Path]:
+    """Return the folder of an export; one on a server is fetched for as long as this context."""
     if not is_address(place):
-        yield _read_folder(Path(place))
+        yield Path(place)
         return
     server, _ = split_address(place)
     with tempfile.TemporaryDirectory(prefix="stilb-verify-") as folder, stilb.Client(server, key) as client:
-        yield _read_folder(client.export(calibration_id, folder))
+        yield client.export_measurement(of, folder) if measured else client.export(of, folder)
 
 
 def is_measurement(certificate: Node) -> bool:
@@ -90,17 +86,6 @@ def is_measurement(certificate: Node) -> bool:
 def is_rig(certificate: Node) -> bool:
     """Return True if what was read is the certificate of a rig."""
     return "rig_id" in certificate
-
-
-@contextmanager
-def open_measurement(place: str, key: str, measurement_id: str) -> Iterator[Path]:
-    """Return the folder of a measurement's export; a server's is fetched for as long as this context."""
-    if not is_address(place):
-        yield Path(place)
-        return
-    server, _ = split_address(place)
-    with tempfile.TemporaryDirectory(prefix="stilb-verify-") as folder, stilb.Client(server, key) as client:
-        yield client.export_measurement(measurement_id, folder)
 
 
 def is_address(place: str) -> bool:
@@ -114,7 +99,8 @@ def split_address(place: str) -> tuple[str, str]:
     return f"{parts.scheme}://{parts.netloc}", parts.path
 
 
-def _read_folder(folder: Path) -> Data:
+def read_folder(folder: Path) -> Data:
+    """Read the export of a version."""
     certificate = _read_json(folder / CERTIFICATE)
     return Data(
         folder=folder,

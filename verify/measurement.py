@@ -31,14 +31,7 @@ _PIXEL_REL = 2.1 * ROUNDING_REL
 
 def verify_measurement(record: Node, folder: Path, decoders: DecoderPool) -> list[Row]:
     """Measure again, and compare hashes, exposures, results and every pixel of the map."""
-    rows = [
-        Row(
-            group="software",
-            quantity="measurer",
-            certificate=record["software"]["measurer"],
-            recomputed=MEASURER,
-        )
-    ]
+    rows = [Row("software", "measurer", record["software"]["measurer"], MEASURER)]
     paths = {
         frame["id"]: find_frame(folder, frame | {"frame": frame["filename"]}) for frame in record["frames"]
     }
@@ -46,14 +39,7 @@ def verify_measurement(record: Node, folder: Path, decoders: DecoderPool) -> lis
     for frame in record["frames"]:
         path, name = paths[frame["id"]], frame["filename"]
         sha256 = hash_file(path) if path.exists() else "the file is missing"
-        rows.append(
-            Row(
-                group="frame files",
-                quantity=f"{name} SHA-256",
-                certificate=frame["sha256"],
-                recomputed=sha256,
-            )
-        )
+        rows.append(Row("frame files", f"{name} SHA-256", frame["sha256"], sha256))
         if path.exists():
             found[frame["id"]] = _read(frame, path, decoders)
             exposure = found[frame["id"]].exposure
@@ -85,15 +71,13 @@ def verify_measurement(record: Node, folder: Path, decoders: DecoderPool) -> lis
             with decoders.hold(paths[first.id]):
                 measured, products = measure_frame(task)
         except InputRejected as refusal:
-            message = refusal.message
-            return [*rows, Row(group="result", quantity="measured", certificate="yes", recomputed=message)]
+            return [*rows, Row("result", "measured", "yes", refusal.message)]
         stated = {name: value for name, value in record["result"].items() if name != "why"}
         rows += compare("result", stated, measured)
         if products is not None:
             rows += _compare_maps(folder / MAP, blobs, products)
     content = hash_content(first, calibration, record["parameters"])
-    hashes = {"certificate": record["content_sha256"], "recomputed": content}
-    return [*rows, Row(group="content hash", quantity="content SHA-256", **hashes)]
+    return [*rows, Row("content hash", "content SHA-256", record["content_sha256"], content)]
 
 
 def _read(frame: Node, path: Path, decoders: DecoderPool) -> FrameRow:
@@ -114,11 +98,11 @@ def _read(frame: Node, path: Path, decoders: DecoderPool) -> FrameRow:
 
 def _compare_maps(stated: Path, blobs: LocalBlobs, products: Products) -> Iterator[Row]:
     if not stated.exists():
-        yield Row(group="map", quantity=MAP, certificate="is there", recomputed="is missing")
+        yield Row("map", MAP, "is there", "is missing")
         return
     with blobs.local_file(products.tif) as file:
         theirs, ours = tifffile.imread(stated), tifffile.imread(file.path)
-    yield Row(group="map", quantity="shape", certificate=list(theirs.shape), recomputed=list(ours.shape))
+    yield Row("map", "shape", list(theirs.shape), list(ours.shape))
     if theirs.shape != ours.shape:
         return
     step = _PIXEL_REL * np.abs(theirs) if theirs.dtype.kind == "f" else 1
@@ -128,8 +112,6 @@ def _compare_maps(stated: Path, blobs: LocalBlobs, products: Products) -> Iterat
     if near.all() and not same.all():
         # pixels of less precision than the numbers: as rounding, whatever their last digit is worth
         share = float(np.count_nonzero(same)) / total
-        yield Row(
-            group="map", quantity="pixels to the last bit", certificate=1.0, recomputed=share, scale=inf
-        )
+        yield Row("map", "pixels to the last bit", 1.0, share, inf)
         return
-    yield Row(group="map", quantity="pixels", certificate=total, recomputed=int(np.count_nonzero(near)))
+    yield Row("map", "pixels", total, int(np.count_nonzero(near)))

@@ -17,7 +17,7 @@ from stilb.transport import hash_file
 from store.codec import decode, drop_absent, encode, encode_statistics
 from store.queries.campaigns import Drawing
 from verify.compare import take_stated
-from verify.data import Data, Node
+from verify.data import Data, Node, find_frame
 from worker.decode.pool import DecoderCrashed, DecoderPool
 
 OnFrame = Callable[[int, int], None]
@@ -89,7 +89,7 @@ def _readings(spec: MethodSpec, data: Data) -> list[Any]:
 def _read(
     stated: Node, certificate: Node, data: Data, region: Node | None, decoders: DecoderPool
 ) -> FoundFrame:
-    path = data.path(stated)
+    path = find_frame(data.folder, stated)
     if not path.exists():
         return FoundFrame(stated=stated, sha256="", trouble="the file is missing", signal={})
     sha256 = hash_file(path)
@@ -209,21 +209,11 @@ def inputs_of(certificate: Node, found: Recomputed, data: Data) -> Node:
     frames = []
     for frame in found.frames:
         stated = frame.stated
-        frames.append(
-            {
-                "frame": stated["frame"],
-                "sha256": frame.sha256,
-                "role": stated["role"],
-                **({"scene": stated["scene"]} if "scene" in stated else {}),
-                **(
-                    {"exposure": take_stated(stated["exposure"], encode(frame.exposure))}
-                    if frame.exposure
-                    else {}
-                ),
-                **({"clock_offset": stated["clock_offset"]} if "clock_offset" in stated else {}),
-                "roi_sha256": stated["roi_sha256"],
-            }
-        )
+        names = ("frame", "role", "scene", "clock_offset", "roi_sha256")
+        row = {name: stated[name] for name in names if name in stated} | {"sha256": frame.sha256}
+        if frame.exposure:
+            row["exposure"] = take_stated(stated["exposure"], encode(frame.exposure))
+        frames.append(row)
     parts = {region["sha256"]: region["parts"] for region in data.regions if region.get("parts")}
     return {
         "frames": frames,

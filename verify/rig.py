@@ -14,7 +14,7 @@ from store.queries.calibration_record import state_orientation
 from store.queries.fleet import SPEC
 from verify.checks import check
 from verify.compare import Row, compare, take_stated
-from verify.data import Node, Unusable, is_address, open_data
+from verify.data import Node, Unusable, is_address, open_export, read_folder
 from verify.recompute import OnFrame, Recomputed, recompute
 from worker.decode.pool import DecoderPool
 
@@ -28,7 +28,7 @@ def verify_rig(
         serial = camera["item"]["serial"]
         with ExitStack() as stack:
             folder = place if is_address(place) else str(_find_export(Path(place), camera))
-            data = stack.enter_context(open_data(folder, key, camera["calibration_id"]))
+            data = read_folder(stack.enter_context(open_export(folder, key, camera["calibration_id"])))
             own = data.certificate
             found = recompute(own, data, decoders, on_frame)
             rows += [replace(row, group=f"{serial}: {row.group}") for row in check(own, data, found)]
@@ -68,7 +68,7 @@ def _compare(certificate: Node, members: Sequence[RigMember]) -> Iterator[Row]:
     try:
         orientation = SPEC.orient(members)
     except InputRejected as refusal:
-        yield Row(group="rig", quantity="oriented", certificate="yes", recomputed=refusal.message)
+        yield Row("rig", "oriented", "yes", refusal.message)
         return
     found = drop_absent(encode(orientation))
     yield from compare("orientation", certificate["orientation"], found)
@@ -79,9 +79,5 @@ def _compare(certificate: Node, members: Sequence[RigMember]) -> Iterator[Row]:
         "cameras": [camera["content_sha256"] for camera in certificate["cameras"]],
         "orientation": take_stated(certificate["orientation"], found),
     }
-    yield Row(
-        group="content hash",
-        quantity="content SHA-256",
-        certificate=certificate["content_sha256"],
-        recomputed=hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest(),
-    )
+    sha256 = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+    yield Row("content hash", "content SHA-256", certificate["content_sha256"], sha256)

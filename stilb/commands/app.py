@@ -9,24 +9,8 @@ from typing import Annotated, Any, Final
 import typer
 from typer.core import TyperGroup
 
-from stilb.commands import (
-    calibration,
-    campaign,
-    coefficients,
-    doctor,
-    fleet,
-    jobs,
-    keys,
-    maps,
-    measurements,
-    motion,
-    push,
-    receipt,
-    rig,
-    session,
-)
-from stilb.commands.exits import Exit, exit_of, next_step
-from stilb.commands.output import print_json
+from stilb.commands import calibration, campaign, jobs, keys, measurements, push, receipt, session
+from stilb.commands.output import Exit, exit_of, next_step, print_json
 from stilb.problem import Problem, Unclear
 from stilb.version import read_version
 
@@ -41,15 +25,15 @@ _SECTIONS: Final = {
         ("publish", calibration.publish, 'stilb publish cal_01 --from now --reason "spring campaign"'),
         ("revoke", calibration.revoke, 'stilb revoke cal_01 --reason "the meter was dropped"'),
         ("history", calibration.history, "stilb history 0K1XE8"),
-        ("k", coefficients.k, "stilb k 0K1XE8 --iso 3200 --at 2026-06-01"),
+        ("k", calibration.k, "stilb k 0K1XE8 --iso 3200 --at 2026-06-01"),
     ),
     "Measuring": (
         ("measure", measurements.measure, "stilb measure --campaign P-18 --save night.csv"),
-        ("map", maps.read_map, "stilb map msr_01 --levels 0.5,1,2"),
+        ("map", measurements.read_map, "stilb map msr_01 --levels 0.5,1,2"),
         ("compare", measurements.compare, "stilb compare msr_01 msr_02"),
-        ("motion", motion.motion, "stilb motion P-17 --focal-length 3.98"),
-        ("rig", rig.rig, "stilb rig rig_01 --save rig.json"),
-        ("fleet", fleet.fleet, "stilb fleet geometry 0K1XE8 0K1XE9 --tolerance 0.5"),
+        ("motion", campaign.motion, "stilb motion P-17 --focal-length 3.98"),
+        ("rig", calibration.rig, "stilb rig rig_01 --save rig.json"),
+        ("fleet", calibration.fleet, "stilb fleet geometry 0K1XE8 0K1XE9 --tolerance 0.5"),
     ),
     "Records": (
         ("export", calibration.export, "stilb export cal_01 out"),
@@ -61,7 +45,7 @@ _SECTIONS: Final = {
         ("events", jobs.events, "stilb events P-17"),
         ("retry", jobs.retry, "stilb retry --state failed --code temporarily_unavailable"),
         ("dismiss", jobs.dismiss, "stilb dismiss --state failed --campaign P-17"),
-        ("doctor", doctor.doctor, "stilb doctor"),
+        ("doctor", session.doctor, "stilb doctor"),
     ),
     "Access": (
         ("whoami", session.whoami, "stilb whoami"),

@@ -12,22 +12,26 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import RenderableType
+from rich.table import Table
 
 from stilb.client import Client
-from stilb.commands.completion import complete_camera, complete_campaign, complete_model
-from stilb.commands.moments import read_moment, write_moment
-from stilb.commands.output import Output, command
-from stilb.commands.progress import showing
-from stilb.commands.tables import format_findings, holds_for, of_coefficients, table
+from stilb.commands.output import (
+    CampaignNamed,
+    Output,
+    command,
+    complete_camera,
+    complete_method,
+    complete_model,
+    read_moment,
+    write_moment,
+)
+from stilb.commands.terminal import figure, format_findings, holds_for, of_coefficients, showing, table
 from stilb.export import ExportProgress
 from stilb.field.plan import read_macro
+from stilb.field.template import read_methods
 from stilb.problem import Problem, Unclear, missing
-from stilb.records import Calibration
+from stilb.records import DEFAULT_METHOD, Calibration, Quantity
 
-CampaignNamed = Annotated[
-    str,
-    typer.Argument(metavar="CAMPAIGN", help="Its id or project number.", autocompletion=complete_campaign),
-]
 CalibrationId = Annotated[str, typer.Argument(metavar="CALIBRATION", help="Its id.")]
 _POINT = re.compile(r"([\d.]+),([\d.]+)")
 
@@ -302,3 +306,140 @@ def _text_or_file(text: str) -> str:
         return read_macro(Path(text))
     except FileNotFoundError:
         raise Unclear(f"{text!r} is neither makePolygon(...) nor an existing file") from None
+
+
+@command
+def k(
+    output: Output,
+    camera: Annotated[
+        str, typer.Argument(metavar="CAMERA", help="Its id or serial number.", autocompletion=complete_camera)
+    ],
+    method: Annotated[
+        str, typer.Option(help="Method of the coefficients.", autocompletion=complete_method)
+    ] = DEFAULT_METHOD,
+    iso: Annotated[float | None, typer.Option(help="Only this ISO value.")] = None,
+    f_number: Annotated[float | None, typer.Option(help="At this f-number; default: in general.")] = None,
+    at: Annotated[str | None, typer.Option(help="In force at this time; default: now.")] = None,
+    known_at: Annotated[str | None, typer.Option(help="As known at this time; default: now.")] = None,
+) -> None:
+    """Show the K in force of a camera, with its uncertainty.
+
+    And where it comes from. Of another method: every coefficient that is in force.
+    """
+    with output.client() as client:
+        found = client.coefficients(
+            client.find_camera(camera).id,
+            method=method,
+            name=read_methods()[method]["coefficients"][0]["name"] if method == DEFAULT_METHOD else None,
+            iso=iso,
+            f_number=f_number,
+            at=read_moment(at),
+            known_at=read_moment(known_at),
+        )
+    why = dict.fromkeys(row.why for row in found if row.why)
+    output.answer({"items": [row.raw for row in found]}, of_coefficients(found), *why)
+
+
+@command
+def fleet(
+    output: Output,
+    method: Annotated[str, typer.Argument(metavar="METHOD", autocompletion=complete_method)],
+    cameras: Annotated[list[str], typer.Argument(metavar="CAMERA...", help="Ids or serial numbers.")],
+    tolerance: Annotated[
+        float, typer.Option(help="Largest accepted deviation: 0.04 is 4 %; of geometry, in pixels.")
+    ],
+) -> None:
+    """Show whether cameras of a model can share coefficients.
+
+    And at what cost. From the published versions of each: several campaigns of a camera show how well it
+    repeats.
+    """
+    with output.client() as client:
+        ids = [client.find_camera(each).id for each in cameras]
+        found = client.fleet_verdict(method, ids, tolerance=tolerance)
+    output.answer(found, _lay_out(found["parameters"]), found["said"])
+
+
+def _lay_out(parameters: list[dict[str, Any]]) -> Table:
+    return table(
+        ("parameter", "shared value", "cost of sharing", "verdict"),
+        [
+            (
+                holds_for(row),
+                figure(Quantity(**row["mean"])),
+                f"{row['cost']['value']:.3g} {row['cost']['unit']}" if "cost" in row else "",
+                row["verdict"].replace("_", " "),
+            )
+            for row in parameters
+        ],
+    )
+
+
+_NUMBERS = ("yaw", "pitch", "roll", "x", "y", "z")
+
+
+@command
+def rig(
+    output: Output,
+    name: Annotated[str, typer.Argument(metavar="RIG", help="Its name or id.")],
+    camera: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Register the rig with this camera, by id or serial number; repeated, the reference first."
+        ),
+    ] = None,
+    tolerance_deg: Annotated[
+        float | None, typer.Option(metavar="DEG", help="Largest accepted change of an angle over all sets.")
+    ] = None,
+    tolerance_m: Annotated[
+        float | None, typer.Option(metavar="M", help="Largest accepted change of a place over all sets.")
+    ] = None,
+    save: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Save it; the name says as what: opencv.yaml, rig.json or certificate.pdf.",
+        ),
+    ] = None,
+) -> None:
+    """Show how the cameras of a rig are oriented.
+
+    From board pictures that its cameras took together, and whether it is stable over several sets of them.
+    With --camera the rig is registered first.
+    """
+    with output.client() as client:
+        found = (
+            client.create_rig(name, [client.find_camera(each).id for each in camera])
+            if camera
+            else client.find_rig(name)
+        )
+        answer = client.rig_orientation(found.id, tolerance_deg=tolerance_deg, tolerance_m=tolerance_m)
+        if save:
+            client.save_rig(found.id, save)
+    output.answer(answer, show_rig(answer), *list_reasons(answer))
+
+
+def show_rig(answer: dict[str, Any]) -> Any:  # noqa: ANN401
+    """The newest orientation, number by number."""
+    verdicts = {(row["camera"], row["name"]): row["verdict"] for row in answer["stability"]}
+    newest = answer["sets"][-1]["orientation"]["poses"] if answer["sets"] else []
+    return table(
+        ("camera", "number", "value", "stability"),
+        [
+            (
+                pose["camera"],
+                name,
+                figure(Quantity(**pose[name])),
+                verdicts[pose["camera"], name].replace("_", " "),
+            )
+            for pose in newest
+            for name in _NUMBERS
+        ],
+    )
+
+
+def list_reasons(answer: dict[str, Any]) -> list[str]:
+    """Flags of all sets, and the versions that are in none."""
+    flags = [flag for each in answer["sets"] for flag in each["orientation"]["flags"]]
+    said = [f"{flag['flag']}: {flag['where']} {flag['detail']}".replace("  ", " ") for flag in flags]
+    return said + [f"{each['calibration_id']}: {each['why']}" for each in answer["left_out"]]

@@ -10,22 +10,24 @@ from rich.console import RenderableType
 
 from stilb.client import Client
 from stilb.commands.calibration import format_calibration
-from stilb.commands.completion import complete_campaign
-from stilb.commands.exits import Exit
 from stilb.commands.measurements import format_measurements
-from stilb.commands.output import Output, command
-from stilb.commands.progress import lines, showing
+from stilb.commands.output import CampaignNamed, Exit, Output, command
 from stilb.commands.push import Folder, add_unread, place, transfer
-from stilb.commands.tables import format_findings, table
-from stilb.field.campaign import ensure_campaign, ensure_panel, ensure_readings, list_parameters
-from stilb.field.files import ANY_RULES, sort_files
-from stilb.field.headers import read_camera
-from stilb.field.plan import FILENAME, read_plan, read_spreadsheet
+from stilb.commands.terminal import format_findings, lines, showing, table
+from stilb.field.files import ANY_RULES, quote, read_camera, sort_files
+from stilb.field.plan import (
+    FILENAME,
+    ensure_campaign,
+    ensure_panel,
+    ensure_readings,
+    list_parameters,
+    read_plan,
+    read_spreadsheet,
+)
 from stilb.field.push import Report, as_json
 from stilb.field.template import LAMP_HELP, read_methods, write_template
-from stilb.method import DEFAULT_METHOD
-from stilb.names import quote
 from stilb.problem import Unclear
+from stilb.records import DEFAULT_METHOD
 
 app = typer.Typer(help="A campaign in a folder: camera, meter, readings and frames.", no_args_is_help=True)
 
@@ -152,9 +154,7 @@ def list_campaigns(output: Output) -> None:
 @command
 def show(
     output: Output,
-    campaign: Annotated[
-        str, typer.Argument(help="Its id or project number.", autocompletion=complete_campaign)
-    ],
+    campaign: CampaignNamed,
 ) -> None:
     """Show received frames, missing items and advice."""
     with output.client() as client:
@@ -183,9 +183,7 @@ def _offer(found: dict[str, Any], campaign: str) -> list[str]:
 @command
 def panel(
     output: Output,
-    campaign: Annotated[
-        str, typer.Argument(help="Its id or project number.", autocompletion=complete_campaign)
-    ],
+    campaign: CampaignNamed,
     serial: Annotated[
         str | None, typer.Option(help="Serial number; default: the panel that the frames name.")
     ] = None,
@@ -212,9 +210,7 @@ def panel(
 @command
 def readings(
     output: Output,
-    campaign: Annotated[
-        str, typer.Argument(help="Its id or project number.", autocompletion=complete_campaign)
-    ],
+    campaign: CampaignNamed,
     spreadsheet: Annotated[
         Path,
         typer.Argument(metavar="FILE.csv", exists=True, dir_okay=False, help="scene,quantity,value,unit"),
@@ -233,9 +229,7 @@ def readings(
 @command
 def points(
     output: Output,
-    campaign: Annotated[
-        str, typer.Argument(help="Its id or project number.", autocompletion=complete_campaign)
-    ],
+    campaign: CampaignNamed,
     spreadsheet: Annotated[
         Path,
         typer.Argument(metavar="FILE.csv", exists=True, dir_okay=False, help="As ImageJ's Results."),
@@ -280,3 +274,81 @@ def _end(output: Output, report: Report, more: dict[str, object], shown: Sequenc
     output.answer({**as_json(report), **more}, *(lines(report) if not more else ()), *shown)
     if not report.is_well or more.get("not_measured"):
         raise typer.Exit(Exit.FINDINGS)
+
+
+_WORDS = {True: "within", False: "BEYOND", None: "unknown"}
+
+
+@command
+def motion(
+    output: Output,
+    campaign: CampaignNamed,
+    focal_length: Annotated[float, typer.Option(metavar="MM", help="Focal length of the lens [mm].")],
+    pixel_pitch: Annotated[
+        float | None, typer.Option(metavar="UM", help="Pixel pitch [um]; default: the camera's.")
+    ] = None,
+    limit: Annotated[
+        float | None, typer.Option(metavar="PX", help="Largest tolerable motion; default: 0.5 px.")
+    ] = None,
+    speed: Annotated[
+        float | None, typer.Option(metavar="M/S", help="Speed over ground; with --height.")
+    ] = None,
+    height: Annotated[
+        float | None, typer.Option(metavar="M", help="Height above ground; with --speed.")
+    ] = None,
+    role: Annotated[str | None, typer.Option(help="Only frames of this role, such as field.")] = None,
+) -> None:
+    """Show the image motion in each frame.
+
+    From the attitudes that the files of a campaign record, and from the speed over ground where it is given.
+    """
+    with output.client() as client:
+        found = client.motion(
+            client.find_campaign(campaign).id,
+            focal_length_mm=focal_length,
+            pixel_pitch_um=pixel_pitch,
+            limit_px=limit,
+            ground_speed_m_s=speed,
+            distance_m=height,
+            role=role,
+        )
+    counted = f"{found['within_limit']} within {found['limit_px']:g} px, {found['beyond_limit']} beyond"
+    sentence = f"{found['frames']} frames, {found['with_rates']} with rates: {counted}"
+    output.answer(found, _table(found["rows"]), *_reasons(found["rows"]), sentence)
+    if found["beyond_limit"]:
+        raise typer.Exit(Exit.FINDINGS)
+
+
+def _table(rows: list[dict[str, Any]]) -> Any:  # noqa: ANN401
+    return table(
+        ("file", "role", "deg/s", "rotation px", "forward px", "together px", "limit"),
+        [
+            (
+                row["filename"],
+                row["role"],
+                *(
+                    f"{row[name]:.3g}" if name in row else ""
+                    for name in (
+                        "rotation_rate_deg_s",
+                        "rotation_blur_px",
+                        "forward_blur_px",
+                        "theoretical_blur_px",
+                    )
+                ),
+                _WORDS[row.get("within_limit")],
+            )
+            for row in rows
+        ],
+    )
+
+
+def _reasons(rows: list[dict[str, Any]]) -> list[str]:
+    """Each reason once, with the first of its files: a camera without records has one for all."""
+    files: dict[str, list[str]] = {}
+    for row in rows:
+        if "missing" in row:
+            files.setdefault(row["missing"], []).append(row["filename"])
+    return [
+        f"{names[0]}{f' and {len(names) - 1} more' if len(names) > 1 else ''}: {why}"
+        for why, names in files.items()
+    ]

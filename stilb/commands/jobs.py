@@ -6,10 +6,8 @@ from typing import Annotated
 import typer
 
 from stilb.client import Client
-from stilb.commands.completion import complete_campaign
-from stilb.commands.exits import Exit
-from stilb.commands.output import Output, command
-from stilb.commands.tables import table
+from stilb.commands.output import CampaignChosen, Exit, Output, command
+from stilb.commands.terminal import table
 from stilb.records import Job
 
 _SHOWN = 20
@@ -72,7 +70,7 @@ def dismiss(
     state: Annotated[str, typer.Option(help="failed, quarantined.")],
     kind: Annotated[str | None, typer.Option(help="extract, fit, measure.")] = None,
     code: Annotated[str | None, typer.Option(help="Error code, such as not_a_raw_file.")] = None,
-    campaign: Annotated[str | None, typer.Option(help="Its id or project number.")] = None,
+    campaign: CampaignChosen = None,
     *,
     undo: Annotated[bool, typer.Option("--undo", help="List them again.")] = False,
 ) -> None:
@@ -92,9 +90,7 @@ def retry(
     state: Annotated[str | None, typer.Option(help="failed, quarantined.")] = None,
     kind: Annotated[str | None, typer.Option(help="extract, fit, measure.")] = None,
     code: Annotated[str | None, typer.Option(help="Error code, such as temporarily_unavailable.")] = None,
-    campaign: Annotated[
-        str | None, typer.Option(help="Its id or project number.", autocompletion=complete_campaign)
-    ] = None,
+    campaign: CampaignChosen = None,
 ) -> None:
     """Retry a failed job, or with --state all that match."""
     if (job is None) == (state is None):

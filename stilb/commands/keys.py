@@ -5,11 +5,9 @@ from typing import Annotated, cast
 
 import typer
 
-from stilb.commands.exits import Exit
-from stilb.commands.moments import read_moment
-from stilb.commands.output import Output, command
-from stilb.commands.tables import table
-from stilb.details import OrganisationChange, PersonDetails
+from stilb.commands.output import Exit, Output, command, read_moment
+from stilb.commands.terminal import table
+from stilb.records import OrganisationChange, PersonDetails
 
 app = typer.Typer(no_args_is_help=True, help="Manage the keys of your organisation.")
 

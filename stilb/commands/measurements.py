@@ -12,17 +12,14 @@ from rich.console import RenderableType
 
 from stilb.client import Client
 from stilb.commands.calibration import read_polygon, set_regions
-from stilb.commands.completion import complete_campaign
-from stilb.commands.exits import Exit
-from stilb.commands.output import Output, command
-from stilb.commands.progress import showing
+from stilb.commands.output import Exit, Output, command, complete_campaign
 from stilb.commands.push import send_night
-from stilb.commands.tables import figure, group_alike, name_some, show_scope, table
-from stilb.details import Grid, MeasureDetails
+from stilb.commands.terminal import figure, group_alike, name_some, show_scope, showing, table
+from stilb.field.files import plain_stem
 from stilb.field.plan import read_spreadsheet
 from stilb.field.template import LAMP_HELP
-from stilb.names import plain_stem
-from stilb.records import Measurement
+from stilb.records import Grid, MeasureDetails, Measurement
+from stilb.resources.measurements import Area
 
 _GRID = re.compile(r"(\d+)x(\d+)")
 
@@ -308,3 +305,31 @@ def format_measurements(
         for some in alike
     )
     return [shown, *(f"seen from above: {view}" for view in views), *chain.from_iterable(told)]
+
+
+@command
+def read_map(
+    output: Output,
+    measurement: Annotated[str, typer.Argument(help="Id of a measurement that was made with a map.")],
+    levels: Annotated[
+        str | None, typer.Option(help='Levels of isolines: "0.5,1,2"; default: round ones.')
+    ] = None,
+    area: Annotated[str, typer.Option(help="region, grid or frame.")] = "frame",
+    save: Annotated[Path, typer.Option(metavar="FOLDER", help="Where the file goes.")] = Path(),
+) -> None:
+    """Save the isolines of a map as GeoJSON."""
+    if area not in {"region", "grid", "frame"}:
+        raise typer.BadParameter("--area is region, grid or frame")
+    numbers = None if levels is None else _read_levels(levels)
+    save.mkdir(parents=True, exist_ok=True)
+    path = save / f"{measurement}-isolines.geojson"
+    with output.client() as client:
+        client.save_isolines(measurement, path, levels=numbers, area=cast("Area", area))
+    output.answer({"isolines": str(path)}, str(path))
+
+
+def _read_levels(text: str) -> list[float]:
+    try:
+        return [float(level) for level in text.replace(",", " ").split()]
+    except ValueError as error:
+        raise typer.BadParameter('--levels needs numbers: "0.5,1,2"') from error

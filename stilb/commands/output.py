@@ -3,17 +3,25 @@
 import functools
 import inspect
 import json
+import re
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from enum import IntEnum
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar, overload
 
 import typer
 from rich.console import Console, RenderableType
 
 from stilb.client import Client
+from stilb.field.files import ROLES
+from stilb.field.template import read_methods
 from stilb.login import Login, choose_login, read_login
+from stilb.problem import Problem, Unclear
+from stilb.records import DEFAULT_METHOD
 from stilb.transport import OnRetry
 
 # Wide enough that a table in a file or a pipe loses nothing.
@@ -82,11 +90,6 @@ def print_json(result: object) -> None:
     sys.stdout.write("\n")
 
 
-def without_none(row: Mapping[str, object]) -> dict[str, object]:
-    """As the service answers: what is absent is left out."""
-    return {name: value for name, value in row.items() if value is not None}
-
-
 def _console(*, stderr: bool) -> Console:
     stream = sys.stderr if stderr else sys.stdout
     width = None if stream.isatty() else _WIDTH_OF_A_PIPE
@@ -117,4 +120,157 @@ _SHARED = [
         Annotated[bool, typer.Option("--json", help="The result as one JSON document on stdout.")],
         False,
     ),
+]
+
+
+class Exit(IntEnum):
+    """Exit codes for scripts. They are stable."""
+
+    DONE = 0
+    FINDINGS = 1
+    USAGE = 2
+    KEY = 3
+    NOT_FOUND = 4
+    REFUSED = 5
+    NETWORK = 6
+    SERVER = 7
+    STILL_AT_WORK = 8
+    BROKEN = 70
+    INTERRUPTED = 130
+
+
+_STEPS = {
+    "unauthenticated": "Sign in with a valid key: stilb login URL",
+    "scope_missing": "Ask an administrator of your organisation for a key with that scope, then: stilb "
+    "login URL",
+    "no_calibration_in_force": "Publish a version (stilb publish), or ask for another time with --at.",
+    "regions_differ": "Measure both with the same --region or --grid, or add --other-region.",
+    "campaign_incomplete": "Add the missing items, which stilb campaign show CAMPAIGN lists, then run "
+    "this again.",
+    "unreachable": "Check the address and the network (stilb doctor), then run this again: it continues.",
+    "not_sent": "Check the address: it begins with http:// or https:// (stilb login URL).",
+    "unexpected_answer": "Check the address: stilb login URL",
+    "export_damaged": "Run this again: only missing files are downloaded.",
+}
+
+
+def exit_of(error: BaseException) -> Exit:
+    """Return the exit code of an error that ends a command."""
+    match error:
+        case Problem():
+            return _exit_of_status(error.status)
+        case TimeoutError():
+            return Exit.STILL_AT_WORK
+        case Unclear() | OSError():
+            return Exit.USAGE
+        case _:
+            return Exit.BROKEN
+
+
+def next_step(error: BaseException) -> str:
+    """Return what to do about an error, or "" if its message says so."""
+    match error:
+        case Problem() if error.code in _STEPS:
+            return _STEPS[error.code]
+        case Problem() if error.status >= 500:
+            return "Try again later. If it persists, send the operator the output of stilb doctor."
+        case TimeoutError():
+            return "The service continues. stilb jobs shows the progress."
+        case _:
+            return ""
+
+
+def _exit_of_status(status: int) -> Exit:
+    match status:
+        case 401 | 403:
+            return Exit.KEY
+        case 404:
+            return Exit.NOT_FOUND
+        case status if status >= 500:
+            return Exit.SERVER
+        case status if status >= 400:
+            return Exit.REFUSED
+        case _:  # no answer, or one that did not come whole
+            return Exit.NETWORK
+
+
+_DAY = re.compile(r"\d{4}-\d\d-\d\d")
+
+
+def write_moment(text: str) -> str:
+    """Return a time as short as `read_moment` takes it."""
+    return text.removesuffix("T00:00:00Z")
+
+
+@overload
+def read_moment(text: str) -> str: ...
+@overload
+def read_moment(text: None) -> None: ...
+def read_moment(text: str | None) -> str | None:
+    """A day is its beginning in UTC, "now" is now; anything else is a time with its zone."""
+    if text is None:
+        return None
+    if text == "now":
+        return datetime.now(UTC).isoformat(timespec="seconds")
+    if _DAY.fullmatch(text):
+        return f"{text}T00:00:00Z"
+    try:
+        zoned = datetime.fromisoformat(text).tzinfo is not None
+    except ValueError:
+        zoned = False
+    if not zoned:
+        raise Unclear(
+            f"{text!r} is not a time: give a day (2026-05-01), now, or a time with its zone "
+            "(2026-05-01T20:30:00Z)"
+        )
+    return text
+
+
+_WITHIN_S = 2.0
+_MOST = 200
+
+
+def complete_role(incomplete: str) -> list[str]:
+    return [role for role in ROLES if role.startswith(incomplete)]
+
+
+def complete_method(incomplete: str) -> list[str]:
+    return [name for name in read_methods() if name.startswith(incomplete)]
+
+
+def complete_model(incomplete: str) -> list[str]:
+    """Return the models of the default method's fit."""
+    (model,) = [each for each in read_methods()[DEFAULT_METHOD]["parameters"] if each["name"] == "model"]
+    return [each["value"] for each in model["choices"] if each["value"].startswith(incomplete)]
+
+
+def complete_campaign(incomplete: str) -> list[str]:
+    """Return project numbers, else ids, of the service that this user is signed in to."""
+    return _ask(lambda client: (each.project_number or each.id for each in client.campaigns()), incomplete)
+
+
+def complete_camera(incomplete: str) -> list[str]:
+    return _ask(lambda client: (each.serial for each in client.cameras()), incomplete)
+
+
+def _ask(list_names: Callable[[Client], Iterator[str]], incomplete: str) -> list[str]:
+    """Return what the service lists; nothing, soon and without a word, where it cannot be asked."""
+    found = dict[str, None]()
+    with suppress(Problem, Unclear, OSError):
+        login = choose_login(read_login(config_folder()), url=None, key=None)
+        with Client(login.url, login.key, timeout=_WITHIN_S, retries=0) as client:
+            for name in list_names(client):
+                if name.startswith(incomplete):
+                    found[name] = None
+                if len(found) == _MOST:
+                    break
+    return list(found)
+
+
+CampaignNamed = Annotated[
+    str,
+    typer.Argument(metavar="CAMPAIGN", help="Its id or project number.", autocompletion=complete_campaign),
+]
+CampaignChosen = Annotated[
+    str | None, typer.Option(help="Its id or project number.", autocompletion=complete_campaign)
 ]

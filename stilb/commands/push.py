@@ -12,22 +12,14 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from stilb.commands.completion import complete_campaign, complete_role
-from stilb.commands.exits import Exit
-from stilb.commands.output import Output, command, config_folder
-from stilb.commands.progress import lines, showing, tell_retry
+from stilb.commands.output import Exit, Output, command, complete_campaign, complete_role, config_folder
 from stilb.commands.receipt import write_receipt
-from stilb.commands.tables import table
-from stilb.field.campaign import find_planned
-from stilb.field.files import ANY_RULES, NIGHT_RULES, ROLES, FieldFile, Rule, sort_files
-from stilb.field.headers import place_files
-from stilb.field.journal import Journal
-from stilb.field.plan import FILENAME, read_plan
-from stilb.field.push import Report, Told, as_json, push_files
+from stilb.commands.terminal import lines, showing, table, tell_retry
+from stilb.field.files import ANY_RULES, NIGHT_RULES, ROLES, FieldFile, Rule, place_files, quote, sort_files
+from stilb.field.plan import FILENAME, find_planned, read_plan
+from stilb.field.push import Journal, Report, Told, Watch, as_json, push_files
 from stilb.field.startup import describe_entry
-from stilb.field.watch import Watch
 from stilb.login import read_login
-from stilb.names import quote
 from stilb.problem import Problem, Unclear, missing
 from stilb.records import Campaign
 

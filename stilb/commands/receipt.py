@@ -7,8 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from stilb.client import Client
-from stilb.commands.exits import Exit
-from stilb.commands.output import Output, command, config_folder, print_json
+from stilb.commands.output import Exit, Output, command, config_folder, print_json
 from stilb.field.push import Report
 from stilb.problem import Problem, Unclear
 from stilb.receipt import (
@@ -20,7 +19,7 @@ from stilb.receipt import (
     read_keys,
     verify_receipt,
 )
-from stilb.resources.receipts import CardFile, SentFile
+from stilb.records import CardFile, SentFile
 
 app = typer.Typer(
     no_args_is_help=True, rich_markup_mode=None, help="Verify receipts; list the service's keys."

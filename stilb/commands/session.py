@@ -1,15 +1,19 @@
 """Signing in and out, and the stored login."""
 
+from dataclasses import asdict, dataclass
 from http import HTTPStatus
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from stilb.client import Client
-from stilb.commands.output import Output, command, config_folder
+from stilb.commands.output import Exit, Output, command, config_folder
+from stilb.commands.terminal import table
 from stilb.login import Login, forget_login, keep_login
 from stilb.problem import Problem, Unclear
 from stilb.records import OwnKey
+from stilb.resources.organisation import Health
+from stilb.transport import without_none
 
 
 @command
@@ -28,7 +32,7 @@ def login(
         own = _own_key(client, address)
     path = keep_login(config_folder(), Login(url=address, key=key))
     output.answer(
-        {**_describe(address, own), "kept_in": str(path)}, f"{_sentence(address, own)}. Stored in {path}"
+        {"url": address, **own.raw, "kept_in": str(path)}, f"{_sentence(address, own)}. Stored in {path}"
     )
 
 
@@ -66,12 +70,88 @@ def whoami(output: Output) -> None:
     found = output.login()
     with output.client() as client:
         own = client.own_key()
-    output.answer(_describe(found.url, own), _sentence(found.url, own))
-
-
-def _describe(url: str, own: OwnKey) -> dict[str, object]:
-    return {"url": url, **own.raw}
+    output.answer({"url": found.url, **own.raw}, _sentence(found.url, own))
 
 
 def _sentence(url: str, own: OwnKey) -> str:
     return f"{own.name!r} of {own.organisation} at {url}, may {', '.join(own.scopes)}"
+
+
+State = Literal["ok", "warn", "fail", "unknown"]
+_QUEUE_WARNS_S = 60.0
+_CLOCK_WARNS_S, _CLOCK_FAILS_S = 5.0, 300.0
+_DISK_WARNS_BYTES, _DISK_FAILS_BYTES = 20e9, 1e9
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """One check; ``detail`` says what to do if it is not ok."""
+
+    check: str
+    state: State
+    detail: str
+
+
+@command
+def doctor(output: Output) -> None:
+    """Check the service, its queue, disk and clock, and your key."""
+    login = output.login()
+    with output.client(retries=0) as client:
+        health = client.health()
+        findings = examine_health(health)
+        own = client.own_key()
+    detail = f"{own.name!r} of {own.organisation}: {', '.join(own.scopes)}"
+    findings.append(Finding(check="key", state="ok", detail=detail))
+    told = {"url": login.url, "checks": [asdict(each) for each in findings], **without_none(asdict(health))}
+    output.answer(told, table(("check", "", ""), [(f.check, f.state, f.detail) for f in findings]))
+    if any(each.state == "fail" for each in findings):
+        raise typer.Exit(Exit.FINDINGS)
+
+
+def examine_health(health: Health) -> list[Finding]:
+    """Evaluate the health data of a service."""
+    answer = f"{health.detail}; answered in {health.answered_in_s:.2f} s"
+    ready: tuple[State, str] = ("ok" if health.ready else "fail", answer)
+    checks: dict[str, tuple[State, str] | None] = {
+        "ready": ready,
+        "version": None if health.version is None else ("ok", health.version),
+        "queue": None if health.oldest_queued_s is None else _judge_queue(health.oldest_queued_s),
+        "quarantine": None if health.quarantined_jobs is None else _judge_jobs(health.quarantined_jobs),
+        "disk": None if health.free_bytes is None else _judge_disk(health.free_bytes),
+        "clock": None if health.clock_ahead_s is None else _judge_clock(health.clock_ahead_s),
+    }
+    untold: tuple[State, str] = "unknown", "not available here (/metrics is not open): ask the operator"
+    judged = {name: found or untold for name, found in checks.items()}
+    return [Finding(check=name, state=state, detail=detail) for name, (state, detail) in judged.items()]
+
+
+def _judge_queue(oldest_s: float) -> tuple[State, str]:
+    if oldest_s > _QUEUE_WARNS_S:
+        busy = "the workers are busy or down; tell the operator"
+        return "warn", f"a job has waited for {oldest_s:.0f} s: {busy}"
+    return "ok", f"the oldest job has waited for {oldest_s:.0f} s"
+
+
+def _judge_jobs(quarantined: int) -> tuple[State, str]:
+    if quarantined:
+        return "warn", f"{quarantined} jobs have lost three workers each: stilb jobs --state quarantined"
+    return "ok", "no jobs"
+
+
+def _judge_disk(free_bytes: int) -> tuple[State, str]:
+    free = f"{free_bytes / 1e9:.1f} GB free, room for {free_bytes / 42e6:.0f} frames of 21 megapixels"
+    if free_bytes < _DISK_FAILS_BYTES:
+        return "fail", f"{free}: nothing can be sent; tell the operator"
+    return (
+        ("warn", f"{free}: tell the operator before a campaign")
+        if free_bytes < _DISK_WARNS_BYTES
+        else ("ok", free)
+    )
+
+
+def _judge_clock(ahead_s: float) -> tuple[State, str]:
+    side = "behind" if ahead_s > 0 else "ahead of"
+    apart = f"this machine's clock is {abs(ahead_s):.0f} s {side} the service's"
+    if abs(ahead_s) > _CLOCK_FAILS_S:
+        return "fail", f"{apart}: set it, otherwise times entered here (--from, --at) are wrong"
+    return ("warn", apart) if abs(ahead_s) > _CLOCK_WARNS_S else ("ok", f"{ahead_s:+.1f} s")

@@ -1,11 +1,23 @@
 """Which files of a folder are frames, and what each is to its campaign."""
 
+import logging
+import math
+import os
 import re
+import shlex
+import struct
+import subprocess
 import unicodedata
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any, BinaryIO, Final
 
+import exifread
+
+from stilb.client import Client
 from stilb.upload import FrameDetails
 
 ROLES = ("light", "dark", "flat", "panel", "chart", "field")
@@ -107,3 +119,173 @@ def _compose(name: str) -> str:
 
 def _regular(pattern: str) -> str:
     return "".join(_PARTS.get(part) or re.escape(part) for part in _WILD.split(pattern))
+
+
+_CAMERA: Final = {
+    "make": ("Image Make",),
+    "model": ("Image Model",),
+    "serial": ("Image Tag 0xC62F", "EXIF BodySerialNumber"),
+}
+_EXPOSURE: Final = {
+    "exposure_time_s": ("EXIF ExposureTime", "Image ExposureTime"),
+    "f_number": ("EXIF FNumber", "Image FNumber"),
+    "iso": (
+        "EXIF ISOSpeedRatings",
+        "EXIF StandardOutputSensitivity",
+        "EXIF RecommendedExposureIndex",
+        "EXIF ISOSpeed",
+    ),
+}
+_WHITE_LEVEL: Final = "Tag 0xC61D"
+_MOSAIC, _GREY, _UNCOMPRESSED, _WORD_BITS = 32803, 1, 1, 16
+_ROWS: Final = 8
+_XMP: Final = {"serial": b"CameraSerialNumber", "band": b"BandName"}
+_MOST_XMP_BYTES: Final = 1 << 16
+
+logging.getLogger("exifread").setLevel(logging.CRITICAL)  # what a file lacks is no message to a person
+
+
+def read_header(path: Path) -> dict[str, Any]:
+    """Return what a file states of its camera, time and exposure, and the signal of its centre."""
+    try:
+        with path.open("rb") as file:
+            tags = exifread.process_file(file, extract_thumbnail=False)
+            found: dict[str, Any] = {name: _read_text(tags, *keys) for name, keys in _CAMERA.items()}
+            found |= {name: _read_number(tags, *keys) for name, keys in _EXPOSURE.items()}
+            found |= {name: found.get(name) or text for name, text in _read_packet(file, tags).items()}
+            found |= {"taken_s": _read_time(tags), "signal_share": _measure_centre(file, tags)}
+    except Exception:  # noqa: BLE001  whatever damaged or hostile bytes make the library raise
+        return {}
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def read_camera(folder: Path) -> dict[str, str]:
+    """Return make, model and serial of the camera that most raw files of a folder are from."""
+    found: Counter[tuple[str, ...]] = Counter()
+    for file in sort_files(folder, ANY_RULES, raw_only=True)[0]:
+        header = read_header(file.path)
+        found[tuple(header.get(name, "") for name in _CAMERA)] += bool(header)
+    return dict(zip(_CAMERA, found.most_common(1)[0][0], strict=True)) if found else {}
+
+
+def place_files(
+    client: Client, folder: Path, files: Sequence[FieldFile], **about: str
+) -> tuple[list[FieldFile], list[str]]:
+    """Return the files as `Client.propose` places them, and those without a header."""
+    headers = {file.name: header for file in files if (header := read_header(file.path))}
+    known = [file for file in files if file.name in headers]
+    asked = [
+        {"name": f"{folder.resolve().name}/{file.name}".encode(errors="replace").decode()[-1000:]}
+        | {name: value for name, value in headers[file.name].items() if name not in _CAMERA}
+        for file in known
+    ]
+    placed = client.propose(asked, **about)["frames"] if asked else []
+    found = [
+        replace(file, role=each["role"], scene=each.get("scene"))
+        for file, each in zip(known, placed, strict=True)
+    ]
+    return found, [file.name for file in files if file.name not in headers]
+
+
+def _read_text(tags: Mapping[str, Any], *keys: str) -> str | None:
+    return next(
+        (text for key in keys if key in tags and (text := str(tags[key].printable).strip("\0 "))), None
+    )
+
+
+def _read_number(tags: Mapping[str, Any], *keys: str) -> float | None:
+    for key in keys:
+        values = tags[key].values if key in tags else ()
+        if values and 0 < (value := float(values[0])) < 1e9:
+            return value
+    return None
+
+
+def _read_time(tags: Mapping[str, Any]) -> float | None:
+    """Return seconds since 1970; a local time counts as UTC."""
+    stated = _read_text(tags, "EXIF DateTimeOriginal")
+    offset = _read_text(tags, "EXIF OffsetTimeOriginal")
+    if stated is None:
+        return None
+    taken = datetime.strptime(stated[:19], "%Y:%m:%d %H:%M:%S").replace(tzinfo=UTC)
+    if offset and re.fullmatch(r"[+-]\d\d:\d\d", offset):
+        taken = datetime.fromisoformat(f"{taken:%Y-%m-%dT%H:%M:%S}{offset}")
+    fraction = _read_text(tags, "EXIF SubSecTimeOriginal") or "0"
+    return taken.timestamp() + (float(f"0.{fraction}") if fraction.isdigit() else 0.0)
+
+
+def _read_packet(file: BinaryIO, tags: Mapping[str, Any]) -> dict[str, str]:
+    """Return texts of the XMP packet, each as an attribute, an element or the first item of a list."""
+    packet = tags.get("Image ApplicationNotes")
+    if packet is None:
+        return {}
+    file.seek(packet.field_offset)
+    text = file.read(min(packet.field_length, _MOST_XMP_BYTES))
+    found = {}
+    for name, tag in _XMP.items():
+        item = rb":%s(?:=\"|>\s*(?:<rdf:(?:Seq|Bag|Alt)>\s*<rdf:li[^>]*>)?)([^\"<]+)" % tag
+        if match := re.search(item, text):
+            found[name] = match[1].decode(errors="replace").strip()
+    return found
+
+
+def _measure_centre(file: BinaryIO, tags: Mapping[str, Any]) -> float | None:
+    """Return the mean of the centre, a ninth of the frame, as a share of the way from black to white.
+
+    None for numbers that are compressed or packed.
+    """
+    for part in ("Image", *sorted({key.rpartition(" ")[0] for key in tags if key.startswith("EXIF SubIFD")})):
+
+        def read(name: str, usual: int | None = None, part: str = part) -> list[int]:
+            tag = tags.get(f"{part} {name}")
+            return [int(value) for value in tag.values] if tag else [] if usual is None else [usual]
+
+        (kind, *_), (bits, *_) = read("PhotometricInterpretation", -1), read("BitsPerSample", 1)
+        strips, (width, *_), (height, *_) = (
+            read("StripOffsets"),
+            read("ImageWidth", 0),
+            read("ImageLength", 0),
+        )
+        plain = read("Compression", 1)[0] == _UNCOMPRESSED and read("SamplesPerPixel", 1)[0] == 1
+        if not (plain and bits == _WORD_BITS and kind in {_MOSAIC, _GREY} and strips and width and height):
+            continue
+        (black, *_), (white, *_), (rows, *_) = (
+            read("BlackLevel", 0),
+            read(_WHITE_LEVEL, 65535),
+            read("RowsPerStrip", height),
+        )
+        first, count = width // 3, math.ceil(2 * width / 3) - width // 3
+        order = ">" if _is_big_endian(file) else "<"
+        values: list[int] = []
+        for step in range(_ROWS):
+            row = height // 3 + height * step // (3 * _ROWS)
+            file.seek(strips[row // rows] + 2 * ((row % rows) * width + first))
+            values += struct.unpack(f"{order}{count}H", file.read(2 * count))
+        return (sum(values) / len(values) - black) / (white - black) if white > black else None
+    return None
+
+
+def _is_big_endian(file: BinaryIO) -> bool:
+    file.seek(0)
+    return file.read(2) == b"MM"
+
+
+_FORBIDDEN = re.compile(r'[<>:"/\\|?*\x00-\x1f\x7f]')
+# Devices of Windows, with any extension.
+_RESERVED = re.compile(r"(con|prn|aux|nul|com[0-9¹²³]|lpt[0-9¹²³])( *\..*)?", re.IGNORECASE)
+# Of the 255 that a name may have, the rest is for what is added to it.
+_MOST_BYTES = 180
+
+
+def quote(path: Path) -> str:
+    """Return a path as it is typed in a command."""
+    return (subprocess.list2cmdline if os.name == "nt" else shlex.join)([str(path)])
+
+
+def plain_stem(filename: str) -> str:
+    """Return the name of a file without its extension, in characters that Windows takes as well."""
+    name = _FORBIDDEN.sub("_", filename)
+    before, dot, _ = name.rpartition(".")
+    cut = (before if dot and before else name).encode("utf-8", "replace")[:_MOST_BYTES]
+    stem = cut.decode("utf-8", "ignore").strip(". ")
+    return f"_{stem}" if not stem or _RESERVED.fullmatch(stem) else stem

@@ -1,19 +1,106 @@
 """Push of a folder to a campaign: hash, ask what is there, send the rest, wait until it is read, report."""
 
+import hashlib
+import json
+import os
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Self
 
 from stilb.client import Client
 from stilb.field.files import FieldFile
-from stilb.field.journal import Journal
 from stilb.problem import JobFailed
 from stilb.records import Frame, KnownFrame, Reason
-from stilb.side_by_side import OnProgress
-from stilb.upload import Upload
+from stilb.upload import OnProgress, Upload
+
+Stamp = tuple[int, int]
+
+
+def _stamp(path: Path) -> Stamp:
+    found = path.stat()
+    return found.st_size, found.st_mtime_ns
+
+
+class Journal:
+    """The hashes of a folder's files, each as long as size and time of the file stay."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._known: dict[str, tuple[int, int, str]] = {}
+        if path.exists():
+            for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
+                self._take(line)
+
+    @classmethod
+    def of(cls, folder: Path, journals: Path) -> "Journal":
+        """The journal of a folder, kept among this user's own: a card may be write-protected."""
+        name = hashlib.sha256(os.fsencode(folder.resolve())).hexdigest()[:16]
+        return cls(journals / f"{name}.jsonl")
+
+    def hash_of(self, path: Path) -> str:
+        """The file's SHA-256. ``OSError`` where it cannot be read, or changes while it is."""
+        before = _stamp(path)
+        known = self._known.get(str(path))
+        if known is not None and known[:2] == before:
+            return known[2]
+        with path.open("rb") as file:
+            sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+        if _stamp(path) != before:
+            raise OSError(f"{path} is still being written: push again when it is complete")
+        self._append(path, (*before, sha256))
+        return sha256
+
+    def _append(self, path: Path, entry: tuple[int, int, str]) -> None:
+        self._known[str(path)] = entry
+        self._path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with self._path.open("a", encoding="utf-8") as file:
+            # The line break goes first: a line that a crash cut off then spoils no other.
+            file.write("\n" + json.dumps([os.fsencode(path).hex(), *entry]))
+
+    def _take(self, line: str) -> None:
+        try:
+            path, size, modified, sha256 = json.loads(line)
+            self._known[str(Path(os.fsdecode(bytes.fromhex(path))))] = (int(size), int(modified), str(sha256))
+        except (ValueError, TypeError):
+            return
+
+
+class Watch:
+    """Files of a folder, each once: when two scans in a row have found it with the same size and time.
+
+    Asking again and again needs nothing of the system, and works on cards, sticks and network folders alike.
+    """
+
+    def __init__(self, list_files: Callable[[], list[FieldFile]]) -> None:
+        self._list_files = list_files
+        self._seen: dict[Path, Stamp] = {}
+        self._given: dict[Path, Stamp] = {}
+
+    def look(self) -> list[FieldFile]:
+        """The files that have settled since; a file that changes later is given again."""
+        files, now = self._list_files(), dict[Path, Stamp]()
+        for file in files:
+            with suppress(OSError):  # the card has just been pulled out
+                now[file.path] = _stamp(file.path)
+        settled = [
+            file
+            for file in files
+            if (stamp := now.get(file.path)) is not None
+            and self._seen.get(file.path) == stamp != self._given.get(file.path)
+        ]
+        self._seen = now
+        self._given |= {file.path: now[file.path] for file in settled}
+        return settled
+
+    def take_back(self, files: list[FieldFile]) -> None:
+        """Return these files to the queue, because they could not be sent."""
+        for file in files:
+            self._given.pop(file.path, None)
+
 
 _UNREAD = frozenset({"not_read", "not_extracted"})
 _ORDER = ("pass", "warn", "fail", "pending")

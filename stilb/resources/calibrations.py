@@ -1,17 +1,16 @@
 """Calibrations: fitted, published, revoked, handed out."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
-from stilb.details import Moment, as_text
 from stilb.export import OnExport, export
-from stilb.problem import Problem
-from stilb.records import Calibration, Job
+from stilb.problem import Problem, Unclear
+from stilb.records import DEFAULT_METHOD, Calibration, Coefficient, InForce, Job, Moment, as_text, as_times
 from stilb.resources.campaigns import Campaigns
-from stilb.resources.jobs import Jobs
-from stilb.transport import Call, address
-from stilb.upload import PathLike
+from stilb.resources.equipment import Equipment
+from stilb.resources.frames import Jobs
+from stilb.transport import Call, PathLike, address, without_none
 
 _ISSUED_WITHIN_S = 300.0  # the pages of the certificate are set before the answer
 
@@ -45,16 +44,14 @@ class Calibrations(Campaigns, Jobs):
         return Calibration.of(self._get(address("calibrations", calibration_id)))
 
     def calibrations(self, campaign_id: str) -> Iterator[Calibration]:
-        return map(Calibration.of, self._transport.items(address("campaigns", campaign_id, "calibrations")))
+        return map(Calibration.of, self._items(address("campaigns", campaign_id, "calibrations")))
 
     def history(
         self, camera_id: str, *, method: str | None = None, state: str | None = None
     ) -> Iterator[Calibration]:
         """A camera's calibrations, newest first."""
         query = {"method": method, "state": state}
-        return map(
-            Calibration.of, self._transport.items(address("cameras", camera_id, "calibrations"), query)
-        )
+        return map(Calibration.of, self._items(address("cameras", camera_id, "calibrations"), query))
 
     def validity(
         self, camera_id: str, *, method: str, known_at: Moment | None = None
@@ -63,28 +60,20 @@ class Calibrations(Campaigns, Jobs):
 
         As known at ``known_at`` (now).
         """
-        query = {"method": method} | ({} if known_at is None else {"known_at": as_text(known_at)})
-        found = self._get(address("cameras", camera_id, "validity"), query)
-        return list(found["items"])
+        query = {"method": method, "known_at": as_text(known_at)}
+        return list(self._get(address("cameras", camera_id, "validity"), query)["items"])
 
     def publish(
         self, calibration_id: str, *, valid_from: Moment, reason: str, valid_to: Moment | None = None
     ) -> Calibration:
-        body = {"valid_from": as_text(valid_from), "reason": reason}
-        if valid_to is not None:
-            body["valid_to"] = as_text(valid_to)
-        call = Call(
-            method="POST",
-            path=address("calibrations", calibration_id, "publish"),
-            json=body,
-            answer_within_s=_ISSUED_WITHIN_S,
-        )
+        times = without_none({"valid_from": as_text(valid_from), "valid_to": as_text(valid_to)})
+        path, body = address("calibrations", calibration_id, "publish"), {**times, "reason": reason}
+        call = Call(method="POST", path=path, json=body, answer_within_s=_ISSUED_WITHIN_S)
         return Calibration.of(self._transport.json(call))
 
     def impact(self, calibration_id: str, *, at: Moment | None = None) -> dict[str, Any]:
         """Compare a version with what is in force at ``at`` (now): what publishing it would change."""
-        query = {} if at is None else {"at": as_text(at)}
-        return self._get(address("calibrations", calibration_id, "impact"), query)
+        return self._get(address("calibrations", calibration_id, "impact"), {"at": as_text(at)})
 
     def revoke(self, calibration_id: str, *, reason: str) -> dict[str, Any]:
         """Take a version out of force; the answer lists the measurements that rest on it."""
@@ -96,14 +85,13 @@ class Calibrations(Campaigns, Jobs):
         Of a published version it is the original as it was issued, or an amendment by its number; how the
         version stands since is in `calibration`.
         """
-        query = {"amendment": amendment} if amendment else {}
+        query = {"amendment": amendment or None}
         return self._get(address("calibrations", calibration_id, "certificate.json"), query)
 
     def certificate_dcc(self, calibration_id: str, *, country: str, amendment: int = 0) -> str:
         """Return the certificate as DCC XML; ``country`` : of the laboratory, two letters of ISO 3166."""
         path = address("calibrations", calibration_id, "certificate.xml")
-        query = {"country": country} | ({"amendment": str(amendment)} if amendment else {})
-        return self._transport.send(Call(method="GET", path=path, query=query)).text
+        return self._text(path, {"country": country, "amendment": amendment or None})
 
     def export(self, calibration_id: str, folder: PathLike, *, on_progress: OnExport | None = None) -> Path:
         """Put everything that a version rests on into a folder; see ``stilb.export``. Safe to call again."""
@@ -119,11 +107,73 @@ class Calibrations(Campaigns, Jobs):
         """
         path = Path(path)
         where = address("calibrations", calibration_id, "exports", path.name)
-        self._transport.download(Call(method="GET", path=where, query=query), path)
-        return path
+        return self._save(path, where, query)
 
     def points_csv(self, calibration_id: str) -> str:
         return self._text(address("calibrations", calibration_id, "points.csv"))
 
     def plot_svg(self, calibration_id: str) -> str:
         return self._text(address("calibrations", calibration_id, "plot.svg"))
+
+
+class Coefficients(Equipment):
+    """Coefficients by camera and time."""
+
+    def coefficients(
+        self,
+        camera_id: str,
+        *,
+        method: str = DEFAULT_METHOD,
+        name: str | None = None,
+        **chosen: Unpack[InForce],
+    ) -> list[Coefficient]:
+        """Return the coefficients in force at ``at`` (now), as they were known at ``known_at`` (now).
+
+        With ``f_number``, what was calibrated at that f-number; where it was not, the general value with the
+        uncertainty that it has there, flagged.
+        Raises ``Problem`` with the code "no_calibration_in_force" where nothing is.
+        """
+        query = {"method": method, "name": name, "iso": chosen.get("iso"), "f_number": chosen.get("f_number")}
+        times = {"at": as_text(chosen.get("at")), "known_at": as_text(chosen.get("known_at"))}
+        rows = self._items(address("cameras", camera_id, "coefficients"), {**query, **times})
+        return [Coefficient.of(row) for row in rows]
+
+    def k(self, camera: str, **chosen: Unpack[InForce]) -> Coefficient:
+        """The luminance coefficient K [DN*m2/(cd*s)] of a camera, by its id or its serial.
+
+        With ``f_number``, K at that f-number; see `coefficients`. ``iso`` may be left out where there is
+        one K; else ``Unclear`` names the ISO values. Nothing in force: ``Problem`` with the code
+        "no_calibration_in_force".
+        """
+        found = self.coefficients(self.find_camera(camera).id, name="luminance_k", **chosen)
+        if len(found) > 1:
+            isos = ", ".join(f"{one.iso:g}" for one in found if one.iso is not None)
+            raise Unclear(f"K is in force for several ISO values: {isos}. Give one with iso.")
+        return found[0]
+
+    def series(
+        self,
+        *,
+        camera_id: str | None = None,
+        method: str | None = None,
+        start: Moment | None = None,
+        end: Moment | None = None,
+    ) -> list[dict[str, Any]]:
+        """The coefficients of every version, published for a time in [start, end), as flat rows.
+
+        Every row has the same columns, None where a value is absent, times as aware datetimes: made to be
+        handed to ``pandas.DataFrame``.
+        """
+        times = {"from": as_text(start), "to": as_text(end)}
+        query = {"camera_id": camera_id, "method": method, **times}
+        rows = list(self._items(address("series", "coefficients"), query, member="rows"))
+        columns = dict.fromkeys(name for row in rows for name in row)
+        return [as_times({name: row.get(name) for name in columns}) for row in rows]
+
+    def fleet_verdict(self, method: str, camera_ids: Sequence[str], *, tolerance: float) -> dict[str, Any]:
+        """Judge whether one set of coefficients serves several cameras of a model, and what sharing it costs.
+
+        ``tolerance``: the largest accepted deviation, a share such as 0.04, or of geometry in pixels.
+        """
+        body = {"method": method, "camera_ids": list(camera_ids), "tolerance": tolerance}
+        return self._post(address("fleet", "verdict"), body)

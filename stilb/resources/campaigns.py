@@ -2,14 +2,21 @@
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, Unpack, overload
+from typing import Any, Unpack
 
-from stilb.connection import Connection
-from stilb.details import CampaignChange, CampaignDetails, Polygon, Reading, as_text
-from stilb.method import DEFAULT_METHOD
 from stilb.problem import Problem, Unclear, missing
-from stilb.records import Campaign
-from stilb.transport import Call, Query, address
+from stilb.records import (
+    DEFAULT_METHOD,
+    Campaign,
+    CampaignChange,
+    CampaignDetails,
+    Motion,
+    Polygon,
+    Reading,
+    TableSettings,
+    as_text,
+)
+from stilb.transport import Call, Connection, address, without_none
 
 _POLL_S = 0.5
 
@@ -32,8 +39,7 @@ class Campaigns(Connection):
 
     def change_campaign(self, campaign_id: str, **details: Unpack[CampaignChange]) -> Campaign:
         """Correct what is written on a campaign. With another ``target`` its frames are read again."""
-        call = Call(method="PATCH", path=address("campaigns", campaign_id), json=_written(details))
-        return Campaign.of(self._transport.json(call))
+        return Campaign.of(self._patch(address("campaigns", campaign_id), _written(details)))
 
     def campaign(self, campaign_id: str) -> Campaign:
         return Campaign.of(self._get(address("campaigns", campaign_id)))
@@ -75,14 +81,8 @@ class Campaigns(Connection):
         method: str | None = None,
         kind: str | None = None,
     ) -> Iterator[Campaign]:
-        query: Query = {
-            "project_number": project_number,
-            "camera_id": camera_id,
-            "method": method,
-            "kind": kind,
-            "limit": 1000,
-        }
-        return map(Campaign.of, self._transport.items(address("campaigns"), query))
+        query = {"project_number": project_number, "camera_id": camera_id, "method": method, "kind": kind}
+        return map(Campaign.of, self._items(address("campaigns"), {**query, "limit": 1000}))
 
     def find_campaign(self, named: str) -> Campaign:
         """The campaign with this id or this project number."""
@@ -101,12 +101,6 @@ class Campaigns(Connection):
             )
         return found[0]
 
-    @overload
-    def set_roi(self, campaign_id: str, *, polygon: Polygon) -> dict[str, Any]: ...
-    @overload
-    def set_roi(self, campaign_id: str, *, imagej: str) -> dict[str, Any]: ...
-    @overload
-    def set_roi(self, campaign_id: str, *, regions: Mapping[str, Polygon]) -> dict[str, Any]: ...
     def set_roi(
         self,
         campaign_id: str,
@@ -115,7 +109,7 @@ class Campaigns(Connection):
         imagej: str | None = None,
         regions: Mapping[str, Polygon] | None = None,
     ) -> dict[str, Any]:
-        """Set the region of every frame without one of its own.
+        """Set the region of every frame without one of its own, in one of three ways.
 
         Corners [px], ImageJ's macro call, or several by their names, each of which is measured separately.
         """
@@ -157,57 +151,27 @@ class Campaigns(Connection):
         campaign_id: str,
         table: str,
         *,
-        white_level_dn: float,
-        black_level_dn: float | None = None,
-        exposure_time_s: float | None = None,
-        f_number: float | None = None,
-        iso: float | None = None,
         idempotency_key: str | None = None,
+        **settings: Unpack[TableSettings],
     ) -> dict[str, Any]:
         """Add frames of which only a CSV text of statistics exists, such as ImageJ's Results.
 
         Settings are those of rows that state none. Their jobs are awaited as those of other frames.
         """
         headers = {**_idempotent(idempotency_key), "Content-Type": "text/csv; charset=utf-8"}
-        query: Query = {
-            "white_level_dn": white_level_dn,
-            "black_level_dn": black_level_dn,
-            "exposure_time_s": exposure_time_s,
-            "f_number": f_number,
-            "iso": iso,
-        }
         path = address("campaigns", campaign_id, "points")
-        call = Call(method="POST", path=path, query=query, text=table, headers=headers)
+        call = Call(method="POST", path=path, query={**settings}, text=table, headers=headers)
         return dict(self._transport.json(call))
 
-    def motion(
-        self,
-        campaign_id: str,
-        *,
-        focal_length_mm: float,
-        pixel_pitch_um: float | None = None,
-        limit_px: float | None = None,
-        ground_speed_m_s: float | None = None,
-        distance_m: float | None = None,
-        role: str | None = None,
-    ) -> dict[str, Any]:
+    def motion(self, campaign_id: str, **geometry: Unpack[Motion]) -> dict[str, Any]:
         """How far the picture moved during each frame's exposure: a row each, and how many stay within it.
 
-        From the attitudes that the files record; those that record none say so. ``pixel_pitch_um`` is that of
-        the camera's record where it is left out; ``distance_m`` is the height above ground.
+        From the attitudes that the files record; those that record none say so.
         """
-        query: Query = {
-            "focal_length_mm": focal_length_mm,
-            "pixel_pitch_um": pixel_pitch_um,
-            "limit_px": limit_px,
-            "ground_speed_m_s": ground_speed_m_s,
-            "distance_m": distance_m,
-            "role": role,
-        }
-        return self._get(address("campaigns", campaign_id, "motion"), query)
+        return self._get(address("campaigns", campaign_id, "motion"), {**geometry})
 
     def readings(self, campaign_id: str) -> Iterator[dict[str, Any]]:
-        return self._transport.items(address("campaigns", campaign_id, "readings"))
+        return self._items(address("campaigns", campaign_id, "readings"))
 
     def change_frames(
         self,
@@ -228,9 +192,8 @@ class Campaigns(Connection):
         """
         said: dict[str, Any] = {"role": role, "scene": scene, "left_out": left_out, "reason": reason}
         said |= {"withdrawn": withdrawn, "expected": dict(expected) if expected else None}
-        body = {"frame_ids": [*frame_ids], **{name: each for name, each in said.items() if each is not None}}
-        path = address("campaigns", campaign_id, "frames")
-        return self._transport.json(Call(method="PATCH", path=path, json=body))
+        body = {"frame_ids": [*frame_ids], **without_none(said)}
+        return self._patch(address("campaigns", campaign_id, "frames"), body)
 
     def restore_reading(self, reading_id: str) -> dict[str, Any]:
         """Undo the withdrawal of a reading."""
@@ -238,7 +201,7 @@ class Campaigns(Connection):
 
     def withdraw_reading(self, reading_id: str) -> dict[str, Any]:
         """Withdraw a mistyped reading: no fit uses it any more, the record keeps it."""
-        return self._transport.json(Call(method="DELETE", path=address("readings", reading_id)))
+        return self._delete(address("readings", reading_id))
 
 
 def region(polygon: Polygon) -> dict[str, Any]:

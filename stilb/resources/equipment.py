@@ -1,13 +1,12 @@
 """Cameras, meters and panels: the same make, model and serial again is the same one."""
 
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any, Unpack
 
-from stilb.connection import Connection
-from stilb.details import CameraChange, CameraDetails, Certificate, PanelBand
 from stilb.problem import Problem, Unclear, missing
-from stilb.records import Camera, Meter, Panel
-from stilb.transport import Call, address
+from stilb.records import Camera, CameraChange, CameraDetails, Certificate, Meter, Panel, PanelBand, Rig
+from stilb.transport import Connection, PathLike, address, without_none
 
 
 class Equipment(Connection):
@@ -19,8 +18,7 @@ class Equipment(Connection):
 
     def change_camera(self, camera_id: str, **details: Unpack[CameraChange]) -> Camera:
         """Correct a camera. With other names the frames of its campaigns are checked again."""
-        call = Call(method="PATCH", path=address("cameras", camera_id), json={**details})
-        return Camera.of(self._transport.json(call))
+        return Camera.of(self._patch(address("cameras", camera_id), {**details}))
 
     def camera(self, camera_id: str) -> Camera:
         return Camera.of(self._get(address("cameras", camera_id)))
@@ -29,7 +27,7 @@ class Equipment(Connection):
         self, *, make: str | None = None, model: str | None = None, serial: str | None = None
     ) -> Iterator[Camera]:
         query = {"make": make, "model": model, "serial": serial}
-        return map(Camera.of, self._transport.items(address("cameras"), query))
+        return map(Camera.of, self._items(address("cameras"), query))
 
     def find_camera(self, named: str) -> Camera:
         """The camera with this id, this serial, or this make, model and serial with blanks between them."""
@@ -50,13 +48,11 @@ class Equipment(Connection):
         self, kind: str, make: str, model: str, serial: str, *, certificate: Certificate | None = None
     ) -> Meter:
         """``kind``: luminance, illuminance or sunshine."""
-        body: dict[str, Any] = {"kind": kind, "make": make, "model": model, "serial": serial}
-        if certificate is not None:
-            body["certificate"] = certificate
-        return Meter.of(self._post(address("meters"), body))
+        body = {"kind": kind, "make": make, "model": model, "serial": serial, "certificate": certificate}
+        return Meter.of(self._post(address("meters"), without_none(body)))
 
     def meters(self) -> Iterator[Meter]:
-        return map(Meter.of, self._transport.items(address("meters")))
+        return map(Meter.of, self._items(address("meters")))
 
     def create_panel(self, serial: str, *, measured_on: str, bands: Sequence[PanelBand]) -> Panel:
         """A panel as it was measured on a day; measured again it is another."""
@@ -67,8 +63,46 @@ class Equipment(Connection):
         return Panel.of(self._get(address("panels", panel_id)))
 
     def panels(self) -> Iterator[Panel]:
-        return map(Panel.of, self._transport.items(address("panels")))
+        return map(Panel.of, self._items(address("panels")))
 
 
 def _names(cameras: list[Camera]) -> str:
     return ", ".join(f"{one.make} {one.model} {one.serial} ({one.id})" for one in cameras)
+
+
+class Rigs(Equipment):
+    """Rigs of cameras."""
+
+    def create_rig(self, name: str, camera_ids: Sequence[str]) -> Rig:
+        """Cameras that are mounted together, the reference first; the same again is the same rig."""
+        return Rig.of(self._post(address("rigs"), {"name": name, "camera_ids": list(camera_ids)}))
+
+    def find_rig(self, named: str) -> Rig:
+        """The rig with this id or name."""
+        every = [Rig.of(row) for row in self._items(address("rigs"))]
+        found = next((one for one in every if named in {one.id, one.name}), None)
+        if found is None:
+            names = ", ".join(one.name for one in every)
+            raise missing(f"No rig is named {named!r}. Registered: {names or 'none yet'}.")
+        return found
+
+    def rig_orientation(
+        self, rig_id: str, *, tolerance_deg: float | None = None, tolerance_m: float | None = None
+    ) -> dict[str, Any]:
+        """The orientation of each camera by set, and its stability over the sets, as it is answered."""
+        query = {"tolerance_deg": tolerance_deg, "tolerance_m": tolerance_m}
+        return self._get(address("rigs", rig_id, "orientation"), query)
+
+    def rig_certificate(self, rig_id: str) -> dict[str, Any]:
+        """The certificate of the newest orientation, as it is answered."""
+        return self._get(address("rigs", rig_id, "certificate.json"))
+
+    def save_rig(self, rig_id: str, path: PathLike) -> Path:
+        """Save the newest orientation as the file's name says.
+
+        For another program `opencv.yaml` or `rig.json`; `certificate.pdf` and `certificate.json` too.
+        """
+        path = Path(path)
+        folder = () if path.stem == "certificate" else ("exports",)
+        where = address("rigs", rig_id, *folder, path.name)
+        return self._save(path, where)

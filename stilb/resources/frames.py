@@ -1,16 +1,15 @@
 """Frames: asked for by hash, sent from the disk, looked at."""
 
 import os
+import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Unpack, overload
 
-from stilb.connection import Connection
-from stilb.details import Polygon
-from stilb.records import Frame, KnownFrame
+from stilb.problem import JobFailed
+from stilb.records import CardFile, ChosenJobs, Frame, Job, KnownFrame, Polygon, SentFile
 from stilb.resources.campaigns import region
-from stilb.side_by_side import OnProgress
-from stilb.transport import address
-from stilb.upload import FrameDetails, PathLike, Upload, send_all, send_each
+from stilb.transport import Call, Connection, PathLike, address, without_none
+from stilb.upload import OnProgress, PushDetails, Upload, send_file, send_side_by_side, try_file
 
 _MOST_HASHES = 1000  # in one question
 
@@ -37,44 +36,25 @@ class Frames(Connection):
 
     @overload  # a str is an iterable of str too: the first overload is the one that is meant
     def push(  # type: ignore[overload-overlap]
-        self,
-        campaign_id: str,
-        path: PathLike,
-        *,
-        role: str,
-        scene: str | None = None,
-        on_progress: OnProgress | None = None,
-        **details: Unpack[FrameDetails],
+        self, campaign_id: str, path: PathLike, **details: Unpack[PushDetails]
     ) -> Frame: ...
     @overload
     def push(
-        self,
-        campaign_id: str,
-        path: Iterable[PathLike],
-        *,
-        role: str,
-        scene: str | None = None,
-        on_progress: OnProgress | None = None,
-        **details: Unpack[FrameDetails],
+        self, campaign_id: str, path: Iterable[PathLike], **details: Unpack[PushDetails]
     ) -> list[Frame]: ...
     def push(
         self,
         campaign_id: str,
         path: PathLike | Iterable[PathLike],
         *,
-        role: str,
-        scene: str | None = None,
         on_progress: OnProgress | None = None,
-        **details: Unpack[FrameDetails],
+        **details: Any,
     ) -> Frame | list[Frame]:
         """Send one file, or several that share role, scene and details, from the disk in flat memory."""
-        one = isinstance(path, str | os.PathLike)
-        paths = [path] if isinstance(path, str | os.PathLike) else list(path)
-        uploads = [
-            Upload(campaign_id=campaign_id, path=each, role=role, scene=scene, **details) for each in paths
-        ]
-        frames = self.push_all(uploads, on_progress=on_progress)
-        return frames[0] if one else frames
+        if isinstance(path, str | os.PathLike):
+            return self.push(campaign_id, [path], on_progress=on_progress, **details)[0]
+        uploads = (Upload(campaign_id=campaign_id, path=each, **details) for each in path)
+        return self.push_all(uploads, on_progress=on_progress)
 
     def push_all(
         self,
@@ -86,8 +66,11 @@ class Frames(Connection):
         """Send many files side by side; see ``Upload``. Safe to call again with the same files.
 
         ``concurrency`` files at once; by default two, and more of less than 1 MiB where the line is quick.
+        The first failure stops what has not begun and is raised, with the file's name as its note.
         """
-        return send_all(self._transport, list(items), concurrency=concurrency, on_progress=on_progress)
+        return send_side_by_side(
+            self._transport, list(items), send_file, at_once=concurrency, on_progress=on_progress
+        )
 
     def push_each(
         self,
@@ -100,16 +83,110 @@ class Frames(Connection):
 
         Its error takes the place of its frame. What concerns all of them, such as a lost network, is raised.
         """
-        return send_each(self._transport, list(items), concurrency=concurrency, on_progress=on_progress)
+        return send_side_by_side(
+            self._transport, list(items), try_file, at_once=concurrency, on_progress=on_progress
+        )
 
     def frame(self, frame_id: str) -> Frame:
         return Frame.of(self._get(address("frames", frame_id)))
 
     def frames(self, campaign_id: str) -> Iterator[Frame]:
         """A campaign's frames with their verdicts, oldest first."""
-        return map(Frame.of, self._transport.items(address("campaigns", campaign_id, "frames")))
+        return map(Frame.of, self._items(address("campaigns", campaign_id, "frames")))
 
     def set_frame_roi(self, frame_id: str, polygon: Polygon | str) -> dict[str, Any]:
         """Set a region for one frame: corners [px], or ImageJ's macro call."""
         body = {"imagej": polygon} if isinstance(polygon, str) else region(polygon)
         return self._put(address("frames", frame_id, "roi"), body)
+
+
+_WAIT_S = 30  # one long poll; the service allows 60
+_SHORTEST_POLL_S = 0.2  # should an answer come at once all the same
+
+
+class Jobs(Connection):
+    """Jobs, and what comes of them."""
+
+    def job(self, job_id: str) -> Job:
+        return Job.of(self._get(address("jobs", job_id)))
+
+    def jobs(
+        self, *, state: str | None = None, kind: str | None = None, subject: str | None = None
+    ) -> Iterator[Job]:
+        """The jobs of your organisation, newest first.
+
+        ``subject``: the frame or campaign that they work on, or the version or measurement that they made.
+        """
+        query = {"state": state, "kind": kind, "subject": subject}
+        return map(Job.of, self._items(address("jobs"), query))
+
+    def retry_job(self, job: Job | str) -> Job:
+        """Try a job again that failed or was quarantined; the job as it waits then."""
+        job_id = job if isinstance(job, str) else job.id
+        return Job.of(self._post(f"{address('jobs', job_id)}/retry", {}))
+
+    def retry_jobs(self, state: str, **chosen: Unpack[ChosenJobs]) -> int:
+        """Try all jobs again that are ``failed``, or ``quarantined``, and fit the rest; how many they are."""
+        body = without_none({"state": state, **chosen})
+        return int(self._post(address("jobs", "retry"), body)["retried"])
+
+    def job_events(self, job_id: str) -> Iterator[dict[str, Any]]:
+        """Yield ``id``, ``state``, ``progress`` and ``attempt`` of a job as they change, until it ends."""
+        for _, data in self._transport.events(f"{address('jobs', job_id)}/events"):
+            yield data
+            if data["state"] not in {"queued", "running"}:
+                return
+
+    def job_causes(self) -> list[tuple[int, Job]]:
+        """Return for each cause of failures that were not dismissed how many jobs have it, and the newest."""
+        items = self._get(address("jobs", "causes"))["items"]
+        return [(each["count"], Job.of(each["newest"])) for each in items]
+
+    def dismiss_jobs(self, state: str, *, dismissed: bool = True, **chosen: Unpack[ChosenJobs]) -> int:
+        """Dismiss all jobs that are ``failed``, or ``quarantined``, and fit the rest; how many they are."""
+        body = without_none({"state": state, "dismissed": dismissed, **chosen})
+        return int(self._post(address("jobs", "dismiss"), body)["dismissed"])
+
+    def wait(self, job: Job | str, *, timeout_s: float | None = None) -> Job:
+        """Wait until a job has succeeded; ``JobFailed`` when it will not, ``TimeoutError`` when it lasts."""
+        job_id = job if isinstance(job, str) else job.id
+        end = None if timeout_s is None else time.monotonic() + timeout_s
+        while True:
+            asked_at = time.monotonic()
+            left_s = _WAIT_S if end is None else max(0, min(_WAIT_S, int(end - asked_at)))
+            call = Call(
+                method="GET",
+                path=address("jobs", job_id),
+                headers={"Prefer": f"wait={left_s}"},
+                answer_within_s=left_s + self._timeout_s,
+            )
+            found = Job.of(self._transport.json(call))
+            if found.state == "succeeded":
+                return found
+            if found.state not in {"queued", "running"}:
+                raise JobFailed(found)
+            if end is not None and time.monotonic() >= end:
+                raise TimeoutError(f"job {job_id} is still {found.state} after {timeout_s:g} s")
+            time.sleep(max(0.0, _SHORTEST_POLL_S - (time.monotonic() - asked_at)))
+
+
+class Receipts(Connection):
+    """Manifests and receipts."""
+
+    def send_manifest(
+        self, campaign_id: str, files: Iterable[SentFile], *, others: Iterable[CardFile] = ()
+    ) -> dict[str, Any]:
+        """State what a card holds; the answer lists what is ``missing``, each with its reason.
+
+        ``others`` are files that are not sent: a receipt names them as not covered.
+        """
+        body = {"files": [*files], "others": [*others]}
+        return self._post(address("campaigns", campaign_id, "manifest"), body)
+
+    def receipt(self, campaign_id: str, manifest_id: str | None = None) -> dict[str, Any]:
+        """Return a manifest's signed receipt, by default the newest; ``Problem`` while files are missing."""
+        return self._get(address("campaigns", campaign_id, "receipt"), {"manifest_id": manifest_id})
+
+    def signing_keys(self) -> list[dict[str, Any]]:
+        """The service's public keys, newest first: keep them where receipts are verified."""
+        return list(self._get(address("signing-keys"))["items"])

@@ -3,16 +3,14 @@
 import json
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Any, Literal, Unpack
 
-from stilb.details import MeasureDetails
 from stilb.export import export_measurement
 from stilb.problem import JobFailed, Unclear
-from stilb.records import Comparison, Job, Measurement
+from stilb.records import Comparison, Job, MeasureDetails, Measurement
 from stilb.resources.campaigns import region
-from stilb.resources.jobs import Jobs
-from stilb.transport import Call, Query, address
-from stilb.upload import PathLike
+from stilb.resources.frames import Jobs
+from stilb.transport import PathLike, address
 
 
 class Measurements(Jobs):
@@ -68,9 +66,7 @@ class Measurements(Jobs):
         suffix = path.suffix.lower()
         if suffix not in {".csv", ".geojson"}:
             raise Unclear(f"{path}: cells are saved as .csv or .geojson")
-        name = f"cells{suffix}"
-        self._transport.download(Call(method="GET", path=address("measurements", measurement_id, name)), path)
-        return path
+        return self._save(path, address("measurements", measurement_id, f"cells{suffix}"))
 
     def save_measurements(self, campaign_id: str, path: PathLike) -> Path:
         """Save all measurements of a campaign: .csv, .geojson, or .json with a row each."""
@@ -78,12 +74,10 @@ class Measurements(Jobs):
         suffix = path.suffix.lower()
         if suffix not in {".csv", ".geojson", ".json"}:
             raise Unclear(f"{path}: measurements are saved as .csv, .geojson or .json")
-        call = Call(method="GET", path=address("campaigns", campaign_id, f"measurements{suffix}"))
         if suffix == ".json":
-            query: Query = {"campaign_id": campaign_id, "format": "json"}
-            call = Call(method="GET", path=address("series", "measurements"), query=query)
-        self._transport.download(call, path)
-        return path
+            query = {"campaign_id": campaign_id, "format": "json"}
+            return self._save(path, address("series", "measurements"), query)
+        return self._save(path, address("campaigns", campaign_id, f"measurements{suffix}"))
 
     def measurement(self, measurement_id: str) -> Measurement:
         return Measurement.of(self._get(address("measurements", measurement_id)))
@@ -105,7 +99,7 @@ class Measurements(Jobs):
     ) -> Iterator[Measurement]:
         """Newest first."""
         query = {"camera_id": camera_id, "campaign_id": campaign_id, "calibration_id": calibration_id}
-        return map(Measurement.of, self._transport.items(address("measurements"), query))
+        return map(Measurement.of, self._items(address("measurements"), query))
 
     def compare(
         self, old: str, new: str, *, other_region: bool = False, same_light: bool = False
@@ -120,18 +114,12 @@ class Measurements(Jobs):
 
     def save_map(self, measurement_id: str, path: PathLike) -> Path:
         """Save the map of a measurement that was made with one: its numbers (.tif), or a picture (.png)."""
-        path = Path(path)
-        name = "map.png" if path.suffix.lower() == ".png" else "map.tif"
-        call = Call(method="GET", path=address("measurements", measurement_id, name))
-        self._transport.download(call, path)
-        return path
+        name = "map.png" if Path(path).suffix.lower() == ".png" else "map.tif"
+        return self._save(path, address("measurements", measurement_id, name))
 
     def save_report(self, measurement_id: str, path: PathLike) -> Path:
         """Save the two-page report of a luminance measurement as PDF."""
-        path = Path(path)
-        call = Call(method="GET", path=address("measurements", measurement_id, "report.pdf"))
-        self._transport.download(call, path)
-        return path
+        return self._save(path, address("measurements", measurement_id, "report.pdf"))
 
     def stac_item(self, measurement_id: str) -> dict[str, Any]:
         """Return a measurement's map as a STAC item."""
@@ -156,3 +144,27 @@ def _options(details: MeasureDetails, *, with_map: bool, with_bands: bool) -> di
     if "polygon" in details:
         body["roi"] = region(details["polygon"])
     return body | ({"products": ["bands" if with_bands else "map"]} if with_map or with_bands else {})
+
+
+Area = Literal["region", "grid", "frame"]
+
+
+class Maps(Jobs):
+    """Readings of maps, computed at the request."""
+
+    def save_isolines(
+        self,
+        measurement_id: str,
+        path: PathLike,
+        *,
+        levels: Sequence[float] | None = None,
+        area: Area = "frame",
+        step: int | None = None,
+        coordinates: str | None = None,
+    ) -> Path:
+        """Save lines of equal value as .geojson; without ``levels`` at round ones."""
+        if Path(path).suffix.lower() != ".geojson":
+            raise Unclear(f"{path}: isolines are saved as .geojson")
+        query = {"levels": ",".join(map(repr, levels)) if levels else None, "area": area}
+        query |= {"step": None if step is None else str(step), "coordinates": coordinates}
+        return self._save(path, address("measurements", measurement_id, "isolines.geojson"), query)

@@ -1,16 +1,96 @@
 """Keys, sessions and audit trail of the own organisation, for its administrators."""
 
+import re
+import time
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from email.utils import parsedate_to_datetime
 from pathlib import Path
 from typing import Any, Unpack
 
 import httpx
 
-from stilb.connection import Connection
-from stilb.details import Moment, OrganisationChange, PersonDetails, as_text
-from stilb.problem import Unclear, missing
-from stilb.records import AuditChain, AuditEntry, Key, Session
-from stilb.transport import Call, address
+from stilb.problem import Problem, Unclear, missing
+from stilb.records import (
+    AuditChain,
+    AuditEntry,
+    Finding,
+    Key,
+    Moment,
+    OrganisationChange,
+    OwnKey,
+    PersonDetails,
+    Session,
+    as_text,
+)
+from stilb.transport import Call, Connection, Transport, address
+
+_SAMPLE = re.compile(r'^(?P<name>\w+)(?:\{\w+="(?P<label>[^"]*)"\})? (?P<value>\S+)$', re.MULTILINE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Health:
+    """State of a service when it was asked. None: not reported, as where a proxy keeps /metrics to itself.
+
+    ``clock_ahead_s``: the service's clock minus this machine's, to half a second.
+    """
+
+    ready: bool
+    detail: str
+    answered_in_s: float
+    clock_ahead_s: float | None
+    version: str | None
+    oldest_queued_s: float | None
+    quarantined_jobs: int | None
+    free_bytes: int | None
+
+
+def examine(transport: Transport) -> Health:
+    """Check once; raises ``Problem`` only where nothing answers at all."""
+    sent_at, began = datetime.now(UTC), time.monotonic()
+    ready, detail = True, "database and file store answer"
+    try:
+        date = transport.send(Call(method="GET", path="/readyz")).headers.get("Date")
+    except Problem as problem:
+        if problem.status == 0:
+            raise
+        ready, detail, date = False, problem.detail, None
+    took_s = time.monotonic() - began
+    samples = _read_metrics(transport)
+    return Health(
+        ready=ready,
+        detail=detail,
+        answered_in_s=took_s,
+        clock_ahead_s=_clock_ahead_s(date, sent_at, took_s),
+        version=next((label for name, label in samples if name == "stilb_info"), None),
+        oldest_queued_s=samples.get(("stilb_oldest_queued_job_age_seconds", "")),
+        quarantined_jobs=_whole(samples.get(("stilb_jobs", "quarantined"))),
+        free_bytes=_whole(samples.get(("stilb_data_free_bytes", ""))),
+    )
+
+
+def _read_metrics(transport: Transport) -> dict[tuple[str, str], float]:
+    try:
+        text = transport.send(Call(method="GET", path="/metrics")).text
+    except Problem:
+        return {}
+    return {(found["name"], found["label"] or ""): float(found["value"]) for found in _SAMPLE.finditer(text)}
+
+
+def _clock_ahead_s(date: str | None, sent_at: datetime, took_s: float) -> float | None:
+    if date is None:
+        return None
+    try:
+        there = parsedate_to_datetime(date)
+    except ValueError:
+        return None
+    # The header holds whole seconds, cut off; the answer was made about halfway.
+    return (there - sent_at).total_seconds() + 0.5 - took_s / 2
+
+
+def _whole(value: float | None) -> int | None:
+    return None if value is None else int(value)
 
 
 class Organisation(Connection):
@@ -21,11 +101,11 @@ class Organisation(Connection):
         return self._get(address("organisation"))
 
     def change_organisation(self, **details: Unpack[OrganisationChange]) -> dict[str, Any]:
-        return self._transport.json(Call(method="PATCH", path=address("organisation"), json=dict(details)))
+        return self._patch(address("organisation"), dict(details))
 
     def api_keys(self) -> Iterator[Key]:
         """Return all keys, also those that have ended, without their secrets."""
-        return map(Key.of, self._transport.items(address("keys")))
+        return map(Key.of, self._items(address("keys")))
 
     def create_key(
         self,
@@ -41,16 +121,15 @@ class Organisation(Connection):
 
     def change_key(self, key: Key | str, **person: Unpack[PersonDetails]) -> Key:
         """State who uses a key, by its id or its name: that person signs the certificates it publishes."""
-        path = address("keys", self._id_of(key) if isinstance(key, str) else key.id)
-        return Key.of(self._transport.json(Call(method="PATCH", path=path, json=dict(person))))
+        return Key.of(self._patch(address("keys", self._id_of(key)), dict(person)))
 
     def revoke_key(self, key: Key | str) -> Key:
         """Revoke a key, by its id or its name, and end its sessions."""
-        return Key.of(self._delete(address("keys", self._id_of(key) if isinstance(key, str) else key.id)))
+        return Key.of(self._delete(address("keys", self._id_of(key))))
 
     def sessions(self) -> Iterator[Session]:
         """Return the browsers that are signed in: with this key, or for an administrator with any."""
-        return map(Session.of, self._transport.items(address("sessions")))
+        return map(Session.of, self._items(address("sessions")))
 
     def end_sessions(self) -> int:
         """End all those sessions; returns how many."""
@@ -58,14 +137,12 @@ class Organisation(Connection):
 
     def audit(self, **chosen: str) -> Iterator[AuditEntry]:
         """Return entries, newest first, chosen by ``actor``, ``action``, ``subject_id``, ``from``, ``to``."""
-        return map(AuditEntry.of, self._transport.items(address("audit"), chosen))
+        return map(AuditEntry.of, self._items(address("audit"), chosen))
 
     def save_audit(self, path: Path | str, **chosen: str) -> None:
         """Save entries, oldest first, as .csv or, with all that their hashes cover, as .jsonl."""
         name = "entries.jsonl" if str(path).endswith(".jsonl") else "entries.csv"
-        self._transport.download(
-            Call(method="GET", path=f"{address('audit')}/{name}", query=chosen), Path(path)
-        )
+        self._save(path, address("audit", name), chosen)
 
     def check_audit(self) -> AuditChain:
         """Have the service recompute the hashes of all entries."""
@@ -78,7 +155,9 @@ class Organisation(Connection):
                 return AuditChain.of({**answer, "entries": entries})
             query = dict(httpx.URL(answer["next"]).params)
 
-    def _id_of(self, named: str) -> str:
+    def _id_of(self, named: Key | str) -> str:
+        if isinstance(named, Key):
+            return named.id
         found = [
             key.id for key in self.api_keys() if named == key.id or (named == key.name and not key.ended)
         ]
@@ -88,5 +167,19 @@ class Organisation(Connection):
             raise missing(f"No key in force is named {named!r}.")
         return found[0]
 
-    def _delete(self, path: str) -> dict[str, Any]:
-        return self._transport.json(Call(method="DELETE", path=path))
+
+class System(Connection):
+    """Own key, and state of the service."""
+
+    def own_key(self) -> OwnKey:
+        """The key that this client asks with: its organisation and its scopes."""
+        return OwnKey.of(self._get(address("keys", "own")))
+
+    def findings(self) -> dict[str, Finding]:
+        """Return the registry of findings by code."""
+        items = self._get(address("findings"))["items"]
+        return {item["code"]: Finding.of(item) for item in items}
+
+    def health(self) -> Health:
+        """How the service fares, as far as it tells."""
+        return examine(self._transport)

@@ -7,8 +7,7 @@ import pytest
 import tifffile
 from rich.console import Console
 
-from demo.display import Display
-from demo.journey import Stage, see_from
+from demo.journey import Display, Stage, see_from
 from demo.journey import take as take_all
 from demo.luminance import ROI, plan
 from radiometry.frame.exposure import compute_rhs

@@ -18,8 +18,7 @@ import tifffile
 from rich.console import Console
 
 from demo import geometry, reflectance
-from demo.display import Display
-from demo.journey import Stage
+from demo.journey import Display, Stage
 from tests.flow.test_generated_clients import install
 from tests.support import data
 from tests.support.certificates import METER, WORK

@@ -4,8 +4,7 @@ import pytest
 from rich.console import Console
 
 from demo.__main__ import play
-from demo.display import Display
-from demo.journey import Stage
+from demo.journey import Display, Stage
 from radiometry.methods import METHODS
 from tests.support.printed import read_blocks, type_in
 

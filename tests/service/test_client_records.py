@@ -8,7 +8,7 @@ from typing import get_args, get_origin, get_type_hints
 import pytest
 
 from service.document import resolve
-from stilb import details, records
+from stilb import records
 
 ANSWERS = {
     records.AuditChain: "AuditChainAnswer",
@@ -31,14 +31,14 @@ ANSWERS = {
     records.Session: "SessionAnswer",
 }
 FORMS = {
-    details.CameraDetails: "NewCamera",
-    details.CampaignChange: "CampaignChange",
-    details.Certificate: "Certificate",
-    details.Grid: "NewGrid",
-    details.LensDetails: "Lens",
-    details.MeasureDetails: "MeasurementOptions",
-    details.OrganisationChange: "OrganisationChange",
-    details.PanelBand: "PanelBand",
+    records.CameraDetails: "NewCamera",
+    records.CampaignChange: "CampaignChange",
+    records.Certificate: "Certificate",
+    records.Grid: "NewGrid",
+    records.LensDetails: "Lens",
+    records.MeasureDetails: "MeasurementOptions",
+    records.OrganisationChange: "OrganisationChange",
+    records.PanelBand: "PanelBand",
 }
 OTHERWISE = {"polygon": "roi"}  # the client takes corners, the service also an ImageJ call
 KINDS = {

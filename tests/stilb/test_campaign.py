@@ -4,10 +4,9 @@ import re
 
 import pytest
 
-from stilb.commands.exits import Exit
-from stilb.field.campaign import ensure_campaign
+from stilb.commands.output import Exit
 from stilb.field.files import ROLES
-from stilb.field.plan import read_plan
+from stilb.field.plan import ensure_campaign, read_plan
 from stilb.field.template import read_methods
 from stilb.problem import Unclear
 from tests.support.campaigns import K_TRUE, LEVELS
@@ -278,6 +277,6 @@ def test_another_word_in_the_plan_makes_no_other_campaign(signed_in, handful, te
 
 def test_a_run_that_was_killed_before_its_answer_makes_one_campaign(handful, team, monkeypatch):
     """Neither of the two has seen what the other made."""
-    monkeypatch.setattr("stilb.field.campaign.find_planned", lambda *_: None)
+    monkeypatch.setattr("stilb.field.plan.find_planned", lambda *_: None)
     plan = read_plan(handful)
     assert ensure_campaign(team.client, plan).id == ensure_campaign(team.client, plan).id

@@ -8,9 +8,8 @@ from simulation.camera import change
 from simulation.sequoia import BANDS, SEQUOIA, capture
 from simulation.sequoia_file import name_file, write_sequoia
 from stilb.commands.calibration import format_calibration
-from stilb.commands.exits import Exit
-from stilb.field.campaign import ensure_campaign, ensure_panel, list_parameters
-from stilb.field.plan import read_plan
+from stilb.commands.output import Exit
+from stilb.field.plan import ensure_campaign, ensure_panel, list_parameters, read_plan
 from stilb.problem import Problem, Unclear
 
 REFLECTS = 0.18

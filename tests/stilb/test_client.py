@@ -5,9 +5,9 @@ from datetime import UTC, datetime
 import pytest
 
 import stilb
-from stilb.details import as_text
 from stilb.export import frame_path
-from stilb.names import plain_stem
+from stilb.field.files import plain_stem
+from stilb.records import as_text
 
 CALIBRATION = {
     "id": "k-1",

@@ -10,10 +10,9 @@ import typer
 
 import stilb
 from stilb.commands.app import app
-from stilb.commands.doctor import examine_health
-from stilb.commands.exits import Exit, exit_of, next_step
-from stilb.commands.moments import read_moment
-from stilb.commands.rig import list_reasons, show_rig
+from stilb.commands.calibration import list_reasons, show_rig
+from stilb.commands.output import Exit, exit_of, next_step, read_moment
+from stilb.commands.session import examine_health
 from store.software import read_version
 from tests.support.campaigns import K_TRUE
 from tests.support.compose import ROOT

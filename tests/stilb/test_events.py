@@ -7,7 +7,7 @@ from contextlib import closing
 import pytest
 
 import stilb
-from stilb.commands.exits import Exit
+from stilb.commands.output import Exit
 from tests.support.frames import write_frame
 
 

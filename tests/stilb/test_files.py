@@ -8,9 +8,8 @@ import unicodedata
 import pytest
 
 from stilb.field.files import ANY_RULES, Rule, sort_files
-from stilb.field.journal import Journal
+from stilb.field.push import Journal, Watch
 from stilb.field.startup import describe_entry
-from stilb.field.watch import Watch
 from stilb.receipt import compare_card
 
 

@@ -1,8 +1,7 @@
 """Lines that a command ends with: equal ones are one, with what they hold for."""
 
 from stilb.commands.measurements import format_measurements
-from stilb.commands.progress import lines
-from stilb.commands.tables import format_findings
+from stilb.commands.terminal import format_findings, lines
 from stilb.field.push import Report, Told
 
 REGION = "No region (ROI) is drawn yet: draw it on the preview, for the campaign or for this frame."

@@ -2,8 +2,8 @@
 
 import pytest
 
-from stilb.commands.exits import Exit
-from stilb.commands.motion import _reasons
+from stilb.commands.campaign import _reasons
+from stilb.commands.output import Exit
 
 ROW = {"frame_id": "frm_1", "filename": "1.TIF", "role": "field"}
 MOVED = ROW | {

@@ -18,7 +18,7 @@ import pytest
 
 import stilb
 from stilb.commands import push as commands
-from stilb.commands.exits import Exit
+from stilb.commands.output import Exit
 from stilb.commands.push import transfer
 from tests.support.cards import write_card, write_plan
 from tests.support.frames import write_frame

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from stilb.commands.exits import Exit
+from stilb.commands.output import Exit
 from tests.support.frames import write_frame
 
 
@@ -46,7 +46,7 @@ def test_no_receipt_where_a_file_did_not_arrive(signed_in, team, card, monkeypat
     def fail(*_):
         raise OSError("cannot be read")
 
-    monkeypatch.setattr("stilb.field.journal.Journal.hash_of", fail)
+    monkeypatch.setattr("stilb.field.push.Journal.hash_of", fail)
     ended = signed_in("push", card, "--campaign", team.campaign().id, "--no-wait", "--json")
     assert ended.code == Exit.FINDINGS
     assert "receipt" not in ended.json

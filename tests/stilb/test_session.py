@@ -6,7 +6,7 @@ import stat
 import pytest
 
 import stilb
-from stilb.commands.exits import Exit
+from stilb.commands.output import Exit
 
 
 def test_a_key_is_checked_and_kept_for_its_owner_alone(stilb_command, team, config):

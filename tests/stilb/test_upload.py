@@ -7,7 +7,7 @@ import tracemalloc
 import pytest
 
 import stilb
-from stilb.side_by_side import Width
+from stilb.upload import Width
 from tests.support.frames import write_frame
 
 FRAME = {

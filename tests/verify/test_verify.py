@@ -6,7 +6,7 @@ import pytest
 
 import stilb
 import stilb.__main__
-from stilb.commands.exits import Exit
+from stilb.commands.output import Exit
 from stilb.export import frame_path
 from tests.support.certificates import WORK, certificate_of, complete_version, export_version
 from tests.support.frames import forget_time
