@@ -253,7 +253,8 @@ def type_the_readings(page, team, campaign):
         second.focus()
         page.keyboard.press("ControlOrMeta+v")
         expect(page.get_by_role("button", name="Readings of level-3: 1 reading")).to_be_visible()
-        page.locator(".toast").get_by_role("button", name="Undo").last.click()
+        pasted = page.locator(".toast").filter(has_text="2 readings recorded")
+        pasted.get_by_role("button", name="Undo").click()
         expect(page.get_by_role("button", name="Readings of level-3: No reading yet")).to_be_visible()
     second.focus()
     page.keyboard.press("ControlOrMeta+v")
@@ -356,7 +357,7 @@ def correct_the_campaign(page, team, campaign):
     stored = team.client.campaign(campaign.id).raw
     assert (stored["ended_at"], stored["lens"]["model"]) == ("2026-05-01T22:15:00Z", "MFT 15 mm")
     page.get_by_role("button", name="Archive", exact=True).click()
-    page.locator(".toast").get_by_role("button", name="Undo").last.click()
+    page.locator(".toast").filter(has_text="Archived.").get_by_role("button", name="Undo").click()
     page.get_by_role("button", name="Archive", exact=True).click()
     expect(page.get_by_role("button", name="Take out of the archive")).to_be_visible()
     page.goto("/campaigns")

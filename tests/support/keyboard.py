@@ -36,8 +36,10 @@ WATCH = """
     // a new page begins at its top, and a place within it where that is; else it has been lost
     let held = null;
     addEventListener("hashchange", () => held = null);
-    window.lost = () =>
-        document.activeElement === document.body && held && tell(`focus is lost after ${held}`);
+    // a link within the page takes the focus a moment before it is told
+    const drawn = () => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
+    window.lost = () => drawn().then(() =>
+        document.activeElement === document.body && held && tell(`focus is lost after ${held}`));
     addEventListener("focusin", ({ target }) => {
         held = named(target);
         requestAnimationFrame(() => requestAnimationFrame(() => look(target)));

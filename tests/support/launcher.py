@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 import uuid
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from store.pulse import Pulse
@@ -38,7 +38,8 @@ def launched(data: Path, *, parts=("serve", "wait"), before=(), **settings):
         finally:
             process.kill()
             for pid in marked(mark):
-                os.kill(pid, signal.SIGKILL)
+                with suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGKILL)
 
 
 def ready(process) -> tuple[str, str]:
