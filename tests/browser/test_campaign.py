@@ -148,6 +148,7 @@ def go_back_and_forward(page, dialog, frame_id):
     page.go_back()
     expect(dialog).to_have_count(0)
     page.get_by_label("Find a frame").fill("level-1")
+    expect(page).to_have_url(re.compile(r"find=level-1$"))
     page.go_forward()
     expect(dialog).to_contain_text(shown := page.locator("#frame-name").inner_text())
     page.keyboard.press("Escape")
