@@ -9,8 +9,7 @@ _refusal = partial(error, where="file")
 EMPTY_FILE = _refusal("empty_file", "The file has no bytes.", "Copy it from the camera's card again.")
 NOT_A_RAW_FILE = _refusal(
     "not_a_raw_file",
-    "The file is not in a known raw format, whatever its name; or it is a JPEG or PNG that is not of a "
-    "chart.",
+    "The file is not in a known raw format; or it is a JPEG or PNG that is not of a chart.",
     "Send the camera's raw file (DNG) or a TIFF; for the role `chart` also a JPEG or PNG.",
 )
 TRUNCATED = _refusal(

@@ -59,9 +59,8 @@ BAD_REQUEST = _refusal(
 TOO_MANY_REQUESTS = _refusal(
     429,
     "too_many_requests",
-    "Your organisation sends more requests than `STILB_QUOTA_REQUESTS_PER_MINUTE`, which `limit` states.",
-    "Wait for `Retry-After` seconds; the client does so automatically. Ask less often, or have the limit "
-    "raised.",
+    "Your organisation sends more requests than `STILB_QUOTA_REQUESTS_PER_MINUTE` (`limit`).",
+    "Wait for `Retry-After` seconds, as the client does; ask less often, or have the limit raised.",
     retryable=True,
 )
 TOO_MANY_STREAMS = _refusal(
@@ -93,7 +92,7 @@ HOST_NOT_ALLOWED = _refusal(
     421,
     "host_not_allowed",
     "The service does not answer under the name of this address.",
-    "Ask its operator for the right one; the operator lists the names in `STILB_ALLOWED_HOSTS`.",
+    "Ask its operator for the right one (`STILB_ALLOWED_HOSTS`).",
 )
 CONFLICT = _refusal(
     409,
@@ -104,8 +103,7 @@ CONFLICT = _refusal(
 CHANGED_MEANWHILE = _refusal(
     409,
     "changed_meanwhile",
-    "A frame is no longer as `expected` states: another user has changed it, as `detail` says. Nothing was "
-    "changed.",
+    "A frame is no longer as `expected` states, as `detail` says. Nothing was changed.",
     "Look at the frame as it is now, and repeat the change if it is still wanted.",
 )
 IDEMPOTENCY_KEY_REUSED = _refusal(
@@ -149,9 +147,9 @@ DIGEST_MISMATCH = _refusal(
 UPLOAD_OFFSET_DIFFERS = _refusal(
     409,
     "upload_offset_differs",
-    "A piece of a file does not begin where what has arrived ends, as the header `Upload-Offset` states; or "
-    "another connection has taken the upload over.",
-    "Ask with `HEAD` how far it is, and go on from there.",
+    "A piece of a file does not begin where what has arrived ends (`Upload-Offset`), or another "
+    "connection has taken the upload over.",
+    "Ask with `HEAD` how far it is, and continue from there.",
     retryable=True,
 )
 UPLOAD_CHECKSUM_DIFFERS = _refusal(
@@ -166,8 +164,8 @@ PRECONDITION_FAILED = _refusal(
     "precondition_failed",
     "A change was asked for with `If-Match` or `If-None-Match: *`, and its address has no entity tag. "
     "Nothing was changed.",
-    "Send it without the header. With `expected` of `PATCH /v1/campaigns/{id}/frames` you change frames only "
-    "as you saw them.",
+    "Send it without the header. `expected` of `PATCH /v1/campaigns/{id}/frames` changes frames "
+    "only as you saw them.",
 )
 UPLOAD_VERSION = _refusal(
     412,
@@ -179,7 +177,7 @@ RANGE_OUTSIDE = _refusal(
     416,
     "range_outside",
     "The header `Range` asks for bytes behind the end of the file.",
-    "Ask for bytes within the size that `Content-Range` states; the file may be complete already.",
+    "The file may be complete already: ask for bytes within the size that `Content-Range` states.",
 )
 UPLOAD_TYPE = _refusal(
     415,
@@ -190,15 +188,14 @@ UPLOAD_TYPE = _refusal(
 CONTENT_ENCODED = _refusal(
     415,
     "content_encoded",
-    "The body is compressed (`Content-Encoding`). A file is stored as it is sent, and its hash is that of "
-    "the file itself.",
+    "The body is compressed (`Content-Encoding`); a file is stored as it is sent.",
     "Send the body as it is, without `Content-Encoding`.",
 )
 TOO_MANY_UPLOADS = _refusal(
     429,
     "too_many_uploads",
     "Your organisation has 10,000 uploads that were begun and not finished.",
-    "Finish them, or end them with `DELETE`; after a week they end by themselves.",
+    "Finish them, or end them with `DELETE`; after a week they expire.",
     retryable=True,
 )
 STORAGE_FULL = _refusal(
@@ -231,8 +228,7 @@ DATABASE_UNAVAILABLE = _refusal(
 SCHEMA_MISMATCH = _refusal(
     503,
     "schema_mismatch",
-    "The database has the schema of another version of the service: it is being upgraded, or an older "
-    "service was left running. Nothing is written.",
+    "The database has the schema of another version of the service. Nothing is written.",
     "Try again later; the operator finishes the upgrade or starts the version that fits.",
     retryable=True,
 )
@@ -263,14 +259,14 @@ MEASUREMENTS_ONLY = _refusal(
     409,
     "measurements_only",
     "The campaign is a night of measurements: it takes field frames, and nothing is fitted from them.",
-    "Send calibration frames to a campaign of the kind `calibration`, fit and publish that, and measure this "
-    "one: `POST /v1/campaigns/{id}/measurements`.",
+    "Fit and publish a campaign of the kind `calibration`, and measure this one: `POST "
+    "/v1/campaigns/{id}/measurements`.",
 )
 MANIFEST_INCOMPLETE = _refusal(
     409,
     "manifest_incomplete",
-    "Files of the manifest are not stored, or no manifest was sent. `missing` names up to 100 of them, each "
-    "with its reason. Keep the card.",
+    "Files of the manifest are not stored, or no manifest was sent. `missing` names up to 100 of "
+    "them. Keep the card.",
     "Send these files, then ask for the receipt again.",
 )
 PANEL_DIFFERS = Finding(
@@ -335,17 +331,15 @@ NO_CALIBRATION_IN_FORCE = _refusal(
 CERTIFICATE_INCOMPLETE = _refusal(
     409,
     "certificate_incomplete",
-    "Your organisation publishes no version whose certificate lacks what ISO/IEC 17025 asks for. `gaps` "
-    "lists what is absent, each with its code and what to do.",
+    "Your organisation publishes no version whose certificate lacks what ISO/IEC 17025 asks for. "
+    "`gaps` lists it.",
     "Fill it in and publish again, or let an admin change `refuses_incomplete_certificates`.",
 )
 REGIONS_DIFFER = _refusal(
     409,
     "regions_differ",
-    "Two measurements are compared whose outlines in the image differ; `detail` names both with their "
-    "sources.",
-    "Measure both with the same `roi` or `grid`, or ask with `other_region=true`: the answer then states "
-    "that the regions differ.",
+    "Two measurements are compared whose outlines in the image differ; `detail` names both.",
+    "Measure both with the same `roi` or `grid`, or ask with `other_region=true`.",
 )
 
 # of jobs
@@ -377,14 +371,13 @@ def _gap(code: str, sentence: str, remedy: str) -> Finding:
 APPROVER_MISSING = _gap(
     "approver_missing",
     "Nobody has signed: the key that published states no person. The certificate is marked as a draft.",
-    "State name and role with the key, on the page Organisation or with `stilb key change`, and publish "
-    "again: an amendment is issued.",
+    "State name and role with the key (page Organisation, `stilb key change`), and publish again: "
+    "an amendment is issued.",
 )
 AUTHOR_MISSING = _gap(
     "author_missing",
-    "The person who fitted is missing: the key that fitted states none.",
-    "State name and role with the key, on the page Organisation or with `stilb key change`, before you "
-    "publish.",
+    "The key that fitted states no person.",
+    "State name and role with the key (page Organisation, `stilb key change`) before you publish.",
 )
 LABORATORY_NAME_MISSING = _gap(
     "laboratory_name_missing",
@@ -398,8 +391,8 @@ LABORATORY_ADDRESS_MISSING = _gap(
 )
 CUSTOMER_MISSING = _gap(
     "customer_missing",
-    "The party for whom the calibration was made is missing; this can be your own department.",
-    "Enter the `customer` with the details of the campaign.",
+    "The party for whom the calibration was made is missing.",
+    "Enter the `customer` with the details of the campaign; this can be your own department.",
 )
 PLACE_MISSING = _gap(
     "place_missing",
@@ -424,8 +417,7 @@ RECORDER_MISSING = _gap(
 )
 LENS_MISSING = _gap(
     "lens_missing",
-    "The result is valid for a camera with its lens, which is missing. Reflectance and noise do not require "
-    "it.",
+    "The lens is missing, with which the result is valid. Reflectance and noise do not require it.",
     "Register the camera with `lens`.",
 )
 METER_UNKNOWN = _gap(

@@ -31,8 +31,7 @@ EXPOSURE_NOT_MANUAL = reason(
 READING_WITHOUT_FRAMES = flag(
     "reading_without_frames",
     "A scene has meter readings and no frames: the fit uses neither.",
-    "Correct the name of the scene at the readings or at its frames, upload the frames, or withdraw the "
-    "readings.",
+    "Correct the name of the scene, upload the frames, or withdraw the readings.",
     "campaign",
 )
 SERIAL_UNKNOWN = flag(
@@ -43,7 +42,7 @@ SERIAL_UNKNOWN = flag(
 )
 BLACK_LEVEL_ASSUMED = flag(
     "black_level_assumed",
-    "The raw file states no black level: 0 was assumed, although most sensors have a level above it.",
+    "The raw file states no black level: 0 was assumed.",
     "Take dark frames, and send the camera's own file: a converter may have dropped the level.",
     *("frame", "calibration", "measurement"),
 )
@@ -56,7 +55,7 @@ SAMPLES_ABOVE_WHITE = flag(
 EXPOSURE_FROM_APEX = flag(
     "exposure_from_apex",
     "A nominal exposure value is missing; the APEX value was used, which differs from it by up to 7 %.",
-    "Upload the frame again with the nominal value from your notes if you have it.",
+    "Upload the frame again with the nominal value from your notes.",
     "frame",
 )
 EXPOSURE_SUPPLIED = flag(
@@ -94,7 +93,7 @@ WRONG_CAMERA = error(
 EXPOSURE_MISSING = error(
     "exposure_missing",
     "The file lacks the exposure time, f-number or ISO value, or states zero.",
-    "Upload it again with the value from your notes (`exposure_time_s`, `f_number`, `iso`), or enter it "
+    "Enter the value from your notes (`exposure_time_s`, `f_number`, `iso`) with the upload or "
     "for the frame.",
     *("file", "request"),
 )
@@ -234,9 +233,9 @@ SCATTER_EXCEEDS_UNCERTAINTY = flag(
 )
 SCATTER_IMPLAUSIBLE = flag(
     "scatter_implausible",
-    "The points scatter by more than 5 %, which no meter and no shutter does: the model does not hold.",
-    "Check for surfaces of different colours (spectral mismatch), an offset (stray light, wrong dark "
-    "signal), and frames or readings of a wrong scene.",
+    "The points scatter by more than 5 %, which no meter and no shutter does.",
+    "Check for surfaces of different colours, an offset (stray light, wrong dark signal), and "
+    "frames or readings of a wrong scene.",
     *("calibration", "measurement"),
 )
 FIT_INCOMPLETE = error(
@@ -251,8 +250,8 @@ FIT_FAILED = error(
 )
 VIGNETTING_NOT_CALIBRATED = error(
     "vignetting_not_calibrated",
-    "The vignetting calibration does not hold there: an f-number outside the range of its flats, a channel "
-    "or image size that they do not have, or an export that cannot represent the fit.",
+    "The vignetting calibration does not hold for an f-number outside the range of its flats, "
+    "another channel or image size, or an export that cannot represent the fit.",
     "Take flats at that f-number, or use one within the range.",
 )
 # of a measurement
@@ -285,8 +284,7 @@ CALIBRATION_REVOKED = Finding(
     "warn",
     ("measurement", "request"),
     "The calibration version, or the vignetting version behind it, has been revoked.",
-    "Do not use the result: measure again with a version that is not revoked. A revoked version is not "
-    "published again.",
+    "Measure again with a version that is not revoked. A revoked version is not published again.",
     409,
 )
 REGION_MISSING = error(
@@ -324,16 +322,14 @@ OPTION_NOT_OF_METHOD = error(
 )
 ATTITUDE_MISSING = error(
     "attitude_missing",
-    "The file has no two records of yaw, pitch and roll with their times, as a Sequoia with its sunshine "
-    "sensor writes them: the camera's rotation rate is not known.",
+    "The file has no two records of yaw, pitch and roll with their times, as a Sequoia writes them.",
     "Enter the rotation rate in `POST /v1/tools/motion` instead.",
 )
 LATERAL_COLOUR_LARGE = flag(
     "lateral_colour_large",
-    "Red or blue lies more than 1 px, and two standard uncertainties, from green at an edge, or within the "
-    "corners of a board.",
-    "Measure colour ratios of small or sharp features away from the corners, or correct each channel by its "
-    "curve.",
+    "Red or blue lies more than 1 px, and two standard uncertainties, from green at an edge or "
+    "within the corners of a board.",
+    "Measure colour ratios of small features away from the corners, or correct each channel by its curve.",
 )
 
 FINDINGS = declared(globals())

@@ -5,12 +5,12 @@ from radiometry.findings import declared, error, flag, reason
 VIEW_OUTLIER = flag(
     "view_outlier",
     "A view fits more than three times worse than the median view, and worse than 0.3 px; it was used.",
-    "Check its image for blur, a bent board or a corner in glare; leave it out, or set `reject_above_px`.",
+    "Check its image for blur, a bent board or glare; leave it out, or set `reject_above_px`.",
 )
 VIEW_MIRRORED = flag(
     "view_mirrored",
     "A picture is mirrored or turned by 180 degrees against the others; it was left out.",
-    "Use the pictures as the camera wrote them: a viewer or a phone may have turned or mirrored a copy.",
+    "Use the pictures as the camera wrote them: a viewer may have turned a copy.",
 )
 MIRROR_NOT_EXCLUDED = flag(
     "mirror_not_excluded",
@@ -55,8 +55,8 @@ BOARD_NOT_FOUND = reason(
     "board_not_found",
     "fail",
     "The board was not found: the fit leaves the frame out.",
-    "Show all of a checkerboard with a white margin, sharp, flat and free of glare, and check the numbers of "
-    "its inner corners in the campaign.",
+    "Show all of a checkerboard with a white margin, sharp, flat and free of glare, and check the "
+    "numbers of its inner corners.",
     "frame",
 )
 BOARD_BLURRED = reason(
@@ -82,14 +82,13 @@ RIG_INCOMPLETE = error(
 TRIGGER_LEFT_OUT = flag(
     "trigger_left_out",
     "A picture does not show the board where the rig's other pictures put it; it was left out.",
-    "Check its `scene`: it belongs to another trigger, or the board moved between the exposures.",
+    "Check its `scene`: it may belong to another trigger, or the board moved.",
     "fleet",
 )
 RIG_NOT_RIGID = flag(
     "rig_not_rigid",
     "The orientation scatters from trigger to trigger by more than four times what its corners explain.",
-    "Put rig and board down for every picture, and check mounts and synchronisation; the scatter is in the "
-    "uncertainty.",
+    "Put rig and board down for every picture, and check mounts and synchronisation.",
     "fleet",
 )
 FEW_TRIGGERS = flag(

@@ -109,8 +109,7 @@ SCENE_DOUBTFUL = reason(
     "scene_doubtful",
     "warn",
     "The frame is more than 25 % brighter or darker than the median of its scene's frames at this ISO value.",
-    "Correct the scene with `PATCH`; if it is right, the lamp, the surface or the camera moved: take it "
-    "again.",
+    "Correct the scene with `PATCH`; if it is right, something moved or the lamp changed: take it again.",
 )
 # of a measurement
 OUTSIDE_EXPOSURE_TIMES = flag(
@@ -127,23 +126,21 @@ OUTSIDE_F_NUMBERS = flag(
 )
 F_NUMBER_NOT_CALIBRATED = flag(
     "f_number_not_calibrated",
-    "The f-number is within the calibrated range but was not calibrated: K of the ISO value is used, and the "
-    "budget contains the whole uncertainty of a nominal f-number.",
+    "The f-number is within the calibrated range but was not calibrated: K of the ISO value is "
+    "used, with the whole uncertainty of a nominal f-number.",
     "Calibrate with this f-number as well, or use a calibrated one.",
     "measurement",
 )
 OUTSIDE_SIGNALS = flag(
     "outside_signals",
     "The signal is outside the calibrated range, where linearity was not tested.",
-    "Choose time and aperture so that the signal is in the calibrated range, or extend the calibration by "
-    "light levels that reach it.",
+    "Choose time and aperture so that it is inside, or calibrate light levels that reach it.",
     "measurement",
 )
 NO_VIGNETTING_CORRECTION = flag(
     "no_vignetting_correction",
     "The light falloff of the lens is not corrected: K holds at the calibration's region.",
-    "Calibrate the vignetting of this lens from flat fields and fit K with that version, or measure at the "
-    "calibration's region.",
+    "Fit K with a vignetting version from flat fields, or measure at the calibration's region.",
     "measurement",
 )
 ROI_ELSEWHERE = flag(
@@ -154,10 +151,10 @@ ROI_ELSEWHERE = flag(
 )
 OBSERVER_DIFFERS = flag(
     "observer_differs",
-    "The camera is not at the observer's position of EN 13201 or RP-8 (1.43° or less above the "
-    "road), but above it. On one simulated dry road U_o was 0.386 from above, and 0.427 (surface "
-    "R1) or 0.266 (R4) for the driver: neither values nor ratios carry over. Of a wet road EN "
-    "13201-2 asks a U_o of 0.15 instead of 0.40.",
+    "The camera is above the road, not at the observer's position of EN 13201 or RP-8 (1.43° or less). On "
+    "one simulated road U_o was 0.386 from above, and 0.427 (surface R1) or 0.266 (R4) for the driver: "
+    "neither values nor ratios carry over. That road is dry; of a wet one EN 13201-2 asks a U_o of 0.15 "
+    "instead of 0.40.",
     "For results according to EN 13201 or RP-8, measure from the observer's position with a luminance meter.",
     "measurement",
 )
@@ -201,22 +198,20 @@ MIXED_LIGHT = flag(
 )
 CORNERS_IMPLAUSIBLE = flag(
     "corners_implausible",
-    "No camera sees a rectangle of the stated sides with these corners: cells and points are not where they "
-    "are said to be.",
+    "No camera sees a rectangle of the stated sides with these corners.",
     "Check the order of the corners, of lanes the first two along them, and the lengths in metres.",
     "measurement",
 )
 GRID_MIRRORED = flag(
     "grid_mirrored",
-    "The corners run counterclockwise: rows are counted from the other side, so that the cells are the "
-    "surface's mirror image. Values and uniformities are not affected.",
+    "The corners run counterclockwise: the cells are the surface's mirror image. Values and "
+    "uniformities are not affected.",
     "Give the corners clockwise as the surface is seen from above.",
     "measurement",
 )
 CELLS_SMALL = flag(
     "cells_small",
-    "Cells are narrower than 4 px: the blur of the lens mixes neighbours, so that minimum and uniformity may "
-    "be too large.",
+    "Cells are narrower than 4 px: blur mixes neighbours, so that minimum and uniformity may be too large.",
     "Take fewer rows or columns, fly lower, or use a longer lens.",
     "measurement",
 )

@@ -52,8 +52,8 @@ SUNSHINE_SCALE_ASSUMED = flag(
 )
 HORIZONTAL_IRRADIANCE_LEFT_OUT = flag(
     "horizontal_irradiance_left_out",
-    "The irradiance on a level surface that the file states is not trusted for this model and firmware: the "
-    "irradiance as the sensor was oriented was used.",
+    "The irradiance on a level surface that the file states is not trusted for this model and "
+    "firmware: the irradiance as oriented was used.",
     "Update the camera's firmware.",
     *("calibration", "measurement"),
 )
@@ -67,15 +67,14 @@ TILT_NOT_CORRECTABLE = flag(
 )
 SUNSHINE_TILTED = flag(
     "sunshine_tilted",
-    "The sunshine sensor hung more than 3 degrees off level, and its reading was not converted to a level "
-    "surface. The tilt is in the uncertainty.",
+    "The sunshine sensor was more than 3 degrees off level, and its reading was not converted. "
+    "The tilt is in the uncertainty.",
     "Fit with `sunshine_surface: level`, from files with position and time.",
     *("calibration", "measurement"),
 )
 INCIDENCE_ANGLE_DIFFERS = flag(
     "incidence_angle_differs",
-    "The angle of incidence stated for the measurement is not that of the fit: the reflectance differs by "
-    "the ratio of their cosines.",
+    "The angle of incidence stated for the measurement is not that of the fit.",
     "Leave the angle out unless the surface slopes against the panel.",
     "measurement",
 )
@@ -94,7 +93,7 @@ SENSOR_MODEL_SCALE = flag(
 )
 BLACK_LEVEL_DISAGREES = flag(
     "black_level_disagrees",
-    "The black level of SensorModel, or of a DJI camera's XMP, differs from the file's black level tag by "
+    "The black level of SensorModel, or of a DJI camera's XMP, differs from the file's tag by "
     "more than 1 % of full scale; the former was used.",
     "Check with a dark frame which of the two is right.",
     *("frame", "calibration"),
@@ -130,21 +129,19 @@ PANEL_FROM_FILE = flag(
 )
 PANEL_OLD = flag(
     "panel_old",
-    "The panel was measured more than two years from the frames: what dirt, sun and scratches have changed "
-    "since is not in the uncertainty.",
+    "The panel was measured more than two years from the frames: what has changed since is not in "
+    "the uncertainty.",
     "Have the panel measured again, and register the new measurement with its day.",
 )
 PANEL_NOT_IDENTIFIED = flag(
     "panel_not_identified",
-    "No panel frame names its panel, by its tags or by a code: that it is the campaign's is assumed, not "
-    "checked.",
+    "No panel frame names its panel, by its tags or by a code: that it is the campaign's is assumed.",
     "Take the panel with its code in the image.",
 )
 PANEL_DRIFT = flag(
     "panel_drift",
     "K differs by more than 3 % between the first and the last panel capture.",
-    "Check for haze, a tilted sensor or a dirty panel. K follows the line between the captures; a frame far "
-    "from both is less certain.",
+    "Check for haze, a tilted sensor or a dirty panel. A frame far from both captures is less certain.",
 )
 IMPLAUSIBLE_REFLECTANCE_K = flag(
     "implausible_reflectance_k",
@@ -193,8 +190,8 @@ PANEL_WEAK = reason(
 PANEL_UNKNOWN = reason(
     "panel_unknown",
     "warn",
-    "The campaign's panel is not registered with a reflectance in this band. The fit takes the one that the "
-    "file states, which the certificate then names as missing; without it the fit leaves the band out.",
+    "The campaign's panel is not registered with a reflectance in this band. The fit takes that "
+    "of the file, which the certificate names as missing; without it the band is left out.",
     "Register the panel with this band and name it in the campaign.",
     "certificate",
 )
@@ -235,34 +232,31 @@ SENSOR_MODEL_DIFFERS = flag(
 # of what gives no result
 SENSOR_MODEL_UNUSABLE = error(
     "sensor_model_unusable",
-    "The file's camera is none whose bands are read, or the file does not state how its sensor or lens "
-    "responds, or states what no sensor does; `detail` names the camera or the statement.",
+    "The bands of this camera are not read, or the file does not state how its sensor or lens "
+    "responds, or states what no sensor does; `detail` names it.",
     "Upload the file as the camera wrote it.",
     *("file", "request"),
 )
 PANEL_ANGLE_TOO_LARGE = error(
     "panel_angle_too_large",
-    "The angle of incidence is above 60 degrees: there a panel is no longer diffuse, and one degree changes "
-    "the result by more than 3 %.",
+    "The angle of incidence is above 60 degrees, where one degree changes the result by more than 3 %.",
     "Level the panel, or wait for a higher sun.",
 )
 SUNSHINE_MISSING = error(
     "sunshine_missing",
-    "There is no valid sunshine reading: no sensor was connected, or every count is saturated, dark or of "
-    "unknown gain; `detail` gives the reason.",
+    "There is no valid sunshine reading; `detail` gives the reason.",
     "Fit with `normalisation: panel_only`, whose K holds for one light, or take the frames again with the "
     "sensor connected.",
 )
 WRONG_SUNSHINE_SENSOR = error(
     "wrong_sunshine_sensor",
-    "The frames are of several sunshine sensors, or of another one than the version's; K belongs to one "
-    "camera and one sensor.",
+    "The frames are of several sunshine sensors, or of another one than the version's.",
     "Leave the frames of the others out, or take the panel with this pair.",
 )
 BAND_NOT_CALIBRATED = error(
     "band_not_calibrated",
-    "The calibration has no K for the frame's band, or a band that an index needs is not there.",
-    "Take the panel in that band, with the panel's reflectance in it, or upload the capture's other files.",
+    "The calibration has no K for the frame's band, or a band that an index needs is missing.",
+    "Take the panel in that band, with its reflectance, or upload the capture's other files.",
 )
 ALIGNMENT_NOT_REFINED = flag(
     "alignment_not_refined",
@@ -296,14 +290,13 @@ INDEX_UNDEFINED = error(
 )
 BANDS_NOT_ALIGNED = error(
     "bands_not_aligned",
-    "The files cannot be aligned: they are not bands of one capture, or do not state how their bands are "
-    "turned (`RigRelatives`) and too few edges agree between them.",
+    "The files cannot be aligned: they are not bands of one capture, or do not state "
+    "`RigRelatives` and too few edges agree between them.",
     "Align them with photogrammetry software and compute the index there.",
 )
 HEIGHT_UNUSABLE = error(
     "height_unusable",
-    "The height above the ground cannot be used: it is stated twice, or the ground does not lie below the "
-    "altitude that the file states.",
+    "The height above the ground is stated twice, or the ground does not lie below the file's altitude.",
     "State either `height_above_ground_m`, or `ground_altitude_m` in the height system of the file's "
     "altitude.",
 )

@@ -10,7 +10,7 @@ SHARPNESS_ONCE = flag(
 SHARPNESS_REPEATS_DIFFER = flag(
     "sharpness_repeats_differ",
     "Frames of a position scatter by more than four times their own uncertainty, and by more than 2 %.",
-    "Look for the frame whose focus or position changed. The scatter is included in the uncertainty.",
+    "Look for the frame whose focus or position changed.",
 )
 SHARPENING_SUSPECTED = flag(
     "sharpening_suspected",

@@ -26,7 +26,7 @@ DUST = reason(
     "dust",
     "fail",
     "Small parts of a flat are darker or brighter than around them: the fit leaves those parts out.",
-    "Clean the sensor, the filter or the target, move the camera between frames, and take it again.",
+    "Clean the sensor, the filter or the target, move the camera between frames, and repeat.",
     "calibration",
 )
 WEAK_FLAT = flag(
@@ -56,7 +56,7 @@ FLAT_UNUSABLE = error(
     "flat_unusable",
     "No flat frame can be used for vignetting, or they are of several lenses; `detail` names every frame "
     "with the reason.",
-    "Take them again as `detail` describes, or leave the other lens's frames out.",
+    "Take them again, or leave the other lens's frames out.",
 )
 
 FINDINGS = declared(globals())

@@ -81,11 +81,7 @@ def measure(house, frame, version, **asked):
     # as in the laboratory: of what was calibrated
     field = {"spectral_mismatch_u_rel": 0.0, "flicker_modulation": 0.0}
     body = {"frame_id": frame["id"], "calibration_id": version["id"]} | field | asked
-    job = house.post("/v1/measurements", body, status=202)
-    house.work()
-    done = house.get(f"/v1/jobs/{job['id']}")
-    assert done["state"] == "succeeded", done
-    return house.get(f"/v1/measurements/{done['result']['measurement_id']}")
+    return house.measure(**body)
 
 
 def flags(found):

@@ -78,11 +78,7 @@ def test_the_found_panel_gives_the_radiance_of_the_drawn_one(frames, band):
 
 
 def test_k_follows_without_anybody_having_drawn_anything(sqlite_house, campaign, frames):
-    job = sqlite_house.post(f"/v1/campaigns/{campaign['id']}/calibrations", {}, status=202)
-    sqlite_house.work()
-    job = sqlite_house.get(f"/v1/jobs/{job['id']}")
-    assert job["state"] == "succeeded", job
-    version = sqlite_house.get(f"/v1/calibrations/{job['result']['calibration_id']}")
+    version = sqlite_house.fit(campaign)
     assert {panel["serial"] for panel in version["inputs"]["panels"]} == {SERIAL}
     found = {row["band"]: row["value"] for row in version["coefficients"]}
     assert found == {

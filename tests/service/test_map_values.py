@@ -29,10 +29,7 @@ def measured(sqlite_house):
     corners = [[8, 8], [88, 8], [88, 38], [8, 38]]
     grid = {"corners": corners, "lanes": 1, "lane_width_m": 3.0, "spacing_m": 20}
     asked = {"frame_id": frame["id"], "roi": roi, "grid": grid, "products": ["map"]}
-    job = house.post("/v1/measurements", asked, status=202)
-    house.work()
-    done = house.get(f"/v1/jobs/{job['id']}")
-    return house.get(f"/v1/measurements/{done['result']['measurement_id']}")
+    return house.measure(**asked)
 
 
 @pytest.fixture

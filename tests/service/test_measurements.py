@@ -576,11 +576,7 @@ def test_repeats_of_a_scene_are_one_measurement_with_less_noise(house):
 
 
 def average(house, ids, **asked):
-    job = house.post("/v1/measurements", {"frame_ids": ids} | asked, status=202)
-    house.work()
-    done = house.get(f"/v1/jobs/{job['id']}")
-    assert done["state"] == "succeeded", done
-    return house.get(f"/v1/measurements/{done['result']['measurement_id']}")
+    return house.measure(**({"frame_ids": ids} | asked))
 
 
 def read_map(house, found):

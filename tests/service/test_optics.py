@@ -38,11 +38,7 @@ def begin(house, method, *, camera=None, roi=None, **more):
 def fit(house, campaign, **params):
     house.work()
     assert house.get(f"/v1/campaigns/{campaign['id']}")["missing"] == []
-    job = house.post(f"/v1/campaigns/{campaign['id']}/calibrations", params, status=202)
-    house.work()
-    job = house.get(f"/v1/jobs/{job['id']}")
-    assert job["state"] == "succeeded", job
-    return house.get(f"/v1/calibrations/{job['result']['calibration_id']}")
+    return house.fit(campaign, **params)
 
 
 def publish(house, version):

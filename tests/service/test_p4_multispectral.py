@@ -63,11 +63,7 @@ def test_a_p4_multispectral_is_read_shown_fitted_and_measured(sqlite_house, camp
     house.work()
     (row,) = house.get(f"/v1/frames/{frames['nir']['id']}")["statistics"]
     assert (row["n"], row["channel"], row["saturated_share"]) == (90_000, "nir", 0.0)
-    job = house.post(f"/v1/campaigns/{campaign['id']}/calibrations", {}, status=202)
-    house.work()
-    job = house.get(f"/v1/jobs/{job['id']}")
-    assert job["state"] == "succeeded", job
-    version = house.get(f"/v1/calibrations/{job['result']['calibration_id']}")
+    version = house.fit(campaign)
     assert version["configuration"]["sunshine_sensor"]["serial"] == CAMERA["serial"]
     for row in version["coefficients"]:
         assert (row["unit"], row["value"]) == ("s", pytest.approx(0.5 / CENTRE[row["band"]], rel=3e-4))

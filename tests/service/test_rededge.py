@@ -64,20 +64,12 @@ def frames(sqlite_house, campaign):
 
 @pytest.fixture(scope="module")
 def version(sqlite_house, campaign):
-    job = sqlite_house.post(f"/v1/campaigns/{campaign['id']}/calibrations", {}, status=202)
-    sqlite_house.work()
-    job = sqlite_house.get(f"/v1/jobs/{job['id']}")
-    assert job["state"] == "succeeded", job
-    return sqlite_house.get(f"/v1/calibrations/{job['result']['calibration_id']}")
+    return sqlite_house.fit(campaign)
 
 
 def measure(house, frame, version, **more):
     body = {"frame_id": frame["id"], "calibration_id": version["id"], **more}
-    job = house.post("/v1/measurements", body, status=202)
-    house.work()
-    job = house.get(f"/v1/jobs/{job['id']}")
-    assert job["state"] == "succeeded", job
-    return house.get(f"/v1/measurements/{job['result']['measurement_id']}")
+    return house.measure(**body)
 
 
 @pytest.mark.parametrize("band", BANDS)

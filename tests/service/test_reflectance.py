@@ -55,11 +55,7 @@ def frames_of(house, campaign):
 
 
 def fit(house, campaign, **params):
-    job = house.post(f"/v1/campaigns/{campaign['id']}/calibrations", params, status=202)
-    house.work()
-    job = house.get(f"/v1/jobs/{job['id']}")
-    assert job["state"] == "succeeded", job
-    return house.get(f"/v1/calibrations/{job['result']['calibration_id']}")
+    return house.fit(campaign, **params)
 
 
 def begin_and_fit(house, bands=tuple(NAMES)):
@@ -144,11 +140,7 @@ def test_without_the_sunshine_sensor_k_holds_for_one_light(house, staged):
 
 
 def measure(house, frame, **more):
-    job = house.post("/v1/measurements", {"frame_id": frame["id"], **more}, status=202)
-    house.work()
-    job = house.get(f"/v1/jobs/{job['id']}")
-    assert job["state"] == "succeeded", job
-    return house.get(f"/v1/measurements/{job['result']['measurement_id']}")
+    return house.measure(frame_id=frame["id"], **more)
 
 
 def read_map(house, measurement):

@@ -35,10 +35,7 @@ def measure(house, campaign, version, **more):
         if frame["filename"] == GREEN
     )
     body = {"frame_id": frame["id"], "calibration_id": version["id"], **more}
-    job = house.post("/v1/measurements", body, status=202)
-    house.work()
-    job = house.get(f"/v1/jobs/{job['id']}")
-    return house.get(f"/v1/measurements/{job['result']['measurement_id']}")
+    return house.measure(**body)
 
 
 @pytest.fixture(scope="module")

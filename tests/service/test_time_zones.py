@@ -39,10 +39,7 @@ def refuse(house, frame, status=409):
 
 
 def measure(house, frame):
-    job = house.post("/v1/measurements", {"frame_id": frame["id"]}, status=202)
-    house.work()
-    done = house.get(f"/v1/jobs/{job['id']}")
-    return house.get(f"/v1/measurements/{done['result']['measurement_id']}")
+    return house.measure(frame_id=frame["id"])
 
 
 def test_stated_zone_decides_which_version_is_in_force(house, staged):

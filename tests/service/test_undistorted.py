@@ -33,11 +33,7 @@ def calibrated(sqlite_house):
 
 def measure(house, frame, **asked):
     body = {"frame_id": frame["id"], "products": ["map"]} | asked
-    job = house.post("/v1/measurements", body, status=202)
-    house.work()
-    done = house.get(f"/v1/jobs/{job['id']}")
-    assert done["state"] == "succeeded", done
-    return house.get(f"/v1/measurements/{done['result']['measurement_id']}")
+    return house.measure(**body)
 
 
 def read_map(house, found):

@@ -49,11 +49,7 @@ def upload_campaign(house: House, *, isos=ISOS, roi=ROI, readings=True, seed=1) 
 def calibrate(house: House, campaign: dict, **params) -> dict:
     """Extract what waits, fit, and give the version."""
     house.work()
-    job = house.post(f"/v1/campaigns/{campaign['id']}/calibrations", params, status=202)
-    house.work()
-    job = house.get(f"/v1/jobs/{job['id']}")
-    assert job["state"] == "succeeded", job
-    return house.get(f"/v1/calibrations/{job['result']['calibration_id']}")
+    return house.fit(campaign, **params)
 
 
 def calibrated_campaign(house: House, *, isos=ISOS, **params) -> dict:

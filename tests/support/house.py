@@ -106,6 +106,22 @@ class House:
             done += run(self.worker, job_id)["state"] != "dropped"
         return done
 
+    def finish(self, path: str, body) -> dict:
+        """Ask for a job, run what is due, and return the job's result."""
+        job = self.post(path, body, status=202)
+        self.work()
+        job = self.get(f"/v1/jobs/{job['id']}")
+        assert job["state"] == "succeeded", job
+        return job["result"]
+
+    def fit(self, campaign: dict, **params) -> dict:
+        made = self.finish(f"/v1/campaigns/{campaign['id']}/calibrations", params)
+        return self.get(f"/v1/calibrations/{made['calibration_id']}")
+
+    def measure(self, **asked) -> dict:
+        made = self.finish("/v1/measurements", asked)
+        return self.get(f"/v1/measurements/{made['measurement_id']}")
+
     def next_job(self) -> str | None:
         """Return the job that has been due longest; None if none waits."""
         due = (Job.state == "queued") & (Job.due_at <= utc_now())
