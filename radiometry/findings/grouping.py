@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from radiometry.findings import Finding, Severity
-from radiometry.specification.stored import meaning
+from radiometry.specification.stored import about
 
 __all__ = ["FindingGroup", "Occurrence", "advise", "group_findings"]
 
@@ -28,25 +28,25 @@ class Occurrence:
 class FindingGroup:
     """Equal findings as one."""
 
-    code: str = field(metadata=meaning("Code of the finding."))
-    severity: Severity = field(metadata=meaning("Severity of all of them."))
-    count: int = field(metadata=meaning("Number of occurrences."))
+    code: str = field(metadata=about("Code of the finding."))
+    severity: Severity = field(metadata=about("Severity of all of them."))
+    count: int = field(metadata=about("Number of occurrences."))
     subjects: tuple[str, ...] = field(
-        metadata=meaning('Where each of the first hundred occurred; "" for the whole.')
+        metadata=about('Where each of the first hundred occurred; "" for the whole.')
     )
     values: Mapping[str, tuple[Any, ...]] = field(
-        metadata=meaning(
+        metadata=about(
             'Numbers by name, a list each in the order of the subjects; "detail" where the occurrences '
             "differ in their sentences."
         )
     )
-    sentence: str = field(metadata=meaning("What the finding means."))
+    sentence: str = field(metadata=about("What the finding means."))
     detail: str = field(
-        metadata=meaning(
+        metadata=about(
             "What was found: the sentence of all occurrences if it is the same, else that of the finding."
         )
     )
-    action: str = field(metadata=meaning("What to do."))
+    action: str = field(metadata=about("What to do."))
 
 
 def group_findings(occurrences: Iterable[Occurrence]) -> tuple[FindingGroup, ...]:

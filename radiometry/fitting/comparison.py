@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from radiometry.fitting.evidence import Quantity
-from radiometry.specification.stored import meaning
+from radiometry.specification.stored import about
 
 __all__ = [
     "FOCUS",
@@ -28,10 +28,10 @@ PERCENT = "%"
 class Comparison:
     """A new value compared with an old one of the same unit."""
 
-    difference: Quantity = field(metadata=meaning("new - old."))
-    change: Quantity | None = field(metadata=meaning("new / old - 1 [%]; None if the old value is 0."))
+    difference: Quantity = field(metadata=about("new - old."))
+    change: Quantity | None = field(metadata=about("new / old - 1 [%]; None if the old value is 0."))
     in_standard_uncertainties: float | None = field(
-        metadata=meaning("abs(difference) / u(difference); None if both values are exact.")
+        metadata=about("abs(difference) / u(difference); None if both values are exact.")
     )
 
 

@@ -9,7 +9,7 @@ from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon
 from radiometry.frame.statistics import ChannelStatistics
-from radiometry.specification.stored import LATER, meaning
+from radiometry.specification.stored import about, later
 
 __all__ = [
     "CoefficientValue",
@@ -69,8 +69,8 @@ class Exclusion:
     """A frame that a person excludes from the fit."""
 
     frame: str
-    reason: str = field(metadata=meaning("Reason for the exclusion."))
-    by: str = field(metadata=meaning("Person who decided it."))
+    reason: str = field(metadata=about("Reason for the exclusion."))
+    by: str = field(metadata=about("Person who decided it."))
 
 
 def list_unknown_exclusions(exclude: Sequence[Exclusion], frames: Collection[str]) -> list[str]:
@@ -83,34 +83,30 @@ def list_unknown_exclusions(exclude: Sequence[Exclusion], frames: Collection[str
 class Quantity:
     """A reported quantity."""
 
-    value: float = field(metadata=meaning("Estimate of the quantity."))
-    standard_uncertainty: float = field(metadata=meaning("Standard uncertainty, in the same unit."))
-    unit: str = field(metadata=meaning('Unit of both; "1" for a ratio.'))
+    value: float = field(metadata=about("Estimate of the quantity."))
+    standard_uncertainty: float = field(metadata=about("Standard uncertainty, in the same unit."))
+    unit: str = field(metadata=about('Unit of both; "1" for a ratio.'))
 
 
 @dataclass(frozen=True, kw_only=True)
 class FieldCorrection:
     """Correction of one error of the field: L = factor * L_shown - offset."""
 
-    source: str = field(metadata=meaning("Name of the source, as in the budget."))
-    factor: float = field(default=1.0, metadata=meaning("Factor of the shown luminance."))
-    offset_cd_m2: float = field(default=0.0, metadata=meaning("Luminance that is subtracted [cd/m2]."))
+    source: str = field(metadata=about("Name of the source, as in the budget."))
+    factor: float = field(default=1.0, metadata=about("Factor of the shown luminance."))
+    offset_cd_m2: float = field(default=0.0, metadata=about("Luminance that is subtracted [cd/m2]."))
     u_rel: float = field(
         default=0.0,
-        metadata=meaning("What is left, relative to the luminance: the same error in the whole frame."),
+        metadata=about("What is left, relative to the luminance: the same error in the whole frame."),
     )
-    u_cd_m2: float = field(default=0.0, metadata=meaning("What is left of the offset [cd/m2]."))
+    u_cd_m2: float = field(default=0.0, metadata=about("What is left of the offset [cd/m2]."))
     basis: str = field(
-        default="", metadata=meaning("What the correction, or the uncertainty in its place, is based on.")
+        default="", metadata=about("What the correction, or the uncertainty in its place, is based on.")
     )
-    assumed: bool | None = field(
-        default=None,
-        metadata=meaning(
-            "True if nothing was stated of the source, so that a plausible size is in the budget."
-        )
-        | LATER,
+    assumed: bool | None = later(
+        "True if nothing was stated of the source, so that a plausible size is in the budget."
     )
-    values: Values | None = field(default=None, metadata=meaning("What the basis names, by name.") | LATER)
+    values: Values | None = later("What the basis names, by name.")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,40 +114,38 @@ class BudgetEntry:
     """Contribution of one source to the uncertainty of a coefficient."""
 
     source: str
-    kind: str = field(metadata=meaning('"A" (evaluated from scatter) or "B" (evaluated by other means).'))
-    u_rel: float = field(metadata=meaning("Contribution relative to the coefficient."))
-    variance_share: float = field(metadata=meaning("Fraction of the coefficient's variance, 0 to 1."))
+    kind: str = field(metadata=about('"A" (evaluated from scatter) or "B" (evaluated by other means).'))
+    u_rel: float = field(metadata=about("Contribution relative to the coefficient."))
+    variance_share: float = field(metadata=about("Fraction of the coefficient's variance, 0 to 1."))
 
 
-_COLOUR = meaning("Band or channel that the value holds for; None if it holds for all.")
-_CONDITION = meaning("Condition that the value holds for; None if it holds for all.")
+_COLOUR = about("Band or channel that the value holds for; None if it holds for all.")
+_CONDITION = about("Condition that the value holds for; None if it holds for all.")
 
 
 @dataclass(frozen=True, kw_only=True)
 class CoefficientValue:
     """One coefficient of a version as dashboards read it."""
 
-    name: str = field(metadata=meaning("Name, with its unit if it has one, as in the HTTP contract."))
-    value: float = field(metadata=meaning("Value and its standard uncertainty, in `unit`."))
-    standard_uncertainty: float = field(metadata=meaning("Value and its standard uncertainty, in `unit`."))
-    unit: str = field(metadata=meaning("Unit of the value."))
-    model: str = field(metadata=meaning("Equation that the coefficient belongs to."))
+    name: str = field(metadata=about("Name, with its unit if it has one, as in the HTTP contract."))
+    value: float = field(metadata=about("Value and its standard uncertainty, in `unit`."))
+    standard_uncertainty: float = field(metadata=about("Value and its standard uncertainty, in `unit`."))
+    unit: str = field(metadata=about("Unit of the value."))
+    model: str = field(metadata=about("Equation that the coefficient belongs to."))
     iso: float | None = field(default=None, metadata=_CONDITION)
     f_number: float | None = field(default=None, metadata=_CONDITION)
     band: str | None = field(default=None, metadata=_COLOUR)
     channel: str | None = field(default=None, metadata=_COLOUR)
-    flags: tuple[str, ...] = field(
-        default=(), metadata=meaning("Codes of the flags that apply to the value.")
-    )
+    flags: tuple[str, ...] = field(default=(), metadata=about("Codes of the flags that apply to the value."))
     effective_dof: float | None = field(
         default=None,
-        metadata=meaning(
+        metadata=about(
             "Effective degrees of freedom of the standard uncertainty; None if the fit does not state them."
         ),
     )
     coverage_factor: float | None = field(
         default=None,
-        metadata=meaning(
+        metadata=about(
             "Coverage factor that the fit itself states; None if it follows from `effective_dof`."
         ),
     )

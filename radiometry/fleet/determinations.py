@@ -10,12 +10,12 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from radiometry.specification.stored import meaning
+from radiometry.specification.stored import about
 
 __all__ = ["Determination", "Key", "LeftOut", "Source", "keep_repeats"]
 
 
-_HOLDS_FOR = meaning("What the parameter holds for; None where it holds for all.")
+_HOLDS_FOR = about("What the parameter holds for; None where it holds for all.")
 
 
 @dataclass(frozen=True, order=True, kw_only=True)
@@ -42,22 +42,22 @@ class Key:
         return f"{self.name} at {where}" if where else self.name
 
 
-_SERIALS = meaning("Serial numbers of body and lens; None where the lens is unknown.")
+_SERIALS = about("Serial numbers of body and lens; None where the lens is unknown.")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
     """One calibration version, with its camera and campaign."""
 
-    version: str = field(metadata=meaning("Its id."))
+    version: str = field(metadata=about("Its id."))
     camera: str = field(metadata=_SERIALS)
     lens: str | None = field(metadata=_SERIALS)
     campaign: str = field(
-        metadata=meaning(
+        metadata=about(
             "Versions of one campaign share their frames and readings, and with them their errors."
         )
     )
-    at: datetime = field(metadata=meaning("When it was determined, with its time zone."))
+    at: datetime = field(metadata=about("When it was determined, with its time zone."))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,7 +14,7 @@ from radiometry.fleet.determinations import Determination, Key, LeftOut, Source,
 from radiometry.fleet.results import Tolerance
 from radiometry.fleet.sensitivity import NOT_SHARED, find_sensitivity, is_clear_of_zero, main_unit
 from radiometry.specification.exports import RigMember
-from radiometry.specification.stored import meaning
+from radiometry.specification.stored import about
 
 __all__ = ["Drift", "RigStability", "RigVersion", "compare_sets", "group_sets", "judge_drift"]
 
@@ -156,24 +156,24 @@ class Drift:
     """The trend of one coefficient. What a field lacks is None."""
 
     key: Key
-    determinations: tuple[Determination, ...] = field(metadata=meaning("Those used, in time."))
-    slope: Quantity | None = field(metadata=meaning("In the unit of the coefficient per year."))
-    slope_interval: tuple[float, float] | None = field(metadata=meaning("For 95 %, in the slope's unit."))
-    slope_p_value: float | None = field(metadata=meaning("Small: it drifts."))
-    cost_per_year: Quantity | None = field(metadata=meaning("The slope as its effect on the result."))
-    scatter: Quantity | None = field(metadata=meaning("Of one determination about the line."))
+    determinations: tuple[Determination, ...] = field(metadata=about("Those used, in time."))
+    slope: Quantity | None = field(metadata=about("In the unit of the coefficient per year."))
+    slope_interval: tuple[float, float] | None = field(metadata=about("For 95 %, in the slope's unit."))
+    slope_p_value: float | None = field(metadata=about("Small: it drifts."))
+    cost_per_year: Quantity | None = field(metadata=about("The slope as its effect on the result."))
+    scatter: Quantity | None = field(metadata=about("Of one determination about the line."))
     tolerance: Tolerance | None
     recalibrate_by: datetime | None = field(
-        metadata=meaning("Before this time the camera is within the tolerance with 95 % on either side.")
+        metadata=about("Before this time the camera is within the tolerance with 95 % on either side.")
     )
-    why: str | None = field(metadata=meaning("Why there is no date."))
+    why: str | None = field(metadata=about("Why there is no date."))
     change: Quantity | None = field(
-        metadata=meaning(
+        metadata=about(
             "Of the line from the first determination to the last, in the unit of the coefficient."
         )
     )
-    verdict: Stability = field(metadata=meaning("By `judge_stability`."))
-    said: str = field(metadata=meaning("The verdict in words."))
+    verdict: Stability = field(metadata=about("By `judge_stability`."))
+    said: str = field(metadata=about("The verdict in words."))
 
 
 def judge_drift(
@@ -314,7 +314,7 @@ def _scatter(rows: Sequence[Determination], line: Line | None) -> Quantity | Non
     )
 
 
-_NAMED = meaning("Serial number of the camera, and the number: yaw, pitch, roll, x, y or z.")
+_NAMED = about("Serial number of the camera, and the number: yaw, pitch, roll, x, y or z.")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -323,17 +323,15 @@ class RigStability:
 
     camera: str = field(metadata=_NAMED)
     name: str = field(metadata=_NAMED)
-    sets: int = field(metadata=meaning("Number of sets."))
-    mean: Quantity = field(metadata=meaning("Mean of the sets, with its standard uncertainty."))
-    repeatability: Quantity | None = field(metadata=meaning("Standard deviation of one set; None for one."))
+    sets: int = field(metadata=about("Number of sets."))
+    mean: Quantity = field(metadata=about("Mean of the sets, with its standard uncertainty."))
+    repeatability: Quantity | None = field(metadata=about("Standard deviation of one set; None for one."))
     slope: Quantity | None = field(
-        metadata=meaning("Trend per year; None for fewer than three sets at different times.")
+        metadata=about("Trend per year; None for fewer than three sets at different times.")
     )
-    change: Quantity | None = field(metadata=meaning("Of the trend from the first set to the last."))
-    verdict: Stability = field(
-        metadata=meaning("Verdict on the change, as on the coefficients of one camera.")
-    )
-    said: str = field(metadata=meaning("The verdict in words."))
+    change: Quantity | None = field(metadata=about("Of the trend from the first set to the last."))
+    verdict: Stability = field(metadata=about("Verdict on the change, as on the coefficients of one camera."))
+    said: str = field(metadata=about("The verdict in words."))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from radiometry.findings import Raised
 from radiometry.fitting.evidence import Quantity
 from radiometry.fleet.determinations import Key, LeftOut
-from radiometry.specification.stored import meaning
+from radiometry.specification.stored import about
 
 __all__ = ["Deviation", "Effect", "FleetVerdict", "Outcome", "ParameterVerdict"]
 
@@ -69,10 +69,10 @@ def judge_deviations(deviations: Vector, standard_errors: Vector, *, dof: int, l
 class Tolerance:
     """The largest deviation from the shared value that is accepted."""
 
-    limit: float = field(metadata=meaning("In the unit of the cost."))
+    limit: float = field(metadata=about("In the unit of the cost."))
     unit: str
     kind: str
-    of: str = field(metadata=meaning("Of what it is a limit."))
+    of: str = field(metadata=about("Of what it is a limit."))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,13 +80,11 @@ class Deviation:
     """The distance of one level from the mean of all."""
 
     label: str = field(
-        metadata=meaning('A serial number, or "body with lens" where a body had several lenses.')
+        metadata=about('A serial number, or "body with lens" where a body had several lenses.')
     )
     repeats: int
     deviation: Quantity
-    cost: Quantity | None = field(
-        metadata=meaning("The same as its effect on the result; None where unknown.")
-    )
+    cost: Quantity | None = field(metadata=about("The same as its effect on the result; None where unknown."))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,14 +92,14 @@ class Effect:
     """Effect of the levels of one factor."""
 
     factor: Literal["camera", "body", "lens"] = field(
-        metadata=meaning("Body and lens where swaps separate the two.")
+        metadata=about("Body and lens where swaps separate the two.")
     )
     deviations: tuple[Deviation, ...]
-    between_variance: Quantity = field(metadata=meaning("Variance component, not below 0."))
+    between_variance: Quantity = field(metadata=about("Variance component, not below 0."))
     dof: int
     f_statistic: float | None
     f_p_value: float | None
-    judgement: Judgement | None = field(metadata=meaning("None where the tests could not be made."))
+    judgement: Judgement | None = field(metadata=about("None where the tests could not be made."))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,40 +109,38 @@ class ParameterVerdict:
     key: Key
     outcome: Outcome
     judged: bool = field(
-        metadata=meaning("False: no tolerance was given for it, and the fleet's verdict ignores it.")
+        metadata=about("False: no tolerance was given for it, and the fleet's verdict ignores it.")
     )
     said: str
     cameras: int
     repeats: int
     mean: Quantity = field(
-        metadata=meaning(
-            "The shared value, the unweighted mean; its uncertainty is from repeatability alone."
-        )
+        metadata=about("The shared value, the unweighted mean; its uncertainty is from repeatability alone.")
     )
     within_variance: Quantity | None = field(
-        default=None, metadata=meaning("Of one determination repeated on one camera.")
+        default=None, metadata=about("Of one determination repeated on one camera.")
     )
     between_variance: Quantity | None = None
-    dof: int = field(metadata=meaning("Degrees of freedom of the repeatability."))
+    dof: int = field(metadata=about("Degrees of freedom of the repeatability."))
     f_statistic: float | None = field(
-        default=None, metadata=meaning("Of all that makes cameras differ, bodies and lenses together.")
+        default=None, metadata=about("Of all that makes cameras differ, bodies and lenses together.")
     )
     f_p_value: float | None = None
     effects: tuple[Effect, ...] = ()
     judgement: Judgement | None = None
     tolerance: Tolerance | None
     repeatability: Quantity | None = field(
-        default=None, metadata=meaning("Of one determination, as its effect on the result.")
+        default=None, metadata=about("Of one determination, as its effect on the result.")
     )
-    cost: Quantity | None = field(default=None, metadata=meaning("The largest cost of sharing for a camera."))
-    costliest: str | None = field(default=None, metadata=meaning("The camera that this cost is of."))
+    cost: Quantity | None = field(default=None, metadata=about("The largest cost of sharing for a camera."))
+    costliest: str | None = field(default=None, metadata=about("The camera that this cost is of."))
     repeats_needed: int | None = field(
         default=None,
-        metadata=meaning(
+        metadata=about(
             "Of each camera, to show that they are alike, where that is open and nothing was found."
         ),
     )
-    cameras_without: tuple[str, ...] = field(metadata=meaning("Those that have no such coefficient."))
+    cameras_without: tuple[str, ...] = field(metadata=about("Those that have no such coefficient."))
     flags: tuple[Raised, ...] = ()
 
 

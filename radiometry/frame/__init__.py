@@ -1,7 +1,7 @@
 """Metadata of a raw file, and the window of its mosaic that a region needs."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import datetime
 from typing import Final
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.frame.multispectral import Multispectral
-from radiometry.specification.stored import LATER
+from radiometry.specification.stored import later
 
 __all__ = [
     "Frame",
@@ -159,7 +159,7 @@ class FrameHeader:
     lens_serial: str | None = None
     taken_at: str | None = None  #: EXIF DateTimeOriginal as in RFC 3339, with the offset if the file has one
     #: Offset from UTC that was stated for the clock of a file without one, such as "+02:00"
-    clock_offset: str | None = field(default=None, metadata=LATER)
+    clock_offset: str | None = later()
     orientation: int | None = None  #: EXIF orientation
     sensor_temperature_c: float | None = None
     software: str | None = None  #: Software or firmware that wrote the file
@@ -168,15 +168,15 @@ class FrameHeader:
     longitude_deg: float | None = None  #: Longitude, east positive [deg]
     altitude_m: float | None = None  #: Height above sea level as the camera states it, negative below [m]
     #: Quality of the position; None if the file does not state it
-    position_fix: PositionFix | None = field(default=None, metadata=LATER)
+    position_fix: PositionFix | None = later()
     #: Height above the take-off point that a DJI aircraft states [m]
-    height_above_takeoff_m: float | None = field(default=None, metadata=LATER)
+    height_above_takeoff_m: float | None = later()
     attitude: tuple[StatedAngle, ...] = ()  #: Angles of camera and carrier
     opcodes: tuple[Opcode, ...] = ()  #: DNG opcodes of the file
     #: Metadata of a camera with one band per file and a sunshine sensor
     multispectral: Multispectral | None = None
     #: Statistics that stand in a table in the place of pixels
-    table: TableRow | None = field(default=None, metadata=LATER)
+    table: TableRow | None = later()
     #: Rows per band in which a whole frame is read at the least cost; the border may cut the first band
     band_rows: int = 1
     first_band_rows: int = 1

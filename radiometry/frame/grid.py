@@ -2,13 +2,13 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.specification.stored import LATER
+from radiometry.specification.stored import later
 
 __all__ = ["MAX_CELLS_A_SIDE", "Grid", "LaneGrid", "describe_lanes", "find_homography", "lay_lanes"]
 
@@ -25,10 +25,10 @@ class Grid:
     rows: int  #: Number of cells along the surface's sides
     columns: int
     #: Length of the surface along its rows over that along its columns; None if it is not stated
-    aspect: float | None = field(default=None, metadata=LATER)
+    aspect: float | None = later()
     #: Standard uncertainty of each coordinate of a corner [px]; None of older measurements, which do not
     #: contain it
-    corner_u_px: float | None = field(default=None, metadata=LATER)
+    corner_u_px: float | None = later()
 
 
 POINTS_ACROSS: Final = 3  # Points across each lane (EN 13201-3)

@@ -1,9 +1,9 @@
 """Readings of the sensor on top of the aircraft that looks at the sky."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
-from radiometry.specification.stored import LATER
+from radiometry.specification.stored import later
 
 __all__ = ["GainMeasurement", "LightBasis", "SunshineCounts", "SunshineIrradiance", "SunshineRecord"]
 
@@ -54,7 +54,7 @@ class SunshineIrradiance:
     #: Irradiance [W/m2/nm]; None if the sensor's scale to SI is not known
     irradiance_w_m2_nm: float | None = None
     #: Irradiance in the sensor's own unit, if `irradiance_w_m2_nm` is None
-    relative_irradiance: float | None = field(default=None, metadata=LATER)
+    relative_irradiance: float | None = later()
     #: "horizontal" (on a level surface, computed by the camera), "spectral" (as the sensor was oriented) or
     #: "compensated" (corrected by the camera in a way that its maker does not state)
     quantity: str
@@ -65,19 +65,19 @@ class SunshineIrradiance:
     pitch_deg: float | None = None
     roll_deg: float | None = None
     #: Unit in which the file states the irradiance
-    file_unit: str | None = field(default=None, metadata=LATER)
+    file_unit: str | None = later()
     #: Why a horizontal irradiance that the file states was not used; None if it was, or if there is none
-    distrust: str | None = field(default=None, metadata=LATER)
+    distrust: str | None = later()
     #: Irradiance as oriented, and on a level surface, as the file states them [W/m2/nm]
-    spectral_w_m2_nm: float | None = field(default=None, metadata=LATER)
-    horizontal_w_m2_nm: float | None = field(default=None, metadata=LATER)
+    spectral_w_m2_nm: float | None = later()
+    horizontal_w_m2_nm: float | None = later()
     #: Direct light on a plane normal to the sun [W/m2/nm]
-    direct_w_m2_nm: float | None = field(default=None, metadata=LATER)
+    direct_w_m2_nm: float | None = later()
     #: Scattered light on a level surface [W/m2/nm]
-    scattered_w_m2_nm: float | None = field(default=None, metadata=LATER)
+    scattered_w_m2_nm: float | None = later()
     #: Position of the sun as the file states it [deg]
-    solar_elevation_deg: float | None = field(default=None, metadata=LATER)
-    solar_azimuth_deg: float | None = field(default=None, metadata=LATER)
+    solar_elevation_deg: float | None = later()
+    solar_azimuth_deg: float | None = later()
 
     @property
     def value(self) -> float:

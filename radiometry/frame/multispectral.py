@@ -10,7 +10,7 @@ from typing import Final, Literal
 
 from radiometry.frame.bands import Kind
 from radiometry.frame.light import SunshineCounts, SunshineIrradiance
-from radiometry.specification.stored import LATER, meaning
+from radiometry.specification.stored import about, later
 
 __all__ = [
     "CAMERAS",
@@ -104,39 +104,39 @@ class RigGeometry:
     rotation_deg: tuple[float, float, float] | None = None
     pixels_per_mm: tuple[float, float] | None = None  #: Pixels per millimetre of the sensor, (x, y)
     #: Focal length along the columns, where it differs from `focal_length_px`
-    focal_length_y_px: float | None = field(default=None, metadata=LATER)
+    focal_length_y_px: float | None = later()
     #: The nine numbers of a projective matrix, row by row, from this band's undistorted pixels to those of
     #: the rig's reference
-    homography: tuple[float, ...] | None = field(default=None, metadata=LATER)
+    homography: tuple[float, ...] | None = later()
     #: By how much (x, y) this band shows the same place moved against the rig's reference band, as the camera
     #: states it for this capture [px]
-    offset_px: tuple[float, float] | None = field(default=None, metadata=LATER)
-    calibrated_on: str | None = field(default=None, metadata=LATER)  #: Day of the lens's calibration
+    offset_px: tuple[float, float] | None = later()
+    calibrated_on: str | None = later()  #: Day of the lens's calibration
 
 
 @dataclass(frozen=True, kw_only=True)
 class Alignment:
     """How a band was aligned onto the first of its capture."""
 
-    band: str = field(metadata=meaning("Name of the band."))
+    band: str = field(metadata=about("Name of the band."))
     by: Literal["lens_data", "lens_data_and_correlation", "correlation"] = field(
-        metadata=meaning("Lens data of the files, their refinement by correlation, or correlation alone.")
+        metadata=about("Lens data of the files, their refinement by correlation, or correlation alone.")
     )
     residual_px: float = field(
-        metadata=meaning("Root mean square distance that remains [px]; assumed without a refinement.")
+        metadata=about("Root mean square distance that remains [px]; assumed without a refinement.")
     )
     shift_px: tuple[float, float] = field(
-        metadata=meaning("Correction by correlation (x, y) in the middle of the frame [px].")
+        metadata=about("Correction by correlation (x, y) in the middle of the frame [px].")
     )
     patches: int = field(
-        metadata=meaning("Number of patches in which the bands agree, and of those that were searched.")
+        metadata=about("Number of patches in which the bands agree, and of those that were searched.")
     )
     tried: int = field(
-        metadata=meaning("Number of patches in which the bands agree, and of those that were searched.")
+        metadata=about("Number of patches in which the bands agree, and of those that were searched.")
     )
     matrix: tuple[float, ...] = field(
         default=(1.0, 0.0, 0.0, 0.0, 1.0, 0.0),
-        metadata=meaning(
+        metadata=about(
             "(a, b, c, d, e, f): the band shows what the first shows at (x, y) where its lens data put (a x "
             "+ b y + c, d x + e y + f) [px]."
         ),
@@ -161,17 +161,17 @@ class Multispectral:
     vignetting_polynomial: VignettingPolynomial | None = None  #: Relative illumination V of the lens
     radiance_model: RadianceModel | None = None
     radial_vignetting: RadialVignetting | None = None
-    gain_model: GainModel | None = field(default=None, metadata=LATER)
+    gain_model: GainModel | None = later()
     #: Reciprocal of V, by which the signal is multiplied
-    radial_gain: RadialVignetting | None = field(default=None, metadata=LATER)
+    radial_gain: RadialVignetting | None = later()
     #: Black level that the camera states for the band beside the file's tag [DN]
-    black_dn: float | None = field(default=None, metadata=LATER)
+    black_dn: float | None = later()
     #: Kind of a band without reflectance; None for a band of reflected light
-    kind: Kind | None = field(default=None, metadata=LATER)
+    kind: Kind | None = later()
     #: What is wrong with the file's statements about response or lens
-    problem: str | None = field(default=None, metadata=LATER)
+    problem: str | None = later()
     #: Serial number of the imager, where it differs from the body's
-    imager_serial: str | None = field(default=None, metadata=LATER)
+    imager_serial: str | None = later()
     #: Serial number of the sunshine or light sensor, or of the aircraft that it is part of
     sunshine_serial: str | None = None
     sunshine_missing: str = ""  #: Reason why there is neither `counts` nor `irradiance`; "" if there is one
@@ -182,7 +182,7 @@ class Multispectral:
     panel_serial: str | None = None  #: Serial number and albedo of a panel that the camera itself recognised
     panel_albedo: float | None = None
     #: Corners (x, y) of that panel [px]
-    panel_region: tuple[tuple[float, float], ...] | None = field(default=None, metadata=LATER)
+    panel_region: tuple[tuple[float, float], ...] | None = later()
     geometry: RigGeometry | None = None  #: Projection and rotation of the band's lens
 
     @property

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.specification.stored import meaning
+from radiometry.specification.stored import about
 
 _TYPES = ("<u2", "<i4", "<f2", "<f4")
 
@@ -18,9 +18,9 @@ _TYPES = ("<u2", "<i4", "<f2", "<f4")
 class Packed:
     """An array that can be stored in JSON."""
 
-    dtype: str = field(metadata=meaning('"<u2", "<i4", "<f2" or "<f4".'))
-    shape: tuple[int, ...] = field(metadata=meaning("Shape of the array."))
-    data: str = field(metadata=meaning("Base64 of the compressed values in row-major order."))
+    dtype: str = field(metadata=about('"<u2", "<i4", "<f2" or "<f4".'))
+    shape: tuple[int, ...] = field(metadata=about("Shape of the array."))
+    data: str = field(metadata=about("Base64 of the compressed values in row-major order."))
 
 
 def pack(array: NDArray[Any], *, dtype: str) -> Packed:

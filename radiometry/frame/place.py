@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
-from radiometry.specification.stored import meaning
+from radiometry.specification.stored import about
 
 __all__ = ["Place", "PlaceShare"]
 
@@ -25,16 +25,16 @@ class Place:
     """Place of a frame's pixels on level ground."""
 
     form: Form = field(
-        metadata=meaning(
+        metadata=about(
             '"affine" if one affine transformation is as good as the place is known; "tie_points" if lens '
             'and tilt bend the picture more than that; "none" if the place is not determined.'
         )
     )
-    detail: str = field(metadata=meaning("Reason of the form."))
-    crs: str | None = field(default=None, metadata=meaning('"EPSG:4326".'))
+    detail: str = field(metadata=about("Reason of the form."))
+    crs: str | None = field(default=None, metadata=about('"EPSG:4326".'))
     transform: tuple[float, ...] | None = field(
         default=None,
-        metadata=meaning(
+        metadata=about(
             "(a, b, c, d, e, f) of longitude = a + b col + c row and latitude = d + e col + f row [deg], "
             "counted from the outer corner of the first pixel, as GDAL does. Stated of the form "
             '"tie_points" too.'
@@ -42,40 +42,40 @@ class Place:
     )
     tie_points: tuple[tuple[float, ...], ...] = field(
         default=(),
-        metadata=meaning("(col, row, longitude, latitude) of a grid over the frame, counted likewise."),
+        metadata=about("(col, row, longitude, latitude) of a grid over the frame, counted likewise."),
     )
     corners: tuple[tuple[float, float], ...] = field(
         default=(),
-        metadata=meaning(
+        metadata=about(
             "(longitude, latitude) of the frame's corners [deg]: top-left, top-right, bottom-right, bottom- "
             "left."
         ),
     )
-    height_above_ground_m: float | None = field(default=None, metadata=meaning("Height that was used [m]."))
-    height_source: HeightSource | None = field(default=None, metadata=meaning("Source of the height."))
-    attitude_source: str | None = field(default=None, metadata=meaning('"gimbal" or "camera".'))
+    height_above_ground_m: float | None = field(default=None, metadata=about("Height that was used [m]."))
+    height_source: HeightSource | None = field(default=None, metadata=about("Source of the height."))
+    attitude_source: str | None = field(default=None, metadata=about('"gimbal" or "camera".'))
     tilt_deg: float | None = field(
-        default=None, metadata=meaning("Angle between the lens's axis and the vertical [deg].")
+        default=None, metadata=about("Angle between the lens's axis and the vertical [deg].")
     )
     pixel_m: float | None = field(
-        default=None, metadata=meaning("Side of a pixel on the ground, root of its mean area [m].")
+        default=None, metadata=about("Side of a pixel on the ground, root of its mean area [m].")
     )
     residual_m: float | None = field(
         default=None,
-        metadata=meaning("Largest distance between the affine transformation and the projection [m]."),
+        metadata=about("Largest distance between the affine transformation and the projection [m]."),
     )
     u_centre_m: float | None = field(
         default=None,
-        metadata=meaning(
+        metadata=about(
             "Standard uncertainty of the place, both axes together (root mean square distance), in the "
             "centre and the worst corner [m]."
         ),
     )
     u_corner_m: float | None = field(
         default=None,
-        metadata=meaning(
+        metadata=about(
             "Standard uncertainty of the place, both axes together (root mean square distance), in the "
             "centre and the worst corner [m]."
         ),
     )
-    budget: tuple[PlaceShare, ...] = field(default=(), metadata=meaning("Sources of the uncertainty."))
+    budget: tuple[PlaceShare, ...] = field(default=(), metadata=about("Sources of the uncertainty."))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.frame import Frame, TableRow
-from radiometry.specification.stored import meaning
+from radiometry.specification.stored import about
 
 __all__ = [
     "ChannelStatistics",
@@ -30,25 +30,23 @@ class ChannelStatistics:
     """One channel's raw values in a region; black is not subtracted."""
 
     channel: str = field(
-        metadata=meaning(
+        metadata=about(
             "R, G1 (green in a red row), G2 (green in a blue row), B of a mosaic; R, G, B of a rendered "
             "colour image. `grey` is all samples together and always present."
         )
     )
-    n: int = field(metadata=meaning("Number of samples."))
-    min_dn: int = field(metadata=meaning("Smallest and largest sample [DN]."))
-    max_dn: int = field(metadata=meaning("Smallest and largest sample [DN]."))
-    mean_dn: float = field(metadata=meaning("Mean [DN]."))
-    median_dn: float = field(
-        metadata=meaning("Median [DN]; the mean of the two middle samples if n is even.")
-    )
-    std_dn: float = field(metadata=meaning("Sample standard deviation (n - 1) [DN]; 0 for a single sample."))
+    n: int = field(metadata=about("Number of samples."))
+    min_dn: int = field(metadata=about("Smallest and largest sample [DN]."))
+    max_dn: int = field(metadata=about("Smallest and largest sample [DN]."))
+    mean_dn: float = field(metadata=about("Mean [DN]."))
+    median_dn: float = field(metadata=about("Median [DN]; the mean of the two middle samples if n is even."))
+    std_dn: float = field(metadata=about("Sample standard deviation (n - 1) [DN]; 0 for a single sample."))
     saturated_share: float = field(
-        metadata=meaning("Fraction of the samples at or above the white level of their own CFA position.")
+        metadata=about("Fraction of the samples at or above the white level of their own CFA position.")
     )
-    zero_share: float = field(metadata=meaning("Fraction of the samples that are zero."))
-    black_level_dn: float = field(metadata=meaning("Black level, mean over the samples [DN]."))
-    white_level_dn: float = field(metadata=meaning("Lowest white level of the CFA positions [DN]."))
+    zero_share: float = field(metadata=about("Fraction of the samples that are zero."))
+    black_level_dn: float = field(metadata=about("Black level, mean over the samples [DN]."))
+    white_level_dn: float = field(metadata=about("Lowest white level of the CFA positions [DN]."))
 
 
 @dataclass(frozen=True, kw_only=True)

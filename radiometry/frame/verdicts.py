@@ -10,7 +10,7 @@ from radiometry.drawing.text import name_few, sort_naturally
 from radiometry.findings import InputRejected, Outcome, Raised, Reason, shared
 from radiometry.frame import FrameHeader
 from radiometry.frame.roi import Polygon, bounding_window
-from radiometry.specification.stored import meaning
+from radiometry.specification.stored import about
 
 __all__ = ["Keeping", "ReviewedFrame", "Verdict", "conclude", "inspect_frame"]
 
@@ -103,8 +103,8 @@ _FIELD = "field"
 class Verdict:
     """Verdict from all reasons together; "pass" if there are none."""
 
-    outcome: Outcome = field(metadata=meaning("Outcome of the gravest reason."))
-    reasons: tuple[Reason, ...] = field(metadata=meaning("Reasons, the gravest first."))
+    outcome: Outcome = field(metadata=about("Outcome of the gravest reason."))
+    reasons: tuple[Reason, ...] = field(metadata=about("Reasons, the gravest first."))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,7 +16,7 @@ from radiometry.geometry.camera import BINOMIAL, CameraModel, make_grey
 from radiometry.geometry.target import FITTED_STOP, FirstSquare, Found, Target, find_corners, refine
 from radiometry.specification.certificate import KeyFigure, of_quantity
 from radiometry.specification.parameters import check_parameters, parameter
-from radiometry.specification.stored import LATER, meaning
+from radiometry.specification.stored import about, later
 
 POINTS: Final = 11
 FEWEST_VIEWS: Final = 3
@@ -39,26 +39,26 @@ class ColourCorners:
 class ColourPoint:
     """Lateral colour at one distance from the principal point; positive is outwards."""
 
-    radius_px: float = field(metadata=meaning("Distance [px]."))
-    displacement_px: float = field(metadata=meaning("Radial displacement [px]."))
+    radius_px: float = field(metadata=about("Distance [px]."))
+    displacement_px: float = field(metadata=about("Radial displacement [px]."))
     standard_uncertainty_px: float
-    extrapolated: bool = field(metadata=meaning("True if further out than any corner that was used."))
+    extrapolated: bool = field(metadata=about("True if further out than any corner that was used."))
 
 
 @dataclass(frozen=True, kw_only=True)
 class LateralColour:
     """Lateral colour of one colour against green."""
 
-    channels: str = field(metadata=meaning('Pair of channels, such as "R-G".'))
+    channels: str = field(metadata=about('Pair of channels, such as "R-G".'))
     corner: Quantity = field(
-        metadata=meaning("Radial displacement half a diagonal of the frame from the principal point.")
+        metadata=about("Radial displacement half a diagonal of the frame from the principal point.")
     )
-    shift_row: Quantity = field(metadata=meaning("Displacement at the principal point."))
-    shift_col: Quantity = field(metadata=meaning("Displacement at the principal point."))
-    rms_px: float = field(metadata=meaning("Rms distance of the corners from the model [px]."))
-    views: int = field(metadata=meaning("Number of views and of corners."))
-    corners: int = field(metadata=meaning("Number of views and of corners."))
-    curve: tuple[ColourPoint, ...] = field(metadata=meaning("Displacement against the radius."))
+    shift_row: Quantity = field(metadata=about("Displacement at the principal point."))
+    shift_col: Quantity = field(metadata=about("Displacement at the principal point."))
+    rms_px: float = field(metadata=about("Rms distance of the corners from the model [px]."))
+    views: int = field(metadata=about("Number of views and of corners."))
+    corners: int = field(metadata=about("Number of views and of corners."))
+    curve: tuple[ColourPoint, ...] = field(metadata=about("Displacement against the radius."))
 
 
 @dataclass(frozen=True)
@@ -193,9 +193,9 @@ class Features:
     board_share: float = 0.0  # Fraction of the frame that the corners span
     # Colour of the square between the first corners of the first two rows, of a board that differs from its
     # mirror image; else None
-    first_square: FirstSquare | None = field(default=None, metadata=LATER)
+    first_square: FirstSquare | None = later()
     # Displacement of red's and blue's corners from those of green; None without colours
-    colours: tuple[ColourCorners, ...] | None = field(default=None, metadata=LATER)
+    colours: tuple[ColourCorners, ...] | None = later()
 
 
 def extract_features(
@@ -313,32 +313,32 @@ class Point:
     """One picture in the fit."""
 
     frame: str
-    used: bool = field(metadata=meaning("True if the fit used it."))
-    left_out: str = field(metadata=meaning('"" for one that was used, else the reason.'))
-    corners: int = field(metadata=meaning("Number of corners."))
+    used: bool = field(metadata=about("True if the fit used it."))
+    left_out: str = field(metadata=about('"" for one that was used, else the reason.'))
+    corners: int = field(metadata=about("Number of corners."))
     rms_px: float | None = field(
         default=None,
-        metadata=meaning(
+        metadata=about(
             "Rms and largest of the distances between its corners and the model [px]; for a view that was "
             "rejected, from the camera that the others determine."
         ),
     )
     largest_px: float | None = field(
         default=None,
-        metadata=meaning(
+        metadata=about(
             "Rms and largest of the distances between its corners and the model [px]; for a view that was "
             "rejected, from the camera that the others determine."
         ),
     )
     tilt_deg: float | None = field(
-        default=None, metadata=meaning("Angle between the board's normal and the optical axis [deg].")
+        default=None, metadata=about("Angle between the board's normal and the optical axis [deg].")
     )
-    distance_mm: float | None = field(default=None, metadata=meaning("Distance of its first corner [mm]."))
+    distance_mm: float | None = field(default=None, metadata=about("Distance of its first corner [mm]."))
     spacing_px: float | None = field(
-        default=None, metadata=meaning("Shortest distance between neighbouring corners [px].")
+        default=None, metadata=about("Shortest distance between neighbouring corners [px].")
     )
     edge_rise_px: float | None = field(
-        default=None, metadata=meaning("10 to 90 % rise of the squares' edges [px].")
+        default=None, metadata=about("10 to 90 % rise of the squares' edges [px].")
     )
 
 
@@ -346,27 +346,25 @@ class Point:
 class CurvePoint:
     """Radial distortion at one distance from the principal point; negative is towards it (barrel)."""
 
-    radius_px: float = field(metadata=meaning("Radius at which this lens shows it [px]."))
+    radius_px: float = field(metadata=about("Radius at which this lens shows it [px]."))
     ideal_radius_px: float = field(
-        metadata=meaning("Radius at which a lens without distortion would show it [px].")
+        metadata=about("Radius at which a lens without distortion would show it [px].")
     )
-    distortion_px: float = field(metadata=meaning("`radius_px` less `ideal_radius_px` [px]."))
+    distortion_px: float = field(metadata=about("`radius_px` less `ideal_radius_px` [px]."))
     standard_uncertainty_px: float
-    distortion_um: float | None = field(metadata=meaning("The same [um]; None without a pixel pitch."))
+    distortion_um: float | None = field(metadata=about("The same [um]; None without a pixel pitch."))
     standard_uncertainty_um: float | None
-    extrapolated: bool = field(metadata=meaning("True if further out than any corner that was used."))
+    extrapolated: bool = field(metadata=about("True if further out than any corner that was used."))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Coverage:
     """Coverage of the frame by corners."""
 
-    counts: tuple[tuple[int, ...], ...] = field(
-        metadata=meaning("Corners in each cell of a grid, (row, col).")
-    )
-    share: float = field(metadata=meaning("Fraction of cells with a corner."))
+    counts: tuple[tuple[int, ...], ...] = field(metadata=about("Corners in each cell of a grid, (row, col)."))
+    share: float = field(metadata=about("Fraction of cells with a corner."))
     radius_share: float = field(
-        metadata=meaning(
+        metadata=about(
             "Covered fraction of the distance from the principal point to the farthest corner of the frame."
         )
     )
@@ -377,43 +375,39 @@ class Fit:
     """Geometry calibration."""
 
     model: str
-    target: Target = field(metadata=meaning("Board that was photographed."))
-    corner_window: Window = field(metadata=meaning("Window in which corners were placed."))
+    target: Target = field(metadata=about("Board that was photographed."))
+    corner_window: Window = field(metadata=about("Window in which corners were placed."))
     pixel_pitch_um: float | None = field(
-        metadata=meaning("Distance of neighbouring pixels [um]; None if unknown.")
+        metadata=about("Distance of neighbouring pixels [um]; None if unknown.")
     )
     camera: CameraModel
     coefficients: tuple[Coefficient, ...] = field(
-        metadata=meaning("Coefficients of which `list_coefficients` returns the values.")
+        metadata=about("Coefficients of which `list_coefficients` returns the values.")
     )
     covariance: tuple[tuple[float, ...], ...] = field(
-        metadata=meaning("Covariance of `camera.PARAMETERS`, (9, 9).")
+        metadata=about("Covariance of `camera.PARAMETERS`, (9, 9).")
     )
-    rms_px: float = field(metadata=meaning("Rms residual [px]."))
-    views: int = field(metadata=meaning("Number of views and of corners."))
-    corners: int = field(metadata=meaning("Number of views and of corners."))
+    rms_px: float = field(metadata=about("Rms residual [px]."))
+    views: int = field(metadata=about("Number of views and of corners."))
+    corners: int = field(metadata=about("Number of views and of corners."))
     degrees_of_freedom: int
     principal_distance_mm: Quantity | None = field(
-        metadata=meaning("Principal distance [mm]; None without a pixel pitch.")
+        metadata=about("Principal distance [mm]; None without a pixel pitch.")
     )
     offset_row: Quantity = field(
-        metadata=meaning("Offset of the principal point from the middle of the frame.")
+        metadata=about("Offset of the principal point from the middle of the frame.")
     )
     offset_col: Quantity = field(
-        metadata=meaning("Offset of the principal point from the middle of the frame.")
+        metadata=about("Offset of the principal point from the middle of the frame.")
     )
-    offset_row_um: Quantity | None = field(metadata=meaning("The same [um]; None without a pixel pitch."))
-    offset_col_um: Quantity | None = field(metadata=meaning("The same [um]; None without a pixel pitch."))
-    curve: tuple[CurvePoint, ...] = field(metadata=meaning("Radial distortion."))
-    coverage: Coverage = field(metadata=meaning("Coverage of the frame by corners."))
+    offset_row_um: Quantity | None = field(metadata=about("The same [um]; None without a pixel pitch."))
+    offset_col_um: Quantity | None = field(metadata=about("The same [um]; None without a pixel pitch."))
+    curve: tuple[CurvePoint, ...] = field(metadata=about("Radial distortion."))
+    coverage: Coverage = field(metadata=about("Coverage of the frame by corners."))
     points: tuple[Point, ...]
     flags: tuple[Raised, ...]
-    lateral_colour: tuple[LateralColour, ...] | None = field(
-        default=None,
-        metadata=meaning(
-            "Displacement of red and blue against green; None where the pictures have no colours."
-        )
-        | LATER,
+    lateral_colour: tuple[LateralColour, ...] | None = later(
+        "Displacement of red and blue against green; None where the pictures have no colours."
     )
 
 

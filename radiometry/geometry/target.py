@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from radiometry.frame.opencv import cv2
 from radiometry.geometry.camera import Grey
-from radiometry.specification.stored import meaning
+from radiometry.specification.stored import about
 
 __all__ = ["Target", "locate_corners_mm", "make_charuco_board"]
 
@@ -24,34 +24,32 @@ class Target:
     """Board of black and white squares."""
 
     kind: Kind = field(
-        metadata=meaning(
+        metadata=about(
             "Checkerboard, or charuco: a checkerboard with a marker in each white square, of which a part "
             "is enough."
         )
     )
     columns: int = field(
-        metadata=meaning(
+        metadata=about(
             "Numbers as its makers count: INNER CORNERS of a checkerboard, SQUARES of a ChArUco board."
         )
     )
     rows: int = field(
-        metadata=meaning(
+        metadata=about(
             "Numbers as its makers count: INNER CORNERS of a checkerboard, SQUARES of a ChArUco board."
         )
     )
-    square_size_mm: float = field(metadata=meaning("Side of a square, measured on the print [mm]."))
+    square_size_mm: float = field(metadata=about("Side of a square, measured on the print [mm]."))
     marker_size_mm: float | None = field(
-        default=None, metadata=meaning("Side of a ChArUco board's markers [mm].")
+        default=None, metadata=about("Side of a ChArUco board's markers [mm].")
     )
     dictionary: str | None = field(
         default=None,
-        metadata=meaning("Dictionary of a ChArUco board's markers, OpenCV's name such as DICT_5X5_100."),
+        metadata=about("Dictionary of a ChArUco board's markers, OpenCV's name such as DICT_5X5_100."),
     )
     legacy_pattern: bool = field(
         default=False,
-        metadata=meaning(
-            "True for a ChArUco board made before OpenCV 4.6, which begins with a white square."
-        ),
+        metadata=about("True for a ChArUco board made before OpenCV 4.6, which begins with a white square."),
     )
 
     def __post_init__(self) -> None:

@@ -7,7 +7,7 @@ from typing import Final, Literal, NamedTuple
 
 from radiometry.frame.statistics import ChannelStatistics
 from radiometry.specification.parameters import check_parameters, parameter
-from radiometry.specification.stored import about
+from radiometry.specification.stored import about, later
 from radiometry.spectral.curves import list_lamps, read_lamp
 
 LampKind = Literal["incandescent", "led", "led_ripple", "led_phase_dimmed", "sodium", "metal_halide"]
@@ -92,10 +92,7 @@ class CalibrationConditions:
         default=None, metadata=about("From the lens to the calibrated surface [m].")
     )
     focal_length_mm: float | None = None
-    lamp_kind: LampKind | None = field(
-        default=None,
-        metadata=about("All that is known of the lamp's spectrum if `lamp` is None.", later=True),
-    )
+    lamp_kind: LampKind | None = later("All that is known of the lamp's spectrum if `lamp` is None.")
 
 
 @dataclass(frozen=True, kw_only=True)

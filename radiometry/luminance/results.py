@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from radiometry.findings import Raised
 from radiometry.fitting.evidence import BudgetEntry, Quantity
 from radiometry.luminance.conditions import CalibrationConditions
-from radiometry.specification.stored import LATER, about
+from radiometry.specification.stored import about, later
 
 Rows = tuple[tuple[float, ...], ...]
 
@@ -75,29 +75,15 @@ class Coefficient:
         metadata=about("Lowest and highest N - D of the points used, not divided by V [DN].")
     )
     rhs_range: tuple[float, float] = field(metadata=about("Lowest and highest X of the points used."))
-    vignetting: str | None = field(
-        default=None,
-        metadata=about("Content hash of the vignetting version; None without any.", later=True),
+    vignetting: str | None = later("Content hash of the vignetting version; None without any.")
+    conditions: CalibrationConditions | None = later("None if the campaign states none of them.")
+    dark_time_s: float | None = later(
+        "None in older versions, whose dark signal does not depend on the exposure time."
     )
-    conditions: CalibrationConditions | None = field(
-        default=None, metadata=about("None if the campaign states none of them.", later=True)
-    )
-    dark_time_s: float | None = field(
-        default=None,
-        metadata=about(
-            "None in older versions, whose dark signal does not depend on the exposure time.", later=True
-        ),
-    )
-    dark_rate_dn_per_s: float | None = field(
-        default=None, metadata=about("Growth of the dark signal with the exposure time.", later=True)
-    )
-    dark_rate_standard_uncertainty_dn_per_s: float | None = field(default=None, metadata=LATER)
-    errors: ErrorSplit | None = field(
-        default=None, metadata=about("None for semilog, and for older versions.", later=True)
-    )
-    apertures: tuple[Aperture, ...] | None = field(
-        default=None, metadata=about("K at each f-number used, rising; None where `errors` is.", later=True)
-    )
+    dark_rate_dn_per_s: float | None = later("Growth of the dark signal with the exposure time.")
+    dark_rate_standard_uncertainty_dn_per_s: float | None = later()
+    errors: ErrorSplit | None = later("None for semilog, and for older versions.")
+    apertures: tuple[Aperture, ...] | None = later("K at each f-number used, rising; None where `errors` is.")
 
     def at(self, time_s: float) -> "Coefficient":
         """Return the coefficient with the dark signal of an exposure time, on the calibration's basis."""
@@ -138,16 +124,9 @@ class ModelFit:
     )
     left_out_max_rel: float | None = field(metadata=about("Largest leave-one-scene-out error in L."))
     left_out_rms_rel: float | None = field(metadata=about("Rms leave-one-scene-out error in L."))
-    frame_scatter_rel: float | None = field(
-        default=None,
-        metadata=about("Estimated relative scatter between frames; None if not needed.", later=True),
-    )
-    stated_chi_squared: float | None = field(
-        default=None, metadata=about("chi^2 without that scatter; None if not needed.", later=True)
-    )
-    f_number_u_rel: float | None = field(
-        default=None, metadata=about("Of a nominal f-number, given or estimated.", later=True)
-    )
+    frame_scatter_rel: float | None = later("Estimated relative scatter between frames; None if not needed.")
+    stated_chi_squared: float | None = later("chi^2 without that scatter; None if not needed.")
+    f_number_u_rel: float | None = later("Of a nominal f-number, given or estimated.")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,28 +161,15 @@ class Point:
     weight: float = field(
         metadata=about("Weight in K: adjusted signal times weight, summed, is K; 0 if left out.")
     )
-    lens_share: Quantity | None = field(
-        default=None,
-        metadata=about("Relative illumination V; None without vignetting correction.", later=True),
+    lens_share: Quantity | None = later("Relative illumination V; None without vignetting correction.")
+    robust_weight: float | None = later(
+        "Weight in a robust fit: about 1, near 0 for an outlier; None by least squares."
     )
-    robust_weight: float | None = field(
-        default=None,
-        metadata=about(
-            "Weight in a robust fit: about 1, near 0 for an outlier; None by least squares.", later=True
-        ),
+    x_factor: float | None = later(
+        "Light at the f-number relative to the nominal one; None without K at f-numbers."
     )
-    x_factor: float | None = field(
-        default=None,
-        metadata=about(
-            "Light at the f-number relative to the nominal one; None without K at f-numbers.", later=True
-        ),
-    )
-    min_dn: int | None = field(
-        default=None, metadata=about("Smallest raw value of the region in the fit's channel.", later=True)
-    )
-    max_dn: int | None = field(
-        default=None, metadata=about("Largest raw value of the region in the fit's channel.", later=True)
-    )
+    min_dn: int | None = later("Smallest raw value of the region in the fit's channel.")
+    max_dn: int | None = later("Largest raw value of the region in the fit's channel.")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -235,20 +201,12 @@ class IsoFit:
     expected_k: float = field(metadata=about("K expected from ISO 12232."))
     largest_residual_rel: float = field(metadata=about("Largest |residual| of the points used."))
     passed: bool = field(metadata=about("True if it passes by the campaign's decision rule."))
-    expanded_u_rel: float | None = field(
-        default=None,
-        metadata=about(
-            "Relative U of K at the f-number of the point with the largest |error| + U; None without a "
-            "decision rule, or if K is relative only.",
-            later=True,
-        ),
+    expanded_u_rel: float | None = later(
+        "Relative U of K at the f-number of the point with the largest |error| + U; None without a "
+        "decision rule, or if K is relative only."
     )
-    beyond_tolerance_risk: float | None = field(
-        default=None,
-        metadata=about(
-            "Largest probability that a point's error is really beyond the tolerance; None as before.",
-            later=True,
-        ),
+    beyond_tolerance_risk: float | None = later(
+        "Largest probability that a point's error is really beyond the tolerance; None as before."
     )
 
 
@@ -273,6 +231,4 @@ class Fit:
     flags: tuple[Raised, ...]
     tolerance_rel: float
     passed: bool = field(metadata=about("True if every ISO value passed."))
-    spectral: SpectralQuality | None = field(
-        default=None, metadata=about("None if neither lamp nor response is known.", later=True)
-    )
+    spectral: SpectralQuality | None = later("None if neither lamp nor response is known.")

@@ -1,6 +1,6 @@
 """Inputs of a luminance fit: parameters, frames with their statistics, meter readings."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 from radiometry.fitting.evidence import Exclusion, Quantity
@@ -10,7 +10,7 @@ from radiometry.frame.statistics import Signal as MeasuredSignal
 from radiometry.frame.verdicts import Keeping
 from radiometry.luminance.conditions import LABELS, LampKind
 from radiometry.specification.parameters import check_parameters, parameter
-from radiometry.specification.stored import LATER
+from radiometry.specification.stored import later
 from radiometry.spectral.curves import list_lamps, list_responses, read_lamp, read_response
 
 Model = Literal["proportional", "affine", "power", "semilog"]
@@ -267,4 +267,4 @@ class Reading:
     meter: str | None = None
     expanded_uncertainty_rel: float | None = None  # from the meter's certificate; None if there is none
     coverage_factor: float | None = None  # from the same certificate
-    taken_at: str | None = field(default=None, metadata=LATER)  # RFC 3339 with its offset
+    taken_at: str | None = later()  # RFC 3339 with its offset

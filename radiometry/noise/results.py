@@ -15,7 +15,7 @@ from radiometry.frame.roi import Window, mask
 from radiometry.frame.statistics import GREY, compute_statistics, name_site
 from radiometry.specification.certificate import KeyFigure, choose_channel, of_quantity
 from radiometry.specification.parameters import check_parameters, parameter
-from radiometry.specification.stored import meaning
+from radiometry.specification.stored import about
 
 LARGEST_SIDE = 96  # Samples along a side. 9216 of them give the variance of a pair within 1.5 %.
 
@@ -178,82 +178,78 @@ class LevelResult:
     scene: str
     f_number: float
     exposure_time_s: float
-    frames: int = field(metadata=meaning("Number of frames."))
-    signal_dn: float = field(metadata=meaning("Mean above that of its dark frames [DN]."))
-    light_dn: float = field(metadata=meaning("Mean above the dark signal of its own time [DN]."))
+    frames: int = field(metadata=about("Number of frames."))
+    signal_dn: float = field(metadata=about("Mean above that of its dark frames [DN]."))
+    light_dn: float = field(metadata=about("Mean above the dark signal of its own time [DN]."))
     excess_dn2: float | None = field(
-        metadata=meaning(
+        metadata=about(
             "Temporal variance above that of the dark frames, and its standard uncertainty [DN^2]; None if "
             "a single frame shows no noise."
         )
     )
     excess_u_dn2: float | None = field(
-        metadata=meaning(
+        metadata=about(
             "Temporal variance above that of the dark frames, and its standard uncertainty [DN^2]; None if "
             "a single frame shows no noise."
         )
     )
     snr: float | None = field(
-        metadata=meaning("Light over temporal noise; None if a single frame shows no noise.")
+        metadata=about("Light over temporal noise; None if a single frame shows no noise.")
     )
     snr_standard_uncertainty: float | None
-    residual_dn2: float | None = field(metadata=meaning("Excess - K signal [DN^2]."))
+    residual_dn2: float | None = field(metadata=about("Excess - K signal [DN^2]."))
     deviation_rel: float | None = field(
-        metadata=meaning("Relative deviation from the straight line of the linearity.")
+        metadata=about("Relative deviation from the straight line of the linearity.")
     )
-    left_out: str = field(metadata=meaning('Reason why it is not in the photon transfer; "" if it is.'))
+    left_out: str = field(metadata=about('Reason why it is not in the photon transfer; "" if it is.'))
 
 
 @dataclass(frozen=True, kw_only=True)
 class TransferFigures:
     """Coefficients of the photon transfer, by the names of EMVA 1288."""
 
-    system_gain_dn_per_e: Quantity = field(metadata=meaning("System gain K [DN/e-]."))
-    read_noise_e: Quantity = field(metadata=meaning("Temporal dark noise without rounding [e-]."))
-    sensitivity_threshold_e: Quantity = field(metadata=meaning("Sensitivity threshold mu_e.min [e-]."))
-    saturation_dn: Quantity = field(metadata=meaning("Saturation above dark [DN]."))
-    saturation_origin: SaturationOrigin = field(metadata=meaning("How the saturation was found."))
-    full_well_e: Quantity = field(metadata=meaning("Saturation capacity mu_e.sat [e-]."))
-    snr_max: Quantity = field(metadata=meaning("Largest signal-to-noise ratio, sqrt(mu_e.sat)."))
+    system_gain_dn_per_e: Quantity = field(metadata=about("System gain K [DN/e-]."))
+    read_noise_e: Quantity = field(metadata=about("Temporal dark noise without rounding [e-]."))
+    sensitivity_threshold_e: Quantity = field(metadata=about("Sensitivity threshold mu_e.min [e-]."))
+    saturation_dn: Quantity = field(metadata=about("Saturation above dark [DN]."))
+    saturation_origin: SaturationOrigin = field(metadata=about("How the saturation was found."))
+    full_well_e: Quantity = field(metadata=about("Saturation capacity mu_e.sat [e-]."))
+    snr_max: Quantity = field(metadata=about("Largest signal-to-noise ratio, sqrt(mu_e.sat)."))
     dynamic_range: Quantity = field(
-        metadata=meaning("Dynamic range mu_e.sat / mu_e.min as a ratio, in dB and in stops.")
+        metadata=about("Dynamic range mu_e.sat / mu_e.min as a ratio, in dB and in stops.")
     )
     dynamic_range_db: Quantity = field(
-        metadata=meaning("Dynamic range mu_e.sat / mu_e.min as a ratio, in dB and in stops.")
+        metadata=about("Dynamic range mu_e.sat / mu_e.min as a ratio, in dB and in stops.")
     )
     dynamic_range_stops: Quantity = field(
-        metadata=meaning("Dynamic range mu_e.sat / mu_e.min as a ratio, in dB and in stops.")
+        metadata=about("Dynamic range mu_e.sat / mu_e.min as a ratio, in dB and in stops.")
     )
     dsnu_e: Quantity
-    levels_used: int = field(metadata=meaning("Number of levels in the line."))
-    birge_ratio: float = field(
-        metadata=meaning("Birge ratio and chi squared of their scatter about the line.")
-    )
-    chi_squared: float = field(
-        metadata=meaning("Birge ratio and chi squared of their scatter about the line.")
-    )
+    levels_used: int = field(metadata=about("Number of levels in the line."))
+    birge_ratio: float = field(metadata=about("Birge ratio and chi squared of their scatter about the line."))
+    chi_squared: float = field(metadata=about("Birge ratio and chi squared of their scatter about the line."))
 
 
 @dataclass(frozen=True, kw_only=True)
 class LinearityFigures:
     """Linearity error of one channel at one ISO value."""
 
-    error_rel: Quantity = field(metadata=meaning("Mean of the absolute deviations LE."))
-    lowest_rel: float = field(metadata=meaning("Extreme deviations, LE_min and LE_max of release 3.0."))
-    highest_rel: float = field(metadata=meaning("Extreme deviations, LE_min and LE_max of release 3.0."))
-    levels_used: int = field(metadata=meaning("Number of levels on the line."))
+    error_rel: Quantity = field(metadata=about("Mean of the absolute deviations LE."))
+    lowest_rel: float = field(metadata=about("Extreme deviations, LE_min and LE_max of release 3.0."))
+    highest_rel: float = field(metadata=about("Extreme deviations, LE_min and LE_max of release 3.0."))
+    levels_used: int = field(metadata=about("Number of levels on the line."))
 
 
 @dataclass(frozen=True, kw_only=True)
 class DarkCurrentFigures:
     """Dark current, in electrons if K is known."""
 
-    dark_current_dn_per_s: Quantity = field(metadata=meaning("Dark current from the mean [DN/s]."))
+    dark_current_dn_per_s: Quantity = field(metadata=about("Dark current from the mean [DN/s]."))
     dark_current_e_per_s: Quantity | None = field(
-        metadata=meaning("Dark current from the mean [e-/s]; None if K is not known.")
+        metadata=about("Dark current from the mean [e-/s]; None if K is not known.")
     )
     from_variance_e_per_s: Quantity | None = field(
-        metadata=meaning(
+        metadata=about(
             "Dark current from the variance [e-/s], which a camera that subtracts its dark current cannot "
             "hide; None if it is not known."
         )
@@ -264,19 +260,19 @@ class DarkCurrentFigures:
 class ChannelFit:
     """Results of one channel at one ISO value."""
 
-    iso: float = field(metadata=meaning("ISO value."))
+    iso: float = field(metadata=about("ISO value."))
     channel: str
-    dark_signal_dn: float = field(metadata=meaning("Dark signal of the shortest dark frames [DN]."))
+    dark_signal_dn: float = field(metadata=about("Dark signal of the shortest dark frames [DN]."))
     read_noise_dn: Quantity
     dsnu_dn: Quantity
-    prnu_rel: Quantity | None = field(metadata=meaning("PRNU, relative."))
-    transfer: TransferFigures | None = field(metadata=meaning("Coefficients of the photon transfer."))
-    linearity: LinearityFigures | None = field(metadata=meaning("Linearity error."))
+    prnu_rel: Quantity | None = field(metadata=about("PRNU, relative."))
+    transfer: TransferFigures | None = field(metadata=about("Coefficients of the photon transfer."))
+    linearity: LinearityFigures | None = field(metadata=about("Linearity error."))
     dark_current: DarkCurrentFigures | None
-    levels: tuple[LevelResult, ...] = field(metadata=meaning("Levels of the photon transfer."))
+    levels: tuple[LevelResult, ...] = field(metadata=about("Levels of the photon transfer."))
     effective_dof: dict[str, float] = field(
         default_factory=dict,
-        metadata=meaning(
+        metadata=about(
             "Effective degrees of freedom of the uncertainties, by coefficient, at most 1e6; empty in "
             "versions from before they were evaluated."
         ),
@@ -291,18 +287,18 @@ class Point:
     channel: str
     role: str
     scene: str | None
-    iso: float | None = field(metadata=meaning("ISO value."))
+    iso: float | None = field(metadata=about("ISO value."))
     f_number: float | None
     exposure_time_s: float | None
-    mean_dn: float | None = field(metadata=meaning("Mean of the samples [DN]."))
-    clipped_share: float | None = field(metadata=meaning("Fraction of samples at or above the white level."))
+    mean_dn: float | None = field(metadata=about("Mean of the samples [DN]."))
+    clipped_share: float | None = field(metadata=about("Fraction of samples at or above the white level."))
     frames_of_setting: int = field(
-        metadata=meaning(
+        metadata=about(
             "Number of frames that share its role, scene, ISO, time and f-number, itself included."
         )
     )
-    used: bool = field(metadata=meaning("True if the fit used it."))
-    left_out: str = field(metadata=meaning('Reason why it was not used; "" if it was.'))
+    used: bool = field(metadata=about("True if the fit used it."))
+    left_out: str = field(metadata=about('Reason why it was not used; "" if it was.'))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -27,7 +27,7 @@ from radiometry.reflectance.imaging import (
 from radiometry.reflectance.indices import Formula, compute, spread_plane
 from radiometry.reflectance.points import MOST_SATURATED_SHARE
 from radiometry.reflectance.results import REFLECTANCE_UNIT, AppliedReflectance, Coefficient, Effect
-from radiometry.specification.stored import LATER
+from radiometry.specification.stored import later
 
 PERCENTILES = (5, 10, 90, 95)
 _OUTLIER_SIGMAS = 5.0
@@ -82,8 +82,8 @@ class MeasuredReflectance:
     above_one_share: float
     saturated_share: float
     flags: tuple[Raised, ...]
-    i_ss_oriented: float | None = field(default=None, metadata=LATER)
-    i_ss_basis: LightBasis | None = field(default=None, metadata=LATER)
+    i_ss_oriented: float | None = later()
+    i_ss_basis: LightBasis | None = later()
 
 
 def measure_region(
@@ -255,9 +255,9 @@ class MeasuredIndex:
     value: Quantity
     bands: tuple[AppliedReflectance, ...]  # that of the first band first
     flags: tuple[Raised, ...]
-    formula: str = field(default="", metadata=LATER)
-    alignment: tuple[Alignment, ...] = field(default=(), metadata=LATER)
-    budget: tuple[Share, ...] = field(default=(), metadata=LATER)  # the largest first
+    formula: str = ""
+    alignment: tuple[Alignment, ...] = ()
+    budget: tuple[Share, ...] = ()  # the largest first
 
 
 def list_effects(

@@ -11,7 +11,7 @@ from radiometry.frame.light import LightBasis
 from radiometry.reflectance.rows import Interpolation, Normalisation
 from radiometry.reflectance.sun import TiltParams
 from radiometry.reflectance.sunshine import Choice
-from radiometry.specification.stored import LATER, about
+from radiometry.specification.stored import about, later
 
 REFLECTANCE_UNIT = "1"
 # The time over which `drift_half_hour_rel` is stated.
@@ -32,9 +32,7 @@ class Knot:
     u_rel: float = field(
         metadata=about("Relative standard uncertainty of its own: noise, sunshine scatter and tilt.")
     )
-    half_span_s: float | None = field(
-        default=None, metadata=about("From the mean time to the frame furthest from it.", later=True)
-    )
+    half_span_s: float | None = later("From the mean time to the frame furthest from it.")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,30 +75,18 @@ class Coefficient:
     i_ss_range: tuple[float, float] | None = field(
         metadata=about("Lowest and highest sunshine reading used; None for panel_only.")
     )
-    panel_measured_on: tuple[str, ...] | None = field(
-        default=None,
-        metadata=about("Days of the panel's measurements used; None if none is dated.", later=True),
+    panel_measured_on: tuple[str, ...] | None = later(
+        "Days of the panel's measurements used; None if none is dated."
     )
-    drift_half_hour_rel: float | None = field(
-        default=None,
-        metadata=about(
-            "Relative standard deviation of K's change in half an hour, from the assumed one and the "
-            "differences between the captures.",
-            later=True,
-        ),
+    drift_half_hour_rel: float | None = later(
+        "Relative standard deviation of K's change in half an hour, from the assumed one and the "
+        "differences between the captures."
     )
-    reading_u_rel: float | None = field(
-        default=None,
-        metadata=about("Of a single sunshine reading; None if the frames had several.", later=True),
+    reading_u_rel: float | None = later("Of a single sunshine reading; None if the frames had several.")
+    channel_ratio: float | None = later(
+        "CH0 / CH1 of a Sequoia's sunshine sensor under the panel's light, for a saturated CH0."
     )
-    channel_ratio: float | None = field(
-        default=None,
-        metadata=about(
-            "CH0 / CH1 of a Sequoia's sunshine sensor under the panel's light, for a saturated CH0.",
-            later=True,
-        ),
-    )
-    channel_ratio_u_rel: float | None = field(default=None, metadata=LATER)
+    channel_ratio_u_rel: float | None = later()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,12 +113,8 @@ class Point:
     residual_rel: float | None = field(
         metadata=about("K of this frame relative to the coefficient's at its time, minus 1.")
     )
-    i_ss_oriented: float | None = field(
-        default=None, metadata=about("Sunshine reading as the sensor was oriented.", later=True)
-    )
-    i_ss_basis: LightBasis | None = field(
-        default=None, metadata=about("Surface for which `i_ss` holds.", later=True)
-    )
+    i_ss_oriented: float | None = later("Sunshine reading as the sensor was oriented.")
+    i_ss_basis: LightBasis | None = later("Surface for which `i_ss` holds.")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,8 +156,8 @@ class AppliedReflectance:
     reflectance_k: float  # at the frame's time
     effects: tuple[Effect, ...]
     flags: tuple[Raised, ...]
-    i_ss_oriented: float | None = field(default=None, metadata=LATER)
-    i_ss_basis: LightBasis | None = field(default=None, metadata=LATER)
+    i_ss_oriented: float | None = later()
+    i_ss_basis: LightBasis | None = later()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,6 +1,6 @@
 """Inputs of a reflectance fit: parameters, panel frames with features, the panel's reflectances."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 from radiometry.fitting.evidence import Exclusion
@@ -10,7 +10,7 @@ from radiometry.reflectance.imaging import Features
 from radiometry.reflectance.sun import TiltParams
 from radiometry.reflectance.sunshine import Choice
 from radiometry.specification.parameters import check_parameters, parameter
-from radiometry.specification.stored import LATER
+from radiometry.specification.stored import later
 
 Normalisation = Literal["sunshine", "panel_only"]
 Surface = Literal["level", "oriented"]
@@ -122,9 +122,9 @@ class Reading:
     band: str
     reflectance: float  # under these directions, (0, 1.2]
     standard_uncertainty: float | None = None  # absolute
-    measured_on: str | None = field(default=None, metadata=LATER)  # ISO 8601
+    measured_on: str | None = later()  # ISO 8601
     # True if a camera, or the panel's code, states it: any measurement goes before it
-    from_file: bool | None = field(default=None, metadata=LATER)
+    from_file: bool | None = later()
 
     def __post_init__(self) -> None:
         uncertainty = self.standard_uncertainty or 0.0

@@ -8,7 +8,7 @@ from radiometry.findings import Raised
 from radiometry.fitting.evidence import Exclusion, FrameEvidence, Quantity
 from radiometry.specification.certificate import KeyFigure, choose_channel, of_quantity
 from radiometry.specification.parameters import check_parameters, parameter
-from radiometry.specification.stored import LATER, meaning
+from radiometry.specification.stored import about, later
 
 # Of every stored response, which runs from 0 to 1 cycles per pixel: one grid for all edges of all frames
 CURVE_STEP_CYCLES_PER_PIXEL = 0.01
@@ -54,7 +54,7 @@ class EdgeResponse:
     overshoot: Estimate | None  # Excess beyond the bright and the dark side, as a fraction of the step
     undershoot: Estimate | None
     # Place of the edge; None in features from before it was measured
-    place: EdgePlace | None = field(default=None, metadata=LATER)
+    place: EdgePlace | None = later()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,28 +138,28 @@ class StarCentre:
 class Target:
     """Photographed target; every region of a frame shows one edge or one star."""
 
-    kind: Kind = field(default="slanted_edge", metadata=meaning("Kind of the target."))
+    kind: Kind = field(default="slanted_edge", metadata=about("Kind of the target."))
     edge_order: int = field(
         default=5,
-        metadata=meaning("Order of the polynomial through the edge, 1 (straight) to 5 (ISO 12233:2023)."),
+        metadata=about("Order of the polynomial through the edge, 1 (straight) to 5 (ISO 12233:2023)."),
     )
     cycles: int = field(
         default=48,
-        metadata=meaning("Cycles of a star: pairs of a dark and a bright sector, 48 for 96 sectors."),
+        metadata=about("Cycles of a star: pairs of a dark and a bright sector, 48 for 96 sectors."),
     )
     centres: tuple[StarCentre, ...] = field(
-        default=(), metadata=meaning("Centres of stars, where they are known; the others are found.")
+        default=(), metadata=about("Centres of stars, where they are known; the others are found.")
     )
     tone_curve: ToneCurve = field(
         default="linear",
-        metadata=meaning(
+        metadata=about(
             'Tone curve to undo in rendered images; raw files are linear and need neither. "linear": as '
             'they are; "srgb": IEC 61966-2-1; "gamma": signal = light ^ (1 / gamma).'
         ),
     )
     gamma: float = field(
         default=2.2,
-        metadata=meaning(
+        metadata=about(
             'Tone curve to undo in rendered images; raw files are linear and need neither. "linear": as '
             'they are; "srgb": IEC 61966-2-1; "gamma": signal = light ^ (1 / gamma).'
         ),
@@ -213,14 +213,14 @@ class Params:
 class Coefficient:
     """One coefficient of one position and channel."""
 
-    name: str = field(metadata=meaning("Name of the coefficient."))
-    quantity: Quantity = field(metadata=meaning("Value with uncertainty."))
+    name: str = field(metadata=about("Name of the coefficient."))
+    quantity: Quantity = field(metadata=about("Value with uncertainty."))
     repeatability: float | None = field(
-        metadata=meaning("Standard deviation of single frames; None for one frame.")
+        metadata=about("Standard deviation of single frames; None for one frame.")
     )
     effective_dof: float | None = field(
         default=None,
-        metadata=meaning(
+        metadata=about(
             "Effective degrees of freedom of the standard uncertainty, at most 1e6; None in versions from "
             "before they were evaluated."
         ),
@@ -231,10 +231,10 @@ class Coefficient:
 class Curve:
     """Response: mean over the frames, with its standard uncertainty."""
 
-    direction_deg: float | None = field(metadata=meaning("Direction of a star's sector [deg], else None."))
-    frequency: tuple[float, ...] = field(metadata=meaning("Frequencies [cycles per pixel]."))
-    response: tuple[float, ...] = field(metadata=meaning("Response and its standard uncertainty."))
-    response_u: tuple[float, ...] = field(metadata=meaning("Response and its standard uncertainty."))
+    direction_deg: float | None = field(metadata=about("Direction of a star's sector [deg], else None."))
+    frequency: tuple[float, ...] = field(metadata=about("Frequencies [cycles per pixel]."))
+    response: tuple[float, ...] = field(metadata=about("Response and its standard uncertainty."))
+    response_u: tuple[float, ...] = field(metadata=about("Response and its standard uncertainty."))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -249,27 +249,27 @@ class Direction:
 class PositionFit:
     """One channel of one position at one f-number."""
 
-    kind: str = field(metadata=meaning("Kind of the target."))
+    kind: str = field(metadata=about("Kind of the target."))
     position: str
     channel: str
     f_number: float | None
     row_px: float
     col_px: float
-    radius_rel: float = field(metadata=meaning("Distance from the frame's middle, 1 at its corners."))
-    frames: int = field(metadata=meaning("Number of frames."))
+    radius_rel: float = field(metadata=about("Distance from the frame's middle, 1 at its corners."))
+    frames: int = field(metadata=about("Number of frames."))
     orientation: str | None = field(
-        metadata=meaning("Orientation, angle [deg] and departure [px] of edges; None for stars.")
+        metadata=about("Orientation, angle [deg] and departure [px] of edges; None for stars.")
     )
     angle_deg: float | None = field(
-        metadata=meaning("Orientation, angle [deg] and departure [px] of edges; None for stars.")
+        metadata=about("Orientation, angle [deg] and departure [px] of edges; None for stars.")
     )
     departure_px: float | None = field(
-        metadata=meaning("Orientation, angle [deg] and departure [px] of edges; None for stars.")
+        metadata=about("Orientation, angle [deg] and departure [px] of edges; None for stars.")
     )
-    cycles: int | None = field(metadata=meaning("Cycles of stars; None for edges."))
-    coefficients: tuple[Coefficient, ...] = field(metadata=meaning("Coefficients of one version."))
-    curves: tuple[Curve, ...] = field(metadata=meaning("Responses."))
-    directions: tuple[Direction, ...] = field(metadata=meaning("Resolving power of each sector."))
+    cycles: int | None = field(metadata=about("Cycles of stars; None for edges."))
+    coefficients: tuple[Coefficient, ...] = field(metadata=about("Coefficients of one version."))
+    curves: tuple[Curve, ...] = field(metadata=about("Responses."))
+    directions: tuple[Direction, ...] = field(metadata=about("Resolving power of each sector."))
 
     def find(self, name: str) -> Coefficient | None:
         """Return a coefficient by its name."""
@@ -281,26 +281,26 @@ class Falloff:
     """Position compared with the middle of the frame."""
 
     position: str
-    radius_rel: float = field(metadata=meaning("Distance from the frame's middle, 1 at its corners."))
-    ratio: Quantity = field(metadata=meaning("Ratio to the middle, 1 where it is as sharp."))
+    radius_rel: float = field(metadata=about("Distance from the frame's middle, 1 at its corners."))
+    ratio: Quantity = field(metadata=about("Ratio to the middle, 1 where it is as sharp."))
 
 
 @dataclass(frozen=True, kw_only=True)
 class FalloffTable:
     """Decrease of sharpness towards the corners, per channel and f-number."""
 
-    kind: str = field(metadata=meaning("Kind of the target."))
+    kind: str = field(metadata=about("Kind of the target."))
     channel: str
     f_number: float | None
-    figure: str = field(metadata=meaning("Coefficient that is compared."))
-    centre: tuple[str, ...] = field(metadata=meaning("Positions that make up the middle."))
-    corners: tuple[str, ...] = field(metadata=meaning("Positions that make up the corners."))
-    rows: tuple[Falloff, ...] = field(metadata=meaning("Falloff of each position."))
+    figure: str = field(metadata=about("Coefficient that is compared."))
+    centre: tuple[str, ...] = field(metadata=about("Positions that make up the middle."))
+    corners: tuple[str, ...] = field(metadata=about("Positions that make up the corners."))
+    rows: tuple[Falloff, ...] = field(metadata=about("Falloff of each position."))
     corner_falloff: Quantity | None = field(
-        metadata=meaning("1 - (mean of the corners) / (mean of the middle); None without corners.")
+        metadata=about("1 - (mean of the corners) / (mean of the middle); None without corners.")
     )
     corner_falloff_dof: float | None = field(
-        default=None, metadata=meaning("Its effective degrees of freedom, as of a coefficient.")
+        default=None, metadata=about("Its effective degrees of freedom, as of a coefficient.")
     )
 
 
@@ -312,43 +312,43 @@ class Point:
     position: str
     channel: str
     f_number: float | None
-    used: bool = field(metadata=meaning("True if the fit used it."))
-    left_out: str = field(metadata=meaning('"" for one that was used, else the reason.'))
+    used: bool = field(metadata=about("True if the fit used it."))
+    left_out: str = field(metadata=about('"" for one that was used, else the reason.'))
     figure: str = field(
-        metadata=meaning("Coefficient that is compared, its value and its standard uncertainty.")
+        metadata=about("Coefficient that is compared, its value and its standard uncertainty.")
     )
     value: float | None = field(
-        metadata=meaning("Coefficient that is compared, its value and its standard uncertainty.")
+        metadata=about("Coefficient that is compared, its value and its standard uncertainty.")
     )
     standard_uncertainty: float | None
-    residual_rel: float | None = field(metadata=meaning("Relative difference from the mean of its position."))
+    residual_rel: float | None = field(metadata=about("Relative difference from the mean of its position."))
 
 
 @dataclass(frozen=True, kw_only=True)
 class EdgeColour:
     """Displacement of one colour against green at one position; what does not exist is None."""
 
-    channels: str = field(metadata=meaning('Pair of channels, such as "R-G".'))
+    channels: str = field(metadata=about('Pair of channels, such as "R-G".'))
     position: str
     f_number: float | None
     radius_px: float = field(
-        metadata=meaning("Distance of the edge from the middle of the frame [px], and 1 at its corners.")
+        metadata=about("Distance of the edge from the middle of the frame [px], and 1 at its corners.")
     )
     radius_rel: float = field(
-        metadata=meaning("Distance of the edge from the middle of the frame [px], and 1 at its corners.")
+        metadata=about("Distance of the edge from the middle of the frame [px], and 1 at its corners.")
     )
     shift: Quantity = field(
-        metadata=meaning("Displacement along the edge's normal, positive away from the middle of the frame.")
+        metadata=about("Displacement along the edge's normal, positive away from the middle of the frame.")
     )
     radial: Quantity | None = field(
-        metadata=meaning(
+        metadata=about(
             "Radial displacement of which `shift` is the part along the normal, positive is outwards; None "
             "within a tenth of the half diagonal, and where the normal is more than 60 degrees off the "
             "radius."
         )
     )
-    frames: int = field(metadata=meaning("Number of frames."))
-    effective_dof: float = field(metadata=meaning("Effective degrees of freedom of both."))
+    frames: int = field(metadata=about("Number of frames."))
+    effective_dof: float = field(metadata=about("Effective degrees of freedom of both."))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -359,7 +359,7 @@ class Fit:
     falloff: tuple[FalloffTable, ...]
     points: tuple[Point, ...]
     flags: tuple[Raised, ...]
-    lateral_colour: tuple[EdgeColour, ...] | None = field(default=None, metadata=LATER)
+    lateral_colour: tuple[EdgeColour, ...] | None = later()
 
 
 _LABELS = {"mtf50_cycles_per_pixel": "MTF50", "resolving_power_cycles_per_pixel": "Resolving power"}

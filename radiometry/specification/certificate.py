@@ -4,7 +4,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
-from radiometry.specification.stored import meaning
+from radiometry.specification.stored import about
 
 __all__ = ["CoefficientKind", "Column", "KeyFigure"]
 
@@ -75,31 +75,31 @@ class CoefficientKind:
     name: str
     label: str
     units: tuple[str, ...] = field(
-        metadata=meaning("Its unit; several if it depends on the camera or on a parameter.")
+        metadata=about("Its unit; several if it depends on the camera or on a parameter.")
     )
     effect: CoefficientEffect | None = field(
-        default=None, metadata=meaning("None if its difference has no effect but itself.")
+        default=None, metadata=about("None if its difference has no effect but itself.")
     )
 
 
 _FIRST_CHANNELS = ("luminance", "G", "G1", "green", "grey")
 
 
-_FOR_95_PERCENT = meaning("For a coverage probability of 95 %; None if the version does not state them.")
+_FOR_95_PERCENT = about("For a coverage probability of 95 %; None if the version does not state them.")
 
 
 @dataclass(frozen=True, kw_only=True)
 class KeyFigure:
     """One figure of a version."""
 
-    group: str = field(metadata=meaning("What it holds for, such as an ISO value, and the quantity."))
-    label: str = field(metadata=meaning("What it holds for, such as an ISO value, and the quantity."))
-    value: float = field(metadata=meaning("In ``unit``."))
-    standard_uncertainty: float = field(metadata=meaning("In ``unit``."))
-    unit: str = field(metadata=meaning('Unit, "1" for a pure number.'))
+    group: str = field(metadata=about("What it holds for, such as an ISO value, and the quantity."))
+    label: str = field(metadata=about("What it holds for, such as an ISO value, and the quantity."))
+    value: float = field(metadata=about("In ``unit``."))
+    standard_uncertainty: float = field(metadata=about("In ``unit``."))
+    unit: str = field(metadata=about('Unit, "1" for a pure number.'))
     expanded_uncertainty: float | None = field(default=None, metadata=_FOR_95_PERCENT)
     coverage_factor: float | None = field(default=None, metadata=_FOR_95_PERCENT)
-    passed: bool | None = field(default=None, metadata=meaning("Verdict on it; None if there is none."))
+    passed: bool | None = field(default=None, metadata=about("Verdict on it; None if there is none."))
 
 
 def of_quantity(

@@ -16,7 +16,7 @@ from radiometry.specification.certificate import Budget, CertificateText, Coeffi
 from radiometry.specification.exports import Export, RigSpec
 from radiometry.specification.parameters import Parameter, list_parameters
 from radiometry.specification.roles import Gap, Grid, Role
-from radiometry.specification.stored import meaning
+from radiometry.specification.stored import about
 
 __all__ = ["MethodSpec", "Scope"]
 
@@ -65,7 +65,7 @@ def drop_target(call: Callable[..., Any]) -> Callable[..., Any]:
     return without
 
 
-_NAMES = meaning("Name in the API, label on pages, and one sentence: what is calibrated, from what.")
+_NAMES = about("Name in the API, label on pages, and one sentence: what is calibrated, from what.")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,7 +121,7 @@ class MethodSpec:
     target_example: Mapping[str, Any] | None = None
     reference: Reference | None = field(
         default=None,
-        metadata=meaning(
+        metadata=about(
             "What a campaign is measured against: meter readings of scenes, or a panel's reflectances."
         ),
     )
@@ -133,21 +133,21 @@ class MethodSpec:
     untraced: Finding | None = None
     has_checklist: bool = field(
         default=False,
-        metadata=meaning("True if the procedure has a checklist that an operator ticks and signs."),
+        metadata=about("True if the procedure has a checklist that an operator ticks and signs."),
     )
     whole_frame: bool = field(
-        default=False, metadata=meaning("True if the whole frame is used where no region is drawn.")
+        default=False, metadata=about("True if the whole frame is used where no region is drawn.")
     )
     finds_region: bool = field(
-        default=False, metadata=meaning("True if `find_region` looks for the region where none is drawn.")
+        default=False, metadata=about("True if `find_region` looks for the region where none is drawn.")
     )
     several_regions: bool = field(
         default=False,
-        metadata=meaning("True if a frame usually has several regions, each with a name of its own."),
+        metadata=about("True if a frame usually has several regions, each with a name of its own."),
     )
     tolerance_unit: ToleranceUnit = field(
         default="%",
-        metadata=meaning("Unit in which one tolerance for all coefficients of a camera or a fleet is meant."),
+        metadata=about("Unit in which one tolerance for all coefficients of a camera or a fleet is meant."),
     )
     manual_exposure: bool = True  #: True if a camera that chooses its exposure deserves a flag
     #: Plots of a version that pages show, the most looked-for first; what they read of a stored result may be

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final, Literal, Union, get_args, get_origin, get_type_hints
 
-from radiometry.specification.stored import LATER, meaning
+from radiometry.specification.stored import LATER, about
 
 __all__ = ["Choice", "Kind", "Parameter", "list_parameters"]
 
@@ -30,34 +30,34 @@ class Parameter:
     """One parameter of a fit, as forms, documents and the command line show it."""
 
     field: str = dataclasses.field(
-        metadata=meaning("Its name in `Params`, in stored versions and in certificates.")
+        metadata=about("Its name in `Params`, in stored versions and in certificates.")
     )
     name: str = dataclasses.field(
-        metadata=meaning("Its name in requests, the same as ``field`` but for two older names.")
+        metadata=about("Its name in requests, the same as ``field`` but for two older names.")
     )
     label: str
     description: str
     kind: Kind = dataclasses.field(
-        metadata=meaning(
+        metadata=about(
             '"interval" is a pair, the lower bound first; "group" holds ``members``; "version" names the '
             'calibration version of another method; "text" is a name, or a table of several lines.'
         )
     )
-    unit: str = dataclasses.field(default="1", metadata=meaning('"1" for a fraction.'))
+    unit: str = dataclasses.field(default="1", metadata=about('"1" for a fraction.'))
     minimum: float | None = dataclasses.field(
         default=None,
-        metadata=meaning("Bounds, included unless ``above_minimum`` or ``below_maximum`` is True."),
+        metadata=about("Bounds, included unless ``above_minimum`` or ``below_maximum`` is True."),
     )
     maximum: float | None = dataclasses.field(
         default=None,
-        metadata=meaning("Bounds, included unless ``above_minimum`` or ``below_maximum`` is True."),
+        metadata=about("Bounds, included unless ``above_minimum`` or ``below_maximum`` is True."),
     )
     above_minimum: bool = False
     below_maximum: bool = False
     choices: tuple[Choice, ...] = ()
     default: Any = dataclasses.field(
         default=None,
-        metadata=meaning(
+        metadata=about(
             "None if there is none; ``default_text`` then states what the fit does, and ``example`` is a "
             "value that could be given."
         ),
@@ -66,23 +66,23 @@ class Parameter:
     example: Any = None
     given_by: Literal["request", "campaign"] = dataclasses.field(
         default="request",
-        metadata=meaning('"campaign" if the value is part of the campaign and no request may change it.'),
+        metadata=about('"campaign" if the value is part of the campaign and no request may change it.'),
     )
     none_allowed: bool = dataclasses.field(
-        default=False, metadata=meaning('True if the text "none" switches the parameter off.')
+        default=False, metadata=about('True if the text "none" switches the parameter off.')
     )
     version_of: str = dataclasses.field(
-        default="", metadata=meaning('Name of the method whose version a "version" names, otherwise empty.')
+        default="", metadata=about('Name of the method whose version a "version" names, otherwise empty.')
     )
     displaced_by: tuple[str, ...] = dataclasses.field(
         default=(),
-        metadata=meaning(
+        metadata=about(
             "Parameters of a request, any of which states other surroundings than the campaign's: its value "
             "of this one then does not count."
         ),
     )
     suggest: Callable[[], tuple[str, ...]] = dataclasses.field(
-        default=tuple, metadata=meaning('``() -> tuple of str``, names that a "text" may have.')
+        default=tuple, metadata=about('``() -> tuple of str``, names that a "text" may have.')
     )
     members: tuple["Parameter", ...] = ()
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final, Literal
 
-from radiometry.specification.stored import meaning
+from radiometry.specification.stored import about
 
 __all__ = ["CHART", "DARK", "FIELD", "ROLES", "Gap", "Grid", "Role"]
 
@@ -17,7 +17,7 @@ class Role:
     label: str
     description: str
     has_scene: bool = field(
-        default=False, metadata=meaning("True if the frame belongs to a scene, one light level.")
+        default=False, metadata=about("True if the frame belongs to a scene, one light level.")
     )
 
 
@@ -55,13 +55,13 @@ class Grid:
 
     rows: Axis | None = field(
         default=None,
-        metadata=meaning(
+        metadata=about(
             'A row per role and value; "scene" splits only roles that have scenes. None for one row per role.'
         ),
     )
     columns: tuple[Axis, ...] = field(
         default=(),
-        metadata=meaning(
+        metadata=about(
             "A column per combination of values, the outer axis first; empty if the frames of a row are "
             "laid side by side."
         ),
@@ -72,13 +72,11 @@ class Grid:
 class Gap:
     """A frame to photograph next."""
 
-    role: str = field(metadata=meaning("Role of the frame."))
+    role: str = field(metadata=about("Role of the frame."))
     at: Mapping[Axis, str | float] = field(
-        default_factory=dict, metadata=meaning("Values of the grid's axes, as far as they are known.")
+        default_factory=dict, metadata=about("Values of the grid's axes, as far as they are known.")
     )
     exposure_time_s: float | None = field(
-        default=None, metadata=meaning("Exposure time to use [s]; None if the plan does not know one.")
+        default=None, metadata=about("Exposure time to use [s]; None if the plan does not know one.")
     )
-    text: str = field(
-        default="", metadata=meaning("What to photograph, if exposure and place do not say it.")
-    )
+    text: str = field(default="", metadata=about("What to photograph, if exposure and place do not say it."))

@@ -1,16 +1,16 @@
-"""Metadata of the fields of dataclasses that are stored or answered."""
+"""Fields of dataclasses that are stored or answered, and their sentences."""
 
-from collections.abc import Mapping
+import dataclasses
 from typing import Any, Final
 
 LATER: Final = {"later": True}  # left out where it is None, so that hashes of older contents stay the same
 
 
-def meaning(sentence: str) -> dict[str, Any]:
-    """Return what a field means, as OpenAPI and the documents show it."""
+def about(sentence: str) -> dict[str, Any]:
+    """Return the metadata of a field: what it means, as OpenAPI and the documents show it."""
     return {"description": sentence}
 
 
-def about(description: str, *, later: bool = False) -> Mapping[str, Any]:
-    """Return the metadata of a field with what it means, which documents and OpenAPI show."""
-    return {"description": description, **(LATER if later else {})}
+def later(sentence: str = "") -> Any:  # noqa: ANN401  a field of a dataclass takes its annotated type
+    """Return a field that older contents lack: None by default, and left out where it is None."""
+    return dataclasses.field(default=None, metadata=LATER | (about(sentence) if sentence else {}))

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, field
 
-from radiometry.specification.stored import meaning
+from radiometry.specification.stored import about
 
 __all__ = ["MOST_TILT_DEG", "Coverage", "View", "compute_coverage"]
 
@@ -40,51 +40,43 @@ class View:
 class Coverage:
     """Ground coverage of a view; None for what is above the horizon."""
 
-    horizontal_fov_deg: float = field(metadata=meaning("Fields of view [deg]."))
-    vertical_fov_deg: float = field(metadata=meaning("Fields of view [deg]."))
+    horizontal_fov_deg: float = field(metadata=about("Fields of view [deg]."))
+    vertical_fov_deg: float = field(metadata=about("Fields of view [deg]."))
     near_m: float = field(
-        metadata=meaning(
+        metadata=about(
             "Where the middle of the image's lower and upper edge meets the ground, from the point below "
             "the camera along the tilt [m]; negative behind that point."
         )
     )
     far_m: float | None = field(
-        metadata=meaning(
+        metadata=about(
             "Where the middle of the image's lower and upper edge meets the ground, from the point below "
             "the camera along the tilt [m]; negative behind that point."
         )
     )
     gsd_near_m: float = field(
-        metadata=meaning(
-            "Ground sampling distance of a pixel across the line of sight, in that whole row [m]."
-        )
+        metadata=about("Ground sampling distance of a pixel across the line of sight, in that whole row [m].")
     )
     gsd_centre_m: float = field(
-        metadata=meaning(
-            "Ground sampling distance of a pixel across the line of sight, in that whole row [m]."
-        )
+        metadata=about("Ground sampling distance of a pixel across the line of sight, in that whole row [m].")
     )
     gsd_far_m: float | None = field(
-        metadata=meaning(
-            "Ground sampling distance of a pixel across the line of sight, in that whole row [m]."
-        )
+        metadata=about("Ground sampling distance of a pixel across the line of sight, in that whole row [m].")
     )
-    gsd_near_along_m: float = field(
-        metadata=meaning("Ground sampling distance of a pixel along the tilt [m].")
-    )
+    gsd_near_along_m: float = field(metadata=about("Ground sampling distance of a pixel along the tilt [m]."))
     gsd_centre_along_m: float = field(
-        metadata=meaning("Ground sampling distance of a pixel along the tilt [m].")
+        metadata=about("Ground sampling distance of a pixel along the tilt [m].")
     )
     gsd_far_along_m: float | None = field(
-        metadata=meaning("Ground sampling distance of a pixel along the tilt [m].")
+        metadata=about("Ground sampling distance of a pixel along the tilt [m].")
     )
     footprint: tuple[tuple[float, float], ...] | None = field(
-        metadata=meaning(
+        metadata=about(
             "[x, y] of near left, near right, far right, far left, from the point below the camera [m]; y "
             "is azimuth 0."
         )
     )
-    horizon_in_view: bool = field(metadata=meaning("True if the upper edge looks above the ground."))
+    horizon_in_view: bool = field(metadata=about("True if the upper edge looks above the ground."))
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from radiometry.findings import InputRejected, Raised, shared
 from radiometry.fitting.evidence import Quantity
 from radiometry.fitting.sources import IMPLAUSIBLE_SCATTER_REL
-from radiometry.specification.stored import meaning
+from radiometry.specification.stored import about
 
 __all__ = ["SETTINGS", "ExponentFit", "LeftOut", "SeriesRow", "fit_exponents"]
 
@@ -44,20 +44,20 @@ class SeriesRow:
 class LeftOut:
     """A row that was not used."""
 
-    row: int = field(metadata=meaning("Number of the row, from 0."))
-    reason: str = field(metadata=meaning("Reason why it was not used."))
+    row: int = field(metadata=about("Number of the row, from 0."))
+    reason: str = field(metadata=about("Reason why it was not used."))
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExponentFit:
     """Exponents of the settings that vary."""
 
-    exponents: dict[str, Quantity] = field(metadata=meaning("Exponent by name of the setting."))
-    used: int = field(metadata=meaning("Number of rows used."))
-    left_out: tuple[LeftOut, ...] = field(metadata=meaning("Rows that were not used."))
-    scatter_rel: float = field(metadata=meaning("Relative scatter of the signal about the fit."))
+    exponents: dict[str, Quantity] = field(metadata=about("Exponent by name of the setting."))
+    used: int = field(metadata=about("Number of rows used."))
+    left_out: tuple[LeftOut, ...] = field(metadata=about("Rows that were not used."))
+    scatter_rel: float = field(metadata=about("Relative scatter of the signal about the fit."))
     flags: tuple[Raised, ...] = field(
-        metadata=meaning("`scatter_implausible` if it is above 5 %, as in a luminance fit.")
+        metadata=about("`scatter_implausible` if it is above 5 %, as in a luminance fit.")
     )
 
 

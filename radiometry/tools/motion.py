@@ -13,7 +13,7 @@ from radiometry.findings import InputRejected, shared
 from radiometry.frame import FrameHeader
 from radiometry.frame.multispectral import Multispectral
 from radiometry.frame.opencv import cv2
-from radiometry.specification.stored import meaning
+from radiometry.specification.stored import about
 
 __all__ = [
     "USUAL_LIMIT_PX",
@@ -39,26 +39,26 @@ _STILL_PX_S = 1e-12
 class MotionCase:
     """One lens, one exposure, one kind of motion."""
 
-    pixel_pitch_um: float = field(metadata=meaning("Pixel pitch [um]."))
-    focal_length_mm: float = field(metadata=meaning("Focal length [mm]."))
-    exposure_time_s: float = field(metadata=meaning("Exposure time [s]."))
+    pixel_pitch_um: float = field(metadata=about("Pixel pitch [um]."))
+    focal_length_mm: float = field(metadata=about("Focal length [mm]."))
+    exposure_time_s: float = field(metadata=about("Exposure time [s]."))
     distance_m: float = field(
-        metadata=meaning(
+        metadata=about(
             "Distance along the line of sight [m]: the height above ground of a camera that looks straight "
             "down."
         )
     )
     rotation_rate_deg_s: float | None = field(
         default=None,
-        metadata=meaning(
+        metadata=about(
             "Rotation rate about an axis across the line of sight [deg/s]; None if rotation is not "
             "considered."
         ),
     )
     ground_speed_m_s: float | None = field(
-        default=None, metadata=meaning("Speed across the line of sight [m/s]; None if it is not considered.")
+        default=None, metadata=about("Speed across the line of sight [m/s]; None if it is not considered.")
     )
-    limit_px: float = field(default=USUAL_LIMIT_PX, metadata=meaning("Limit of the theoretical motion [px]."))
+    limit_px: float = field(default=USUAL_LIMIT_PX, metadata=about("Limit of the theoretical motion [px]."))
 
     def __post_init__(self) -> None:
         """Check what every caller must have checked at its interface."""
@@ -75,24 +75,24 @@ class MotionCase:
 class Motion:
     """Image motion of a case; None for what was not asked, or does not exist."""
 
-    gsd_m: float = field(metadata=meaning("Ground sampling distance [m]."))
-    rotation_angle_deg: float | None = field(metadata=meaning("Rotation during the exposure [deg]."))
+    gsd_m: float = field(metadata=about("Ground sampling distance [m]."))
+    rotation_angle_deg: float | None = field(metadata=about("Rotation during the exposure [deg]."))
     rotation_ground_m: float | None = field(
-        metadata=meaning("Movement of the line of sight at the distance [m].")
+        metadata=about("Movement of the line of sight at the distance [m].")
     )
-    rotation_blur_px: float | None = field(metadata=meaning("Theoretical motion from rotation alone [px]."))
-    forward_blur_px: float | None = field(metadata=meaning("Theoretical motion from speed alone [px]."))
+    rotation_blur_px: float | None = field(metadata=about("Theoretical motion from rotation alone [px]."))
+    forward_blur_px: float | None = field(metadata=about("Theoretical motion from speed alone [px]."))
     theoretical_blur_px: float | None = field(
-        metadata=meaning("Rotation and speed together, in the worst direction [px].")
+        metadata=about("Rotation and speed together, in the worst direction [px].")
     )
-    practical_blur_px: float | None = field(metadata=meaning("Half of the theoretical blur [px]."))
+    practical_blur_px: float | None = field(metadata=about("Half of the theoretical blur [px]."))
     tolerable_rate_deg_s: float = field(
-        metadata=meaning(
+        metadata=about(
             "Rotation rate at which rotation alone reaches `limit_px` of THEORETICAL motion [deg/s]."
         )
     )
     longest_exposure_s: float | None = field(
-        metadata=meaning(
+        metadata=about(
             "Exposure time at which the theoretical motion reaches `limit_px` [s]; None if nothing moves."
         )
     )
@@ -193,11 +193,11 @@ class Attitude:
 class Turn:
     """Rotation of the body from one record to the next, about its own axes: forward, right, down."""
 
-    start_s: float = field(metadata=meaning("Times of the two records on the camera's clock [s]."))
-    end_s: float = field(metadata=meaning("Times of the two records on the camera's clock [s]."))
-    roll_rate_deg_s: float = field(metadata=meaning("Mean rotation rates about the three axes [deg/s]."))
-    pitch_rate_deg_s: float = field(metadata=meaning("Mean rotation rates about the three axes [deg/s]."))
-    yaw_rate_deg_s: float = field(metadata=meaning("Mean rotation rates about the three axes [deg/s]."))
+    start_s: float = field(metadata=about("Times of the two records on the camera's clock [s]."))
+    end_s: float = field(metadata=about("Times of the two records on the camera's clock [s]."))
+    roll_rate_deg_s: float = field(metadata=about("Mean rotation rates about the three axes [deg/s]."))
+    pitch_rate_deg_s: float = field(metadata=about("Mean rotation rates about the three axes [deg/s]."))
+    yaw_rate_deg_s: float = field(metadata=about("Mean rotation rates about the three axes [deg/s]."))
 
     @property
     def tilt_rate_deg_s(self) -> float:
@@ -226,16 +226,16 @@ class Optics:
 class FrameBlur:
     """Theoretical motion of one frame from rotation alone."""
 
-    turn: Turn = field(metadata=meaning("Rotation that was used."))
+    turn: Turn = field(metadata=about("Rotation that was used."))
     basis: Basis = field(
-        metadata=meaning(
+        metadata=about(
             '"during" if the records enclose the exposure, "nearest" for the two nearest to it, "largest" '
             "for the fastest two if its time is not known."
         )
     )
-    centre_blur_px: float = field(metadata=meaning("Motion from the rotation of the line of sight [px]."))
+    centre_blur_px: float = field(metadata=about("Motion from the rotation of the line of sight [px]."))
     corner_blur_px: float = field(
-        metadata=meaning("Theoretical motion with the yaw, in the worst corner [px].")
+        metadata=about("Theoretical motion with the yaw, in the worst corner [px].")
     )
 
 

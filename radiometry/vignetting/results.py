@@ -9,7 +9,7 @@ from radiometry.fitting.evidence import BudgetEntry, Exclusion
 from radiometry.frame.packing import Packed
 from radiometry.specification.certificate import Budget, KeyFigure, choose_channel
 from radiometry.specification.parameters import check_parameters, parameter
-from radiometry.specification.stored import meaning
+from radiometry.specification.stored import about
 
 FLAT, DARK = "flat", "dark"
 
@@ -62,21 +62,21 @@ class Coefficient:
     channel: str
     height_px: int
     width_px: int
-    radius_px: float = field(metadata=meaning("Half of the diagonal of the frame [px]."))
-    centre_row_px: float = field(metadata=meaning("Row and column of the centre [px]."))
-    centre_col_px: float = field(metadata=meaning("Row and column of the centre [px]."))
-    k1: float = field(metadata=meaning("Coefficients of the curve."))
-    k2: float = field(metadata=meaning("Coefficients of the curve."))
-    k3: float = field(metadata=meaning("Coefficients of the curve."))
+    radius_px: float = field(metadata=about("Half of the diagonal of the frame [px]."))
+    centre_row_px: float = field(metadata=about("Row and column of the centre [px]."))
+    centre_col_px: float = field(metadata=about("Row and column of the centre [px]."))
+    k1: float = field(metadata=about("Coefficients of the curve."))
+    k2: float = field(metadata=about("Coefficients of the curve."))
+    k3: float = field(metadata=about("Coefficients of the curve."))
     covariance: tuple[tuple[float, ...], ...] = field(
-        metadata=meaning("Covariance of k1, k2, k3, centre row, centre column.")
+        metadata=about("Covariance of k1, k2, k3, centre row, centre column.")
     )
     model_u_rel: float = field(
-        metadata=meaning(
+        metadata=about(
             "Relative departure of the flat from the curve beyond noise; alike at neighbouring places."
         )
     )
-    corner_falloff: float = field(metadata=meaning("1 - V at the corner farthest from the centre."))
+    corner_falloff: float = field(metadata=about("1 - V at the corner farthest from the centre."))
     corner_falloff_standard_uncertainty: float
 
     @property
@@ -96,7 +96,7 @@ class Spot:
 
     row_px: float
     col_px: float
-    depth_rel: float = field(metadata=meaning("Difference, as a fraction of the fitted light."))
+    depth_rel: float = field(metadata=about("Difference, as a fraction of the fitted light."))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,45 +112,45 @@ class CornerVariance:
 class ChannelFit:
     """Results of one f-number and channel."""
 
-    coefficient: Coefficient = field(metadata=meaning("Falloff."))
-    frames: int = field(metadata=meaning("Number of flat frames."))
-    chi_squared: float = field(metadata=meaning("Weighted sum of squared residuals."))
-    dof: int = field(metadata=meaning("Degrees of freedom."))
+    coefficient: Coefficient = field(metadata=about("Falloff."))
+    frames: int = field(metadata=about("Number of flat frames."))
+    chi_squared: float = field(metadata=about("Weighted sum of squared residuals."))
+    dof: int = field(metadata=about("Degrees of freedom."))
     birge_ratio: float
     residual_rms_rel: float = field(
-        metadata=meaning("Rms residual of the blocks that count, relative to the fitted light.")
+        metadata=about("Rms residual of the blocks that count, relative to the fitted light.")
     )
-    mean_corner_falloff: float = field(metadata=meaning("Mean falloff over the four corners."))
-    largest_falloff: float = field(metadata=meaning("Largest falloff anywhere in the frame."))
+    mean_corner_falloff: float = field(metadata=about("Mean falloff over the four corners."))
+    largest_falloff: float = field(metadata=about("Largest falloff anywhere in the frame."))
     gradient_rel: float = field(
-        metadata=meaning("Gradient of the light across the frame, largest less smallest.")
+        metadata=about("Gradient of the light across the frame, largest less smallest.")
     )
     gradient_standard_uncertainty_rel: float
     gradient_fitted: bool = field(
-        metadata=meaning(
+        metadata=about(
             "True if the coefficients are those of the fit with the gradient; versions from before it was "
             "always kept may have dropped it."
         )
     )
-    centre_held: bool = field(metadata=meaning("True if the flats do not determine the centre."))
+    centre_held: bool = field(metadata=about("True if the flats do not determine the centre."))
     residuals: Packed = field(
-        metadata=meaning("(light - fitted) / fitted, (row, col) of blocks; NaN where a block did not count.")
+        metadata=about("(light - fitted) / fitted, (row, col) of blocks; NaN where a block did not count.")
     )
-    block_px: int = field(metadata=meaning("Side of a block [px]."))
+    block_px: int = field(metadata=about("Side of a block [px]."))
     dark_u_rel: float = field(
         default=0.0,
-        metadata=meaning(
+        metadata=about(
             "Standard uncertainty of the dark level over the light at the centre. The covariance of k "
             "includes it, but not in versions from before it was evaluated."
         ),
     )
     corner_variances: tuple[CornerVariance, ...] = field(
         default=(),
-        metadata=meaning("Budget of the corner falloff; empty in versions from before it was kept."),
+        metadata=about("Budget of the corner falloff; empty in versions from before it was kept."),
     )
     effective_dof: dict[str, float] = field(
         default_factory=dict,
-        metadata=meaning(
+        metadata=about(
             "Effective degrees of freedom of the uncertainties, by coefficient, at most 1e6; empty in "
             "versions from before they were evaluated."
         ),
@@ -161,14 +161,14 @@ class ChannelFit:
 class Threshold:
     """F-number from which on the falloff, the largest anywhere and in any channel, is below a limit."""
 
-    falloff: float = field(metadata=meaning("Limit."))
+    falloff: float = field(metadata=about("Limit."))
     lowest_f_number: float | None = field(
-        metadata=meaning("Lowest f-number that is below; None if there is none.")
+        metadata=about("Lowest f-number that is below; None if there is none.")
     )
     from_f_number: float | None = field(
-        metadata=meaning("Lowest f-number from which on all are below; None if there is none.")
+        metadata=about("Lowest f-number from which on all are below; None if there is none.")
     )
-    is_sure: bool = field(metadata=meaning("True if twice the uncertainty changes neither."))
+    is_sure: bool = field(metadata=about("True if twice the uncertainty changes neither."))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,22 +178,20 @@ class Point:
     frame: str
     role: str
     f_number: float | None
-    used: bool = field(metadata=meaning("True if the fit used it."))
-    left_out: str = field(metadata=meaning('"" for one that was used, else the reason.'))
+    used: bool = field(metadata=about("True if the fit used it."))
+    left_out: str = field(metadata=about('"" for one that was used, else the reason.'))
     saturated_share: float | None = field(
-        default=None, metadata=meaning("Fraction of clipped pixels of the most clipped channel.")
+        default=None, metadata=about("Fraction of clipped pixels of the most clipped channel.")
     )
     signal_share: float | None = field(
         default=None,
-        metadata=meaning(
-            "Median light of the weakest channel, as a fraction of its span from black to white."
-        ),
+        metadata=about("Median light of the weakest channel, as a fraction of its span from black to white."),
     )
     gradient_rel: float | None = field(
-        default=None, metadata=meaning("Gradient of the light in the strongest channel.")
+        default=None, metadata=about("Gradient of the light in the strongest channel.")
     )
     gradient_standard_uncertainty_rel: float | None = None
-    spots: tuple[Spot, ...] = field(default=(), metadata=meaning("Spots, left out of the fit."))
+    spots: tuple[Spot, ...] = field(default=(), metadata=about("Spots, left out of the fit."))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -202,14 +200,14 @@ class Fit:
 
     height_px: int
     width_px: int
-    cfa: str = field(metadata=meaning('Pattern of the frames, "grey" or "rgb".'))
-    channel_fits: tuple[ChannelFit, ...] = field(metadata=meaning("Results of each f-number and channel."))
+    cfa: str = field(metadata=about('Pattern of the frames, "grey" or "rgb".'))
+    channel_fits: tuple[ChannelFit, ...] = field(metadata=about("Results of each f-number and channel."))
     thresholds: tuple[Threshold, ...] = field(
-        metadata=meaning("F-numbers from which on the falloff is below a limit.")
+        metadata=about("F-numbers from which on the falloff is below a limit.")
     )
     points: tuple[Point, ...]
     flags: tuple[Raised, ...]
-    conventions: Conventions = field(default=Conventions(), metadata=meaning("Conventions of the numbers."))
+    conventions: Conventions = field(default=Conventions(), metadata=about("Conventions of the numbers."))
 
     @property
     def coefficients(self) -> tuple[Coefficient, ...]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from radiometry.findings import Raised
 from radiometry.fitting.evidence import MOST_DOF, Quantity
 from radiometry.frame.opencv import cv2
-from radiometry.specification.stored import meaning
+from radiometry.specification.stored import about
 
 __all__ = ["describe_pose"]
 
@@ -20,50 +20,48 @@ __all__ = ["describe_pose"]
 class RelativePose:
     """Orientation of one camera against the reference: X_camera = R X_reference + t."""
 
-    camera: str = field(metadata=meaning("Serial number of the camera."))
-    rotation: tuple[float, ...] = field(metadata=meaning("Rodrigues vector of R [rad]."))
-    matrix: tuple[tuple[float, ...], ...] = field(metadata=meaning("R, (3, 3)."))
-    translation_m: tuple[float, ...] = field(metadata=meaning("t [m]."))
+    camera: str = field(metadata=about("Serial number of the camera."))
+    rotation: tuple[float, ...] = field(metadata=about("Rodrigues vector of R [rad]."))
+    matrix: tuple[tuple[float, ...], ...] = field(metadata=about("R, (3, 3)."))
+    translation_m: tuple[float, ...] = field(metadata=about("t [m]."))
     covariance: tuple[tuple[float, ...], ...] = field(
-        metadata=meaning(
+        metadata=about(
             "Covariance of rotation [rad] and translation [m], (6, 6), the cameras' own uncertainties "
             "included."
         )
     )
     orientation_covariance: tuple[tuple[float, ...], ...] = field(
-        metadata=meaning("The same for the cameras exactly as calibrated.")
+        metadata=about("The same for the cameras exactly as calibrated.")
     )
     yaw: Quantity = field(
-        metadata=meaning(
+        metadata=about(
             "Boresight angles: the camera's axes in the reference's frame are Ry(yaw) Rx(pitch) Rz(roll)."
         )
     )
     pitch: Quantity = field(
-        metadata=meaning(
+        metadata=about(
             "Boresight angles: the camera's axes in the reference's frame are Ry(yaw) Rx(pitch) Rz(roll)."
         )
     )
     roll: Quantity = field(
-        metadata=meaning(
+        metadata=about(
             "Boresight angles: the camera's axes in the reference's frame are Ry(yaw) Rx(pitch) Rz(roll)."
         )
     )
-    boresight: Quantity = field(metadata=meaning("Angle between the optical axes."))
+    boresight: Quantity = field(metadata=about("Angle between the optical axes."))
     x: Quantity = field(
-        metadata=meaning("Place of the camera's centre in the reference's frame, x right, y down, z forward.")
+        metadata=about("Place of the camera's centre in the reference's frame, x right, y down, z forward.")
     )
     y: Quantity = field(
-        metadata=meaning("Place of the camera's centre in the reference's frame, x right, y down, z forward.")
+        metadata=about("Place of the camera's centre in the reference's frame, x right, y down, z forward.")
     )
     z: Quantity = field(
-        metadata=meaning("Place of the camera's centre in the reference's frame, x right, y down, z forward.")
+        metadata=about("Place of the camera's centre in the reference's frame, x right, y down, z forward.")
     )
     effective_dof: dict[str, float] = field(
-        metadata=meaning("Effective degrees of freedom of each of the quantities above.")
+        metadata=about("Effective degrees of freedom of each of the quantities above.")
     )
-    triggers: int = field(
-        metadata=meaning("Number of triggers with a picture of this camera that were used.")
-    )
+    triggers: int = field(metadata=about("Number of triggers with a picture of this camera that were used."))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,18 +69,18 @@ class RigPoint:
     """One picture of the set."""
 
     camera: str = field(
-        metadata=meaning('Serial number of the camera, name of the frame, and trigger, "" if it has none.')
+        metadata=about('Serial number of the camera, name of the frame, and trigger, "" if it has none.')
     )
     frame: str = field(
-        metadata=meaning('Serial number of the camera, name of the frame, and trigger, "" if it has none.')
+        metadata=about('Serial number of the camera, name of the frame, and trigger, "" if it has none.')
     )
     trigger: str = field(
-        metadata=meaning('Serial number of the camera, name of the frame, and trigger, "" if it has none.')
+        metadata=about('Serial number of the camera, name of the frame, and trigger, "" if it has none.')
     )
-    used: bool = field(metadata=meaning("True if the orientation used it."))
-    left_out: str = field(metadata=meaning('"" for one that was used, else the reason.'))
+    used: bool = field(metadata=about("True if the orientation used it."))
+    left_out: str = field(metadata=about('"" for one that was used, else the reason.'))
     rms_px: float | None = field(
-        default=None, metadata=meaning("Rms distance of its corners from the model [px].")
+        default=None, metadata=about("Rms distance of its corners from the model [px].")
     )
 
 
@@ -90,31 +88,31 @@ class RigPoint:
 class RigFit:
     """Orientation of all cameras of a rig from one set of pictures."""
 
-    reference: str = field(metadata=meaning("Serial number of the reference camera."))
-    poses: tuple[RelativePose, ...] = field(metadata=meaning("Orientation of each other camera."))
+    reference: str = field(metadata=about("Serial number of the reference camera."))
+    poses: tuple[RelativePose, ...] = field(metadata=about("Orientation of each other camera."))
     corner_scatter_rel: float = field(
-        metadata=meaning(
+        metadata=about(
             "Scatter of the corners about poses that are free in each trigger, over that in the cameras' "
             "own calibrations."
         )
     )
     scatter_deg: float = field(
-        metadata=meaning("Scatter of the orientation from trigger to trigger beyond that of the corners.")
+        metadata=about("Scatter of the orientation from trigger to trigger beyond that of the corners.")
     )
     scatter_mm: float = field(
-        metadata=meaning("Scatter of the orientation from trigger to trigger beyond that of the corners.")
+        metadata=about("Scatter of the orientation from trigger to trigger beyond that of the corners.")
     )
     triggers: int = field(
-        metadata=meaning("Number of triggers and of corners that were used, and degrees of freedom.")
+        metadata=about("Number of triggers and of corners that were used, and degrees of freedom.")
     )
     corners: int = field(
-        metadata=meaning("Number of triggers and of corners that were used, and degrees of freedom.")
+        metadata=about("Number of triggers and of corners that were used, and degrees of freedom.")
     )
     degrees_of_freedom: int = field(
-        metadata=meaning("Number of triggers and of corners that were used, and degrees of freedom.")
+        metadata=about("Number of triggers and of corners that were used, and degrees of freedom.")
     )
-    points: tuple[RigPoint, ...] = field(metadata=meaning("Every picture."))
-    flags: tuple[Raised, ...] = field(metadata=meaning("Flags of the set."))
+    points: tuple[RigPoint, ...] = field(metadata=about("Every picture."))
+    flags: tuple[Raised, ...] = field(metadata=about("Flags of the set."))
 
 
 Matrix = NDArray[np.float64]
