@@ -12,9 +12,8 @@ from radiometry.drawing.figure import Axis, Figure, Mark, Series
 from radiometry.drawing.svg import Panel, Scale, document, span
 from radiometry.drawing.text import shorten
 
-__all__ = ["draw_sheet"]
-
 _BOTTOM_PX, _LINE_PX = 48, 22
+_WIDE_PX, _HIGH_PX = 290, 204  # what the axes of a printed figure enclose
 _MONTHS: Final = (1, 2, 3, 6, 12, 24, 60, 120, 240)
 _DAY_S, _HALF_HOUR_S = 86_400.0, 1800.0
 _LETTER_PX, _LEAST_LETTERS = 7, 8
@@ -75,16 +74,7 @@ class _Dates(Scale):
 def place_figure(
     figure: Figure, box: tuple[float, float, float, float], *, title: str = "", in_print: bool = False
 ) -> Panel:
-    """Return the panel of a figure."""
     (left, top, right, bottom), (xs, ys) = box, figure.find_limits(in_print=in_print)
-    if figure.is_to_scale:
-        # the shorter of two ranges is widened
-        middles = [(min(each) + max(each)) / 2.0 for each in (xs, ys)]
-        per_px = max((max(xs) - min(xs)) / (right - left), (max(ys) - min(ys)) / (bottom - top))
-        xs, ys = (
-            [middle - per_px * size / 2.0, middle + per_px * size / 2.0]
-            for middle, size in zip(middles, (right - left, bottom - top), strict=True)
-        )
     # names share the width, and none is wider than the axes
     most_x = max(_LEAST_LETTERS, int((right - left) / _LETTER_PX / max(1, len(figure.x.ticks or ()))))
     most_y = max(_LEAST_LETTERS, int(left / _LETTER_PX) - 1)
@@ -273,21 +263,11 @@ _COLUMNS: Final = 3
 _LEFT_PX, _GAP_PX, _RIGHT_PX, _TOP_PX, _BELOW_PX = 64, 82, 42, 44, 4
 
 
-def draw_sheet(
-    rows: Iterable[Iterable[tuple[str, Figure]]], label: str, *, panel_px: tuple[int, int] = (290, 204)
-) -> str:
-    """Draw figures with their titles as an SVG document.
+def draw_sheet(rows: Iterable[Iterable[tuple[str, Figure]]], label: str) -> str:
+    """Draw figures with their titles as an SVG document, with a text for screen readers.
 
-    Parameters
-    ----------
-    rows : iterable of iterable of (str, Figure)
-        What begins a row each; what does not fit beside it goes below.
-    label : str
-        Text for screen readers.
-    panel_px : (int, int), optional
-        Width and height of what the axes of a figure enclose.
+    What begins a row stands in ``rows`` each; what does not fit beside it goes below.
     """
-    wide, high = panel_px
     parts: list[str] = []
     columns, bottom = 1, 0.0
     for row in rows:
@@ -295,12 +275,12 @@ def draw_sheet(
         for first in range(0, len(figures), _COLUMNS):
             top, shown = bottom + _TOP_PX, figures[first : first + _COLUMNS]
             for column, (title, figure) in enumerate(shown):
-                left = _LEFT_PX + column * (wide + _GAP_PX)
-                box = (left, top, left + wide, top + high)
+                left = _LEFT_PX + column * (_WIDE_PX + _GAP_PX)
+                box = (left, top, left + _WIDE_PX, top + _HIGH_PX)
                 panel = place_figure(figure, box, title=title, in_print=True)
                 drawn, end = draw_figure(figure, panel, in_print=True)
                 parts += drawn
                 bottom = max(bottom, end + _BELOW_PX)
             columns = max(columns, len(shown))
-    width = _LEFT_PX + columns * wide + (columns - 1) * _GAP_PX + _RIGHT_PX
+    width = _LEFT_PX + columns * _WIDE_PX + (columns - 1) * _GAP_PX + _RIGHT_PX
     return document(parts, width_px=width, height_px=math.ceil(bottom), label=label, style=STYLE)

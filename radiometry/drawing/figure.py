@@ -78,7 +78,6 @@ class Figure:
     moments: tuple[float, ...] = ()  #: Short strokes at the foot of the axes, at an x
     moments_are: str = ""  #: What the moments are of
     cuts_left_out: bool = False  #: True if points that are left out may lie beyond the axes in print, too
-    is_to_scale: bool = False  #: True if a unit is as long in x as in y
 
     def find_limits(self, *, in_print: bool) -> tuple[list[float], list[float]]:
         """Return the values that lie within the limits of the axes: those of x and of y, all finite.

@@ -205,7 +205,6 @@ class Panel:
         )
 
     def write(self, x: float, y: float, text: str, css: str = "mid note") -> str:
-        """Return a text at a point."""
         return f'<text class="{css}" x="{self.x(x):.1f}" y="{self.y(y):.1f}">{escape(text)}</text>'
 
     def holds(self, x: float, y: float) -> bool:

@@ -185,7 +185,6 @@ class Factored:
         return np.asarray(values - self.groups.spread(((1.0 - np.sqrt(self.shrunk)) * sums.T).T), np.float64)
 
     def whiten(self, values: Matrix) -> Matrix:
-        """Return B^-1/2 values."""
         return self._shrink((self.root * values.T).T)
 
     def reduce(self, whitened: Matrix) -> tuple[Matrix, Matrix]:
@@ -198,11 +197,9 @@ class Factored:
         return np.asarray((self.root * self._shrink(whitened).T).T, np.float64)
 
     def project(self, values: Matrix) -> Matrix:
-        """Return P values."""
         return self.restore(self.reduce(self.whiten(values))[0])
 
     def square(self, residual: Vector) -> float:
-        """Return residual' P residual."""
         upper, lower = self.reduce(self.whiten(residual))
         return float(upper @ upper + lower @ lower)
 
@@ -319,7 +316,6 @@ class Traces:
         return f.root * f.direction * np.sqrt(1.0 - f.shrunk)[f.labels], f.restore(f.upper)
 
     def _diagonal(self) -> Vector:
-        """Return the diagonal of P."""
         of_group, of_columns = self._low
         return np.asarray(self._factored.root**2 - of_group**2 - np.sum(of_columns**2, axis=1), np.float64)
 

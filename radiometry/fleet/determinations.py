@@ -144,7 +144,6 @@ class Effects:
     f_p_value: float | None
 
     def standard_errors(self, contrasts: Matrix) -> Vector:
-        """Compute the standard error of each contrast."""
         squares = np.einsum("ip,pq,iq->i", contrasts, self.unit_covariance, contrasts)
         errors: Vector = np.sqrt(np.clip(squares, 0.0, None) * self.within_variance)
         return errors

@@ -93,7 +93,6 @@ def judge_parameter(
     tolerance: float | Mapping[str, float],
     means: Mapping[str, float],
 ) -> ParameterVerdict:
-    """Judge one parameter from its determinations."""
     values = np.array([row.value for row in rows])
     grouping = group_cameras(rows)
     effects = fit_effects(values, grouping.labels) if len(grouping.unit_names) > 1 else None

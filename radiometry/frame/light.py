@@ -81,7 +81,6 @@ class SunshineIrradiance:
 
     @property
     def value(self) -> float:
-        """Irradiance in `unit`."""
         known = self.irradiance_w_m2_nm
         return (self.relative_irradiance or 0.0) if known is None else known
 

@@ -106,7 +106,6 @@ def compute_statistics(frame: Frame, inside: NDArray[np.bool_]) -> tuple[Channel
 
 
 def state_row(row: TableRow) -> ChannelStatistics:
-    """Return the statistics that a row of a table stands for."""
     return ChannelStatistics(
         channel=GREY,
         n=row.pixels,

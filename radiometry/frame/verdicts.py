@@ -80,7 +80,6 @@ def flag_not_dark(found: Mapping[str, Reason], where: str) -> list[Raised]:
 
 
 def name_not_dark(found: Mapping[str, Reason]) -> str:
-    """Name the dark frames that are not dark, with the reason of the first."""
     return f"{name_few('', found)}: {found[sort_naturally(found)[0]].detail}"
 
 

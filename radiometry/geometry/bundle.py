@@ -153,7 +153,6 @@ class Solution:
 
 
 def choose_free_parameters(*, fix_aspect_ratio: bool, radial_terms: int, tangential: bool) -> FreeParameters:
-    """Return which of the nine parameters are free."""
     free = [np.eye(len(PARAMETERS))[PARAMETERS.index(name)] for name in ("fx_px", "fy_px")]
     columns = [free[0] + free[1]] if fix_aspect_ratio else free
     names = ["cx_px", "cy_px", *(f"k{term}" for term in range(1, radial_terms + 1))]

@@ -62,7 +62,6 @@ class CameraModel:
 
     @property
     def parameters(self) -> NDArray[np.float64]:
-        """The parameters in the order of PARAMETERS."""
         return np.array([getattr(self, name) for name in PARAMETERS])
 
     @property

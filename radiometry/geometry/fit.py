@@ -250,7 +250,6 @@ def _check_mirror(fitted: FittedViews) -> list[Raised]:
 
 
 def check_solution(solution: Solution, coverage: Coverage) -> list[Raised]:
-    """Check the solution, and the coverage on which it rests."""
     flags = _check_coverage(coverage) + _check_tilts(solution) + _check_model(solution.camera)
     if solution.rms_px > LARGEST_RMS_PX:
         detail = f"Root mean square {solution.rms_px:.2f} px."

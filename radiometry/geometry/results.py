@@ -294,7 +294,6 @@ class Params:
     exclude: tuple[Exclusion, ...] = ()
 
     def __post_init__(self) -> None:
-        """Check every parameter against its range and choices."""
         check_parameters(self)
 
 

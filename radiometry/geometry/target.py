@@ -53,7 +53,6 @@ class Target:
     )
 
     def __post_init__(self) -> None:
-        """Check for values that no board can have; the messages are for the person who entered them."""
         if not (min(self.columns, self.rows) >= 3 and max(self.columns, self.rows) <= _MOST_PER_SIDE):
             raise ValueError(f"columns and rows of a board lie between 3 and {_MOST_PER_SIDE}")
         if not 0.0 < self.square_size_mm <= _LARGEST_MM:

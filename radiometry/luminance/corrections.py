@@ -189,7 +189,6 @@ def correct_focus(field: FieldConditions, coefficient: Coefficient) -> FieldCorr
 
 
 def _lose(distance_m: float, focal_length_mm: float) -> float:
-    """Compute (1 + m)^2; a distance within two focal lengths counts as 1:1."""
     focal_m = focal_length_mm / 1e3
     return (1.0 + focal_m / max(distance_m - focal_m, focal_m)) ** 2
 
@@ -251,7 +250,6 @@ def _name(lamp: str) -> str:
 
 
 def is_same(lamp: str, light: str) -> bool:
-    """Return True if two lamps are the same table, or of the same name."""
     if is_table(lamp) or is_table(light):
         return lamp.strip() == light.strip()
     return _name(lamp) == _name(light)

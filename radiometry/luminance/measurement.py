@@ -152,7 +152,6 @@ def _find_part(request: Request, *, height_px: int, width_px: int) -> Window:
 
 
 def _crop(frame: Frame, part: Window) -> Frame:
-    """Return a part of a window of a frame."""
     rows = slice(part.row0 - frame.row0, part.row0 - frame.row0 + part.height)
     cols = slice(part.col0 - frame.col0, part.col0 - frame.col0 + part.width)
     return replace(frame, samples_dn=frame.samples_dn[rows, cols], row0=part.row0, col0=part.col0)

@@ -229,7 +229,6 @@ def check_series(series: IsoSeries, rows: Sequence[FrameRow], params: Params) ->
 
 
 def check_iso_fit(series: IsoSeries, iso_fit: IsoFit, params: Params) -> list[Raised]:
-    """Check the result of the fit."""
     where = f"iso {series.iso:g}"
     by_model = {fit.model: fit for fit in iso_fit.models}
     flags: list[Raised] = []

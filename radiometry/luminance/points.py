@@ -341,7 +341,6 @@ def is_saturated(signal: Signal) -> bool:
 
 
 def signal_error_dn(signal: Signal, dark: Dark) -> float:
-    """Compute the standard error of a signal above dark."""
     return math.hypot(signal.standard_uncertainty_dn, dark.standard_uncertainty_dn)
 
 

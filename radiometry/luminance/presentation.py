@@ -72,7 +72,6 @@ def _find_semilog(fit: Node) -> Node | None:
 def _sample(
     model: Node | None, points: Sequence[Node], *, log_x: bool, log_y: bool
 ) -> tuple[tuple[float, float], ...]:
-    """Return the model where there are points."""
     if not points or model is None:
         return ()
     rhs = [p["rhs"] for p in points]

@@ -253,7 +253,6 @@ class FrameRow(Keeping):
         return self.keep(channel, None, lambda: measure_signal(self.statistics or (), channel=channel))
 
     def settings_on(self, basis: str) -> Settings:
-        """Return the settings on a basis, as `Exposure.on_basis`."""
         return self.keep("settings", basis, self.exposure.on_basis, basis)
 
 

@@ -343,7 +343,6 @@ class CalibratedCamera:
     corrections: tuple[FieldCorrection, ...]
 
     def convert_signal(self, signal: Signal, share: LensShare | None) -> AppliedLuminance:
-        """Return the luminance of a signal, corrected."""
         applied = apply_to_signal(signal, exposure=self.exposure, coefficient=self.coefficient, share=share)
         return apply_corrections(applied, self.corrections)
 
@@ -402,7 +401,6 @@ def _require_green(statistics: tuple[ChannelStatistics, ...], frame: Frame) -> N
 
 
 def add_up(effects: Sequence[Effect], *, shared: bool | None = None, source: str | None = None) -> float:
-    """Add up the effects that are shared or not, or of one source."""
     return math.hypot(
         *(e.effect_cd_m2 for e in effects if shared in {None, e.shared} and source in {None, e.source})
     )

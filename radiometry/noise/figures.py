@@ -186,7 +186,6 @@ def measure_dark_noise(stack: Stack) -> DarkNoise:
 
 
 def find_read_noise_dn(dark: DarkNoise) -> Quantity:
-    """Return the read noise [DN], which needs no gain."""
     variance = np.array([dark.variance_dn2])
     return propagate(dark.read_noise_dn, variance, np.array([[dark.variance_u_dn2**2]]), unit="DN")[0]
 

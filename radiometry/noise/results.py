@@ -77,7 +77,6 @@ def extract_features(frame: Frame, regions: Sequence[Region], *, header: FrameHe
 
 
 def _join_cells(inside: NDArray[np.bool_], step: int) -> NDArray[np.bool_]:
-    """Return, for every cell of step x step pixels, True if all of them are inside."""
     rows, cols = inside.shape[0] // step, inside.shape[1] // step
     cut = inside[: rows * step, : cols * step].reshape(rows, step, cols, step)
     return np.asarray(cut.all(axis=(1, 3)), np.bool_)
@@ -161,7 +160,6 @@ class Params:
     exclude: tuple[Exclusion, ...] = ()
 
     def __post_init__(self) -> None:
-        """Check every parameter against its range and choices."""
         check_parameters(self)
 
 

@@ -14,7 +14,6 @@ from radiometry.specification.roles import Gap
 
 
 def judge(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], params: Params) -> dict[str, Verdict]:
-    """Return the verdict on each frame of a campaign."""
     reasons = inspect_frames([assume_whole_frame(frame) for frame in frames])
     found: dict[str, dict[Finding, Reason]] = {}
     for stacks in collect_stacks(rows, params).values():

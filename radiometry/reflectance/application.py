@@ -121,7 +121,6 @@ def choose_angle(coefficients: Sequence[Coefficient], *, band: str, stated: floa
 
 
 def choose_coefficient(coefficients: Sequence[Coefficient], *, band: str) -> Coefficient:
-    """Return the coefficient of a band."""
     for coefficient in coefficients:
         if coefficient.band == band:
             return coefficient

@@ -119,7 +119,6 @@ def _find_missing_bands(candidates: Sequence[Candidate]) -> list[Raised]:
 
 
 def check_fit(fit: BandFit, used: Sequence[Candidate]) -> list[Raised]:
-    """Check the result of one band."""
     where = f"band {fit.coefficient.band}"
     steepest = max(each.features.gradient_rel for each in used)
     raised = []
@@ -166,7 +165,6 @@ def _foresee(fit: BandFit) -> str:
 def judge(
     frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params
 ) -> dict[str, Verdict]:
-    """Judge each frame of a campaign."""
     reasons = inspect_frames(frames)
     for each in collect_candidates(rows, readings, replace(params, normalisation="panel_only", exclude=())):
         if each.row.features is not None:

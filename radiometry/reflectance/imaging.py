@@ -256,14 +256,12 @@ def inspect_band(header: FrameHeader, settings: Settings) -> None:
 
 
 def find_black_dn(band: Multispectral, levels_dn: Sequence[float]) -> float:
-    """Return the black level of a band."""
     if band.sensor_model is not None:
         return band.sensor_model.b
     return sum(levels_dn) / len(levels_dn) if band.black_dn is None else band.black_dn
 
 
 def signal_unit(band: Multispectral) -> str:
-    """Return the unit of a band's signal."""
     if isinstance(band.response, SensorModel):
         return SEQUOIA_UNIT
     return RADIANCE_UNIT if isinstance(band.response, RadianceModel) else DJI_UNIT

@@ -233,7 +233,6 @@ def _list_uncertainties(
 
 
 def _degrees_per_metre(latitude_deg: float) -> Plane:
-    """Return degrees of latitude and of longitude per metre."""
     square = 1.0 - _WGS84_E2 * math.sin(math.radians(latitude_deg)) ** 2
     normal_m = _WGS84_M / math.sqrt(square)
     meridian_m = normal_m * (1.0 - _WGS84_E2) / square

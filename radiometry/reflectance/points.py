@@ -189,7 +189,6 @@ class Candidate:
 
     @property
     def features(self) -> Features:
-        """Features of the row, which a candidate has."""
         if self.row.features is None:
             raise ValueError(f"{self.row.frame} has no features")
         return self.row.features

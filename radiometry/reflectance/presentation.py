@@ -186,7 +186,6 @@ class BudgetLine(BudgetEntry):
 
 
 def list_budgets(fitted: Fit) -> tuple[Budget, ...]:
-    """Return the budget of each band."""
     return tuple(
         Budget(
             holds_for={"band": fit.coefficient.band},

@@ -222,7 +222,6 @@ def read_clock_s(header: FrameHeader) -> float | None:
 
 
 def locate_sun_of(header: FrameHeader) -> SunPosition | None:
-    """Return the position of the sun over a frame."""
     at, band = read_clock(replace(header, taken_at=header.zoned_at)), header.multispectral
     if at is not None and (not has_set_clock(at) or _lacks_zone(header)):
         at = None

@@ -124,7 +124,6 @@ def name_second(index: int) -> int:
 
 
 def has_stopped(count: int, time_s: float) -> bool:
-    """Return True if a counter has stopped."""
     return count >= SATURATED_COUNT or (count == SHORT_SATURATED_COUNT and time_s <= SHORT_TIME_S)
 
 

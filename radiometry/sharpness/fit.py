@@ -215,7 +215,6 @@ def name_position(position: PositionFit) -> str:
 
 
 def check_positions(positions: Sequence[PositionFit]) -> list[Raised]:
-    """Check the results."""
     raised: list[Raised] = []
     for each in positions:
         where = name_position(each)

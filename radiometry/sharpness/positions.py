@@ -127,7 +127,6 @@ class Candidate:
 
     @property
     def kind(self) -> str:
-        """Kind of the target."""
         return self.features.kind
 
     @property

@@ -166,7 +166,6 @@ class Target:
     )
 
     def __post_init__(self) -> None:
-        """Check for values that no target can have; the messages are for the person who entered them."""
         if self.kind not in get_args(Kind):
             raise ValueError(f"kind must be one of {', '.join(get_args(Kind))}")
         if self.tone_curve not in get_args(ToneCurve):
@@ -205,7 +204,6 @@ class Params:
     exclude: tuple[Exclusion, ...] = ()
 
     def __post_init__(self) -> None:
-        """Check every parameter against its range and choices."""
         check_parameters(self)
 
 
@@ -272,7 +270,6 @@ class PositionFit:
     directions: tuple[Direction, ...] = field(metadata=about("Resolving power of each sector."))
 
     def find(self, name: str) -> Coefficient | None:
-        """Return a coefficient by its name."""
         return next((each for each in self.coefficients if each.name == name), None)
 
 

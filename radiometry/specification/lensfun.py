@@ -36,7 +36,6 @@ class LensfunNames:
     widest_f_number: float | None = None
 
     def __post_init__(self) -> None:
-        """Check for values that the schema would refuse."""
         widest = 1.0 if self.widest_f_number is None else self.widest_f_number
         sizes = (self.focal_length_mm, self.sensor_width_mm, self.sensor_height_mm)
         numbers = (*sizes, self.distance_m, widest)

@@ -266,5 +266,4 @@ class MethodSpec:
 
     @cached_property
     def applied_role_names(self) -> frozenset[str]:
-        """Names of the roles of frames that the coefficients are only applied to."""
         return frozenset(role.name for role in self.applied_roles)

@@ -26,7 +26,6 @@ class View:
     azimuth_deg: float = 0.0  #: Direction of the tilt, clockwise from y of the footprint [deg]
 
     def __post_init__(self) -> None:
-        """Check what every caller must have checked at its interface."""
         lengths = (self.height_m, self.focal_length_mm, self.sensor_width_mm, self.sensor_height_mm)
         if not (
             all(math.isfinite(each) and each > 0.0 for each in (*lengths, self.pixel_pitch_um))

@@ -61,7 +61,6 @@ class MotionCase:
     limit_px: float = field(default=USUAL_LIMIT_PX, metadata=about("Limit of the theoretical motion [px]."))
 
     def __post_init__(self) -> None:
-        """Check what every caller must have checked at its interface."""
         positive = (self.pixel_pitch_um, self.focal_length_mm, self.exposure_time_s, self.distance_m)
         rates = (self.rotation_rate_deg_s or 0.0, self.ground_speed_m_s or 0.0)
         if not (
@@ -172,7 +171,6 @@ def tolerable_rate_deg_s(case: MotionCase, exposure_time_s: float) -> float:
 
 
 def _pixel_angle(case: MotionCase) -> float:
-    """Return the angle of one pixel [rad]."""
     return case.pixel_pitch_um * 1e-3 / case.focal_length_mm
 
 

@@ -188,7 +188,6 @@ class Solution:
 
     @property
     def k(self) -> tuple[float, float, float]:
-        """Coefficients k1, k2, k3."""
         k1, k2, k3 = self.parameters[1:4].tolist()
         return k1, k2, k3
 
@@ -206,7 +205,6 @@ class Solution:
 
     @property
     def gradient_covariance(self) -> Matrix:
-        """Covariance of the gradient."""
         return self.find_covariance()[LIGHT, LIGHT]
 
     @property
@@ -220,7 +218,6 @@ class Solution:
         return is_apart(self.parameters[LIGHT], self.gradient_covariance)
 
     def find_covariance(self, *, known: int = 0) -> Matrix:
-        """Compute the covariance of all parameters."""
         free = 8 - known
         covariance = np.zeros((8, 8))
         covariance[:free, :free] = np.linalg.inv(self.information[:free, :free])
@@ -349,7 +346,6 @@ class _Model:
         return np.array([scaled[0], *(scaled[1:] / scaled[0]), *known])
 
     def evaluate(self, p: Matrix) -> Plane:
-        """Return the model per block."""
         means, _, _ = self._radial(p)
         return np.asarray(p[0] * (1.0 + np.tensordot(p[1:4], means, 1)) * self._tilt(p))
 

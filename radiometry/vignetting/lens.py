@@ -34,7 +34,6 @@ class Share:
 
     @property
     def gain(self) -> Matrix:
-        """1 / V."""
         return np.asarray(1.0 / self.share)
 
 
@@ -65,7 +64,6 @@ def evaluate(
 def bracket(
     coefficients: Sequence[Coefficient], *, channel: str, f_number: float
 ) -> tuple[tuple[Coefficient, float], ...]:
-    """Return the coefficients next to an f-number with their weights."""
     own = sorted((each for each in coefficients if each.channel == channel), key=lambda each: each.f_number)
     if not own:
         known = ", ".join(dict.fromkeys(each.channel for each in coefficients)) or "none"
@@ -159,7 +157,6 @@ class LensShare:
 
     @property
     def quantity(self) -> Quantity:
-        """The share as it is reported."""
         return Quantity(value=self.value, standard_uncertainty=self.standard_uncertainty, unit="1")
 
 
@@ -361,7 +358,6 @@ def _fit_even_powers(squared: Vector, wanted: Vector) -> tuple[tuple[float, ...]
 
 
 def find_fit(fits: Sequence[ChannelFit], *, f_number: float, channel: str) -> ChannelFit:
-    """Return the fit of one f-number and channel."""
     for fit in fits:
         if (fit.coefficient.f_number, fit.coefficient.channel) == (f_number, channel):
             return fit

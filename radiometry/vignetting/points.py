@@ -206,7 +206,6 @@ def _list_spots(solution: Solution, spots: NDArray[np.bool_], blocks: Blocks) ->
 
 
 def flag_frame(frame: str, quality: Quality) -> list[Raised]:
-    """Return the flags of a frame."""
     where = f"frame {frame}"
     if quality.left_out:
         return [codes.FLAT_LEFT_OUT.at(where, f"{_sentence(quality.left_out)}.")]

@@ -32,7 +32,6 @@ class Params:
     exclude: tuple[Exclusion, ...] = ()
 
     def __post_init__(self) -> None:
-        """Check every parameter against its range."""
         check_parameters(self)
 
 

@@ -23,7 +23,6 @@ from radiometry.vignetting.results import DARK, Params
 
 
 def judge(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], params: Params) -> dict[str, Verdict]:
-    """Return the verdict on each frame of a campaign."""
     reasons = inspect_frames([assume_whole_frame(frame) for frame in frames])
     for candidate in collect_candidates(rows, params):
         if candidate.quality is not None:

@@ -1,13 +1,12 @@
 """The calculators: nothing is stored, the same question always has the same answer."""
 
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import Callable, Coroutine
 from functools import partial
 from typing import Annotated, Any, TypeVar
 
 from fastapi import Depends, Query, Request, Response
 from pydantic import Field, TypeAdapter
 
-from radiometry.drawing.figure import Figure
 from radiometry.tools.coverage import compute_coverage
 from radiometry.tools.exponents import fit_exponents
 from radiometry.tools.motion import compute_motion
@@ -22,11 +21,8 @@ from service.schemas.tools.exposure import ExposureAnswer, ExposureTable, NewExp
 from service.schemas.tools.motion import MotionAnswer, MotionsAnswer, NewMotion
 from service.schemas.tools.settings import MOST_CASES
 from service.sheets import Kind, is_table, read_sheet, read_sheet_or_document, refuse_columns
-from service.tool_plots import draw_tool, plot_exponents, plot_footprints, plot_motion
 
 F = TypeVar("F", bound=Form)
-
-_SVG = "image/svg+xml"
 
 
 def _take_key(_idempotency_key: IdempotencyKey = None) -> None:
@@ -97,10 +93,6 @@ def _body_of_series() -> dict[str, Any]:
     return {"requestBody": {"required": True, "content": content}}
 
 
-def _sends_drawing() -> dict[int | str, dict[str, Any]]:
-    return {200: {"content": {_SVG: {"schema": {"type": "string", "format": "binary"}}}}, **problems()}
-
-
 Motions = Annotated[list[NewMotion] | NewMotion, Depends(_read_one_or_many(NewMotion))]
 Exposures = Annotated[NewExposureSeries, Depends(_read_exposures)]
 Coverages = Annotated[list[NewCoverage] | NewCoverage, Depends(_read_one_or_many(NewCoverage))]
@@ -125,18 +117,6 @@ def compute_image_motion(body: Motions, _caller: Reader) -> Response:
 
 
 @router.post(
-    "/tools/motion.svg",
-    response_class=Response,
-    responses=_sends_drawing(),
-    dependencies=stateless,
-    openapi_extra=_body_of(NewMotion),
-)
-def draw_image_motion(body: Motions, _caller: Reader) -> Response:
-    """Tolerable rotation against exposure time, and the blur, each case a line."""
-    return _send(_list_motions(body), "Image motion")
-
-
-@router.post(
     "/tools/coverage",
     response_model=CoverageAnswer | CoveragesAnswer,
     responses=problems(),
@@ -154,18 +134,6 @@ def compute_ground_coverage(body: Coverages, _caller: Reader) -> Response:
 
 
 @router.post(
-    "/tools/coverage.svg",
-    response_class=Response,
-    responses=_sends_drawing(),
-    dependencies=stateless,
-    openapi_extra=_body_of(NewCoverage),
-)
-def draw_ground_coverage(body: Coverages, _caller: Reader) -> Response:
-    """The footprints from above, each camera in its colour."""
-    return _send(_list_footprints(body), "Ground coverage")
-
-
-@router.post(
     "/tools/exposure",
     response_model=ExposureAnswer,
     responses=problems(),
@@ -180,50 +148,6 @@ def fit_exposure_exponents(body: Exposures, _caller: Reader) -> Response:
     """
     fit = fit_exponents(body.series(), dark_dn=body.dark_dn, white_level_dn=body.white_level_dn)
     return ExposureAnswer.restate(fit).respond()
-
-
-@router.post(
-    "/tools/exposure.svg",
-    response_class=Response,
-    responses=_sends_drawing(),
-    dependencies=stateless,
-    openapi_extra=_body_of_series(),
-)
-def draw_exposure_exponents(body: Exposures, _caller: Reader) -> Response:
-    """Signal above dark against each setting that varies, the others brought to their medians."""
-    return _send(_list_exponents(body), "Exposure series")
-
-
-def _send(figures: Sequence[Figure], label: str) -> Response:
-    return Response(draw_tool(figures, label), media_type=_SVG)
-
-
-def _list_motions(body: list[NewMotion] | NewMotion) -> list[Figure]:
-    forms = body if isinstance(body, list) else [body]
-    return plot_motion([(form.name or f"case {n}", form.case()) for n, form in enumerate(forms, start=1)])
-
-
-def _list_footprints(body: list[NewCoverage] | NewCoverage) -> list[Figure]:
-    forms = body if isinstance(body, list) else [body]
-    views = [
-        (form.name or f"camera {n}", compute_coverage(form.view())) for n, form in enumerate(forms, start=1)
-    ]
-    return [plot_footprints(views)]
-
-
-def _list_exponents(body: NewExposureSeries) -> list[Figure]:
-    rows = body.series()
-    fit = fit_exponents(rows, dark_dn=body.dark_dn, white_level_dn=body.white_level_dn)
-    return list(plot_exponents(rows, fit, dark_dn=body.dark_dn))
-
-
-async def read_tool_figures(tool: str, request: Request, table: ExposureTable) -> list[Figure]:
-    """Return what a calculator draws for a request of its page."""
-    if tool == "motion":
-        return _list_motions(await _read_one_or_many(NewMotion)(request))
-    if tool == "coverage":
-        return _list_footprints(await _read_one_or_many(NewCoverage)(request))
-    return _list_exponents(await _read_exposures(request, table))
 
 
 def _move(form: NewMotion) -> MotionAnswer:

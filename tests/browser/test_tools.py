@@ -15,7 +15,7 @@ MOTION = {
 }
 
 
-def test_calculators_answer_with_units_and_plots_and_lead_into_the_manual(night_page):
+def test_calculators_answer_with_units_and_lead_into_the_manual(night_page):
     page = night_page
     page.get_by_role("link", name="Calculators").click()
     for label, value in MOTION.items():
@@ -27,9 +27,6 @@ def test_calculators_answer_with_units_and_plots_and_lead_into_the_manual(night_
     page.get_by_label("Focal length [mm]", exact=True).fill("6")
     page.get_by_role("button", name="Compare with this, too").click()
     expect(rows.filter(has_text=re.compile("^Theoretical blur"))).to_contain_text("0.72580.4839")
-    expect(page.locator("#plot .chart polyline.line")).to_have_count(2)
-    page.get_by_role("button", name="Blur").click()
-    expect(page.locator("#plot text", has_text="blur [px], logarithmic")).to_be_visible()
     settle(page)
     # no name of the API in its sentences
     expect(page.locator("main")).not_to_contain_text(re.compile("[a-z]_[a-z]"))
@@ -51,7 +48,6 @@ def test_calculators_answer_with_units_and_plots_and_lead_into_the_manual(night_
     page.get_by_label("Pixel pitch [µm]", exact=True).fill("4.65")
     page.get_by_role("button", name="Compute").click()
     expect(rows.filter(has_text="Field of view")).to_contain_text("39.")
-    expect(page.locator("#plot .chart polyline.line")).to_have_count(1)
     settle(page)
     look(page, "tools-coverage")
 
@@ -59,6 +55,5 @@ def test_calculators_answer_with_units_and_plots_and_lead_into_the_manual(night_
     page.get_by_label("White level [DN]", exact=True).fill("16384")
     page.get_by_role("button", name="Compute").click()
     expect(rows.filter(has_text="Exponents")).to_contain_text("0.99")
-    expect(page.locator("#plot .chart .point")).to_have_count(4)
     settle(page)
     look(page, "tools-exposure")

@@ -26,7 +26,6 @@ UNSAID = {
     "/v1/keys": r"body\.expires_at",
     "/v1/meters": r"body\.certificate",  # due before it was issued
     "/v1/tools/exposure": r"query\..*",
-    "/v1/tools/exposure.svg": r"query\..*",
     "/v1/uploads": r"header\.Upload-Length",  # which a body that is the whole file does without
     "/v1/uploads/{upload_id}": r"header\.Upload-Offset",  # which a piece needs, and nothing else
 }

@@ -10,8 +10,6 @@ import pytest
 from radiometry import methods
 from radiometry.frame.packing import pack
 from radiometry.methods import get_method
-from radiometry.tools.motion import MotionCase
-from service.tool_plots import draw_tool, plot_motion
 from service.web.charts import View, draw_figure
 from store.codec import drop_absent, encode
 
@@ -239,17 +237,9 @@ def axes_of(picture):
 
 
 def pictures():
-    case = MotionCase(
-        pixel_pitch_um=4.65,
-        focal_length_mm=9.0,
-        exposure_time_s=1 / 400,
-        ground_speed_m_s=15.0,
-        distance_m=100.0,
-    )
     return {
         **{method: ET.fromstring(get_method(method).draw(result())) for method, result in RESULTS.items()},
         "noise of one level": ET.fromstring(draw_one_level()),
-        "motion": ET.fromstring(draw_tool(plot_motion([("a", case)]), "motion")),
         "signal": plotted("signal"),
         "signal in logarithms": plotted("signal", part=1),
         "residuals": plotted("residuals-signal"),
@@ -292,8 +282,8 @@ def test_every_tick_reads_the_value_at_its_place():
                 values = np.log(values)
             slope, start = np.polyfit(values, places, 1)
             assert places == pytest.approx(start + slope * values, abs=0.2), (name, label, ticks)
-    # four of luminance, four of noise twice, motion's four, of pages' charts luminance's four, noise's two
-    assert logarithmic == 4 + 4 + 4 + 4 + 4 + 2
+    # four of luminance, four of noise twice, of pages' charts luminance's four, noise's two
+    assert logarithmic == 4 + 4 + 4 + 4 + 2
 
 
 @pytest.mark.parametrize("method", RESULTS)

@@ -1,8 +1,7 @@
-"""The calculators through HTTP: the source's numbers, refusals and drawings."""
+"""The calculators through HTTP: the source's numbers, and refusals."""
 
 import csv
 import json
-import xml.etree.ElementTree as ET
 
 import pytest
 from sqlalchemy import func, select
@@ -30,7 +29,6 @@ TABLE_3 = {
     1250: ("0.13", "0.06", "3.0", "4.5"),
     2000: ("0.08", "0.04", "1.9", "2.8"),
 }
-SVG = "{http://www.w3.org/2000/svg}"
 
 
 @pytest.fixture(scope="module")
@@ -144,34 +142,7 @@ def test_a_horizon_is_named_and_no_infinity(house):
     assert "94.9 degrees" in answer["missing"]
 
 
-def test_drawings_show_every_case(house):
-    cases = [MOTION | {"name": "<6>", "focal_length_mm": 6, "rotation_rate_deg_s": 100}, MOTION]
-    drawn = house.http.post("/v1/tools/motion.svg", json=cases)
-    assert drawn.headers["content-type"] == "image/svg+xml"
-    root = ET.fromstring(drawn.text)
-    texts = [element.text for element in root.iter(f"{SVG}text")]
-    assert any(text.startswith("<6>: 4.65 µm, 6 mm") for text in texts)
-    assert any(text.startswith("case 2: 4.65 µm, 9 mm") for text in texts)
-    # two lines of tolerable rates, one of a blur, and its limit
-    assert len(list(root.iter(f"{SVG}polyline"))) == 4
-    assert len(list(root.iter(f"{SVG}title"))) == 2
-
-
-def test_footprints_are_drawn_to_one_scale(house):
-    rig = [COVERAGE, COVERAGE | {"tilt_deg": 80, "name": "far"}]
-    drawn = house.http.post("/v1/tools/coverage.svg", json=rig)
-    root = ET.fromstring(drawn.text)
-    outline = next(e for e in root.iter(f"{SVG}polyline") if e.get("class") == "line s0")
-    points = [tuple(map(float, pair.split(","))) for pair in outline.get("points").split()]
-    width, height = (max(c) - min(c) for c in zip(*points, strict=True))
-    assert len(points) == 5
-    assert width / height == pytest.approx(6.4 / 4.8, rel=0.01)
-    texts = [element.text for element in root.iter(f"{SVG}text")]
-    assert "far: sees the horizon, no footprint" in texts
-
-
-def test_a_thousand_cases_are_drawn_and_more_are_refused(house):
-    assert house.http.post("/v1/tools/motion.svg", json=[MOTION] * 20).text.count("and 8 more") == 1
+def test_a_thousand_cases_are_computed_and_more_are_refused(house):
     assert len(ask(house, "motion", [MOTION] * 1000)["items"]) == 1000
     ask(house, "motion", [MOTION] * 1001, status=422)
 
@@ -212,18 +183,6 @@ def test_the_nikon_series_in_iso(house, channel, dark_dn):
     assert exponent["unit"] == "1"
 
 
-def test_series_is_drawn_by_each_setting_that_varies(house):
-    table = "exposure_time_s,f_number,iso,signal_dn\n" + "".join(
-        f"{time},{n},200,{1e6 * time / n**2}\n"
-        for time, n in ((0.001, 4), (0.002, 4), (0.004, 4), (0.004, 2))
-    )
-    asked = {"params": {"white_level_dn": 4095}, "headers": {"Content-Type": "text/csv"}}
-    drawn = house.http.post("/v1/tools/exposure.svg", content=table, **asked).text
-    assert drawn.count("<title>row ") == 8
-    assert "Exponent 1.000" in drawn
-    assert "Exponent -2.000" in drawn
-
-
 def test_a_series_that_says_nothing_is_refused(house):
     row = {"exposure_time_s": 0.01, "f_number": 4, "iso": 100, "signal_dn": 500}
     problem = ask(house, "exposure", {"rows": [row] * 4, "white_level_dn": 4095}, status=422)
@@ -239,7 +198,7 @@ def test_a_key_is_taken_and_nothing_is_stored(house):
         assert session.scalar(select(func.count()).select_from(IdempotentAnswer)) == 0
 
 
-@pytest.mark.parametrize("tool", ["motion", "coverage", "exposure", "motion.svg", "coverage.svg"])
+@pytest.mark.parametrize("tool", ["motion", "coverage", "exposure"])
 def test_reading_is_enough_and_needed(house, tool):
     body = [MOTION] if "motion" in tool else [COVERAGE]
     if tool == "exposure":

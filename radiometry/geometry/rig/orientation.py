@@ -236,7 +236,6 @@ def _split(
 def _find_fitting(
     cameras: Sequence[RigCamera], picture: BoardPicture, triggers: Sequence[Trigger], found: Minimum
 ) -> str:
-    """Return the trigger whose board a picture shows, "" if there is none."""
     misses = {
         trigger.name: _miss_px(cameras, picture, board, found.shared)
         for trigger, board in zip(triggers, found.poses, strict=True)

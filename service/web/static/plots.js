@@ -13,15 +13,14 @@ const fit = (element) => Math.min(2000, Math.max(240, Math.round(element.clientW
 
 /**
  * Draw the chart at an address, in the colours of the page; `drawn` is told of it each time.
- * `sent`: the body of what is drawn from a question, as send() takes it.
  * A mouse that draws a rectangle zooms in, with Shift it moves what is shown, and a double click shows all again.
  */
-export async function plot(element, path, drawn = () => {}, view = WHOLE, sent = null) {
-  const again = (seen) => plot(element, path, drawn, seen, sent);
+export async function plot(element, path, drawn = () => {}, view = WHOLE) {
+  const again = (seen) => plot(element, path, drawn, seen);
   const isLast = begin(element);
   try {
     const width = fit(element);
-    const answer = await send(sent ? "POST" : "GET", `${path}${path.includes("?") ? "&" : "?"}${new URLSearchParams({ width, ...view })}`, sent ?? {});
+    const answer = await send("GET", `${path}${path.includes("?") ? "&" : "?"}${new URLSearchParams({ width, ...view })}`);
     // its own styles are for those who save it; the page's policy forbids them
     const saved = await answer.text();
     const text = saved.replace(/<style>.*?<\/style>/s, "");

@@ -1,4 +1,4 @@
-// A calculator: its form as the API's schema states it, its answers side by side, and their plot.
+// A calculator: its form as the API's schema states it, its answers side by side.
 
 import { send } from "../api.js";
 import { byId, fill, h, prose, table } from "../dom.js";
@@ -6,7 +6,6 @@ import { number, quantity, tag } from "../format.js";
 import { field } from "../campaign/forms.js";
 import { numberOf, wrong } from "../campaign/numbers.js";
 import { WRITTEN, headOf, titleOf } from "../names.js";
-import { plot } from "../plots.js";
 import { act } from "../states.js";
 import { TOOLS } from "../calculators.js";
 
@@ -69,7 +68,6 @@ async function compute(earlier) {
   again.hidden = Boolean(rows);
   byId("answer-section").hidden = false;
   fill(byId("answer"), answer.flags?.length ? h("p", { class: "note warn" }, answer.flags.map((each) => [tag(each.flag, "warn"), " ", each.detail])) : null, side(answer.items ?? [answer]));
-  plot(byId("plot"), `/plots/tools/${tool}${asked.path}`, undefined, undefined, asked.sent);
 }
 
 /** The answers as columns. */
