@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 import stilb
 from demo.journey import Finding, Stage, begin, calibrate, conclude, register, take
 from radiometry.geometry.camera import PARAMETERS, UNITS, CameraModel, find_directions
+from radiometry.geometry.rig.adjustment import describe_pose
 from radiometry.geometry.rig.orientation import COMPARED
-from radiometry.geometry.rig.results import describe_pose
 from radiometry.geometry.target import Target
 from simulation.boards import View, set_up
 from simulation.camera import change

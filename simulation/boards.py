@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.frame.roi import Window
-from radiometry.geometry.bundle import Pose
-from radiometry.geometry.camera import CameraModel, find_directions, project
+from radiometry.geometry.camera import CameraModel, Pose, find_directions, project
 from radiometry.geometry.target import Target as Board
 from radiometry.geometry.target import locate_corners_mm, make_charuco_board
 from simulation.camera import Camera, change

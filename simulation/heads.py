@@ -7,8 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.geometry.bundle import Pose
-from radiometry.geometry.camera import CameraModel, project
+from radiometry.geometry.camera import CameraModel, Pose, project
 from radiometry.geometry.target import Target, locate_corners_mm
 from simulation.boards import draw_poses, shows_all
 

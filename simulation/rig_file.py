@@ -5,8 +5,7 @@ from pathlib import Path
 from xml.sax.saxutils import escape
 
 from radiometry.frame import FrameHeader
-from radiometry.frame.light import SunshineIrradiance
-from radiometry.frame.multispectral import Multispectral
+from radiometry.frame.multispectral import Multispectral, SunshineIrradiance
 from simulation.camera import Taken
 from simulation.sequoia_file import read_band, write_band
 from simulation.tiff import ASCII, RATIONAL, SHORT, Entries, approximate

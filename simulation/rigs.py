@@ -8,13 +8,13 @@ from datetime import UTC, datetime
 import numpy as np
 
 from radiometry.frame.exposure import Settings
-from radiometry.frame.light import SunshineIrradiance
 from radiometry.frame.multispectral import (
     GainModel,
     Multispectral,
     RadialVignetting,
     RadianceModel,
     RigGeometry,
+    SunshineIrradiance,
 )
 from simulation.camera import Camera, Shot, Taken, change, take
 from simulation.light import Lamp

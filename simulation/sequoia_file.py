@@ -8,8 +8,7 @@ from pathlib import Path
 from xml.sax.saxutils import escape
 
 from radiometry.frame import FrameHeader
-from radiometry.frame.light import SunshineCounts
-from radiometry.frame.multispectral import Multispectral, RigGeometry, VignettingPolynomial
+from radiometry.frame.multispectral import Multispectral, RigGeometry, SunshineCounts, VignettingPolynomial
 from simulation.camera import Taken
 from simulation.sequoia import PIXELS_PER_MM
 from simulation.tiff import (

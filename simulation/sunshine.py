@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from radiometry.frame.light import GainMeasurement, SunshineCounts, SunshineRecord
+from radiometry.frame.multispectral import GainMeasurement, SunshineCounts, SunshineRecord
 from radiometry.reflectance.sun import Tilt, level_factor, sun_angle_deg
 from radiometry.reflectance.sunshine import SATURATED_COUNT
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal, Self
 
-from radiometry.specification.stored import about
+from radiometry.specification.parameters import about
 
 __all__ = ["Finding", "InputRejected", "Place", "Raised", "Reason", "Severity"]
 

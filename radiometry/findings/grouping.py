@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from radiometry.findings import Finding, Severity
-from radiometry.specification.stored import about
+from radiometry.specification.parameters import about
 
 __all__ = ["FindingGroup", "Occurrence", "advise", "group_findings"]
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from radiometry.fitting.evidence import Quantity
-from radiometry.specification.stored import about
+from radiometry.specification.parameters import about
 
 __all__ = [
     "FOCUS",

@@ -9,7 +9,7 @@ from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon
 from radiometry.frame.statistics import ChannelStatistics
-from radiometry.specification.stored import about, later
+from radiometry.specification.parameters import about, later
 
 __all__ = [
     "CoefficientValue",

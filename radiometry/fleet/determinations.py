@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from radiometry.specification.stored import about
+from radiometry.specification.parameters import about
 
 __all__ = ["Determination", "Key", "LeftOut", "Source", "keep_repeats"]
 

@@ -11,10 +11,9 @@ import scipy
 
 from radiometry.fitting.evidence import Quantity
 from radiometry.fleet.determinations import Determination, Key, LeftOut, Source, keep_repeats
-from radiometry.fleet.results import Tolerance
-from radiometry.fleet.sensitivity import NOT_SHARED, find_sensitivity, is_clear_of_zero, main_unit
+from radiometry.fleet.results import NOT_SHARED, Tolerance, find_sensitivity, is_clear_of_zero, main_unit
 from radiometry.specification.exports import RigMember
-from radiometry.specification.stored import about
+from radiometry.specification.parameters import about
 
 __all__ = ["Drift", "RigStability", "RigVersion", "compare_sets", "group_sets", "judge_drift"]
 

@@ -22,20 +22,18 @@ from radiometry.fleet.determinations import (
 from radiometry.fleet.findings import count_repeats, find_flags
 from radiometry.fleet.results import (
     LEAST_DOF,
+    NOT_SHARED,
     Deviation,
     Effect,
     FleetVerdict,
     Judgement,
     Outcome,
     ParameterVerdict,
-    Tolerance,
-    judge_deviations,
-)
-from radiometry.fleet.sensitivity import (
-    NOT_SHARED,
     Sensitivity,
+    Tolerance,
     find_sensitivity,
     is_clear_of_zero,
+    judge_deviations,
     main_unit,
 )
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.frame.multispectral import Multispectral
-from radiometry.specification.stored import later
+from radiometry.specification.parameters import later
 
 __all__ = [
     "Frame",

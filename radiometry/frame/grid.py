@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.specification.stored import later
+from radiometry.specification.parameters import later
 
 __all__ = ["MAX_CELLS_A_SIDE", "Grid", "LaneGrid", "describe_lanes", "find_homography", "lay_lanes"]
 

@@ -5,24 +5,202 @@ Each file holds one band. Each maker's dialect is read by the module of its name
 make the signal of the raw values, and the light sensor's reading stands beside it.
 """
 
+import re
 from dataclasses import dataclass, field
 from typing import Final, Literal
 
-from radiometry.frame.bands import Kind
-from radiometry.frame.light import SunshineCounts, SunshineIrradiance
-from radiometry.specification.stored import about, later
+from radiometry.specification.parameters import about, later
 
 __all__ = [
     "CAMERAS",
+    "MOST_LETTERS",
+    "NAMED_INDICES",
     "Alignment",
+    "GainMeasurement",
     "GainModel",
+    "LightBasis",
     "Multispectral",
     "RadialVignetting",
     "RadianceModel",
     "RigGeometry",
     "SensorModel",
+    "SunshineCounts",
+    "SunshineIrradiance",
+    "SunshineRecord",
     "VignettingPolynomial",
+    "classify_band",
+    "label_band",
+    "name_band",
+    "name_panel",
 ]
+
+
+# The surface of an irradiance: levelled by stilb, on a level surface by the camera, corrected by the camera
+# as its maker does not state, or as the sensor was oriented.
+LightBasis = Literal["levelled", "horizontal", "compensated", "oriented"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SunshineRecord:
+    """One reading of a Sequoia's sunshine sensor."""
+
+    time_us: int  #: Time of the camera's monotonic clock [us]
+    ch0: int  #: Counts of the two channels
+    ch1: int
+    gain_index: int | None = None  #: None in records of firmware that did not write it
+    integration_time_s: float | None = None  #: Integration time [s]; None in the same records
+    yaw_deg: float | None = None  #: Attitude [deg]; None if the record has none
+    pitch_deg: float | None = None
+    roll_deg: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class GainMeasurement:
+    """Counts of the sunshine sensor at one gain; all rows of a file were taken at equal light."""
+
+    gain_index: int
+    integration_time_s: float
+    ch0: int  #: Counts of the two channels
+    ch1: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class SunshineCounts:
+    """Irradiance list and gain table of a Sequoia."""
+
+    record_bytes: int  #: Size of a record: 28, 24 or 20 bytes
+    cut_short: bool  #: True if the list ended within a record, which was left out
+    records: tuple[SunshineRecord, ...]  #: Readings of the list
+    #: Rows of IrradianceCalibrationMeasurement; empty if the file has none
+    gains: tuple[GainMeasurement, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SunshineIrradiance:
+    """One reading of a light sensor as irradiance; in SI units, or in the sensor's own."""
+
+    #: Irradiance [W/m2/nm]; None if the sensor's scale to SI is not known
+    irradiance_w_m2_nm: float | None = None
+    #: Irradiance in the sensor's own unit, if `irradiance_w_m2_nm` is None
+    relative_irradiance: float | None = later()
+    #: "horizontal" (on a level surface, computed by the camera), "spectral" (as the sensor was oriented) or
+    #: "compensated" (corrected by the camera in a way that its maker does not state)
+    quantity: str
+    #: Origin of the unit: "tag" (the file states the scale), "model" (the camera works with one kind of
+    #: sensor), "dls1" (taken for W/m2/nm), "dls2" (taken for uW/cm2/nm) or "own" (not known)
+    unit_origin: str
+    yaw_deg: float | None = None  #: Attitude of the sensor [deg]; None if the file has none
+    pitch_deg: float | None = None
+    roll_deg: float | None = None
+    #: Unit in which the file states the irradiance
+    file_unit: str | None = later()
+    #: Why a horizontal irradiance that the file states was not used; None if it was, or if there is none
+    distrust: str | None = later()
+    #: Irradiance as oriented, and on a level surface, as the file states them [W/m2/nm]
+    spectral_w_m2_nm: float | None = later()
+    horizontal_w_m2_nm: float | None = later()
+    #: Direct light on a plane normal to the sun [W/m2/nm]
+    direct_w_m2_nm: float | None = later()
+    #: Scattered light on a level surface [W/m2/nm]
+    scattered_w_m2_nm: float | None = later()
+    #: Position of the sun as the file states it [deg]
+    solar_elevation_deg: float | None = later()
+    solar_azimuth_deg: float | None = later()
+
+    @property
+    def value(self) -> float:
+        known = self.irradiance_w_m2_nm
+        return (self.relative_irradiance or 0.0) if known is None else known
+
+    @property
+    def unit(self) -> str:
+        """Unit of `value`; "1" for the sensor's own."""
+        return "1" if self.irradiance_w_m2_nm is None else "W/(m2*nm)"
+
+
+Kind = Literal["thermal", "panchromatic"]
+# Vegetation indices by name, as formulas of reflectances
+NAMED_INDICES: Final = {
+    "ndvi": "(nir - red) / (nir + red)",
+    "ndre": "(nir - red_edge) / (nir + red_edge)",
+    "gndvi": "(nir - green) / (nir + green)",
+    "evi2": "2.5 * (nir - red) / (nir + 2.4 * red + 1)",
+    "savi": "1.5 * (nir - red) / (nir + red + 0.5)",
+}
+MOST_LETTERS: Final = 200  # Longest formula of an index
+_THERMAL_NM: Final = 3000.0
+_PANCHROMATIC_WIDTH_NM: Final = 200.0
+_BAND_ALIASES: Final = {"gre": "green", "reg": "red_edge", "rededge": "red_edge"}
+# Serial number of a MicaSense panel; from RP04 on its code continues with reflectances
+PANEL_SERIAL: Final = re.compile(r"RP(\d{2})-\d{7}-[A-Z]{2}", re.ASCII)
+
+
+def name_band(text: str) -> str:
+    """Return the canonical name of a band.
+
+    Parameters
+    ----------
+    text : str
+        Name as written in a file: "Red edge" is red_edge, "Blue-444" is blue_444.
+
+    Returns
+    -------
+    str
+        Lower-case name with underscores; "unnamed" for an empty one.
+    """
+    plain = re.sub(r"[^a-z0-9]+", "_", text.lower()).strip("_")
+    return _BAND_ALIASES.get(plain, plain) or "unnamed"
+
+
+def label_band(name: str) -> str:
+    """Return the name of a band in words: red_edge is "red edge".
+
+    Parameters
+    ----------
+    name : str
+        Canonical name, as `name_band` returns it.
+    """
+    return name.replace("_", " ")
+
+
+def name_panel(text: str) -> str:
+    """Return the serial number of a reflectance panel as it is compared.
+
+    Parameters
+    ----------
+    text : str
+        As engraved, typed in, or read from a file or a code.
+
+    Returns
+    -------
+    str
+        Upper case, single blanks; of a MicaSense code the serial number without the reflectances behind it.
+    """
+    plain = " ".join(text.split()).upper()
+    serial = PANEL_SERIAL.match(plain)
+    return serial[0] if serial else plain
+
+
+def classify_band(band: str, *, wavelength_nm: float | None, width_nm: float | None) -> Kind | None:
+    """Return the kind of a band that has no reflectance.
+
+    Parameters
+    ----------
+    band : str
+        Canonical name of the band.
+    wavelength_nm, width_nm : float or None
+        Centre wavelength and bandwidth [nm].
+
+    Returns
+    -------
+    Kind or None
+        "thermal" beyond 3 um, "panchromatic" for 200 nm and wider, or by their
+        names; None for a band of reflected light.
+    """
+    if (wavelength_nm or 0.0) > _THERMAL_NM or band in ("lwir", "thermal"):
+        return "thermal"
+    return "panchromatic" if (width_nm or 0.0) >= _PANCHROMATIC_WIDTH_NM or "panchro" in band else None
+
 
 # Cameras of each dialect by the name of its module; the first that knows a file reads it
 CAMERAS: Final = {

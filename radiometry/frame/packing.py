@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.specification.stored import about
+from radiometry.specification.parameters import about
 
 _TYPES = ("<u2", "<i4", "<f2", "<f4")
 

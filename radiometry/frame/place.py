@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
-from radiometry.specification.stored import about
+from radiometry.specification.parameters import about
 
 __all__ = ["Place", "PlaceShare"]
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.frame import Frame, TableRow
-from radiometry.specification.stored import about
+from radiometry.specification.parameters import about
 
 __all__ = [
     "ChannelStatistics",

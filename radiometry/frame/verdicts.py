@@ -10,7 +10,7 @@ from radiometry.drawing.text import name_few, sort_naturally
 from radiometry.findings import InputRejected, Outcome, Raised, Reason, shared
 from radiometry.frame import FrameHeader
 from radiometry.frame.roi import Polygon, bounding_window
-from radiometry.specification.stored import about
+from radiometry.specification.parameters import about
 
 __all__ = ["Keeping", "ReviewedFrame", "Verdict", "conclude", "inspect_frame"]
 

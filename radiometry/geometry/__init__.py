@@ -16,10 +16,9 @@ from radiometry.geometry import codes
 from radiometry.geometry.camera import DISTORTION, UNITS, move_corner, require_size, undistort_frame
 from radiometry.geometry.exports import EXPORTS, RIG_EXPORTS
 from radiometry.geometry.fit import fit_geometry, list_coefficients
-from radiometry.geometry.plots import PLOTS
-from radiometry.geometry.results import Features, Fit, Params, extract_features, list_key_figures
+from radiometry.geometry.results import PLOTS, Features, Fit, Params, extract_features, list_key_figures
+from radiometry.geometry.rig.adjustment import RigFit
 from radiometry.geometry.rig.orientation import count_shared, list_quantities, orient_members
-from radiometry.geometry.rig.results import RigFit
 from radiometry.geometry.target import Target
 from radiometry.geometry.verdicts import check_features, find_gaps, judge_frames, plan_views
 from radiometry.geometry.views import missing

@@ -13,9 +13,18 @@ from numpy.typing import NDArray
 from radiometry.frame.opencv import cv2
 from radiometry.geometry.camera import PARAMETERS, CameraModel, project
 from radiometry.geometry.results import Fit
-from radiometry.geometry.rig.results import RigFit
-from radiometry.specification.exports import Export, ExportOption, ExportSubject, RigExport, RigMember
-from radiometry.specification.lensfun import LensfunNames, list_options, name_for_lensfun, write_database
+from radiometry.geometry.rig.adjustment import RigFit
+from radiometry.specification.exports import (
+    Export,
+    ExportOption,
+    ExportSubject,
+    LensfunNames,
+    RigExport,
+    RigMember,
+    list_options,
+    name_for_lensfun,
+    write_database,
+)
 
 
 def export_opencv(fit: Fit) -> str:

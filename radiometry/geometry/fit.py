@@ -12,8 +12,18 @@ from radiometry.findings import InputRejected, Raised, shared
 from radiometry.fitting.evidence import CoefficientValue, Quantity
 from radiometry.frame.opencv import cv2
 from radiometry.geometry import codes
-from radiometry.geometry.bundle import Pose, Solution, choose_free_parameters, find_pose, require_determined
-from radiometry.geometry.camera import MODEL, PARAMETERS, UNITS, CameraModel, project
+from radiometry.geometry.camera import (
+    MODEL,
+    PARAMETERS,
+    UNITS,
+    CameraModel,
+    Pose,
+    Solution,
+    choose_free_parameters,
+    find_pose,
+    project,
+    require_determined,
+)
 from radiometry.geometry.results import (
     Coefficient,
     ColourView,

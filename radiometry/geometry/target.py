@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from radiometry.frame.opencv import cv2
 from radiometry.geometry.camera import Grey
-from radiometry.specification.stored import about
+from radiometry.specification.parameters import about
 
 __all__ = ["Target", "locate_corners_mm", "make_charuco_board"]
 

@@ -13,7 +13,9 @@ from radiometry.drawing.text import name_few
 from radiometry.findings import Finding, InputRejected
 from radiometry.fitting.evidence import list_unknown_exclusions
 from radiometry.geometry import codes
-from radiometry.geometry.bundle import (
+from radiometry.geometry.camera import (
+    PARAMETERS,
+    CameraModel,
     FreeParameters,
     Pose,
     Solution,
@@ -24,7 +26,6 @@ from radiometry.geometry.bundle import (
     reduce,
     solve,
 )
-from radiometry.geometry.camera import PARAMETERS, CameraModel
 from radiometry.geometry.results import CHART, Features, FrameRow, Params
 from radiometry.geometry.target import locate_corners_mm
 

@@ -6,10 +6,9 @@ from radiometry.findings import shared
 from radiometry.fitting.evidence import Extracted
 from radiometry.frame.statistics import state_row
 from radiometry.luminance import application, codes, maps, measurement, method, surface
-from radiometry.luminance.conditions import FieldConditions
 from radiometry.luminance.presentation import CERTIFICATE, PLOTS, explain_budget, list_key_figures, split
 from radiometry.luminance.results import Fit
-from radiometry.luminance.rows import Params, Reading
+from radiometry.luminance.rows import FieldConditions, Params, Reading
 from radiometry.luminance.suggestions import find_gaps, plan
 from radiometry.luminance.verdicts import judge
 from radiometry.specification.application import SurfaceApplication

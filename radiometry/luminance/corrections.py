@@ -13,7 +13,8 @@ from radiometry.fitting.sources import FLICKER
 from radiometry.frame.exposure import Settings
 from radiometry.luminance import codes
 from radiometry.luminance.application import AppliedLuminance, Effect
-from radiometry.luminance.conditions import (
+from radiometry.luminance.results import Coefficient
+from radiometry.luminance.rows import (
     LABELS,
     CalibrationConditions,
     Colour,
@@ -21,7 +22,6 @@ from radiometry.luminance.conditions import (
     find_modulation,
     list_spectra,
 )
-from radiometry.luminance.results import Coefficient
 from radiometry.spectral.curves import is_table, list_lamps, list_responses, name_curve
 from radiometry.spectral.mismatch import (
     DEFAULT_U_REL,

@@ -22,11 +22,10 @@ from radiometry.fitting.evidence import BudgetEntry, Quantity
 from radiometry.fitting.gls import Prediction
 from radiometry.fitting.sources import Curve
 from radiometry.frame.exposure import expect_luminance_k
-from radiometry.luminance.conditions import CalibrationConditions, find_modulation
 from radiometry.luminance.corrections import estimate_flicker
 from radiometry.luminance.points import Candidate, IsoSeries
 from radiometry.luminance.results import Aperture, Coefficient, ErrorSplit, IsoFit, ModelFit, Point
-from radiometry.luminance.rows import Acceptance, Model, Params
+from radiometry.luminance.rows import Acceptance, CalibrationConditions, Model, Params, find_modulation
 
 _MOST_ITERATIONS, _TOLERANCE = 30, 0.01
 _NO_LENS = Quantity(value=1.0, standard_uncertainty=0.0, unit="1")

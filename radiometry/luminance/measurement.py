@@ -16,7 +16,6 @@ from radiometry.frame.roi import Polygon, Window, bounding_window
 from radiometry.frame.statistics import Signal
 from radiometry.luminance import codes, method
 from radiometry.luminance.application import AppliedLuminance, choose_coefficient
-from radiometry.luminance.conditions import CalibrationConditions, Colour, FieldConditions, measure_colour
 from radiometry.luminance.corrections import (
     correct_flicker,
     correct_focus,
@@ -33,6 +32,7 @@ from radiometry.luminance.pixels import (
     order_pixels,
 )
 from radiometry.luminance.results import Coefficient
+from radiometry.luminance.rows import CalibrationConditions, Colour, FieldConditions, measure_colour
 from radiometry.luminance.surface import (
     CalibratedCamera,
     Surface,

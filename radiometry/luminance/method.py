@@ -23,11 +23,10 @@ from radiometry.frame.roi import Polygon, Window, mask
 from radiometry.frame.statistics import ChannelStatistics, compute_statistics
 from radiometry.frame.verdicts import flag_not_dark
 from radiometry.luminance import codes
-from radiometry.luminance.conditions import LABELS
 from radiometry.luminance.fit import fit_series
 from radiometry.luminance.points import DETECTION_ERRORS, FEW_POINTS, IsoSeries, check_dark, collect_series
 from radiometry.luminance.results import Aperture, Coefficient, Fit, IsoFit, ModelFit, SpectralQuality
-from radiometry.luminance.rows import FrameRow, Params, Reading
+from radiometry.luminance.rows import LABELS, FrameRow, Params, Reading
 from radiometry.luminance.scenes import (
     check_reading_times,
     check_scenes,

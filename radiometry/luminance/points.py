@@ -14,9 +14,8 @@ from radiometry.frame.exposure import Settings, compute_rhs
 from radiometry.frame.statistics import ChannelStatistics, Signal, select_rows
 from radiometry.frame.verdicts import Keeping
 from radiometry.luminance import codes
-from radiometry.luminance.conditions import Colour, measure_colour
 from radiometry.luminance.results import SceneSummary
-from radiometry.luminance.rows import FrameRow, Params, Reading
+from radiometry.luminance.rows import Colour, FrameRow, Params, Reading, measure_colour
 from radiometry.luminance.scenes import Change, follow_lamp, summarise_scenes
 
 EXPOSURE_RATIO = 2.0

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, replace
 
 from radiometry.findings import Raised
 from radiometry.fitting.evidence import BudgetEntry, Quantity
-from radiometry.luminance.conditions import CalibrationConditions
-from radiometry.specification.stored import about, later
+from radiometry.luminance.rows import CalibrationConditions
+from radiometry.specification.parameters import about, later
 
 Rows = tuple[tuple[float, ...], ...]
 

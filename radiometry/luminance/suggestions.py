@@ -10,10 +10,9 @@ from radiometry.drawing.text import name_few, sort_naturally
 from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import list_unknown_exclusions
 from radiometry.luminance import codes
-from radiometry.luminance.conditions import find_modulation
 from radiometry.luminance.corrections import compute_flicker
 from radiometry.luminance.points import FEW_POINTS, FEWEST_SCENES, IsoSeries, check_dark, collect_series
-from radiometry.luminance.rows import FrameRow, Params, Reading
+from radiometry.luminance.rows import FrameRow, Params, Reading, find_modulation
 from radiometry.luminance.scenes import check_reading_times, check_scenes, summarise_scenes
 from radiometry.luminance.verdicts import DOUBTFUL_REL, measure_brightness, show_time
 from radiometry.specification.roles import Gap

@@ -14,8 +14,7 @@ from typing import Final
 from radiometry.noise import codes
 from radiometry.noise import fit as noise_fit
 from radiometry.noise.fit import missing
-from radiometry.noise.plots import PLOTS, split
-from radiometry.noise.results import Features, Fit, Params, list_key_figures
+from radiometry.noise.results import PLOTS, Features, Fit, Params, list_key_figures, split
 from radiometry.noise.verdicts import find_gaps, judge, plan
 from radiometry.specification.certificate import FRAME, CertificateText, CoefficientKind, Column
 from radiometry.specification.method import MethodSpec, drop_readings, drop_target

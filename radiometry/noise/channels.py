@@ -8,23 +8,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from radiometry.fitting.evidence import MOST_DOF, Quantity
-from radiometry.noise.figures import (
-    find_dark_current,
-    find_dark_current_figures,
-    find_read_noise_dn,
-    find_transfer_figures,
-    measure_dark_noise,
-)
 from radiometry.noise.results import ChannelFit, LevelResult, LinearityFigures, Params
 from radiometry.noise.stacks import Stack, Variance
 from radiometry.noise.transfer import (
     Level,
     Saturation,
     Transfer,
+    find_dark_current,
+    find_dark_current_figures,
+    find_read_noise_dn,
     find_saturation,
+    find_transfer_figures,
     fit_gain,
     list_darks,
     list_levels,
+    measure_dark_noise,
 )
 
 FEWEST_LEVELS = 4  # Two parameters, and two degrees of freedom to see a bend with. EMVA 1288 asks for nine.

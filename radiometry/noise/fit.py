@@ -12,7 +12,6 @@ from radiometry.frame.statistics import CHANNELS
 from radiometry.frame.verdicts import flag_assumed_black, name_not_dark
 from radiometry.noise import codes
 from radiometry.noise.channels import FittedChannel, fit_channel
-from radiometry.noise.figures import find_not_dark
 from radiometry.noise.results import (
     DARK,
     TRANSFER_EQUATION,
@@ -25,7 +24,7 @@ from radiometry.noise.results import (
     extract_features,
 )
 from radiometry.noise.stacks import Stack, group_by_channel, make_stacks
-from radiometry.noise.transfer import FEWEST_LEVELS
+from radiometry.noise.transfer import FEWEST_LEVELS, find_not_dark
 
 
 def collect_stacks(rows: Sequence[FrameRow], params: Params) -> dict[tuple[float, str], list[Stack]]:

@@ -6,10 +6,10 @@ from radiometry.findings import Finding, Outcome, Reason, shared
 from radiometry.frame.verdicts import ReviewedFrame, Verdict, assume_whole_frame, conclude, inspect_frames
 from radiometry.noise import codes
 from radiometry.noise.channels import FittedChannel, fit_channel
-from radiometry.noise.figures import find_not_dark
 from radiometry.noise.fit import DRIFT_REL, collect_stacks
 from radiometry.noise.results import DARK, FrameRow, Params
 from radiometry.noise.stacks import Stack
+from radiometry.noise.transfer import find_not_dark
 from radiometry.specification.roles import Gap
 
 

@@ -2,14 +2,14 @@
 
 from typing import Final
 
-from radiometry.reflectance import application, codes, indices, measurement, method
+from radiometry.reflectance import codes, indices, measurement, method
+from radiometry.reflectance import method as reflectance_method
 from radiometry.reflectance.findings import judge, plan, review_frame
 from radiometry.reflectance.imaging import RADIANCE_UNIT, Features, extract_features
 from radiometry.reflectance.panel_code import take_region
-from radiometry.reflectance.place import GroundHeight, find_place
 from radiometry.reflectance.presentation import CERTIFICATE, PLOTS, list_budgets, list_key_figures
-from radiometry.reflectance.results import Fit
-from radiometry.reflectance.rows import Params, Reading
+from radiometry.reflectance.results import Fit, Params, Reading
+from radiometry.reflectance.sun import GroundHeight, find_place
 from radiometry.reflectance.sunshine import measure_sunshine
 from radiometry.specification.application import BandApplication
 from radiometry.specification.certificate import CoefficientEffect, CoefficientKind
@@ -67,9 +67,9 @@ SPEC: Final = MethodSpec(
         flag_alignment=measurement.flag_alignment,
         move_regions=indices.move_regions,
         displace_region=indices.displace_region,
-        find_scale_of_frame=application.find_scale_of_frame,
+        find_scale_of_frame=reflectance_method.find_scale_of_frame,
         extract_features=extract_features,
-        apply=application.apply_features,
+        apply=reflectance_method.apply_features,
         measure_region=measurement.measure_region,
         measure_index=measurement.measure_index,
         band_map=indices.BandMap,
@@ -78,9 +78,9 @@ SPEC: Final = MethodSpec(
         radiance_unit=RADIANCE_UNIT,
         require_radiance=measurement.require_radiance,
         measure_radiance=measurement.measure_radiance,
-        scale_pixels=application.scale_pixels,
+        scale_pixels=reflectance_method.scale_pixels,
         find_place=find_place,
-        change=application.change_reflectance,
+        change=reflectance_method.change_reflectance,
     ),
     applied="band_fits",
     measure_light=measure_sunshine,

@@ -22,8 +22,7 @@ from radiometry.reflectance.points import (
     list_named,
     sunshine_flags,
 )
-from radiometry.reflectance.results import HALF_HOUR_S, BandFit, interpolate
-from radiometry.reflectance.rows import FrameRow, Params, Reading
+from radiometry.reflectance.results import HALF_HOUR_S, BandFit, FrameRow, Params, Reading, interpolate
 from radiometry.reflectance.sun import read_clock
 from radiometry.reflectance.sunshine import measure_sunshine
 

@@ -19,12 +19,13 @@ from radiometry.reflectance.results import (
     BandFit,
     Coefficient,
     Knot,
+    Normalisation,
+    Params,
     Point,
     change_variance,
     evaluate_k,
     interpolate,
 )
-from radiometry.reflectance.rows import Normalisation, Params
 from radiometry.reflectance.sun import locate_sun_of, read_clock
 from radiometry.reflectance.sunshine import SINGLE_READING_U_REL, compare_channels
 

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected
 from radiometry.frame import FrameHeader
-from radiometry.frame.bands import MOST_LETTERS, NAMED_INDICES
-from radiometry.frame.multispectral import Alignment, RigGeometry
+from radiometry.frame.multispectral import MOST_LETTERS, NAMED_INDICES, Alignment, RigGeometry
 from radiometry.frame.roi import Polygon, Window, mask
 from radiometry.reflectance import codes
 from radiometry.reflectance.alignment import IDENTITY, align, move_region, register, require_lens_data

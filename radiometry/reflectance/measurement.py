@@ -12,11 +12,9 @@ from radiometry.findings import InputRejected, Raised, shared
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
-from radiometry.frame.light import LightBasis
-from radiometry.frame.multispectral import Alignment
+from radiometry.frame.multispectral import Alignment, LightBasis
 from radiometry.frame.roi import Polygon, Window, mask
 from radiometry.reflectance import codes
-from radiometry.reflectance.application import apply_features, choose_angle, choose_coefficient
 from radiometry.reflectance.imaging import (
     RADIANCE_UNIT,
     compute_signal,
@@ -25,9 +23,10 @@ from radiometry.reflectance.imaging import (
     signal_unit,
 )
 from radiometry.reflectance.indices import Formula, compute, spread_plane
+from radiometry.reflectance.method import apply_features, choose_angle, choose_coefficient
 from radiometry.reflectance.points import MOST_SATURATED_SHARE
 from radiometry.reflectance.results import REFLECTANCE_UNIT, AppliedReflectance, Coefficient, Effect
-from radiometry.specification.stored import later
+from radiometry.specification.parameters import later
 
 PERCENTILES = (5, 10, 90, 95)
 _OUTLIER_SIGMAS = 5.0

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected
 from radiometry.frame import Frame, FrameHeader
-from radiometry.frame.bands import PANEL_SERIAL, name_panel
+from radiometry.frame.multispectral import PANEL_SERIAL, name_panel
 from radiometry.frame.opencv import cv2
 from radiometry.frame.roi import Polygon
 from radiometry.reflectance.alignment import move_region

@@ -11,11 +11,10 @@ from radiometry.drawing.text import name_few
 from radiometry.findings import Finding, InputRejected, Raised, interface
 from radiometry.fitting.evidence import list_unknown_exclusions
 from radiometry.frame import has_set_clock
-from radiometry.frame.bands import name_panel
-from radiometry.frame.multispectral import Multispectral
+from radiometry.frame.multispectral import Multispectral, name_panel
 from radiometry.reflectance import codes
 from radiometry.reflectance.imaging import Features
-from radiometry.reflectance.rows import FrameRow, Params, Reading
+from radiometry.reflectance.results import FrameRow, Params, Reading
 from radiometry.reflectance.sun import read_clock, read_clock_s
 from radiometry.reflectance.sunshine import Gain, Sunshine, compare_channels, measure_light
 

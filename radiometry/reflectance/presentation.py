@@ -11,7 +11,7 @@ import numpy as np
 from radiometry.drawing.figure import MOST, Axis, Figure, Mark, Plot, Series
 from radiometry.drawing.text import label_axis, write_quantity, write_unit
 from radiometry.fitting.evidence import BudgetEntry
-from radiometry.frame.bands import label_band
+from radiometry.frame.multispectral import label_band
 from radiometry.reflectance.results import HALF_HOUR_S, USUAL_DRIFT_REL, Fit, KAtTime, Knot, interpolate
 from radiometry.specification.certificate import FRAME, Budget, CertificateText, Column, KeyFigure
 

@@ -9,14 +9,14 @@ from typing import Literal
 
 from radiometry.findings import InputRejected, Raised
 from radiometry.frame import FrameHeader
-from radiometry.frame.light import (
+from radiometry.frame.multispectral import (
     GainMeasurement,
     LightBasis,
+    Multispectral,
     SunshineCounts,
     SunshineIrradiance,
     SunshineRecord,
 )
-from radiometry.frame.multispectral import Multispectral
 from radiometry.reflectance import codes
 from radiometry.reflectance.sun import (
     FURTHEST_FROM_SUN_DEG,

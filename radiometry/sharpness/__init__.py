@@ -12,10 +12,9 @@ diameter; both are corrected here.
 from typing import Final
 
 from radiometry.sharpness import codes, fit
-from radiometry.sharpness.extraction import extract
-from radiometry.sharpness.plots import PLOTS
+from radiometry.sharpness.fit import extract
 from radiometry.sharpness.positions import missing
-from radiometry.sharpness.results import Features, Fit, Params, Target, list_key_figures
+from radiometry.sharpness.results import PLOTS, Features, Fit, Params, Target, list_key_figures
 from radiometry.sharpness.verdicts import judge, plan
 from radiometry.specification.certificate import (
     FRAME,

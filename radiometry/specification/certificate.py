@@ -4,7 +4,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
-from radiometry.specification.stored import about
+from radiometry.specification.parameters import about
 
 __all__ = ["CoefficientKind", "Column", "KeyFigure"]
 

@@ -14,9 +14,8 @@ from radiometry.frame.roi import Polygon
 from radiometry.specification.application import Application, Correction, FoundRegion
 from radiometry.specification.certificate import Budget, CertificateText, CoefficientKind, KeyFigure
 from radiometry.specification.exports import Export, RigSpec
-from radiometry.specification.parameters import Parameter, list_parameters
+from radiometry.specification.parameters import Parameter, about, list_parameters
 from radiometry.specification.roles import Gap, Grid, Role
-from radiometry.specification.stored import about
 
 __all__ = ["MethodSpec", "Scope"]
 

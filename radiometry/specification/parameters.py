@@ -1,4 +1,4 @@
-"""Parameters of a fit: each stated once, with its unit, range, default, label and sentence."""
+"""Fields with their sentences, and parameters of a fit: each with its unit, range, default and label."""
 
 import dataclasses
 import math
@@ -8,9 +8,21 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final, Literal, Union, get_args, get_origin, get_type_hints
 
-from radiometry.specification.stored import LATER, about
-
 __all__ = ["Choice", "Kind", "Parameter", "list_parameters"]
+
+
+LATER: Final = {"later": True}  # left out where it is None, so that hashes of older contents stay the same
+
+
+def about(sentence: str) -> dict[str, Any]:
+    """Return the metadata of a field: what it means, as OpenAPI and the documents show it."""
+    return {"description": sentence}
+
+
+def later(sentence: str = "") -> Any:  # noqa: ANN401  a field of a dataclass takes its annotated type
+    """Return a field that older contents lack: None by default, and left out where it is None."""
+    return dataclasses.field(default=None, metadata=LATER | (about(sentence) if sentence else {}))
+
 
 Kind = Literal["number", "integer", "boolean", "choice", "interval", "group", "version", "text"]
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final, Literal
 
-from radiometry.specification.stored import about
+from radiometry.specification.parameters import about
 
 __all__ = ["CHART", "DARK", "FIELD", "ROLES", "Gap", "Grid", "Role"]
 

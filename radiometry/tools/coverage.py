@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, field
 
-from radiometry.specification.stored import about
+from radiometry.specification.parameters import about
 
 __all__ = ["MOST_TILT_DEG", "Coverage", "View", "compute_coverage"]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from radiometry.findings import InputRejected, Raised, shared
 from radiometry.fitting.evidence import Quantity
 from radiometry.fitting.sources import IMPLAUSIBLE_SCATTER_REL
-from radiometry.specification.stored import about
+from radiometry.specification.parameters import about
 
 __all__ = ["SETTINGS", "ExponentFit", "LeftOut", "SeriesRow", "fit_exponents"]
 

@@ -13,7 +13,7 @@ from radiometry.findings import InputRejected, shared
 from radiometry.frame import FrameHeader
 from radiometry.frame.multispectral import Multispectral
 from radiometry.frame.opencv import cv2
-from radiometry.specification.stored import about
+from radiometry.specification.parameters import about
 
 __all__ = [
     "USUAL_LIMIT_PX",

@@ -22,9 +22,8 @@ from radiometry.specification.roles import DARK, FLAT, Grid
 from radiometry.vignetting import codes, fit
 from radiometry.vignetting.blocks import Features
 from radiometry.vignetting.lens import EXPORTS, Lens, average_over_polygon
-from radiometry.vignetting.plots import PLOTS
 from radiometry.vignetting.points import missing
-from radiometry.vignetting.results import Fit, Params, list_budgets, list_key_figures
+from radiometry.vignetting.results import PLOTS, Fit, Params, list_budgets, list_key_figures
 from radiometry.vignetting.verdicts import find_gaps, judge, plan
 
 __all__ = ["SPEC"]

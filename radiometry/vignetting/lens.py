@@ -15,8 +15,16 @@ from radiometry.fitting.evidence import Quantity
 from radiometry.frame.packing import unpack
 from radiometry.frame.roi import Polygon, Window, bounding_window, mask
 from radiometry.frame.statistics import GREY, name_site
-from radiometry.specification.exports import Export, ExportOption, ExportSubject, Picture
-from radiometry.specification.lensfun import LensfunNames, list_options, name_for_lensfun, write_database
+from radiometry.specification.exports import (
+    Export,
+    ExportOption,
+    ExportSubject,
+    LensfunNames,
+    Picture,
+    list_options,
+    name_for_lensfun,
+    write_database,
+)
 from radiometry.vignetting.blocks import Vector
 from radiometry.vignetting.falloff import Matrix, evaluate_curve, evaluate_slopes, propagate
 from radiometry.vignetting.results import ChannelFit, Coefficient, Fit

@@ -5,7 +5,7 @@ import xml.etree.ElementTree as ET
 from typing import Final
 
 from radiometry.methods import get_method
-from radiometry.specification.lensfun import FORBIDDEN_IN_XML
+from radiometry.specification.exports import FORBIDDEN_IN_XML
 from service.press.pages import STAMPS
 from service.press.sheet import Node
 

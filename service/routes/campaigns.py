@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session
 
 from radiometry import methods
 from radiometry.findings import interface
-from radiometry.frame.bands import name_panel
+from radiometry.frame.multispectral import name_panel
 from radiometry.specification.roles import FIELD
 from service.auth import Calibrator, Reader
 from service.changes import Reply, Writes

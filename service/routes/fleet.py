@@ -8,7 +8,7 @@ from pydantic import Field
 
 from radiometry.fleet.determinations import Determination, LeftOut, Source
 from radiometry.fleet.drift import Drift, judge_drift
-from radiometry.fleet.sensitivity import PERCENT, find_sensitivity, main_unit
+from radiometry.fleet.results import PERCENT, find_sensitivity, main_unit
 from radiometry.fleet.verdict import judge_fleet
 from service.auth import Reader
 from service.context import UsesContext

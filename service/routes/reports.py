@@ -4,7 +4,7 @@ import struct
 
 from fastapi import Request, Response
 
-from radiometry.drawing.svg import find_step
+from radiometry.drawing.chart import find_step
 from radiometry.findings import interface
 from radiometry.methods import get_method
 from radiometry.specification.application import SurfaceApplication

@@ -40,7 +40,7 @@ from pydantic_core import PydanticCustomError
 from sqlalchemy.orm import Mapped
 
 from radiometry.fitting import evidence
-from radiometry.frame.bands import name_band
+from radiometry.frame.multispectral import name_band
 from radiometry.methods import METHODS
 from radiometry.specification.roles import ROLES
 from service.messages import SHA256

@@ -5,8 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from radiometry.fitting.evidence import FieldCorrection
-from radiometry.frame.light import LightBasis
-from radiometry.frame.multispectral import Alignment
+from radiometry.frame.multispectral import Alignment, LightBasis
 from radiometry.frame.place import Place, PlaceShare
 from service.schemas.base import Answer, Quantity
 

@@ -4,8 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field, JsonValue, create_model, model_validator
 
-from radiometry.frame.bands import MOST_LETTERS, NAMED_INDICES
 from radiometry.frame.grid import MAX_CELLS_A_SIDE
+from radiometry.frame.multispectral import MOST_LETTERS, NAMED_INDICES
 from radiometry.methods import METHODS
 from service.schemas.base import WHOLE, Answer, Form, Number, Text
 from service.schemas.campaigns import NewRoi, Point, Reflectance

@@ -10,8 +10,8 @@ from typing import Annotated, Final
 from fastapi import Query, Response
 
 from radiometry.drawing import chart
+from radiometry.drawing.chart import document
 from radiometry.drawing.figure import Figure
-from radiometry.drawing.svg import document
 
 Share = Annotated[float, Query(ge=-1, le=2)]
 

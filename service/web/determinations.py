@@ -8,7 +8,7 @@ from typing import Final
 from radiometry.drawing.figure import Axis, Figure, Mark, Series
 from radiometry.drawing.text import label_axis, sort_naturally, write_quantity
 from radiometry.fleet.determinations import Determination, Key
-from radiometry.frame.bands import label_band
+from radiometry.frame.multispectral import label_band
 
 _DAY_S: Final = 86_400.0
 _ROOM: Final = 1.15

@@ -14,7 +14,7 @@ from radiometry import methods
 from radiometry.findings import shared
 from radiometry.fitting.evidence import Exclusion, FrameEvidence
 from radiometry.frame import FrameHeader
-from radiometry.frame.bands import name_panel
+from radiometry.frame.multispectral import name_panel
 from radiometry.methods import get_method
 from radiometry.specification.method import MethodSpec
 from store.queries.frame_times import Zones, find_offset, read_zones

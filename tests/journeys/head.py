@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from radiometry.geometry.bundle import Pose
-from radiometry.geometry.camera import CameraModel, find_directions
+from radiometry.geometry.camera import CameraModel, Pose, find_directions
 from radiometry.geometry.target import Target as Board
 from radiometry.vignetting.falloff import evaluate_curve, find_farthest_corner
 from simulation.boards import draw_poses

@@ -8,7 +8,7 @@ import struct
 from collections.abc import Sequence
 from typing import Final
 
-from radiometry.frame.light import GainMeasurement, SunshineCounts, SunshineRecord
+from radiometry.frame.multispectral import GainMeasurement, SunshineCounts, SunshineRecord
 
 # time [us], CH0, CH1, [gain index, integration [ms],] yaw, pitch[, roll]: newest firmware first.
 _LAYOUTS: Final = (struct.Struct("<QHHHHfff"), struct.Struct("<QHHfff"), struct.Struct("<QHHff"))

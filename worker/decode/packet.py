@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from radiometry.findings import InputRejected
-from radiometry.frame.bands import classify_band, name_band
-from radiometry.frame.multispectral import RigGeometry, VignettingPolynomial
+from radiometry.frame.multispectral import RigGeometry, VignettingPolynomial, classify_band, name_band
 from worker.decode import tags
 from worker.decode.tiff import Directory
 from worker.decode.xmp import Xmp, read_xmp

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from radiometry.drawing.svg import BAR_PX, find_step
+from radiometry.drawing.chart import BAR_PX, find_step
 from worker.maps.colours import COLOURS, make_colours
 
 _MARGIN_PX: Final = 16

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from radiometry.drawing.svg import WIDEST_PX
+from radiometry.drawing.chart import WIDEST_PX
 from radiometry.frame import Frame
 from radiometry.specification.application import PictureApplication
 from store.codec import decode_exposure, read_applied

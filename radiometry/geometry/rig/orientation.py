@@ -11,16 +11,18 @@ import scipy
 from radiometry.findings import Raised
 from radiometry.fitting.evidence import Quantity
 from radiometry.geometry import codes
-from radiometry.geometry.bundle import Minimum, reduce
-from radiometry.geometry.camera import project
+from radiometry.geometry.camera import Minimum, project, reduce
 from radiometry.geometry.rig.adjustment import (
     CAMERA,
     POSE,
     BoardPicture,
     Matrix,
     RigCamera,
+    RigFit,
+    RigPoint,
     Trigger,
     compose,
+    describe_pose,
     fit_board,
     linearise_rig,
     pair_pictures,
@@ -28,7 +30,6 @@ from radiometry.geometry.rig.adjustment import (
     solve_rig,
     start_rig,
 )
-from radiometry.geometry.rig.results import RigFit, RigPoint, describe_pose
 from radiometry.geometry.views import make_view
 from radiometry.specification.exports import RigMember
 

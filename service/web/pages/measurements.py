@@ -4,7 +4,7 @@ from typing import Annotated
 
 from fastapi import Query, Response
 
-from radiometry.frame.bands import NAMED_INDICES
+from radiometry.frame.multispectral import NAMED_INDICES
 from service.context import UsesContext
 from service.lookup import Id, owned
 from service.operations import Router

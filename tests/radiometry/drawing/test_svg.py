@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from radiometry.drawing.svg import Panel, Scale, span
+from radiometry.drawing.chart import Panel, Scale, span
 
 
 def scale(low, high, *, logarithmic=False):

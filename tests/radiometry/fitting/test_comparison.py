@@ -9,7 +9,7 @@ from radiometry.fitting.comparison import compare_quantities
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame.exposure import Exposure
 from radiometry.luminance.application import change_luminance
-from radiometry.luminance.conditions import CalibrationConditions
+from radiometry.luminance.rows import CalibrationConditions
 from tests.radiometry.coefficients import COEFFICIENT
 
 EXPOSURE = Exposure(

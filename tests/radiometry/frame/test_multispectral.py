@@ -2,7 +2,7 @@
 
 import pytest
 
-from radiometry.frame.bands import name_band
+from radiometry.frame.multispectral import name_band
 
 
 @pytest.mark.parametrize(

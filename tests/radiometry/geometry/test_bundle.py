@@ -8,8 +8,15 @@ import pytest
 
 from radiometry.findings import InputRejected, shared
 from radiometry.fitting.curve import coverage_factor
-from radiometry.geometry.bundle import Pose, choose_free_parameters, solve
-from radiometry.geometry.camera import PARAMETERS, CameraModel, find_directions, project
+from radiometry.geometry.camera import (
+    PARAMETERS,
+    CameraModel,
+    Pose,
+    choose_free_parameters,
+    find_directions,
+    project,
+    solve,
+)
 from radiometry.geometry.fit import fit_geometry, list_coefficients
 from radiometry.geometry.results import Params
 from radiometry.geometry.target import Target

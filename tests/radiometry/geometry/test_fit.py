@@ -10,8 +10,7 @@ from pydantic import TypeAdapter
 from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import Exclusion
 from radiometry.geometry import views as geometry_views
-from radiometry.geometry.bundle import Pose
-from radiometry.geometry.camera import project
+from radiometry.geometry.camera import Pose, project
 from radiometry.geometry.fit import fit_geometry, list_coefficients
 from radiometry.geometry.results import Fit, Params
 from radiometry.geometry.target import locate_corners_mm

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from radiometry.geometry.bundle import Pose
+from radiometry.geometry.camera import Pose
 from radiometry.geometry.results import Params
 from radiometry.geometry.verdicts import judge_frames, plan_views
 from tests.radiometry.evidence import taken

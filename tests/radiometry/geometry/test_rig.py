@@ -9,11 +9,9 @@ import pytest
 from radiometry.findings import InputRejected
 from radiometry.fitting.curve import coverage_factor
 from radiometry.geometry import codes
-from radiometry.geometry.bundle import View, choose_free_parameters, solve
-from radiometry.geometry.camera import CameraModel
-from radiometry.geometry.rig.adjustment import BoardPicture, RigCamera, pair_pictures
+from radiometry.geometry.camera import CameraModel, View, choose_free_parameters, solve
+from radiometry.geometry.rig.adjustment import BoardPicture, RigCamera, describe_pose, pair_pictures
 from radiometry.geometry.rig.orientation import COMPARED, orient_rig
-from radiometry.geometry.rig.results import describe_pose
 from radiometry.geometry.target import locate_corners_mm
 from simulation.heads import Mounted, draw_boards, see
 from tests.radiometry.geometry.boards import BOARD, make_header

@@ -10,7 +10,6 @@ from radiometry.frame import Frame
 from radiometry.frame.exposure import Exposure, Settings
 from radiometry.frame.grid import Grid
 from radiometry.frame.roi import Polygon
-from radiometry.luminance.conditions import CalibrationConditions, FieldConditions
 from radiometry.luminance.corrections import (
     compute_flicker,
     correct_flicker,
@@ -21,6 +20,7 @@ from radiometry.luminance.corrections import (
 from radiometry.luminance.fit import compute_risk, decide
 from radiometry.luminance.maps import compute_map, find_map_scale
 from radiometry.luminance.measurement import Request, find_window, measure
+from radiometry.luminance.rows import CalibrationConditions, FieldConditions
 from radiometry.spectral.mismatch import compute_mismatch, estimate_u_rel, fit_colour_remedy
 from simulation.field import draw_field
 from tests.radiometry.coefficients import COEFFICIENT

@@ -8,15 +8,15 @@ import pytest
 
 from radiometry.frame.exposure import Exposure, Settings
 from radiometry.frame.grid import Grid
-from radiometry.luminance.conditions import (
+from radiometry.luminance.corrections import correct_flicker, correct_spectrum
+from radiometry.luminance.measurement import Request, measure
+from radiometry.luminance.rows import (
     LABELS,
     CalibrationConditions,
     FieldConditions,
     find_modulation,
     list_spectra,
 )
-from radiometry.luminance.corrections import correct_flicker, correct_spectrum
-from radiometry.luminance.measurement import Request, measure
 from radiometry.spectral.curves import list_responses, read_lamp, read_observer, read_response
 from store.codec import encode
 from tests.radiometry.coefficients import COEFFICIENT

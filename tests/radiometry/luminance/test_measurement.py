@@ -16,8 +16,8 @@ from radiometry.frame.grid import Grid
 from radiometry.frame.roi import Polygon
 from radiometry.luminance import method
 from radiometry.luminance.codes import ROI_ELSEWHERE
-from radiometry.luminance.conditions import CalibrationConditions, FieldConditions
 from radiometry.luminance.measurement import Request, find_mixed_light, find_window, measure
+from radiometry.luminance.rows import CalibrationConditions, FieldConditions
 from radiometry.spectral.curves import read_lamp, read_observer, read_response
 from radiometry.spectral.mismatch import compute_mismatch, fit_colour_remedy
 from tests.radiometry.coefficients import COEFFICIENT

@@ -7,8 +7,7 @@ import numpy as np
 
 from radiometry.fitting.evidence import Region
 from radiometry.frame import FrameHeader
-from radiometry.frame.light import GainMeasurement, SunshineCounts, SunshineRecord
-from radiometry.frame.multispectral import Multispectral
+from radiometry.frame.multispectral import GainMeasurement, Multispectral, SunshineCounts, SunshineRecord
 from radiometry.frame.roi import Polygon
 from radiometry.reflectance import method as reflectance
 from simulation.camera import change

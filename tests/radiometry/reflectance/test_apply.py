@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radiometry.findings import InputRejected
-from radiometry.frame.light import SunshineCounts
-from radiometry.reflectance import application
+from radiometry.frame.multispectral import SunshineCounts
 from radiometry.reflectance import method as reflectance
+from radiometry.reflectance import method as reflectance_method
 from radiometry.reflectance.sun import TiltParams
 from simulation.sequoia import BANDS, capture
 from tests.radiometry.reflectance.captures import (
@@ -41,7 +41,9 @@ COEFFICIENTS = calibrate()
 
 
 def measure(each, coefficients=COEFFICIENTS, **more):
-    return application.apply_features(each.features, header=each.header, coefficients=coefficients, **more)
+    return reflectance_method.apply_features(
+        each.features, header=each.header, coefficients=coefficients, **more
+    )
 
 
 def field(seed=3, surface=SURFACE, **more):
@@ -217,8 +219,8 @@ def expose(surface, name="green", seed=3):
 
 
 def map_of(shot, frame=None):
-    scale = application.find_scale_of_frame(shot.header, coefficients=COEFFICIENTS)
-    return scale, application.scale_pixels(
+    scale = reflectance_method.find_scale_of_frame(shot.header, coefficients=COEFFICIENTS)
+    return scale, reflectance_method.scale_pixels(
         frame or shot.frame, header=shot.header, exposure=shot.exposure, factor=scale.factor
     )
 
@@ -245,7 +247,7 @@ def test_the_map_s_mean_is_the_region_s_reflectance():
     shot = expose(0.1)
     scale, found = map_of(shot)
     features = extract(shot.frame, PANEL, header=shot.header, exposure=shot.exposure)
-    applied = application.apply_features(features, header=shot.header, coefficients=COEFFICIENTS)
+    applied = reflectance_method.apply_features(features, header=shot.header, coefficients=COEFFICIENTS)
     assert found[40:80, 50:110].mean() == pytest.approx(applied.reflectance.value, rel=1e-6)
     assert scale.band == "green"
 

@@ -10,8 +10,8 @@ from pydantic import TypeAdapter
 
 from radiometry.findings import InputRejected
 from radiometry.frame.multispectral import Multispectral, RadianceModel
-from radiometry.reflectance import application
 from radiometry.reflectance import method as reflectance
+from radiometry.reflectance import method as reflectance_method
 from radiometry.reflectance.findings import check_fit
 from radiometry.reflectance.fit import compute_k
 from radiometry.reflectance.sun import TiltParams
@@ -216,7 +216,7 @@ def test_everything_survives_storage():
     params = reflectance.Params(tilt=TiltParams(), interpolation="linear")
     rows = [*panel(), *panel(2, minutes=20.0)]
     fit = reflectance.fit(rows, READINGS, params)
-    applied = application.apply_features(
+    applied = reflectance_method.apply_features(
         rows[0].features, header=rows[0].header, coefficients=[each.coefficient for each in fit.band_fits]
     )
     for value in (params, fit, applied, rows[0], READINGS[0]):

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from radiometry.findings import InputRejected
-from radiometry.frame.light import SunshineIrradiance
-from radiometry.reflectance import application, findings
+from radiometry.frame.multispectral import SunshineIrradiance
+from radiometry.reflectance import findings
 from radiometry.reflectance import method as reflectance
+from radiometry.reflectance import method as reflectance_method
 from radiometry.reflectance.sun import TiltParams, find_tilt, level_factor, locate_sun_of, read_clock_s
 from radiometry.reflectance.sunshine import measure_light
 from tests.radiometry.reflectance.captures import (
@@ -128,7 +129,9 @@ def test_a_cloud_over_the_flight_is_flagged_and_covered():
         ),
     )
     coefficients = [each.coefficient for each in reflectance.fit(panel, READINGS, STEADY).band_fits]
-    found = application.apply_features(leaning.features, header=leaning.header, coefficients=coefficients)
+    found = reflectance_method.apply_features(
+        leaning.features, header=leaning.header, coefficients=coefficients
+    )
     assert "light_changed" in flags_of(found.flags)
     error = found.reflectance.value / PANEL_R["green"] - 1.0
     assert 0.03 < abs(error) < 2 * found.reflectance.standard_uncertainty / found.reflectance.value
@@ -151,7 +154,9 @@ def test_a_measurement_takes_the_angle_of_the_fit_and_flags_another():
     coefficients = [each.coefficient for each in fit.band_fits]
 
     def measure(**angle):
-        return application.apply_features(ROW.features, header=ROW.header, coefficients=coefficients, **angle)
+        return reflectance_method.apply_features(
+            ROW.features, header=ROW.header, coefficients=coefficients, **angle
+        )
 
     assert measure().reflectance.value == pytest.approx(PANEL_R["green"])
     assert "incidence_angle_differs" not in flags_of(measure().flags)

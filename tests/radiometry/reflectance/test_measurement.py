@@ -10,9 +10,9 @@ import pytest
 from radiometry.findings import InputRejected, Raised
 from radiometry.fitting.evidence import Quantity
 from radiometry.reflectance import method as reflectance
-from radiometry.reflectance.application import change_reflectance
 from radiometry.reflectance.indices import compute, read_formula
 from radiometry.reflectance.measurement import estimate_noise, measure_index
+from radiometry.reflectance.method import change_reflectance
 from radiometry.reflectance.results import AppliedReflectance, Effect
 from tests.radiometry.reflectance.captures import READINGS, k_of, panel
 

@@ -7,8 +7,7 @@ import pytest
 
 from radiometry.findings import InputRejected
 from radiometry.fitting.evidence import Exclusion
-from radiometry.frame.bands import name_panel
-from radiometry.frame.multispectral import Multispectral
+from radiometry.frame.multispectral import Multispectral, name_panel
 from radiometry.frame.verdicts import ReviewedFrame
 from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.findings import judge

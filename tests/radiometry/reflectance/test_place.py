@@ -13,8 +13,7 @@ from radiometry.findings import InputRejected
 from radiometry.frame import PositionFix, StatedAngle
 from radiometry.frame.multispectral import RigGeometry
 from radiometry.frame.place import Place
-from radiometry.reflectance.place import GroundHeight, find_place
-from radiometry.reflectance.sun import locate_sun
+from radiometry.reflectance.sun import GroundHeight, find_place, locate_sun
 from tests.support.data import data_file
 from worker.decode import reader
 from worker.maps.tiff import MapFacts, encode_band, write_tiff

@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radiometry.findings import InputRejected
-from radiometry.frame.light import GainMeasurement, SunshineCounts, SunshineIrradiance
-from radiometry.frame.multispectral import Multispectral
+from radiometry.frame.multispectral import GainMeasurement, Multispectral, SunshineCounts, SunshineIrradiance
 from radiometry.reflectance.sunshine import compare_channels, list_readings, measure_gains, measure_sunshine
 from tests.radiometry.reflectance.captures import TABLE, flags_of, make_band, make_record
 

@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radiometry.findings import InputRejected
-from radiometry.frame.light import SunshineIrradiance
-from radiometry.frame.multispectral import Multispectral
+from radiometry.frame.multispectral import Multispectral, SunshineIrradiance
 from radiometry.reflectance.sun import (
     SunPosition,
     Tilt,

@@ -6,7 +6,7 @@ import numpy as np
 
 from radiometry.fitting.evidence import FrameEvidence
 from radiometry.frame.exposure import Exposure
-from radiometry.sharpness import extraction
+from radiometry.sharpness import fit
 from radiometry.sharpness.results import Target
 from simulation.camera import change
 from simulation.targets import CHART_STUDIO, Chart, Edge
@@ -45,7 +45,7 @@ def transpose(frame):
 
 def extract(frame, regions, *, camera=CAMERA, target=EDGES, header=None):
     header = header or camera.camera.describe()
-    return extraction.extract(frame, regions, header=header, exposure=None, target=target).features
+    return fit.extract(frame, regions, header=header, exposure=None, target=target).features
 
 
 def render_chart(studio, parts, random):

@@ -6,8 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from radiometry.findings import InputRejected, shared
-from radiometry.frame.light import SunshineCounts, SunshineRecord
-from radiometry.frame.multispectral import Multispectral
+from radiometry.frame.multispectral import Multispectral, SunshineCounts, SunshineRecord
 from radiometry.tools.motion import Attitude, Optics, Shot, blur_of_frames, compute_turns, read_attitudes
 
 OPTICS = Optics(pixel_pitch_um=3.75, focal_length_mm=3.98, corner_px=800.0)

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radiometry.frame.light import GainMeasurement
+from radiometry.frame.multispectral import GainMeasurement
 from tests.worker.decode.spectral_tiff import (
     CALIBRATION,
     make_tiff,

@@ -7,8 +7,8 @@ from scipy import ndimage
 from radiometry.fitting.evidence import Region
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon, Window
-from radiometry.reflectance import application
 from radiometry.reflectance import method as reflectance
+from radiometry.reflectance import method as reflectance_method
 from radiometry.reflectance.alignment import align
 from radiometry.reflectance.findings import check_frame
 from radiometry.reflectance.imaging import FrameSize, evaluate_polynomial
@@ -117,7 +117,7 @@ def test_a_real_capture_calibrates_and_gives_its_own_reflectance_back(real_files
     assert ks["red_edge"] == pytest.approx(0.2 * 52.0 / 0.259554, rel=1e-5)
     coefficients = [each.coefficient for each in fit.band_fits]
     for row in rows:
-        found = application.apply_features(row.features, header=row.header, coefficients=coefficients)
+        found = reflectance_method.apply_features(row.features, header=row.header, coefficients=coefficients)
         assert found.reflectance.value == pytest.approx(0.2, rel=1e-12)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from radiometry.drawing.svg import WIDEST_PX
+from radiometry.drawing.chart import WIDEST_PX
 from worker.maps.colours import COLOURS, make_colours
 from worker.maps.picture import Reduction, Scale, choose_scale, draw_picture
 

@@ -3,8 +3,13 @@
 import math
 from typing import Final
 
-from radiometry.frame.light import SunshineIrradiance
-from radiometry.frame.multispectral import GainModel, Multispectral, RadialVignetting, RigGeometry
+from radiometry.frame.multispectral import (
+    GainModel,
+    Multispectral,
+    RadialVignetting,
+    RigGeometry,
+    SunshineIrradiance,
+)
 from worker.decode import tags
 from worker.decode.packet import Packet, describe_band, first_problem, read_geometry, read_numbers
 from worker.decode.xmp import Xmp

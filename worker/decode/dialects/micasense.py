@@ -4,8 +4,7 @@ import math
 import re
 from typing import Any, Final
 
-from radiometry.frame.light import SunshineIrradiance
-from radiometry.frame.multispectral import Multispectral, RadialVignetting, RadianceModel
+from radiometry.frame.multispectral import Multispectral, RadialVignetting, RadianceModel, SunshineIrradiance
 from worker.decode.packet import Packet, describe_band, first_problem, read_geometry
 from worker.decode.xmp import Xmp
 

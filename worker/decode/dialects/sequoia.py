@@ -4,8 +4,7 @@ import re
 from datetime import UTC, datetime
 
 from radiometry.findings import InputRejected
-from radiometry.frame.light import SunshineCounts
-from radiometry.frame.multispectral import Multispectral, SensorModel
+from radiometry.frame.multispectral import Multispectral, SensorModel, SunshineCounts
 from worker.decode import tags
 from worker.decode.irradiance import read_counts
 from worker.decode.packet import (
