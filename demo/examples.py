@@ -25,8 +25,8 @@ from demo.child import serving
 from demo.journey import Display, Stage
 from radiometry.methods import METHODS
 from simulation.camera import change
+from simulation.multispectral_files import name_file, write_sequoia
 from simulation.sequoia import SEQUOIA, capture
-from simulation.sequoia_file import name_file, write_sequoia
 
 Node = dict[str, Any]
 

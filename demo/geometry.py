@@ -13,9 +13,8 @@ from radiometry.geometry.camera import PARAMETERS, UNITS, CameraModel, find_dire
 from radiometry.geometry.rig.adjustment import describe_pose
 from radiometry.geometry.rig.orientation import COMPARED
 from radiometry.geometry.target import Target
-from simulation.boards import View, set_up
+from simulation.boards import Mounted, View, draw_boards, set_up
 from simulation.camera import change
-from simulation.heads import Mounted, draw_boards
 
 _SEED = 20260504
 _STEP_REL = 1e-6

@@ -13,8 +13,7 @@ from rich.table import Table
 import stilb
 from demo.journey import Finding, Stage, begin, calibrate, register, take
 from radiometry.frame.roi import Polygon, Window
-from simulation.camera import Camera, Shot, change
-from simulation.light import Meter
+from simulation.camera import Camera, Meter, Shot, change
 from simulation.luminance import X5S, Errors, find_k, plan_campaign
 from stilb.records import Reading
 

@@ -4,7 +4,7 @@ import math
 
 from demo.journey import Finding, Stage, begin, calibrate, conclude, register, take
 from simulation.camera import Camera, change
-from simulation.flats import COUNTING_SENSOR, find_variance_maximum, plan_series
+from simulation.targets import COUNTING_SENSOR, find_variance_maximum, plan_series
 
 _SEED = 20260502
 _CHANNEL = "G1"

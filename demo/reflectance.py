@@ -20,12 +20,10 @@ import stilb
 from demo.journey import Finding, Stage, begin, calibrate, conclude, send, write_files
 from radiometry.frame import FrameHeader
 from simulation import rigs, sequoia
-from simulation.camera import Taken, change
-from simulation.parts import Plane, Sensor
-from simulation.rig_file import name_rig_file, write_rig
+from simulation.camera import Plane, Sensor, Taken, change
+from simulation.multispectral_files import name_file, name_rig_file, write_rig, write_sequoia
 from simulation.rigs import RIGS, Rig
 from simulation.sequoia import SEQUOIA, Sequoia
-from simulation.sequoia_file import name_file, write_sequoia
 
 _SEED = 20180413
 _START = datetime(2018, 4, 13, 8, 0, tzinfo=UTC)

@@ -10,9 +10,8 @@ import stilb
 from demo.journey import Finding, Stage, begin, calibrate, conclude, register, take
 from radiometry.vignetting.blocks import Grid
 from radiometry.vignetting.falloff import evaluate_curve, find_farthest_corner
-from simulation.camera import Camera, change
-from simulation.flats import FALLOFFS, FAST_LENS, plan_flats
-from simulation.parts import Plane
+from simulation.camera import Camera, Plane, change
+from simulation.targets import FALLOFFS, FAST_LENS, plan_flats
 
 _SEED = 20260501
 _CHANNEL = "G1"

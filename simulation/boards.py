@@ -1,5 +1,6 @@
-"""Views of calibration boards through a lens that is known."""
+"""Views of calibration boards through known lenses, of one camera or of several that are mounted together."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -9,10 +10,9 @@ from numpy.typing import NDArray
 
 from radiometry.frame.roi import Window
 from radiometry.geometry.camera import CameraModel, Pose, find_directions, project
+from radiometry.geometry.target import Target, locate_corners_mm, make_charuco_board
 from radiometry.geometry.target import Target as Board
-from radiometry.geometry.target import locate_corners_mm, make_charuco_board
-from simulation.camera import Camera, change
-from simulation.parts import Lens, Plane, Sensor
+from simulation.camera import Camera, Lens, Plane, Sensor, change
 from simulation.targets import Picture, Studio
 
 _PRINT_PX: Final = 40  # of a square, in the print that a ChArUco board's picture is taken of
@@ -56,7 +56,6 @@ class View:
     pose: Pose
 
     def draw(self, camera: Camera, window: Window) -> Plane:
-        """Return the shares of the window's pixels."""
         lens = camera.lens.projection
         if lens is None:
             raise ValueError("a view of a board needs a lens with a projection")
@@ -133,3 +132,48 @@ def _look_up(board: Board, x_mm: NDArray[np.float64], y_mm: NDArray[np.float64])
         return np.where(inside, printed[rows, cols], bright)
     dark = (np.floor(u) + np.floor(v)) % 2 == 0.0
     return np.where(inside & dark, 0.0, bright)
+
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Mounted:
+    """Camera of a rig: X_camera = R X_reference + t, as a Rodrigues vector and t [mm], (6,)."""
+
+    model: CameraModel
+    pose: Vector
+
+    def move(self, board: Pose, *, by: Vector | None = None) -> Pose:
+        """Return where this camera sees a board that the reference sees in a pose.
+
+        ``by`` is a deviation of this camera's own pose, as a mount that gives way or a late trigger makes it.
+        """
+        mine = self.pose if by is None else self.pose + by
+        rotation, shift = cv2.composeRT(board.rotation, board.shift, mine[:3], mine[3:])[:2]
+        return Pose(np.ravel(rotation), np.ravel(shift))
+
+
+def draw_boards(
+    cameras: Sequence[Mounted],
+    board: Target,
+    random: np.random.Generator,
+    *,
+    count: int,
+) -> tuple[Pose, ...]:
+    """Draw poses, in the reference's frame, in which every camera sees the whole board."""
+    corners = locate_corners_mm(board, np.arange(board.corners))
+    found: list[Pose] = []
+    while len(found) < count:
+        (pose,) = draw_poses(cameras[0].model, board, random, count=1, tilt_deg=35.0)
+        if all(shows_all(each.model, corners, each.move(pose)) for each in cameras):
+            found.append(pose)
+    return tuple(found)
+
+
+def see(camera: Mounted, board: Target, pose: Pose, *, by: Vector | None = None) -> Vector:
+    """Return the corners of a board in a camera's picture [px], (corner, 2), row before col."""
+    there = camera.move(pose, by=by)
+    return project(
+        camera.model, locate_corners_mm(board, np.arange(board.corners)), there.rotation, there.shift
+    )

@@ -16,9 +16,7 @@ from radiometry.frame.multispectral import (
     RigGeometry,
     SunshineIrradiance,
 )
-from simulation.camera import Camera, Shot, Taken, change, take
-from simulation.light import Lamp
-from simulation.parts import Body, Plane
+from simulation.camera import Body, Camera, Lamp, Plane, Shot, Taken, change, take
 from simulation.sequoia import LENS
 from simulation.targets import Picture
 
@@ -44,28 +42,16 @@ class Channel:
 
 @dataclass(frozen=True, kw_only=True)
 class Rig:
-    """A camera of several bands.
+    """A camera of several bands."""
 
-    Attributes
-    ----------
-    system : str
-        Its dialect.
-    light_noise_rel : float
-        Relative standard deviation of the light sensor's reading.
-    i_ss : float
-        Light of a clear noon, in the unit that the light sensor's reading has.
-    row_growth : float
-        Relative growth of the exposure along all rows of a radiance camera.
-    """
-
-    system: str
+    system: str  # Its dialect
     camera: Camera
     bands: Mapping[str, Channel]
     iso: float
-    i_ss: float
+    i_ss: float  # Light of a clear noon, in the unit that the light sensor's reading has
     sunshine_serial: str
-    light_noise_rel: float = 0.003
-    row_growth: float = 0.01
+    light_noise_rel: float = 0.003  # Relative standard deviation of the light sensor's reading
+    row_growth: float = 0.01  # Relative growth of the exposure along all rows of a radiance camera
 
 
 def _camera(body: Body, size: tuple[int, int], *, black_dn: float, bits: int) -> Camera:
@@ -154,27 +140,10 @@ def capture(
     taken_at: datetime = datetime(2024, 6, 13, 11, 0, tzinfo=UTC),
     capture_id: str = "capture",
 ) -> dict[str, Taken]:
-    """Expose the bands of a level surface under one light.
+    """Expose the bands of a level surface under one light, relative to that of a clear noon.
 
-    Parameters
-    ----------
-    rig, random : Rig, numpy.random.Generator
-        Camera, and source of the noise of the light sensor and then of the pixels, band by band.
-    reflectance : Mapping
-        Bands to expose; for each one value, or (row, col) for the whole frame.
-    light : float
-        True light relative to that of a clear noon.
-    taken_at, capture_id : datetime, str
-        Time and identity of the capture.
-
-    Returns
-    -------
-    dict
-        One photograph per band named in ``reflectance``.
-
-    Notes
-    -----
-    The makers' own equations, solved for the mean raw value of a pixel::
+    ``reflectance`` has one value per band to expose, or (row, col) for the whole frame. The makers' own
+    equations, solved for the mean raw value of a pixel::
 
         MicaSense  p = B + 2^16 V L g t (1 + growth y) / a1          L = R I_ss / K
         DJI        p = B + 2^16 / G  gain t R I_ss / (K p_cam)

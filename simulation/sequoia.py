@@ -1,18 +1,140 @@
-"""A Parrot Sequoia: four bands with a sensor each, and a sunshine sensor."""
+"""A Sequoia with its sunshine sensor, the panel's card, and flights with it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
+from typing import Literal
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from radiometry.frame.exposure import Settings
-from radiometry.frame.multispectral import Multispectral, RigGeometry, SensorModel, VignettingPolynomial
-from simulation.camera import Camera, Shot, Taken, change, take
-from simulation.light import Lamp
-from simulation.parts import Body, Plane
-from simulation.sunshine import SunshineSensor
+from radiometry.frame.multispectral import (
+    GainMeasurement,
+    Multispectral,
+    RigGeometry,
+    SensorModel,
+    SunshineCounts,
+    SunshineRecord,
+    VignettingPolynomial,
+)
+from radiometry.frame.roi import Window
+from radiometry.reflectance.sun import Tilt, level_factor, sun_angle_deg
+from radiometry.reflectance.sunshine import SATURATED_COUNT
+from simulation.camera import Body, Camera, Lamp, Plane, Shot, Taken, change, take
 from simulation.targets import Picture
+
+_STEP_US = 200_000
+_TABLE_TIME_S = 0.6
+_INTEGRATION_S = 0.1
+
+
+@dataclass(frozen=True, kw_only=True)
+class SunshineSensor:
+    """A sensor beside the camera that looks up."""
+
+    sunshine_serial: str = "PI040379AA6E000358"
+    gains: tuple[float, ...] = (0.0345, 1.0, 12.1, 145.0)  # True gains by index, relative to index 1
+    table_counts: int = 3300  # CH0 of row 1 of the gain table
+    sunshine_noise_rel: float = 0.01  # Relative standard deviation of one reading
+    # Yaw, pitch and roll, which its records state [deg]
+    attitude_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    # Sun and diffuser, for a reading that depends on the attitude; None: it does not
+    tilt: Tilt | None = None
+
+    def count(
+        self, i_ss: float, random: np.random.Generator, *, gain_indices: Sequence[int]
+    ) -> SunshineCounts:
+        """Draw readings 0.2 s apart of a light ``i_ss`` [counts/s at gain index 1]: whole, 65535 at most."""
+        yaw, pitch, roll = self.attitude_deg
+        if self.tilt is not None:
+            angle = sun_angle_deg(self.tilt.sun, yaw_deg=yaw, pitch_deg=pitch, roll_deg=roll)
+            i_ss /= level_factor(angle, self.tilt)
+        records = []
+        for number, index in enumerate(gain_indices):
+            counts = self.gains[index] * i_ss * (1.0 + self.sunshine_noise_rel * random.standard_normal())
+            records.append(
+                SunshineRecord(
+                    time_us=100_000_000 + number * _STEP_US,
+                    ch0=_whole(_INTEGRATION_S * counts),
+                    ch1=_whole(_INTEGRATION_S * counts / 5.0),
+                    gain_index=index,
+                    integration_time_s=_INTEGRATION_S,
+                    yaw_deg=yaw,
+                    pitch_deg=pitch,
+                    roll_deg=roll,
+                )
+            )
+        table = tuple(
+            GainMeasurement(
+                gain_index=index,
+                integration_time_s=_TABLE_TIME_S,
+                ch0=_whole(self.table_counts * gain),
+                ch1=_whole(self.table_counts * gain / 4.0),
+            )
+            for index, gain in enumerate(self.gains)
+        )
+        return SunshineCounts(record_bytes=28, cut_short=False, records=tuple(records), gains=table)
+
+
+def _whole(counts: float) -> int:
+    return round(min(counts, float(SATURATED_COUNT)))
+
+
+_CARD_SIDES = 1.4  # white around the code
+_SUBPIXEL_BITS = 4
+
+Corners = NDArray[np.float32]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Card:
+    """A MicaSense panel with its QR code on the ground."""
+
+    text: str  # Text of the code: the panel's serial number
+    # Affine map (2, 3) from sides of the code, about its centre, to pixels (x, y)
+    pose: Plane = field(default_factory=lambda: np.array([[100.0, 0.0, 320.0], [0.0, 100.0, 240.0]]))
+    way: tuple[int, int] = (1, 0)  # Direction from the code to the panel, in the code's own axes
+    # Distance between the centres of code and panel, and side of the panel, in sides of the code
+    distance: float = 1.68
+    side: float = 1.30
+    ground: float = 0.12  # Tones; shares of the lamp's luminance where a camera photographs the card
+    ink: float = 0.10
+    panel: float = 0.50
+    paper: float = 0.60
+
+    @property
+    def panel_corners(self) -> Corners:
+        """Corners (x, y) of the panel [px]."""
+        return self._place(self.distance * np.array(self.way), self.side)
+
+    def _place(self, centre: Plane | tuple[float, float], side: float) -> Corners:
+        square = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * side / 2.0 + centre
+        return np.asarray(square @ self.pose[:, :2].T + self.pose[:, 2], np.float32)
+
+    def paint(self, picture: Plane) -> None:
+        """Paint card, code and panel over a picture, (row, col)."""
+        fill(picture, self._place((0.0, 0.0), _CARD_SIDES), self.paper)
+        modules = np.asarray(cv2.QRCodeEncoder.create().encode(self.text))
+        modules = modules[2:-2, 2:-2] if modules[1].min() == 255 else modules  # without the rim
+        count = modules.shape[0]
+        for row, col in np.argwhere(modules < 128):
+            centre = ((col + 0.5) / count - 0.5, (row + 0.5) / count - 0.5)
+            fill(picture, self._place(centre, 1.0 / count), self.ink)
+        fill(picture, self.panel_corners, self.panel)
+
+    def draw(self, camera: Camera, window: Window) -> Plane:
+        picture = np.full((camera.sensor.height_px, camera.sensor.width_px), self.ground)
+        self.paint(picture)
+        return Picture(picture).draw(camera, window)
+
+
+def fill(picture: Plane, corners: Corners, tone: float) -> None:
+    """Fill a convex polygon to a sixteenth of a pixel; a corner (x, y) counts from the picture's own."""
+    places = np.round((corners - 0.5) * (1 << _SUBPIXEL_BITS)).astype(np.int32)
+    cv2.fillConvexPoly(picture, places, tone, shift=_SUBPIXEL_BITS)
+
 
 FULL_SCALE_DN = 65_472.0
 # Of 3.9 um; the real one has 3.75. A power of two, so that positions survive the way over millimetres.
@@ -74,15 +196,10 @@ class Sequoia:
     def open_band(self, name: str) -> Camera:
         """Return one band as a camera whose light is I_ss [counts/s] and whose target is the reflectance.
 
-        Notes
-        -----
-        Parrot's sensor model [1]_ p = B + V I (A t S + C) / f^2, with I = R I_ss / K, is a camera of the
+        Parrot's sensor model [1] p = B + V I (A t S + C) / f^2, with I = R I_ss / K, is a camera of the
         sensitivity A S / (K gain) whose exposures last C / (A S) longer.
 
-        References
-        ----------
-        .. [1] Parrot, SEQ-AN-01 (sensor calibration model)
-
+        [1] Parrot, SEQ-AN-01 (sensor calibration model)
         """
         band = self.bands[name]
         scale = band.model.a * band.iso
@@ -121,26 +238,10 @@ def capture(
     taken_at: datetime = datetime(2018, 4, 13, 8, 0, tzinfo=UTC),
     capture_id: str = "capture",
 ) -> dict[str, Taken]:
-    """Expose all bands of a level surface under one light.
+    """Expose all bands of a level surface under one true light [counts/s at gain index 1].
 
-    Parameters
-    ----------
-    sequoia, random : Sequoia, numpy.random.Generator
-        Camera, and source of the noise of the sunshine sensor and then of the pixels, band by band.
-    reflectance : Mapping
-        Bands to expose; for each one value, or (row, col) for the whole frame.
-    i_ss : float
-        True light [counts/s at gain index 1].
-    gain_indices : sequence of int
-        Gain index of each sunshine reading.
-    exposure_time_s, taken_at, capture_id : float, datetime, str
-        Stated exposure time [s], time and identity of the capture.
-
-    Returns
-    -------
-    dict
-        One photograph per band named in ``reflectance``.
-
+    ``reflectance`` has one value per band to expose, or (row, col) for the whole frame; ``gain_indices`` one
+    of each sunshine reading.
     """
     taken = {}
     for name, surface in reflectance.items():
@@ -188,3 +289,36 @@ def capture(
         )
         taken[name] = replace(exposed, header=header)
     return taken
+
+
+Change = Literal["none", "walk", "ramp", "step", "light"]
+
+_HALF_HOUR_S = 1800.0
+_SETTLING_S = 300.0
+
+
+def draw_change(
+    random: np.random.Generator, times_s: Sequence[float], *, kind: Change, size_rel: float
+) -> NDArray[np.float64]:
+    """Draw ln K against its mean at rising times.
+
+    "walk": a random walk of the sensor; "ramp": a steady drift; "step": a jump at a random time; "light":
+    errors of the light that are forgotten in five minutes. ``size_rel`` is the standard deviation of the
+    change in half an hour (walk, ramp), of the jump, or of the light.
+    """
+    at = np.asarray(times_s, dtype=np.float64)
+    steps_s = np.diff(at, prepend=at[0])
+    noise = random.standard_normal(at.size)
+    if kind == "walk":
+        return np.asarray(np.cumsum(noise * size_rel * np.sqrt(steps_s / _HALF_HOUR_S)))
+    if kind == "ramp":
+        return np.asarray(noise[0] * size_rel * (at - at[0]) / _HALF_HOUR_S)
+    if kind == "step":
+        return np.asarray(noise[0] * size_rel * (at > random.uniform(at[0], at[-1])))
+    if kind == "light":
+        kept = np.exp(-steps_s / _SETTLING_S)
+        error = noise * size_rel
+        for each in range(1, at.size):
+            error[each] = kept[each] * error[each - 1] + np.sqrt(1.0 - kept[each] ** 2) * error[each]
+        return np.asarray(error)
+    return np.zeros(at.size)

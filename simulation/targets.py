@@ -1,4 +1,4 @@
-"""Targets: what the camera sees, as shares of the lamp's luminance."""
+"""Targets: what the camera sees, as shares of the lamp's luminance; and series of flats."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -13,9 +13,7 @@ from radiometry.frame import Frame
 from radiometry.frame.exposure import Settings
 from radiometry.frame.roi import Polygon, Window
 from radiometry.vignetting.blocks import Grid
-from simulation.camera import Camera, Shot, Target, change, take
-from simulation.light import Lamp
-from simulation.parts import Plane
+from simulation.camera import Camera, Lamp, Plane, Shot, Target, change, take
 
 _SETTINGS = Settings(exposure_time_s=0.01, f_number=4.0, iso=100.0)
 _FINE = 4  # samples of a star along each side of a pixel
@@ -23,25 +21,14 @@ _FINE = 4  # samples of a star along each side of a pixel
 
 @dataclass(frozen=True, kw_only=True)
 class Surface:
-    """An even surface, unless told otherwise.
+    """An even surface, unless told otherwise."""
 
-    Attributes
-    ----------
-    share : float
-        Share of the lamp's luminance in the middle of the frame.
-    gradient : tuple of float
-        Relative change per half diagonal, down and to the right.
-    spots : sequence
-        (row, col, radius, depth) of discs that lack the share ``depth`` of the light [px, px, px, 1].
-
-    """
-
-    share: float = 1.0
-    gradient: tuple[float, float] = (0.0, 0.0)
+    share: float = 1.0  # Share of the lamp's luminance in the middle of the frame
+    gradient: tuple[float, float] = (0.0, 0.0)  # Relative change per half diagonal, down and to the right
+    # (row, col, radius, depth) of discs that lack the share ``depth`` of the light [px, px, px, 1]
     spots: Sequence[tuple[float, float, float, float]] = ()
 
     def draw(self, camera: Camera, window: Window) -> Plane:
-        """Return the shares of the window's pixels."""
         grid = Grid.over(camera.sensor.height_px, camera.sensor.width_px)
         rows = np.arange(window.row0, window.row0 + window.height)[:, None]
         cols = np.arange(window.col0, window.col0 + window.width)[None, :]
@@ -61,7 +48,6 @@ class Picture:
     shares: Plane | float
 
     def draw(self, camera: Camera, window: Window) -> Plane:  # noqa: ARG002  as every target
-        """Return the shares of the window's pixels."""
         shares = np.asarray(self.shares, np.float64)
         rows = slice(window.row0, window.row0 + window.height)
         return shares[rows, window.col0 : window.col0 + window.width] if shares.ndim else shares
@@ -69,37 +55,24 @@ class Picture:
 
 @dataclass(frozen=True, kw_only=True)
 class Edge:
-    """An edge through the middle of a box of the frame, whose corner is (row0, col0).
-
-    Attributes
-    ----------
-    blur, blur_px : str, float
-        "gaussian" with a standard deviation or "box" with a full width, normal to the edge [px]. It is the
-        whole blur: the edge is sampled at points, so it includes the pixel's own aperture.
-    angle_deg : float
-        Angle from the columns, or from the rows if ``horizontal`` [deg].
-    rising : bool
-        True if it is brighter to the right, or below.
-    bend_px : float
-        Deviation of a parabola from the straight line at its ends [px].
-
-    """
+    """An edge through the middle of a box of the frame, whose corner is (row0, col0)."""
 
     name: str
     row0: int
     col0: int
     height: int = 100
     width: int = 64
+    # "gaussian" with a standard deviation or "box" with a full width, normal to the edge [px]. It is the
+    # whole blur: the edge is sampled at points, so it includes the pixel's own aperture
     blur: str = "gaussian"
     blur_px: float = 0.7
-    angle_deg: float = 5.0
+    angle_deg: float = 5.0  # Angle from the columns, or from the rows if ``horizontal`` [deg]
     horizontal: bool = False
-    rising: bool = True
-    bend_px: float = 0.0
+    rising: bool = True  # True if it is brighter to the right, or below
+    bend_px: float = 0.0  # Deviation of a parabola from the straight line at its ends [px]
 
     @property
     def region(self) -> Region:
-        """The box as a region."""
         return _box(self.name, self.row0, self.col0, self.height, self.width)
 
     @property
@@ -137,7 +110,6 @@ class Star:
 
     @property
     def region(self) -> Region:
-        """The box as a region."""
         return _box(self.name, self.row0, self.col0, self.size, self.size)
 
     def fill(self) -> Plane:
@@ -173,7 +145,6 @@ class Chart:
     magnified: Mapping[str, float] = field(default_factory=dict)
 
     def draw(self, camera: Camera, window: Window) -> Plane:
-        """Return the shares of the window's pixels."""
         if self.magnified:
             scales = [self.magnified.get(colour, 1.0) for colour in "RGB"]
             return np.stack([self._draw(camera, window, scale) for scale in scales], axis=-1)
@@ -194,17 +165,10 @@ class Chart:
 
 @dataclass(frozen=True, kw_only=True)
 class Studio:
-    """A camera in front of a target of two tones.
-
-    Attributes
-    ----------
-    dark_dn, bright_dn : float
-        Signals of the strongest colour on the axis where the target's share is 0 and 1 [DN].
-
-    """
+    """A camera in front of a target of two tones."""
 
     camera: Camera
-    dark_dn: float
+    dark_dn: float  # Signals of the strongest colour on the axis where the target's share is 0 and 1 [DN]
     bright_dn: float
     settings: Settings = _SETTINGS
 
@@ -214,13 +178,11 @@ class Studio:
         return Picture(dark + (1.0 - dark) * target.draw(self.camera, self.camera.window))
 
     def plan(self, target: Target, *, name: str = "chart") -> Shot:
-        """Plan a photograph of the target."""
         lamp = Lamp(luminance_cd_m2=self.camera.find_luminance(self.bright_dn, self.settings))
         lit = self.light_up(target)
         return Shot(frame=name, role="chart", settings=self.settings, lamp=lamp, target=lit)
 
     def photograph(self, target: Target, random: np.random.Generator) -> Frame:
-        """Photograph the target."""
         return take(self.camera, self.plan(target), random).frame
 
 
@@ -237,3 +199,102 @@ CHART_STUDIO = Studio(
     dark_dn=1000.0,
     bright_dn=9000.0,
 )
+
+
+# A fast wide-angle lens: half of the light is left in the corner wide open, 3 % are lost when stopped down.
+FALLOFFS: dict[float, tuple[float, float, float]] = {
+    1.4: (-0.62, 0.20, -0.08),
+    2.0: (-0.38, 0.13, -0.06),
+    2.8: (-0.20, 0.06, -0.04),
+    4.0: (-0.085, 0.02, -0.015),
+    5.6: (-0.045, 0.01, -0.005),
+    8.0: (-0.032, 0.005, -0.003),
+}
+FAST_LENS = change(
+    Camera(),
+    height_px=480,
+    width_px=720,
+    falloffs=FALLOFFS,
+    gain_dn_per_e=0.25,
+    read_noise_e=8.0,
+    colours={"R": 0.6, "G": 1.0, "B": 0.7},
+)
+DARK = Lamp(luminance_cd_m2=0.0)
+# At f/4 the luminance is the number of electrons per second that the strongest colour collects.
+COUNTING_SENSOR = change(Camera(), cfa="grey", sensitivity_e=16.0, read_noise_e=4.0, white_level_dn=16383.0)
+
+
+def plan_flat(camera: Camera, *, f_number: float, surface: Surface | None = None, name: str = "flat") -> Shot:
+    """Plan a flat; the surface's share is that of the span from black to white, 70 % if None."""
+    settings = Settings(exposure_time_s=0.01, f_number=f_number, iso=100.0)
+    span_dn = camera.sensor.white_level_dn - camera.sensor.black_level_dn
+    lamp = Lamp(luminance_cd_m2=camera.find_luminance(span_dn, settings))
+    return Shot(frame=name, role="flat", settings=settings, lamp=lamp, target=surface or Surface(share=0.7))
+
+
+def plan_dark(*, name: str = "dark", iso: float = 100.0) -> Shot:
+    """Plan a frame with the lens covered."""
+    settings = Settings(exposure_time_s=0.01, f_number=8.0, iso=iso)
+    return Shot(frame=name, role="dark", settings=settings, lamp=DARK, target=Surface())
+
+
+def plan_flats(
+    camera: Camera, *, f_numbers: Sequence[float] = tuple(FALLOFFS), flats: int = 3, darks: int = 3
+) -> list[Shot]:
+    """Plan a number of flats at each f-number, and a number of dark frames."""
+    lit = [
+        plan_flat(camera, f_number=f_number, name=f"flat-f{f_number:g}-{n}")
+        for f_number in f_numbers
+        for n in range(1, flats + 1)
+    ]
+    return lit + [plan_dark(name=f"dark-{n}") for n in range(1, darks + 1)]
+
+
+def plan_series(
+    camera: Camera,
+    *,
+    light_e_per_s: float,
+    times_s: Sequence[float],
+    dark_times_s: Sequence[float],
+    frames: int = 2,
+    role: str = "flat",
+) -> list[Shot]:
+    """Plan ``frames`` flat and dark frames at each time, for a camera like ``COUNTING_SENSOR``."""
+    iso = camera.sensor.base_iso
+    return [
+        Shot(
+            frame=f"{role}-{iso:g}-{time:g}-{number}",
+            role=role,
+            settings=Settings(exposure_time_s=time, f_number=4.0, iso=iso),
+            lamp=lamp,
+            target=Surface(),
+        )
+        for role, times, lamp in (
+            (role, times_s, Lamp(luminance_cd_m2=light_e_per_s)),
+            ("dark", dark_times_s, DARK),
+        )
+        for time in times
+        for number in range(frames)
+    ]
+
+
+def find_variance_maximum(camera: Camera, *, end_e: float | None = None, prnu_rel: float = 0.0) -> float:
+    """Return the electrons at which the temporal variance is greatest: the full well of EMVA 1288.
+
+    ``end_e`` : electrons at which a pixel ends sharply, the white level if None; ``prnu_rel`` : its spread
+    """
+    sensor = camera.sensor
+    end_e = end_e or (sensor.white_level_dn - sensor.black_level_dn) / sensor.gain_dn_per_e
+    z, spread = np.linspace(-6.0, 6.0, 601), np.linspace(-3.0, 3.0, 31)
+    weights, shares = (np.exp(-(each**2) / 2.0) for each in (z, spread))
+    weights /= weights.sum()
+    width_e = math.hypot(math.sqrt(end_e), prnu_rel * end_e)
+    means_e = end_e - np.linspace(0.0, 6.0, 241) * width_e
+    variances = []
+    for mean_e in means_e:
+        pixels_e = mean_e * (1.0 + prnu_rel * spread)
+        noise_e = np.sqrt(pixels_e + sensor.read_noise_e**2)
+        drawn_e = np.minimum(pixels_e[:, None] + noise_e[:, None] * z, end_e)
+        own = drawn_e**2 @ weights - (drawn_e @ weights) ** 2
+        variances.append(float(own @ shares / shares.sum()))
+    return float(means_e[int(np.argmax(variances))])

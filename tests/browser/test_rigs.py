@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import expect
 
-from simulation.heads import draw_boards
+from simulation.boards import draw_boards
 from tests.browser.test_every_method import Afar
 from tests.browser.test_every_page import check_both
 from tests.support.browser import check_access, look, settle

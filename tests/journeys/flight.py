@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from simulation.camera import change
+from simulation.multispectral_files import name_file, write_sequoia
 from simulation.sequoia import SEQUOIA, capture
-from simulation.sequoia_file import name_file, write_sequoia
 from tests.journeys.door import Door, conclude
 from tests.journeys.plan import Corners, File, Plan
 from tests.support.frames import forget_time

@@ -17,8 +17,8 @@ from radiometry.geometry.camera import CameraModel, Pose, find_directions
 from radiometry.geometry.target import Target as Board
 from radiometry.vignetting.falloff import evaluate_curve, find_farthest_corner
 from simulation.boards import draw_poses
+from simulation.dng import ASCII, LONG, RATIONAL, TiffWriter, append_strip, approximate, describe_image
 from simulation.targets import Edge, Star
-from simulation.tiff import ASCII, LONG, RATIONAL, TiffWriter, append_strip, approximate, describe_image
 from tests.journeys.door import Door, conclude
 from tests.journeys.plan import Corners, File, Plan, describe_meter
 

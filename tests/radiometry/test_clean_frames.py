@@ -21,8 +21,7 @@ from radiometry.sharpness.verdicts import judge as judge_sharpness
 from radiometry.vignetting import fit as vignetting
 from radiometry.vignetting.verdicts import judge as judge_vignetting
 from simulation.camera import change, take
-from simulation.flats import FAST_LENS, plan_dark, plan_flat
-from simulation.targets import CHART_STUDIO, Edge, Star, Surface
+from simulation.targets import CHART_STUDIO, FAST_LENS, Edge, Star, Surface, plan_dark, plan_flat
 from tests.radiometry import evidence
 from tests.radiometry.noise import series
 from tests.radiometry.reflectance import captures

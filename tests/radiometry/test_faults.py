@@ -10,8 +10,7 @@ from radiometry.frame.roi import Window
 from radiometry.frame.statistics import compute_statistics
 from radiometry.luminance.rows import FrameRow, Params, Reading
 from radiometry.luminance.verdicts import judge
-from simulation.camera import change, take
-from simulation.light import Lamp
+from simulation.camera import Lamp, change, take
 from simulation.luminance import X5S, Errors, plan_campaign
 from tests.radiometry.campaigns import draw, draw_row
 from tests.radiometry.evidence import taken

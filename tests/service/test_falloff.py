@@ -9,7 +9,7 @@ import tifffile
 
 from radiometry.luminance.rows import Params
 from simulation.camera import change, take
-from simulation.flats import FAST_LENS, plan_flats
+from simulation.targets import FAST_LENS, plan_flats
 from store.codec import encode
 from store.fits import hash_content
 from store.tables import Calibration

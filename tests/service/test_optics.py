@@ -10,7 +10,7 @@ import pytest
 import tifffile
 
 from simulation.camera import change, take
-from simulation.flats import COUNTING_SENSOR, FALLOFFS, FAST_LENS, plan_flats, plan_series
+from simulation.targets import COUNTING_SENSOR, FALLOFFS, FAST_LENS, plan_flats, plan_series
 from tests.support.data import data_file
 from tests.support.frames import write_raw
 

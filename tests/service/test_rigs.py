@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from radiometry.fitting.curve import coverage_factor
-from simulation.heads import draw_boards
+from simulation.boards import draw_boards
 from stilb.export import export
 from tests.support.certificates import InHouse
 from tests.support.house import KEY

@@ -10,8 +10,7 @@ from radiometry.frame.exposure import Settings, compute_rhs
 from radiometry.frame.roi import Polygon, Window
 from radiometry.frame.statistics import measure_signal
 from radiometry.luminance import method as luminance
-from simulation.camera import change, expose, take
-from simulation.light import Lamp
+from simulation.camera import Lamp, change, expose, take
 from simulation.luminance import ISOS, LUMINANCES_CD_M2, X5S, Errors, find_k, plan_campaign
 from simulation.targets import Surface
 from tests.radiometry.campaigns import TRUE_K, draw

@@ -8,10 +8,8 @@ import pytest
 from radiometry.frame.exposure import Settings
 from radiometry.reflectance.panel_code import find_panel
 from radiometry.reflectance.sun import SunPosition, Tilt, TiltParams
-from simulation.camera import Camera, change, expose
-from simulation.card import Card
-from simulation.light import LUMINOUS_EFFICIENCY, Lamp, Meter, compute_mismatch
-from simulation.sunshine import SunshineSensor
+from simulation.camera import LUMINOUS_EFFICIENCY, Camera, Lamp, Meter, change, compute_mismatch, expose
+from simulation.sequoia import Card, SunshineSensor
 from simulation.targets import Picture, Surface
 
 SETTINGS = Settings(exposure_time_s=0.01, f_number=4.0, iso=100.0)

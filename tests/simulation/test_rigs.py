@@ -11,7 +11,7 @@ from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon
 from radiometry.reflectance import method as reflectance
 from simulation.camera import change
-from simulation.rig_file import write_rig
+from simulation.multispectral_files import write_rig
 from simulation.rigs import RIGS, capture
 from worker.decode import reader
 

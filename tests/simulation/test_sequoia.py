@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from simulation.camera import change
+from simulation.multispectral_files import name_file, write_sequoia
 from simulation.sequoia import SEQUOIA, capture
-from simulation.sequoia_file import name_file, write_sequoia
 from worker.decode import reader
 
 SURFACE = {"green": 0.18, "red": 0.1, "red_edge": 0.3, "nir": 0.5}

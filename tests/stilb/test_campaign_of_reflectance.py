@@ -5,8 +5,8 @@ import pytest
 
 import stilb
 from simulation.camera import change
+from simulation.multispectral_files import name_file, write_sequoia
 from simulation.sequoia import BANDS, SEQUOIA, capture
-from simulation.sequoia_file import name_file, write_sequoia
 from stilb.commands.calibration import format_calibration
 from stilb.commands.output import Exit
 from stilb.field.plan import ensure_campaign, ensure_panel, list_parameters, read_plan

@@ -3,7 +3,7 @@
 import numpy as np
 
 from simulation.camera import change, take
-from simulation.flats import COUNTING_SENSOR, FAST_LENS, plan_flats, plan_series
+from simulation.targets import COUNTING_SENSOR, FAST_LENS, plan_flats, plan_series
 from tests.support.campaigns import calibrate
 from tests.support.data import data_file
 from tests.support.frames import write_raw

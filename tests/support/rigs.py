@@ -4,8 +4,7 @@ import numpy as np
 
 from radiometry.geometry.camera import CameraModel
 from radiometry.geometry.target import Target
-from simulation.boards import View, set_up
-from simulation.heads import Mounted
+from simulation.boards import Mounted, View, set_up
 from tests.support.frames import write_raw
 
 LENS = CameraModel(height_px=180, width_px=240, fx_px=230, fy_px=230, cx_px=123.0, cy_px=87.0, k1=-0.2)

@@ -13,7 +13,7 @@ from radiometry.geometry.camera import CameraModel, View, choose_free_parameters
 from radiometry.geometry.rig.adjustment import BoardPicture, RigCamera, describe_pose, pair_pictures
 from radiometry.geometry.rig.orientation import COMPARED, orient_rig
 from radiometry.geometry.target import locate_corners_mm
-from simulation.heads import Mounted, draw_boards, see
+from simulation.boards import Mounted, draw_boards, see
 from tests.radiometry.geometry.boards import BOARD, make_header
 
 LENS = CameraModel(

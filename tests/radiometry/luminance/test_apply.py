@@ -11,8 +11,7 @@ from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon, Window
 from radiometry.luminance import application, codes
 from radiometry.luminance import method as luminance
-from simulation.camera import change, expose
-from simulation.light import Lamp
+from simulation.camera import Lamp, change, expose
 from simulation.luminance import X5S
 from simulation.targets import Surface
 from tests.radiometry.coefficients import apply_coefficient

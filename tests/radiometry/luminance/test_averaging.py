@@ -10,7 +10,7 @@ from radiometry.findings.grouping import advise
 from radiometry.frame.grid import Grid
 from radiometry.frame.statistics import Signal
 from radiometry.luminance.pixels import SCATTER, average_signals
-from simulation.field import draw_field
+from simulation.luminance import draw_field
 from tests.radiometry.luminance.test_measurement import CORNERS, PER_DN, flags, make_frame, measured, noisy
 
 GRID = Grid(corners=CORNERS, rows=2, columns=2)

@@ -22,7 +22,7 @@ from radiometry.luminance.maps import compute_map, find_map_scale
 from radiometry.luminance.measurement import Request, find_window, measure
 from radiometry.luminance.rows import CalibrationConditions, FieldConditions
 from radiometry.spectral.mismatch import compute_mismatch, estimate_u_rel, fit_colour_remedy
-from simulation.field import draw_field
+from simulation.luminance import draw_field
 from tests.radiometry.coefficients import COEFFICIENT
 
 LAB = CalibrationConditions(

@@ -12,7 +12,7 @@ from radiometry.noise import fit as noise
 from radiometry.noise.results import Features, FrameRow, Params
 from simulation.camera import change
 from simulation.camera import take as expose
-from simulation.flats import COUNTING_SENSOR, plan_series
+from simulation.targets import COUNTING_SENSOR, plan_series
 
 PARAMS = Params()
 TIMES = (0.02, 0.05, 0.1, 0.2, 0.3, 0.45, 0.6)

@@ -13,7 +13,7 @@ from radiometry.frame.packing import unpack
 from radiometry.frame.roi import Polygon
 from radiometry.noise import fit as noise
 from radiometry.noise.results import Features
-from simulation.flats import COUNTING_SENSOR
+from simulation.targets import COUNTING_SENSOR
 
 HEADER = COUNTING_SENSOR.describe()
 

@@ -14,7 +14,7 @@ from radiometry.noise import fit as noise
 from radiometry.noise.fit import list_coefficients
 from radiometry.noise.results import Fit
 from simulation.camera import change
-from simulation.flats import COUNTING_SENSOR, find_variance_maximum
+from simulation.targets import COUNTING_SENSOR, find_variance_maximum
 from tests.radiometry.noise.series import PARAMS, SMALL, TIMES, agrees, make_row, only, shoot, take
 
 

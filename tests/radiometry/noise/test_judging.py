@@ -9,7 +9,7 @@ from radiometry.frame.packing import pack, unpack
 from radiometry.noise import verdicts as noise_verdicts
 from radiometry.noise.results import Features, Params
 from simulation.camera import change
-from simulation.flats import COUNTING_SENSOR
+from simulation.targets import COUNTING_SENSOR
 from tests.radiometry.evidence import taken
 from tests.radiometry.noise.series import take
 

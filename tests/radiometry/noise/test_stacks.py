@@ -9,7 +9,7 @@ from radiometry.frame import Frame
 from radiometry.frame.exposure import Exposure, Settings
 from radiometry.noise.stacks import make_stacks
 from simulation.camera import Taken, change
-from simulation.flats import COUNTING_SENSOR
+from simulation.targets import COUNTING_SENSOR
 from tests.radiometry.noise.series import make_row
 
 SENSOR = change(COUNTING_SENSOR, height_px=32, width_px=32, black_level_dn=0.0)

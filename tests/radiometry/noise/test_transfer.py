@@ -15,7 +15,7 @@ from radiometry.noise.fit import list_coefficients
 from radiometry.noise.stacks import count_changes, estimate_rounded_noise, make_stacks
 from radiometry.noise.transfer import find_saturation, fit_gain, list_levels
 from simulation.camera import change
-from simulation.flats import find_variance_maximum
+from simulation.targets import find_variance_maximum
 from tests.radiometry.noise.series import (
     LIGHT,
     PARAMS,

@@ -7,7 +7,7 @@ import tifffile
 
 from radiometry.reflectance import panel_code
 from radiometry.reflectance.panel_code import SHRINK, find_panel
-from simulation.card import Card, fill
+from simulation.sequoia import Card, fill
 from tests.support.data import data_file
 
 EARLY, LATE = "RP02-1603036-SC", "RP04-1901231-SC"

@@ -12,7 +12,7 @@ from radiometry.reflectance import results
 from radiometry.reflectance.results import evaluate_k
 from radiometry.reflectance.sun import read_clock_s
 from radiometry.reflectance.sunshine import measure_light
-from simulation.flights import draw_change
+from simulation.sequoia import draw_change
 from tests.radiometry.reflectance.captures import (
     CAMERA,
     PANEL_R,

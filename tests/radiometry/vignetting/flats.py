@@ -10,8 +10,7 @@ from radiometry.vignetting.blocks import Grid, Site, average_radial
 from radiometry.vignetting.falloff import Blocks
 from radiometry.vignetting.results import Coefficient
 from simulation.camera import change, take
-from simulation.flats import FAST_LENS, plan_dark, plan_flat
-from simulation.targets import Surface
+from simulation.targets import FAST_LENS, Surface, plan_dark, plan_flat
 
 SMALL = change(FAST_LENS, height_px=192, width_px=288, centre_px=(88.0, 155.0))
 NONE = vignetting.Params()

@@ -13,7 +13,7 @@ from radiometry.vignetting import lens as vignetting_lens
 from radiometry.vignetting.falloff import evaluate_slopes
 from radiometry.vignetting.lens import require_format
 from simulation.camera import change, take
-from simulation.flats import FALLOFFS, plan_flat
+from simulation.targets import FALLOFFS, plan_flat
 from tests.radiometry.vignetting.flats import NONE, SMALL, coefficient, dark, flat
 
 AT_2 = coefficient()

@@ -9,7 +9,7 @@ import pytest
 from radiometry.findings import InputRejected
 from radiometry.vignetting import lens as vignetting_lens
 from radiometry.vignetting import lens as vignetting_lensfun
-from simulation.flats import FALLOFFS
+from simulation.targets import FALLOFFS
 from tests.radiometry.vignetting.flats import coefficient
 
 HEIGHT, WIDTH = 300, 400

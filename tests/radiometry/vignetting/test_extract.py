@@ -14,7 +14,7 @@ from radiometry.frame.roi import Polygon
 from radiometry.vignetting import fit as vignetting
 from radiometry.vignetting.blocks import Grid, Site, average_radial
 from simulation.camera import change, take
-from simulation.flats import FAST_LENS, plan_flat
+from simulation.targets import FAST_LENS, plan_flat
 from tests.radiometry.vignetting.flats import SMALL, row, whole
 
 

@@ -19,7 +19,7 @@ from radiometry.vignetting.channels import fit_channel
 from radiometry.vignetting.falloff import CENTRE_U, EVEN, UNKNOWN, evaluate_curve, solve_falloff
 from radiometry.vignetting.lens import evaluate
 from simulation.camera import change, take
-from simulation.flats import FALLOFFS, FAST_LENS, plan_flats
+from simulation.targets import FALLOFFS, FAST_LENS, plan_flats
 from tests.radiometry.vignetting.flats import (
     NONE,
     SMALL,

@@ -15,8 +15,7 @@ from radiometry.vignetting import lens as vignetting_residuals
 from radiometry.vignetting import verdicts
 from radiometry.vignetting import verdicts as vignetting_verdicts
 from simulation.camera import change
-from simulation.flats import FAST_LENS
-from simulation.targets import Picture
+from simulation.targets import FAST_LENS, Picture
 from tests.radiometry.evidence import taken
 from tests.radiometry.vignetting.flats import NONE, SMALL, dark, flags_of, flat, surface
 

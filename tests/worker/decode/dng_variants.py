@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from simulation.tiff import ASCII, BYTE, LONG, RATIONAL, SHORT, UNDEFINED, TiffWriter
+from simulation.dng import ASCII, BYTE, LONG, RATIONAL, SHORT, UNDEFINED, TiffWriter
 from tests.worker.decode import ljpeg_encoder
 
 PATTERNS = {"RGGB": b"\0\1\1\2", "GBRG": b"\1\2\0\1", "BGGR": b"\2\1\1\0", "GRBG": b"\1\0\2\1"}

@@ -9,7 +9,7 @@ import imagecodecs
 import numpy as np
 import tifffile
 
-from simulation.tiff import BYTE
+from simulation.dng import BYTE
 from tests.support.data import FOLDER
 from tests.worker.decode.dng_variants import Variant, black_level, make_dng
 from worker.decode import png, tags

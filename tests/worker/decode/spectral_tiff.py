@@ -3,7 +3,7 @@
 import base64
 import struct
 
-from simulation.tiff import ASCII, BYTE, LONG, RATIONAL, SHORT, TiffWriter
+from simulation.dng import ASCII, BYTE, LONG, RATIONAL, SHORT, TiffWriter
 
 ROWS, COLS = 24, 32
 

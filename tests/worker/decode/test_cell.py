@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from radiometry.findings import InputRejected, files
-from simulation.tiff import LONG
+from simulation.dng import LONG
 from store.sandbox import Restrictions, Sandbox, build_filter
 from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
 from worker.decode import nursery, reader, warmup

@@ -8,7 +8,7 @@ import pytest
 import tifffile
 
 from radiometry.findings import InputRejected, files
-from simulation.tiff import LONG, SHORT, TiffWriter
+from simulation.dng import LONG, SHORT, TiffWriter
 from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
 from worker.decode import reader
 

@@ -7,7 +7,7 @@ import pytest
 
 from radiometry.findings import InputRejected, files
 from radiometry.frame.proof import PieceRun
-from simulation.tiff import BYTE
+from simulation.dng import BYTE
 from tests.worker.decode.dng_variants import Variant, black_level, make_dng, make_samples
 from worker.decode import reader
 

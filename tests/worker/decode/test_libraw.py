@@ -5,7 +5,7 @@ import pytest
 import rawpy
 
 from radiometry.findings import InputRejected, files
-from simulation.tiff import LONG, RATIONAL
+from simulation.dng import LONG, RATIONAL
 from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
 from worker.decode import libraw, reader
 

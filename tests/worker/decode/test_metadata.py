@@ -6,7 +6,7 @@ import math
 import pytest
 
 from radiometry.frame import Opcode
-from simulation.tiff import ASCII, LONG, RATIONAL, SHORT, SRATIONAL
+from simulation.dng import ASCII, LONG, RATIONAL, SHORT, SRATIONAL
 from tests.worker.decode.dng_variants import Variant, black_level, make_dng, make_samples, opcode_list
 from worker.decode import reader
 from worker.decode.metadata import read_metadata

@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from radiometry.findings import InputRejected, files
-from simulation.tiff import ASCII, LONG, RATIONAL, SHORT, TiffWriter
+from simulation.dng import ASCII, LONG, RATIONAL, SHORT, TiffWriter
 from worker.decode import pictures, reader
 from worker.decode.pool import DecoderPool
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from radiometry.findings import InputRejected, files, shared
-from simulation.tiff import LONG
+from simulation.dng import LONG
 from tests.worker.decode.dng_variants import Variant, expected_samples, make_dng, make_samples
 from worker.decode import reader
 from worker.decode.pool import DecoderCrashed, DecoderLimits, DecoderPool, DecoderUnavailable

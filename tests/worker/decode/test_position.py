@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from simulation.tiff import ASCII, BYTE, LONG, RATIONAL
+from simulation.dng import ASCII, BYTE, LONG, RATIONAL
 from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
 from worker.decode import reader
 

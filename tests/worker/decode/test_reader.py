@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import rawpy
 
-from simulation.tiff import LONG, SHORT, TiffWriter
+from simulation.dng import LONG, SHORT, TiffWriter
 from tests.worker.decode.dng_variants import Variant, expected_samples, make_dng, make_samples
 from worker.decode import reader
 

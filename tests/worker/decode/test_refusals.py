@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from radiometry.findings import InputRejected, files, shared
-from simulation.tiff import BYTE, DOUBLE, LONG, SHORT, TiffWriter
+from simulation.dng import BYTE, DOUBLE, LONG, SHORT, TiffWriter
 from tests.worker.decode.dng_variants import Variant, black_level, make_dng, make_samples
 from worker.decode import reader
 
