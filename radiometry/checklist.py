@@ -251,16 +251,6 @@ def find(facts: Facts) -> dict[str, Finding]:
     here; their evidence states this.
 
     [1] Standard operating procedure "Drone Camera Calibration", procedure checklist
-
-    Parameters
-    ----------
-    facts : Facts
-        Record of the campaign.
-
-    Returns
-    -------
-    dict of str to Finding
-        By the name of the item.
     """
     return _general(facts) | _scenes(facts) | _frames(facts) | _extraction(facts) | _dark(facts) | _fit(facts)
 

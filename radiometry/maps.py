@@ -69,27 +69,12 @@ class PixelUncertainty:
         return COVERAGE * math.hypot(self.constant, self.pixel)
 
     def common(self, values: Array) -> Array:
-        """Compute the part that all pixels share, which no mean reduces.
-
-        Parameters
-        ----------
-        values : ndarray of float64
-            Values.
-        """
+        """Compute the part that all pixels share, which no mean reduces."""
         return np.hypot(self.relative * values, self.constant)
 
     def own(self, values: Array, pixels: Array | float = 1.0) -> Array:
         """Compute an upper bound of the noise of values that are each the mean of some pixels.
 
-        Parameters
-        ----------
-        values : ndarray of float64
-            Values.
-        pixels : ndarray of float64 or float, default: 1.0
-            Number of different pixels that each is the mean of.
-
-        Notes
-        -----
         Noise of variance a + b v, with a and b not negative, grows at most as v: beyond the reference u^2 is
         that of the reference times v / reference, below it that of the reference.
         """

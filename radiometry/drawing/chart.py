@@ -26,19 +26,7 @@ _STYLE = (
 
 
 def document(parts: Iterable[str], *, width_px: int, height_px: int, label: str, style: str = "") -> str:
-    """Return an SVG document.
-
-    Parameters
-    ----------
-    parts : iterable of str
-        Elements.
-    width_px, height_px : int
-        Size.
-    label : str
-        Text for screen readers.
-    style : str, optional
-        CSS of classes that only this picture has.
-    """
+    """Return an SVG document."""
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width_px} {height_px}" width="{width_px}" '
         f'height="{height_px}" role="img" aria-label="{escape(label)}"><style>{_STYLE}{style}</style>'
@@ -221,13 +209,7 @@ BAR_PX: Final = 200  # Of its width: the bar and its labels
 
 
 def find_step(width_px: int) -> int:
-    """Return how many pixels of the map, along each side, are one of its picture.
-
-    Parameters
-    ----------
-    width_px : int
-        Width of the map.
-    """
+    """Return how many pixels of the map, along each side, are one of its picture."""
     return max(1, math.ceil(width_px / (WIDEST_PX - BAR_PX)))
 
 

@@ -83,11 +83,6 @@ class Figure:
         """Return the values that lie within the limits of the axes: those of x and of y, all finite.
 
         On a page, points that are left out may lie anywhere; they count only where all are left out.
-
-        Parameters
-        ----------
-        in_print : bool
-            True: points that are left out count, too, unless the figure cuts them.
         """
         marks = [mark for each in self.series for mark in each.marks]
         if self.cuts_left_out or not in_print:

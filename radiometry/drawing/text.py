@@ -25,10 +25,7 @@ def in_step(value: float, uncertainty: float) -> tuple[str, str]:
 
     By JCGM 100:2008, 7.2.6.
 
-    Parameters
-    ----------
-    value, uncertainty : float
-        In one unit. An uncertainty that is not positive and finite rounds nothing.
+    An uncertainty that is not positive and finite rounds nothing.
     """
     if not 0.0 < uncertainty < math.inf:
         return f"{value:.5g}", f"{uncertainty:.5g}"
@@ -40,15 +37,7 @@ def in_step(value: float, uncertainty: float) -> tuple[str, str]:
 
 
 def write_quantity(value: float, uncertainty: float, unit: str = "1") -> str:
-    """Return a value with its uncertainty and unit: 32.31 ± 0.44 DN·m²/(cd·s), 1.20 ± 0.10 %.
-
-    Parameters
-    ----------
-    value, uncertainty : float
-        In ``unit``.
-    unit : str, optional
-        Unit as it is typed; "1" for a pure number.
-    """
+    """Return a value with its uncertainty and unit: 32.31 ± 0.44 DN·m²/(cd·s), 1.20 ± 0.10 %."""
     said = "" if unit == "1" else f" {write_unit(unit)}"
     return f"{' ± '.join(in_step(value, uncertainty))}{said}"
 
@@ -80,13 +69,7 @@ def shorten(text: str, most: int) -> str:
 
 
 def write_exposure(seconds: float) -> str:
-    """Return an exposure time as a camera names it: 1/250 s, 2 s.
-
-    Parameters
-    ----------
-    seconds : float
-        Exposure time [s].
-    """
+    """Return an exposure time as a camera names it: 1/250 s, 2 s."""
     if seconds >= 0.3:
         return f"{seconds:.3g} s"
     whole = round(1.0 / seconds)
@@ -94,25 +77,13 @@ def write_exposure(seconds: float) -> str:
 
 
 def natural_key(name: str) -> list[tuple[bool, str]]:
-    """Return a key that sorts names in natural order: scene 9 before scene 10.
-
-    Parameters
-    ----------
-    name : str
-        A name.
-    """
+    """Return a key that sorts names in natural order: scene 9 before scene 10."""
     parts = re.split(r"(\d+)", name.lower())
     return [(part.isdigit(), part.zfill(20) if part.isdigit() else part) for part in parts]
 
 
 def sort_naturally(names: Iterable[str]) -> list[str]:
-    """Return names in natural order.
-
-    Parameters
-    ----------
-    names : iterable of str
-        Names.
-    """
+    """Return names in natural order."""
     return sorted(names, key=natural_key)
 
 
@@ -126,22 +97,10 @@ def name_few(noun: str, names: Iterable[str], *, most: int = 3) -> str:
 
 
 def write_unit(unit: str) -> str:
-    """Return a unit as print sets it, from the way in which it is typed.
-
-    Parameters
-    ----------
-    unit : str
-        Unit, such as DN*m2/(cd*s).
-    """
+    """Return a unit as print sets it, from the way in which it is typed."""
     return unit.replace("*", "·").replace("m2", "m²")
 
 
 def label_axis(quantity: str, unit: str) -> str:
-    """Return a quantity with its unit in brackets, without one for a pure number.
-
-    Parameters
-    ----------
-    quantity, unit : str
-        Name, and unit as it is typed.
-    """
+    """Return a quantity with its unit in brackets, without one for a pure number."""
     return quantity if unit == "1" else f"{quantity} [{write_unit(unit)}]"

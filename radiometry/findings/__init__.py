@@ -55,36 +55,16 @@ class Finding(str):  # noqa: SLOT000  the decorator makes them
         return str.__hash__(self)
 
     def at(self, where: str, detail: str) -> "Raised":
-        """Return the flag as raised at a place.
-
-        Parameters
-        ----------
-        where, detail : str
-            As in `Raised`.
-        """
+        """Return the flag as raised at a place."""
         return Raised(flag=self.code, where=where, detail=detail)
 
     def reason(self, detail: str, outcome: Outcome | None = None) -> "Reason":
-        """Return the reason of a verdict.
-
-        Parameters
-        ----------
-        detail : str
-            As in `Reason`.
-        outcome : str, optional
-            Default: as grave as the entry.
-        """
+        """Return the reason of a verdict."""
         found: Outcome = outcome or ("fail" if self.severity == "error" else self.severity)
         return Reason(code=self, outcome=found, detail=detail)
 
     def refuse(self, what_is_wrong: str) -> "InputRejected":
-        """Return the refusal with the remedy; the caller raises it.
-
-        Parameters
-        ----------
-        what_is_wrong : str
-            A sentence with the numbers.
-        """
+        """Return the refusal with the remedy; the caller raises it."""
         return InputRejected(self, f"{what_is_wrong} {self.remedy}")
 
 

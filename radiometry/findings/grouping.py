@@ -50,13 +50,7 @@ class FindingGroup:
 
 
 def group_findings(occurrences: Iterable[Occurrence]) -> tuple[FindingGroup, ...]:
-    """Return equal findings as one each, the gravest first.
-
-    Parameters
-    ----------
-    occurrences : iterable of Occurrence
-        Findings; equal are those of one code and severity.
-    """
+    """Return equal findings as one each, the gravest first."""
     groups: dict[tuple[str, Severity], list[Occurrence]] = {}
     for each in occurrences:
         groups.setdefault((each.finding.code, each.severity), []).append(each)
@@ -133,23 +127,7 @@ _IF_ASSUMED = {
 def advise(
     found: Iterable[Finding], *, budget: Sequence[tuple[str, float]], assumed: Collection[str] = ()
 ) -> tuple[str, ...]:
-    """Return the remedy of each finding once, then a sentence for the largest source of uncertainty.
-
-    Parameters
-    ----------
-    found : iterable of Finding
-        The entries of the flags that were raised.
-    budget : sequence of (str, float)
-        Source and its share of the variance of the region's mean.
-    assumed : collection of str, default: ()
-        Sources whose correction assumes what could have been stated.
-
-    Returns
-    -------
-    tuple of str
-        One sentence or more each.
-
-    """
+    """Return the remedy of each finding once, then a sentence for the largest source of uncertainty."""
     sentences = list(dict.fromkeys(finding.remedy for finding in found))
     largest = max(budget, key=lambda entry: entry[1], default=None)
     if largest is not None and largest[1] > 0.0:

@@ -47,18 +47,7 @@ class MeasuredChange:
 
     @classmethod
     def untold(cls, why: str) -> "MeasuredChange":
-        """Return no change, with the sentence that states why.
-
-        Parameters
-        ----------
-        why : str
-            Sentence for a person.
-
-        Returns
-        -------
-        MeasuredChange
-            A record whose `change` and `basis` are None.
-        """
+        """Return no change, with the sentence that states why."""
         return cls(change=None, basis=None, why=why)
 
 

@@ -78,9 +78,7 @@ class TableRow:
     def widest_std_dn(self) -> float:
         """The stated standard deviation, else the largest that samples of this mean and range can have [DN].
 
-        References
-        ----------
-        .. [1] R. Bhatia, C. Davis, Am. Math. Mon. 107, 353 (2000), doi:10.1080/00029890.2000.12005203
+        [1] R. Bhatia, C. Davis, Am. Math. Mon. 107, 353 (2000), doi:10.1080/00029890.2000.12005203
         """
         if self.std_dn is not None:
             return self.std_dn

@@ -47,19 +47,8 @@ class Exposure:
     def on_basis(self, basis: str) -> Settings:
         """Return the settings on the nominal or the APEX basis.
 
-        Parameters
-        ----------
-        basis : {"nominal", "apex"}
-            Basis of exposure time and f-number. A missing APEX value is replaced by
-            the nominal one.
+        A missing APEX value is replaced by the nominal one.
 
-        Returns
-        -------
-        Settings
-            The three settings on that basis.
-
-        Notes
-        -----
         The basis matters: f/11 stands for 2^3.5 = 11.314, 5.5 % in L; 1/60 s for
         1/64 s, 6.7 %. Nominal is the default: it is what a field team writes down.
         A K that was fitted with nominal values and is applied with nominal values

@@ -98,15 +98,7 @@ class WholenessCheck:
         self._belows = np.zeros(height_px, np.int64)
 
     def add(self, row0: int, samples: NDArray[np.uint16]) -> None:
-        """Check the next rows.
-
-        Parameters
-        ----------
-        row0 : int
-            Number of the first of these rows.
-        samples : ndarray of uint16
-            Raw values [DN], (row, col) or (row, col, channel).
-        """
+        """Check the next rows, (row, col) or (row, col, channel) [DN]."""
         flat = samples.reshape(len(samples), self._width)
         # nearly every row of nearly every frame holds nothing that is looked for: that is told in one pass
         low = np.flatnonzero(flat.min(axis=1) <= max(self._limit, self._below))
@@ -247,16 +239,5 @@ class Proof:
     highest_dn: int = 0  #: Largest sample [DN]; 0 for frames that were read before it was noted
 
     def describe_doubt(self, header: FrameHeader) -> str:
-        """Return the doubt about the pixels as a sentence without its full stop; "" if there is none.
-
-        Parameters
-        ----------
-        header : FrameHeader
-            Metadata of the frame.
-
-        Returns
-        -------
-        str
-            Description of the empty parts.
-        """
+        """Return the doubt about the pixels as a sentence without its full stop; "" if there is none."""
         return describe_empty(self.wholeness.empty, height_px=header.height_px, width_px=header.width_px)

@@ -38,18 +38,7 @@ class Polygon:
 
     @classmethod
     def from_points(cls, points: Iterable[Sequence[float]]) -> "Polygon":
-        """Check points and put them in canonical order.
-
-        Parameters
-        ----------
-        points : iterable of sequence of float
-            Corners (x, y) [px]; the closing point may be repeated.
-
-        Raises
-        ------
-        InputRejected
-            `roi_invalid` or `roi_self_intersecting`.
-        """
+        """Check corners (x, y) [px] and put them in canonical order; the closing one may be repeated."""
         corners = _finite_points(points)
         area_px = _signed_area_px(np.array(corners))
         if np.linalg.matrix_rank(np.array(corners) - corners[0]) < 2:

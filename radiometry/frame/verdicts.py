@@ -25,17 +25,7 @@ class Keeping:
         return {}
 
     def keep(self, name: str, given: object, compute: Callable[..., T], *args: object) -> T:
-        """Return a result that was computed from this object and from `given`, computed once.
-
-        Parameters
-        ----------
-        name : str
-            Name of the result; the last one of each name is kept.
-        given : object
-            All else on which it depends, compared with ``==``.
-        compute : callable
-            Computes the result from `args`.
-        """
+        """Return a result that was computed from this object and from `given`, the last one of each name."""
         kept = self._kept.get(name)
         if kept is None or kept[0] != given:
             kept = self._kept[name] = given, compute(*args)

@@ -54,15 +54,7 @@ class CameraModel:
 
     @classmethod
     def from_parameters(cls, values: NDArray[np.float64], *, height_px: int, width_px: int) -> "CameraModel":
-        """Return the camera of parameters in the order of PARAMETERS.
-
-        Parameters
-        ----------
-        values : ndarray of float64
-            Parameters in the order of PARAMETERS, (9,).
-        height_px, width_px : int
-            Size of the picture [px].
-        """
+        """Return the camera of parameters in the order of PARAMETERS."""
         named = dict(zip(PARAMETERS, (float(value) for value in values), strict=True))
         return cls(height_px=height_px, width_px=width_px, **named)
 

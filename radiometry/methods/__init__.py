@@ -20,16 +20,4 @@ _BY_NAME: Final = {spec.name: spec for spec in METHODS}
 
 
 def get_method(name: str) -> MethodSpec:
-    """Return the method of a name.
-
-    Parameters
-    ----------
-    name : str
-        Name of the method.
-
-    Raises
-    ------
-    KeyError
-        There is no such method.
-    """
     return _BY_NAME[name]

@@ -41,13 +41,7 @@ class FoundRegion(Protocol):
         """How it was found."""
 
     def read_albedo(self, wavelength_nm: float | None) -> float | None:
-        """Return the reflectance that was read with the serial number; None if there was none.
-
-        Parameters
-        ----------
-        wavelength_nm : float or None
-            Centre wavelength of the band [nm].
-        """
+        """Return the reflectance that was read with the serial number; None if there was none."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -179,30 +179,14 @@ class MethodSpec:
     def find_scope(self, name: str, flags: Collection[str]) -> Scope | None:
         """Return the scope of a coefficient's uncertainty.
 
-        Parameters
-        ----------
-        name : str
-            Name of the coefficient.
-        flags : collection of str
-            Flags that apply to it.
-
-        Returns
-        -------
-        {"traceable", "relative_only"} or None
-            None for a coefficient that does not depend on a reference whose certificate is checked.
+        None for a coefficient that does not depend on a reference whose certificate is checked.
         """
         if self.untraced is None or name not in self.certificate.headlines:
             return None
         return "relative_only" if self.untraced.code in flags else "traceable"
 
     def draw(self, result: dict[str, Any]) -> str:
-        """Draw what certificates print of a stored result, as SVG.
-
-        Parameters
-        ----------
-        result : dict
-            Stored result.
-        """
+        """Draw what certificates print of a stored result, as SVG."""
         rows = (self._list_printed(part) for part in self.split(result))
         return draw_sheet(rows, f"{self.label} calibration")
 
@@ -217,13 +201,7 @@ class MethodSpec:
         return list_parameters(self.params)
 
     def label_coefficient(self, name: str) -> str:
-        """Return the label of a coefficient, its name if the method does not state it.
-
-        Parameters
-        ----------
-        name : str
-            Name of the coefficient.
-        """
+        """Return the label of a coefficient, its name if the method does not state it."""
         return next((each.label for each in self.coefficients if each.name == name), name)
 
     @property

@@ -122,12 +122,7 @@ class Parameter:
                 return str(self.default)
 
     def holds(self, value: float) -> bool:
-        """Return True if a number lies within the range; NaN and infinity do not.
-
-        Parameters
-        ----------
-        value : float
-        """
+        """Return True if a number lies within the range; NaN and infinity do not."""
         if not math.isfinite(value):
             return False
         low, high = self.minimum, self.maximum
@@ -153,13 +148,7 @@ def parameter(
 
 
 def list_parameters(kind: type[Any]) -> tuple[Parameter, ...]:
-    """Return the parameters that a `Params` class states, in the order of its fields.
-
-    Parameters
-    ----------
-    kind : type
-        The class.
-    """
+    """Return the parameters that a `Params` class states, in the order of its fields."""
     return _list_once(kind)
 
 

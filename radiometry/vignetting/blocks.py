@@ -65,13 +65,7 @@ class Grid:
 
     @classmethod
     def over(cls, height_px: int, width_px: int) -> "Grid":
-        """Return the finest grid with at most 64 blocks on the long side, none smaller than 8 pixels.
-
-        Parameters
-        ----------
-        height_px, width_px : int
-            Size of the frame [px].
-        """
+        """Return the finest grid with at most 64 blocks on the long side, none smaller than 8 pixels."""
         block_px = 2 * math.ceil(max(height_px, width_px) / (2 * MOST_BLOCKS))
         return cls(height_px=height_px, width_px=width_px, block_px=max(LEAST_BLOCK_PX, block_px))
 
@@ -86,18 +80,7 @@ class Grid:
         return (self.height_px - 1) / 2.0, (self.width_px - 1) / 2.0
 
     def axes(self, site: Site) -> tuple[Axis, Axis]:
-        """Return a channel's rows and columns in blocks; a block at the border that has none is left out.
-
-        Parameters
-        ----------
-        site : Site
-            Pixels of the channel.
-
-        Returns
-        -------
-        tuple of Axis
-            Rows and columns.
-        """
+        """Return a channel's rows and columns in blocks; a block at the border that has none is left out."""
         return (
             _cut(site.row0, site.step, self.height_px, self.block_px),
             _cut(site.col0, site.step, self.width_px, self.block_px),
