@@ -55,14 +55,12 @@ class Scale:
         return self.start_px + (self.end_px - self.start_px) * (at - low) / (high - low)
 
     def part(self, low: float, high: float) -> Self:
-        """Return the scale with other ends."""
         first, last = (math.log(self.low), math.log(self.high)) if self.logarithmic else (self.low, self.high)
         ends = (first + end * (last - first) for end in (low, max(high, low + 1e-3)))
         low, high = map(math.exp, ends) if self.logarithmic else ends
         return replace(self, low=low, high=high)
 
     def label(self, tick: float) -> str:
-        """Return the text beside a tick."""
         if self.named is not None:
             return dict(self.named)[tick]
         step = 0.0 if self.logarithmic else self._even_step()
@@ -123,7 +121,6 @@ class Panel:
     y_label: str
 
     def frame(self) -> list[str]:
-        """Return box, ticks and labels."""
         left, right = self.x.start_px, self.x.end_px
         bottom, top = self.y.start_px, self.y.end_px
         middle = (left + right) / 2
@@ -313,7 +310,6 @@ def _scale(axis: Axis, values: Sequence[float], start_px: float, end_px: float) 
 
 
 def draw_figure(figure: Figure, panel: Panel, *, in_print: bool) -> tuple[list[str], float]:
-    """Draw a figure with its axes and its legend."""
     parts = [*panel.frame(), *_draw_ground(panel, figure, in_print=in_print)]
     for n, each in enumerate(figure.series):
         place = _place(each, n)

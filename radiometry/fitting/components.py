@@ -63,7 +63,6 @@ class Component:
 
 
 def index_labels(labels: Sequence[Any]) -> Labels:
-    """Return the index of each label among the sorted different ones."""
     return np.unique(np.asarray(labels), return_inverse=True)[1].astype(np.intp)
 
 
@@ -126,7 +125,6 @@ class Problem:
 
     @property
     def parameters(self) -> int:
-        """Number p of parameters."""
         return int(self.design.shape[1])
 
     @property
@@ -253,7 +251,6 @@ class Factored:
 
     @property
     def log_determinant(self) -> float:
-        """Logarithm of the determinant of V."""
         inverse = self.inverse[: self.problem.parameters]
         return self._log_restricted + float(np.linalg.slogdet(inverse @ inverse.T)[1])
 

@@ -74,7 +74,6 @@ class Exclusion:
 
 
 def list_unknown_exclusions(exclude: Sequence[Exclusion], frames: Collection[str]) -> list[str]:
-    """List the exclusions of frames that a campaign does not have."""
     unknown = {each.frame for each in exclude} - set(frames)
     return [f"to be left out, but not of this campaign: {name_few('frame', unknown)}"] if unknown else []
 

@@ -311,7 +311,6 @@ class Converged:
 
     @property
     def dof(self) -> int:
-        """Points minus parameters."""
         return self.linear.response.size - self.solution.parameters.size
 
     def find_u(self, source: str) -> float:

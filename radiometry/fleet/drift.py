@@ -39,7 +39,6 @@ class Line:
     dof: int
 
     def at(self, days: float) -> tuple[float, float]:
-        """Return the line and its standard error."""
         (a, b), (_, c) = self.covariance
         return self.value + self.slope_per_day * days, math.sqrt(a + 2 * b * days + c * days * days)
 
@@ -136,7 +135,6 @@ def judge_stability(
 
 
 def say_stability(verdict: Stability, *, with_limit: bool, repeats: int) -> str:
-    """Return a verdict of `judge_stability` in words."""
     if verdict == "stable":
         return "It stayed within the tolerance, with 95 %."
     if verdict == "drifts":

@@ -41,7 +41,6 @@ _ONE_DAY = timedelta(days=1)
 
 
 def find_flags(rows: Sequence[Determination], grouping: Grouping, effects: Effects) -> tuple[Raised, ...]:
-    """Find reasons why the true repeatability may differ from the estimate."""
     where = str(rows[0].key)
     found = []
     stated = float(np.mean([row.standard_uncertainty**2 for row in rows]))
@@ -135,7 +134,6 @@ WITHOUT_SCALE = (
 
 
 def does_differ(effect: Effect) -> bool:
-    """Return True if the F test finds the levels different."""
     return effect.f_p_value is not None and effect.f_p_value < _SIGNIFICANT
 
 

@@ -73,7 +73,6 @@ def is_plausible(name: str, value: float) -> bool:
 
 
 def require_plausible(settings: Settings) -> None:
-    """Refuse settings that no camera has."""
     for name, (low, high) in PLAUSIBLE.items():
         value = getattr(settings, name)
         if not is_plausible(name, value):

@@ -63,7 +63,6 @@ def inspect_black(mean_dn: float, *, black_level_dn: float, white_level_dn: floa
 
 
 def flag_not_dark(found: Mapping[str, Reason], where: str) -> list[Raised]:
-    """Return the flag of a fit that uses dark frames that are not dark."""
     if not found:
         return []
     return [shared.DARK_NOT_DARK.at(where, name_not_dark(found))]
@@ -142,7 +141,6 @@ def assume_whole_frame(frame: ReviewedFrame) -> ReviewedFrame:
 
 
 def find_usual_format(frames: Sequence[ReviewedFrame]) -> Format | None:
-    """Return the format that most frames of a campaign have."""
     counts = Counter(
         frame.format
         for frame in frames

@@ -214,7 +214,6 @@ def undistort_frame(frame: Frame, camera: CameraModel) -> Undistorted:
 
 
 def require_size(camera: CameraModel, *, height_px: int, width_px: int) -> None:
-    """Check that a picture has the size of the calibration's."""
     if (height_px, width_px) != (camera.height_px, camera.width_px):
         raise InputRejected(
             shared.WRONG_CAMERA,

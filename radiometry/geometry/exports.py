@@ -50,7 +50,6 @@ def export_opencv(fit: Fit) -> str:
 
 
 def quote(text: str) -> str:
-    """Return a text as YAML states it, for readers of any version."""
     return json.dumps(text, ensure_ascii=False)
 
 

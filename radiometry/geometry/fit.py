@@ -160,7 +160,6 @@ def measure_coverage(camera: CameraModel, seen_px: Sequence[NDArray[np.float64]]
 def count_cells(
     seen_px: Sequence[NDArray[np.float64]], *, height_px: int, width_px: int
 ) -> NDArray[np.int64]:
-    """Return how many corners lie in each cell."""
     places = np.concatenate([np.empty((0, 2)), *seen_px])
     cells = ((places + 0.5) / np.array([height_px, width_px]) * CELLS).astype(np.int64)
     counts = np.zeros((CELLS, CELLS), np.int64)
@@ -210,7 +209,6 @@ _OUTLIER_FLOOR_PX: Final = 0.3
 
 
 def check_views(fitted: FittedViews, points: Sequence[Point], params: Params) -> list[Raised]:
-    """Check the pictures, one by one and together."""
     used = fitted.used
     errors = {point.frame: point.rms_px for point in points if point.used and point.rms_px is not None}
     usual = statistics.median(errors.values())
@@ -268,7 +266,6 @@ def check_solution(solution: Solution, coverage: Coverage) -> list[Raised]:
 
 
 def check_colours(colours: Sequence[LateralColour]) -> list[Raised]:
-    """Check how far the colours lie apart where corners were seen."""
     flags = []
     for each in colours:
         seen = [point for point in each.curve if not point.extrapolated]
@@ -347,7 +344,6 @@ def fit_geometry(rows: Sequence[FrameRow], params: Params) -> Fit:
 
 
 def list_coefficients(fit: Fit) -> tuple[CoefficientValue, ...]:
-    """Return the coefficients as dashboards show them."""
     listed: list[tuple[str, Coefficient | Quantity, str | None, int | None]] = [
         (each.name, each, None, fit.degrees_of_freedom if each.standard_uncertainty else None)
         for each in fit.coefficients

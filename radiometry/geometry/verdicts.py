@@ -71,7 +71,6 @@ _COLS: Final = ("left", "centre", "right")
 
 
 def plan_views(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
-    """List, by name, what to add while the board is still set up."""
     usable = [each for each in collect_candidates(rows, params) if not each.left_out]
     found = []
     if 0 < len(usable) < GOOD_VIEWS:
@@ -80,7 +79,6 @@ def plan_views(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
 
 
 def find_gaps(rows: Sequence[FrameRow], params: Params) -> tuple[Gap, ...]:
-    """List the views of the board that are lacking."""
     usable = sum(not each.left_out for each in collect_candidates(rows, params))
     return tuple(Gap(role="chart", text="View of the board") for _ in range(GOOD_VIEWS - usable))
 

@@ -231,7 +231,6 @@ class FittedViews:
 
 
 def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] = ()) -> tuple[str, ...]:
-    """List, by name, what keeps a fit from starting."""
     excluded = {exclusion.frame for exclusion in params.exclude}
     found = list_unknown_exclusions(params.exclude, [*(row.frame for row in rows), *unread])
     unread = [name for name in unread if name not in excluded]
@@ -350,5 +349,4 @@ def fit_views(candidates: Sequence[Candidate], params: Params, free: FreeParamet
 
 
 def measure_rms_px(residual_px: NDArray[np.float64]) -> float:
-    """Compute the root mean square distance of a view's corners from the model."""
     return math.sqrt(float((residual_px**2).sum()) / len(residual_px))

@@ -109,7 +109,6 @@ def apply_to_signal(
 
 
 def find_aperture(coefficient: Coefficient, settings: Settings) -> Aperture | None:
-    """Return the calibration of a frame's f-number."""
     for aperture in coefficient.apertures or ():
         if math.isclose(aperture.f_number, settings.f_number, rel_tol=SAME_SETTING_REL):
             return aperture

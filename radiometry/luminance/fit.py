@@ -230,7 +230,6 @@ def compute_risk(*, error_rel: float, u_rel: float, tolerance_rel: float) -> flo
 
 
 def report_model(fit: CurveFit, curve: Curve) -> ModelFit:
-    """Return one model as it was fitted."""
     left_out = leave_scenes_out(fit, curve)
     dof = fit.effective_dof()
     return ModelFit(

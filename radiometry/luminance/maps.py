@@ -50,7 +50,6 @@ def find_map_scale(
     lens: Lens | None = None,
     corrections: Sequence[FieldCorrection] = (),
 ) -> MapScale:
-    """Return the scale of a frame's map."""
     coefficient = choose_coefficient(coefficients, iso=exposure.iso)
     require_alike(coefficient, corrected=lens is not None)
     time_s = exposure.on_basis(coefficient.exposure_basis).exposure_time_s

@@ -57,7 +57,6 @@ def extract(frame: Frame, polygon: Polygon) -> tuple[ChannelStatistics, ...]:
 
 
 def make_row(evidence: FrameEvidence[None]) -> FrameRow:
-    """Convert the evidence of a frame to the row that the fit uses."""
     if evidence.exposure is None:
         raise ValueError(f"a light or dark frame without its exposure: {evidence.frame}")
     maps = (opcode.sha256 for opcode in evidence.header.opcodes if opcode.name == "GainMap")
@@ -195,7 +194,6 @@ def _weigh_certificate(iso_fits: Sequence[IsoFit]) -> str:
 
 
 def check_series(series: IsoSeries, rows: Sequence[FrameRow], params: Params) -> list[Raised]:
-    """Check the frames that entered the fit."""
     where = f"iso {series.iso:g}"
     used = {candidate.frame for candidate in series.used}
     light = [row for row in rows if row.frame in used]

@@ -335,7 +335,6 @@ def _candidate(
 
 
 def is_saturated(signal: Signal) -> bool:
-    """Return True if too many samples are saturated for the mean to count."""
     return signal.saturated_share > MOST_SATURATED_SHARE
 
 
@@ -344,7 +343,6 @@ def signal_error_dn(signal: Signal, dark: Dark) -> float:
 
 
 def is_below_detection(signal: Signal, dark: Dark) -> bool:
-    """Return True if a signal cannot be distinguished from dark."""
     return signal.value_dn - dark.signal_dn < DETECTION_ERRORS * signal_error_dn(signal, dark)
 
 

@@ -272,7 +272,6 @@ PLOTS: Final = (
 
 
 def list_key_figures(result: dict[str, Any]) -> tuple[KeyFigure, ...]:
-    """Return K of each ISO value of a stored result."""
     return tuple(
         KeyFigure(
             group=f"ISO {c['iso']:g}",

@@ -43,7 +43,6 @@ def list_missing(
     *,
     unread: Sequence[str] = (),
 ) -> list[str]:
-    """List by name what keeps a fit from starting."""
     excluded = {exclusion.frame for exclusion in params.exclude}
     found = list_unknown_exclusions(params.exclude, [*(row.frame for row in rows), *unread])
     wanted = [row for row in rows if row.frame not in excluded]
@@ -257,7 +256,6 @@ def _plan_readings(rows: Sequence[FrameRow], readings: Sequence[Reading], params
 
 
 def find_gaps(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> tuple[Gap, ...]:
-    """List the frames to add, each with its scene, ISO value and f-number as far as they are known."""
     lit = [row for row in rows if row.role == "light" and row.scene]
     read = {each.scene: each.value for each in readings if each.quantity == "luminance"}
     shown = {(row.scene, row.exposure.iso, row.exposure.f_number) for row in lit}

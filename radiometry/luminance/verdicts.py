@@ -475,7 +475,6 @@ def _per_luminance(candidate: Candidate) -> float:
 
 
 def show_time(time_s: float) -> str:
-    """Format an exposure time as it is marked: 1/125 s, 0.5 s, 2 s."""
     reciprocal = round(1.0 / time_s)
     if reciprocal > 2 and abs(time_s * reciprocal - 1.0) < 0.01:
         return f"1/{reciprocal} s"
@@ -483,7 +482,6 @@ def show_time(time_s: float) -> str:
 
 
 def show_settings(settings: Settings) -> str:
-    """Format the three values of an exposure."""
     return f"ISO {settings.iso:g}, {show_time(settings.exposure_time_s)}, f/{settings.f_number:g}"
 
 

@@ -11,7 +11,6 @@ __all__ = ["FINDINGS"]
 
 
 def collect_findings(*declared: tuple[Finding, ...]) -> Mapping[str, Finding]:
-    """Return the entries by code."""
     entries = [each for entries in declared for each in entries]
     found = {each.code: each for each in entries}
     if len(found) < len(entries):

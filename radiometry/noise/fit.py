@@ -34,7 +34,6 @@ def collect_stacks(rows: Sequence[FrameRow], params: Params) -> dict[tuple[float
 
 
 def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] = ()) -> tuple[str, ...]:
-    """List, by name, what keeps a fit from starting."""
     excluded = {exclusion.frame for exclusion in params.exclude}
     here = [row for row in rows if row.frame not in excluded]
     waiting = [row.frame for row in here if row.features is None]
@@ -138,7 +137,6 @@ _ERRORS = 3.0
 
 
 def check_fits(fitted: Sequence[FittedChannel]) -> tuple[Raised, ...]:
-    """Check every channel of every ISO value."""
     found: list[Raised] = []
     for each in fitted:
         where = f"iso {each.fit.iso:g} {each.fit.channel}"
@@ -296,7 +294,6 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
 
 
 def list_coefficients(fit: Fit) -> tuple[CoefficientValue, ...]:
-    """Return the coefficients of every ISO value and channel, those that exist."""
     return tuple(
         CoefficientValue(
             name=name,

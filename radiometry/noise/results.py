@@ -313,7 +313,6 @@ _FIGURES = (("full_well_e", "Full well"), ("read_noise_e", "Read noise"), ("snr_
 
 
 def list_key_figures(result: dict[str, Any]) -> tuple[KeyFigure, ...]:
-    """Return them for each ISO value, of the channel that stands for brightness."""
     fits = result["channel_fits"]
     shown = choose_channel(fit["channel"] for fit in fits)
     return tuple(

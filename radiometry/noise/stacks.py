@@ -388,8 +388,6 @@ def _find_step(images: Image) -> float:
 
 
 def group_by_channel(stacks: Sequence[Stack]) -> dict[tuple[float, str], list[Stack]]:
-    """Return the stacks of every ISO value and channel."""
-
     def key(stack: Stack) -> tuple[float, str]:
         return stack.setting.iso, stack.setting.channel
 

@@ -67,7 +67,6 @@ GOOD_STACK = 16
 
 
 def plan(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
-    """List, by name, what to add while the lamp is still set up."""
     gravest: list[str] = []
     others: list[str] = []
     for (iso, _), stacks in collect_stacks(rows, params).items():
@@ -82,7 +81,6 @@ def plan(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
 
 
 def find_gaps(rows: Sequence[FrameRow], params: Params) -> tuple[Gap, ...]:
-    """List, by ISO value, the pairs of dark frames and of light levels that are lacking."""
     gaps: dict[tuple[str, float], Gap] = {}
     for (iso, _), stacks in collect_stacks(rows, params).items():
         fitted = fit_channel(stacks, params)

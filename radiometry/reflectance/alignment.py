@@ -300,7 +300,6 @@ def _find_positions(
 
 
 def find_directions(lens: RigGeometry, *, x: Grid, y: Grid) -> Grid:
-    """Compute the unit direction of each pixel position in the band's own frame."""
     u, v = x - lens.principal_point_px[0], y - lens.principal_point_px[1]
     if lens.model == "fisheye":
         c, d, e, f = lens.fisheye_affine
@@ -321,7 +320,6 @@ def find_directions(lens: RigGeometry, *, x: Grid, y: Grid) -> Grid:
 
 
 def project(lens: RigGeometry, directions: Grid) -> tuple[Grid, Grid]:
-    """Compute the pixel position of directions in the band's own frame."""
     a, b, forward = directions[..., 0], directions[..., 1], directions[..., 2]
     if lens.model == "fisheye":
         sideways = np.hypot(a, b)

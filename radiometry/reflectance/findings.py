@@ -54,7 +54,6 @@ def _find_second_channel(band: Multispectral) -> list[Raised]:
 
 
 def check_frame(header: FrameHeader, *, where: str = "") -> list[Raised]:
-    """Check a multispectral file by its header alone."""
     if header.assumes_black:
         return [shared.BLACK_LEVEL_ASSUMED.at(where, "0 DN was subtracted from the signal.")]
     band = header.multispectral
@@ -77,7 +76,6 @@ def check_frame(header: FrameHeader, *, where: str = "") -> list[Raised]:
 
 
 def check_candidates(candidates: Sequence[Candidate]) -> list[Raised]:
-    """Check the panel frames that entered the fit, and those that did not."""
     raised: list[Raised] = []
     for each in candidates:
         where = f"frame {each.row.frame}"
@@ -221,7 +219,6 @@ def _inspect_sunshine(row: FrameRow, params: Params) -> list[Reason]:
 
 
 def plan(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> tuple[str, ...]:
-    """List by name what would improve the fit."""
     collected = collect_candidates(rows, readings, params)
     candidates = [each for each in collected if not each.left_out]
     advice: list[str] = []

@@ -410,7 +410,6 @@ def _range(values: Sequence[float]) -> tuple[float, float]:
 
 
 def describe_point(candidate: Candidate, params: Params, fit: BandFit | None) -> Point:
-    """Describe a panel frame as it is stored, used or not."""
     features, sunshine, panel = candidate.row.features, candidate.sunshine, candidate.panel
     k = residual = None
     if not candidate.left_out and fit is not None:

@@ -113,7 +113,6 @@ def _read_power(node: ast.expr) -> float:
 
 
 def compute(formula: Formula, values: Mapping[str, Values]) -> tuple[Values, dict[str, Values]]:
-    """Compute a formula and its partial derivatives."""
     with np.errstate(all="ignore"):
         found, slopes = _walk(formula.tree, values, positive=formula.positive)
     found = np.where(np.isfinite(found), found, np.nan).astype(_dtype(values))

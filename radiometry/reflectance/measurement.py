@@ -155,7 +155,6 @@ def describe_pixels(
 
 
 def estimate_noise(values: NDArray[np.float64], inside: NDArray[np.bool_]) -> float:
-    """Estimate the noise of one pixel of a region."""
     found = []
     for axis in (0, 1):
         size = values.shape[axis] - 2
@@ -178,7 +177,6 @@ def _part(effects: Sequence[Effect], *, shared: bool) -> float:
 
 
 def _share_out(applied: AppliedReflectance) -> tuple[Share, ...]:
-    """List the sources, the largest first."""
     variance = applied.reflectance.standard_uncertainty**2
     shares = [
         Share(
@@ -304,7 +302,6 @@ def measure_index(
     alignment: Sequence[Alignment] = (),
     displaced: Mapping[str, float] | None = None,
 ) -> MeasuredIndex:
-    """Compute an index of a region's reflectances with its uncertainty."""
     values = {each.band: np.asarray(each.reflectance.value) for each in bands}
     value, slopes = compute(formula, values)
     if np.isnan(value):
@@ -358,7 +355,6 @@ def map_uncertainty(
     coefficients: Sequence[Coefficient],
     alignment: Sequence[Alignment],
 ) -> NDArray[np.float32]:
-    """Compute the standard uncertainty of an index in every pixel."""
     _, slopes = compute(formula, planes)
     left = {each.band: each.residual_px for each in alignment}
     effects: dict[str, dict[str, NDArray[np.floating]]] = {}

@@ -144,7 +144,6 @@ def _doubt_sky(sunshine: Sunshine, band: Multispectral) -> Sunshine:
 
 
 def choose_angle(coefficients: Sequence[Coefficient], *, band: str, stated: float | None) -> float:
-    """Return the angle of incidence of a measurement."""
     return choose_coefficient(coefficients, band=band).incidence_angle_deg if stated is None else stated
 
 
@@ -320,7 +319,6 @@ def _k_u_rel(coefficient: Coefficient) -> float:
 def extract(
     frame: Frame, regions: Sequence[Region], *, header: FrameHeader, exposure: Exposure | None
 ) -> Extracted[Features]:
-    """Compute the statistics and the signal of a region of one band."""
     if exposure is None:
         raise ValueError("a panel or field frame without its exposure")
     features = extract_features(frame, regions[0].polygon, header=header, exposure=exposure)
@@ -343,7 +341,6 @@ def find_region(frame: Frame, *, header: FrameHeader) -> FoundPanel | None:
 
 
 def make_row(evidence: FrameEvidence[Features]) -> FrameRow:
-    """Convert the evidence of a frame to the row that the fit uses."""
     if evidence.exposure is None:
         raise ValueError(f"a panel or field frame without its exposure: {evidence.frame}")
     return FrameRow(

@@ -196,7 +196,6 @@ class Candidate:
 def list_missing(
     rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params, *, unread: Sequence[str] = ()
 ) -> list[str]:
-    """List by name what keeps a fit from starting."""
     excluded = {exclusion.frame for exclusion in params.exclude}
     found = list_unknown_exclusions(params.exclude, [*(row.frame for row in rows), *unread])
     panels = [row for row in rows if row.role == PANEL and row.frame not in excluded]

@@ -162,7 +162,6 @@ PLOTS: Final = (
 
 
 def list_key_figures(result: dict[str, Any]) -> tuple[KeyFigure, ...]:
-    """Return K of each band of a stored result."""
     return tuple(
         KeyFigure(
             group=c["band"],

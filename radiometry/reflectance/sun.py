@@ -215,7 +215,6 @@ def _respond(angle_deg: float, zenith_deg: float, params: TiltParams, share: flo
 
 
 def read_clock(header: FrameHeader) -> datetime | None:
-    """Return the time of the exposure."""
     if header.taken_at is None:
         return None
     at = datetime.fromisoformat(header.taken_at)

@@ -382,7 +382,6 @@ def check_positions(positions: Sequence[PositionFit]) -> list[Raised]:
 
 
 def check_candidates(candidates: Sequence[Candidate], params: Params) -> list[Raised]:
-    """Check the responses that a fit was given."""
     raised: list[Raised] = []
     rendered = sorted({each.frame for each in candidates if each.features.rendered and not each.left_out})
     if rendered:
@@ -471,7 +470,6 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
 
 
 def list_coefficients(fitted: Fit) -> tuple[CoefficientValue, ...]:
-    """Return every coefficient of every position, then the falloff to the corners."""
     figures = [
         CoefficientValue(
             name=coefficient.name,

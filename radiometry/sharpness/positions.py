@@ -153,7 +153,6 @@ class Candidate:
 
 
 def collect_candidates(rows: Sequence[FrameRow], params: Params) -> tuple[Candidate, ...]:
-    """Return every channel of every region."""
     excluded = {exclusion.frame: exclusion for exclusion in params.exclude}
     found = []
     for row in rows:
@@ -184,7 +183,6 @@ def collect_candidates(rows: Sequence[FrameRow], params: Params) -> tuple[Candid
 
 
 def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] = ()) -> tuple[str, ...]:
-    """List, by name, what keeps a fit from starting."""
     excluded = {exclusion.frame for exclusion in params.exclude}
     wanted = [row for row in rows if row.role == "chart" and row.frame not in excluded]
     found = []

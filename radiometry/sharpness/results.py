@@ -489,7 +489,6 @@ def _tell(found: Node) -> str:
 
 
 def _channels(result: Node) -> list[str]:
-    """Return the channels, first the one that stands for brightness."""
     channels = list(dict.fromkeys(each["channel"] for each in result["positions"]))
     return sorted(channels, key=lambda name: name != choose_channel(channels))
 

@@ -53,7 +53,6 @@ def _find_blurred(repeats: Sequence[Candidate], params: Params) -> list[tuple[st
 
 
 def plan(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
-    """List, by name, what would make the fit good."""
     usable = [each for each in collect_candidates(rows, params) if not each.left_out]
     keys = sorted({each.key for each in usable})
     positions = [merge_position([each for each in usable if each.key == key], params) for key in keys]

@@ -45,8 +45,6 @@ def _alone(result: dict[str, Any]) -> Iterable[dict[str, Any]]:
 
 
 def drop_readings(call: Callable[..., Any]) -> Callable[..., Any]:
-    """Return the function of a method without a reference, with readings as an ignored argument."""
-
     def without(rows: Any, readings: Any, params: Any, **named: Any) -> Any:  # noqa: ANN401  the method's own
         del readings
         return call(rows, params, **named)

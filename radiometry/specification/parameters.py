@@ -153,7 +153,6 @@ def list_parameters(kind: type[Any]) -> tuple[Parameter, ...]:
 
 
 def check_parameters(params: Any) -> None:  # noqa: ANN401  of any method
-    """Check every parameter against its choices and range."""
     for each in list_parameters(type(params)):
         value = getattr(params, each.field)
         if value is None:

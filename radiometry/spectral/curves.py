@@ -138,7 +138,6 @@ def read_response(text: str) -> Matrix:
 
 
 def is_table(text: str) -> bool:
-    """Return True if a text is a table of values and not a name."""
     return "\n" in text.strip()
 
 

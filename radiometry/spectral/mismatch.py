@@ -116,7 +116,6 @@ class ColourRemedy:
 
     @property
     def u_rel(self) -> float:
-        """Relative standard uncertainty of a predicted factor."""
         return math.hypot(self.rms_rel, LEAST_U_REL)
 
     @property
@@ -125,7 +124,6 @@ class ColourRemedy:
         return math.exp(self.intercept)
 
     def predict(self, red_to_green: float, blue_to_green: float) -> float | None:
-        """Predict the mismatch factor."""
         x = np.log([red_to_green, blue_to_green])
         for value, (low, high) in zip(x, (self.red_range, self.blue_range), strict=True):
             if not low - _MARGIN <= value <= high + _MARGIN:

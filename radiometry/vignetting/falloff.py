@@ -339,7 +339,6 @@ class _Model:
         self.plane = np.stack(np.broadcast_arrays(*blocks.places))
 
     def start(self, known: Matrix) -> Matrix:
-        """Fit A and the k linearly about the centre that is known."""
         means, _, _ = self._radial(np.append(np.zeros(4), known))
         design = np.column_stack([np.ones_like(self.light), *(mean[self.counts] for mean in means)])
         scaled = np.linalg.lstsq(design * self.weights[:, None], self.light * self.weights, rcond=None)[0]
@@ -350,15 +349,12 @@ class _Model:
         return np.asarray(p[0] * (1.0 + np.tensordot(p[1:4], means, 1)) * self._tilt(p))
 
     def residual(self, p: Matrix) -> Matrix:
-        """Return the residuals of the blocks over their errors."""
         return np.asarray((self.evaluate(p)[self.counts] - self.light) * self.weights)
 
     def chi_squared(self, p: Matrix) -> float:
-        """Return the sum of the squares of the residuals."""
         return float(np.sum(self.residual(p) ** 2))
 
     def jacobian(self, p: Matrix) -> Matrix:
-        """Return the derivatives of the residuals by the parameters."""
         means, by_row, by_col = self._radial(p)
         radius = self.blocks.grid.half_diagonal_px
         share, tilt = 1.0 + np.tensordot(p[1:4], means, 1), self._tilt(p)

@@ -80,7 +80,6 @@ def _answer(
 
 
 def check_frames(candidates: Sequence[Candidate], rows: Sequence[FrameRow], params: Params) -> list[Raised]:
-    """Check the frames that were used, and those that were not."""
     flags = []
     for candidate in candidates:
         if candidate.quality is not None:
@@ -237,7 +236,6 @@ def _where(each: FittedChannel) -> str:
 def extract(
     frame: Frame, regions: Sequence[Region], *, header: FrameHeader, exposure: Exposure | None
 ) -> Extracted[Features]:
-    """Compute the averages of a flat or dark frame over blocks."""
     del exposure
     return extract_features(frame, regions, header=header)
 
@@ -308,7 +306,6 @@ def _find_turns(candidates: Sequence[Candidate], params: Params) -> dict[str, fl
 
 
 def list_coefficients(fit: Fit) -> tuple[CoefficientValue, ...]:
-    """Return k1, k2, k3, the centre and the corner's falloff, per f-number and channel."""
     return tuple(
         CoefficientValue(
             name=name,
@@ -351,7 +348,6 @@ def _list_quantities(coefficient: Coefficient) -> dict[str, Quantity]:
 
 
 def _flags_of(fit: Fit, coefficient: Coefficient) -> tuple[str, ...]:
-    """Return the flags that concern a coefficient: its own, its frames' and those of the whole fit."""
     f_number = coefficient.f_number
     frames = {f"frame {point.frame}" for point in fit.points if point.f_number == f_number}
     wheres = {"", f"f/{f_number:g} {coefficient.channel}", *frames}

@@ -153,7 +153,6 @@ def _list_alike(flat: FrameRow, rows: Sequence[FrameRow]) -> list[FrameRow]:
 
 
 def time_ratio(one: FrameRow, other: FrameRow) -> float:
-    """Return how many times longer the longer of two exposures is."""
     times = [row.exposure.exposure_time_s for row in (one, other) if row.exposure]
     return max(times) / min(times)
 

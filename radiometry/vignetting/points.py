@@ -251,7 +251,6 @@ class Candidate:
 
 
 def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] = ()) -> tuple[str, ...]:
-    """List, by name, what keeps a fit from starting."""
     excluded = {exclusion.frame for exclusion in params.exclude}
     flats = [row for row in rows if row.role == FLAT and row.frame not in excluded]
     waiting = [row.frame for row in rows if row.features is None and row.frame not in excluded]
@@ -269,7 +268,6 @@ def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] =
 
 
 def collect_candidates(rows: Sequence[FrameRow], params: Params) -> tuple[Candidate, ...]:
-    """Return every flat frame, inspected."""
     excluded = {exclusion.frame: exclusion for exclusion in params.exclude}
     usable = [row for row in rows if row.frame not in excluded]
     usual = _find_usual(usable)

@@ -85,12 +85,10 @@ class Coefficient:
 
     @property
     def k(self) -> tuple[float, float, float]:
-        """Three coefficients of the curve."""
         return self.k1, self.k2, self.k3
 
     @property
     def centre_px(self) -> tuple[float, float]:
-        """Row and column of the centre."""
         return self.centre_row_px, self.centre_col_px
 
 
@@ -215,7 +213,6 @@ class Fit:
 
     @property
     def coefficients(self) -> tuple[Coefficient, ...]:
-        """Falloff of every f-number and channel."""
         return tuple(fit.coefficient for fit in self.channel_fits)
 
 
@@ -227,7 +224,6 @@ class BudgetLine(BudgetEntry):
 
 
 def list_budgets(fitted: Fit) -> tuple[Budget, ...]:
-    """Return the budget of the corner falloff of each f-number and channel."""
     budgets = []
     for fit in fitted.channel_fits:
         total = math.fsum(line.variance for line in fit.corner_variances)
@@ -247,7 +243,6 @@ def list_budgets(fitted: Fit) -> tuple[Budget, ...]:
 
 
 def list_key_figures(result: dict[str, Any]) -> tuple[KeyFigure, ...]:
-    """Return the corner falloff of the channel that stands for brightness."""
     coefficients = [fit["coefficient"] for fit in result["channel_fits"]]
     shown = choose_channel(c["channel"] for c in coefficients)
     return tuple(
@@ -298,7 +293,6 @@ def _build_surface(result: Node, _: Any) -> Iterator[Figure]:  # noqa: ANN401  n
 
 
 def _share(c: Node, row: float, col: float) -> float:
-    """Return the share of the light at a point of the frame."""
     r2 = ((row - c["centre_row_px"]) ** 2 + (col - c["centre_col_px"]) ** 2) / c["radius_px"] ** 2
     return float(1.0 + r2 * (c["k1"] + r2 * (c["k2"] + r2 * c["k3"])))
 
@@ -390,7 +384,6 @@ def _list(result: Node) -> list[Node]:
 
 
 def _channels(result: Node) -> list[str]:
-    """Return the channels, first the one that stands for brightness."""
     channels = list(dict.fromkeys(fit["coefficient"]["channel"] for fit in result["channel_fits"]))
     return sorted(channels, key=lambda name: name != choose_channel(channels))
 

@@ -69,7 +69,6 @@ UNSEEN_GRADIENT_REL = 0.01  # Standard error of the plane of light across the fr
 
 
 def plan(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
-    """List, by name, what to add while the target is still set up."""
     candidates = collect_candidates(rows, params)
     used = [candidate for candidate in candidates if not candidate.left_out]
     spoilt: dict[str, list[str]] = {}
@@ -97,7 +96,6 @@ def plan(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
 
 
 def find_gaps(rows: Sequence[FrameRow], params: Params) -> tuple[Gap, ...]:
-    """List the flat frames that an f-number needs, and the f-numbers that lie between."""
     lights = [each.light for each in collect_candidates(rows, params) if not each.left_out and each.light]
     counts = Counter(light.f_number for light in lights)
     f_numbers = sorted(counts)

@@ -358,7 +358,6 @@ def count_shared(first: RigMember, second: RigMember) -> int:
 
 
 def list_pictures(member: RigMember, number: int) -> list[BoardPicture]:
-    """Return the pictures that a version used."""
     used = {point.frame for point in member.fitted.points if point.used}
     return [
         BoardPicture(
