@@ -213,13 +213,11 @@ EXPORTS: Final = (
         media_type="application/json",
         operation="get_camera_json",
         description="The camera with its uncertainties and their covariance.",
-        write=lambda fitted, subject, _: export_json(fitted, camera_name=_name(subject)),
+        write=lambda fitted, subject, _: export_json(
+            fitted, camera_name=f"{subject.make} {subject.model} {subject.serial}"
+        ),
     ),
 )
-
-
-def _name(subject: ExportSubject) -> str:
-    return f"{subject.make} {subject.model} {subject.serial}"
 
 
 def _name_for_odm(fitted: Fit, subject: ExportSubject) -> str:

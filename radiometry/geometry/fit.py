@@ -37,7 +37,7 @@ from radiometry.geometry.results import (
     Point,
     fit_colour,
 )
-from radiometry.geometry.target import FIXED_WINDOW_PX, Target
+from radiometry.geometry.target import FIXED_WINDOW_PX
 from radiometry.geometry.views import (
     Candidate,
     FittedViews,
@@ -380,7 +380,7 @@ def _build(fitted: FittedViews, points: tuple[Point, ...], params: Params) -> Fi
     )
     return Fit(
         model=MODEL,
-        target=_board(fitted),
+        target=_features(fitted.used[0]).target,
         corner_window=params.corner_window,
         pixel_pitch_um=params.pixel_pitch_um,
         camera=camera,
@@ -421,10 +421,6 @@ def _fit_colours(fitted: FittedViews) -> tuple[LateralColour, ...]:
             views.setdefault(colour.channel, []).append(view)
     fits = (fit_colour(mine, fitted.solution.camera, channel=name) for name, mine in sorted(views.items()))
     return tuple(each for each in fits if each)
-
-
-def _board(fitted: FittedViews) -> Target:
-    return _features(fitted.used[0]).target
 
 
 def _features(candidate: Candidate) -> Features:
@@ -496,12 +492,9 @@ def _describe_points(
         elif features is not None and name in used:
             points.append(_describe(each, features, "", *used[name]))
         else:
-            points.append(Point(frame=name, used=False, left_out=each.left_out, corners=_count(features)))
+            corners = len(features.indices) if features else 0
+            points.append(Point(frame=name, used=False, left_out=each.left_out, corners=corners))
     return tuple(points)
-
-
-def _count(features: Features | None) -> int:
-    return len(features.indices) if features else 0
 
 
 def _describe(

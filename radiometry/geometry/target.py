@@ -266,7 +266,7 @@ def _find_charuco(small: NDArray[np.uint8], target: Target) -> tuple[NDArray[np.
 
 
 def _place(grey: Grey, target: Target, indices: NDArray[np.int64], rough: NDArray[np.float64]) -> Found:
-    if not _lie_apart(rough):
+    if not np.linalg.svd(rough - rough.mean(axis=0), compute_uv=False)[1] > 1.0:
         return _nothing(f"the corners of the {target.name} lie on one line")
     spacing = measure_spacing_px(target, indices, rough)
     window = _choose_window_px(target, spacing)
@@ -302,11 +302,6 @@ def _choose_window_px(target: Target, spacing_px: float) -> int:
         beside = (1.0 - target.marker_size_mm / target.square_size_mm) / 2.0
         room = min(room, beside * spacing_px - _BLUR_PX)
     return max(_SMALLEST_WINDOW_PX, min(FIXED_WINDOW_PX, int(room)))
-
-
-def _lie_apart(points: NDArray[np.float64]) -> bool:
-    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    return bool(spread[1] > 1.0)
 
 
 def refine(

@@ -334,22 +334,17 @@ def change_luminance(
             )
         ratio = _k(before, exposure).luminance_k / _k(after, exposure).luminance_k
     else:
-        ratio = _ratio(before, after, exposure, signal_dn, lens_share)
+        was, becomes = (_luminance(each, exposure, signal_dn, lens_share) for each in (before, after))
+        ratio = becomes / was if was > 0.0 else math.nan
     if not math.isfinite(ratio):
         return MeasuredChange.untold("The signal is so near the dark signal that a ratio says nothing.")
-    squares = [_k_u_rel(_k(each, exposure)) ** 2 for each in (before, after)]
+    held = (_k(each, exposure) for each in (before, after))
+    squares = [(each.luminance_k_standard_uncertainty / abs(each.luminance_k)) ** 2 for each in held]
     u_rel = math.sqrt(max(0.0, math.fsum(squares) - 2.0 * common_u_rel**2))
     change = Quantity(
         value=100.0 * (ratio - 1.0), standard_uncertainty=100.0 * abs(ratio) * u_rel, unit=PERCENT
     )
     return MeasuredChange(change=change, basis="k_ratio" if signal_dn is None else "signal", why=None)
-
-
-def _ratio(
-    before: Coefficient, after: Coefficient, exposure: Exposure, signal_dn: float, lens_share: float
-) -> float:
-    was, becomes = (_luminance(each, exposure, signal_dn, lens_share) for each in (before, after))
-    return becomes / was if was > 0.0 else math.nan
 
 
 def _luminance(coefficient: Coefficient, exposure: Exposure, signal_dn: float, lens_share: float) -> float:
@@ -365,10 +360,6 @@ def _luminance(coefficient: Coefficient, exposure: Exposure, signal_dn: float, l
 def _k(coefficient: Coefficient, exposure: Exposure) -> Coefficient | Aperture:
     """Return what has the K of the frame: its f-number if that was calibrated, else the ISO value."""
     return find_aperture(coefficient, exposure.on_basis(coefficient.exposure_basis)) or coefficient
-
-
-def _k_u_rel(held: Coefficient | Aperture) -> float:
-    return held.luminance_k_standard_uncertainty / abs(held.luminance_k)
 
 
 def _at_iso(coefficients: Sequence[Coefficient], iso: float) -> Coefficient | None:

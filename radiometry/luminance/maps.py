@@ -283,7 +283,8 @@ def correct_signal(
     count = len(gains)
     harmonic = 1.0 / (sum(float(gain.mean()) for gain in gains) / count)
     light = sum(float(found.mean()) for found in lights) / count
-    spreads = [(_spread(found) * harmonic, found.size) for found in lights]
+    deviations = [float(found.std(ddof=1)) if found.size > 1 else 0.0 for found in lights]
+    spreads = [(each * harmonic, found.size) for each, found in zip(deviations, lights, strict=True)]
     variance = sum(mean_variance(std_dn, n) for std_dn, n in spreads) / count**2
     share = lens.over(polygon, channels=name_channels(frame.cfa, channel=channel))
     corrected = replace(
@@ -294,10 +295,6 @@ def correct_signal(
     )
     effects = tuple(effect * harmonic / share.value for effect in share.effects)
     return corrected, LensShare(value=harmonic, effects=effects)
-
-
-def _spread(values: NDArray[np.float64]) -> float:
-    return float(values.std(ddof=1)) if values.size > 1 else 0.0
 
 
 def compute_shares(frame: Frame, lens: Lens, *, channel: str) -> NDArray[np.float32]:

@@ -175,11 +175,14 @@ def _check_stacks(each: FittedChannel) -> list[tuple[Finding, str]]:
 def _check_transfer(each: FittedChannel) -> list[tuple[Finding, str]]:
     transfer = each.transfer
     if transfer is None:
-        return [(codes.NO_PHOTON_TRANSFER, _count_levels(each))]
+        usable = sum(not level.left_out for level in each.levels)
+        return [(codes.NO_PHOTON_TRANSFER, f"Usable levels: {usable} of {len(each.levels)}.")]
     found = []
     if len(transfer.levels) < GOOD_LEVELS:
         found.append((shared.FEW_POINTS, f"Levels in the photon transfer: {len(transfer.levels)}."))
-    if transfer.birge_ratio > 1.0 and transfer.chi_squared > _chi_squared_limit(len(transfer.levels) - 1):
+    dof = len(transfer.levels) - 1
+    # chance exceeds mean plus three standard deviations once in several hundred times
+    if transfer.birge_ratio > 1.0 and transfer.chi_squared > dof + 3.0 * math.sqrt(2.0 * dof):
         detail = f"Birge ratio {transfer.birge_ratio:.3f}: the noise does not follow the photon transfer."
         found.append((shared.SCATTER_EXCEEDS_UNCERTAINTY, detail))
     line = each.fit.linearity
@@ -225,16 +228,6 @@ def _check_figures(each: FittedChannel) -> list[tuple[Finding, str]]:
             detail = f"From the mean {mean.value:.3g} e-/s, from the variance {variance.value:.3g} e-/s."
             found.append((codes.DARK_CURRENT_COMPENSATED, detail))
     return found
-
-
-def _count_levels(each: FittedChannel) -> str:
-    usable = sum(not level.left_out for level in each.levels)
-    return f"Usable levels: {usable} of {len(each.levels)}."
-
-
-def _chi_squared_limit(dof: int) -> float:
-    """Return what chance exceeds once in several hundred times: mean plus three standard deviations."""
-    return dof + 3.0 * math.sqrt(2.0 * dof)
 
 
 FIGURES = (

@@ -320,7 +320,7 @@ def find_dark_current(stacks: Sequence[Stack]) -> DarkCurrent | None:
         (
             stack.setting.exposure_time_s,
             mean,
-            math.sqrt(_noise_dn2(stack, noise) / stack.samples),
+            math.sqrt((stack.temporal.value_dn2 if stack.temporal else noise) / stack.samples),
         )
         for stack in darks
         for mean in stack.frame_means_dn
@@ -341,10 +341,6 @@ def find_dark_current(stacks: Sequence[Stack]) -> DarkCurrent | None:
         else None,
         dof=line[2],
     )
-
-
-def _noise_dn2(stack: Stack, otherwise: float) -> float:
-    return stack.temporal.value_dn2 if stack.temporal else otherwise
 
 
 def _fit_slope(

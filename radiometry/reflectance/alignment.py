@@ -254,7 +254,10 @@ def move_region(
         if np.array_equal(held, moved):
             return polygon, Polygon.from_points(held.tolist())
         back = _move_points(held, of=lenses[1], onto=lenses[0])
-        unmoved = np.linalg.solve(_square(matrix), np.column_stack((back - 0.5, np.ones(len(back)))).T)
+        unmoved = np.linalg.solve(
+            np.array((*matrix, 0.0, 0.0, 1.0)).reshape(3, 3),
+            np.column_stack((back - 0.5, np.ones(len(back)))).T,
+        )
         back = np.asarray(0.5 + unmoved.T[:, :2], np.float64)
         return Polygon.from_points(np.clip(back, 0.0, (width_px, height_px)).tolist()), Polygon.from_points(
             held.tolist()
@@ -271,10 +274,6 @@ def _move_points(points: Grid, *, of: RigGeometry, onto: RigGeometry, matrix: Af
     """Move points (n, 2) [px] from where `onto` sees them: a region's 0.5 is the centre of pixel 0."""
     x, y = _find_positions(points[:, 0] - 0.5, points[:, 1] - 0.5, of=of, onto=onto, matrix=matrix)
     return np.column_stack((x, y)) + 0.5
-
-
-def _square(matrix: Affine) -> Grid:
-    return np.array((*matrix, 0.0, 0.0, 1.0)).reshape(3, 3)
 
 
 def _find_positions(

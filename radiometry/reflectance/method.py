@@ -302,7 +302,8 @@ def change_reflectance(
         for each in (old, new)
     ]
     band = require_band(header).band
-    shares = [_k_u_rel(choose_coefficient(each, band=band)) for each in (old, new)]
+    both = (choose_coefficient(each, band=band) for each in (old, new))
+    shares = [each.reflectance_k_standard_uncertainty / abs(each.reflectance_k) for each in both]
     ratio = factors[1] / factors[0]
     variance = shares[0] ** 2 + shares[1] ** 2 - 2.0 * common_u_rel**2
     return Quantity(
@@ -310,10 +311,6 @@ def change_reflectance(
         standard_uncertainty=100.0 * abs(ratio) * math.sqrt(max(0.0, variance)),
         unit=PERCENT,
     )
-
-
-def _k_u_rel(coefficient: Coefficient) -> float:
-    return coefficient.reflectance_k_standard_uncertainty / abs(coefficient.reflectance_k)
 
 
 def extract(

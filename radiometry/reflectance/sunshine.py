@@ -123,10 +123,6 @@ def name_second(index: int) -> int:
     return -1 - index
 
 
-def has_stopped(count: int, time_s: float) -> bool:
-    return count >= SATURATED_COUNT or (count == SHORT_SATURATED_COUNT and time_s <= SHORT_TIME_S)
-
-
 def _count(row: GainMeasurement, channel: Channel) -> int:
     return row.ch0 if channel == "ch0" else row.ch1
 
@@ -199,7 +195,7 @@ def _read(
     if time_s is None:
         time_s = ASSUMED_INTEGRATION_TIME_S
     left_out, factor = "", 1.0
-    if has_stopped(count, time_s):
+    if count >= SATURATED_COUNT or (count == SHORT_SATURATED_COUNT and time_s <= SHORT_TIME_S):
         left_out = "saturated count"
     elif count == 0:
         left_out = "no light"

@@ -78,12 +78,6 @@ _STAR_SHARE = 0.7
 _LEAST_EXPLAINED = 0.4
 
 
-def nyquist_of(plane: Plane) -> float:
-    """Return the highest frequency that a channel's lattice carries in every direction [cycles/px]."""
-    apart_px = plane.pitch_px * float(plane.line_px[1] - plane.line_px[0])
-    return 0.5 / math.sqrt(apart_px)
-
-
 def measure_star(plane: Plane, *, cycles: int, centre: tuple[float, float], radius_px: float) -> StarResponse:
     """Measure a star's contrast on rings, by a fit of its fundamental in each of eight sectors.
 
@@ -99,7 +93,9 @@ def measure_star(plane: Plane, *, cycles: int, centre: tuple[float, float], radi
     [1] ISO 12233:2023 annex E (s-SFR)
     """
     _require_unclipped(plane)
-    inner_px = cycles / (2.0 * math.pi * nyquist_of(plane))
+    # the highest frequency that a channel's lattice carries in every direction [cycles/px]
+    nyquist = 0.5 / math.sqrt(plane.pitch_px * float(plane.line_px[1] - plane.line_px[0]))
+    inner_px = cycles / (2.0 * math.pi * nyquist)
     _require_span(radius_px, inner_px, plane.channel)
     radii = np.geomspace(inner_px, radius_px, _RINGS)[::-1]
     square, variance, explained = _fit_rings(plane, radii, cycles=cycles, centre=centre)

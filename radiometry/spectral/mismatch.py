@@ -191,17 +191,13 @@ def _describe(camera: str, lamp: str, channel: str) -> Vector:
     """Return ln(int Z V / int Z s), ln(R/G) and ln(B/G) of a camera under a lamp."""
     rgb, z = read_response(camera), read_lamp(lamp)
     seen = math.log(float(z @ read_observer()) / _integrate(z, rgb @ _WEIGHTS[channel]))
-    return np.array([seen, *_read_colour(rgb, z)])
+    red, green, blue = (_integrate(z, channel) for channel in rgb.T)
+    return np.array([seen, *np.log([red / green, blue / green])])
 
 
 def _compute_factor(s: Vector, c: Vector, z: Vector) -> float:
     v = read_observer()
     return float((z @ v) / _integrate(z, s) * _integrate(c, s) / (c @ v))
-
-
-def _read_colour(rgb: Vector, lamp: Vector) -> Vector:
-    red, green, blue = (_integrate(lamp, channel) for channel in rgb.T)
-    return np.log([red / green, blue / green])
 
 
 def _integrate(lamp: Vector, s: Vector) -> float:

@@ -18,7 +18,6 @@ from radiometry.vignetting.falloff import (
     LIGHT,
     USUAL,
     Blocks,
-    DarkError,
     Matrix,
     Solution,
     evaluate_curve,
@@ -194,7 +193,9 @@ def fit_channel(
             alone = solve_falloff(blocks, prior)
     solution = alone
     if known is not None:
-        centre, spread = _expect_centre(known)
+        # at another f-number the centre may lie elsewhere
+        centre = known.parameters[CENTRE]
+        spread = known.find_covariance()[CENTRE, CENTRE] + CENTRE_DRIFT_U**2 * np.eye(2)
         own = alone.find_covariance()[CENTRE, CENTRE]
         if not is_apart(alone.parameters[CENTRE] - centre, own + spread):
             solution = solve_falloff(blocks, prior.replace(CENTRE, centre, spread))
@@ -207,16 +208,12 @@ def find_best(fitted: Iterable[FittedChannel]) -> FittedChannel:
     return min(fitted, key=lambda each: float(np.trace(each.alone.find_covariance()[CENTRE, CENTRE])))
 
 
-def _expect_centre(known: Solution) -> tuple[Matrix, Matrix]:
-    """Return the centre at another f-number and its covariance [R]."""
-    own = known.find_covariance()[CENTRE, CENTRE]
-    return known.parameters[CENTRE], own + CENTRE_DRIFT_U**2 * np.eye(2)
-
-
 def _conclude(
     solution: Solution, blocks: Blocks, *, f_number: float, channel: str, frames: int
 ) -> ChannelFit:
-    dark_u_rel = _relate_dark_error(solution, blocks.dark)
+    # u(e/A), e the error of the dark level and A the light at the centre
+    dark_u = math.hypot(blocks.dark.shared, blocks.dark.own)
+    dark_u_rel = dark_u / abs(solution.level) if solution.level else 0.0
     by_dark = np.zeros((5, 5))
     by_dark[:3, :3] = dark_u_rel**2 * np.outer(solution.k, solution.k)
     covariance = solution.find_covariance_of_lens() + by_dark
@@ -275,11 +272,6 @@ def _conclude(
             for name, (part, whole_of) in freedom.items()
         },
     )
-
-
-def _relate_dark_error(solution: Solution, dark: DarkError) -> float:
-    """Return u(e/A), e the error of the dark level and A the light at the centre."""
-    return math.hypot(dark.shared, dark.own) / abs(solution.level) if solution.level else 0.0
 
 
 def find_largest_falloff(coefficient: Coefficient) -> float:

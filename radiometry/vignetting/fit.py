@@ -14,7 +14,7 @@ from radiometry.frame.exposure import Exposure
 from radiometry.frame.statistics import CHANNELS
 from radiometry.frame.verdicts import flag_assumed_black, flag_not_dark
 from radiometry.vignetting import codes
-from radiometry.vignetting.blocks import Features, FrameRow, Vector, extract_features
+from radiometry.vignetting.blocks import Features, FrameRow, extract_features
 from radiometry.vignetting.channels import FittedChannel, farthest_radius, find_best, fit_channel
 from radiometry.vignetting.falloff import (
     CENTRE_U,
@@ -205,15 +205,12 @@ def _check_centre(each: FittedChannel, fitted: Fitted) -> list[Raised]:
     apart = float(np.hypot(*offset))
     if apart <= _FAR_CENTRE * coefficient.radius_px:
         return []
-    error = math.hypot(*(_error_along(offset / apart, other.alone) for other in (each, best)))
+    along, covariances = offset / apart, (one.alone.find_covariance_of_lens()[3:, 3:] for one in (each, best))
+    error = math.hypot(*(math.sqrt(float(along @ covariance @ along)) for covariance in covariances))
     if apart <= _ERRORS * error:
         return []
     detail = f"The centre lies {apart:.0f} px from that of f/{best.fit.coefficient.f_number:g}."
     return [codes.CENTRE_UNCERTAIN.at(where, detail)]
-
-
-def _error_along(direction: Vector, solution: Solution) -> float:
-    return math.sqrt(float(direction @ solution.find_covariance_of_lens()[3:, 3:] @ direction))
 
 
 def _check_order(fitted: Fitted) -> list[Raised]:

@@ -208,7 +208,7 @@ def _list_spots(solution: Solution, spots: NDArray[np.bool_], blocks: Blocks) ->
 def flag_frame(frame: str, quality: Quality) -> list[Raised]:
     where = f"frame {frame}"
     if quality.left_out:
-        return [codes.FLAT_LEFT_OUT.at(where, f"{_sentence(quality.left_out)}.")]
+        return [codes.FLAT_LEFT_OUT.at(where, f"{quality.left_out[:1].upper()}{quality.left_out[1:]}.")]
     flags = []
     if quality.signal_share < WEAK_SIGNAL_SHARE:
         detail = f"Its weakest channel has {quality.signal_share:.1%} of the span from black to white."
@@ -225,10 +225,6 @@ def describe_spots(spots: tuple[Spot, ...]) -> str:
         f"row {spot.row_px:.0f} column {spot.col_px:.0f} ({-spot.depth_rel:+.1%})" for spot in deepest
     )
     return f"Blocks that stand apart: {len(spots)}; {places}."
-
-
-def _sentence(text: str) -> str:
-    return text[:1].upper() + text[1:]
 
 
 @dataclass(frozen=True)
