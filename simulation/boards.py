@@ -155,11 +155,7 @@ class Mounted:
 
 
 def draw_boards(
-    cameras: Sequence[Mounted],
-    board: Target,
-    random: np.random.Generator,
-    *,
-    count: int,
+    cameras: Sequence[Mounted], board: Target, random: np.random.Generator, *, count: int
 ) -> tuple[Pose, ...]:
     """Draw poses, in the reference's frame, in which every camera sees the whole board."""
     corners = locate_corners_mm(board, np.arange(board.corners))

@@ -442,9 +442,7 @@ CHECKLIST_INCOMPLETE = _gap(
     "Tick them on the campaign's page; items that the record proves are ticked automatically.",
 )
 CHECKLIST_UNSIGNED = _gap(
-    "checklist_unsigned",
-    "The operator has not signed the checklist.",
-    "Sign it on the campaign's page.",
+    "checklist_unsigned", "The operator has not signed the checklist.", "Sign it on the campaign's page."
 )
 
 FINDINGS = declared(globals())

@@ -288,9 +288,7 @@ CALIBRATION_REVOKED = Finding(
     409,
 )
 REGION_MISSING = error(
-    "region_missing",
-    "There is no region to measure in.",
-    "Send one, or give the frame or its campaign one.",
+    "region_missing", "There is no region to measure in.", "Send one, or give the frame or its campaign one."
 )
 FRAME_NOT_READ = error(
     "frame_not_read",

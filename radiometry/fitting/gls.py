@@ -177,11 +177,7 @@ class Solution:
 
 
 def solve(
-    design: Matrix,
-    response: Vector,
-    components: Sequence[Component],
-    *,
-    start: Sequence[float] | None = None,
+    design: Matrix, response: Vector, components: Sequence[Component], *, start: Sequence[float] | None = None
 ) -> Solution:
     """Solve y = A theta + e for theta and for each variance that is not given.
 

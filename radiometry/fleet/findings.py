@@ -49,8 +49,7 @@ def find_flags(rows: Sequence[Determination], grouping: Grouping, effects: Effec
         if ratio > float(scipy.special.chdtri(effects.dof, _CHANCE)) / effects.dof:
             found.append(
                 REPEATS_EXCEED_UNCERTAINTY.at(
-                    where,
-                    f"Repeats scatter {ratio**0.5:.2g} times as much as their standard uncertainties.",
+                    where, f"Repeats scatter {ratio**0.5:.2g} times as much as their standard uncertainties."
                 )
             )
     if effects.dof > 0 and _are_of_one_day(rows):
@@ -58,8 +57,7 @@ def find_flags(rows: Sequence[Determination], grouping: Grouping, effects: Effec
     if grouping.confounded:
         found.append(
             BODY_AND_LENS_CONFOUNDED.at(
-                where,
-                f"{len(grouping.unit_names)} pairs of body and lens, and no swaps that link them all.",
+                where, f"{len(grouping.unit_names)} pairs of body and lens, and no swaps that link them all."
             )
         )
     return tuple(found)

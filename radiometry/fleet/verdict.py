@@ -148,10 +148,7 @@ def _judge_one_camera(
 
 
 def _conclude(
-    analysis: _Analysis,
-    rows: Sequence[Determination],
-    without: tuple[str, ...],
-    judgement: Judgement | None,
+    analysis: _Analysis, rows: Sequence[Determination], without: tuple[str, ...], judgement: Judgement | None
 ) -> ParameterVerdict:
     key, effects, sensitivity = analysis.key, analysis.effects, analysis.sensitivity
     listed = _list_effects(analysis)

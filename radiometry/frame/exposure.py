@@ -10,11 +10,7 @@ __all__ = ["Acceptance", "Camera", "Exposure", "Settings", "SuppliedExposure", "
 
 # Wider than any camera, narrower than nonsense. The shortest electronic shutters reach 1/32000 s, stacked
 # exposures last an hour; lenses run from f/0.7 to f/64, pinholes to f/300; ISO from 1 to a few million.
-PLAUSIBLE = {
-    "exposure_time_s": (1e-6, 86400.0),
-    "f_number": (0.5, 512.0),
-    "iso": (1.0, 1e7),
-}
+PLAUSIBLE = {"exposure_time_s": (1e-6, 86400.0), "f_number": (0.5, 512.0), "iso": (1.0, 1e7)}
 
 # ISO 12232 saturation speed: H_sat = 78 / S [lx*s], and H = 0.65 t L / f^2 at the sensor: t S L / f^2 = 120.
 SATURATION_RHS = 120.0
@@ -107,11 +103,7 @@ _PICTURES = {"jpeg": "JPEG", "png": "PNG"}
 ROLES_WITH_EXPOSURE = frozenset({"light", "dark", "flat", "panel", "field"})
 ROLES = ROLES_WITH_EXPOSURE | {"chart"}
 
-_WORDS = {
-    "exposure_time_s": "exposure time",
-    "f_number": "f-number",
-    "iso": "ISO value",
-}
+_WORDS = {"exposure_time_s": "exposure time", "f_number": "f-number", "iso": "ISO value"}
 _SUPPLIED_TOLERANCE_REL = 0.10
 
 

@@ -103,8 +103,7 @@ def parse_imagej(text: str) -> Polygon:
         return _rectangle(numbers)
     if len(numbers) % 2:
         raise InputRejected(
-            shared.ROI_INVALID,
-            f"makePolygon holds {len(numbers)} numbers: every x needs its y.",
+            shared.ROI_INVALID, f"makePolygon holds {len(numbers)} numbers: every x needs its y."
         )
     return Polygon.from_points(zip(numbers[::2], numbers[1::2], strict=True))
 
@@ -138,8 +137,7 @@ def bounding_window(polygon: Polygon, *, height_px: int, width_px: int) -> Windo
     window = Window(row0=row0, col0=col0, height=row1 - row0, width=min(col1, width_px) - col0)
     if min(window.height, window.width) < 1 or not _toggles(polygon, window)[1::2].any():
         raise InputRejected(
-            shared.ROI_EMPTY,
-            "The polygon holds no pixel centre: draw it larger than a pixel each way.",
+            shared.ROI_EMPTY, "The polygon holds no pixel centre: draw it larger than a pixel each way."
         )
     return window
 

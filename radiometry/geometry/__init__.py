@@ -101,12 +101,7 @@ SPEC: Final = MethodSpec(
     tolerance_unit="px",
     coefficients=(
         *(
-            CoefficientKind(
-                name=name,
-                label=_LABELS.get(name, name),
-                units=(unit,),
-                effect=_MOVED.get(name),
-            )
+            CoefficientKind(name=name, label=_LABELS.get(name, name), units=(unit,), effect=_MOVED.get(name))
             for name, unit in UNITS.items()
         ),
         CoefficientKind(name="rms_px", label="Root mean square residual", units=("px",)),
@@ -137,10 +132,7 @@ SPEC: Final = MethodSpec(
         exports=RIG_EXPORTS,
     ),
     application=PictureApplication(
-        quantity="undistorted picture",
-        unit="DN",
-        require_size=require_size,
-        undistort_frame=undistort_frame,
+        quantity="undistorted picture", unit="DN", require_size=require_size, undistort_frame=undistort_frame
     ),
     applied="camera",
 )

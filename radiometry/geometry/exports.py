@@ -121,10 +121,7 @@ def export_lensfun(camera: CameraModel, *, names: LensfunNames, widest_f_number:
     terms = f'model="poly5" focal="{names.focal_length_mm:.9g}" k1="{k1:.9g}" k2="{k2:.9g}"'
     return write_database(
         names,
-        [
-            f"            <!-- largest error {error_px:.2f} px -->",
-            f"            <distortion {terms}/>",
-        ],
+        [f"            <!-- largest error {error_px:.2f} px -->", f"            <distortion {terms}/>"],
         centre=(float(centre[0]), float(centre[1])),
         width_px=camera.width_px,
         height_px=camera.height_px,

@@ -214,8 +214,7 @@ def check_views(fitted: FittedViews, points: Sequence[Point], params: Params) ->
     usual = statistics.median(errors.values())
     flags = [
         codes.VIEW_OUTLIER.at(
-            f"frame {frame}",
-            f"It fits to {error:.2f} px, the median view to {usual:.2f} px.",
+            f"frame {frame}", f"It fits to {error:.2f} px, the median view to {usual:.2f} px."
         )
         for frame, error in sorted(errors.items())
         if error > max(OUTLIER_RATIO * usual, _OUTLIER_FLOOR_PX)
@@ -498,11 +497,7 @@ def _describe_points(
 
 
 def _describe(
-    candidate: Candidate,
-    features: Features,
-    left_out: str,
-    pose: Pose,
-    residual: NDArray[np.float64],
+    candidate: Candidate, features: Features, left_out: str, pose: Pose, residual: NDArray[np.float64]
 ) -> Point:
     return Point(
         frame=candidate.row.frame,

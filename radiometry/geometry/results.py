@@ -267,9 +267,7 @@ class Params:
         labels={"fixed": "Fixed", "fitted": "Fitted to the spacing"},
     )
     fix_aspect_ratio: bool = parameter(
-        default=True,
-        label="Square pixels",
-        description="fx = fy; if free, the two differ by their noise.",
+        default=True, label="Square pixels", description="fx = fy; if free, the two differ by their noise."
     )
     radial_terms: RadialTerms = parameter(
         3,
@@ -278,9 +276,7 @@ class Params:
         labels={0: "None", 1: "k1", 2: "k1, k2", 3: "k1, k2, k3"},
     )
     tangential: bool = parameter(
-        default=True,
-        label="Tangential terms",
-        description="p1 and p2 are free; otherwise they are 0.",
+        default=True, label="Tangential terms", description="p1 and p2 are free; otherwise they are 0."
     )
     reject_above_px: float | None = parameter(
         2.0,

@@ -49,11 +49,7 @@ class AppliedLuminance:
 
 
 def apply_to_signal(
-    signal: Signal,
-    *,
-    exposure: Exposure,
-    coefficient: Coefficient,
-    share: LensShare | None = None,
+    signal: Signal, *, exposure: Exposure, coefficient: Coefficient, share: LensShare | None = None
 ) -> AppliedLuminance:
     """Compute the luminance of a signal: of a region, of a cell, or of a single pixel.
 

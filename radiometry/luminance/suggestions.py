@@ -37,11 +37,7 @@ _EVERY_CAMERA_S = 1e-3, 1.0
 
 
 def list_missing(
-    rows: Sequence[FrameRow],
-    readings: Sequence[Reading],
-    params: Params,
-    *,
-    unread: Sequence[str] = (),
+    rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params, *, unread: Sequence[str] = ()
 ) -> list[str]:
     excluded = {exclusion.frame for exclusion in params.exclude}
     found = list_unknown_exclusions(params.exclude, [*(row.frame for row in rows), *unread])

@@ -20,9 +20,5 @@ def collect_findings(*declared: tuple[Finding, ...]) -> Mapping[str, Finding]:
 
 
 FINDINGS = collect_findings(
-    shared.FINDINGS,
-    files.FINDINGS,
-    interface.FINDINGS,
-    fleet.FINDINGS,
-    *(spec.findings for spec in METHODS),
+    shared.FINDINGS, files.FINDINGS, interface.FINDINGS, fleet.FINDINGS, *(spec.findings for spec in METHODS)
 )

@@ -157,11 +157,7 @@ def find_prnu(levels: Sequence[Level], *, saturation_signal_dn: float) -> tuple[
     if not usable:
         return None
     level = min(
-        usable,
-        key=lambda each: (
-            -len(each.lit.frames),
-            abs(each.light_dn - saturation_signal_dn / 2),
-        ),
+        usable, key=lambda each: (-len(each.lit.frames), abs(each.light_dn - saturation_signal_dn / 2))
     )
     lit, dark = level.lit.detrended, level.dark.detrended
     if lit is None or dark is None:

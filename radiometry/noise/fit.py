@@ -67,10 +67,7 @@ def _complain(iso: float, channel: str, stacks: Sequence[Stack]) -> str:
 
 
 def describe_points(
-    rows: Sequence[FrameRow],
-    stacks: Sequence[Stack],
-    fitted: Sequence[FittedChannel],
-    params: Params,
+    rows: Sequence[FrameRow], stacks: Sequence[Stack], fitted: Sequence[FittedChannel], params: Params
 ) -> tuple[Point, ...]:
     """Return, for every channel of every frame, whether it was used."""
     excluded = {each.frame: f"excluded by {each.by}: {each.reason}" for each in params.exclude}

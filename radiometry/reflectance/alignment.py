@@ -199,11 +199,7 @@ def _near(errors: Matrix, of: NDArray[np.bool_] | None = None) -> NDArray[np.boo
 
 
 def align(
-    plane: NDArray[np.float32],
-    *,
-    of: RigGeometry | None,
-    onto: RigGeometry | None,
-    matrix: Affine = IDENTITY,
+    plane: NDArray[np.float32], *, of: RigGeometry | None, onto: RigGeometry | None, matrix: Affine = IDENTITY
 ) -> NDArray[np.float32]:
     """Resample a band's whole frame to the pixels of another band of the same capture.
 

@@ -170,9 +170,7 @@ PANEL_ONLY = flag(
     *("calibration", "measurement"),
 )
 BAND_MISSING = flag(
-    "band_missing",
-    "A panel capture lacks a band that other captures have.",
-    "Upload the missing file.",
+    "band_missing", "A panel capture lacks a band that other captures have.", "Upload the missing file."
 )
 SUNSHINE_SERIAL_UNKNOWN = flag(
     "sunshine_serial_unknown",

@@ -106,10 +106,7 @@ def _find_missing_bands(candidates: Sequence[Candidate]) -> list[Raised]:
             captures.setdefault(each.band.capture_id, set()).add(each.band.band)
     usual = set().union(*captures.values()) if captures else set()
     return [
-        codes.BAND_MISSING.at(
-            f"capture {capture}",
-            f"Not there: {', '.join(sorted(usual - bands))}.",
-        )
+        codes.BAND_MISSING.at(f"capture {capture}", f"Not there: {', '.join(sorted(usual - bands))}.")
         for capture, bands in sorted(captures.items())
         if usual - bands
     ]

@@ -250,12 +250,7 @@ def fit_bands(used: Sequence[Candidate], params: Params) -> dict[str, BandFit]:
 
 
 def _fit_band(
-    used: Sequence[Candidate],
-    visits: Sequence[Visit],
-    params: Params,
-    *,
-    reading: Estimate,
-    drift: Estimate,
+    used: Sequence[Candidate], visits: Sequence[Visit], params: Params, *, reading: Estimate, drift: Estimate
 ) -> BandFit:
     knots = tuple(visit.knot for visit in visits)
     k = statistics.fmean(knot.reflectance_k for knot in knots)

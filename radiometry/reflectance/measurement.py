@@ -234,9 +234,7 @@ def measure_radiance(
     return MeasuredRadiance(
         radiance=features.band,
         mean=Quantity(
-            value=features.i_sq,
-            standard_uncertainty=features.i_sq_standard_uncertainty,
-            unit=RADIANCE_UNIT,
+            value=features.i_sq, standard_uncertainty=features.i_sq_standard_uncertainty, unit=RADIANCE_UNIT
         ),
         **describe_pixels(signal[inside], noise=noise, shared_rel=0.0, unit=RADIANCE_UNIT),
         saturated_share=share,

@@ -255,12 +255,7 @@ def collect_candidates(
     ratios = {name: compare_channels(b for b in bands if b.band == name) for name in {b.band for b in bands}}
     found = [
         _judge(
-            row,
-            readings,
-            params,
-            visit=visits[row.frame],
-            excluded=reasons.get(row.frame, ""),
-            ratios=ratios,
+            row, readings, params, visit=visits[row.frame], excluded=reasons.get(row.frame, ""), ratios=ratios
         )
         for row in panels
     ]

@@ -224,8 +224,7 @@ def angle_to_sun(record: SunshineRecord | SunshineIrradiance, tilt: Tilt) -> flo
     """Return the angle between a sensor's normal and the sun [deg]."""
     if record.yaw_deg is None or record.pitch_deg is None or record.roll_deg is None:
         raise InputRejected(
-            codes.TILT_NOT_CORRECTABLE,
-            "The sunshine readings do not state how the sensor hung.",
+            codes.TILT_NOT_CORRECTABLE, "The sunshine readings do not state how the sensor hung."
         )
     return sun_angle_deg(
         tilt.sun, yaw_deg=record.yaw_deg, pitch_deg=record.pitch_deg, roll_deg=record.roll_deg

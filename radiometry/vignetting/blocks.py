@@ -227,10 +227,7 @@ def _embed(frame: Frame, inside: NDArray[np.bool_]) -> tuple[NDArray[np.uint16],
     shape = (frame.height_px, frame.width_px)
     if inside.shape == shape:
         return samples, inside
-    part = (
-        slice(frame.row0, frame.row0 + inside.shape[0]),
-        slice(frame.col0, frame.col0 + inside.shape[1]),
-    )
+    part = (slice(frame.row0, frame.row0 + inside.shape[0]), slice(frame.col0, frame.col0 + inside.shape[1]))
     whole = np.zeros((*shape, samples.shape[2]), np.uint16)
     known = np.zeros(shape, np.bool_)
     whole[part], known[part] = samples, inside

@@ -219,12 +219,7 @@ def _conclude(
     covariance = solution.find_covariance_of_lens() + by_dark
     model_u_rel = _measure_misfit(solution, blocks)
     coefficient, slopes = _build(
-        solution,
-        covariance,
-        blocks.grid,
-        f_number=f_number,
-        channel=channel,
-        model_u_rel=model_u_rel,
+        solution, covariance, blocks.grid, f_number=f_number, channel=channel, model_u_rel=model_u_rel
     )
     gradient, gradient_u = measure_gradient(solution, blocks)
     counted = np.isfinite(blocks.standard_error)

@@ -147,8 +147,7 @@ class ChannelFit:
         ),
     )
     corner_variances: tuple[CornerVariance, ...] = field(
-        default=(),
-        metadata=about("Budget of the corner falloff; empty in versions from before it was kept."),
+        default=(), metadata=about("Budget of the corner falloff; empty in versions from before it was kept.")
     )
     effective_dof: dict[str, float] = field(
         default_factory=dict,
