@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.frame.multispectral import Multispectral
+from radiometry.frame.roi import Window
 from radiometry.specification.parameters import later
 
 __all__ = [
@@ -205,3 +206,8 @@ class Frame:
     #: Black level per CFA position [DN], mean over the window, deltas included
     black_level_dn: tuple[float, ...]
     white_level_dn: tuple[float, ...]  #: White level as in `FrameHeader` [DN], at the visible area's corner
+
+    @property
+    def window(self) -> Window:
+        height, width = self.samples_dn.shape[:2]
+        return Window(row0=self.row0, col0=self.col0, height=height, width=width)

@@ -72,6 +72,13 @@ class Window:
     width: int
 
 
+def require_pixels(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the pixels of a region, which must have some."""
+    if not inside.any():
+        raise InputRejected(shared.ROI_EMPTY, "The region holds no pixel of this window of the frame.")
+    return inside
+
+
 def parse_imagej(text: str) -> Polygon:
     """Read a recorded ImageJ macro call.
 

@@ -12,7 +12,7 @@ from radiometry.findings import Raised
 from radiometry.fitting.evidence import Exclusion, Extracted, FrameEvidence, Quantity, Region
 from radiometry.frame import Frame, FrameHeader, roi
 from radiometry.frame.opencv import cv2
-from radiometry.frame.statistics import ChannelStatistics, compute_statistics
+from radiometry.frame.statistics import compute_statistics
 from radiometry.geometry.camera import BINOMIAL, CameraModel, make_grey
 from radiometry.geometry.target import FITTED_STOP, FirstSquare, Found, Target, find_corners, refine
 from radiometry.specification.certificate import KeyFigure, of_quantity
@@ -203,15 +203,8 @@ def extract_features(
 ) -> Extracted[Features]:
     """Find the board in a window of a frame; a board that is not there is a result and not an error."""
     found = find_corners(make_grey(frame, bits_per_sample=header.bits_per_sample), target)
-    return Extracted(statistics=_count(frame, regions[0]), features=_describe(frame, found, target))
-
-
-def _count(frame: Frame, region: Region) -> tuple[ChannelStatistics, ...]:
-    height, width = frame.samples_dn.shape[:2]
-    inside = roi.mask(
-        region.polygon, roi.Window(row0=frame.row0, col0=frame.col0, height=height, width=width)
-    )
-    return compute_statistics(frame, inside)
+    statistics = compute_statistics(frame, roi.mask(regions[0].polygon, frame.window))
+    return Extracted(statistics=statistics, features=_describe(frame, found, target))
 
 
 def _describe(frame: Frame, found: Found, target: Target) -> Features:

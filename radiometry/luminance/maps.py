@@ -12,7 +12,7 @@ from radiometry.fitting.evidence import FieldCorrection
 from radiometry.frame import Frame
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.opencv import cv2
-from radiometry.frame.roi import Polygon, Window, mask
+from radiometry.frame.roi import Polygon, mask
 from radiometry.frame.statistics import GREY, Signal, mean_variance, name_site, rounding_variance
 from radiometry.luminance.application import choose_coefficient, luminance_per_dn, require_alike
 from radiometry.luminance.results import Coefficient
@@ -268,8 +268,7 @@ def correct_signal(
     The channels have the same weights as in the uncorrected signal: both greens equal, every CFA position of
     "grey" equal. Noise is the standard deviation of (N_i - D) / V_i, which the falloff itself does not widen.
     """
-    height, width = frame.samples_dn.shape[:2]
-    inside = mask(polygon, Window(row0=frame.row0, col0=frame.col0, height=height, width=width))
+    inside = mask(polygon, frame.window)
     gains, lights = [], []
     for each in _list_parts(frame, channel=channel):
         chosen = inside[each.rows, each.cols]

@@ -19,7 +19,7 @@ from radiometry.findings import InputRejected, Raised, shared
 from radiometry.fitting.evidence import CoefficientValue, FrameEvidence
 from radiometry.fitting.sources import IMPLAUSIBLE_SCATTER_REL
 from radiometry.frame import Frame
-from radiometry.frame.roi import Polygon, Window, mask
+from radiometry.frame.roi import Polygon, mask, require_pixels
 from radiometry.frame.statistics import ChannelStatistics, compute_statistics
 from radiometry.frame.verdicts import flag_not_dark
 from radiometry.luminance import codes
@@ -49,11 +49,7 @@ _AICC_DIFFERENCE = 10.0
 
 def extract(frame: Frame, polygon: Polygon) -> tuple[ChannelStatistics, ...]:
     """Compute the statistics of a region, one row per channel."""
-    height, width = frame.samples_dn.shape[:2]
-    inside = mask(polygon, Window(row0=frame.row0, col0=frame.col0, height=height, width=width))
-    if not inside.any():
-        raise InputRejected(shared.ROI_EMPTY, "The region holds no pixel of this window of the frame.")
-    return compute_statistics(frame, inside)
+    return compute_statistics(frame, require_pixels(mask(polygon, frame.window)))
 
 
 def make_row(evidence: FrameEvidence[None]) -> FrameRow:

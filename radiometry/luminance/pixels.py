@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from radiometry.findings import InputRejected, Raised, shared
 from radiometry.fitting.sources import shows_scatter
 from radiometry.frame import Frame
-from radiometry.frame.roi import Polygon, Window, mask
+from radiometry.frame.roi import Polygon, mask
 from radiometry.frame.statistics import GREY, Signal, name_site
 from radiometry.luminance import codes
 from radiometry.luminance.maps import Sums, compute_shares, find_measured, name_channels, sum_signal
@@ -84,9 +84,7 @@ def order_pixels(
     [1] M. G. Kendall, A. Stuart, The Advanced Theory of Statistics 1, section 10.11
     """
     sums, parts = signal or sum_signal(frame, channel=channel)
-    height, width = sums.shape
-    inside = mask(polygon, Window(row0=frame.row0, col0=frame.col0, height=height, width=width))
-    inside &= find_measured(frame, channel=channel)
+    inside = mask(polygon, frame.window) & find_measured(frame, channel=channel)
     if not inside.any():
         raise InputRejected(
             shared.ROI_EMPTY, f"The region holds no {channel} pixel of the frame: draw it larger."

@@ -13,7 +13,7 @@ from radiometry.findings import InputRejected, Raised, shared
 from radiometry.fitting.evidence import Exclusion, Extracted, FrameEvidence, Quantity, Region
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.packing import Packed, pack
-from radiometry.frame.roi import Window, mask
+from radiometry.frame.roi import mask, require_pixels
 from radiometry.frame.statistics import GREY, compute_statistics, name_site
 from radiometry.specification.certificate import KeyFigure, choose_channel, of_quantity
 from radiometry.specification.parameters import about, check_parameters, parameter
@@ -55,11 +55,7 @@ def extract_features(frame: Frame, regions: Sequence[Region], *, header: FrameHe
     In a mosaic the square consists of whole 2 x 2 cells, so that every channel has the same place. It is
     the same square in every frame of one region: differences of frames are differences of the same pixels.
     """
-    height, width = frame.samples_dn.shape[:2]
-    window = Window(row0=frame.row0, col0=frame.col0, height=height, width=width)
-    inside = mask(regions[0].polygon, window)
-    if not inside.any():
-        raise InputRejected(shared.ROI_EMPTY, "The region holds no pixel of this window of the frame.")
+    inside = require_pixels(mask(regions[0].polygon, frame.window))
     step = 1 if frame.cfa in (GREY, "rgb") else 2
     skip_row, skip_col = frame.row0 % step, frame.col0 % step
     cells = _join_cells(inside[skip_row:, skip_col:], step)

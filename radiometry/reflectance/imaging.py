@@ -11,7 +11,7 @@ import numpy as np
 from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
-from radiometry.findings import InputRejected, shared
+from radiometry.findings import InputRejected
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure, Settings
 from radiometry.frame.multispectral import (
@@ -24,7 +24,7 @@ from radiometry.frame.multispectral import (
     SensorModel,
     VignettingPolynomial,
 )
-from radiometry.frame.roi import Polygon, Window, mask
+from radiometry.frame.roi import Polygon, Window, mask, require_pixels
 from radiometry.frame.statistics import ChannelStatistics, compute_statistics
 from radiometry.reflectance import codes
 
@@ -280,10 +280,8 @@ def compute_signal(frame: Frame, *, header: FrameHeader, settings: Settings) -> 
     signal = np.subtract(frame.samples_dn, black_dn, dtype=np.float64)
     if not isinstance(band.response, SensorModel):
         signal /= float(1 << header.bits_per_sample)
-    height, width = frame.samples_dn.shape
-    window = Window(row0=frame.row0, col0=frame.col0, height=height, width=width)
     size = FrameSize(height_px=frame.height_px, width_px=frame.width_px)
-    signal /= evaluate_band(band, window, size=size)
+    signal /= evaluate_band(band, frame.window, size=size)
     return _scale(signal, band.response, settings, row0=frame.row0)
 
 
@@ -318,10 +316,7 @@ def extract_features(frame: Frame, polygon: Polygon, *, header: FrameHeader, exp
         u^2 = s^2 / n + (q^2 / 12) exp(-4 pi^2 s^2 / q^2)
     """
     band = require_band(header)
-    height, width = frame.samples_dn.shape[:2]
-    inside = mask(polygon, Window(row0=frame.row0, col0=frame.col0, height=height, width=width))
-    if not inside.any():
-        raise InputRejected(shared.ROI_EMPTY, "The region holds no pixel of this window of the frame.")
+    inside = require_pixels(mask(polygon, frame.window))
     (statistics,) = compute_statistics(frame, inside)
     signal = compute_signal(frame, header=header, settings=exposure.on_basis("nominal"))
     values = signal[inside]

@@ -13,7 +13,7 @@ from radiometry.fitting.evidence import Quantity
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.multispectral import Alignment, LightBasis
-from radiometry.frame.roi import Polygon, Window, mask
+from radiometry.frame.roi import Polygon, mask
 from radiometry.reflectance import codes
 from radiometry.reflectance.imaging import (
     RADIANCE_UNIT,
@@ -105,8 +105,7 @@ def measure_region(
         features, header=header, coefficients=coefficients, incidence_angle_deg=incidence_angle_deg
     )
     signal = compute_signal(frame, header=header, settings=exposure.on_basis("nominal"))
-    height, width = signal.shape
-    inside = mask(polygon, Window(row0=frame.row0, col0=frame.col0, height=height, width=width))
+    inside = mask(polygon, frame.window)
     factor = applied.reflectance.value / features.i_sq if features.i_sq else 0.0
     values = signal[inside] * factor
     noise = estimate_noise(signal * factor, inside)
@@ -224,8 +223,7 @@ def measure_radiance(
     require_radiance(header)
     features = extract_features(frame, polygon, header=header, exposure=exposure)
     signal = compute_signal(frame, header=header, settings=exposure.on_basis("nominal"))
-    height, width = signal.shape
-    inside = mask(polygon, Window(row0=frame.row0, col0=frame.col0, height=height, width=width))
+    inside = mask(polygon, frame.window)
     flags = [codes.RADIANCE_UNCERTAINTY_UNKNOWN.at("", "Only the noise of the pixels is stated.")]
     share = features.statistics.saturated_share
     if share > MOST_SATURATED_SHARE:

@@ -11,7 +11,7 @@ from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import Extracted, FrameEvidence, Region
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.packing import Packed, pack
-from radiometry.frame.roi import Window, mask
+from radiometry.frame.roi import mask, require_pixels
 from radiometry.frame.statistics import GREY, compute_statistics, name_site
 
 __all__ = ["Grid"]
@@ -185,13 +185,8 @@ def extract_features(frame: Frame, regions: Sequence[Region], *, header: FrameHe
     noise^2 = sum d^2 / (2 m) over the m differences d of neighbours of one colour within a block, along
     rows and along columns: for a light that slopes by s per pixel only s^2 / 2 remains.
     """
-    height, width = frame.samples_dn.shape[:2]
-    window = Window(row0=frame.row0, col0=frame.col0, height=height, width=width)
-    inside = np.zeros((height, width), np.bool_)
-    for region in regions:
-        inside |= mask(region.polygon, window)
-    if not inside.any():
-        raise InputRejected(shared.ROI_EMPTY, "The region holds no pixel of this window of the frame.")
+    masks = [mask(region.polygon, frame.window) for region in regions]
+    inside = require_pixels(np.logical_or.reduce(masks))
     grid = Grid.over(frame.height_px, frame.width_px)
     samples, known = _embed(frame, inside)
     band = header.multispectral.band if header.multispectral else GREY
