@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 from radiometry.drawing.text import name_few
+from radiometry.findings import InputRejected, shared
 from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon
@@ -71,6 +72,11 @@ class Exclusion:
     frame: str
     reason: str = field(metadata=about("Reason for the exclusion."))
     by: str = field(metadata=about("Person who decided it."))
+
+
+def require_complete(lacking: Sequence[str]) -> None:
+    if lacking:
+        raise InputRejected(shared.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
 
 
 def list_unknown_exclusions(exclude: Sequence[Exclusion], frames: Collection[str]) -> list[str]:

@@ -72,6 +72,12 @@ def name_not_dark(found: Mapping[str, Reason]) -> str:
     return f"{name_few('', found)}: {found[sort_naturally(found)[0]].detail}"
 
 
+def flag_rendered(rendered: Sequence[bool], where: str = "") -> list[Raised]:
+    """Return the flag of a result from frames whose tone curve lies between light and numbers."""
+    detail = f"Rendered frames: {sum(rendered)} of {len(rendered)}."
+    return [shared.RENDERED.at(where, detail)] if any(rendered) else []
+
+
 def flag_assumed_black(headers: Sequence[FrameHeader]) -> list[Raised]:
     """Return the flag of a result that is made from raw files without a black level."""
     assumed = sum(header.assumes_black for header in headers)

@@ -8,9 +8,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings import InputRejected, Raised, shared
-from radiometry.fitting.evidence import CoefficientValue, Quantity
+from radiometry.findings import Raised, shared
+from radiometry.fitting.evidence import CoefficientValue, Quantity, require_complete
 from radiometry.frame.opencv import cv2
+from radiometry.frame.verdicts import flag_rendered
 from radiometry.geometry import codes
 from radiometry.geometry.camera import (
     MODEL,
@@ -235,9 +236,7 @@ def check_views(fitted: FittedViews, points: Sequence[Point], params: Params) ->
         closest = min(features.spacing_px for features in wide)
         detail = f"Views: {len(wide)} of {len(used)}; the closest corners are {closest:.1f} px apart."
         flags.append(codes.CORNER_WINDOW_WIDE.at("", detail))
-    rendered = sum(each.row.header.rendered for each in used)
-    if rendered:
-        flags.append(shared.RENDERED.at("", f"Rendered frames: {rendered} of {len(used)}."))
+    flags += flag_rendered([each.row.header.rendered for each in used])
     flags += _check_mirror(fitted)
     if len(used) < GOOD_VIEWS:
         flags.append(codes.FEW_VIEWS.at("", f"Views: {len(used)}."))
@@ -327,9 +326,7 @@ def fit_geometry(rows: Sequence[FrameRow], params: Params) -> Fit:
     pixels_not_square, distortion_folds, rendered. Flags per frame: view_outlier, view_mirrored,
     mirror_not_excluded.
     """
-    lacking = missing(rows, params)
-    if lacking:
-        raise InputRejected(shared.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
+    require_complete(missing(rows, params))
     candidates = collect_candidates(rows, params)
     free = choose_free_parameters(
         fix_aspect_ratio=params.fix_aspect_ratio,

@@ -15,13 +15,13 @@ from typing import Any
 
 import scipy
 
-from radiometry.findings import InputRejected, Raised, shared
-from radiometry.fitting.evidence import CoefficientValue, FrameEvidence
+from radiometry.findings import Raised, shared
+from radiometry.fitting.evidence import CoefficientValue, FrameEvidence, require_complete
 from radiometry.fitting.sources import IMPLAUSIBLE_SCATTER_REL
 from radiometry.frame import Frame
 from radiometry.frame.roi import Polygon, mask, require_pixels
 from radiometry.frame.statistics import ChannelStatistics, compute_statistics
-from radiometry.frame.verdicts import flag_not_dark
+from radiometry.frame.verdicts import flag_not_dark, flag_rendered
 from radiometry.luminance import codes
 from radiometry.luminance.fit import fit_series
 from radiometry.luminance.points import DETECTION_ERRORS, FEW_POINTS, IsoSeries, check_dark, collect_series
@@ -88,9 +88,7 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
     The same input in any order gives the same result to the last bit. All values are finite; what does not
     exist is None.
     """
-    lacking = list_missing(rows, readings, params)
-    if lacking:
-        raise InputRejected(shared.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
+    require_complete(list_missing(rows, readings, params))
     require_shares(rows, params)
     calibration_u_rel, certified = meter_calibration_u_rel(readings)
     scenes = summarise_scenes(readings, panel_rho=params.panel_rho)
@@ -200,9 +198,7 @@ def check_series(series: IsoSeries, rows: Sequence[FrameRow], params: Params) ->
     flags += flag_not_dark({frame: why for frame, why in doubted.items() if why.outcome == "fail"}, where)
     if len(used) < FEW_POINTS:
         flags.append(shared.FEW_POINTS.at(where, f"Points: {len(used)}."))
-    rendered = sum(row.rendered for row in light)
-    if rendered:
-        flags.append(shared.RENDERED.at(where, f"Rendered frames: {rendered} of {len(light)}."))
+    flags += flag_rendered([row.rendered for row in light], where)
     tabled = sum(row.from_table for row in mine)
     if tabled:
         detail = f"Rows of a table: {tabled} of {len(mine)} frames."

@@ -14,10 +14,10 @@ from typing import Final
 from radiometry.noise import codes
 from radiometry.noise import fit as noise_fit
 from radiometry.noise.fit import missing
-from radiometry.noise.results import PLOTS, Features, Fit, Params, list_key_figures, split
+from radiometry.noise.results import PLOTS, Features, Fit, Params, extract_features, list_key_figures, split
 from radiometry.noise.verdicts import find_gaps, judge, plan
-from radiometry.specification.certificate import FRAME, CertificateText, CoefficientKind, Column
-from radiometry.specification.method import MethodSpec, drop_readings, drop_target
+from radiometry.specification.certificate import FRAME, CertificateText, Column
+from radiometry.specification.method import MethodSpec, drop_readings
 from radiometry.specification.roles import DARK, FLAT, LIGHT, Grid
 
 __all__ = ["SPEC"]
@@ -52,23 +52,9 @@ SPEC: Final = MethodSpec(
     result=Fit,
     features=Features,
     whole_frame=True,
-    coefficients=(
-        CoefficientKind(name="system_gain_dn_per_e", label="System gain", units=("DN/e-",)),
-        CoefficientKind(name="read_noise_e", label="Read noise", units=("e-",)),
-        CoefficientKind(name="read_noise_dn", label="Read noise", units=("DN",)),
-        CoefficientKind(name="full_well_e", label="Saturation capacity", units=("e-",)),
-        CoefficientKind(name="linearity_error_rel", label="Linearity error", units=("1",)),
-        CoefficientKind(name="snr_max", label="Largest signal-to-noise ratio", units=("1",)),
-        CoefficientKind(name="dynamic_range_db", label="Dynamic range", units=("dB",)),
-        CoefficientKind(name="dynamic_range_stops", label="Dynamic range", units=("stop",)),
-        CoefficientKind(name="dark_current_e_per_s", label="Dark current", units=("e-/s",)),
-        CoefficientKind(name="dark_current_dn_per_s", label="Dark current", units=("DN/s",)),
-        CoefficientKind(name="dsnu_e", label="Dark signal nonuniformity", units=("e-",)),
-        CoefficientKind(name="dsnu_dn", label="Dark signal nonuniformity", units=("DN",)),
-        CoefficientKind(name="prnu_rel", label="Photo response nonuniformity", units=("1",)),
-    ),
+    coefficients=noise_fit.COEFFICIENTS,
     findings=codes.FINDINGS,
-    extract=drop_target(noise_fit.extract),
+    extract=lambda frame, regions, *, header, **_: extract_features(frame, regions, header=header),
     missing=drop_readings(missing),
     judge=lambda frames, rows, _, params: judge(frames, rows, params),
     plan=drop_readings(plan),

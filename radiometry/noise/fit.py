@@ -5,26 +5,28 @@ from collections.abc import Sequence
 
 from radiometry.drawing.text import name_few
 from radiometry.findings import Finding, InputRejected, Raised, shared
-from radiometry.fitting.evidence import MOST_DOF, CoefficientValue, Extracted, Quantity, Region
-from radiometry.frame import Frame, FrameHeader
-from radiometry.frame.exposure import Exposure
+from radiometry.fitting.evidence import (
+    MOST_DOF,
+    CoefficientValue,
+    Quantity,
+    require_complete,
+)
 from radiometry.frame.statistics import CHANNELS
-from radiometry.frame.verdicts import flag_assumed_black, name_not_dark
+from radiometry.frame.verdicts import flag_assumed_black, flag_rendered, name_not_dark
 from radiometry.noise import codes
 from radiometry.noise.channels import FittedChannel, fit_channel
 from radiometry.noise.results import (
     DARK,
     TRANSFER_EQUATION,
     ChannelFit,
-    Features,
     Fit,
     FrameRow,
     Params,
     Point,
-    extract_features,
 )
 from radiometry.noise.stacks import Stack, group_by_channel, make_stacks
 from radiometry.noise.transfer import FEWEST_LEVELS, find_not_dark
+from radiometry.specification.certificate import CoefficientKind
 
 
 def collect_stacks(rows: Sequence[FrameRow], params: Params) -> dict[tuple[float, str], list[Stack]]:
@@ -144,9 +146,7 @@ def check_fits(fitted: Sequence[FittedChannel]) -> tuple[Raised, ...]:
 
 def check_headers(rows: Sequence[FrameRow]) -> tuple[Raised, ...]:
     """Check for rendered frames, whose tone curve lies between light and numbers, and for black levels."""
-    rendered = sum(row.header.rendered for row in rows)
-    detail = f"Rendered frames: {rendered} of {len(rows)}."
-    found = (shared.RENDERED.at("", detail),) if rendered else ()
+    found = flag_rendered([row.header.rendered for row in rows])
     return (*found, *flag_assumed_black([row.header for row in rows]))
 
 
@@ -227,29 +227,22 @@ def _check_figures(each: FittedChannel) -> list[tuple[Finding, str]]:
     return found
 
 
-FIGURES = (
-    "system_gain_dn_per_e",
-    "read_noise_e",
-    "read_noise_dn",
-    "full_well_e",
-    "linearity_error_rel",
-    "snr_max",
-    "dynamic_range_db",
-    "dynamic_range_stops",
-    "dark_current_e_per_s",
-    "dark_current_dn_per_s",
-    "dsnu_e",
-    "dsnu_dn",
-    "prnu_rel",
+COEFFICIENTS = (
+    CoefficientKind(name="system_gain_dn_per_e", label="System gain", units=("DN/e-",)),
+    CoefficientKind(name="read_noise_e", label="Read noise", units=("e-",)),
+    CoefficientKind(name="read_noise_dn", label="Read noise", units=("DN",)),
+    CoefficientKind(name="full_well_e", label="Saturation capacity", units=("e-",)),
+    CoefficientKind(name="linearity_error_rel", label="Linearity error", units=("1",)),
+    CoefficientKind(name="snr_max", label="Largest signal-to-noise ratio", units=("1",)),
+    CoefficientKind(name="dynamic_range_db", label="Dynamic range", units=("dB",)),
+    CoefficientKind(name="dynamic_range_stops", label="Dynamic range", units=("stop",)),
+    CoefficientKind(name="dark_current_e_per_s", label="Dark current", units=("e-/s",)),
+    CoefficientKind(name="dark_current_dn_per_s", label="Dark current", units=("DN/s",)),
+    CoefficientKind(name="dsnu_e", label="Dark signal nonuniformity", units=("e-",)),
+    CoefficientKind(name="dsnu_dn", label="Dark signal nonuniformity", units=("DN",)),
+    CoefficientKind(name="prnu_rel", label="Photo response nonuniformity", units=("1",)),
 )
-
-
-def extract(
-    frame: Frame, regions: Sequence[Region], *, header: FrameHeader, exposure: Exposure | None
-) -> Extracted[Features]:
-    """Read a square of raw samples of every channel."""
-    del exposure
-    return extract_features(frame, regions, header=header)
+FIGURES = tuple(each.name for each in COEFFICIENTS)
 
 
 def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
@@ -263,9 +256,7 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     full_well_not_reached, read_noise_below_rounding, pattern_not_resolved, dark_current_compensated. Flag
     of the whole fit: rendered.
     """
-    lacking = missing(rows, params)
-    if lacking:
-        raise InputRejected(shared.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
+    require_complete(missing(rows, params))
     by_channel = collect_stacks(rows, params)
     fitted = [each for stacks in by_channel.values() if (each := fit_channel(stacks, params))]
     if not any(each.transfer for each in fitted):

@@ -13,7 +13,7 @@ from radiometry.reflectance.sun import GroundHeight, find_place
 from radiometry.reflectance.sunshine import measure_sunshine
 from radiometry.specification.application import BandApplication
 from radiometry.specification.certificate import CoefficientEffect, CoefficientKind
-from radiometry.specification.method import MethodSpec, drop_target
+from radiometry.specification.method import MethodSpec
 from radiometry.specification.roles import FIELD, PANEL, Grid
 
 __all__ = ["SPEC"]
@@ -43,7 +43,9 @@ SPEC: Final = MethodSpec(
     ),
     findings=codes.FINDINGS,
     check_frame=review_frame,
-    extract=drop_target(method.extract),
+    extract=lambda frame, regions, *, header, exposure, **_: method.extract(
+        frame, regions, header=header, exposure=exposure
+    ),
     find_region=method.find_region,
     take_region=take_region,
     make_row=method.make_row,

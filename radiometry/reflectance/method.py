@@ -18,7 +18,14 @@ from numpy.typing import NDArray
 
 from radiometry.findings import Finding, InputRejected, Raised, shared
 from radiometry.fitting.comparison import PERCENT
-from radiometry.fitting.evidence import CoefficientValue, Extracted, FrameEvidence, Quantity, Region
+from radiometry.fitting.evidence import (
+    CoefficientValue,
+    Extracted,
+    FrameEvidence,
+    Quantity,
+    Region,
+    require_complete,
+)
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.multispectral import LightBasis, Multispectral
@@ -369,9 +376,7 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
     exist is None.
     """
     require_flat_angle(params.incidence_angle_deg)
-    lacking = list_missing(rows, readings, params)
-    if lacking:
-        raise InputRejected(shared.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
+    require_complete(list_missing(rows, readings, params))
     candidates = collect_candidates(rows, readings, params)
     used = [candidate for candidate in candidates if not candidate.left_out]
     if not used:

@@ -8,7 +8,14 @@ from typing import Final, TypeVar
 import numpy as np
 
 from radiometry.findings import InputRejected, Raised, shared
-from radiometry.fitting.evidence import MOST_DOF, CoefficientValue, Extracted, Quantity, Region
+from radiometry.fitting.evidence import (
+    MOST_DOF,
+    CoefficientValue,
+    Extracted,
+    Quantity,
+    Region,
+    require_complete,
+)
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Window, bounding_window
@@ -443,9 +450,7 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     sharpening_suspected, edge_curved, sharpness_beyond_curve. Flag per frame: region_left_out. Flags of the
     whole fit: rendered, sharpness_centre_missing.
     """
-    lacking = missing(rows, params)
-    if lacking:
-        raise InputRejected(shared.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
+    require_complete(missing(rows, params))
     candidates = collect_candidates(rows, params)
     used = [each for each in candidates if not each.left_out]
     if not used:

@@ -52,16 +52,6 @@ def drop_readings(call: Callable[..., Any]) -> Callable[..., Any]:
     return without
 
 
-def drop_target(call: Callable[..., Any]) -> Callable[..., Any]:
-    """Return the `extract` of a method without a target, with the target as an ignored argument."""
-
-    def without(frame: Any, regions: Any, *, target: Any = None, **named: Any) -> Any:  # noqa: ANN401
-        del target
-        return call(frame, regions, **named)
-
-    return without
-
-
 _NAMES = about("Name in the API, label on pages, and one sentence: what is calibrated, from what.")
 
 

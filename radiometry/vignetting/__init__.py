@@ -17,10 +17,10 @@ from radiometry.specification.certificate import (
     CoefficientKind,
     Column,
 )
-from radiometry.specification.method import MethodSpec, drop_readings, drop_target
+from radiometry.specification.method import MethodSpec, drop_readings
 from radiometry.specification.roles import DARK, FLAT, Grid
 from radiometry.vignetting import codes, fit
-from radiometry.vignetting.blocks import Features
+from radiometry.vignetting.blocks import Features, extract_features
 from radiometry.vignetting.lens import EXPORTS, Lens, average_over_polygon
 from radiometry.vignetting.points import missing
 from radiometry.vignetting.results import PLOTS, Fit, Params, list_budgets, list_key_figures
@@ -50,7 +50,7 @@ SPEC: Final = MethodSpec(
         CoefficientKind(name="centre_col_px", label="Centre column", units=("px",)),
     ),
     findings=codes.FINDINGS,
-    extract=drop_target(fit.extract),
+    extract=lambda frame, regions, *, header, **_: extract_features(frame, regions, header=header),
     missing=drop_readings(missing),
     judge=lambda frames, rows, _, params: judge(frames, rows, params),
     plan=drop_readings(plan),

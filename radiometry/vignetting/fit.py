@@ -8,13 +8,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from radiometry.findings import InputRejected, Raised, shared
-from radiometry.fitting.evidence import MOST_DOF, CoefficientValue, Extracted, Quantity, Region
-from radiometry.frame import Frame, FrameHeader
-from radiometry.frame.exposure import Exposure
+from radiometry.fitting.evidence import (
+    MOST_DOF,
+    CoefficientValue,
+    Quantity,
+    require_complete,
+)
 from radiometry.frame.statistics import CHANNELS
-from radiometry.frame.verdicts import flag_assumed_black, flag_not_dark
+from radiometry.frame.verdicts import flag_assumed_black, flag_not_dark, flag_rendered
 from radiometry.vignetting import codes
-from radiometry.vignetting.blocks import Features, FrameRow, extract_features
+from radiometry.vignetting.blocks import FrameRow
 from radiometry.vignetting.channels import FittedChannel, farthest_radius, find_best, fit_channel
 from radiometry.vignetting.falloff import (
     CENTRE_U,
@@ -87,9 +90,7 @@ def check_frames(candidates: Sequence[Candidate], rows: Sequence[FrameRow], para
         elif candidate.left_out:
             flags.append(codes.FLAT_LEFT_OUT.at(f"frame {candidate.row.frame}", f"{candidate.left_out}."))
     used = [candidate for candidate in candidates if not candidate.left_out]
-    rendered = sum(candidate.row.header.rendered for candidate in used)
-    if rendered:
-        flags.append(shared.RENDERED.at("", f"Rendered frames: {rendered} of {len(used)}."))
+    flags += flag_rendered([candidate.row.header.rendered for candidate in used])
     flags += flag_assumed_black([each.row.header for each in used])
     return flags + _check_darks(used) + _check_darkness(used, rows, params)
 
@@ -230,13 +231,6 @@ def _where(each: FittedChannel) -> str:
     return f"f/{each.fit.coefficient.f_number:g} {each.fit.coefficient.channel}"
 
 
-def extract(
-    frame: Frame, regions: Sequence[Region], *, header: FrameHeader, exposure: Exposure | None
-) -> Extracted[Features]:
-    del exposure
-    return extract_features(frame, regions, header=header)
-
-
 def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     """Fit the falloff of every f-number and channel of a campaign's flat frames.
 
@@ -248,9 +242,7 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     light_not_turned, falloff_not_monotonic, falloff_grows, vignetting_misfit. Flag of the whole fit:
     rendered.
     """
-    lacking = missing(rows, params)
-    if lacking:
-        raise InputRejected(shared.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
+    require_complete(missing(rows, params))
     candidates = collect_candidates(rows, params)
     used = [candidate for candidate in candidates if not candidate.left_out]
     if not used:

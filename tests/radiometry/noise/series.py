@@ -8,8 +8,7 @@ import pytest
 from radiometry.fitting.evidence import Region
 from radiometry.frame.packing import pack, unpack
 from radiometry.frame.roi import Polygon
-from radiometry.noise import fit as noise
-from radiometry.noise.results import Features, FrameRow, Params
+from radiometry.noise.results import Features, FrameRow, Params, extract_features
 from simulation.camera import change
 from simulation.camera import take as expose
 from simulation.targets import COUNTING_SENSOR, plan_series
@@ -35,7 +34,7 @@ def make_row(taken):
     height, width = taken.frame.height_px, taken.frame.width_px
     corners = [(0, 0), (width, 0), (width, height), (0, height)]
     region = Region(name="", polygon=Polygon.from_points(corners))
-    extracted = noise.extract(taken.frame, [region], header=taken.header, exposure=taken.exposure)
+    extracted = extract_features(taken.frame, [region], header=taken.header)
     return FrameRow(
         frame=taken.name,
         role=taken.role,

@@ -11,8 +11,7 @@ from radiometry.fitting.evidence import Region
 from radiometry.frame import Frame
 from radiometry.frame.packing import unpack
 from radiometry.frame.roi import Polygon
-from radiometry.noise import fit as noise
-from radiometry.noise.results import Features
+from radiometry.noise.results import Features, extract_features
 from simulation.targets import COUNTING_SENSOR
 
 HEADER = COUNTING_SENSOR.describe()
@@ -39,7 +38,7 @@ def rectangle(row0, col0, row1, col1):
 
 
 def blocks_of(one, region):
-    features = noise.extract(one, [region], header=HEADER, exposure=None).features
+    features = extract_features(one, [region], header=HEADER).features
     return {block.channel: block for block in features.blocks}
 
 
@@ -126,8 +125,8 @@ def test_colour_planes_and_bands_have_their_names():
 
 def test_features_survive_json():
     rng = np.random.default_rng(3)
-    features = noise.extract(
-        frame(rng.integers(0, 65535, (64, 64))), [rectangle(0, 0, 64, 64)], header=HEADER, exposure=None
+    features = extract_features(
+        frame(rng.integers(0, 65535, (64, 64))), [rectangle(0, 0, 64, 64)], header=HEADER
     ).features
     adapter = TypeAdapter(Features)
     text = json.dumps(adapter.dump_python(features, mode="json"))

@@ -6,7 +6,7 @@ from radiometry.fitting.evidence import Region
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon
 from radiometry.vignetting import fit as vignetting
-from radiometry.vignetting.blocks import Grid, Site, average_radial
+from radiometry.vignetting.blocks import Grid, Site, average_radial, extract_features
 from radiometry.vignetting.falloff import Blocks
 from radiometry.vignetting.results import Coefficient
 from simulation.camera import change, take
@@ -24,7 +24,7 @@ def whole(height_px, width_px):
 
 def row(shot, *, regions=None, name=None, **changes):
     regions = regions or [whole(shot.frame.height_px, shot.frame.width_px)]
-    extracted = vignetting.extract(shot.frame, regions, header=shot.header, exposure=shot.exposure)
+    extracted = extract_features(shot.frame, regions, header=shot.header)
     fields = {
         "frame": name or shot.name,
         "role": shot.role,

@@ -11,8 +11,7 @@ from radiometry.fitting.evidence import Region
 from radiometry.frame import Frame
 from radiometry.frame.packing import unpack
 from radiometry.frame.roi import Polygon
-from radiometry.vignetting import fit as vignetting
-from radiometry.vignetting.blocks import Grid, Site, average_radial
+from radiometry.vignetting.blocks import Features, Grid, Site, average_radial, extract_features
 from simulation.camera import change, take
 from simulation.targets import FAST_LENS, plan_flat
 from tests.radiometry.vignetting.flats import SMALL, row, whole
@@ -41,7 +40,7 @@ def header():
 def extract(frame, header, *polygons):
     regions = [Region(name="", polygon=Polygon.from_points(each)) for each in polygons]
     regions = regions or [whole(frame.height_px, frame.width_px)]
-    return vignetting.extract(frame, regions, header=header, exposure=None).features
+    return extract_features(frame, regions, header=header).features
 
 
 def by_name(features):
@@ -122,7 +121,7 @@ def test_transposing_the_picture_transposes_the_blocks(header):
 
 def test_features_survive_json():
     features = row(take(SMALL, plan_flat(SMALL, f_number=2.8), np.random.default_rng(1))).features
-    adapter = TypeAdapter(vignetting.Features)
+    adapter = TypeAdapter(Features)
     assert adapter.validate_json(adapter.dump_json(features)) == features
 
 
