@@ -204,23 +204,6 @@ class Turn:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shot:
-    """Exposure of one frame."""
-
-    at_s: float | None  # Start of the exposure on the records' clock [s]; None if it is not known
-    exposure_time_s: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class Optics:
-    """Camera dimensions that convert an angle to pixels."""
-
-    pixel_pitch_um: float
-    focal_length_mm: float
-    corner_px: float  # Distance from the image centre to its corner [px]
-
-
-@dataclass(frozen=True, kw_only=True)
 class FrameBlur:
     """Theoretical motion of one frame from rotation alone."""
 
@@ -304,29 +287,6 @@ def compute_turns(attitudes: Sequence[Attitude]) -> tuple[Turn, ...]:
     return tuple(turns)
 
 
-def blur_of_frames(
-    shots: Sequence[Shot], attitudes: Sequence[Attitude], *, optics: Optics
-) -> tuple[FrameBlur, ...]:
-    """Compute the blur of frames whose camera is fixed to the body and looks along its down axis.
-
-    With c the focal length and s_p the pixel pitch::
-
-        centre = (c / s_p) hypot(roll, pitch) t,    corner = centre + r_corner |yaw| t
-
-    Both are theoretical motions (the practical one is half), to first order in the
-    image's angles. Records some tenths of a second apart show the slow part of the
-    rotation only and do not include vibration.
-    """
-    turns = compute_turns(attitudes)
-    if not turns:
-        raise InputRejected(
-            shared.ATTITUDE_MISSING,
-            "The file carries no two records of yaw, pitch and roll with their times: how fast the camera "
-            "turned is not known. Enter the rotation rate instead.",
-        )
-    return tuple(_blur(shot, turns, optics) for shot in shots)
-
-
 def blur_of_file(
     header: FrameHeader, *, exposure_time_s: float, pixel_pitch_um: float, focal_length_mm: float
 ) -> FrameBlur:
@@ -346,40 +306,44 @@ def blur_of_file(
     Returns
     -------
     FrameBlur
-        Blur as computed by `blur_of_frames`.
+        Blur of a camera that is fixed to the body and looks along its down axis.
 
     Raises
     ------
     InputRejected
         `attitude_missing` if there are fewer than two records.
+
+    Notes
+    -----
+    With c the focal length and s_p the pixel pitch::
+
+        centre = (c / s_p) hypot(roll, pitch) t,    corner = centre + r_corner |yaw| t
+
+    Both are theoretical motions (the practical one is half), to first order in the
+    image's angles. Records some tenths of a second apart show the slow part of the
+    rotation only and do not include vibration.
     """
-    multispectral = header.multispectral
-    at_us = multispectral.exposed_at_us if multispectral else None
-    (blur,) = blur_of_frames(
-        [Shot(at_s=None if at_us is None else at_us * 1e-6, exposure_time_s=exposure_time_s)],
-        read_attitudes(multispectral),
-        optics=Optics(
-            pixel_pitch_um=pixel_pitch_um,
-            focal_length_mm=focal_length_mm,
-            corner_px=math.hypot(header.width_px, header.height_px) / 2,
-        ),
-    )
-    return blur
-
-
-def _blur(shot: Shot, turns: Sequence[Turn], optics: Optics) -> FrameBlur:
-    turn, basis = _choose(shot, turns)
-    per_rad = optics.focal_length_mm * 1e3 / optics.pixel_pitch_um
-    centre = per_rad * math.radians(turn.tilt_rate_deg_s) * shot.exposure_time_s
-    twist = optics.corner_px * math.radians(abs(turn.yaw_rate_deg_s)) * shot.exposure_time_s
+    turns = compute_turns(read_attitudes(header.multispectral))
+    if not turns:
+        raise InputRejected(
+            shared.ATTITUDE_MISSING,
+            "The file carries no two records of yaw, pitch and roll with their times: how fast the camera "
+            "turned is not known. Enter the rotation rate instead.",
+        )
+    at_us = header.multispectral.exposed_at_us if header.multispectral else None
+    turn, basis = _choose(turns, None if at_us is None else at_us * 1e-6, exposure_time_s)
+    per_rad = focal_length_mm * 1e3 / pixel_pitch_um
+    corner_px = math.hypot(header.width_px, header.height_px) / 2
+    centre = per_rad * math.radians(turn.tilt_rate_deg_s) * exposure_time_s
+    twist = corner_px * math.radians(abs(turn.yaw_rate_deg_s)) * exposure_time_s
     return FrameBlur(turn=turn, basis=basis, centre_blur_px=centre, corner_blur_px=centre + twist)
 
 
-def _choose(shot: Shot, turns: Sequence[Turn]) -> tuple[Turn, Basis]:
-    """Return the rotation nearest to a shot; of equals the first."""
-    if shot.at_s is None:
+def _choose(turns: Sequence[Turn], at_s: float | None, exposure_time_s: float) -> tuple[Turn, Basis]:
+    """Return the rotation nearest to an exposure that begins then; of equals the first."""
+    if at_s is None:
         return max(turns, key=lambda turn: turn.tilt_rate_deg_s), "largest"
-    middle_s = shot.at_s + shot.exposure_time_s / 2
+    middle_s = at_s + exposure_time_s / 2
     nearest = min(turns, key=lambda turn: max(turn.start_s - middle_s, middle_s - turn.end_s, 0.0))
     return nearest, "during" if nearest.start_s <= middle_s <= nearest.end_s else "nearest"
 

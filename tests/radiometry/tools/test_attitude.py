@@ -1,5 +1,6 @@
 """Blur from recorded attitudes: turns by hand, across 360 degrees, tilted, and of a real Sequoia."""
 
+import dataclasses
 import math
 
 import pytest
@@ -7,9 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from radiometry.findings import InputRejected, shared
 from radiometry.frame.multispectral import Multispectral, SunshineCounts, SunshineRecord
-from radiometry.tools.motion import Attitude, Optics, Shot, blur_of_frames, compute_turns, read_attitudes
-
-OPTICS = Optics(pixel_pitch_um=3.75, focal_length_mm=3.98, corner_px=800.0)
+from radiometry.tools.motion import Attitude, blur_of_file, compute_turns, read_attitudes
+from simulation.camera import Camera
 
 
 def attitudes(*angles, step_s=0.2):
@@ -17,6 +17,30 @@ def attitudes(*angles, step_s=0.2):
         Attitude(time_s=10.0 + step_s * n, yaw_deg=yaw, pitch_deg=pitch, roll_deg=roll)
         for n, (yaw, pitch, roll) in enumerate(angles)
     ]
+
+
+def blur_of(records, *, at_s, exposure_time_s=0.001):
+    """Of a file of 1280 x 960 px, whose corners are 800 px from the middle."""
+    records = tuple(
+        SunshineRecord(
+            time_us=round(1e6 * each.time_s),
+            ch0=1,
+            ch1=1,
+            yaw_deg=each.yaw_deg,
+            pitch_deg=each.pitch_deg,
+            roll_deg=each.roll_deg,
+        )
+        for each in records
+    )
+    band = Multispectral(
+        system="sequoia",
+        band="red",
+        band_name="Red",
+        counts=SunshineCounts(record_bytes=28, cut_short=False, records=records, gains=()),
+        exposed_at_us=None if at_s is None else round(1e6 * at_s),
+    )
+    header = dataclasses.replace(Camera().describe(), width_px=1280, height_px=960, multispectral=band)
+    return blur_of_file(header, exposure_time_s=exposure_time_s, pixel_pitch_um=3.75, focal_length_mm=3.98)
 
 
 def test_rates_about_single_axes():
@@ -50,8 +74,7 @@ def test_the_rates_carry_one_attitude_into_the_next():
 
 
 def test_the_blur_of_a_frame_by_hand():
-    shot = Shot(at_s=10.05, exposure_time_s=0.01)
-    (blur,) = blur_of_frames([shot], attitudes((0, 0, 0), (4, 3, 0), (4, 20, 0)), optics=OPTICS)
+    blur = blur_of(attitudes((0, 0, 0), (4, 3, 0), (4, 20, 0)), at_s=10.05, exposure_time_s=0.01)
     assert blur.basis == "during"
     assert blur.centre_blur_px == pytest.approx(math.radians(15.0) * 0.01 * 3980 / 3.75, rel=1e-3)
     twist = math.radians(20.0) * 0.01 * 800
@@ -64,7 +87,7 @@ def test_the_blur_of_a_frame_by_hand():
 )
 def test_the_records_nearest_to_the_exposure_count(at_s, basis, rate):
     records = attitudes((0, 0, 0), (0, 3, 0), (0, 20, 0))
-    (blur,) = blur_of_frames([Shot(at_s=at_s, exposure_time_s=0.001)], records, optics=OPTICS)
+    blur = blur_of(records, at_s=at_s)
     assert blur.basis == basis
     assert blur.turn.tilt_rate_deg_s == pytest.approx(rate)
 
@@ -72,7 +95,7 @@ def test_the_records_nearest_to_the_exposure_count(at_s, basis, rate):
 @pytest.mark.parametrize("records", [[], attitudes((0, 0, 0))])
 def test_without_two_records_there_is_no_rate(records):
     with pytest.raises(InputRejected, match="no two records") as refused:
-        blur_of_frames([Shot(at_s=None, exposure_time_s=0.001)], records, optics=OPTICS)
+        blur_of(records, at_s=None)
     assert refused.value.code is shared.ATTITUDE_MISSING
 
 
