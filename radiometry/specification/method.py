@@ -28,20 +28,8 @@ def _nothing(*_: Any, **__: Any) -> None:  # noqa: ANN401  takes what the functi
     return None
 
 
-def _same(evidence: Any) -> Any:  # noqa: ANN401  any evidence
-    return evidence
-
-
-def _empty(_: Any) -> Mapping[Any, Any]:  # noqa: ANN401  any fit
-    return {}
-
-
 def _none(*_: Any, **__: Any) -> tuple[Any, ...]:  # noqa: ANN401  any fit, or any header
     return ()
-
-
-def _alone(result: dict[str, Any]) -> Iterable[dict[str, Any]]:
-    return (result,)
 
 
 def drop_readings(call: Callable[..., Any]) -> Callable[..., Any]:
@@ -141,7 +129,7 @@ class MethodSpec:
     #: None or missing if it does not exist
     plots: tuple[Plot, ...] = ()
     #: `(stored result) -> stored results`, parts whose plots are printed in a row each
-    split: Callable[[dict[str, Any]], Iterable[dict[str, Any]]] = field(default=_alone)
+    split: Callable[[dict[str, Any]], Iterable[dict[str, Any]]] = field(default=lambda result: (result,))
     #: `(stored result) -> tuple of KeyFigure`, what a person looks for first; empty for the coefficients
     list_key_figures: Callable[[dict[str, Any]], tuple[KeyFigure, ...]] = field(default=_none)
     #: True if a version holds for the flight of its campaign: frames of the campaign are measured with it,
@@ -160,9 +148,9 @@ class MethodSpec:
     #: what was found in another band of its capture
     take_region: Callable[..., tuple[Polygon, float] | None] = field(default=_nothing)
     #: `(evidence) -> row`, a frame in the form that the fit takes
-    make_row: Callable[..., Any] = field(default=_same)
+    make_row: Callable[..., Any] = field(default=lambda evidence: evidence)
     #: `(fitted) -> mapping`, what a version holds for beside camera and lens, ready for JSON
-    configure: Callable[..., Mapping[str, Any]] = field(default=_empty)
+    configure: Callable[..., Mapping[str, Any]] = field(default=lambda _: {})
 
     def find_scope(self, name: str, flags: Collection[str]) -> Scope | None:
         """Return the scope of a coefficient's uncertainty.
