@@ -330,8 +330,8 @@ def change_luminance(
             )
         ratio = _k(before, exposure).luminance_k / _k(after, exposure).luminance_k
     else:
-        was, becomes = (_luminance(each, exposure, signal_dn, lens_share) for each in (before, after))
-        ratio = becomes / was if was > 0.0 else math.nan
+        first, second = (_luminance(each, exposure, signal_dn, lens_share) for each in (before, after))
+        ratio = second / first if first > 0.0 else math.nan
     if not math.isfinite(ratio):
         return MeasuredChange.untold("The signal is so near the dark signal that a ratio says nothing.")
     held = (_k(each, exposure) for each in (before, after))
