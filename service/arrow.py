@@ -8,43 +8,16 @@ from typing import Any, Final, Literal
 
 Kind = Literal["text", "number", "count", "instant"]
 
-_BATCH_ROWS = 1000
+_BATCH_ROWS: Final = 1000
 """A batch costs as much as some hundred rows, and its memory grows with it."""
 _ROW_GROUP: Final = 1 << 16
 _CHUNK_BYTES: Final = 1 << 18
 
 
-def write_arrow(records: Iterator[bytes], kinds: dict[str, Kind]) -> Iterator[bytes]:
-    """Write the schema, and a record batch for each thousand rows."""
-    import nanoarrow as na
-    from nanoarrow.ipc import StreamWriter
-
-    out = io.BytesIO()
-    with na.c_array_stream(_read(records, kinds)) as stream, StreamWriter.from_writable(out) as writer:
-        schema = stream.get_schema()
-        # without a batch, no schema is written
-        nothing = na.c_array([], schema)
-        for batch in chain([next(stream, nothing)], stream):
-            writer.write_array(batch)
-            yield out.getvalue()
-            out.seek(0)
-            out.truncate()
-    yield out.getvalue()
-
-
-def write_parquet(records: Iterator[bytes], kinds: dict[str, Kind]) -> Iterator[bytes]:
-    """Write Parquet by way of a temporary file: its end says where all is."""
-    import arro3.io
-
-    with tempfile.TemporaryFile() as file:
-        read = _read(records, kinds)
-        arro3.io.write_parquet(read, file, compression="zstd(1)", max_row_group_size=_ROW_GROUP)
-        file.seek(0)
-        yield from iter(lambda: file.read(_CHUNK_BYTES), b"")
-
-
-def _read(records: Iterator[bytes], kinds: dict[str, Kind]) -> Any:  # noqa: ANN401  of arro3
-    """Read CSV with the names of its columns as Arrow's batches; an empty cell is absent."""
+def write_arrow(
+    records: Iterator[bytes], kinds: dict[str, Kind], *, parquet: bool = False
+) -> Iterator[bytes]:
+    """Write CSV with the names of its columns as Arrow or Parquet, through a file; an empty cell is none."""
     import arro3.core
     import arro3.io
 
@@ -57,8 +30,15 @@ def _read(records: Iterator[bytes], kinds: dict[str, Kind]) -> Any:  # noqa: ANN
     schema = arro3.core.Schema([arro3.core.Field(name, types[kind]) for name, kind in kinds.items()])
     # what fails before the first rows is raised here, as it is
     parts = chain([next(records)], records)
-    file = io.BufferedReader(_Feed(parts), _CHUNK_BYTES)
-    return arro3.io.read_csv(file, schema, has_header=True, batch_size=_BATCH_ROWS)
+    source = io.BufferedReader(_Feed(parts), _CHUNK_BYTES)
+    read = arro3.io.read_csv(source, schema, has_header=True, batch_size=_BATCH_ROWS)
+    with tempfile.TemporaryFile() as file:
+        if parquet:
+            arro3.io.write_parquet(read, file, compression="zstd(1)", max_row_group_size=_ROW_GROUP)
+        else:
+            arro3.io.write_ipc_stream(read, file, compression=None)
+        file.seek(0)
+        yield from iter(lambda: file.read(_CHUNK_BYTES), b"")
 
 
 class _Feed(io.RawIOBase):

@@ -13,7 +13,7 @@ from fastapi.responses import StreamingResponse
 from isal import isal_zlib
 from pydantic import Field
 
-from service.arrow import write_arrow, write_parquet
+from service.arrow import write_arrow
 from service.auth import Caller
 from service.context import Context
 from service.hosts import absolute
@@ -121,8 +121,8 @@ def answer_series(
         case "excel" | "excel_semicolon":
             content = gather(write_excel(pages, columns, *_EXCEL[shape]))
         case "arrow" | "parquet":
-            write = write_arrow if shape == "arrow" else write_parquet
-            content = write(write_records(pages, columns), {column.name: column.kind for column in columns})
+            kinds = {column.name: column.kind for column in columns}
+            content = write_arrow(write_records(pages, columns), kinds, parquet=shape == "parquet")
     if coding:
         headers["Content-Encoding"] = coding
         content = _pack(content, coding)
