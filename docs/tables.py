@@ -37,12 +37,12 @@ def render() -> dict[Path, str]:
 
 def list_parameters(spec: MethodSpec) -> Iterable[str]:
     """Return the lines of the table of a method's parameters."""
-    yield "| name | default | range | unit | meaning |"
-    yield "|---|---|---|---|---|"
+    yield "| name | default | range | meaning |"
+    yield "|---|---|---|---|"
     for each in spec.parameters:
         for row in (each, *each.members):
             yield _format_row(row, within="" if row is each else f"{each.name}.")
-    yield "| `exclude` | no frame | | | Frames that the fit leaves out, each with the reason. |"
+    yield "| `exclude` | no frame | | Frames that the fit leaves out, each with the reason. |"
 
 
 def list_coefficients(spec: MethodSpec) -> Iterable[str]:
@@ -60,13 +60,14 @@ def _format_row(parameter: Parameter, *, within: str) -> str:
     if names := parameter.suggest():
         allowed = f"{', '.join(f'`{name}`' for name in names)}, or a table"
     default = parameter.default_text or f"`{parameter.default_shown}`"
-    unit = parameter.unit if parameter.kind in ("number", "interval") else ""
+    if parameter.kind in ("number", "interval") and parameter.unit != "1":
+        allowed += f" {parameter.unit}"
     stated = " Stated by the campaign." if parameter.given_by == "campaign" else ""
     # a number's first sentence: the others, such as where a default comes from, are in its form
     sentence, stop, _ = parameter.description.partition(". ")
     told = parameter.description if parameter.choices or not stop else f"{sentence}."
     description = f"{told}{stated}".replace("|", "\\|")
-    return f"| `{within}{parameter.name}` | {default} | {allowed} | {unit} | {description} |"
+    return f"| `{within}{parameter.name}` | {default} | {allowed} | {description} |"
 
 
 if __name__ == "__main__":

@@ -34,22 +34,19 @@ class Run:
 TEXT = """# Faults
 
 `make faults` drills each fault on really started processes and writes this page: "embedded" is `make up`
-(SQLite, a folder, the bundled Valkey), "composed" what `docker-compose.yml` runs (PostgreSQL, Valkey and an
-S3 store behind a proxy that can fall silent, slow down, fail or go away), without containers.
+(SQLite, a folder, the bundled Valkey), "composed" what `docker-compose.yml` runs (PostgreSQL, Valkey and
+an S3 store behind a proxy that can fall silent, slow down, fail or go away), without containers.
 
 Each drill has {frames} small frames. Half of them are read and fitted before; under the fault the other
-half is sent, and the first half is measured and fitted once more. What fails with an error is repeated, as
-a user would. Then everything is compared with a run without a fault, to the last bit: what is lost, exists
-twice or differs. A part that hangs is stopped by a signal until it has been replaced; the clock is set by a
-library that is loaded before the processes.
+half is sent, and the first half is measured and fitted once more. What fails with an error is repeated,
+as a user would. Then everything is compared with a run without a fault, to the last bit: what is lost,
+exists twice or differs. A part that hangs is stopped by a signal until it has been replaced; the clock is
+set by a library that is loaded before the processes.
 
-| column | meaning |
-|---|---|
-| goes on | from the end of the fault until another job has ended |
-| all done | from the end of the fault until the last answer |
-| errors | exceptions that users of `stilb.Client` saw |
-| told | from 4 s on, `/readyz` and `/livez` said how it was, in time; empty: not asked |
-| machine | slowest answer of an idle web server beside it; if high, seconds are upper values |
+The table states the seconds from the end of the fault until another job has ended, and until the last
+answer; in brackets the exceptions that users of `stilb.Client` saw. "told": from 4 s on, `/readyz` and
+`/livez` said how it was, in time; empty: not asked.
+Where other work kept the machine busy, all seconds are upper values.
 
 """
 
@@ -83,17 +80,20 @@ def summary(rows: Sequence[Row]) -> str:
     )
 
 
-def table(rows: Sequence[tuple[Row, int]]) -> Iterable[str]:
-    """The lines of the page's table: seconds, errors and run of each drill that was not skipped."""
-    yield "| fault | on | goes on, all done [s] | errors | told | machine [s] | run |"
-    yield f"|{'---|' * 7}"
-    for row, run in rows:
-        if not row.skipped:
-            values = (row.goes_on_s, row.all_done_s, row.machine_s)
-            goes_on, all_done, machine = ("" if value is None else f"{value:.1f}" for value in values)
-            seconds = ", ".join(filter(None, (goes_on, all_done)))
-            cells = (row.fault, row.kind, seconds, row.errors or "", row.told, machine, run)
-            yield f"| {' | '.join(map(str, cells))} |"
+def table(rows: Sequence[Row]) -> Iterable[str]:
+    """The lines of the page's table: a row a fault, with seconds and errors on both deployments."""
+    yield "| fault | embedded | composed | told |"
+    yield f"|{'---|' * 4}"
+    for fault in dict.fromkeys(row.fault for row in rows if not row.skipped):
+        drilled = {row.kind: row for row in rows if row.fault == fault and not row.skipped}
+        told = {row.told for row in drilled.values() if row.told}
+        seconds = [_seconds(drilled[kind]) if kind in drilled else "" for kind in ("embedded", "composed")]
+        yield f"| {fault} | {' | '.join(seconds)} | {', '.join(sorted(told))} |"
+
+
+def _seconds(row: Row) -> str:
+    known = [f"{value:.1f}" for value in (row.goes_on_s, row.all_done_s) if value is not None]
+    return ", ".join(known) + (f" ({row.errors})" if row.errors else "")
 
 
 def complaints(row: Row) -> list[str]:
@@ -112,11 +112,7 @@ def page(drilled: Sequence[tuple[Run, Row]]) -> str:
         parts.append(
             f"Run {number}, {len(own)} rows: {run.began} UTC, `{run.command}`, on {run.machine}.\n\n"
         )
-    parts += [
-        f"{summary(rows)}\n\n",
-        "\n".join(table([(row, runs.index(run) + 1) for run, row in drilled])),
-        "\n",
-    ]
+    parts += [f"{summary(rows)}\n\n", "\n".join(table(rows)), "\n"]
     failed = [row for row in rows if not row.holds]
     if failed:
         parts.append("\n## What does not hold\n\n")
