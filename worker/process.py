@@ -33,7 +33,7 @@ from worker.upkeep import Upkeep, look
 log = logging.getLogger("stilb.worker")
 
 NO_DECODER_EXIT = 71
-_TEND_EVERY_S = 0.5
+_TEND_EVERY_S = 1.0
 _FAREWELL_S = 3.0
 
 decoders = make_decoders(settings)
