@@ -76,10 +76,7 @@ def _begin_chain(session: Session, organisation_id: str) -> None:
 
 
 def _lock_chain(session: Session, mine: ColumnElement[bool], count: int) -> list[Any]:
-    """Return a chain's last link, and the next numbers, drawn behind its lock: they rise within each chain.
-
-    Two transactions that change the same row come one after the other, and so do their numbers.
-    """
+    """Return a chain's last link, and the next numbers, drawn behind its lock: they rise in each chain."""
     link = select(AuditChain.sha256).where(mine)
     if session.get_bind().dialect.name == "sqlite":
         # its one writer

@@ -279,10 +279,7 @@ class _Broken(Exception):  # noqa: N818  it says what was found
 
 
 def check_audit(database: Database, noted: Head | None = None) -> tuple[Head, Fault | None]:
-    """Walk the chains: the last links that hold, and the first fault; ``noted`` is a head of an earlier day.
-
-    It reads one snapshot: entries that are appended meanwhile neither disturb nor count.
-    """
+    """Walk the chains of one snapshot: the last links that hold, and the first fault; ``noted``: a head."""
     settled = _find_settled(database)
     with database.reading(snapshot=True) as session:
         trail = _Trail(session.scalars(select(AuditHead)).one_or_none())
@@ -334,10 +331,7 @@ def check_chain(
 
 
 def _find_settled(database: Database) -> int:
-    """Return the number up to which all entries are there: numbers are drawn before the commit.
-
-    Whoever appends is waited for, and nobody begins meanwhile; that is over before the chains are walked.
-    """
+    """Return the number up to which all entries are there: numbers are drawn before the commit."""
     with database.reading(snapshot=True) as session:
         if not database.is_sqlite:
             session.execute(text("LOCK TABLE audit_chain IN EXCLUSIVE MODE"))

@@ -40,11 +40,7 @@ def read_text(kind: Any, text: str | None) -> Any:  # noqa: ANN401
 
 
 def read_strictly(kind: type[Any], said: Any) -> Json:  # noqa: ANN401
-    """Return plain JSON values as a dataclass wants them, with its defaults.
-
-    Refused are unknown names, and texts or truth values where a number is wanted. 9.0 is a whole number, as
-    in JSON Schema.
-    """
+    """Return plain JSON values as a dataclass wants them, with its defaults."""
     text = json.dumps(json.loads(json.dumps(said), parse_float=_read_number))
     found = _adapter(kind).validate_json(text, strict=True, extra="forbid")
     plain: Json = drop_absent(encode(found))
@@ -69,10 +65,7 @@ def encode_statistics(row: ChannelStatistics) -> dict[str, Any]:
 
 
 def _find_later(kind: Any) -> frozenset[str]:  # noqa: ANN401
-    """Return the names of fields that older versions do not have, of a type and of all that it holds.
-
-    Where there is none they are left out, and not null: a content hash is over the very text, and stays.
-    """
+    """Return the names of fields that older versions do not have, of a type and of all that it holds."""
     found: set[str] = set()
     if is_dataclass(kind):
         hints = get_type_hints(kind)

@@ -1,8 +1,4 @@
-"""Stored files as the database knows them: read only through their proof, marked where it fails, healed.
-
-A damaged file is a state of its own. Nothing reads it until the same upload, or a scrub that finds it whole
-again, ends that; the jobs that failed for it then go on by themselves.
-"""
+"""Stored files as the database knows them: read only through their proof, marked where it fails, healed."""
 
 import io
 import logging

@@ -40,11 +40,7 @@ from store.tables.base import utc_now
 
 @dataclass(frozen=True, kw_only=True)
 class Touched:
-    """A measurement made with a version, and what another would make of it.
-
-    ``successor`` : the version that is in force when its frame was taken, None where there is none
-    ``change`` : None where there is no figure; ``why`` then says the reason
-    """
+    """A measurement made with a version, and what another would make of it."""
 
     measurement: Measurement
     frame: FrameRow
@@ -107,10 +103,7 @@ def assess(session: Session, calibration: Calibration, against: InForce) -> Impa
 def list_touched(
     session: Session, calibration: Calibration, *, without: Collection[str] = ()
 ) -> list[Touched]:
-    """The measurements made with a version, each with what would take its place if these versions went.
-
-    ``without`` : versions that are to be revoked; the version itself always is
-    """
+    """The measurements made with a version, each with what would take its place if these versions went."""
     gone = {calibration.id, *without}
     others = [held for held in _list_open(session, calibration) if held.calibration.id not in gone]
     touched, clocks = [], FrameClocks(session)

@@ -26,12 +26,7 @@ class NewerSchema(Exception):  # noqa: N818  it says what was found
 
 
 def migrate(database: Database, revision: str = "head") -> None:
-    """Upgrade to a revision; refuse a database that knows revisions this code does not.
-
-    What today's code derives from rows (store/ready) is then written for the rows of before.
-
-    On PostgreSQL several processes may start at once: an advisory lock lets one migrate, the others wait.
-    """
+    """Upgrade to a revision; refuse a database that knows revisions this code does not."""
     with database.engine.connect() as connection, connection.begin():
         if not database.is_sqlite:
             connection.execute(text("SET LOCAL lock_timeout = 0"))
@@ -71,10 +66,7 @@ def alembic_config() -> "Config":
 
 
 def find_difference(url: str) -> str | None:
-    """Return in a sentence how a database's schema differs from that of this code; None where it does not.
-
-    Nothing is changed: a database that does not exist is not made.
-    """
+    """Return in a sentence how a database's schema differs from that of this code; None where it does not."""
     address = make_url(url)
     is_sqlite = address.get_backend_name() == "sqlite"
     if is_sqlite and not Path(address.database or "").is_file():

@@ -118,11 +118,7 @@ def prepare(
 
 
 class Line:
-    """A connection that an event loop asks for prepared statements: none waits for the answer to another.
-
-    The questions go down one pipeline, each a transaction of its own; no thread takes part. Whatever fails
-    ends the line, and with it every question that is open.
-    """
+    """A connection that an event loop asks for prepared statements: none waits for the answer to another."""
 
     def __init__(self, connection: psycopg.Connection[Any], *, answer_within_s: float) -> None:
         self._connection, self._server = connection, connection.pgconn

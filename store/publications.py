@@ -42,11 +42,7 @@ def publish(
     valid_to: datetime | None,
     reason: str,
 ) -> Publication:
-    """Put a version in force in [valid_from, valid_to); it replaces what held there before.
-
-    An older version keeps what lies outside. The slot's row is locked, so publishers take turns; that no two
-    versions overlap is held by the database too.
-    """
+    """Put a version in force in [valid_from, valid_to); it replaces what held there before."""
     slot = _lock_slot(session, calibration)
     # under the lock only: whoever held it before may have revoked this version
     require_not_revoked(session, calibration)
@@ -102,10 +98,7 @@ def in_force(
     at: datetime,
     known_at: datetime | None = None,
 ) -> list[InForce]:
-    """The versions that hold at ``at`` as known at ``known_at``, one a configuration.
-
-    Without a time, as known last: also if that was written down by a clock that has been set back since.
-    """
+    """The versions that hold at ``at`` as known at ``known_at``, one a configuration."""
     known: ColumnElement[bool]
     if known_at is None:
         known = Publication.known_to.is_(None)

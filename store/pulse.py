@@ -49,10 +49,7 @@ def read_beat(path: Path) -> int | None:
 
 
 def end_hung(path: Path, *, hang_s: float, look_again_s: float = _LOOK_AGAIN_S) -> bool:
-    """Kill the process behind a pulse that has not beaten for too long; whether it was so.
-
-    It is given a moment to beat: a container or machine that was paused wakes this check first, perhaps.
-    """
+    """Kill the process behind a pulse that has not beaten for too long; whether it was so."""
     before = read_beat(path)
     if before is None or (time.monotonic_ns() - before) / 1e9 <= hang_s:
         return False

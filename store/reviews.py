@@ -1,8 +1,4 @@
-"""Reviews of campaigns: verdicts, what is missing and what the checklist needs, computed once per revision.
-
-A kept review holds for the very revision, and the very code, that it was computed from. A request that
-finds it stale computes it again, a worker does so within seconds.
-"""
+"""Reviews of campaigns: verdicts, what is missing and what the checklist needs, once per revision."""
 
 import gc
 import hashlib
@@ -219,10 +215,7 @@ class Reviews:
     def find(
         self, session: Session, campaign_id: str, *, verdicts_of: Collection[str] | None = ()
     ) -> Assessment:
-        """Return a campaign's review, with the verdicts on these frames; None asks for all of them.
-
-        Ask for frames before their verdicts, never after: the review then knows each of them.
-        """
+        """Return a campaign's review, with the verdicts on these frames; None asks for all of them."""
         kept = _find_kept(session, campaign_id, verdicts_of)
         if kept is not None:
             return kept

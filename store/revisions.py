@@ -1,8 +1,4 @@
-"""The revision of a campaign rises with every change that its review depends on, in the same transaction.
-
-As with the audit trail, no route and no task can forget it: the flush writes it. The rows are locked in one
-order and late, just before the audit trail's head.
-"""
+"""The revision of a campaign rises with every change that its review depends on, in the same transaction."""
 
 from collections.abc import Callable, Sequence
 from typing import Any

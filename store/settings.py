@@ -145,13 +145,7 @@ def read_settings() -> Settings:
 
 
 def _read_all() -> Settings:
-    """Return the settings, those that a ``STILB_<FIELD>_FILE`` names read from that file.
-
-    Raises
-    ------
-    SettingsWrong
-        A name that is no setting, a value out of its range, an unreadable file, or a setting given twice.
-    """
+    """Return the settings, those that a ``STILB_<FIELD>_FILE`` names read from that file."""
     if wrong := list(_misspelt(os.environ)):
         raise SettingsWrong(*wrong)
     read_bucket_secrets()
@@ -199,13 +193,7 @@ def _read(name: str, path: str, given: Mapping[str, str]) -> str:
 
 
 def read_secret(name: str, path: str) -> str:
-    """Return what the file of this variable holds, without the spaces and line breaks around it.
-
-    Raises
-    ------
-    SettingsWrong
-        The file cannot be read or is empty.
-    """
+    """Return what the file of this variable holds, without the spaces and line breaks around it."""
     try:
         text = Path(path).read_text(encoding="utf-8").strip()
     except OSError as error:

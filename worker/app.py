@@ -1,7 +1,4 @@
-"""The Celery application: `celery -A worker.app worker -Q looks,frames,fits,maps`.
-
-`inspect`, `events` and Flower load nothing of the work itself, which `worker.process` brings in.
-"""
+"""The Celery application: `celery -A worker.app worker -Q looks,frames,fits,maps`."""
 
 from store.jobs.queues import make_celery
 from store.settings import read_settings

@@ -1,8 +1,15 @@
-"""Resources that a job needs, built once in each process and passed down."""
+"""Resources that a job needs, built once in each process and passed down, and what comes of it."""
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
+from sqlalchemy.orm import Session
+
+from radiometry.findings import InputRejected
+from store import jobs
 from store.blobs import Blobs, blobs_from_url
 from store.database import Database
 from store.files import Files
@@ -11,7 +18,40 @@ from store.jobs.queues import Post
 from store.reviews import Reviews
 from store.settings import Settings
 from worker.decode.pool import DecoderLimits, DecoderPool
-from worker.leases import Leases
+
+
+class Leases:
+    """A lease that could not be renewed is not pressed: the fence decides when the work is stored."""
+
+    def __init__(self) -> None:
+        self._held: dict[str, tuple[jobs.Claim, float]] = {}
+
+    @contextmanager
+    def hold(self, claim: jobs.Claim) -> Iterator[None]:
+        self.report(claim, 0.0)
+        try:
+            yield
+        finally:
+            del self._held[claim.job_id]
+
+    def report(self, claim: jobs.Claim, progress: float) -> None:
+        """Note how far a job has come; it is written with the next renewal, so noting it costs nothing."""
+        self._held[claim.job_id] = (claim, progress)
+
+    def renew(self, database: Database, lease_s: float) -> None:
+        """Renew the leases, and write down how far their jobs have come."""
+        for claim, progress in list(self._held.values()):
+            # lost: it has ended this very moment, which is usual; or another holds it, and its end finds that
+            with suppress(jobs.LeaseLost), database.writing("worker") as session:
+                jobs.renew(session, claim, lease_s=lease_s, progress=progress)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """``store`` runs in the transaction that ends the job, perhaps twice, and returns the job's result."""
+
+    store: Callable[[Session], dict[str, Any]]
+    rejection: InputRejected | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,12 +22,11 @@ from store.logs import configure_logging
 from store.pulse import Pulse
 from store.tracing import configure_tracing
 from worker.app import app, settings
+from worker.background import Renewal, Scrub
 from worker.context import build_context, make_decoders
-from worker.decode.malloc import keep_memory, share_one_arena
+from worker.decode.pieces import keep_memory, share_one_arena
 from worker.decode.pool import DecoderPool, DecoderUnavailable
-from worker.renewal import Renewal
 from worker.runner import run
-from worker.scrub import Scrub
 from worker.upkeep import Upkeep, look
 
 log = logging.getLogger("stilb.worker")

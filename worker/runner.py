@@ -164,11 +164,7 @@ def _fail_as_ours(claim: Claim, trace: str) -> Ending:
 
 
 def _end(context: Context, claim: Claim, ending: Ending) -> Mapping[str, Any]:
-    """End a job in one commit.
-
-    Two that number a version at once collide: the later looks again. A database that does not answer is
-    waited for; the lease may run out meanwhile, and the fence decides.
-    """
+    """End a job in one commit."""
     pause, give_up_at, collisions = threading.Event(), time.monotonic() + _PATIENCE_S, 0
     while True:
         try:

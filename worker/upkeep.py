@@ -65,10 +65,7 @@ class ClockWatch:
 
 
 def mend_times(session: Session, *, lease_s: float, jumped: bool) -> None:
-    """Bring times that no rule set within their rules, and renew every lease after a jump.
-
-    A lease is shortened to a whole one from now, not ended: a worker that lives renews it in time.
-    """
+    """Bring times that no rule set within their rules, and renew every lease after a jump."""
     now = utc_now()
     lease = timedelta(seconds=lease_s)
     too_long = true() if jumped else Job.lease_until > now + _LEASES_AHEAD * lease

@@ -45,6 +45,7 @@ from radiometry.methods import METHODS
 from radiometry.specification.roles import ROLES
 from service.messages import SHA256
 from store.queries.frame_times import name_zone
+from store.tables import Base
 
 
 def _name_zone(text: str) -> str:
@@ -221,19 +222,11 @@ answered_as: dict[Any, Any] = {datetime: Instant, date: Day}
 
 
 def describe_fields(source: type) -> dict[str, str]:
-    """Return the sentence of each field: of its metadata, else of the section Attributes of its class."""
-    said: dict[str, str] = {}
-    names: list[str] = []
-    section = inspect.cleandoc(source.__doc__ or "").partition("Attributes\n----------\n")[2]
-    for line in section.splitlines():
-        if not line.startswith(" "):
-            names = line.partition(" : ")[0].split(", ")
-        else:
-            said |= {name: f"{said.get(name, '')} {line.strip()}".strip() for name in names}
+    """Return the sentence of each field that has one: in its metadata, or of its column."""
+    if issubclass(source, Base):
+        return {each.key: each.doc for each in source.__table__.columns if each.doc}
     stated = dataclasses.fields(source) if dataclasses.is_dataclass(source) else ()
-    return said | {
-        each.name: each.metadata["description"] for each in stated if "description" in each.metadata
-    }
+    return {each.name: each.metadata["description"] for each in stated if "description" in each.metadata}
 
 
 def _as_answered(kind: Any) -> Any:  # noqa: ANN401

@@ -135,19 +135,13 @@ class Blobs(Protocol):
         """Start a blob: use as a context manager; leaving it without `commit` leaves nothing behind."""
 
     def open(self, blob: StoredBlob) -> Iterator[bytes]:
-        """Yield the bytes MiB by MiB, each proven.
-
-        Raises BlobMissing at once, and BlobDamaged in place of the first wrong piece.
-        """
+        """Yield the bytes MiB by MiB, each proven."""
 
     def local_file(self, blob: StoredBlob) -> AbstractContextManager[StoredFile]:
         """Lend a real file; whoever reads it proves what it reads, and raises BlobDamaged in the context."""
 
     def prove(self, sha256: str, pace: Callable[[int], object]) -> StoredBlob:
-        """Read all of a blob where it is kept, past every cache, and return what it is known by.
-
-        `pace` is told of every piece's size, and may wait. Raises BlobDamaged or BlobMissing.
-        """
+        """Read all of a blob where it is kept, past every cache, and return what it is known by."""
 
     def find_absent(self, sizes: Mapping[str, int]) -> set[str]:
         """Return which of these names are not stored, or not in their size; nothing is read."""

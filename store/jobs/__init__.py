@@ -1,7 +1,4 @@
-"""The life of a job: queued, begun with a lease and a fence, finished once, or taken back and tried again.
-
-Two workers that are sent the same job, or a worker that comes back from the dead, find no row to change.
-"""
+"""The life of a job: queued, begun with a lease and a fence, finished once, or taken back and tried again."""
 
 import os
 import random

@@ -28,11 +28,7 @@ BOUNDS_S: Final = (0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0, 60.0, 300.0, 1800.
 
 
 class Durations:
-    """The jobs of one process by kind: how many took at most each bound, beyond the last, and their sum [s].
-
-    `found` is one JSON object for the life of the process and never changes its shape: a heartbeat may
-    write it while a job ends.
-    """
+    """Jobs of one process by kind: how many took at most each bound, beyond the last, and their sum [s]."""
 
     def __init__(self) -> None:
         self.found = {kind: [0.0] * (len(BOUNDS_S) + 2) for kind in KINDS}

@@ -95,11 +95,7 @@ def make_celery(broker_url: str, *, lease_s: float = 30.0, answer_within_s: floa
 
 
 class Post:
-    """Sends messages, and never fails: what is not sent is found by the workers' upkeep.
-
-    After a failure it stays silent for two seconds: a broker that is down or hangs delays one request by a
-    second, not each.
-    """
+    """Sends messages, and never fails: what is not sent is found by the workers' upkeep."""
 
     def __init__(self, broker_url: str) -> None:
         self._broker_url = broker_url

@@ -157,18 +157,7 @@ class Side:
 
 @dataclass(frozen=True, kw_only=True)
 class MeasurementComparison:
-    """A comparison of two measurements.
-
-    Attributes
-    ----------
-    common : tuple of str
-        Sources whose error is the same in both.
-    cells : tuple or None
-        Of grids with as many rows and columns each.
-    confusion_rel : float or None
-        Largest change that two types of lamp could show without any; None where the light is known, or the
-        same in both.
-    """
+    """A comparison of two measurements."""
 
     mean: Comparison
     common: tuple[str, ...]
@@ -188,12 +177,7 @@ class MeasurementComparison:
 def compare_measurements(
     old: Side, new: Side, *, other_region: bool = False, same_light: bool = False
 ) -> MeasurementComparison:
-    """Compare the means of two measurements of the same quantity, and their cells one by one.
-
-    ``same_light`` : a person vouches that both were lit by the same lamps
-
-    Raises Conflict(regions_differ) unless both have the same outlines, or ``other_region`` asks for it.
-    """
+    """Compare the means of two measurements of the same quantity, and their cells one by one."""
     same_region = _outline(old) == _outline(new)
     if not (same_region or other_region):
         raise Conflict(

@@ -31,10 +31,7 @@ class Captures:
         self._frames: dict[str, dict[tuple[str, str], str]] = {}
 
     def find(self, frame: FrameRow, band: str) -> FrameRow:
-        """The frame of a band in the capture, and campaign, of a frame that has been read.
-
-        Raises InputRejected(capture_incomplete)
-        """
+        """The frame of a band in the capture, and campaign, of a frame that has been read."""
         shown = (frame.header or {}).get("multispectral") or {}
         if shown.get("band") == band:
             return frame
@@ -150,10 +147,7 @@ class Asked:
 def plan_measurement(
     session: Session, frame: FrameRow, asked: Asked, named: Calibration | None, captures: Captures
 ) -> dict[str, Any]:
-    """The parameters of the job that measures: what is decided here cannot change while it waits.
-
-    Raises InputRejected or Conflict, saying what to do, for whatever can be known before the pixels are read.
-    """
+    """The parameters of the job that measures: what is decided here cannot change while it waits."""
     campaign = session.get_one(Campaign, frame.campaign_id)
     require_read(frame, campaign.method)
     require_whole(frame, read_proof(frame), asked.allow)
@@ -195,10 +189,7 @@ def plan_measurement(
 
 
 def find_subject(session: Session, frame: FrameRow, asked: Asked, captures: Captures) -> FrameRow:
-    """The frame that a measurement is of: of an index, its capture's near infrared one.
-
-    Raises InputRejected for a frame that tells no capture: it was not read, or is of another method
-    """
+    """The frame that a measurement is of: of an index, its capture's near infrared one."""
     if asked.index is None:
         return frame
     method = session.get_one(Campaign, frame.campaign_id).method

@@ -57,10 +57,7 @@ def choose_version(
 def _find_own(
     session: Session, frame: FrameRow, campaign: Campaign, taken: FrameTime | None
 ) -> InForce | None:
-    """Find the version of the frame's own campaign that is in force at a time that may be the frame's.
-
-    A coefficient of one flight stays that flight's when another flight's was published for the same day.
-    """
+    """Find the version of the frame's own campaign that is in force at a time that may be the frame's."""
     held: ColumnElement[bool] = Publication.known_to.is_(None)
     if get_method(campaign.method).of_one_flight:
         others = select(Calibration.id).where(Calibration.campaign_id != campaign.id)
@@ -155,10 +152,7 @@ def choose_falloff(
     params: Any,  # noqa: ANN401  the method's own
     named: Calibration | None,
 ) -> Calibration:
-    """The version that is named, or else the one in force when the campaign's light frames were taken.
-
-    Raises InputRejected or Conflict, saying what to do, for a version that cannot correct these frames.
-    """
+    """The version that is named, or else the one in force when the campaign's light frames were taken."""
     corrector, application = _find_corrector(campaign.method)
     lights = list(_list_lights(session, evidence, params))
     chosen = named or _find_corrector_in_force(session, campaign, corrector, lights)
@@ -213,10 +207,7 @@ def correct(session: Session, campaign: Campaign, evidence: Evidence, params: An
 
 
 def find_falloff(session: Session, calibration: Calibration) -> Calibration | None:
-    """The vignetting version that a luminance version needs; None: it was made without.
-
-    Raises Conflict(calibration_revoked)
-    """
+    """The vignetting version that a luminance version needs; None: it was made without."""
     corrector = get_method(calibration.method).corrected_by
     content_sha256 = calibration.parameters.get(corrector) if corrector else None
     if corrector is None or content_sha256 is None:

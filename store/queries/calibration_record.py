@@ -100,10 +100,7 @@ class CalibrationRecord:
 def read_calibration_record(
     session: Session, calibration: Calibration, state: RecordState | None
 ) -> CalibrationRecord:
-    """Collect it, as it stands now; what the version rests on, as it stood when it was made.
-
-    ``state`` : what the record ticks of the checklist
-    """
+    """Collect it, as it stands now; what the version rests on, as it stood when it was made."""
     campaign = session.get_one(Campaign, calibration.campaign_id)
     readings = _readings_used(session, calibration)
     return CalibrationRecord(
@@ -222,12 +219,7 @@ _IDENTITY = ("name", "iso", "f_number", "band", "channel", "model")
 
 
 def state_coefficients(method: str, result: Json, figures: Iterable[Json]) -> list[Json]:
-    """The figures of a version, each with its expanded uncertainty, coverage factor and degrees of freedom.
-
-    One that is relative only has no expanded uncertainty: nobody may take it for traceable.
-
-    ``figures`` : with the names of `radiometry.fitting.evidence.CoefficientValue`
-    """
+    """The figures of a version with expanded uncertainty; one that is relative only has none."""
     spec = get_method(method)
     listed = spec.list_coefficients(decode(spec.result, result))
     known = {tuple(getattr(each, name) for name in _IDENTITY): each for each in listed}

@@ -145,22 +145,14 @@ class Act:
 
 @dataclass(frozen=True, kw_only=True)
 class Decision:
-    """One decision about a version.
-
-    Attributes
-    ----------
-    by : str
-        The id of the key.
-    valid_from : datetime or None
-        As it was published.
-    """
+    """One decision about a version."""
 
     act: Literal["made", "published", "revoked"]
     calibration: Calibration
     at: datetime
-    by: str
+    by: str = field(metadata={"description": "The id of the key."})
     reason: str | None = None
-    valid_from: datetime | None = None
+    valid_from: datetime | None = field(default=None, metadata={"description": "As it was published."})
     valid_to: datetime | None = None
 
 
@@ -214,17 +206,7 @@ def list_decisions(session: Session, camera_id: str) -> list[Decision]:
 
 @dataclass(frozen=True, kw_only=True)
 class Lifetime:
-    """A published version as known at a time.
-
-    Attributes
-    ----------
-    in_force, revoked_from : list of Publication
-        Rows that hold then, and those that its revocation closed.
-    published : list of Act
-        Every publishing of it until then, oldest first.
-    revocation : Revocation or None
-        None if it was not revoked by then.
-    """
+    """A published version as known at a time."""
 
     calibration: Calibration
     coefficients: list[CoefficientRow]

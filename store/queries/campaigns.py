@@ -4,7 +4,7 @@ import hashlib
 import json
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC
 from typing import Any, Final
 
@@ -42,18 +42,10 @@ _FEW = 500
 
 @dataclass(frozen=True, kw_only=True)
 class Counts:
-    """How many frames and readings a campaign has.
+    """How many frames and readings a campaign has."""
 
-    Attributes
-    ----------
-    received : int
-        All frames of the campaign.
-    being_read : int
-        Frames with a job that waits or runs.
-    """
-
-    received: int
-    being_read: int
+    received: int = field(metadata={"description": "All frames of the campaign."})
+    being_read: int = field(metadata={"description": "Frames with a job that waits or runs."})
     extracted: int
     refused: int
     readings: int
@@ -104,10 +96,7 @@ def count_being_read(session: Session, campaign: Campaign) -> int:
 
 @dataclass(frozen=True, kw_only=True)
 class Drawing:
-    """A region as it was drawn: one polygon, or several parts with their names and the rectangle around them.
-
-    ``corners`` : as they were given, in their order
-    """
+    """A region as it was drawn: one polygon, or several parts with names and the rectangle around them."""
 
     polygon: Polygon
     corners: Sequence[Sequence[float]]

@@ -4,7 +4,7 @@ import hashlib
 import json
 from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
 
@@ -38,28 +38,18 @@ KEYS = frozenset(item.key for item in ITEMS)
 
 @dataclass(frozen=True, kw_only=True)
 class ChecklistItem:
-    """A line of the checklist as it stands.
-
-    Attributes
-    ----------
-    done_by : str or None
-        A key's id; "stilb" for what follows from the record. Absent while open.
-    evidence : str or None
-        The sentence from which it follows.
-    missing : str or None
-        What the record still lacks for it.
-    note : str or None
-        What was written beside it.
-    """
+    """A line of the checklist as it stands."""
 
     key: str
     section: str
     text: str
-    done_by: str | None
+    done_by: str | None = field(
+        metadata={"description": 'A key\'s id; "stilb" for what follows from the record. Absent while open.'}
+    )
     done_at: datetime | None
-    evidence: str | None
-    missing: str | None
-    note: str | None
+    evidence: str | None = field(metadata={"description": "The sentence from which it follows."})
+    missing: str | None = field(metadata={"description": "What the record still lacks for it."})
+    note: str | None = field(metadata={"description": "What was written beside it."})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,10 +61,7 @@ class RecordState:
 
 
 def read_record(session: Session, campaign: Campaign, evidence: Evidence) -> RecordState | None:
-    """Return what the record ticks; None for a campaign of a method without a checklist.
-
-    The printed checklist is that of the luminance procedure.
-    """
+    """Return what the record ticks; None for a campaign of a method without a checklist."""
     if not has_checklist(campaign):
         return None
     facts = _gather_facts(session, campaign, evidence)

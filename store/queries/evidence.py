@@ -58,10 +58,7 @@ def find_reference(session: Session, campaign: Campaign, frames: Sequence[FrameC
 
 
 def list_measurements(session: Session, campaign: Campaign, frames: Sequence[FrameColumns]) -> list[Panel]:
-    """Every measurement of the campaign's panel, oldest first; none where it is not known.
-
-    The panel is the one that the campaign names, else the one that its files name, else the only one.
-    """
+    """Every measurement of the campaign's panel, oldest first; none where it is not known."""
     panels = session.scalars(
         select(Panel)
         .where(Panel.organisation_id == campaign.organisation_id)
@@ -86,10 +83,7 @@ def list_panels(frame: FrameColumns) -> list[str]:
 
 @dataclass(frozen=True, kw_only=True)
 class Offer:
-    """The panel that a campaign's frames name, where it is not the campaign's.
-
-    ``bands``: as the files or the code state them; ``stated_on``: the day of the first of these frames.
-    """
+    """The panel that a campaign's frames name, where it is not the campaign's."""
 
     serial: str
     registered: bool
@@ -221,11 +215,7 @@ def gather(
     frames: Sequence[FrameColumns] | None = None,
     memory: Memory | None = None,
 ) -> Evidence:
-    """Frames with the statistics of the region that holds for them now, and the readings that stand.
-
-    ``applied``: those too that no fit sees, which are only judged and measured. ``frames``: all of the
-    campaign, where they have been read.
-    """
+    """Frames with the statistics of the region that holds for them now, and the readings that stand."""
     spec = methods.get_method(campaign.method)
     roles = spec.role_names | spec.applied_role_names if applied else spec.role_names
     rows = [

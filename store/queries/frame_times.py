@@ -1,8 +1,4 @@
-"""When a frame was taken: by the offset in its file, else by the time zone of its campaign or organisation.
-
-Nothing of this is stored with the frame: a zone that is stated later holds for frames that were read before.
-A measurement keeps the zone that it was made with.
-"""
+"""When a frame was taken: by the offset in its file, else by its campaign's or organisation's time zone."""
 
 import re
 from collections.abc import Iterable
@@ -68,15 +64,7 @@ class Zones:
 
 @dataclass(frozen=True, kw_only=True)
 class FrameTime:
-    """The instants at which a frame may have been taken: one, unless the offset of its clock is unknown.
-
-    Attributes
-    ----------
-    zone : str or None
-        The stated time zone by which the file's time was read; None if none was needed, or none is stated.
-    why : str
-        What the instants follow from, as a sentence ends: "as its campaign states".
-    """
+    """The instants at which a frame may have been taken: one, unless the offset of its clock is unknown."""
 
     stated: str
     earliest: datetime

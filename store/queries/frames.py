@@ -51,17 +51,7 @@ class _Turns(dict[Any, Any]):
 
 
 class Memory:
-    """Decoded parts of a campaign.
-
-    Attributes
-    ----------
-    frames : by the frame's id
-        The digest of its row as it was read, and its columns: another row is decoded again.
-    extractions : by id
-        An extraction is made once and never changed.
-    regions : by id
-        Polygon of a region, which is never changed either.
-    """
+    """Decoded parts of a campaign."""
 
     def __init__(self) -> None:
         self.frames, self.extractions, self.regions = _Turns(), _Turns(), _Turns()

@@ -48,15 +48,7 @@ def summarise_queue(session: Session, organisation_id: str, states: Sequence[str
 
 @dataclass(frozen=True, kw_only=True)
 class Cause:
-    """Jobs that failed for one reason: of one state, kind, error code and campaign.
-
-    Attributes
-    ----------
-    count : int
-        How many jobs.
-    newest : Job
-        The one of them that was added last.
-    """
+    """Jobs that failed for one reason: of one state, kind, error code and campaign."""
 
     count: int
     newest: Job

@@ -40,10 +40,7 @@ def name_laboratory(organisation: Organisation) -> str:
 
 
 def name_people(session: Session, organisation_id: str, *, unnamed: str | None = None) -> dict[str, str]:
-    """Return the person of every key of an organisation, also of those that were revoked.
-
-    ``unnamed`` : in place of a person that is not stated; else the key's own name
-    """
+    """Return the person of every key of an organisation, also of those that were revoked."""
     rows = session.execute(
         select(ApiKey.id, ApiKey.name, ApiKey.person).where(ApiKey.organisation_id == organisation_id)
     )
@@ -180,10 +177,7 @@ _SENSOR = ("pixel_pitch_um", "sensor_width_mm")
 
 
 def find_or_add_camera(session: Session, organisation_id: str, values: dict[str, Any]) -> tuple[Camera, bool]:
-    """The camera of this make, model and serial, and whether it is new.
-
-    What nobody had said of its sensor is taken over; what is known stays as it is.
-    """
+    """The camera of this make, model and serial, and whether it is new."""
     found = session.scalar(
         select(Camera).where(
             Camera.organisation_id == organisation_id,

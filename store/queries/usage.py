@@ -85,10 +85,7 @@ def check_room(
     size_bytes: int,
     keep: bool = False,
 ) -> None:
-    """Raise QuotaExceeded when one more frame is too much as it looks now: before its bytes are sent.
-
-    With ``keep`` it stays as it looks until the commit.
-    """
+    """Raise QuotaExceeded when one more frame is too much as it looks now: before its bytes are sent."""
     row = _lock(session, organisation_id)[0] if keep else session.get(Usage, organisation_id)
     row = row or _count(session, organisation_id)
     used = {"frames": row.frames, "stored_bytes": row.stored_bytes}
@@ -196,11 +193,7 @@ def _refuse_long_queue(session: Session, organisation_id: str, limit: int, *, ro
 
 
 def _lock(session: Session, organisation_id: str) -> tuple[Usage, bool]:
-    """Return an organisation's counts, locked, and whether they were counted just now.
-
-    Only what is read under the lock decides: a row that another request made a moment ago was counted
-    without this one's frame.
-    """
+    """Return an organisation's counts, locked, and whether they were counted just now."""
     found = session.get(Usage, organisation_id, with_for_update=True, populate_existing=True)
     if found is not None:
         return found, False

@@ -49,20 +49,13 @@ class Found:
 def find_ready(
     session: Session, *, camera_id: str, method: str, at: datetime, known_at: datetime | None
 ) -> tuple[Held, ...]:
-    """Return the ready answers of what holds at ``at`` as known at ``known_at``, one for each configuration.
-
-    Without ``known_at``, as known last: also if that was recorded by a clock that has been set back since.
-    """
+    """Return the ready answers of what holds at a time as known then, or last: one for each configuration."""
     values = {"camera_id": camera_id, "method": method, "at": at, "known_at": known_at}
     return tuple(Held(**row) for row in session.execute(_hold(now=known_at is None), values).mappings())
 
 
 class Lookups:
-    """Finds ready answers for whoever holds a key, in the event loop, without an ORM session.
-
-    A key is checked with each look-up, in its query: nothing about it is remembered here. On SQLite a look-up
-    never waits; PostgreSQL is asked down one line, of one event loop at a time.
-    """
+    """Finds ready answers for whoever holds a key, in the event loop, without an ORM session."""
 
     def __init__(self, database: Database, *, used_within: timedelta) -> None:
         self._database = database
@@ -86,10 +79,7 @@ class Lookups:
         known_at: datetime | None,
         tags_only: bool,
     ) -> Found | None:
-        """Return what is in force; None where nothing is, and wherever the usual way must say why.
-
-        With `tags_only`, the items of each answer are not read.
-        """
+        """Return what is in force; None where nothing is, and wherever the usual way must say why."""
         now = utc_now()
         name = _NOW if known_at is None else _THEN
         values: dict[str, Any] = self._constants[name] | {
@@ -149,10 +139,7 @@ class Lookups:
 
 @cache
 def _hold(*, now: bool) -> Select[Any]:
-    """Select the ready answers: of each slot the last one to begin, as no two of a slot hold at once.
-
-    To build the statement takes several times as long as to execute it.
-    """
+    """Select the ready answers: of each slot the last one to begin, as no two of a slot hold at once."""
     at = bindparam("at", type_=UtcDateTime)
     inner = aliased(ReadyRow)
     known: ColumnElement[bool] = inner.known_to.is_(None)

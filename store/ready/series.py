@@ -40,15 +40,7 @@ _ROWS = 250
 
 @dataclass(frozen=True, kw_only=True)
 class Asked:
-    """Which rows of an organisation.
-
-    Attributes
-    ----------
-    start, end : datetime or None
-        Of coefficients the time in which they hold; of measurements the time at which the frame was taken.
-    computed_start, computed_end : datetime or None
-        When the version or the measurement was computed.
-    """
+    """Which rows of an organisation."""
 
     organisation_id: str
     camera_id: str | None = None

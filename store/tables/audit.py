@@ -12,15 +12,7 @@ IN_SERIES = text("subject_type IN ('camera', 'measurement', 'publication', 'revo
 
 
 class AuditEntry(Base):
-    """One entry of the audit trail.
-
-    Attributes
-    ----------
-    seq : int
-        Rises over all organisations: what lies between belongs to another one, or to nobody.
-    actor : str
-        A key's id, or the process that acted automatically: worker, sweeper, service.
-    """
+    """One entry of the audit trail."""
 
     __tablename__ = "audit_entry"
     __table_args__ = (
@@ -36,10 +28,17 @@ class AuditEntry(Base):
         ),
     )
 
-    seq: Mapped[int] = mapped_column(BigInteger, primary_key=True, autoincrement=False)
+    seq: Mapped[int] = mapped_column(
+        BigInteger,
+        primary_key=True,
+        autoincrement=False,
+        doc="Rises over all organisations: what lies between belongs to another one, or to nobody.",
+    )
     organisation_id: Mapped[str | None]
     at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
-    actor: Mapped[str]
+    actor: Mapped[str] = mapped_column(
+        doc="A key's id, or the process that acted automatically: worker, sweeper, service."
+    )
     action: Mapped[str]
     subject_type: Mapped[str]
     subject_id: Mapped[str]

@@ -9,13 +9,7 @@ from store.tables.base import Audited, AuditedTogether, Base, Json, UtcDateTime,
 
 
 class Calibration(Audited, Base):
-    """One version, complete and immutable (triggers hold it). Its state follows from publications.
-
-    Attributes
-    ----------
-    software : dict
-        The fit code version (`stilb`), the release (`release`) and the packages that fitted.
-    """
+    """One version, complete and immutable (triggers hold it). Its state follows from publications."""
 
     __tablename__ = "calibration"
     __table_args__ = (
@@ -36,7 +30,9 @@ class Calibration(Audited, Base):
     inputs: Mapped[Json]
     result: Mapped[Json]
     result_schema: Mapped[int]
-    software: Mapped[Json]
+    software: Mapped[Json] = mapped_column(
+        doc="The fit code version (`stilb`), the release (`release`) and the packages that fitted."
+    )
     content_sha256: Mapped[str] = mapped_column(String(64))
     """Over inputs, parameters and code version: the same content is the same version."""
     created_by: Mapped[str]
@@ -116,20 +112,16 @@ class Revocation(Audited, Base):
 
 
 class IssuedCertificate(Audited, Base):
-    """A certificate as it was issued when a version was published (triggers hold it).
-
-    Attributes
-    ----------
-    amendment : int
-        0 of the original; each later publication of the version issues the next one beside it.
-    at_upgrade : bool
-        Whether the version was published before certificates were kept: its certificate was issued later.
-    """
+    """A certificate as it was issued when a version was published (triggers hold it)."""
 
     __tablename__ = "issued_certificate"
 
     calibration_id: Mapped[str] = mapped_column(ForeignKey("calibration.id"), primary_key=True)
-    amendment: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    amendment: Mapped[int] = mapped_column(
+        primary_key=True,
+        autoincrement=False,
+        doc="0 of the original; each later publication of the version issues the next one beside it.",
+    )
     number: Mapped[str]
     publication_id: Mapped[str] = mapped_column(ForeignKey("publication.id"))
     json_sha256: Mapped[str] = mapped_column(ForeignKey("blob.sha256"))
@@ -138,7 +130,10 @@ class IssuedCertificate(Audited, Base):
     """Name and role; None of a key without a person."""
     approved_by: Mapped[Json | None]
     """Likewise; nobody has signed a certificate without."""
-    at_upgrade: Mapped[bool]
+    at_upgrade: Mapped[bool] = mapped_column(
+        doc="Whether the version was published before certificates were kept: "
+        "its certificate was issued later."
+    )
     issued_at: Mapped[datetime] = mapped_column(UtcDateTime)
 
 
@@ -210,17 +205,7 @@ class ReadyRow(Base):
 
 
 class ReadyAnswer(Base):
-    """The coefficients of a publication as they are answered.
-
-    Attributes
-    ----------
-    items : bytes
-        JSON list of all of them, in their order.
-    whole : bool
-        A look-up without a filter is answered with all of them: none is a general one's at an f-number.
-    foreseen : str or None
-        JSON object: the standard uncertainty at an f-number that was not calibrated, by position in `items`.
-    """
+    """The coefficients of a publication as they are answered."""
 
     __tablename__ = "ready_answer"
 
@@ -232,10 +217,7 @@ class ReadyAnswer(Base):
 
 
 class ReadyCells(Base):
-    """The coefficients of a publication as rows of a series: CSV records, a line each, in their order.
-
-    The camera and its names are left out: a series has the names of today.
-    """
+    """The coefficients of a publication as rows of a series: CSV records, a line each, in their order."""
 
     __tablename__ = "ready_cells"
 
@@ -244,17 +226,7 @@ class ReadyCells(Base):
 
 
 class MeasuredRow(Base):
-    """A measurement as one row of a series.
-
-    Attributes
-    ----------
-    taken_from : datetime
-        Earliest instant at which the frame may have been taken; of a frame without a time, `created_at`.
-    taken_to : datetime or None
-        Latest such instant, `taken_from` if the file states a time zone; None for a frame without a time.
-    cells : str
-        The static cells, a CSV record.
-    """
+    """A measurement as one row of a series."""
 
     __tablename__ = "measured"
     __table_args__ = (

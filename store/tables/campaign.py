@@ -11,15 +11,7 @@ from store.tables.base import Audited, AuditedTogether, Base, Json, UtcDateTime,
 
 
 class Campaign(Audited, Base):
-    """A campaign of one camera and one method.
-
-    Attributes
-    ----------
-    kind : str
-        "calibration", or "measurement" for a night whose frames no fit uses.
-    roi_id : str or None
-        Of the region in use; absent while none is set.
-    """
+    """A campaign of one camera and one method."""
 
     __tablename__ = "campaign"
     __table_args__ = (
@@ -57,7 +49,9 @@ class Campaign(Audited, Base):
     lamp_kind: Mapped[str | None] = mapped_column(default=None)
     acceptance: Mapped[str | None]
     """Decision rule of the verdict; None is the simple one."""
-    roi_id: Mapped[str | None] = mapped_column(ForeignKey("roi.id"))
+    roi_id: Mapped[str | None] = mapped_column(
+        ForeignKey("roi.id"), doc="Of the region in use; absent while none is set."
+    )
     panel_id: Mapped[str | None] = mapped_column(ForeignKey("panel.id"))
     """Of a reflectance campaign; None leaves the choice to what the files and the records say."""
     target: Mapped[Json | None] = mapped_column(default=None)
@@ -88,13 +82,7 @@ class Roi(Audited, Base):
 
 
 class Reading(Audited, Base):
-    """One meter reading of one scene.
-
-    Attributes
-    ----------
-    value : float
-        In SI: cd/m2 or lx.
-    """
+    """One meter reading of one scene."""
 
     __tablename__ = "reading"
     __table_args__ = (
@@ -106,7 +94,7 @@ class Reading(Audited, Base):
     campaign_id: Mapped[str] = mapped_column(ForeignKey("campaign.id"), index=True)
     scene: Mapped[str]
     quantity: Mapped[str]
-    value: Mapped[float]
+    value: Mapped[float] = mapped_column(doc="In SI: cd/m2 or lx.")
     entered_value: Mapped[float]
     entered_unit: Mapped[str]
     meter_id: Mapped[str | None] = mapped_column(ForeignKey("meter.id"))
@@ -244,17 +232,7 @@ class ChannelRow(AuditedTogether, Base):
 
 
 class Crop(Base):
-    """A picture that can be drawn again from its frame; derived, so never audited.
-
-    Attributes
-    ----------
-    asked : str
-        What was asked for: window, and range of the grey scale.
-    job_id : str
-        The job that drew it; its result tells the rest.
-    png : bytes
-        The picture.
-    """
+    """A picture that can be drawn again from its frame; derived, so never audited."""
 
     __tablename__ = "crop"
     __table_args__ = (

@@ -16,17 +16,7 @@ _READING = "kind = 'extract' AND state IN ('queued', 'running')"
 
 
 class Job(Base):
-    """One unit of work for a worker.
-
-    Attributes
-    ----------
-    result : dict or None
-        Ids and links of what was made.
-    traceparent : str or None
-        The trace of the request that queued it, by W3C Trace Context.
-    dismissed_at : datetime or None
-        When a person dismissed its failure: it is no longer listed as one to mend.
-    """
+    """One unit of work for a worker."""
 
     __tablename__ = "job"
     __table_args__ = (
@@ -95,13 +85,17 @@ class Job(Base):
     waits_for: Mapped[str | None]
     """What serves nobody, as the last attempt found; None for a job that waits for its turn alone."""
     error: Mapped[Json | None] = mapped_column(default=None)
-    result: Mapped[Json | None] = mapped_column(default=None)
+    result: Mapped[Json | None] = mapped_column(default=None, doc="Ids and links of what was made.")
     traceback: Mapped[str | None]
     """Kept for the operator, never served."""
     created_by: Mapped[str]
     created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
     finished_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
-    dismissed_at: Mapped[datetime | None] = mapped_column(UtcDateTime, default=None)
+    dismissed_at: Mapped[datetime | None] = mapped_column(
+        UtcDateTime,
+        default=None,
+        doc="When a person dismissed its failure: it is no longer listed as one to mend.",
+    )
 
 
 class Turn(Base):

@@ -8,6 +8,8 @@ from sqlalchemy.orm import Mapped, mapped_column
 
 from store.tables.base import Audited, Base, Json, UtcDateTime, new_id, utc_now
 
+_WHO = "Who uses the key, as certificates name who fitted and who approved."
+
 
 class Organisation(Audited, Base):
     __tablename__ = "organisation"
@@ -26,15 +28,7 @@ class Organisation(Audited, Base):
 
 
 class ApiKey(Audited, Base):
-    """A key of one organisation, known by its hash.
-
-    Attributes
-    ----------
-    person, role : str or None
-        Who uses the key, as certificates name who fitted and who approved.
-    last_used_at : datetime or None
-        To ten minutes.
-    """
+    """A key of one organisation, known by its hash."""
 
     __tablename__ = "api_key"
     __audit_without__: ClassVar[frozenset[str]] = frozenset({"last_used_at"})
@@ -43,27 +37,18 @@ class ApiKey(Audited, Base):
     id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("key"))
     organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"), index=True)
     name: Mapped[str]
-    person: Mapped[str | None]
-    role: Mapped[str | None]
+    person: Mapped[str | None] = mapped_column(doc=_WHO)
+    role: Mapped[str | None] = mapped_column(doc=_WHO)
     sha256: Mapped[str] = mapped_column(String(64), unique=True)
     scopes: Mapped[list[str]]
     created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
     expires_at: Mapped[datetime | None] = mapped_column(UtcDateTime, default=None)
-    last_used_at: Mapped[datetime | None] = mapped_column(UtcDateTime, default=None)
-    """To some minutes: it is not written on every use, and is no decision of anybody's."""
+    last_used_at: Mapped[datetime | None] = mapped_column(UtcDateTime, default=None, doc="To ten minutes.")
     revoked_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
 
 
 class WebSession(Audited, Base):
-    """A browser that signed in with a key. The cookie names it and is signed; nothing here opens it.
-
-    Attributes
-    ----------
-    browser : str or None
-        As it names itself.
-    last_used_at : datetime or None
-        To ten minutes.
-    """
+    """A browser that signed in with a key. The cookie names it and is signed; nothing here opens it."""
 
     __tablename__ = "web_session"
     __audit_without__: ClassVar[frozenset[str]] = frozenset({"last_used_at"})
@@ -71,10 +56,10 @@ class WebSession(Audited, Base):
     id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("ses"))
     organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"), index=True)
     key_id: Mapped[str] = mapped_column(ForeignKey("api_key.id"), index=True)
-    browser: Mapped[str | None]
+    browser: Mapped[str | None] = mapped_column(doc="As it names itself.")
     created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
     expires_at: Mapped[datetime] = mapped_column(UtcDateTime)
-    last_used_at: Mapped[datetime | None] = mapped_column(UtcDateTime, default=None)
+    last_used_at: Mapped[datetime | None] = mapped_column(UtcDateTime, default=None, doc="To ten minutes.")
     ended_at: Mapped[datetime | None] = mapped_column(UtcDateTime, default=None)
     """Signed out, ended by somebody who may, or its key revoked."""
 

@@ -14,7 +14,7 @@ from playwright.sync_api import expect
 
 from tests.support.browser import check_access, look, settle
 from tests.support.nightwork import SHAPE
-from worker.maps.colours import make_colours
+from worker.maps.picture import make_colours
 
 
 @pytest.fixture

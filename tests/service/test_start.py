@@ -14,7 +14,7 @@ LARGE = {
 
 def test_processes_start_without_large_libraries():
     program = (
-        "import sys, service.__main__, worker.upkeep, worker.scrub, store.migrate\n"
+        "import sys, service.__main__, worker.upkeep, worker.background, store.migrate\n"
         "service.app.include_routes(service.app.FastAPI())\n"
         "assert 'service.routes.map_values' in sys.modules\n"
         f"sys.exit(' '.join({LARGE} & sys.modules.keys()) or None)"

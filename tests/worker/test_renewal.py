@@ -5,7 +5,7 @@ from sqlalchemy import select
 
 from store.tables import Job
 from tests.support.campaigns import ROI
-from worker.renewal import Renewal
+from worker.background import Renewal
 
 pytestmark = pytest.mark.either_database
 
@@ -19,7 +19,7 @@ def test_frames_of_an_earlier_extractor_are_read_again_once(house, monkeypatch):
     house.work()
     renewal = Renewal(house.database)
     assert renewal.do_round() > 3600
-    for user in ("store.queries.frames", "worker.renewal"):
+    for user in ("store.queries.frames", "worker.background"):
         monkeypatch.setattr(f"{user}.EXTRACTOR", "extract-later")
     # kept reviews are of other code too, after an upgrade
     monkeypatch.setattr("store.reviews.hash_code", lambda: "later")

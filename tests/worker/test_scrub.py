@@ -10,7 +10,7 @@ from store.files import Files, count_damaged, find_proof_age_s
 from store.tables import Blob, FrameRow, Job
 from store.tables.base import utc_now
 from tests.support.blobs import spoil, zero
-from worker.scrub import Scrub
+from worker.background import Scrub
 
 
 @pytest.fixture

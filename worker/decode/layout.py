@@ -1,14 +1,219 @@
-"""Where the samples of an image lie in its file, checked against the file's size before anything is read."""
+"""Layout, levels, colour filter and opcodes of the pixels, as a directory states them."""
 
+import hashlib
+import struct
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.findings import files
+from radiometry.frame import Opcode
 from worker.decode import limits, tags
 from worker.decode.tiff import Directory
+
+_LETTERS: Final = {0: "R", 1: "G", 2: "B"}
+BAYER: Final = ("RGGB", "GBRG", "BGGR", "GRBG")
+
+
+class Area(NamedTuple):
+    """Rows [top, bottom) and columns [left, right) of the whole frame."""
+
+    top: int
+    left: int
+    bottom: int
+    right: int
+
+    @property
+    def height(self) -> int:
+        return self.bottom - self.top
+
+    @property
+    def width(self) -> int:
+        return self.right - self.left
+
+
+def read_visible_area(raw: Directory, rows: int, cols: int) -> Area:
+    stated = raw.integers(tags.ACTIVE_AREA, at_most=4)
+    if not stated:
+        return Area(0, 0, rows, cols)
+    if len(stated) != 4:
+        raise files.SIZE_MISMATCH.refuse("The file's active area is incomplete.")
+    area = Area(*stated)
+    if not (0 <= area.top < area.bottom <= rows and 0 <= area.left < area.right <= cols):
+        raise files.SIZE_MISMATCH.refuse("The file's active area lies outside its image.")
+    limits.check_frame_size(area.height, area.width)
+    return area
+
+
+def read_cfa(raw: Directory) -> str:
+    """The pattern at the visible area's corner, which is where DNG anchors it."""
+    if raw.integer(tags.PHOTOMETRIC, -1) != tags.PHOTOMETRIC_CFA:
+        return "grey"
+    if raw.integer(tags.CFA_LAYOUT, 1) != 1:
+        raise files.UNSUPPORTED_LAYOUT.refuse("The sensor's colour sites are staggered.")
+    if raw.integer(tags.ROW_INTERLEAVE, 1) > 1 or raw.integer(tags.COLUMN_INTERLEAVE, 1) > 1:
+        raise files.UNSUPPORTED_LAYOUT.refuse("The sensor's lines are stored interleaved.")
+    pattern = raw.integers(tags.CFA_PATTERN, at_most=64)
+    cfa = "".join(_LETTERS.get(colour, "?") for colour in pattern)
+    if raw.integers(tags.CFA_REPEAT, at_most=2) not in ([], [2, 2]) or cfa not in BAYER:
+        raise files.UNSUPPORTED_LAYOUT.refuse("The sensor's colour pattern is no Bayer pattern.")
+    return cfa
+
+
+_MAX_REPEAT = 64
+
+
+@dataclass(frozen=True)
+class BlackLevels:
+    """Level(row, col) = pattern[row % R, col % C] + per_row[row] + per_col[col], from the visible corner."""
+
+    pattern: NDArray[np.float64]  # (R, C, sample)
+    per_row: NDArray[np.float64]  # BlackLevelDeltaV
+    per_col: NDArray[np.float64]  # BlackLevelDeltaH
+    origin: str
+
+    def mean_over(self, row0: int, col0: int, height: int, width: int, *, cell: int) -> tuple[float, ...]:
+        """The window's mean for each site of a ``cell`` x ``cell`` cell, row by row; per sample for RGB."""
+        means: list[float] = []
+        for row_phase in range(cell):
+            rows = _matching(row0, height, row_phase, cell)
+            for col_phase in range(cell):
+                cols = _matching(col0, width, col_phase, cell)
+                means.extend(self._mean(rows, cols).tolist())
+        return tuple(means)
+
+    def _mean(self, rows: NDArray[np.int64], cols: NDArray[np.int64]) -> NDArray[np.float64]:
+        repeat_rows, repeat_cols, _ = self.pattern.shape
+        row_share = np.bincount(rows % repeat_rows, minlength=repeat_rows) / len(rows)
+        col_share = np.bincount(cols % repeat_cols, minlength=repeat_cols) / len(cols)
+        level: NDArray[np.float64] = np.einsum("r,c,rcs->s", row_share, col_share, self.pattern)
+        level += self.per_row[rows].mean() if len(self.per_row) else 0.0
+        level += self.per_col[cols].mean() if len(self.per_col) else 0.0
+        return level
+
+
+def _matching(start: int, count: int, phase: int, cell: int) -> NDArray[np.int64]:
+    """Indices of one phase; a window too narrow to hold any is answered for the phase's nearest line."""
+    chosen: NDArray[np.int64] = np.arange(start + (phase - start) % cell, start + count, cell)
+    if len(chosen):
+        return chosen
+    nearest = start - start % cell + phase
+    return np.array([nearest - cell if nearest > start >= cell else nearest])
+
+
+def read_black_levels(directory: Directory, *, height: int, width: int, samples: int) -> BlackLevels:
+    repeat = directory.integers(tags.BLACK_LEVEL_REPEAT, at_most=2) or [1, 1]
+    if len(repeat) != 2 or not all(1 <= side <= _MAX_REPEAT for side in repeat):
+        raise files.UNSUPPORTED_LAYOUT.refuse("The file's black level pattern cannot be read.")
+    values = _levels(directory, tags.BLACK_LEVEL, at_most=_MAX_REPEAT**2 * 4)
+    if len(values) == 1:
+        # Some writers give one value for a larger pattern.
+        repeat, values = [1, 1], values * samples
+    if values and len(values) != repeat[0] * repeat[1] * samples:
+        raise files.UNSUPPORTED_LAYOUT.refuse(
+            f"The file has {len(values)} black levels for a {repeat} pattern."
+        )
+    pattern = np.array(values or [0.0] * samples).reshape(*(repeat if values else (1, 1)), samples)
+    return BlackLevels(
+        pattern=pattern,
+        per_row=_deltas(directory, tags.BLACK_LEVEL_DELTA_V, height),
+        per_col=_deltas(directory, tags.BLACK_LEVEL_DELTA_H, width),
+        origin="tag" if values else "default",
+    )
+
+
+def _deltas(directory: Directory, tag: int, expected: int) -> NDArray[np.float64]:
+    values = np.array(_levels(directory, tag, at_most=expected))
+    if len(values) not in (0, expected):
+        raise files.SIZE_MISMATCH.refuse(
+            f"The file has {len(values)} black level deltas for {expected} lines."
+        )
+    return values
+
+
+def _levels(directory: Directory, tag: int, *, at_most: int) -> list[float]:
+    values = directory.numbers(tag, at_most=at_most)
+    stated = [float(value) for value in values if value is not None]
+    if len(stated) != len(values):
+        raise files.UNSUPPORTED_LAYOUT.refuse(f"The file's level in tag {tag} is no number.")
+    return stated
+
+
+def read_white_levels(
+    directory: Directory, *, samples: int, bits: int, table: NDArray[np.uint16] | None
+) -> tuple[tuple[float, ...], str]:
+    """Per sample. Not stated: the largest value that can occur, which a linearisation table decides."""
+    values = _levels(directory, tags.WHITE_LEVEL, at_most=16)
+    if len(values) not in (0, 1, samples):
+        raise files.UNSUPPORTED_LAYOUT.refuse(f"The file has {len(values)} white levels.")
+    if values:
+        return tuple(values * samples if len(values) == 1 else values), "tag"
+    largest = float((1 << bits) - 1) if table is None else float(table.max())
+    return (largest,) * samples, "default"
+
+
+def read_linearization(directory: Directory) -> NDArray[np.uint16] | None:
+    """A table with a value for every possible sample: the last entry stands for all beyond it."""
+    entries = directory.integers(tags.LINEARIZATION_TABLE, at_most=1 << 16)
+    if not entries:
+        return None
+    if min(entries) < 0 or max(entries) > 65_535:
+        raise files.UNSUPPORTED_LAYOUT.refuse("The file's linearization table leaves the 16 bit range.")
+    table = np.full(1 << 16, entries[-1], np.uint16)
+    table[: len(entries)] = entries
+    return table
+
+
+_NAMES: Final = {
+    1: "WarpRectilinear",
+    2: "WarpFisheye",
+    3: "FixVignetteRadial",
+    4: "FixBadPixelsConstant",
+    5: "FixBadPixelsList",
+    6: "TrimBounds",
+    7: "MapTable",
+    8: "MapPolynomial",
+    9: "GainMap",
+    10: "DeltaPerRow",
+    11: "DeltaPerColumn",
+    12: "ScalePerRow",
+    13: "ScalePerColumn",
+    14: "WarpRectilinear2",
+}
+_MAX_LIST_BYTES: Final = 64 << 20
+_HEAD: Final = struct.Struct(">IIII")  # big endian whatever the file's order
+
+
+def read_opcodes(directory: Directory) -> tuple[Opcode, ...]:
+    found: list[Opcode] = []
+    for stage, tag in enumerate(tags.OPCODE_LISTS, start=1):
+        found.extend(_parse(directory.raw(tag, at_most=_MAX_LIST_BYTES), stage))
+    return tuple(found)
+
+
+def _parse(data: bytes, stage: int) -> list[Opcode]:
+    """Parse a list; one that cannot be parsed to its end ends in "unreadable", with the hash of the rest."""
+    found: list[Opcode] = []
+    count, position = int.from_bytes(data[:4], "big"), 4
+    for _ in range(min(count, limits.MAX_OPCODES)):
+        if position + _HEAD.size > len(data):
+            break
+        number, _version, _flags, size = _HEAD.unpack_from(data, position)
+        start = position + _HEAD.size
+        if start + size > len(data):
+            break
+        name = _NAMES.get(number, f"opcode-{number}")
+        found.append(
+            Opcode(stage=stage, name=name, sha256=hashlib.sha256(data[start : start + size]).hexdigest())
+        )
+        position = start + size
+    if len(found) < count:
+        rest = hashlib.sha256(data[position:]).hexdigest()
+        found.append(Opcode(stage=stage, name="unreadable", sha256=rest))
+    return found
+
 
 _PACKABLE_BITS = range(8, 17)
 # What a format can make of one byte at most: samples of lossless JPEG, of which none takes less than a bit,

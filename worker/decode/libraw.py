@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from radiometry.findings import files
 from radiometry.frame import FrameHeader
 from worker.decode import limits
-from worker.decode.budget import Allow
+from worker.decode.layout import BAYER, Area
+from worker.decode.limits import Allow
 from worker.decode.metadata import Metadata
-from worker.decode.mosaic import BAYER, Area
-from worker.decode.source import Source
+from worker.decode.tiff import Source
 
 # Before 0.28.0 rawpy carried a LibRaw with known heap overflows in DNG decoding.
 _OLDEST_RAWPY = (0, 28)

@@ -2,17 +2,279 @@
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Final
+from xml.parsers import expat
 
 from radiometry.findings import InputRejected
 from radiometry.frame import PositionFix, StatedAngle
 from worker.decode import limits, tags
-from worker.decode.attitude import read_attitude
-from worker.decode.position import read_fix, read_height, read_position
 from worker.decode.tiff import Directory
-from worker.decode.xmp import Xmp, read_xmp
+
+MAX_BYTES: Final = 256 << 10
+MAX_DEPTH: Final = 16
+MAX_PROPERTIES: Final = 2_000
+MAX_TEXT_BYTES: Final = 128 << 10
+_MOST_TERMS: Final = 64
+_LARGEST: Final = 1e15
+_RDF: Final = "http://www.w3.org/1999/02/22-rdf-syntax-ns#"
+# By what their addresses hold: firmware writes them with and without version and closing slash.
+_FAMILIES: Final = (
+    ("micasense.com/MicaSense", "micasense"),
+    ("micasense.com/DLS", "dls"),
+    ("pix4d.com", "camera"),
+    ("dji.com/drone-dji", "drone-dji"),
+)
+_CONTAINERS: Final = frozenset(f"{_RDF} {name}" for name in ("RDF", "Description", "Seq", "Bag", "Alt"))
+_ITEM: Final = f"{_RDF} li"
+
+Properties = Mapping[str, tuple[str, ...]]
+
+
+class _RefusedError(Exception):
+    """The packet is beyond the bounds, or declares a document type."""
+
+
+class _Collector:
+    """Gathers the properties of the known families: an attribute, an element's text, or its list's items."""
+
+    def __init__(self) -> None:
+        self.found: dict[str, list[str]] = {}
+        self._depth = 0
+        self._count = 0
+        self._size = 0
+        self._property: str | None = None
+        self._opened_at = 0
+        self._text: list[str] = []
+        self._items: list[str] = []
+
+    def start(self, name: str, attributes: dict[str, str]) -> None:
+        self._depth += 1
+        self._count += 1 + len(attributes)
+        if self._depth > MAX_DEPTH or self._count > MAX_PROPERTIES:
+            raise _RefusedError
+        if self._property is None and name not in _CONTAINERS:
+            self._property, self._opened_at = _key(name), self._depth
+            self._text, self._items = [], []
+        elif name == _ITEM:
+            self._text = []
+        for attribute, value in attributes.items():
+            if (key := _key(attribute)) and self._property is None:
+                self._add(key, [value])
+
+    def end(self, name: str) -> None:
+        if name == _ITEM and self._property is not None:
+            self._items.append("".join(self._text))
+        elif self._property is not None and self._depth == self._opened_at:
+            self._add(self._property, self._items or ["".join(self._text)])
+            self._property = None
+        self._depth -= 1
+
+    def text(self, text: str) -> None:
+        if self._property is not None:
+            self._size += len(text)
+            if self._size > MAX_TEXT_BYTES:
+                raise _RefusedError
+            self._text.append(text)
+
+    def _add(self, key: str, values: list[str]) -> None:
+        self.found.setdefault(key, [value.strip() for value in values])
+
+
+def _key(name: str) -> str | None:
+    """`family:Name` of a known family."""
+    address, _, local = name.rpartition(" ")
+    return next((f"{family}:{local}" for part, family in _FAMILIES if part in address), None)
+
+
+def read_xmp(main: Directory) -> Properties:
+    """The packet's properties of the known families; empty where there is no packet to read."""
+    try:
+        packet = main.raw(tags.XMP, at_most=MAX_BYTES)
+    except InputRejected:
+        return {}
+    return parse_xmp(packet)
+
+
+def parse_xmp(packet: bytes) -> Properties:
+    packet = packet.strip(b"\0 \r\n\t")
+    if not packet or len(packet) > MAX_BYTES:
+        return {}
+    collector = _Collector()
+    parser = expat.ParserCreate(namespace_separator=" ")
+    parser.StartDoctypeDeclHandler = _refuse
+    parser.EntityDeclHandler = _refuse
+    parser.StartElementHandler = collector.start
+    parser.EndElementHandler = collector.end
+    parser.CharacterDataHandler = collector.text
+    try:
+        parser.Parse(packet, True)
+    except (expat.ExpatError, _RefusedError, ValueError, LookupError):
+        return {}
+    return {key: tuple(values) for key, values in collector.found.items()}
+
+
+def _refuse(*_declaration: object) -> None:
+    raise _RefusedError
+
+
+class Xmp:
+    """The packet's values as texts and numbers."""
+
+    def __init__(self, found: Properties) -> None:
+        self._found = found
+
+    def text(self, key: str) -> str | None:
+        values = self._found.get(key, ("",))
+        printable = "".join(letter if letter.isprintable() else " " for letter in values[0])
+        return printable.strip()[: limits.MAX_TEXT].strip() or None
+
+    def whole(self, key: str) -> str | None:
+        """A text of any length, as it is."""
+        return self._found[key][0] if key in self._found else None
+
+    def numbers(self, key: str) -> tuple[float, ...]:
+        """All numbers of a property, a list or between commas; one that is none makes all nothing."""
+        words = [word for value in self._found.get(key, ()) for word in value.split(",")]
+        try:
+            numbers = tuple(float(word) for word in words[: _MOST_TERMS + 1])
+        except ValueError:
+            return ()
+        sane = len(numbers) <= _MOST_TERMS and all(abs(number) < _LARGEST for number in numbers)
+        return numbers if sane else ()
+
+    def require(self, key: str, count: int | None = None) -> tuple[tuple[float, ...], str]:
+        """All numbers of a property, and "" or what is wrong with it; ``count`` : how many there must be."""
+        numbers, name = self.numbers(key), key.partition(":")[2]
+        if numbers and (count is None or len(numbers) == count):
+            return numbers, ""
+        if numbers:
+            return (), f"{name} has {len(numbers)} numbers, not {count}"
+        if key not in self._found:
+            return (), f"{name} is missing"
+        words = sum(value.count(",") + 1 for value in self._found[key])
+        if words > _MOST_TERMS:
+            return (), f"{name} has {words} numbers, more than {_MOST_TERMS}"
+        return (), f"{name} is not a list of numbers below {_LARGEST:g}"
+
+    def number(self, key: str) -> float | None:
+        numbers = self.numbers(key)
+        return numbers[0] if len(numbers) == 1 else None
+
+    def first_number(self, *keys: str) -> float | None:
+        """Return the number of a property that firmware writes in one of several families."""
+        return next((found for key in keys if (found := self.number(key)) is not None), None)
+
+    def index(self, key: str) -> int | None:
+        number = self.number(key)
+        return int(number) if number is not None and number == int(number) and 0 <= number < 1000 else None
+
+
+_AXES: Final = ("Yaw", "Pitch", "Roll")
+# A Sequoia's own, a MicaSense camera's of its light sensor (once in degrees, once in radians), a DJI's.
+_NAMES: Final = (
+    *(f"camera:{axis}" for axis in _AXES),
+    *(f"camera:Irradiance{axis}" for axis in _AXES),
+    *(f"dls:{axis}" for axis in _AXES),
+    *(f"drone-dji:{part}{axis}Degree" for part in ("Gimbal", "Flight") for axis in _AXES),
+)
+_WHOLE_TURN: Final = 360.0
+
+
+def read_attitude(xmp: Xmp) -> tuple[StatedAngle, ...]:
+    """The angles that the file states, under its own names; what is none is left out."""
+    found = ((name, xmp.number(name)) for name in _NAMES)
+    return tuple(
+        StatedAngle(name=name, value=value)
+        for name, value in found
+        if value is not None and abs(value) <= _WHOLE_TURN
+    )
+
+
+_BELOW_SEA_LEVEL: Final = 1
+_HIGHEST_M: Final = 1e5
+_FIXES: Final = (
+    (range(1), "none"),
+    (range(16, 17), "single"),
+    (range(32, 50), "float"),
+    (range(50, 51), "fixed"),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Position:
+    """Latitude and longitude come together or not at all; an altitude only with them."""
+
+    latitude_deg: float | None = None
+    longitude_deg: float | None = None
+    altitude_m: float | None = None
+
+
+def read_position(main: Directory) -> Position:
+    """Read the position that the file states, unless it says that it does not know.
+
+    Not known: no hemisphere, a zero denominator, an interrupted fix (status V), and zero degrees both ways,
+    which is what a receiver without a fix writes.
+    """
+    try:
+        gps = main.directory(tags.GPS)
+        if gps is None or _letter(gps, tags.GPS_STATUS) == "V":
+            return Position()
+        latitude = _angle(gps, tags.GPS_LATITUDE, tags.GPS_LATITUDE_REF, "NS", 90.0)
+        longitude = _angle(gps, tags.GPS_LONGITUDE, tags.GPS_LONGITUDE_REF, "EW", 180.0)
+    except InputRejected:
+        return Position()
+    if latitude is None or longitude is None or latitude == longitude == 0.0:
+        return Position()
+    return Position(latitude_deg=latitude, longitude_deg=longitude, altitude_m=_altitude(gps))
+
+
+def read_fix(xmp: Xmp) -> PositionFix | None:
+    """How good a DJI aircraft says that its position is, by RtkFlag and its deviations."""
+    state = xmp.index("drone-dji:RtkFlag")
+    if state is None:
+        return None
+    deviations = [xmp.number(f"drone-dji:RtkStd{axis}") for axis in ("Lat", "Lon", "Hgt")]
+    latitude, longitude, height = (each if each and 0.0 < each < _HIGHEST_M else None for each in deviations)
+    kind = next((kind for states, kind in _FIXES if state in states), "other")
+    return PositionFix(kind=kind, u_latitude_m=latitude, u_longitude_m=longitude, u_height_m=height)
+
+
+def read_height(xmp: Xmp) -> float | None:
+    """Read the height above the take-off point, by the barometer of a DJI aircraft [m]."""
+    height = xmp.number("drone-dji:RelativeAltitude")
+    return height if height is not None and abs(height) <= _HIGHEST_M else None
+
+
+def _angle(gps: Directory, tag: int, ref: int, letters: str, largest_deg: float) -> float | None:
+    """Degrees, minutes and seconds; writers that need no seconds put them into the fraction before."""
+    parts = gps.numbers(tag, at_most=3)
+    letter = _letter(gps, ref)
+    stated = [float(part) for part in parts if part is not None and part >= 0]
+    if not parts or len(stated) < len(parts) or not letter or letter not in letters:
+        return None
+    degrees = math.fsum(part / 60.0**power for power, part in enumerate(stated))
+    if degrees > largest_deg:
+        return None
+    return degrees if letter == letters[0] else -degrees
+
+
+def _altitude(gps: Directory) -> float | None:
+    try:
+        stated = gps.numbers(tags.GPS_ALTITUDE, at_most=1)
+        below = gps.numbers(tags.GPS_ALTITUDE_REF, at_most=1) == [_BELOW_SEA_LEVEL]
+    except InputRejected:
+        return None
+    if not stated or stated[0] is None or abs(stated[0]) > _HIGHEST_M:
+        return None
+    return -stated[0] if below else stated[0]
+
+
+def _letter(gps: Directory, tag: int) -> str:
+    return gps.raw(tag, at_most=8).split(b"\0", 1)[0].decode("latin-1").strip().upper()
+
 
 _ASK_ELSEWHERE: Final = 65_535  # EXIF 2.3: the ISO does not fit, another tag has it
 _PROGRAMS: Final = {

@@ -1,5 +1,6 @@
 """DNG and TIFF files, of which only the parts that a window needs are read."""
 
+import hashlib
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -12,18 +13,91 @@ from radiometry.findings import files
 from radiometry.frame import FrameHeader
 from radiometry.frame.proof import PieceRun, Voucher
 from worker.decode import ljpeg, tags
-from worker.decode.budget import Allow
-from worker.decode.digests import DigestCheck, StatedDigest, read_digest
-from worker.decode.layout import Layout, read_layout
-from worker.decode.levels import BlackLevels, read_black_levels, read_linearization, read_white_levels
+from worker.decode.dialects import read_multispectral
+from worker.decode.layout import (
+    Area,
+    BlackLevels,
+    Layout,
+    read_black_levels,
+    read_cfa,
+    read_layout,
+    read_linearization,
+    read_opcodes,
+    read_visible_area,
+    read_white_levels,
+)
 from worker.decode.libraw import LibRawFile
+from worker.decode.limits import Allow
 from worker.decode.metadata import read_metadata
-from worker.decode.mosaic import Area, read_cfa, read_visible_area
-from worker.decode.multispectral import read_multispectral
-from worker.decode.opcodes import read_opcodes
 from worker.decode.segments import COMPRESSIONS, VOUCHERS, read_samples
-from worker.decode.source import Source
-from worker.decode.tiff import Directory
+from worker.decode.tiff import Directory, Source
+
+_TILE_PX: Final = 256
+_DIGEST_BYTES: Final = 16
+_BYTE_BITS: Final = 8
+# Lightroom 1.4 spoilt the first four bytes of RawImageDigest; the SDK lets such files pass.
+_SPOILT_BYTES: Final = 4
+_SPOILT_START: Final = b"\x08\0\0\0"
+
+
+@dataclass(frozen=True)
+class StatedDigest:
+    """``tiled`` : it is a NewRawImageDigest; ``bytewise`` : of 8 bits a pixel."""
+
+    value: bytes
+    tiled: bool
+    bytewise: bool
+
+
+def read_digest(raw: Directory, main: Directory, *, bits: int) -> StatedDigest | None:
+    """Return the digest that the file states; the newer one where it has both."""
+    for tag, tiled in ((tags.NEW_RAW_IMAGE_DIGEST, True), (tags.RAW_IMAGE_DIGEST, False)):
+        for directory in (main, raw):
+            value = directory.raw(tag, at_most=_DIGEST_BYTES)
+            if len(value) == _DIGEST_BYTES and any(value):
+                short = bits <= _BYTE_BITS or 0 < raw.count(tags.LINEARIZATION_TABLE) <= 1 << _BYTE_BITS
+                return StatedDigest(value, tiled, tiled and short)
+    return None
+
+
+class DigestCheck:
+    """Computes a digest from rows of samples as they are stored, from the top, whole rows."""
+
+    def __init__(self, stated: StatedDigest) -> None:
+        self._stated = stated
+        self._whole = hashlib.md5(usedforsecurity=False)
+        self._waiting: list[NDArray[np.uint16]] = []
+        self._rows = 0
+
+    def add(self, rows: NDArray[np.uint16]) -> None:
+        """Take the next rows (row, col)."""
+        if not self._stated.tiled:
+            self._whole.update(rows.astype("<u2").tobytes())
+            return
+        self._waiting.append(rows)
+        self._rows += len(rows)
+        while self._rows >= _TILE_PX:
+            together = np.concatenate(self._waiting)
+            self._add_tiles(together[:_TILE_PX])
+            self._waiting, self._rows = [together[_TILE_PX:]], len(together) - _TILE_PX
+
+    def matches(self) -> bool:
+        """Return True if the rows are those that the digest was made of."""
+        if self._rows:
+            self._add_tiles(np.concatenate(self._waiting))
+            self._waiting, self._rows = [], 0
+        found, stated = self._whole.digest(), self._stated
+        if found == stated.value or stated.tiled:
+            return found == stated.value
+        rest = slice(_SPOILT_BYTES, None)
+        return stated.value.startswith(_SPOILT_START) or found[rest] == stated.value[rest]
+
+    def _add_tiles(self, rows: NDArray[np.uint16]) -> None:
+        kind = np.uint8 if self._stated.bytewise else np.dtype("<u2")
+        for left in range(0, rows.shape[1], _TILE_PX):
+            tile = rows[:, left : left + _TILE_PX].astype(kind).tobytes()
+            self._whole.update(hashlib.md5(tile, usedforsecurity=False).digest())
+
 
 # Of uncompressed rows: few enough that they stay in the processor's cache while they are looked at.
 _BAND_ROWS: Final = 32
@@ -170,13 +244,7 @@ class NativeFile:
         return 0.0 if self._image.table is None else float(self._image.table[0])
 
     def bands(self) -> Iterator[tuple[int, NDArray[np.uint16]]]:
-        """Every visible row from the top, in bands, each with the first row's number.
-
-        Where pieces are compressed or there is a digest, the masked borders are read too: what they hold is
-        part of what is proven.
-
-        Raises InputRejected after the last band if the samples are not those of the file's own digest
-        """
+        """Every visible row from the top, in bands, each with the first row's number."""
         image, layout, visible = self._image, self._image.layout, self._image.visible
         whole = image.digest is not None or layout.compression != tags.UNCOMPRESSED
         area = Area(0, 0, layout.rows, layout.cols) if whole else visible

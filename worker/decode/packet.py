@@ -7,8 +7,8 @@ from typing import Any, Final
 from radiometry.findings import InputRejected
 from radiometry.frame.multispectral import RigGeometry, VignettingPolynomial, classify_band, name_band
 from worker.decode import tags
+from worker.decode.metadata import Xmp, read_xmp
 from worker.decode.tiff import Directory
-from worker.decode.xmp import Xmp, read_xmp
 
 _CONTAINER_BITS: Final = 16
 _HIGHEST_POWER: Final = 8

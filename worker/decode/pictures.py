@@ -1,6 +1,9 @@
 """JPEG and PNG pictures: for charts only, where shapes are measured and not light."""
 
+import re
+import struct
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Final
 
 import imagecodecs
@@ -10,10 +13,159 @@ from numpy.typing import NDArray
 from radiometry.findings import InputRejected, files
 from radiometry.frame import FrameHeader
 from radiometry.frame.proof import PieceRun, Voucher
-from worker.decode import jpeg, limits, png
+from worker.decode import limits
 from worker.decode.metadata import Metadata, read_metadata
-from worker.decode.source import Source
-from worker.decode.tiff import Directory, is_tiff, read_directories
+from worker.decode.tiff import Directory, Source, is_tiff, read_directories
+
+_JPEG_MAGIC: Final = b"\xff\xd8\xff"
+_END, _START_OF_SCAN, _EXIF = 0xD9, 0xDA, 0xE1
+_EXIF_HEAD: Final = b"Exif\0\0"
+_FRAMES: Final = {0xC0: "baseline", 0xC1: "extended", 0xC2: "progressive"}
+_OTHER_FRAMES: Final = frozenset({0xC3, *range(0xC5, 0xC8), *range(0xC9, 0xCC), *range(0xCD, 0xD0)})
+# In coded data FF is followed by 0 (a stuffed byte), a restart, or another FF that only fills.
+_MARKER: Final = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]", re.DOTALL)
+_MOST_SEGMENTS: Final = 10_000
+# A block of 8 x 8 samples takes at least a bit in some scan: no picture is smaller than that.
+_PIXELS_PER_BYTE: Final = 512
+
+
+@dataclass(frozen=True, kw_only=True)
+class JpegClaims:
+    """``exif`` : the TIFF structure within its EXIF segment, empty where there is none."""
+
+    height_px: int
+    width_px: int
+    samples: int
+    exif: bytes
+
+
+def _read_jpeg(buffer: bytes) -> JpegClaims:
+    """Walk the file's segments to its end; nothing is decoded."""
+    frame: tuple[int, int, int] | None = None
+    exif = b""
+    place, scanned = 2, 0
+    for _ in range(_MOST_SEGMENTS):
+        marker, place = _next_marker(buffer, place)
+        if marker == _END:
+            break
+        body, place = _read_segment(buffer, place)
+        if marker in _FRAMES:
+            frame = frame or _read_jpeg_frame(body)
+        elif marker in _OTHER_FRAMES:
+            raise files.UNSUPPORTED_COMPRESSION.refuse(
+                "The JPEG is lossless or arithmetically coded: not read."
+            )
+        elif marker == _EXIF and body.startswith(_EXIF_HEAD):
+            exif = exif or body[len(_EXIF_HEAD) :]
+        elif marker == _START_OF_SCAN:
+            start, place = place, _skip_coded(buffer, place)
+            scanned += place - start
+    else:
+        raise files.UNSUPPORTED_LAYOUT.refuse("The JPEG is cut into more pieces than is sane.")
+    if frame is None:
+        raise files.SIZE_MISMATCH.refuse("The JPEG does not state its size.")
+    height, width, samples = frame
+    if height * width > scanned * _PIXELS_PER_BYTE:
+        raise files.SIZE_MISMATCH.refuse(f"The JPEG claims {width} x {height} pixels and holds far fewer.")
+    return JpegClaims(height_px=height, width_px=width, samples=samples, exif=exif)
+
+
+def _next_marker(buffer: bytes, place: int) -> tuple[int, int]:
+    if place + 2 > len(buffer):
+        raise files.TRUNCATED.refuse("The JPEG ends before its own end marker: it was cut short.")
+    if buffer[place] != 0xFF:
+        raise files.SIZE_MISMATCH.refuse("The JPEG's segments do not follow each other.")
+    while place + 1 < len(buffer) and buffer[place + 1] == 0xFF:
+        place += 1
+    if place + 1 >= len(buffer):
+        raise files.TRUNCATED.refuse("The JPEG ends before its own end marker: it was cut short.")
+    return buffer[place + 1], place + 2
+
+
+def _read_segment(buffer: bytes, place: int) -> tuple[bytes, int]:
+    length = int.from_bytes(buffer[place : place + 2], "big")
+    end = place + length
+    if end > len(buffer) or place + 2 > len(buffer):
+        raise files.TRUNCATED.refuse("The JPEG ends within one of its segments: it was cut short.")
+    if length < 2:
+        raise files.SIZE_MISMATCH.refuse("The JPEG has a segment without a length.")
+    return bytes(buffer[place + 2 : end]), end
+
+
+def _skip_coded(buffer: bytes, place: int) -> int:
+    found = _MARKER.search(buffer, place)
+    if found is None:
+        raise files.TRUNCATED.refuse("The JPEG ends before its own end marker: it was cut short.")
+    return found.start()
+
+
+def _read_jpeg_frame(body: bytes) -> tuple[int, int, int]:
+    if len(body) < 6:
+        raise files.SIZE_MISMATCH.refuse("The JPEG does not state its size.")
+    bits, height, width, samples = struct.unpack(">BHHB", body[:6])
+    if bits != 8 or samples not in (1, 3):
+        raise files.UNSUPPORTED_LAYOUT.refuse(
+            f"The JPEG has {samples} samples of {bits} bits per pixel; grey or RGB of 8 bits is read.",
+        )
+    return height, width, samples
+
+
+PNG_MAGIC: Final = b"\x89PNG\r\n\x1a\n"
+_SAMPLES: Final = {0: 1, 2: 3}
+_MOST_CHUNKS: Final = 100_000
+_MOST_EXIF_BYTES: Final = 1 << 20
+# Deflate never packs tighter than 258 bytes into two bits.
+_EXPANSION: Final = 1032
+
+
+@dataclass(frozen=True, kw_only=True)
+class PngClaims:
+    """``exif`` : the TIFF structure of its eXIf chunk, empty where there is none."""
+
+    height_px: int
+    width_px: int
+    samples: int
+    bits: int
+    exif: bytes
+
+
+def _read_png(buffer: bytes) -> PngClaims:
+    """Walk the file's chunks to its end; nothing is decompressed."""
+    width, height, bits, samples = _read_png_head(buffer)
+    place, packed, exif = len(PNG_MAGIC), 0, b""
+    for _ in range(_MOST_CHUNKS):
+        if place + 12 > len(buffer):
+            raise files.TRUNCATED.refuse("The PNG ends before its own last chunk: it was cut short.")
+        length, kind = struct.unpack(">I4s", buffer[place : place + 8])
+        if place + 12 + length > len(buffer):
+            raise files.TRUNCATED.refuse("The PNG ends within one of its chunks: it was cut short.")
+        if kind == b"IEND":
+            break
+        if kind == b"IDAT":
+            packed += length
+        elif kind == b"eXIf" and length <= _MOST_EXIF_BYTES:
+            exif = exif or bytes(buffer[place + 8 : place + 8 + length])
+        place += 12 + length
+    else:
+        raise files.UNSUPPORTED_LAYOUT.refuse("The PNG is cut into more pieces than is sane.")
+    if height * width * samples * (bits // 8) > packed * _EXPANSION:
+        raise files.SIZE_MISMATCH.refuse(f"The PNG claims {width} x {height} pixels and holds far fewer.")
+    return PngClaims(height_px=height, width_px=width, samples=samples, bits=bits, exif=exif)
+
+
+def _read_png_head(buffer: bytes) -> tuple[int, int, int, int]:
+    head = bytes(buffer[len(PNG_MAGIC) : len(PNG_MAGIC) + 18])
+    if len(head) < 18:
+        raise files.TRUNCATED.refuse("The PNG ends within its own header.")
+    length, kind, width, height, bits, colour = struct.unpack(">I4sIIBB", head)
+    if (length, kind) != (13, b"IHDR"):
+        raise files.SIZE_MISMATCH.refuse("The PNG does not begin with its header.")
+    if colour not in _SAMPLES or bits not in (8, 16):
+        raise files.UNSUPPORTED_LAYOUT.refuse(
+            "The PNG has a palette, transparency or fewer than 8 bits; grey or RGB of 8 or 16 bits is read.",
+        )
+    return width, height, bits, _SAMPLES[colour]
+
 
 # A picture is decoded as a whole: three times as many bytes, and twice that as the window that is sent.
 MAX_PICTURE_PX: Final = 100_000_000
@@ -21,7 +173,7 @@ _NOTHING: Final = Directory(b"", "<", {})
 
 
 def is_picture(head: bytes) -> bool:
-    return head.startswith((jpeg.MAGIC, png.MAGIC))
+    return head.startswith((_JPEG_MAGIC, PNG_MAGIC))
 
 
 class PictureFile:
@@ -32,14 +184,14 @@ class PictureFile:
     def __init__(self, source: Source) -> None:
         self._source = source
         content = source[:]
-        self._jpeg = content[:3] == jpeg.MAGIC
+        self._jpeg = content[:3] == _JPEG_MAGIC
         if self._jpeg:
-            claims = jpeg.read_claims(content)
+            claims = _read_jpeg(content)
             self.header = _describe(
                 "jpeg", claims.height_px, claims.width_px, claims.samples, bits=8, exif=claims.exif
             )
         else:
-            found = png.read_claims(content)
+            found = _read_png(content)
             self.header = _describe(
                 "png", found.height_px, found.width_px, found.samples, bits=found.bits, exif=found.exif
             )

@@ -1,21 +1,108 @@
-"""Windows of the stored samples: only the strips, tiles and bytes that they need are read.
+"""Windows of the stored samples: only the strips, tiles and bytes that they need are read."""
 
-Each compressed piece is decoded to its own end and has to end there, whatever part of it is wanted: what the
-format has to prove its samples with, a checksum or an end code, stands behind the last of them.
-"""
-
+import math
+import zlib
 from collections.abc import Iterator
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
+import imagecodecs
 import numpy as np
 from numpy.typing import NDArray
 
+from radiometry.findings import files
 from radiometry.frame.proof import Voucher
-from worker.decode import expansion, ljpeg, tags
-from worker.decode.bits import unpack_rows
+from worker.decode import ljpeg, tags
 from worker.decode.layout import Layout
 from worker.decode.pieces import decode_all
-from worker.decode.source import Source
+from worker.decode.tiff import Source
+
+
+def unpack_rows(packed: NDArray[np.uint8], *, bits: int, first: int, count: int) -> NDArray[np.uint16]:
+    """Samples [first, first + count) of every row.
+
+    packed : (row, byte) uint8, each row starting with sample 0 on a byte of its own
+    """
+    period = 8 // math.gcd(8, bits)  # samples after which the pattern of bytes repeats
+    period_bytes = period * bits // 8
+    start = first // period
+    stop = -(-(first + count) // period)
+    chunk = packed[:, start * period_bytes : stop * period_bytes]
+    missing = (stop - start) * period_bytes - chunk.shape[1]
+    if missing > 0:
+        # The last row of a strip ends with its own last byte, in the middle of a pattern.
+        chunk = np.pad(chunk, ((0, 0), (0, missing)))
+    groups = chunk.reshape(len(packed), stop - start, period_bytes)
+    samples = np.empty((len(packed), stop - start, period), np.uint16)
+    for index in range(period):
+        samples[:, :, index] = _sample(groups, index * bits, bits)
+    skip = first - start * period
+    return samples.reshape(len(packed), -1)[:, skip : skip + count]
+
+
+def _sample(groups: NDArray[np.uint8], at_bit: int, bits: int) -> NDArray[np.uint16]:
+    first_byte, last_byte = at_bit // 8, (at_bit + bits - 1) // 8
+    # the narrower the word, the quicker: only 11 bits and more may lie in three bytes
+    kind: type[np.uint16 | np.uint32] = np.uint16 if last_byte - first_byte <= 1 else np.uint32
+    word: NDArray[Any] = groups[:, :, first_byte].astype(kind)
+    for byte in range(first_byte + 1, last_byte + 1):
+        word = (word << 8) | groups[:, :, byte]
+    aligned = word >> ((last_byte + 1) * 8 - at_bit - bits)
+    return np.asarray(aligned & ((1 << bits) - 1), np.uint16)
+
+
+_LZW_END: Final = 257
+_LZW_BITS: Final = range(9, 13)
+# An end code ends anywhere in the last byte, before which a writer may have set one more.
+_MOST_PADDING_BITS: Final = 15
+
+
+def expand(data: bytes, compression: int, *, wanted: int, most: int) -> tuple[NDArray[np.uint8], int]:
+    """Decompress a piece, and count the bytes that it took.
+
+    ``wanted`` : bytes that are returned; ``most`` : bytes that it may hold, however much it would expand to
+    """
+    try:
+        if compression in (tags.DEFLATE, tags.DEFLATE_OLD):
+            plain, took = _inflate(data, most)
+        elif compression == tags.LZW:
+            # one more than it may hold: an end that lies beyond is no end
+            plain, took = bytes(imagecodecs.lzw_decode(data, out=most + 1)), len(data)
+            _require_lzw_end(data)
+        else:
+            plain, took = bytes(imagecodecs.packbits_decode(data, out=most + 1)), len(data)
+    except (zlib.error, RuntimeError, ValueError) as error:
+        raise files.INCOMPLETE_IMAGE.refuse(
+            "A piece of the image cannot be decompressed to its end."
+        ) from error
+    if len(plain) < wanted:
+        raise files.TRUNCATED.refuse("A piece of the compressed image ends early.")
+    if len(plain) > most:
+        raise files.INCOMPLETE_IMAGE.refuse("A piece of the compressed image does not end where it should.")
+    return np.frombuffer(plain, np.uint8, count=wanted), took
+
+
+def _inflate(data: bytes, most: int) -> tuple[bytes, int]:
+    """Read on behind the last byte, where the checksum stands: zlib compares it only there."""
+    inflate = zlib.decompressobj()
+    plain = inflate.decompress(data, most)
+    if not inflate.eof:
+        plain += inflate.decompress(inflate.unconsumed_tail, 1)
+    if not inflate.eof or any(inflate.unused_data):
+        raise files.INCOMPLETE_IMAGE.refuse("A piece of the compressed image does not end with its checksum.")
+    return plain, len(data) - len(inflate.unused_data)
+
+
+def _require_lzw_end(data: bytes) -> None:
+    if data[:1] == b"\0":
+        return  # of the order of bits before TIFF 6, whose end code is written the other way round
+    tail = int.from_bytes(data[-4:], "big")
+    for padding in range(_MOST_PADDING_BITS + 1):
+        if tail & ((1 << padding) - 1):
+            break
+        if any((tail >> padding) & ((1 << bits) - 1) == _LZW_END for bits in _LZW_BITS):
+            return
+    raise files.INCOMPLETE_IMAGE.refuse("A piece of the compressed image does not end with its end code.")
+
 
 COMPRESSIONS = {
     tags.UNCOMPRESSED: "none",
@@ -105,7 +192,7 @@ def _read_compressed(source: Source, layout: Layout, part: _Part) -> tuple[NDArr
     if layout.compression == tags.JPEG:
         samples, took = ljpeg.decode(data, samples=shape[0] * shape[1] * shape[2])
         return samples.reshape(shape)[rows, cols], took
-    expanded, took = expansion.expand(
+    expanded, took = expand(
         data,
         layout.compression,
         wanted=stored_rows * layout.row_bytes,

@@ -6,26 +6,178 @@ whose parent had decoded. Its own standard input is a socket on which the orders
 
 import argparse
 import contextlib
+import errno
+import fcntl
 import gc
 import importlib
 import json
+import mmap
 import os
 import select
 import signal
 import socket
+import struct
+import sys
 import traceback
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
 import imagecodecs
+import numpy as np
 
-from store.sandbox import Restrictions, Sandbox
-from worker.decode import cell
-from worker.decode.budget import read_address_space
+from radiometry.findings import InputRejected
+from store.sandbox import OPEN_FILES, Restrictions, Sandbox
+from worker.decode import ljpeg, messages
 from worker.decode.libraw import check_version
+from worker.decode.limits import NOT_SHUT_IN, Budget, DecoderLimits, allow_all, read_address_space
 from worker.decode.messages import BrokenMessageError
-from worker.decode.settings import DecoderLimits
-from worker.decode.warmup import make_smallest_dng, make_smallest_stream, warm_up
+from worker.decode.pieces import keep_memory, start_second_thread
+from worker.decode.reader import Reader, Window
+from worker.decode.tiff import Source, SourceDamagedError
+
+_SIDE_PX: Final = 16
+# A region of 5 % of 50 million pixels, and a MiB for its decoder. What is larger comes from the kernel, and
+# goes back to it at once. From 4 MiB on numpy asks for huge pages, of which 6 MiB cost what 2 MiB of small
+# ones do.
+_OWNED_BYTES: Final = 6 << 20
+_PAGE_BYTES: Final = 4096
+_SHORT, _LONG, _BYTE = 3, 4, 1
+_HEAD: Final = 8
+_TAGS: Final = (
+    (256, _LONG, 1, struct.pack("<I", _SIDE_PX)),
+    (257, _LONG, 1, struct.pack("<I", _SIDE_PX)),
+    (258, _SHORT, 1, struct.pack("<I", 16)),
+    (259, _SHORT, 1, struct.pack("<I", 1)),
+    (262, _SHORT, 1, struct.pack("<I", 32803)),
+    (273, _LONG, 1, struct.pack("<I", _HEAD)),
+    (279, _LONG, 1, struct.pack("<I", 2 * _SIDE_PX**2)),
+    (33421, _SHORT, 2, struct.pack("<HH", 2, 2)),
+    (33422, _BYTE, 4, bytes((0, 1, 1, 2))),
+    (50706, _BYTE, 4, bytes((1, 4, 0, 0))),
+)
+
+
+def make_smallest_dng() -> bytes:
+    """Return a mosaic of zeros with the least that a DNG must say."""
+    samples = bytes(2 * _SIDE_PX**2)
+    entries = b"".join(struct.pack("<HHI4s", *tag) for tag in _TAGS)
+    directory = struct.pack("<H", len(_TAGS)) + entries + bytes(4)
+    return struct.pack("<2sHI", b"II", 42, _HEAD + len(samples)) + samples + directory
+
+
+def make_smallest_stream() -> bytes:
+    """Return a lossless JPEG of zeros."""
+    return bytes(imagecodecs.ljpeg_encode(np.zeros((_SIDE_PX, _SIDE_PX), np.uint16), bitspersample=16))
+
+
+def own_memory() -> None:
+    """Write to as much memory as a region needs, and let the C library keep it for that."""
+    keep_memory(2 * _OWNED_BYTES)
+    np.empty(_OWNED_BYTES, np.uint8)[::_PAGE_BYTES] = 0
+
+
+def warm_up(content: bytes, stream: bytes) -> None:
+    """Read a file and a compressed piece as a cell does, for the sake of what that touches."""
+    reader = Reader(Source(content), allow_all)
+    messages.decode(messages.encode(asdict(reader.read_header())))
+    reader.read_window(Window(0, 0, _SIDE_PX, _SIDE_PX))
+    ljpeg.decode(stream, samples=_SIDE_PX**2)
+
+
+TALK: Final = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prepared:
+    """Resources that the zygote has prepared for all of its cells.
+
+    ``address_space`` : of a process without a file, in bytes; ``first_file``, ``first_stream`` : of our own
+    """
+
+    restrictions: Restrictions
+    bounds: DecoderLimits
+    address_space: int
+    first_file: bytes
+    first_stream: bytes
+
+
+def live(prepared: Prepared, expected: Sandbox) -> int:
+    """Lose the world, wait for the file, and answer until nobody asks any more; the exit code.
+
+    Nobody asks any more when the socket is closed: that raises BrokenMessageError or BrokenPipeError.
+    Descriptor 0 brings the file and the requests and takes the answers, 1 and 2 lead nowhere; there are no
+    others.
+    """
+    talk = socket.socket(fileno=os.dup(TALK))
+    if prepared.restrictions.shut_in(start_second_thread) != expected:
+        return NOT_SHUT_IN
+    own_memory()
+    warm_up(prepared.first_file, prepared.first_stream)
+    descriptor = _receive_file(talk)
+    if descriptor is None:
+        return 0
+    content = _map(descriptor)
+    budget = Budget(prepared.bounds, before=prepared.address_space, file_bytes=len(content))
+    request, _ = messages.receive(TALK)
+    digests = None if request["digests"] is None else bytes.fromhex(request["digests"])
+    try:
+        reader = Reader(Source(content, digests), budget.allow)
+    except SourceDamagedError:
+        messages.send(TALK, {"damaged": True})
+        return 0
+    while True:
+        messages.send(TALK, *_answer(reader, request))
+        request, _ = messages.receive(TALK)
+        budget.begin_request()
+
+
+def _receive_file(talk: socket.socket) -> int | None:
+    """The file's descriptor, which comes with the first byte; None when there will be no file."""
+    with talk:
+        content, descriptors, _, _ = socket.recv_fds(talk, 1, 1)
+    return descriptors[0] if content and len(descriptors) == 1 else None
+
+
+def _map(descriptor: int) -> mmap.mmap | bytes:
+    """Map the file and let go of its descriptor: what is left is memory that nobody can write to."""
+    if fcntl.fcntl(descriptor, fcntl.F_GETFL) & os.O_ACCMODE != os.O_RDONLY:
+        raise ValueError("a cell is given a file that is open for reading only")
+    # not asked of fstat: on some systems that is a call which also takes paths, and is lost
+    size = os.lseek(descriptor, 0, os.SEEK_END)
+    # a mapping of nothing is refused by the system
+    content = mmap.mmap(descriptor, size, access=mmap.ACCESS_READ) if size else b""
+    # the descriptor, and the copy that Python keeps with the mapping
+    os.closerange(3, OPEN_FILES)
+    return content
+
+
+def _read(reader: Reader, request: dict[str, Any]) -> tuple[dict[str, Any], bytes | memoryview]:
+    match request["do"]:
+        case "read_header":
+            return {"header": asdict(reader.read_header())}, b""
+        case "read_window":
+            frame = reader.read_window(Window(*request["window"]))
+            told = {name: value for name, value in vars(frame).items() if name != "samples_dn"}
+            return {"frame": told}, frame.samples_dn.data
+        case _:
+            preview, proof = reader.inspect(request["longest_side_px"])
+            return {"proof": asdict(proof)}, preview
+
+
+def _answer(reader: Reader, request: dict[str, Any]) -> tuple[dict[str, Any], bytes | memoryview]:
+    try:
+        return _read(reader, request)
+    except InputRejected as refusal:
+        return {"refused": {"code": str(refusal.code), "message": refusal.message}}, b""
+    except SourceDamagedError:
+        return {"damaged": True}, b""
+    except Exception as error:  # noqa: BLE001  the last line before a hostile file becomes our failure
+        if isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.ENOMEM:
+            return {"failed": "it needs more memory than is allowed"}, b""
+        print(f"{request.get('do')}: {error!r}", file=sys.stderr)  # noqa: T201
+        return {"failed": type(error).__name__}, b""
+
 
 _LOOK_FOR_PARENT_MS: Final = 500
 _ORDER_DESCRIPTORS: Final = 2
@@ -49,7 +201,7 @@ def main() -> None:
     load_late_imports()
     restrictions = Restrictions()
     sandbox = _try_sandbox(restrictions)
-    prepared = cell.Prepared(
+    prepared = Prepared(
         restrictions=restrictions,
         bounds=DecoderLimits(memory_bytes=arguments.memory_bytes, cpu_seconds=arguments.cpu_seconds),
         address_space=read_address_space(),
@@ -109,7 +261,7 @@ class _Zygote:
         self,
         control: socket.socket,
         parent: int,
-        prepared: cell.Prepared,
+        prepared: Prepared,
         sandbox: Sandbox,
     ) -> None:
         self._control = control
@@ -164,9 +316,9 @@ class _Zygote:
             signal.signal(signal.SIGCHLD, signal.SIG_DFL)
             self._prepared.restrictions.die_with_parent()
             if os.getppid() == self._own_pid:
-                os.dup2(talk, cell.TALK)
+                os.dup2(talk, TALK)
                 os.closerange(3, _MOST_DESCRIPTORS)
-                code = cell.live(self._prepared, self._sandbox)
+                code = live(self._prepared, self._sandbox)
         except (BrokenMessageError, BrokenPipeError, ConnectionResetError):
             code = 0
         except BaseException:  # noqa: BLE001

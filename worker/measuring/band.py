@@ -1,7 +1,9 @@
-"""A band's reflectance or radiance: its region and its map."""
+"""Reflectance or radiance of a band, and of the bands of one capture on the pixels of the first."""
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,17 +14,17 @@ from radiometry.frame.place import Place
 from radiometry.frame.roi import Polygon, bounding_window
 from radiometry.specification.application import BandApplication
 from store.codec import decode, drop_absent, encode, read_applied
+from store.measuring.plan import list_others
 from store.measuring.record import Products
 from store.software import read_version
-from worker.maps.making import Made, Subject, draw_map, make_map
+from worker.maps.making import Made, Subject, cut_strips, draw_map, make_map
 from worker.maps.packet import write_packet
 from worker.maps.picture import REFLECTANCE, Style
-from worker.maps.strips import cut_strips
 from worker.maps.tiff import Layer, MapFacts, Plane
 from worker.measuring.task import Task, keep, keep_file
 
 
-def measure(task: Task, application: BandApplication) -> tuple[dict[str, Any], Products | None]:
+def measure_band(task: Task, application: BandApplication) -> tuple[dict[str, Any], Products | None]:
     """Return the result as it is stored, and the map if one was asked for."""
     pixels = _read_region(task)
     if _is_radiance(task, application):
@@ -207,3 +209,178 @@ def read_plane(task: Task, application: BandApplication) -> Plane:
             frame, header=header, exposure=exposure, factor=factor
         )
     return plane
+
+
+_INDEX_ENDS = (-1.0, 1.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Capture:
+    """The tasks of a capture's bands, the measurement's own first, and their planes on its pixels."""
+
+    tasks: dict[str, Task]
+    planes: dict[str, Plane]
+    alignment: tuple[Any, ...]
+
+
+@contextmanager
+def open_capture(task: Task, application: BandApplication) -> Iterator[Capture]:
+    """Read the bands that the plan names whole, and align them onto the task's own."""
+    with ExitStack() as stack:
+        tasks = {_name(task): task}
+        for named in list_others(task.parameters):
+            row, file = stack.enter_context(task.lend(named["frame_id"]))
+            stack.enter_context(task.decoders.hold(file))
+            other = replace(task, frame=row, file=file)
+            tasks[_name(other)] = other
+        whole = {}
+        for number, (band, each) in enumerate(tasks.items(), start=1):
+            plane = read_plane(each, application)
+            whole[band] = application.band_map(header=each.header, reflectance=plane)
+            task.report(0.5 * number / len(tasks))
+        first, *others = whole
+        aligned = {band: application.align_band(whole[band], whole[first]) for band in others}
+        planes = {first: whole[first].reflectance}
+        planes |= {band: found.reflectance for band, found in aligned.items()}
+        yield Capture(
+            tasks=tasks, planes=planes, alignment=tuple(found.alignment for found in aligned.values())
+        )
+
+
+def _name(task: Task) -> str:
+    assert task.header.multispectral is not None  # noqa: S101  the plan refused files without one
+    return task.header.multispectral.band
+
+
+def measure_index(task: Task, application: BandApplication) -> tuple[dict[str, Any], Products | None]:
+    """Measure an index of the region, whose polygon each band has at its own place."""
+    formula = application.read_formula(task.parameters["index"])
+    coefficients = read_applied(task.calibration)
+    with open_capture(task, application) as capture:
+        placed = _place_region(capture, application)
+        applied = [apply_version(each, application) for each in placed]
+        displaced = {
+            each.band: application.displace_region(
+                capture.planes[each.band],
+                Polygon.from_points(placed[0].parameters["polygon"]),
+                residual_px=each.residual_px,
+            )
+            for each in capture.alignment
+        }
+        measured = application.measure_index(
+            formula, applied, coefficients=coefficients, alignment=capture.alignment, displaced=displaced
+        )
+        result: dict[str, Any] = encode(measured) | {"place": tell_place(task, application)}
+        task.report(0.6)
+        if not task.parameters["products"]:
+            return result, None
+        found = application.compute_index(formula, capture.planes)
+        said = {"quantity": formula.name, "formula": formula.text, "unit": "1"}
+        layers = [Layer(name=formula.name, unit="1", said={"formula": formula.text})]
+        planes = [found.values]
+        if task.wants_bands:
+            u = application.map_uncertainty(
+                formula, capture.planes, applied, coefficients=coefficients, alignment=capture.alignment
+            )
+            layers += [Layer(name=f"u({formula.name})", unit="1"), *_list_layers(capture, application)]
+            planes += [u, *capture.planes.values()]
+    named = formula.name.upper() if formula.name != formula.text else "index"
+    style = Style(unit=named, unknown="none", ends=_INDEX_ENDS)
+    uncertainty = {
+        "uncertainty": {
+            "region_mean": encode(measured.value),
+            "budget": {share.source: share.standard_uncertainty for share in measured.budget},
+        }
+    }
+    said |= uncertainty | _describe_capture(capture)
+    # of several bands: without them no band's name is the map's
+    _, products = draw_planes(
+        task,
+        application,
+        planes,
+        layers,
+        style,
+        describe(task, application, **said),
+        packet=_write_packet(capture) if task.wants_bands else write_packet(task.header),
+    )
+    return result | {"map": {"pixels": int(found.values.size), "undefined": found.undefined}}, products
+
+
+def write_bands(
+    task: Task, application: BandApplication, result: dict[str, Any]
+) -> tuple[dict[str, Any], Products]:
+    """Write all bands of the task's capture on its pixels, as reflectance or radiance."""
+    with open_capture(task, application) as capture:
+        layers, planes = _list_layers(capture, application), list(capture.planes.values())
+        flags = encode(application.flag_alignment(capture.alignment))
+        quantity = task.parameters.get("quantity", application.quantity)
+        said = {"quantity": quantity, "unit": layers[0].unit} | _describe_capture(capture)
+        style = REFLECTANCE if quantity == application.quantity else Style(unit=layers[0].unit)
+        made, products = draw_planes(
+            task,
+            application,
+            planes,
+            layers,
+            style,
+            describe(task, application, **said),
+            packet=_write_packet(capture),
+            counts=True,
+        )
+    counts = {"pixels": int(planes[0].size), "below_zero": made.below_zero, "above_one": made.above_one}
+    return {
+        **result,
+        "flags": [*result["flags"], *flags],
+        "alignment": encode(capture.alignment),
+        "map": counts | {"saturated": made.unknown},
+    }, products
+
+
+def _place_region(capture: Capture, application: BandApplication) -> list[Task]:
+    """Return the tasks with the region as each band sees it."""
+    first, *others = capture.tasks.values()
+    matrices = [each.matrix for each in capture.alignment]
+    pairs = [(each.header, matrix) for each, matrix in zip(others, matrices, strict=True)]
+    region = Polygon.from_points(first.parameters["polygon"])
+    regions = application.move_regions(region, first.header, pairs)
+    return [_move(each, polygon.points) for each, polygon in zip((first, *others), regions, strict=True)]
+
+
+def _move(task: Task, points: Any) -> Task:  # noqa: ANN401  pairs of numbers
+    return replace(task, parameters=task.parameters | {"polygon": [list(point) for point in points]})
+
+
+def _write_packet(capture: Capture) -> bytes:
+    headers = [task.header for task in capture.tasks.values()]
+    return write_packet(headers[0], [band for each in headers if (band := each.multispectral) is not None])
+
+
+def _list_layers(capture: Capture, application: BandApplication) -> list[Layer]:
+    layers = []
+    left = {each.band: each for each in capture.alignment}
+    for band, task in capture.tasks.items():
+        found = task.header.multispectral
+        assert found is not None  # noqa: S101  the plan refused files without one
+        radiance = task.parameters.get("quantity", application.quantity) != application.quantity
+        said: dict[str, Any] = {"band": band, "frame_sha256": task.frame.sha256}
+        if found.wavelength_nm is not None:
+            said |= {"wavelength_nm": found.wavelength_nm}
+        if found.width_nm is not None:
+            said |= {"width_nm": found.width_nm}
+        if band in left:
+            said |= {"alignment": left[band].by, "alignment_residual_px": round(left[band].residual_px, 3)}
+        if not radiance:
+            scale = application.find_scale_of_frame(
+                task.header, coefficients=read_applied(task.calibration), incidence_angle_deg=read_angle(task)
+            )
+            said |= {"reflectance_k": scale.reflectance_k, "u_rel": round(scale.u_rel, 6)}
+        unit = application.radiance_unit if radiance else application.unit
+        layers.append(Layer(name=found.band_name, unit=unit, said=said))
+    return layers
+
+
+def _describe_capture(capture: Capture) -> dict[str, Any]:
+    frames = {
+        band: {"id": task.frame.id, "sha256": task.frame.sha256, "filename": task.frame.filename}
+        for band, task in capture.tasks.items()
+    }
+    return {"frames": frames, "alignment": encode(capture.alignment)}

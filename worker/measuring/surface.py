@@ -1,27 +1,33 @@
-"""Measurement of a lit surface in a frame: its region, its grid, its map."""
+"""Measurement of a lit surface in a frame, and the picture of one without the lens's distortion."""
 
+import io
 import tempfile
 from pathlib import Path
 from typing import Any
 
-from radiometry.frame import FrameHeader
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from radiometry.drawing.chart import WIDEST_PX
+from radiometry.frame import Frame, FrameHeader
 from radiometry.methods import get_method
-from radiometry.specification.application import SurfaceApplication
-from store.codec import encode, read_applied
+from radiometry.specification.application import PictureApplication, SurfaceApplication
+from store.codec import decode_exposure, encode, read_applied
 from store.measuring.plan import read_request
 from store.measuring.record import Products, read_regions
 from store.measuring.version import read_lens
 from store.software import read_version
 from worker.decode.pool import Readable
-from worker.maps.making import Subject, average_maps, make_map
+from worker.maps.making import Subject, average_maps, cut_strips, make_map
 from worker.maps.packet import write_packet
 from worker.maps.picture import LUMINANCE
-from worker.maps.tiff import Layer, MapFacts
+from worker.maps.tiff import Layer, MapFacts, Samples, write_picture
 from worker.measuring.task import Task, keep, keep_file
 
 
-def measure(task: Task, application: SurfaceApplication) -> tuple[dict[str, Any], Products | None]:
-    measured = _measure(task, application)
+def measure_surface(task: Task, application: SurfaceApplication) -> tuple[dict[str, Any], Products | None]:
+    measured = _measure_region(task, application)
     task.report(0.2)
     return encode(measured), _map(task, application, measured) if task.wants_map else None
 
@@ -41,7 +47,7 @@ def make_subject(
     )
 
 
-def _measure(task: Task, application: SurfaceApplication) -> Any:  # noqa: ANN401  the method's own
+def _measure_region(task: Task, application: SurfaceApplication) -> Any:  # noqa: ANN401  the method's own
     request, header = read_request(application, task.parameters), task.header
     window = application.find_window(request, height_px=header.height_px, width_px=header.width_px)
     decoders, part = task.decoders, (window.row0, window.col0, window.height, window.width)
@@ -103,3 +109,80 @@ def _map(task: Task, application: SurfaceApplication, measured: Any) -> Products
         )
         blobs = task.blobs
         return Products(tif=keep_file(blobs, target), png=keep(blobs, made.picture))
+
+
+_DARK_PERCENTILE, _BRIGHT_PERCENTILE = 0.5, 99.5
+_GAMMA = 1 / 2.2
+
+
+def undistort_picture(task: Task, application: PictureApplication) -> tuple[dict[str, Any], Products]:
+    """The camera that was used, and the picture as TIFF and as a preview."""
+    header = task.header
+    found = application.undistort_frame(_read(task), read_applied(task.calibration))
+    task.report(0.7)
+    parameters = {
+        row["name"]: {name: row[name] for name in ("value", "standard_uncertainty", "unit")}
+        for row in task.calibration.result["coefficients"]
+        if row["name"] != "rms_px"
+    }
+    undistorted = {
+        "planes": list(found.planes),
+        "linear": not header.rendered,
+        "height_px": header.height_px,
+        "width_px": header.width_px,
+        "seen_share": found.seen_share,
+        "parameters": parameters,
+    }
+    description = task.describe(
+        quantity=application.quantity,
+        unit=application.unit,
+        unseen=0,
+        black_level_dn=list(header.black_level_dn),
+        white_level_dn=list(header.white_level_dn),
+        **undistorted,
+    )
+    facts = MapFacts(
+        header=header,
+        exposure=decode_exposure(task.frame.exposure) if task.frame.exposure else None,
+        software=f"stilb {read_version()}",
+        description=description,
+        packet=write_packet(header),
+    )
+    with tempfile.TemporaryDirectory(prefix="stilb-map-") as folder:
+        target = Path(folder) / "map.tif"
+        write_picture(target, found.samples_dn, facts)
+        blobs = task.blobs
+        picture = draw_preview(found.samples_dn, linear=not header.rendered)
+        products = Products(tif=keep_file(blobs, target), png=keep(blobs, picture))
+    return {"undistorted": undistorted, "flags": []}, products
+
+
+def _read(task: Task) -> Frame:
+    """The whole frame, strip by strip: a decoder is asked for no more at once."""
+    frames = [
+        task.decoders.read_window(task.file, (top, 0, height, task.header.width_px))
+        for top, height in cut_strips(task.header)
+    ]
+    first = frames[0]
+    return Frame(
+        samples_dn=np.concatenate([frame.samples_dn for frame in frames]),
+        row0=0,
+        col0=0,
+        height_px=first.height_px,
+        width_px=first.width_px,
+        cfa=first.cfa,
+        black_level_dn=first.black_level_dn,
+        white_level_dn=first.white_level_dn,
+    )
+
+
+def draw_preview(samples_dn: Samples, *, linear: bool) -> bytes:
+    """PNG of 8 bits: every n-th pixel, straight between two percentiles; linear numbers get a tone curve."""
+    step = max(1, -(-max(samples_dn.shape[:2]) // WIDEST_PX))
+    shown: NDArray[np.float64] = samples_dn[::step, ::step].astype(np.float64)
+    low, high = np.percentile(shown, (_DARK_PERCENTILE, _BRIGHT_PERCENTILE))
+    share = np.clip((shown - low) / max(high - low, 1.0), 0.0, 1.0)
+    pixels = np.round(255 * (share**_GAMMA if linear else share)).astype(np.uint8)
+    out = io.BytesIO()
+    Image.fromarray(pixels).save(out, "PNG", compress_level=1)
+    return out.getvalue()

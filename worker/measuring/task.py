@@ -21,11 +21,7 @@ _COPY_BYTES = 1 << 20
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """A frame, its file and its plan; the verifier measures with one too, without a database.
-
-    ``lend`` : another frame of the plan with its file, by the frame's id
-    ``report`` : is told the share that is done
-    """
+    """A frame, its file and its plan; the verifier measures with one too, without a database."""
 
     decoders: DecoderPool
     blobs: Blobs

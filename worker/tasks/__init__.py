@@ -1,13 +1,11 @@
 """Tasks, one for each kind of job."""
 
 from store.jobs import Claim
-from worker.context import Context
-from worker.tasks.crop import crop
+from worker.context import Context, Outcome
 from worker.tasks.extract import extract
 from worker.tasks.fit import fit
-from worker.tasks.look import look
+from worker.tasks.look import crop, look
 from worker.tasks.measure import measure
-from worker.tasks.outcome import Outcome
 
 __all__ = ["Outcome", "work"]
 

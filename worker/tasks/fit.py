@@ -10,8 +10,7 @@ from store.jobs import Claim
 from store.measuring.version import correct
 from store.queries.evidence import gather
 from store.tables import Campaign
-from worker.context import Context
-from worker.tasks.outcome import Outcome
+from worker.context import Context, Outcome
 
 
 def fit(context: Context, claim: Claim) -> Outcome:

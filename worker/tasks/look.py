@@ -1,18 +1,25 @@
-"""A region of one frame looked at while it is drawn: the job's result is all that is kept."""
+"""A part of one frame for whoever looks at it: a region while it is drawn, or a picture of its pixels."""
 
+import io
 from dataclasses import asdict
-from typing import Any
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected, files
 from radiometry.frame import Frame
 from radiometry.frame.roi import Polygon, Window, bounding_window, mask
-from radiometry.frame.statistics import compute_statistics, count_histogram, map_clipping
+from radiometry.frame.statistics import compute_statistics, count_histogram, find_clipped, map_clipping
 from store.codec import decode_header, encode_statistics
 from store.jobs import Claim
-from store.tables import FrameRow
-from worker.context import Context
+from store.queries.campaigns import keep_crop, say_asked
+from store.tables import Crop, FrameRow
+from store.tables.base import new_id
+from worker.context import Context, Outcome
 from worker.decode.pool import DecoderCrashed
-from worker.tasks.outcome import Outcome
 
 
 def look(context: Context, claim: Claim) -> Outcome:
@@ -48,3 +55,68 @@ def _describe(pixels: Frame, polygon: Polygon, window: Window) -> dict[str, Any]
         "histogram": asdict(count_histogram(pixels, inside)),
         "clipping": asdict(map_clipping(pixels, inside)),
     }
+
+
+_GAMMA: Final = 1 / 2.2
+_PERCENTILES: Final = (0.1, 99.9)
+_GREYS: Final = 255
+"""Grey levels; the colour of clipped pixels is behind the last of them."""
+_CLIPPED: Final = (230, 30, 45)
+
+
+def crop(context: Context, claim: Claim) -> Outcome:
+    """Draw the window that a job names, and keep the picture while it is among the newest."""
+    with context.database.reading() as session:
+        frame = session.get_one(FrameRow, claim.subject_id)
+    row0, col0, height, width = window = tuple(claim.parameters["window"])
+    low_dn, high_dn = claim.parameters["low_dn"], claim.parameters["high_dn"]
+    asked = say_asked(window, low_dn, high_dn)
+    pixels = read_pixels(context, frame, (row0, col0, height, width))
+    clipped = find_clipped(pixels, np.ones((height, width), np.bool_))
+    low_dn, high_dn = _choose_range(pixels, low_dn, high_dn)
+    png = _draw(pixels, clipped, low_dn, high_dn, linear=not (frame.header or {}).get("rendered"))
+
+    def store(session: Session) -> dict[str, Any]:
+        drawn = Crop(
+            id=new_id("crp"),
+            organisation_id=claim.organisation_id,
+            frame_id=frame.id,
+            asked=asked,
+            job_id=claim.job_id,
+            png=png,
+        )
+        keep_crop(session, drawn)
+        return {
+            "frame_id": frame.id,
+            "crop_id": drawn.id,
+            "picture": f"/v1/crops/{drawn.id}.png",
+            "row0_px": row0,
+            "col0_px": col0,
+            "height_px": height,
+            "width_px": width,
+            "low_dn": low_dn,
+            "high_dn": high_dn,
+            "clipped_px": int(clipped.sum()),
+        }
+
+    return Outcome(store=store)
+
+
+def _choose_range(pixels: Frame, low_dn: float | None, high_dn: float | None) -> tuple[float, float]:
+    """Return the values shown black, the black level or a darker one, and white, near the brightest."""
+    dark, bright = (float(value) for value in np.percentile(pixels.samples_dn, _PERCENTILES))
+    low = min(dark, float(np.mean(pixels.black_level_dn))) if low_dn is None else low_dn
+    return low, max(bright, low + 1.0) if high_dn is None else high_dn
+
+
+def _draw(pixels: Frame, clipped: NDArray[np.bool_], low_dn: float, high_dn: float, *, linear: bool) -> bytes:
+    samples = pixels.samples_dn[..., 1] if pixels.samples_dn.ndim == 3 else pixels.samples_dn
+    share = np.clip((samples.astype(np.float32) - low_dn) / (high_dn - low_dn), 0.0, 1.0)
+    levels = np.round((_GREYS - 1) * (share**_GAMMA if linear else share)).astype(np.uint8)
+    levels[clipped] = _GREYS
+    picture = Image.fromarray(levels, "P")
+    greys = [round(255 * level / (_GREYS - 1)) for level in range(_GREYS) for _ in "rgb"]
+    picture.putpalette(greys + list(_CLIPPED))
+    out = io.BytesIO()
+    picture.save(out, "PNG")
+    return out.getvalue()

@@ -15,11 +15,11 @@ from store.jobs import Claim
 from store.measuring.plan import list_others, read_proof, require_whole
 from store.measuring.record import Products, find_measurement, has_lost_products, write_measurement
 from store.tables import Calibration, FrameRow, Measurement
-from worker.context import Context
+from worker.context import Context, Outcome
 from worker.decode.pool import DecoderCrashed, Readable
-from worker.measuring import band, capture, picture, surface
+from worker.measuring.band import measure_band, measure_index, write_bands
+from worker.measuring.surface import measure_surface, undistort_picture
 from worker.measuring.task import Task
-from worker.tasks.outcome import Outcome
 
 
 def measure(context: Context, claim: Claim) -> Outcome:
@@ -50,20 +50,17 @@ def measure(context: Context, claim: Claim) -> Outcome:
 
 
 def measure_frame(task: Task) -> tuple[dict[str, Any], Products | None]:
-    """Measure as the plan says; the result as it is stored, and the map where one was asked for.
-
-    Raises InputRejected(incomplete_image | image_part_empty)
-    """
+    """Measure as the plan says; the result as it is stored, and the map where one was asked for."""
     if task.header.table is not None:
         raise shared.PIXELS_MISSING.refuse("This frame is a row of a table: it has no pixels to measure.")
     doubts = list(_find_doubts(task))
     match get_method(task.calibration.method).application:
         case SurfaceApplication() as application:
-            measured, products = surface.measure(task, application)
+            measured, products = measure_surface(task, application)
         case BandApplication() as application:
             measured, products = _measure_band(task, application)
         case PictureApplication() as application:
-            measured, products = picture.measure(task, application)
+            measured, products = undistort_picture(task, application)
         case _:
             raise AssertionError(f"the plan let a frame be measured by {task.calibration.method}")
     measured["flags"] = [*measured["flags"], *doubts]
@@ -72,16 +69,13 @@ def measure_frame(task: Task) -> tuple[dict[str, Any], Products | None]:
 
 def _measure_band(task: Task, application: BandApplication) -> tuple[dict[str, Any], Products | None]:
     if "index" in task.parameters:
-        return capture.measure_index(task, application)
-    measured, products = band.measure(task, application)
-    return capture.write_bands(task, application, measured) if task.wants_bands else (measured, products)
+        return measure_index(task, application)
+    measured, products = measure_band(task, application)
+    return write_bands(task, application, measured) if task.wants_bands else (measured, products)
 
 
 def _find_doubts(task: Task) -> Iterator[dict[str, Any]]:
-    """Flag doubts about the frame, and about those that are measured with it, that the request allowed.
-
-    A frame that was read before there were proofs is read as a whole here.
-    """
+    """Flag doubts about the frame, and about those that are measured with it, that the request allowed."""
     yield from _find_doubt(task, task.frame, task.file)
     for named in [*task.parameters.get("repeats", []), *list_others(task.parameters)]:
         with task.lend(named["frame_id"]) as (row, file):

@@ -12,7 +12,7 @@ import tifffile
 from simulation.dng import BYTE
 from tests.support.data import FOLDER
 from tests.worker.decode.dng_variants import Variant, black_level, make_dng
-from worker.decode import png, tags
+from worker.decode import pictures, tags
 from worker.decode.layout import read_layout
 from worker.decode.tiff import is_tiff, read_directories
 
@@ -102,7 +102,7 @@ def _describe(name: str, content: bytes) -> Seed:
         places = zip(layout.offsets.tolist(), layout.byte_counts.tolist(), strict=True)
         body = tuple((start, start + count) for start, count in places)
         return Seed(name, content, body, layout.row_bytes if layout.compression == tags.UNCOMPRESSED else 0)
-    if content.startswith(png.MAGIC):
+    if content.startswith(pictures.PNG_MAGIC):
         start = content.index(b"IDAT") - 4
         return Seed(name, content, ((start, content.index(b"IEND") - 4),), 0)
     return Seed(name, content, ((content.index(b"\xff\xda"), len(content)),), 0)

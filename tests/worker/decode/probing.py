@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from worker.decode import cell, pieces, zygote
+from worker.decode import pieces, zygote
 
 LIBC = ctypes.CDLL(None, use_errno=True)
 CALLS = {
@@ -148,13 +148,13 @@ def _make_writable(source):
     return LIBC.mprotect(ctypes.c_void_p(address), ctypes.c_size_t(4096), 3) == 0
 
 
-def _obey(reader, request, answer=cell._answer):
+def _obey(reader, request, answer=zygote._answer):
     content = reader._source[:]
     if content.startswith(b"SPIN"):
         while True:
             time.monotonic()
     if content.startswith(b"WAIT"):
-        os.read(cell.TALK, 1)
+        os.read(zygote.TALK, 1)
     if content.startswith(b"PROBE"):
         world = json.loads(content[5:])
         found = [] if pieces._second else ["has one thread only"]
@@ -168,5 +168,5 @@ def _obey(reader, request, answer=cell._answer):
 
 
 if __name__ == "__main__":
-    cell._answer = _obey
+    zygote._answer = _obey
     zygote.main()

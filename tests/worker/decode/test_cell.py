@@ -17,7 +17,7 @@ from radiometry.findings import InputRejected, files
 from simulation.dng import LONG
 from store.sandbox import Restrictions, Sandbox, build_filter
 from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
-from worker.decode import nursery, reader, warmup
+from worker.decode import reader, zygote
 from worker.decode.pool import DecoderCrashed, DecoderKilled, DecoderLimits, DecoderPool
 
 SAMPLES = make_samples(64, 96, 14)
@@ -35,7 +35,7 @@ def good(save):
 def hostile(monkeypatch):
     """A pool whose cells obey their files."""
     command = [sys.executable, "-s", "-P", "-m", "tests.worker.decode.probing"]
-    monkeypatch.setattr(nursery, "build_command", lambda _module: command)
+    monkeypatch.setattr("worker.decode.pool.build_command", lambda _module: command)
     with DecoderPool(DecoderLimits(wall_seconds=1.5)) as pool:
         yield pool
 
@@ -75,7 +75,7 @@ def test_a_cell_that_was_taken_over_reaches_nothing(hostile, world, good):
 def test_the_same_probe_outside_a_cell_reaches_the_world(world):
     code = "import json, sys; from tests.worker.decode import probing as at\n"
     # what a process has read and freed is found again in the memory that it owns
-    code += "import numpy as np; from worker.decode import warmup; warmup.own_memory()\n"
+    code += "import numpy as np; from worker.decode import zygote; zygote.own_memory()\n"
     code += "world = json.loads(sys.argv[1])\n"
     code += "np.frombuffer(bytes.fromhex(world['samples']) * 50_000, np.uint8).copy()\n"
     code += "print(json.dumps(at.probe(world)))"
@@ -198,8 +198,8 @@ for path in map(Path, sys.argv[1:]):
 
 
 def test_the_first_file_is_one():
-    content = warmup.make_smallest_dng()
-    warmup.warm_up(content, warmup.make_smallest_stream())
+    content = zygote.make_smallest_dng()
+    zygote.warm_up(content, zygote.make_smallest_stream())
     assert len(content) < 1000
 
 

@@ -20,9 +20,9 @@ from tests.worker.decode.spectral_tiff import (
     write_sequoia_xmp,
 )
 from worker.decode import reader
-from worker.decode.irradiance import read_counts, read_gains
+from worker.decode.dialects.sequoia import read_counts, read_gains
+from worker.decode.metadata import MAX_BYTES, MAX_DEPTH, MAX_PROPERTIES, MAX_TEXT_BYTES, parse_xmp
 from worker.decode.pool import DecoderPool
-from worker.decode.xmp import MAX_BYTES, MAX_DEPTH, MAX_PROPERTIES, MAX_TEXT_BYTES, parse_xmp
 
 # SensorModel, then CH0 of the ten records.
 SEQUOIA = {

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from worker.decode import malloc, pieces
+from worker.decode import pieces
 
 needs_two = pytest.mark.skipif(
     not hasattr(os, "sched_getaffinity") or len(os.sched_getaffinity(0)) < 2, reason="one processor"
@@ -83,6 +83,6 @@ def test_where_no_thread_can_be_started_one_decodes_all(monkeypatch):
 
 def test_a_c_library_without_mallopt_stops_no_start(monkeypatch):
     """As musl: how memory is kept is a question of speed."""
-    monkeypatch.setattr(malloc.ctypes, "CDLL", lambda _: SimpleNamespace())
-    malloc.share_one_arena()
-    malloc.keep_memory()
+    monkeypatch.setattr(pieces.ctypes, "CDLL", lambda _: SimpleNamespace())
+    pieces.share_one_arena()
+    pieces.keep_memory()

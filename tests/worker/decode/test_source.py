@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from store.blobs.proof import PIECE_BYTES, PieceDigester
-from worker.decode.budget import allow_all
-from worker.decode.opened import open_source
-from worker.decode.source import Source, SourceDamagedError
+from worker.decode.limits import allow_all
+from worker.decode.reader import open_source
+from worker.decode.tiff import Source, SourceDamagedError
 
 SIZE = 2 * PIECE_BYTES + 5
 CONTENT = bytes(np.random.default_rng(1).integers(0, 256, SIZE, np.uint8))

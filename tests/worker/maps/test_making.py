@@ -20,7 +20,7 @@ from tests.support.frames import write_raw
 from worker.decode.metadata import read_metadata
 from worker.decode.pool import DecoderPool
 from worker.decode.tiff import read_directories
-from worker.maps import strips
+from worker.maps import making as strips
 from worker.maps.making import make_map
 from worker.maps.picture import LUMINANCE
 from worker.maps.tiff import ROUNDING_REL, MapFacts

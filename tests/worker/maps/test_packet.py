@@ -10,11 +10,10 @@ from radiometry.frame import StatedAngle
 from radiometry.frame.multispectral import Multispectral
 from tests.support.data import data_file
 from worker.decode import reader
-from worker.decode.metadata import read_metadata
-from worker.decode.multispectral import read_multispectral
+from worker.decode.dialects import read_multispectral
+from worker.decode.metadata import parse_xmp, read_metadata
 from worker.decode.packet import _pixels_per_mm
 from worker.decode.tiff import read_directories
-from worker.decode.xmp import parse_xmp
 from worker.maps.packet import write_packet
 from worker.maps.tiff import MapFacts, encode_band, write_tiff
 

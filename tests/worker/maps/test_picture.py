@@ -8,8 +8,7 @@ import pytest
 from PIL import Image
 
 from radiometry.drawing.chart import WIDEST_PX
-from worker.maps.colours import COLOURS, make_colours
-from worker.maps.picture import Reduction, Scale, choose_scale, draw_picture
+from worker.maps.picture import COLOURS, Reduction, Scale, choose_scale, draw_picture, make_colours
 
 
 def to_lightness(colours):

@@ -4,7 +4,8 @@ from importlib import import_module
 from typing import Final, Protocol, cast
 
 from radiometry.frame.multispectral import CAMERAS, Multispectral
-from worker.decode.packet import Packet
+from worker.decode.packet import Packet, open_packet
+from worker.decode.tiff import Directory
 
 
 class Dialect(Protocol):
@@ -22,3 +23,11 @@ class Dialect(Protocol):
 
 DIALECTS: Final = tuple(cast("Dialect", import_module(f"{__name__}.{name}")) for name in CAMERAS)
 BY_SYSTEM: Final = dict(zip(CAMERAS, DIALECTS, strict=True))
+
+
+def read_multispectral(main: Directory, *, bits: int) -> Multispectral | None:
+    """The band, by the first dialect that knows the camera; None for any other file."""
+    packet = open_packet(main, bits=bits)
+    if packet is None:
+        return None
+    return next((dialect.read(packet) for dialect in DIALECTS if dialect.knows(packet)), None)

@@ -11,8 +11,8 @@ from radiometry.frame.multispectral import (
     SunshineIrradiance,
 )
 from worker.decode import tags
+from worker.decode.metadata import Xmp
 from worker.decode.packet import Packet, describe_band, first_problem, read_geometry, read_numbers
-from worker.decode.xmp import Xmp
 
 IDENTITIES = ("drone-dji:CaptureUUID", "drone-dji:FlightUUID")
 # The P4's; of the Mavic's depth nothing is published, and the coarser one finds what is saturated in either.

@@ -5,8 +5,8 @@ import re
 from typing import Any, Final
 
 from radiometry.frame.multispectral import Multispectral, RadialVignetting, RadianceModel, SunshineIrradiance
+from worker.decode.metadata import Xmp
 from worker.decode.packet import Packet, describe_band, first_problem, read_geometry
-from worker.decode.xmp import Xmp
 
 IDENTITIES = ("micasense:CaptureId", "micasense:FlightId")
 _SENSOR_BITS: Final = 12

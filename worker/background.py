@@ -1,14 +1,11 @@
-"""Proves every stored file once in a while, slowly: what a disk spoils is found before anybody needs it.
-
-A file carries the time of its last proof in its row, so that a restart goes on where the last run was.
-"""
+"""Work of one process of all workers beside the jobs: old statistics are renewed, stored files proven."""
 
 import time
 from collections.abc import Callable
 from datetime import timedelta
 from typing import Final
 
-from sqlalchemy import or_, select
+from sqlalchemy import Select, or_, select, true
 from sqlalchemy.orm import Session, aliased
 
 from store import jobs
@@ -16,16 +13,82 @@ from store.blobs import BlobDamaged
 from store.database import Database
 from store.files import Files
 from store.jobs.processes import repeat
+from store.queries.campaigns import RENEWAL_LANE, renew_extraction
 from store.queries.usage import add_jobs
-from store.tables import Blob, Campaign, FrameRow
+from store.software import EXTRACTOR
+from store.tables import Blob, Campaign, Extraction, FrameRow, Job
 from store.tables.base import utc_now
+
+_RENEWED_AT_ONCE: Final = 500
+_IN_ONE_COMMIT: Final = 20
+"""While one lasts, nobody else writes to SQLite."""
+_RENEWAL_REST_S: Final = 5.0
+_RENEWED_S: Final = 24 * 3600.0
+"""Only another version of the code, which is another process, leaves more to do."""
+
+
+class Renewal:
+    """Queues the frames of open campaigns that have no statistics of this version's extractor."""
+
+    def __init__(
+        self, database: Database, *, leads: Callable[[Session], bool] = lambda _session: True
+    ) -> None:
+        """``leads``: whether this process is the one of several that looks."""
+        self._database = database
+        self._leads = leads
+        self._before: str | None = None
+        """The last frame that was queued: each is queued once, whatever comes of it."""
+
+    def start(self) -> None:
+        """Renew in a thread that ends with the process."""
+        repeat("renewal", self.do_round)
+
+    def do_round(self) -> float:
+        """Queue some frames unless others wait; return the pause until the next round [s]."""
+        with self._database.reading() as session:
+            waiting = select(Job.id).where(Job.state == "queued", Job.lane == RENEWAL_LANE).limit(1)
+            if not self._leads(session) or session.scalar(waiting) is not None:
+                return _RENEWAL_REST_S
+            rest = FrameRow.id < self._before if self._before else true()
+            found = session.scalars(_select_outdated().where(rest).limit(_RENEWED_AT_ONCE)).all()
+        if not found:
+            return _RENEWED_S
+        for start in range(0, len(found), _IN_ONE_COMMIT):
+            some = found[start : start + _IN_ONE_COMMIT]
+            with self._database.writing("sweeper") as session:
+                for frame_id in some:
+                    _queue_renewal(session, frame_id)
+            self._before = some[-1]
+        return _RENEWAL_REST_S
+
+
+def _queue_renewal(session: Session, frame_id: str) -> None:
+    frame = session.get_one(FrameRow, frame_id)
+    if frame.state == "extracted":
+        organisation_id = session.get_one(Campaign, frame.campaign_id).organisation_id
+        renew_extraction(session, frame, organisation_id, by="sweeper", lane=RENEWAL_LANE)
+        add_jobs(session, 1, organisation_id=organisation_id)
+
+
+def _select_outdated() -> Select[str]:
+    made_by = Extraction.extractor
+    own = (made_by == EXTRACTOR) | made_by.startswith(f"{EXTRACTOR}+", autoescape=True)
+    current = select(Extraction.id).where(Extraction.frame_id == FrameRow.id, own)
+    return (
+        select(FrameRow.id)
+        .join(Campaign, Campaign.id == FrameRow.campaign_id)
+        .where(FrameRow.state == "extracted", FrameRow.withdrawn_at.is_(None), ~current.exists())
+        .where(Campaign.archived_at.is_(None))
+        .order_by(FrameRow.id.desc())
+    )
+
 
 _BYTES_PER_S: Final = 20e6
 """A disk reads ten times as fast: whoever works meanwhile notices little. 1.7 TB a day."""
 _REST_S: Final = 60.0
 _LOOK_AGAIN_S: Final = 600.0
 """How often what is damaged is looked at again: a backup may have brought it back."""
-_AT_ONCE: Final = 50
+_PROVEN_AT_ONCE: Final = 50
 
 
 class Scrub:
@@ -81,7 +144,7 @@ class Scrub:
             Blob.damage.is_(None), or_(Blob.proven_at < limit, Blob.digests.is_(None))
         )
         with self._database.reading() as session:
-            return list(session.scalars(due.order_by(Blob.proven_at).limit(_AT_ONCE)))
+            return list(session.scalars(due.order_by(Blob.proven_at).limit(_PROVEN_AT_ONCE)))
 
     def _find_damaged(self) -> list[str]:
         with self._database.reading() as session:
