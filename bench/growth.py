@@ -32,7 +32,8 @@ from store.queries.evidence import gather
 from store.settings import Settings
 from store.tables import Camera, Campaign, Job
 from store.tables.base import new_id, utc_now
-from worker.context import Context, build_context, make_decoders
+from worker.context import Context, build_context
+from worker.decode.pool import DecoderPool
 
 _FEW_JOBS = 100
 _QUEUED_SHARE = 0.4
@@ -43,7 +44,7 @@ def run(scale: Scale) -> list[bool]:
     """Measure one service, with a worker that is called where it is needed."""
     with tempfile.TemporaryDirectory(prefix="stilb-bench-") as name, serving(Path(name) / "data") as service:
         settings = Settings(data=Path(name) / "data")
-        worker = build_context(settings, make_decoders(settings))
+        worker = build_context(settings, DecoderPool())
         worker.database.post = None
         try:
             with service.open_http() as http:

@@ -103,9 +103,7 @@ def main() -> int:
 def _serve(app: FastAPI, settings: Settings, files: int, listening: socket | None) -> None:
     """Serve until a signal; the process ends with it."""
     context: Context = app.state.context
-    connections = Connections(
-        files=files, per_peer=settings.connections_per_peer, headers_within_s=settings.headers_within_s
-    )
+    connections = Connections(files=files, per_peer=settings.connections_per_peer)
     config = uvicorn.Config(
         app,
         http=guarding(connections),

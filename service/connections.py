@@ -37,7 +37,7 @@ def raise_file_limit() -> int:
 class Connections:
     """The open connections, by the address of their peer: those of one, and all together, are limited."""
 
-    def __init__(self, *, files: int, per_peer: int, headers_within_s: float) -> None:
+    def __init__(self, *, files: int, per_peer: int, headers_within_s: float = 15.0) -> None:
         """``per_peer`` 0: no limit but that of all, as behind a proxy, whose address all of them have."""
         self._most = max(files - _KEPT_FILES, files // 2)
         self._per_peer = per_peer or self._most

@@ -75,7 +75,6 @@ class Settings(BaseSettings):
     broker_url: str = ""
     blobs_url: str = ""
     max_upload_bytes: int = Field(default=2 * 1024**3, gt=0)
-    headers_within_s: Seconds = 15.0
     connections_per_peer: int = Field(default=512, ge=0)
     quota_bytes: int = Field(default=0, ge=0)
     quota_frames: int = Field(default=0, ge=0)
@@ -85,16 +84,12 @@ class Settings(BaseSettings):
     stop_notice_s: Grace = 0.0
     worker_threads: int = Field(default=2, ge=1, le=64)
     lease_s: Seconds = 30.0
-    job_limit_s: Seconds = 3600.0
     sweep_interval_s: Seconds = 2.0
     scrub_days: float = Field(default=30.0, ge=0, le=36_500)
     hang_s: Seconds = HANG_S
     pulse: str = ""
     log: Literal["text", "json"] = "text"
     health_for: Literal["everybody", "operator"] = "everybody"
-    decoder_memory_bytes: int = Field(default=3 * 1024**3, ge=256 * 1024**2)
-    decoder_cpu_s: int = Field(default=60, ge=1, le=86_400)
-    decoder_wall_s: Seconds = 120.0
     decoder_sandbox: Literal["auto", "require"] = "auto"
 
     @property

@@ -17,7 +17,7 @@ from store.jobs.processes import Durations
 from store.jobs.queues import Post
 from store.reviews import Reviews
 from store.settings import Settings
-from worker.decode.pool import DecoderLimits, DecoderPool
+from worker.decode.pool import DecoderPool
 
 
 class Leases:
@@ -73,16 +73,6 @@ class Context:
     @property
     def files(self) -> Files:
         return Files(self.database, self.blobs)
-
-
-def make_decoders(settings: Settings) -> DecoderPool:
-    return DecoderPool(
-        DecoderLimits(
-            memory_bytes=settings.decoder_memory_bytes,
-            cpu_seconds=settings.decoder_cpu_s,
-            wall_seconds=settings.decoder_wall_s,
-        )
-    )
 
 
 def build_context(settings: Settings, decoders: DecoderPool) -> Context:

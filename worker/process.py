@@ -23,7 +23,7 @@ from store.pulse import Pulse
 from store.tracing import configure_tracing
 from worker.app import app, settings
 from worker.background import Renewal, Scrub
-from worker.context import build_context, make_decoders
+from worker.context import build_context
 from worker.decode.pieces import keep_memory, share_one_arena
 from worker.decode.pool import DecoderPool, DecoderUnavailable
 from worker.runner import run
@@ -35,7 +35,7 @@ NO_DECODER_EXIT = 71
 _TEND_EVERY_S = 1.0
 _FAREWELL_S = 3.0
 
-decoders = make_decoders(settings)
+decoders = DecoderPool()
 _pulse = Pulse(settings.pulse)
 _mine: dict[str, Any] = {}
 """Of a pool process: its context, upkeep and presence."""

@@ -60,9 +60,9 @@ _WALL_S_PER_MIB: Final = 1.0
 class DecoderLimits:
     """Beyond these the process is ended, and only the file that it was reading is blamed."""
 
-    memory_bytes: int = 2 << 30  # of address space, the libraries' own included
-    cpu_seconds: int = 20  # for one request
-    wall_seconds: float = 30.0  # for one request
+    memory_bytes: int = 3 << 30  # of address space, the libraries' own included
+    cpu_seconds: int = 60  # for one request
+    wall_seconds: float = 120.0  # for one request
 
     def wall_seconds_of(self, file_bytes: int) -> float:
         """For one request: waiting for the processor counts, so it is wide, and grows with the file."""

@@ -113,7 +113,7 @@ def test_limits_follow_from_the_frame(pool, good):
         limits = Path(f"/proc/{pid}/limits").read_text().splitlines()
     found = {line[:25].strip(): line[26:67].split() for line in limits}
     soft, hard = map(int, found["Max address space"])
-    assert soft < hard // 2 < hard == 2 << 30
+    assert soft < hard // 2 < hard == 3 << 30
     assert found["Max core file size"] == found["Max file size"] == ["0", "0"]
     assert int(found["Max open files"][1]) <= 16
     assert int(found["Max cpu time"][0]) < 10
