@@ -310,13 +310,7 @@ def without_none(row: Mapping[str, Any]) -> dict[str, Any]:
 
 
 class Connection:
-    """A connection to one calibration service, for one key. Use it as a context manager.
-
-    ``timeout`` is how long one silence of the service may last [s]. What is safe to send twice is sent again
-    after a lost connection or a passing refusal, up to ``retries`` times, first after about ``backoff_s``,
-    then after twice as long each time: by default for a minute and a half at least, which outlasts a restart
-    of the service on a slow machine. ``on_retry`` is told each time, from whichever thread sends.
-    """
+    """Requests, as all groups of calls of `stilb.Client` make them."""
 
     def __init__(
         self,

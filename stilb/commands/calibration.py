@@ -31,6 +31,7 @@ from stilb.field.plan import read_macro
 from stilb.field.template import read_methods
 from stilb.problem import Problem, Unclear, missing
 from stilb.records import DEFAULT_METHOD, Calibration, Quantity
+from stilb.transport import without_none
 
 CalibrationId = Annotated[str, typer.Argument(metavar="CALIBRATION", help="Its id.")]
 _POINT = re.compile(r"([\d.]+),([\d.]+)")
@@ -103,8 +104,7 @@ def calibrate(
     if tolerance is not None and not 0.0 < tolerance < 1.0:
         raise typer.BadParameter(f"--tolerance is a fraction: {tolerance / 100.0:g} for {tolerance:g} %")
     said: dict[str, Any] = {name: _value(text) for name, text in map(_pair, option or ())}
-    said |= {} if model is None else {"model": model}
-    said |= {} if tolerance is None else {"tolerance": tolerance}
+    said |= without_none({"model": model, "tolerance": tolerance})
     with output.client() as client:
         campaign_id = client.find_campaign(campaign).id
         if exclude:

@@ -8,6 +8,7 @@ import typer
 from stilb.commands.output import Exit, Output, command, read_moment
 from stilb.commands.terminal import table
 from stilb.records import OrganisationChange, PersonDetails
+from stilb.transport import without_none
 
 app = typer.Typer(no_args_is_help=True, help="Manage the keys of your organisation.")
 
@@ -96,7 +97,7 @@ def organisation(
 ) -> None:
     """Show your organisation, or change what it states."""
     said = {"time_zone": time_zone, "name": name, "address": address}
-    change = cast("OrganisationChange", {name: text for name, text in said.items() if text is not None})
+    change = cast("OrganisationChange", without_none(said))
     with output.client() as client:
         found = client.change_organisation(**change) if change else client.organisation()
     rows = [(name, str(found[name])) for name in ("id", "name", "address", "time_zone") if name in found]
@@ -126,5 +127,4 @@ def audit(
 
 
 def _describe(person: str | None, role: str | None) -> PersonDetails:
-    said = {"person": person, "role": role}
-    return cast("PersonDetails", {name: text for name, text in said.items() if text is not None})
+    return cast("PersonDetails", without_none({"person": person, "role": role}))

@@ -20,6 +20,7 @@ from stilb.field.plan import read_spreadsheet
 from stilb.field.template import LAMP_HELP
 from stilb.records import Grid, MeasureDetails, Measurement
 from stilb.resources.measurements import Area
+from stilb.transport import without_none
 
 _GRID = re.compile(r"(\d+)x(\d+)")
 
@@ -149,7 +150,7 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
         "height_u_m": height_u,
         "allow": allow or None,
     }
-    details = cast("MeasureDetails", {name: value for name, value in given.items() if value is not None})
+    details = cast("MeasureDetails", without_none(given))
     refused: list[dict[str, Any]] = []
     sent = None if folder is None else send_night(output, folder, campaign)
     with output.client() as client, showing(output.err) as listener:

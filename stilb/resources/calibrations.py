@@ -125,7 +125,10 @@ class Coefficients(Equipment):
         *,
         method: str = DEFAULT_METHOD,
         name: str | None = None,
-        **chosen: Unpack[InForce],
+        iso: float | None = None,
+        f_number: float | None = None,
+        at: Moment | None = None,
+        known_at: Moment | None = None,
     ) -> list[Coefficient]:
         """Return the coefficients in force at ``at`` (now), as they were known at ``known_at`` (now).
 
@@ -133,8 +136,8 @@ class Coefficients(Equipment):
         uncertainty that it has there, flagged.
         Raises ``Problem`` with the code "no_calibration_in_force" where nothing is.
         """
-        query = {"method": method, "name": name, "iso": chosen.get("iso"), "f_number": chosen.get("f_number")}
-        times = {"at": as_text(chosen.get("at")), "known_at": as_text(chosen.get("known_at"))}
+        query = {"method": method, "name": name, "iso": iso, "f_number": f_number}
+        times = {"at": as_text(at), "known_at": as_text(known_at)}
         rows = self._items(address("cameras", camera_id, "coefficients"), {**query, **times})
         return [Coefficient.of(row) for row in rows]
 
