@@ -14,7 +14,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 ROOMS = ("radiometry", "store", "worker", "service", "migrations", "verify")
-MANUAL = "service/web/manual"
+MANUAL = "service/pages/manual"
 """Where the service finds its manual if there is no docs/ beside it."""
 
 

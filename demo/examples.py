@@ -30,7 +30,7 @@ from simulation.sequoia import SEQUOIA, capture
 
 Node = dict[str, Any]
 
-_FILE = Path(__file__).parents[1] / "service" / "examples.json"
+_FILE = Path(__file__).parents[1] / "service" / "http" / "examples.json"
 _OTHER_BODY = "0K8TF1A0010099"
 _QUERIES: dict[str, Node] = {
     "get_campaign_motion": {"focal_length_mm": 3.98, "pixel_pitch_um": 3.75},

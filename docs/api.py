@@ -12,8 +12,8 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
-from service.app import build_app
-from service.context import Context
+from service.http.app import build_app
+from service.http.context import Context
 from store.settings import Settings
 
 Node = dict[str, Any]

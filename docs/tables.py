@@ -13,7 +13,7 @@ from pathlib import Path
 from radiometry.methods import METHODS
 from radiometry.specification.method import MethodSpec
 from radiometry.specification.parameters import Parameter
-from service.schemas.methods import describe_methods
+from service.calibrations.methods import describe_methods
 
 DOCS = Path(__file__).resolve().parent
 CLIENT = DOCS.parent / "stilb" / "field" / "methods.json"

@@ -1,10 +1,7 @@
 """``python -m service``: serves the API on the database, broker and blobs that the settings name."""
 
-import gc
-
-gc.disable()  # until everything is imported: collections took a quarter of that time and freed nothing
-
 import asyncio
+import gc
 import logging
 import os
 import sys
@@ -13,22 +10,19 @@ from socket import socket
 
 import uvicorn
 from fastapi import FastAPI
+from sqlalchemy import func, select
 
-from service.app import build_app
-from service.certificate import Backlog
-from service.connections import Connections, guarding, raise_file_limit
-from service.context import Context
-from service.forking import serve_forked, share_metrics
-from service.founding import found
-from service.health import Health
-from service.job_watch import JobWatch
-from service.launch.folder import close_to_others
+from service.documents.issuing import Backlog
+from service.http.app import build_app
+from service.http.auth import SCOPES
+from service.http.connections import Connections, guarding, raise_file_limit
+from service.http.context import Context
+from service.http.processes import Server, Traffic, Vitals, serve_forked, share_metrics
+from service.http.signatures import read_seed, sessions_of
+from service.jobs.watch import JobWatch
+from service.launch.folder import Refusal, close_to_others, report
 from service.launch.key import refuse_weak_key
-from service.launch.refusal import Refusal, report
-from service.sessions import sessions_of
-from service.shutdown import Server, Traffic
-from service.signing import read_seed
-from service.vitals import Vitals
+from service.system.health import Health
 from store.blobs import blobs_from_url
 from store.blobs.partials import Partials
 from store.database import OTHER_SCHEMA_EXIT, Database, SchemaDiffers
@@ -36,8 +30,26 @@ from store.jobs.processes import Presence, repeat, sweep_floor
 from store.jobs.queues import Post
 from store.logs import configure_logging
 from store.pulse import Pulse
+from store.queries.organisations import ensure_operator
+from store.queries.usage import recount_all
 from store.settings import Settings, read_settings
 from store.tracing import configure_tracing
+
+_TURN = 0x7374696C62
+
+
+def found(database: Database, secret: str) -> None:
+    """Make the operator, the first key and the counts unless they exist, one service after the other."""
+    with database.writing("service") as session:
+        if not database.is_sqlite:
+            session.execute(select(func.pg_advisory_xact_lock(_TURN)))
+        if secret:
+            ensure_operator(session, secret, list(SCOPES))
+        recount_all(session)
+
+
+gc.disable()  # until everything is imported: collections took a quarter of that time and freed nothing
+
 
 gc.freeze()
 gc.enable()

@@ -8,8 +8,8 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+from service.launch.folder import Exit, report
 from service.launch.lifeline import follow_make
-from service.launch.refusal import Exit, report
 from service.launch.run import Roster, launch
 from service.launch.supervisor import Part
 from store.settings import read_settings

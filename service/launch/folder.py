@@ -1,14 +1,62 @@
-"""The data folder belongs to one launcher and its children at a time."""
+"""The data folder belongs to one launcher at a time; why the launcher does not start, or ends."""
 
+import errno
 import fcntl
 import os
 import stat
+import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from enum import IntEnum
 from pathlib import Path
 
-from service.launch.refusal import Exit, Refusal
+
+class Exit(IntEnum):
+    STOPPED = 0
+    GAVE_UP = 1
+    """A part does not stay alive."""
+    CANNOT_START = 2
+    """A setting, the data folder or the port is in the way."""
+    NEWER_SCHEMA = 3
+    """The database was written by a newer stilb; the number that `store.migrate` answers."""
+    ALREADY_RUNS = 4
+    """Another launcher serves the same data folder."""
+
+
+class Refusal(Exception):  # noqa: N818 (it says what was found)
+    def __init__(self, message: str, code: Exit = Exit.CANNOT_START) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+def report(line: str) -> None:
+    """Print one line for the terminal, or for the log of a container."""
+    print(f"stilb: {line}", file=sys.stderr, flush=True)  # noqa: T201 (speaks to the terminal)
+
+
+_FULL = {errno.ENOSPC, errno.EDQUOT}
+_ROOM_BYTES = 1 << 20
+
+
+def has_room(folder: Path) -> bool:
+    """Return whether a megabyte can be written here, which a disk's own figures do not tell of a quota."""
+    probe = folder / "room"
+    try:
+        fd = os.open(probe, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+        try:
+            written = os.write(fd, bytes(_ROOM_BYTES))
+            os.fsync(fd)
+        finally:
+            os.close(fd)
+    except OSError as error:
+        return error.errno not in _FULL
+    else:
+        return written == _ROOM_BYTES
+    finally:
+        with suppress(OSError):
+            probe.unlink()
+
 
 REMAINS_S = 10.0
 """How long the children of a killed launcher may take to go; the kernel kills them at once."""

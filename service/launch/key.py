@@ -6,8 +6,7 @@ import sys
 from pathlib import Path
 from typing import Final
 
-from service.launch.folder import close_to_others
-from service.launch.refusal import Refusal, report
+from service.launch.folder import Refusal, close_to_others, report
 from store.settings import read_settings
 
 SHORTEST: Final = 32

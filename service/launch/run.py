@@ -1,7 +1,9 @@
 """The launcher's course: claim, check, start, tell, look after, stop."""
 
+import errno
 import http.client
 import os
+import socket
 import subprocess
 import time
 from collections.abc import Callable, Sequence
@@ -10,16 +12,29 @@ from dataclasses import dataclass
 from functools import partial
 
 from service.launch import valkey
-from service.launch.folder import claimed
+from service.launch.folder import Exit, Refusal, claimed, has_room, report
 from service.launch.key import bootstrap_key
 from service.launch.lifeline import die_with_parent
-from service.launch.port import free_port
-from service.launch.refusal import Exit, Refusal, report
-from service.launch.room import has_room
-from service.launch.signals import Signals
-from service.launch.supervisor import GaveUp, Part, Patience, Supervisor
+from service.launch.supervisor import GaveUp, Part, Patience, Signals, Supervisor
 from store.pulse import find_stopped_writer
 from store.settings import Settings
+
+
+def free_port(host: str, port: int) -> int:
+    """Return the port, or any free one for 0."""
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(
+            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )[0]
+        with socket.socket(family, kind, protocol) as probe:
+            # As the server does: connections of an earlier run that still fade away are no obstacle.
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(address)
+            return int(probe.getsockname()[1])
+    except OSError as error:
+        reason = "is in use" if error.errno == errno.EADDRINUSE else f"cannot be served: {error.strerror}"
+        raise Refusal(f"port {port} on {host} {reason}; set another with STILB_PORT") from error
+
 
 READY_WITHIN_S = 120.0
 

@@ -1,8 +1,10 @@
 """Keeps child processes alive: starts again what dies or hangs, and takes all of them down in order."""
 
 import os
+import select
 import shutil
 import signal
+import socket
 import subprocess
 import time
 from collections import deque
@@ -10,12 +12,59 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import BinaryIO, Protocol
+from types import FrameType, TracebackType
+from typing import BinaryIO, Protocol, Self
 
+from service.launch.folder import has_room
 from service.launch.lifeline import die_with_parent
-from service.launch.room import has_room
-from service.launch.signals import Signals
 from store.pulse import read_beat
+
+_STOP = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+class Signals:
+    """Counts the requests to stop; use as a context manager, in the main thread."""
+
+    def __init__(self) -> None:
+        self.stops = 0
+
+    def __enter__(self) -> Self:
+        # The handlers themselves only count: they may interrupt any line, so they must take no lock.
+        self._ear, self._mouth = socket.socketpair()
+        self._ear.setblocking(False)
+        self._mouth.setblocking(False)
+        self._before_fd = signal.set_wakeup_fd(self._mouth.fileno(), warn_on_full_buffer=False)
+        self._before = {number: signal.signal(number, self._count) for number in _STOP if _wanted(number)}
+        self._before[signal.SIGCHLD] = signal.signal(signal.SIGCHLD, _only_wake)
+        return self
+
+    def wait(self, timeout_s: float) -> None:
+        """Sleep for so long, or until the next signal."""
+        select.select([self._ear], [], [], max(timeout_s, 0.0))
+        with suppress(BlockingIOError):
+            self._ear.recv(4096)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+        signal.set_wakeup_fd(self._before_fd)
+        self._ear.close()
+        self._mouth.close()
+
+    def _count(self, _number: int, _frame: FrameType | None) -> None:
+        self.stops += 1
+
+
+def _wanted(number: signal.Signals) -> bool:
+    # Whoever runs this under nohup wants it to outlive the terminal.
+    return not (number == signal.SIGHUP and signal.getsignal(number) == signal.SIG_IGN)
+
+
+def _only_wake(_number: int, _frame: FrameType | None) -> None:
+    pass
+
 
 DEATHS_ALLOWED = 5
 WITHIN_S = 60.0

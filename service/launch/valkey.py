@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 from pathlib import Path
 
-from service.launch.refusal import Refusal
+from service.launch.folder import Refusal
 
 SOCKET = "valkey.sock"
 _SOCKET_PATH_BYTES = 103

@@ -6,8 +6,8 @@ import pytest
 from fastapi import FastAPI
 from fastapi.routing import iter_route_contexts
 from playwright.sync_api import expect
+from service.pages.pages import include_pages
 
-from service.web.pages import include_pages
 from tests.support.browser import DIALOG, WIDTHS, check_access, launch, look, settle, sign_in, visit
 
 NO_PAGES = ("/static/", "/plots/", "/docs/pictures/")

@@ -8,7 +8,7 @@ from pydantic import SecretStr
 
 from docs import findings
 from radiometry.methods.findings import FINDINGS
-from service.launch.refusal import Exit
+from service.launch.folder import Exit
 from store.settings import Settings
 
 ROOT = Path(__file__).resolve().parents[2]

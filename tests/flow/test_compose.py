@@ -8,7 +8,7 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from service.command import COMMANDS
-from service.launch.refusal import Exit
+from service.launch.folder import Exit
 from service.up import ROSTER
 from store.settings import Settings
 from tests.support.compose import OURS, ROOT, S3, TLS, command_of, compose, environment_of, load_script

@@ -31,7 +31,7 @@ def test_release_accepts_the_wheel(server_wheel):
     release, version = load_script("release"), read_version()
     listed = subprocess.run(["git", "ls-files", *ROOMS], cwd=ROOT, check=True, capture_output=True, text=True)
     manual = [str(each.relative_to(ROOT / "docs")) for each in load_script("server_wheel").list_pages(ROOT)]
-    committed = [*listed.stdout.splitlines(), *(f"service/web/manual/{each}" for each in manual)]
+    committed = [*listed.stdout.splitlines(), *(f"service/pages/manual/{each}" for each in manual)]
     found = release.inspect_wheel(
         server_wheel, name="stilb-server", version=version, rooms=ROOMS, committed=committed
     )

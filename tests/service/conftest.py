@@ -3,12 +3,12 @@
 import pytest
 from starlette.testclient import TestClient
 
-from service.app import build_app
-from service.context import Context
-from service.health import Health
-from service.job_watch import JobWatch
-from service.sessions import Sessions
-from service.shutdown import Traffic
+from service.http.app import build_app
+from service.http.context import Context
+from service.http.processes import Traffic
+from service.http.signatures import Sessions
+from service.jobs.watch import JobWatch
+from service.system.health import Health
 from store.blobs import LocalBlobs
 from store.database import Database
 from store.settings import Settings

@@ -5,7 +5,7 @@ import json
 
 from sqlalchemy import text
 
-from service.web.audit_words import ACTS
+from service.pages.routes import ACTS
 from store.queries.audit import NAMES
 from store.tables.base import Audited, AuditedTogether, Base
 
@@ -98,7 +98,7 @@ def tamper(house, statement, seq):
 
 
 def test_the_chain_is_checked_in_pieces_and_names_what_was_edited_or_deleted(house, stranger, monkeypatch):
-    monkeypatch.setattr("service.routes.audit._MOST_CHECKED", 2)
+    monkeypatch.setattr("service.organisation.routes._MOST_CHECKED", 2)
     for number in range(3):
         house.campaign(project_number=str(number))
         stranger.post("/v1/cameras", json={"make": "DJI", "model": "X", "serial": str(number)})

@@ -8,9 +8,8 @@ import sys
 
 import pytest
 
-from service.launch.folder import close_to_others
+from service.launch.folder import Exit, Refusal, close_to_others
 from service.launch.key import bootstrap_key, refuse_weak_key
-from service.launch.refusal import Exit, Refusal
 
 FINE = "9xYc0vTq3LrWm7KfZbNd2HsGaJePuQi5o1"
 

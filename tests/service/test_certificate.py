@@ -11,10 +11,10 @@ from sqlalchemy import event
 
 from radiometry.findings import interface
 from radiometry.methods.findings import FINDINGS
-from service.certificate import write_dcc
-from service.certificate.gaps import list_gaps
-from service.press.pages import lay_out
-from service.schemas.certificates import CertificateAnswer
+from service.documents.dcc import write_dcc
+from service.documents.gaps import list_gaps
+from service.documents.pages import lay_out
+from service.documents.schemas import CertificateAnswer
 from store.tables import FrameRow
 from tests.support.campaigns import LEVELS, ROI, SETTINGS, calibrate, calibrated_campaign
 from tests.support.certificates import (

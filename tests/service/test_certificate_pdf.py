@@ -10,11 +10,17 @@ import pypdf
 import pytest
 
 from radiometry.drawing.text import in_step
-from service.press.kept import find_rendered, name_source, render_and_keep, render_apart
-from service.press.orders import order_certificate, write_order
-from service.press.pages import lay_out
-from service.press.regions import draw_region
-from service.press.typesetter import typeset
+from service.documents.pages import lay_out
+from service.documents.rendered import (
+    find_rendered,
+    name_source,
+    order_certificate,
+    render_and_keep,
+    render_apart,
+    write_order,
+)
+from service.documents.rendering import typeset
+from service.documents.sheets import draw_region
 from tests.support.certificates import certificate_of, complete_version
 
 # with a point, and no part of a name, a version or a date
@@ -191,7 +197,8 @@ def test_a_long_table_is_cut_with_a_sentence_and_the_json_is_whole(certificate):
 def test_a_file_is_rendered_once_and_again_if_it_is_lost(house, monkeypatch):
     rendered = []
     monkeypatch.setattr(
-        "service.press.kept.render_apart", lambda _, **__: rendered.append(1) or b"%PDF" + bytes(rendered)
+        "service.documents.rendered.render_apart",
+        lambda _, **__: rendered.append(1) or b"%PDF" + bytes(rendered),
     )
     context = house.app.state.context
 
@@ -207,7 +214,7 @@ def test_a_file_is_rendered_once_and_again_if_it_is_lost(house, monkeypatch):
             path.unlink()
     assert find(b"a") == b"%PDF" + bytes([1, 1, 1])
     assert len(rendered) == 3
-    monkeypatch.setattr("service.press.kept.RENDERER", "another")
+    monkeypatch.setattr("service.documents.rendered.RENDERER", "another")
     assert find_rendered(context, name_source(b"a")) is None
 
 

@@ -7,7 +7,7 @@ from typing import get_args, get_origin, get_type_hints
 
 import pytest
 
-from service.document import resolve
+from service.http.document import resolve
 from stilb import records
 
 ANSWERS = {

@@ -8,8 +8,8 @@ from fastapi import FastAPI, Request, Response
 from fastapi.responses import StreamingResponse
 from starlette.testclient import TestClient
 
-from service.compression import Compression
-from service.immutable import immutable_headers, not_modified
+from service.http.answers import immutable_headers, not_modified
+from service.http.middleware import Compression
 
 GZIP = {"Accept-Encoding": "gzip"}
 LONG = b"0123456789" * 200

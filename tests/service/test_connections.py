@@ -10,13 +10,13 @@ from types import SimpleNamespace
 import httpx
 import pytest
 
-from service.connections import Connections, _Joining
+from service.http.connections import Connections, _Joining
 
 HALF = b"GET /livez HTTP/1.1\r\nHost: x\r\nX-Slow: "
 FILES = 256
 SERVER = """
 import resource, socket, sys, uvicorn
-from service.connections import Connections, guarding, raise_file_limit
+from service.http.connections import Connections, guarding, raise_file_limit
 
 files, per_peer, headers_within_s, guarded = map(float, sys.argv[1:])
 resource.setrlimit(resource.RLIMIT_NOFILE, (int(files) // 2, int(files)))

@@ -11,7 +11,7 @@ import pytest
 from sqlalchemy import select
 from starlette.testclient import TestClient
 
-from service.app import build_app
+from service.http.app import build_app
 from store.tables import ReadyCells
 from tests.support.campaigns import published_campaign
 from tests.support.house import KEY

@@ -6,7 +6,7 @@ import pytest
 from fastapi import FastAPI
 from starlette.testclient import TestClient
 
-from service.deprecated import Deprecations, deprecated
+from service.http.middleware import Deprecations, deprecated
 
 POLICY = "/docs/http#changes-of-the-api"
 SUCCESSORS = {

@@ -10,12 +10,13 @@ from jsonschema import Draft202012Validator
 
 from radiometry import methods
 from radiometry.fitting.curve import coverage_factor
-from service.certificate import dcc, write_dcc
-from service.certificate.gaps import list_gaps
-from service.press.kept import render_apart
-from service.press.pages import lay_out
-from service.press.typesetter import typeset
-from service.schemas.certificates import CertificateAnswer
+from service.documents import dcc
+from service.documents.dcc import write_dcc
+from service.documents.gaps import list_gaps
+from service.documents.pages import lay_out
+from service.documents.rendered import render_apart
+from service.documents.rendering import typeset
+from service.documents.schemas import CertificateAnswer
 from tests.support.campaigns import calibrate
 from tests.support.certificates import certificate_of
 from tests.support.dcc import read_dcc
@@ -192,8 +193,8 @@ def test_every_number_on_paper_is_one_of_the_jsons(
     path = f"/v1/calibrations/{version_of(method)['id']}"
     with monkeypatch.context() as apart:
         # shut in as in production: nothing of any method is loaded late
-        apart.setattr("service.press.kept.render_apart", render_apart)
-        apart.setattr("service.press.kept.build_command", lambda _module: COMMAND)
+        apart.setattr("service.documents.rendered.render_apart", render_apart)
+        apart.setattr("service.documents.rendered.build_command", lambda _module: COMMAND)
         answer = sqlite_house.http.get(f"{path}/certificate.pdf")
     assert (answer.status_code, answer.headers["Content-Type"]) == (200, "application/pdf")
     reader = pypdf.PdfReader(io.BytesIO(answer.content))

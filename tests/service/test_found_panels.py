@@ -7,7 +7,7 @@ import pytest
 import tifffile
 
 from radiometry import methods
-from service.press.regions import region_blocks
+from service.documents.sheets import region_blocks
 from tests.support.campaigns import calibrate
 from tests.support.data import data_file
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from service.upload_headers import PIECE
+from service.uploads.tus import PIECE
 from tests.support.everything import make_one_of_each
 from tests.support.house import KEY
 

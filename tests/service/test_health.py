@@ -17,7 +17,7 @@ import pytest
 from alembic.script import ScriptDirectory
 from sqlalchemy import text, update
 
-from service.health import Health
+from service.system.health import Health
 from service.up import WORKER
 from store.blobs import StorageFull, StorageUnavailable
 from store.blobs.objects import ObjectBlobs
@@ -158,7 +158,7 @@ def test_s3_that_is_away_ends_readiness_at_the_first_look(
     house, s3_bucket, s3_endpoint, tmp_path, monkeypatch
 ):
     host, port = s3_endpoint.removeprefix("http://").split(":")
-    monkeypatch.setattr("service.health._TRUSTED_FOR_S", 1.0)
+    monkeypatch.setattr("service.system.health._TRUSTED_FOR_S", 1.0)
     with Proxy((host, int(port))) as proxy:
         look_anew(
             house, blobs=ObjectBlobs(f"s3://{s3_bucket}/x", tmp_path, endpoint=f"http://{proxy.address}")

@@ -9,9 +9,9 @@ import pytest
 from sqlalchemy import func, select, update
 from sqlalchemy.exc import DBAPIError
 
-from service.certificate.issuing import Backlog
-from service.press.pages import lay_out
-from service.press.rendering import render
+from service.documents.issuing import Backlog
+from service.documents.pages import lay_out
+from service.documents.rendering import render
 from store.audit_check import check_rows
 from store.blobs import StorageFull
 from store.tables import FrameRow, IssuedCertificate, Publication
@@ -53,11 +53,13 @@ def count(house, table):
 def revise(monkeypatch):
     """What a later release may do: fit, word and set otherwise."""
     monkeypatch.setattr("store.software.FIT_CODE_VERSION", "9.9.9")
-    monkeypatch.setattr("service.certificate.words.RELATES", "Another sentence.")
-    monkeypatch.setattr("service.certificate.document.SCHEMA_VERSION", 2)
-    monkeypatch.setattr("service.press.kept.RENDERER", "render-99")
-    monkeypatch.setattr("service.press.pages.STAMPS", dict.fromkeys(("draft", "published"), "Other"))
-    monkeypatch.setattr("service.press.kept.render_apart", lambda *_, **__: b"%PDF of a later release")
+    monkeypatch.setattr("service.documents.certificate.RELATES", "Another sentence.")
+    monkeypatch.setattr("service.documents.certificate.SCHEMA_VERSION", 2)
+    monkeypatch.setattr("service.documents.rendered.RENDERER", "render-99")
+    monkeypatch.setattr("service.documents.pages.STAMPS", dict.fromkeys(("draft", "published"), "Other"))
+    monkeypatch.setattr(
+        "service.documents.rendered.render_apart", lambda *_, **__: b"%PDF of a later release"
+    )
 
 
 def test_what_was_issued_keeps_its_bytes_whatever_comes_later(house, staged, monkeypatch):
@@ -118,9 +120,9 @@ def test_nothing_is_published_without_its_certificate(house, version, monkeypatc
         raise StorageFull if fault == "room" else RuntimeError(fault)
 
     place = {
-        "typesetter": "service.press.kept.render_apart",
-        "room": "service.certificate.issuing._store",
-        "commit": "service.routes.calibrations.keep_issued",
+        "typesetter": "service.documents.rendered.render_apart",
+        "room": "service.documents.issuing._store",
+        "commit": "service.calibrations.routes.keep_issued",
     }[fault]
     client = house.with_key("stilb_test_key")
     with monkeypatch.context() as during:
@@ -143,11 +145,11 @@ def test_a_repeated_request_issues_once(house, version, monkeypatch):
         ordered.append(how)
         return render(order)
 
-    monkeypatch.setattr("service.press.kept.render_apart", note)
+    monkeypatch.setattr("service.documents.rendered.render_apart", note)
     first = publish(house, version, key="once")
     # shut in as all that is rendered, and before what nobody waits for
     assert ordered == [{"require": True, "first": True}]
-    monkeypatch.setattr("service.press.kept.render_apart", None)
+    monkeypatch.setattr("service.documents.rendered.render_apart", None)
     assert publish(house, version, key="once") == first
     assert count(house, IssuedCertificate) == 1
 
@@ -194,7 +196,7 @@ def test_what_was_published_before_is_issued_once_also_if_it_is_killed(house, ve
     """As at an upgrade: rows of publications, and nothing issued."""
     newer = calibrate(house, {"id": version["campaign_id"]}, tolerance=0.05)
     for each in (version, newer):
-        monkeypatch.setattr("service.routes.calibrations.keep_issued", lambda *_: None)
+        monkeypatch.setattr("service.calibrations.routes.keep_issued", lambda *_: None)
         publish(house, each)
     monkeypatch.undo()
     backlog = Backlog(house.app.state.context)
@@ -203,11 +205,11 @@ def test_what_was_published_before_is_issued_once_also_if_it_is_killed(house, ve
         raise KeyboardInterrupt
 
     with monkeypatch.context() as during:
-        during.setattr("service.press.kept.render_apart", die)
+        during.setattr("service.documents.rendered.render_apart", die)
         with pytest.raises(KeyboardInterrupt):
             backlog.issue_next()
     assert count(house, IssuedCertificate) == 0
-    monkeypatch.setattr("service.press.kept.render_apart", lambda order, **_: render(order))
+    monkeypatch.setattr("service.documents.rendered.render_apart", lambda order, **_: render(order))
     # whoever asks need not wait for its turn
     asked = fetch(house, version, "json")
     assert (backlog.issue_next(), backlog.issue_next()) == (1.0, 3600.0)
@@ -229,7 +231,7 @@ def test_what_was_published_before_is_issued_once_also_if_it_is_killed(house, ve
 def test_one_that_cannot_be_issued_yet_keeps_no_other_waiting(house, version, monkeypatch):
     newer = calibrate(house, {"id": version["campaign_id"]}, tolerance=0.05)
     with monkeypatch.context() as before:
-        before.setattr("service.routes.calibrations.keep_issued", lambda *_: None)
+        before.setattr("service.calibrations.routes.keep_issued", lambda *_: None)
         for each in (version, newer):
             publish(house, each)
     build = house.app.state.context.reviews.find

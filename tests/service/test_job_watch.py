@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from sqlalchemy import update
 
-from service.job_watch import MOST_STREAMS, JobWatch
-from service.problems import Problem
+from service.http.problems import Problem
+from service.jobs.watch import MOST_STREAMS, JobWatch
 from store.database import Database
 from store.queries.organisations import Who
 from store.tables import Job
@@ -123,7 +123,7 @@ def test_a_stream_ends_with_the_right_to_it(house):
 
 
 def test_a_first_event_does_not_wait_for_the_next_look(house, monkeypatch):
-    monkeypatch.setattr("service.job_watch._FOLLOWING_TICK_S", 60.0)
+    monkeypatch.setattr("service.jobs.watch._FOLLOWING_TICK_S", 60.0)
     campaign_id = house.campaign()["id"]
     who = Who(house.post("/v1/keys", {"name": "board", "scopes": ["read"]})["id"], None)
 

@@ -133,7 +133,7 @@ def test_points_and_plot_of_a_version(house, staged, monkeypatch):
     # against X, in logarithms, against ln X, and the residuals
     assert len(points) == 4 * used
     # it is kept as a file, and not drawn again
-    monkeypatch.setattr("service.press.kept.render_apart", None)
+    monkeypatch.setattr("service.documents.rendered.render_apart", None)
     assert house.http.get(f"/v1/calibrations/{version['id']}/plot.svg").content == plot.content
     with house.database.reading() as session:
         assert session.get(Blob, plot.headers["etag"].strip('"')).size_bytes == len(plot.content)

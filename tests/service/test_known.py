@@ -4,7 +4,7 @@ import hashlib
 
 import pytest
 
-from service.schemas.known import MOST_HASHES
+from service.uploads.routes import MOST_HASHES
 
 pytestmark = pytest.mark.either_database
 

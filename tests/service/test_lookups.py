@@ -2,7 +2,7 @@
 
 import pytest
 
-from service import ready
+from service.coefficients import ready
 from store.database import Database
 from store.queries.organisations import create_key
 from store.tables import ApiKey, Organisation

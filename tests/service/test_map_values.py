@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import tifffile
 
-from service.map_values import Layout, Window, read_layout, read_values
-from service.schemas.maps import uncertainty_of
+from service.measurements.maps import Layout, Window, read_layout, read_values, uncertainty_of
 from tests.support.campaigns import published_campaign
 from worker.maps.tiff import ROUNDING_REL, TILE_PX, encode_band
 

@@ -12,9 +12,9 @@ from jsonschema import Draft202012Validator
 from PIL import Image
 
 from radiometry.drawing.text import in_step
-from service.certificate.report import tabulate_cells, tabulate_flags
-from service.press.orders import order_sheets
-from service.press.typesetter import typeset
+from service.documents.rendered import order_sheets
+from service.documents.rendering import typeset
+from service.documents.report import tabulate_cells, tabulate_flags
 from store.tables import FrameRow
 from tests.support.blobs import zero
 from tests.support.campaigns import K_TRUE, ROI, calibrate, calibrated_campaign, published_campaign
@@ -160,7 +160,7 @@ def check_report(house, found):
     with pytest.MonkeyPatch.context() as patch:
         laid = []
         patch.setattr(
-            "service.routes.reports.order_sheets",
+            "service.documents.report.order_sheets",
             lambda sheets: laid.append(sheets) or order_sheets(sheets),
         )
         answer = house.http.get(path)

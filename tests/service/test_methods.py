@@ -7,8 +7,8 @@ from pydantic import TypeAdapter, ValidationError
 
 from radiometry.methods import METHODS, get_method
 from radiometry.specification.parameters import Parameter
-from service.problems import Problem
-from service.schemas.fits import NewCalibration, read_kind, read_request
+from service.calibrations.fits import NewCalibration, read_kind, read_request
+from service.http.problems import Problem
 
 NUMBERS = [
     (spec, each)

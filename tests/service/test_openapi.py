@@ -12,15 +12,14 @@ import pytest
 from jsonschema import Draft202012Validator
 from pydantic import ValidationError
 
-import service.document
-from service.document import resolve
-from service.regions import read_roi
-from service.schemas.campaigns import NewReading, NewRoi
-from service.schemas.measurements import NewGrid
-from service.schemas.methods import describe_versions
-from service.schemas.rigs import NewRig
-from service.schemas.tools.motion import NewMotion
-from service.web.markdown import render_markdown
+import service.http.document
+from service.calibrations.methods import describe_versions
+from service.campaigns.schemas import NewReading, NewRoi
+from service.equipment.rigs import NewRig
+from service.http.document import resolve
+from service.measurements.requests import NewGrid, read_roi
+from service.pages.documentation import render_markdown
+from service.tools.schemas import NewMotion
 from store.software import read_version
 
 JSON, PROBLEM = "application/json", "application/problem+json"
@@ -188,7 +187,7 @@ def find_region_patterns(document):
 
 def test_recorded_examples_hold_the_fields_of_today(document):
     """`make examples` records them: no schema, field or type of theirs may be of an older service."""
-    recorded = json.loads(Path(service.document.__file__).with_name("examples.json").read_text("utf-8"))
+    recorded = json.loads(Path(service.http.document.__file__).with_name("examples.json").read_text("utf-8"))
     written_out = {"NewCoverage", "NewExposureSeries", "NewMotion", "NewReading"}
     assert recorded.keys() <= document["components"]["schemas"].keys() | written_out
     exact = {
@@ -327,7 +326,7 @@ def test_the_type_of_a_problem_leads_to_its_explanation(open_http, monkeypatch, 
     page.write_text(
         "# Errors\n\n## not_found\n\nThere is <script>no</script> such thing.\n", encoding="utf-8"
     )
-    monkeypatch.setattr("service.web.pages.documents._MANUAL", tmp_path)
+    monkeypatch.setattr("service.pages.documentation._MANUAL", tmp_path)
     address, _, place = open_http.get("/v1/nothing").json()["type"].partition("#")
     html = open_http.get(address).text
     assert f'<h2 id="{place}">not_found</h2>' in html

@@ -17,10 +17,10 @@ import pytest
 from fastapi.routing import APIRoute, iter_route_contexts
 
 from bench.harness import forget_peak, read_memory_mb
-from service import auth, limits
-from service.auth import get_caller
-from service.limits import MAX_BODY_BYTES, STRANGER_BYTES
-from service.operations import list_calls
+from service.http import auth, limits
+from service.http.auth import get_caller
+from service.http.limits import MAX_BODY_BYTES, STRANGER_BYTES
+from service.http.operations import list_calls
 from tests.support.hostile import JSON, Body, make_bodies, make_heads, make_own
 from tests.support.resumable import PIECE, TUS, begin_upload
 

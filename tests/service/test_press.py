@@ -8,9 +8,8 @@ import sys
 
 import pytest
 
-from service.press import kept
-from service.press.kept import RenderingFailed, render_apart
-from service.press.orders import write_order
+from service.documents import rendered as kept
+from service.documents.rendered import RenderingFailed, render_apart, write_order
 from store.sandbox import Restrictions
 from tests.support.press import COMMAND
 
@@ -67,7 +66,7 @@ def test_what_takes_too_much_is_ended(obey, kind, typst, ends):
 
 
 def test_less_than_the_whole_sandbox_will_do_unless_it_is_required(monkeypatch):
-    code = "from service.press import __main__ as press\n"
+    code = "from service.documents import __main__ as press\n"
     code += "press.Restrictions._restrict_files = lambda _: False\n"
     code += "press.render = lambda order: order\n"
     code += "press.os.nice = lambda _: 0\n"

@@ -3,7 +3,7 @@
 import pytest
 
 from radiometry.methods import get_method
-from service.proposals.card import CardFrame, choose_methods, natural, sort_card, split_scenes
+from service.campaigns.proposals import CardFrame, choose_methods, natural, sort_card, split_scenes
 
 
 def frame(name, minute=0.0, *, signal=0.3, exposure_time_s=0.01, **more):

@@ -8,8 +8,8 @@ import pytest
 from sqlalchemy import update
 
 import stilb
-from service.problems import Problem
-from service.rates import Rates
+from service.http.counts import Rates
+from service.http.problems import Problem
 from store.blobs.partials import Partial
 from store.queries.usage import Quotas, recount_all
 from store.settings import Settings

@@ -9,9 +9,9 @@ import pytest
 from cryptography.exceptions import InvalidSignature
 from cryptography.hazmat.primitives.serialization import load_pem_public_key
 
-from service.limits import MAX_BODY_BYTES
-from service.schemas.manifests import MOST_FILES
-from service.signing import Signer
+from service.campaigns.manifests import MOST_FILES
+from service.http.limits import MAX_BODY_BYTES
+from service.http.signatures import Signer
 
 pytestmark = pytest.mark.either_database
 

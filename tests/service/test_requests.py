@@ -8,9 +8,9 @@ import unicodedata
 import pytest
 from fastapi.testclient import TestClient
 
-from service import auth, limits
-from service.attempts import LONGEST_WAIT_S, Attempts
-from service.limits import MAX_BODY_BYTES, STRANGER_BYTES
+from service.http import auth, limits
+from service.http.counts import LONGEST_WAIT_S, Attempts
+from service.http.limits import MAX_BODY_BYTES, STRANGER_BYTES
 
 CAMERA = {"make": "DJI", "model": "FC6520", "serial": "1"}
 
@@ -253,7 +253,7 @@ def test_an_unexpected_fault_is_a_problem_that_tells_nothing(house, monkeypatch)
     def fail(*_):
         raise RuntimeError("secret details")
 
-    monkeypatch.setattr("service.metrics.count_queue", fail)
+    monkeypatch.setattr("service.system.health.count_queue", fail)
     with house.with_key("any") as client:
         answer = client.get("/metrics")
     assert (answer.status_code, answer.json()["code"]) == (500, "internal_error")

@@ -9,8 +9,8 @@ import arro3.io
 import pytest
 from sqlalchemy import delete, select
 
-from service import series as answers
-from service.schemas.series import MeasurementSeriesRow, SeriesRow
+from service.coefficients import series as answers
+from service.coefficients.series import MeasurementSeriesRow, SeriesRow
 from store.ready import series as coefficient_series
 from store.ready import series as measurement_series
 from store.ready.rows import write_missing

@@ -15,8 +15,8 @@ LARGE = {
 def test_processes_start_without_large_libraries():
     program = (
         "import sys, service.__main__, worker.upkeep, worker.background, store.migrate\n"
-        "service.app.include_routes(service.app.FastAPI())\n"
-        "assert 'service.routes.map_values' in sys.modules\n"
+        "service.http.app._include_routers(service.http.app.FastAPI())\n"
+        "assert 'service.measurements.stac' in sys.modules\n"
         f"sys.exit(' '.join({LARGE} & sys.modules.keys()) or None)"
     )
     done = subprocess.run([sys.executable, "-c", program], check=False, capture_output=True, text=True)

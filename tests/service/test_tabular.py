@@ -8,9 +8,9 @@ import re
 import arro3.io
 import pytest
 
-from service import series_texts
-from service.arrow import write_arrow
-from service.tabular import write_csv
+from service.coefficients import formats as series_texts
+from service.coefficients.formats import write_arrow
+from service.http.tables import write_csv
 from store.ready.rows import read_records, write_record
 
 EXCEL = {

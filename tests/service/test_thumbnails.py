@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 from sqlalchemy import delete
 
-from service.thumbnails import draw_light_thumbnail, draw_thumbnail
+from service.frames.pictures import draw_light_thumbnail, draw_thumbnail
 from store.files import reduce_preview
 from store.tables import FrameRow, Roi, SmallPreview
 

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from service.thumbnails import draw_light_thumbnail
-from service.web.fields import describe_fields
+from service.frames.pictures import draw_light_thumbnail
+from service.pages.rendering import describe_fields
 from store.files import reduce_preview
 from tests.support.house import KEY
 
-STATIC = Path(__file__).parents[2] / "service" / "web" / "static"
+STATIC = Path(__file__).parents[2] / "service" / "pages" / "static"
 TEMPLATES = STATIC.parent / "templates"
 PAGE = {"Accept": "text/html,application/xhtml+xml;q=0.9,*/*;q=0.8"}
 
@@ -230,7 +230,7 @@ def test_our_own_fault_is_a_page_too(visitor, monkeypatch):
     def fail(*_, **__):
         raise RuntimeError("on purpose")
 
-    monkeypatch.setattr("service.web.pages.jobs.show_jobs.__code__", fail.__code__)
+    monkeypatch.setattr("service.pages.routes.show_jobs.__code__", fail.__code__)
     answer = visitor.get("/jobs", headers=PAGE)
     assert answer.status_code == 500
     assert "on purpose" not in answer.text

@@ -6,8 +6,8 @@ import time
 import pytest
 from starlette.testclient import TestClient
 
-from service.attempts import FORGOTTEN_AFTER_S, LONGEST_WAIT_S, Attempts, name_address
-from service.sessions import SESSION_S, Sessions, sessions_of
+from service.http.counts import FORGOTTEN_AFTER_S, LONGEST_WAIT_S, Attempts, name_address
+from service.http.signatures import SESSION_S, Sessions, sessions_of
 from store.settings import Settings
 from store.tables import WebSession
 from tests.support.house import CAMERA, KEY
@@ -344,9 +344,9 @@ def test_a_token_is_known_again_until_it_ends(monkeypatch):
     token = sessions.open("ses_1")
     assert sessions.session_id_of(token) == "ses_1"
     now = time.time()
-    monkeypatch.setattr("service.sessions.time.time", lambda: now + SESSION_S - 2)
+    monkeypatch.setattr("service.http.signatures.time.time", lambda: now + SESSION_S - 2)
     assert sessions.session_id_of(token) == "ses_1"
-    monkeypatch.setattr("service.sessions.time.time", lambda: now + SESSION_S + 1)
+    monkeypatch.setattr("service.http.signatures.time.time", lambda: now + SESSION_S + 1)
     assert sessions.session_id_of(token) is None
 
 

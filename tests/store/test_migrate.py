@@ -14,7 +14,7 @@ from alembic.migration import MigrationContext
 from sqlalchemy import CheckConstraint, func, inspect, select, text
 from sqlalchemy.exc import IntegrityError
 
-from service.founding import found
+from service.__main__ import found
 from store.database import Database
 from store.migrate import NewerSchema, alembic_config, find_difference, migrate
 from store.publications import publish

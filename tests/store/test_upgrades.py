@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy import Boolean, LargeBinary, MetaData, text
 
-from service.certificate import Backlog
+from service.documents.issuing import Backlog
 from store.audit_check import check_rows
 from store.audit_check import main as check_audit
 from store.blobs import blobs_from_url
@@ -144,8 +144,8 @@ def test_certificates_of_a_release_are_issued_once(release, empty, tmp_path, req
         assert certificate["issued"]["at_upgrade"] is True
         assert certificate["result"] == recorded_result(recorded, published[0])
     monkeypatch.setattr("store.software.FIT_CODE_VERSION", "9.9.9")
-    monkeypatch.setattr("service.certificate.words.RELATES", "Another sentence.")
-    monkeypatch.setattr("service.press.kept.RENDERER", "render-99")
+    monkeypatch.setattr("service.documents.certificate.RELATES", "Another sentence.")
+    monkeypatch.setattr("service.documents.rendered.RENDERER", "render-99")
     with start() as house:
         assert Backlog(house.app.state.context).issue_next() == 3600.0
         assert read(house) == issued

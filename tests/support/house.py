@@ -9,14 +9,14 @@ from fastapi import FastAPI
 from sqlalchemy import select
 from starlette.testclient import TestClient
 
-from service.app import build_app
-from service.auth import SCOPES
-from service.context import Context
-from service.health import Health
-from service.job_watch import JobWatch
-from service.press.rendering import render
-from service.sessions import Sessions
-from service.shutdown import Traffic
+from service.documents.rendering import render
+from service.http.app import build_app
+from service.http.auth import SCOPES
+from service.http.context import Context
+from service.http.processes import Traffic
+from service.http.signatures import Sessions
+from service.jobs.watch import JobWatch
+from service.system.health import Health
 from store.blobs import LocalBlobs
 from store.database import Database
 from store.queries.organisations import ensure_operator
@@ -61,7 +61,9 @@ class House:
         )
         context.traffic.metrics.totals_every_s = 0.0
         # a process for each picture takes longer than the picture
-        self._stack.enter_context(patch("service.press.kept.render_apart", lambda order, **_: render(order)))
+        self._stack.enter_context(
+            patch("service.documents.rendered.render_apart", lambda order, **_: render(order))
+        )
         self.app = _idle_apps.pop() if _idle_apps else build_app(context)
         self.app.state.context = context
         self._stack.callback(_idle_apps.append, self.app)

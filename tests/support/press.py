@@ -4,8 +4,9 @@ import json
 import os
 import sys
 
-from service.press import __main__ as press
-from service.press import rendering, typesetter
+from service.documents import __main__ as press
+from service.documents import rendering
+from service.documents import rendering as typesetter
 from tests.worker.decode.probing import probe
 
 COMMAND = [sys.executable, "-s", "-P", "-m", "tests.support.press"]

@@ -1,0 +1,1 @@
+"""Fits, versions, what is decided of them, and the methods."""

@@ -1,0 +1,150 @@
+"""Comparison of several cameras, and drift of one: nothing is stored."""
+
+from collections.abc import Sequence
+from typing import Annotated
+
+from fastapi import Query, Response
+from pydantic import Field
+
+from radiometry.fleet.determinations import Determination, LeftOut, Source
+from radiometry.fleet.drift import Drift, judge_drift
+from radiometry.fleet.results import PERCENT, find_sensitivity, main_unit
+from radiometry.fleet.verdict import judge_fleet
+from service.calibrations.schemas import FleetVerdictAnswer, NewFleetVerdict, Parameter, VersionLeftOut
+from service.http.answers import problems
+from service.http.auth import Reader
+from service.http.context import UsesContext
+from service.http.lookup import Id, owned
+from service.http.models import Answer, Instant, Method, PositiveText
+from service.http.operations import Router
+from service.http.problems import Problem, invalid
+from service.tools.routes import stateless
+from store.queries.fleet import list_determinations
+from store.tables import Camera
+
+
+class Determined(Answer, restates=(Determination, Source), fields="at value standard_uncertainty"):
+    calibration_id: str
+
+    @classmethod
+    def of(cls, row: Determination) -> "Determined":
+        return cls.restate(row, row.source, calibration_id=row.source.version)
+
+
+class ParameterDrift(Parameter, restates=Drift, without="key"):
+    determinations: list[Determined]
+
+    @classmethod
+    def of(cls, row: Drift) -> "ParameterDrift":
+        return cls.restate(row, row.key, determinations=[Determined.of(each) for each in row.determinations])
+
+
+class DriftAnswer(Answer):
+    camera_id: str
+    method: Method
+    recalibrate_by: Instant | None = Field(default=None, description="The earliest of all parameters.")
+    parameters: list[ParameterDrift]
+    left_out: list[VersionLeftOut]
+
+    @classmethod
+    def of(
+        cls, camera: Camera, method: Method, drifts: tuple[Drift, ...], left_out: tuple[LeftOut, ...]
+    ) -> "DriftAnswer":
+        return cls.restate(
+            camera_id=camera.id,
+            method=method,
+            recalibrate_by=min((row.recalibrate_by for row in drifts if row.recalibrate_by), default=None),
+            parameters=[ParameterDrift.of(row) for row in drifts],
+            left_out=left_out,
+        )
+
+
+router = Router(prefix="/v1", tags=["fleet"])
+
+
+@router.post(
+    "/fleet/verdict", response_model=FleetVerdictAnswer, responses=problems(404), dependencies=stateless
+)
+def judge_cameras(body: NewFleetVerdict, caller: Reader, context: UsesContext) -> Response:
+    """Judge whether one set of coefficients serves several cameras of a model, and what sharing it costs.
+
+    Each campaign with a published version that was not revoked is a repeat of its camera's calibration.
+    """
+    lenses = {named.calibration_id: named.serial for named in body.lenses or []}
+    with context.database.reading() as session:
+        cameras = [owned(session, Camera, camera_id, caller) for camera_id in body.camera_ids]
+        _refuse_other_models(cameras)
+        found = list_determinations(session, cameras, body.method, lenses)
+    _refuse_unknown_versions(lenses, found)
+    _refuse_tolerance(body, found)
+    verdict = judge_fleet(
+        found,
+        method=body.method,
+        cameras=[camera.serial for camera in cameras],
+        tolerance=body.tolerance,
+    )
+    return FleetVerdictAnswer.of(body.method, cameras, found, verdict).respond()
+
+
+@router.get("/cameras/{camera_id}/drift", response_model=DriftAnswer, responses=problems(404))
+def get_drift(
+    camera_id: Id,
+    caller: Reader,
+    context: UsesContext,
+    method: Annotated[Method, Query()],
+    tolerance: Annotated[
+        PositiveText | None, Query(description="A share below 1 such as 0.04; of geometry px.")
+    ] = None,
+) -> Response:
+    """How each coefficient of a camera changes from version to version, and when to calibrate it again."""
+    if tolerance is not None and main_unit(method) == PERCENT:
+        _refuse_no_share("query.tolerance", tolerance)
+    with context.database.reading() as session:
+        camera = owned(session, Camera, camera_id, caller)
+        found = list_determinations(session, [camera], method, {})
+    drifts, left_out = judge_drift(found, method=method, tolerance=tolerance)
+    return DriftAnswer.of(camera, method, drifts, left_out).respond()
+
+
+def _refuse_other_models(cameras: Sequence[Camera]) -> None:
+    models = sorted({f"{camera.make} {camera.model}" for camera in cameras})
+    if len(models) > 1:
+        raise _wrong(
+            "body.camera_ids",
+            f"these are cameras of different models ({', '.join(models)}), whose coefficients cannot be "
+            "compared; ask for each model separately",
+        )
+
+
+def _refuse_unknown_versions(lenses: dict[str, str], found: list[Determination]) -> None:
+    known = {row.source.version for row in found}
+    for calibration_id in lenses:
+        if calibration_id not in known:
+            raise _wrong(
+                "body.lenses",
+                f"{calibration_id} is not a published version of these cameras and this method; leave it out",
+            )
+
+
+def _refuse_tolerance(body: NewFleetVerdict, found: list[Determination]) -> None:
+    """A misspelt name would leave its parameter without a verdict; 4 for 4 % would accept everything."""
+    if not isinstance(body.tolerance, dict):
+        if main_unit(body.method) == PERCENT:
+            _refuse_no_share("body.tolerance", body.tolerance)
+        return
+    keys = {row.key.name: row.key for row in found}
+    for name, tolerance in body.tolerance.items():
+        if name not in keys:
+            known = ", ".join(sorted(keys)) or "none: nothing is published"
+            raise _wrong(f"body.tolerance.{name}", f"there is no such parameter; there are {known}")
+        if find_sensitivity(body.method, keys[name], {}, mean=1.0).kind == "relative":
+            _refuse_no_share(f"body.tolerance.{name}", tolerance)
+
+
+def _refuse_no_share(field: str, tolerance: float) -> None:
+    if tolerance >= 1.0:
+        raise _wrong(field, "must be a share less than 1, such as 0.04 for 4 %")
+
+
+def _wrong(field: str, message: str) -> Problem:
+    return invalid([{"type": "fleet", "loc": tuple(field.split(".")), "msg": message}])

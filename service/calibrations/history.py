@@ -1,0 +1,361 @@
+"""Effect of publishing a version, the decisions until now, and recalls of all versions with one cause."""
+
+from typing import Annotated, Any, Literal
+
+from fastapi import Query, Response
+from pydantic import ConfigDict, Field, model_validator
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from radiometry.fitting.comparison import Comparison
+from service.calibrations.schemas import (
+    CalibrationAnswer,
+    Gap,
+    LifetimeAnswer,
+    NewPublication,
+    State,
+    ValidityAnswer,
+)
+from service.documents.issuing import build_issued, gather
+from service.http.answers import problems
+from service.http.auth import Publisher, Reader
+from service.http.changes import Reply, Writes
+from service.http.context import UsesContext
+from service.http.lookup import Id, owned
+from service.http.models import Answer, Form, Instant, LongText, Method, Quantity, Text
+from service.http.operations import Router
+from service.http.paging import Page, UsesPaging
+from store import impact as recalls
+from store.impact import CoefficientChange, Condemned, Impact, Touched, assess, find_in_force
+from store.publications import InForce
+from store.queries.calibrations import Decision, VersionStatus, list_decisions, list_lifetimes
+from store.queries.organisations import name_people
+from store.tables import Calibration, Camera, CoefficientRow, Meter, Recall
+from store.tables.base import utc_now
+
+
+class VersionNamed(Answer):
+    calibration_id: str
+    version: int
+
+    @classmethod
+    def of(cls, row: Calibration) -> "VersionNamed":
+        return cls(calibration_id=row.id, version=row.version)
+
+
+class VersionInForce(VersionNamed):
+    valid_from: Instant
+    valid_to: Instant | None = None
+
+    @classmethod
+    def held(cls, held: InForce) -> "VersionInForce":
+        return cls.restate(held.publication, held.calibration, calibration_id=held.calibration.id)
+
+
+class TouchedMeasurement(Answer):
+    """A measurement that was made with the version, and what its successor would make of it."""
+
+    measurement_id: str
+    frame_id: str
+    filename: str
+    taken_at: str | None = Field(default=None, description="As the frame says it.")
+    iso: float | None = None
+    successor: VersionNamed | None = Field(
+        default=None, description="In force when the frame was taken. Absent where none is."
+    )
+    change: Quantity | None = Field(
+        default=None, description="Of the luminance, L_new / L_old - 1, or of the reflectance; in %."
+    )
+    basis: Literal["signal", "k_ratio"] | None = Field(
+        default=None,
+        description="`signal`: both applied to the measured signal; `k_ratio`: K_old / K_new - 1.",
+    )
+    why: str | None = Field(default=None, description="Why there is no change to tell.")
+
+    @classmethod
+    def of(cls, row: Touched) -> "TouchedMeasurement":
+        successor = VersionNamed.of(row.successor) if row.successor else None
+        change = row.change if row.change and row.change.change else None
+        said = {"measurement_id": row.measurement.id, "frame_id": row.frame.id, "why": row.why}
+        return cls.restate(change, row.frame.header or {}, row.frame, successor=successor, **said)
+
+
+class RevocationAnswer(CalibrationAnswer):
+    """The version as it stands now, and the measurements that were made with it."""
+
+    measurements: list[TouchedMeasurement]
+
+    @classmethod
+    def revoked(cls, answer: CalibrationAnswer, touched: list[Touched]) -> "RevocationAnswer":
+        return cls(**dict(answer), measurements=[TouchedMeasurement.of(row) for row in touched])
+
+
+class CoefficientChanged(
+    Answer,
+    restates=(CoefficientRow, Comparison),
+    fields="name iso f_number band channel change in_standard_uncertainties",
+):
+    model: str | None = Field(default=None, description="The new one's; of sharpness it names the position.")
+    old: Quantity
+    new: Quantity
+    difference: Quantity | None = Field(default=None, description="new - old. Absent where the units differ.")
+
+    @classmethod
+    def of(cls, row: CoefficientChange) -> "CoefficientChanged":
+        return cls.restate(row, row.new, row.comparison)
+
+
+class FlagAt(Answer):
+    flag: str
+    where: str = Field(description='"" for the whole.')
+
+
+class ImpactAnswer(Answer):
+    calibration_id: str
+    version: int
+    at: Instant
+    said: str
+    against: VersionInForce | None = Field(
+        default=None, description="What is in force at that time. Absent where nothing is."
+    )
+    meter_calibration: Literal["common", "separate", "unknown"] | None = Field(
+        default=None,
+        description="`common`: both versions use the same meter certificates, whose error cancels in the "
+        "comparison and is left out of its uncertainty; `separate`: they do not, and it counts in both; "
+        "`unknown`: a reading has no certificate, and nothing is left out. Of reflectance the same of the "
+        "panel: one panel of one day, another, or one that is not registered.",
+    )
+    coefficients: list[CoefficientChanged]
+    isos_gained: list[float]
+    isos_lost: list[float]
+    flags_gained: list[FlagAt]
+    flags_lost: list[FlagAt]
+    measurements: list[TouchedMeasurement] = Field(
+        description="Made with the version in force; what this one would make of each."
+    )
+    warnings: list[Gap] = Field(
+        default=[], description="What its certificate would lack, published with your key."
+    )
+
+    @classmethod
+    def of(cls, row: Calibration, at: Any, said: str, impact: Impact | None) -> "ImpactAnswer":  # noqa: ANN401
+        named = {"calibration_id": row.id, "version": row.version, "at": at, "said": said}
+        if impact is None:
+            lists = ("coefficients", "isos_gained", "isos_lost", "flags_gained", "flags_lost", "measurements")
+            return cls.restate(named, {name: [] for name in lists})
+        return cls.restate(
+            named,
+            impact,
+            against=VersionInForce.held(impact.against),
+            coefficients=[CoefficientChanged.of(each) for each in impact.coefficients],
+            flags_gained=[FlagAt(flag=flag, where=where) for flag, where in impact.flags_gained],
+            flags_lost=[FlagAt(flag=flag, where=where) for flag, where in impact.flags_lost],
+            measurements=[TouchedMeasurement.of(each) for each in impact.measurements],
+        )
+
+
+_CAUSES = ("meter_id", "meter_certificate_number", "software", "recorder")
+
+
+class NewCause(Form):
+    """The cause of a recall: exactly one of these fields."""
+
+    model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": [name]} for name in _CAUSES]})
+
+    meter_id: Text | None = None
+    meter_certificate_number: Text | None = Field(
+        default=None, description="The certificate number when a version was made."
+    )
+    software: Text | None = Field(
+        default=None, description="The fit code version, `software.stilb` of a version."
+    )
+    recorder: Text | None = Field(default=None, description="Recorder of the campaign, now or before.")
+
+    @model_validator(mode="after")
+    def _exactly_one(self) -> "NewCause":
+        if len(self.named()) != 1:
+            raise ValueError(f"give exactly one of {', '.join(_CAUSES)}")
+        return self
+
+    def named(self) -> dict[str, str]:
+        """The one cause, as it is kept."""
+        return self.model_dump(exclude_none=True)
+
+
+class NewPurge(Form):
+    cause: NewCause
+    reason: LongText
+
+
+class CondemnedVersion(
+    Answer, restates=(Calibration, VersionStatus), fields="camera_id method version valid_from valid_to"
+):
+    calibration_id: str
+    camera: str = Field(description="Make, model and serial number.")
+    state: State
+    in_force: bool = Field(
+        description="Whether it is in force for any time, as known now: `valid_from` to `valid_to`."
+    )
+    measurements: list[TouchedMeasurement] = Field(
+        description="Made with it. The successor of each is a version that the recall does not revoke."
+    )
+
+    @classmethod
+    def of(cls, row: Condemned) -> "CondemnedVersion":
+        camera = row.camera
+        return cls.restate(
+            row.calibration,
+            row.status,
+            calibration_id=row.calibration.id,
+            camera=f"{camera.make} {camera.model} {camera.serial}",
+            in_force=row.status.valid_from is not None,
+            measurements=[TouchedMeasurement.of(each) for each in row.measurements],
+        )
+
+
+class PurgeAnswer(
+    Answer,
+    restates=Recall,
+    fields="id cause reason calibration_ids created_by created_at confirmed_by confirmed_at",
+):
+    state: Literal["proposed", "confirmed"]
+    cause: dict[str, str]
+    calibration_ids: list[str] = Field(description="The versions under review, which confirming revokes.")
+    versions: list[CondemnedVersion] | None = Field(
+        default=None, description="Their current status. Absent in a list."
+    )
+
+    @classmethod
+    def of(cls, row: Recall, condemned: list[Condemned] | None = None) -> "PurgeAnswer":
+        versions = None if condemned is None else [CondemnedVersion.of(each) for each in condemned]
+        return cls.restate(row, state="confirmed" if row.confirmed_at else "proposed", versions=versions)
+
+
+class DecisionAnswer(Answer, restates=Decision, without="calibration"):
+    calibration_id: str
+    method: str
+    version: int
+    by_name: str | None = None
+
+    @classmethod
+    def of(cls, row: Decision, names: dict[str, str]) -> "DecisionAnswer":
+        return cls.restate(row, row.calibration, by_name=names.get(row.by), calibration_id=row.calibration.id)
+
+
+class DecisionsAnswer(Answer):
+    items: list[DecisionAnswer]
+
+
+router = Router(prefix="/v1", tags=["calibrations"])
+
+
+@router.get("/calibrations/{calibration_id}/impact", response_model=ImpactAnswer, responses=problems(404))
+def get_impact(
+    calibration_id: Id,
+    caller: Reader,
+    context: UsesContext,
+    at: Annotated[Instant | None, Query(description="Compared with what is in force then; now.")] = None,
+) -> Response:
+    """Compare a version with the one in force: coefficients, flags, measurements."""
+    instant = at or utc_now()
+    with context.database.reading() as session:
+        calibration = owned(session, Calibration, calibration_id, caller)
+        against, own = find_in_force(session, calibration, instant), f"version {calibration.version}"
+        if against is None:
+            said = f"Nothing is in force then: {own} would be the first for that time."
+        elif against.calibration.id == calibration.id:
+            said = f"{own.capitalize()} itself is in force then: publishing it changes nothing there."
+        else:
+            said = (
+                f"Version {against.calibration.version} is in force then: "
+                f"publishing {own} would take its place."
+            )
+        found = assess(session, calibration, against) if against else None
+        record = gather(context, session, calibration)
+        publication = NewPublication(valid_from=instant, reason=said)
+        answer = ImpactAnswer.of(calibration, instant, said, found)
+        answer.warnings = build_issued(session, record, caller, publication).gaps
+    return answer.respond()
+
+
+@router.get("/cameras/{camera_id}/decisions", response_model=DecisionsAnswer, responses=problems(404))
+def list_camera_decisions(camera_id: Id, caller: Reader, context: UsesContext) -> Response:
+    """List who made, published and revoked which version, when and why; newest first, all at once."""
+    with context.database.reading() as session:
+        owned(session, Camera, camera_id, caller)
+        found = list_decisions(session, camera_id)
+        names = name_people(session, caller.organisation_id)
+    return DecisionsAnswer(items=[DecisionAnswer.of(row, names) for row in found]).respond()
+
+
+@router.get("/cameras/{camera_id}/validity", response_model=ValidityAnswer, responses=problems(404))
+def get_camera_validity(
+    camera_id: Id,
+    caller: Reader,
+    context: UsesContext,
+    method: Annotated[Method, Query()],
+    known_at: Annotated[Instant | None, Query(description="As known at this time; now.")] = None,
+) -> Response:
+    """List the published versions of a method with the times for which they were in force.
+
+    `in_force` holds as known at `known_at`; `revoked_from` is what a version held until it was revoked. All
+    at once, newest first.
+    """
+    known = known_at or utc_now()
+    with context.database.reading() as session:
+        owned(session, Camera, camera_id, caller)
+        found = list_lifetimes(session, camera_id, method, known)
+        names = name_people(session, caller.organisation_id)
+    return ValidityAnswer(known_at=known, items=[LifetimeAnswer.of(row, names) for row in found]).respond()
+
+
+recalls_router = Router(prefix="/v1/recalls", tags=["recalls"])
+
+
+@recalls_router.post("", status_code=201, response_model=PurgeAnswer, responses=problems(404))
+def propose_recall(body: NewPurge, caller: Publisher, writing: Writes) -> Response:
+    """Find every version made with a cause, for review. Nothing is revoked yet."""
+
+    def change(session: Session) -> Reply:
+        if body.cause.meter_id is not None:
+            owned(session, Meter, body.cause.meter_id, caller)
+        recall = recalls.propose(
+            session, caller.organisation_id, body.cause.named(), reason=body.reason, by=caller.key_id
+        )
+        location = {"Location": f"/v1/recalls/{recall.id}"}
+        return Reply(status=201, body=_whole(session, recall), headers=location)
+
+    return writing.run(caller, change)
+
+
+@recalls_router.get("", response_model=Page[PurgeAnswer], responses=problems())
+def list_recalls(paging: UsesPaging, caller: Reader, context: UsesContext) -> Response:
+    """List the recalls of your organisation, newest first."""
+    rows = select(Recall).where(Recall.organisation_id == caller.organisation_id)
+    with context.database.reading() as session:
+        return paging.send(
+            session, rows, lambda found: [PurgeAnswer.of(row) for row in found], newest_first=True
+        )
+
+
+@recalls_router.get("/{recall_id}", response_model=PurgeAnswer, responses=problems(404))
+def get_recall(recall_id: Id, caller: Reader, context: UsesContext) -> Response:
+    """Return a recall with the current status of its versions, and the measurements that they affect."""
+    with context.database.reading() as session:
+        return _whole(session, owned(session, Recall, recall_id, caller)).respond()
+
+
+@recalls_router.post("/{recall_id}/confirm", response_model=PurgeAnswer, responses=problems(404, 409))
+def confirm_recall(recall_id: Id, caller: Publisher, writing: Writes) -> Response:
+    """Revoke all versions of a recall in one step. Answers 409 if the cause now finds other versions."""
+
+    def change(session: Session) -> Reply:
+        recall = owned(session, Recall, recall_id, caller)
+        recalls.confirm(session, recall, by=caller.key_id)
+        return Reply(status=200, body=_whole(session, recall))
+
+    return writing.run(caller, change)
+
+
+def _whole(session: Session, recall: Recall) -> PurgeAnswer:
+    return PurgeAnswer.of(recall, recalls.review(session, recall))

@@ -1,0 +1,328 @@
+"""Fits, versions and what is decided of them."""
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Annotated, Any, Final
+
+from anyio import to_thread
+from fastapi import Query, Request, Response
+from pydantic import ValidationError
+from sqlalchemy import Select, select
+from sqlalchemy.orm import Session, load_only
+from starlette.concurrency import run_in_threadpool
+
+from radiometry import methods
+from radiometry.findings import interface
+from radiometry.fitting.evidence import Exclusion
+from service.calibrations.fits import FitRequest, NewCalibration, read_request
+from service.calibrations.history import RevocationAnswer
+from service.calibrations.schemas import (
+    IN_FORCE,
+    CalibrationAnswer,
+    IssuedAnswer,
+    NewPublication,
+    NewRevocation,
+    State,
+    SuggestedValidity,
+)
+from service.documents.issuing import prepare
+from service.documents.rendered import find_rendered, name_source, order_plot, render_and_keep, write_order
+from service.http.answers import immutable_headers, not_modified, problems, sends_file, standing_headers
+from service.http.auth import Calibrator, Caller, Publisher, Reader
+from service.http.changes import Reply, Writes
+from service.http.context import Context, UsesContext
+from service.http.lookup import Id, owned
+from service.http.operations import Router
+from service.http.paging import Page, Paging, UsesPaging
+from service.http.problems import Problem, invalid, located
+from service.http.tables import write_csv
+from service.jobs.schemas import JobAnswer
+from store import jobs, publications
+from store.codec import encode
+from store.fits import leave_out_doubtful, list_missing, make_params
+from store.impact import list_touched
+from store.measuring.version import choose_falloff
+from store.publications import keep_issued, list_issued
+from store.queries.calibrations import (
+    coefficients_of,
+    history,
+    list_flight,
+    read_version_statuses,
+    suggest_validity,
+)
+from store.queries.campaigns import count_being_read, hasten_renewal
+from store.queries.evidence import Evidence, gather
+from store.queries.usage import add_jobs
+from store.tables import Calibration, Camera, Campaign, Panel, Publication
+
+router = Router(prefix="/v1", tags=["calibrations"])
+
+_NARROW: Final = load_only(Calibration.organisation_id, Calibration.campaign_id, Calibration.method)
+
+
+@router.post(
+    "/campaigns/{campaign_id}/calibrations",
+    status_code=202,
+    response_model=JobAnswer,
+    responses=problems(404, 409),
+)
+def start_calibration(campaign_id: Id, body: NewCalibration, caller: Calibrator, writing: Writes) -> Response:
+    """Fit the campaign. What is missing is said before it starts; the job's result names the version."""
+    outdated: list[str] = []
+
+    def change(session: Session) -> Reply:
+        campaign = owned(session, Campaign, campaign_id, caller)
+        if campaign.measures:
+            raise Problem(
+                interface.MEASUREMENTS_ONLY,
+                "Nothing is fitted from a night of measurements. Fit the campaign of the calibration frames, "
+                "publish it, and measure this one.",
+            )
+        spec = methods.get_method(campaign.method)
+        request = read_request(body, spec)
+        panel_id = getattr(request, "panel_id", None)
+        if panel_id is not None:
+            campaign.panel_id = owned(session, Panel, panel_id, caller).id
+        evidence = gather(session, campaign)
+        params = _read_params(session, request, campaign, evidence, caller)
+        params = leave_out_doubtful(params, evidence)
+        missing = list_missing(campaign, evidence, params)
+        outdated[:] = evidence.outdated
+        if missing:
+            detail = "; ".join(missing[:5]) + (f"; and {len(missing) - 5} more" if len(missing) > 5 else "")
+            passing = bool(outdated or count_being_read(session, campaign))
+            raise Problem(interface.CAMPAIGN_INCOMPLETE, detail, retryable=passing, missing=missing)
+        job = jobs.enqueue(
+            session,
+            kind="fit",
+            subject_id=campaign.id,
+            organisation_id=campaign.organisation_id,
+            by=caller.key_id,
+            parameters=encode(params),
+        )
+        session.flush()
+        location = {"Location": f"/v1/jobs/{job.id}"}
+        return Reply(status=202, body=JobAnswer.of(job), headers=location, jobs=[job])
+
+    try:
+        return writing.run(caller, change)
+    except Problem:
+        if outdated:
+            _hasten(writing.context, caller, campaign_id, outdated)
+        raise
+
+
+def _hasten(context: Context, caller: Caller, campaign_id: str, outdated: Sequence[str]) -> None:
+    """Have the frames read soon for which a fit waits."""
+    with context.database.writing(caller.key_id, caller.organisation_id) as session:
+        campaign = session.get_one(Campaign, campaign_id)
+        queued = hasten_renewal(session, campaign, outdated, by=caller.key_id)
+        add_jobs(session, len(queued), organisation_id=caller.organisation_id)
+
+
+@router.get(
+    "/campaigns/{campaign_id}/calibrations",
+    response_model=Page[CalibrationAnswer],
+    responses=problems(404),
+)
+def list_campaign_calibrations(
+    campaign_id: Id,
+    paging: UsesPaging,
+    caller: Reader,
+    context: UsesContext,
+) -> Response:
+    """The versions that were fitted from a campaign, newest first."""
+    with context.database.reading() as session:
+        owned(session, Campaign, campaign_id, caller)
+        rows = select(Calibration).where(Calibration.campaign_id == campaign_id)
+        return _page(session, paging, rows)
+
+
+@router.get(
+    "/cameras/{camera_id}/calibrations", response_model=Page[CalibrationAnswer], responses=problems(404)
+)
+def list_camera_calibrations(
+    camera_id: Id,
+    paging: UsesPaging,
+    caller: Reader,
+    context: UsesContext,
+    method: Annotated[str | None, Query()] = None,
+    state: Annotated[State | None, Query()] = None,
+) -> Response:
+    """A camera's history, newest first."""
+    with context.database.reading() as session:
+        owned(session, Camera, camera_id, caller)
+        rows = history(camera_id, method=method, state=state)
+        return _page(session, paging, rows)
+
+
+@router.get("/calibrations/{calibration_id}", response_model=CalibrationAnswer, responses=problems(404))
+def get_calibration(calibration_id: Id, caller: Reader, context: UsesContext) -> Response:
+    """One version, whole: coefficients, points, diagnostics, inputs."""
+    with context.database.reading() as session:
+        return _answer(session, owned(session, Calibration, calibration_id, caller)).respond()
+
+
+@router.get(
+    "/calibrations/{calibration_id}/points.csv",
+    response_class=Response,
+    responses=sends_file("text/csv"),
+)
+def get_points_csv(calibration_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
+    """Every point of the fit, used or left out, a line each.
+
+    Of what is a list, such as the spots of a flat frame, stands its length, in a column `<name>_count`.
+    """
+    with context.database.reading() as session:
+        calibration = owned(session, Calibration, calibration_id, caller)
+    tag = f"{calibration.content_sha256}-points"
+    return not_modified(request, tag) or Response(
+        write_csv(calibration.result["points"]), headers=immutable_headers(tag), media_type="text/csv"
+    )
+
+
+@router.get(
+    "/calibrations/{calibration_id}/plot.svg",
+    response_class=Response,
+    responses=sends_file("image/svg+xml"),
+)
+async def get_plot_svg(
+    calibration_id: Id, request: Request, caller: Reader, context: UsesContext
+) -> Response:
+    """The result drawn, each method its own way.
+
+    Luminance: signal against X and residuals, a row per ISO value. Reflectance: K per band, and each band's K
+    in time with the frames that were measured, which the ETag follows.
+    Vignetting: falloff by f-number, and what is left over. Sharpness: the response by position. Geometry:
+    distortion, where corners were seen, each view's error. Noise: photon transfer, signal to noise,
+    linearity.
+    """
+
+    def find() -> tuple[str, str, list[str], bytes | None]:
+        with context.database.reading() as session:
+            version = owned(session, Calibration, calibration_id, caller, options=[_NARROW])
+            flight = [at.isoformat() for at in list_flight(session, version)]
+        source = name_source(json.dumps(["plot", version.id, flight]).encode())
+        return version.method, source, flight, find_rendered(context, source)
+
+    def draw() -> bytes:
+        with context.database.reading() as session:
+            result = session.scalars(select(Calibration.result).where(Calibration.id == calibration_id)).one()
+        order = order_plot(method, result | {"flight": flight})
+        return render_and_keep(context, source, write_order(order))
+
+    method, source, flight, kept = await run_in_threadpool(find)
+    svg = await to_thread.run_sync(draw, limiter=context.presses) if kept is None else kept
+    tag = hashlib.sha256(svg).hexdigest()
+    headers = standing_headers(tag) if methods.get_method(method).of_one_flight else immutable_headers(tag)
+    return not_modified(request, tag, headers) or Response(svg, headers=headers, media_type="image/svg+xml")
+
+
+@router.post(
+    "/calibrations/{calibration_id}/publish",
+    response_model=CalibrationAnswer,
+    responses=problems(404, 409),
+)
+async def publish_calibration(
+    calibration_id: Id, body: NewPublication, caller: Publisher, context: UsesContext, writing: Writes
+) -> Response:
+    """Put a version in force in [valid_from, valid_to). It replaces what was in force there.
+
+    Its certificate is issued with it, and kept: the answer waits until its pages are set. A version that is
+    published again is issued an amendment; the original stays. `warnings` name what the certificate lacks of
+    what ISO/IEC 17025 asks for.
+    """
+
+    def change(session: Session) -> Reply:
+        calibration = owned(session, Calibration, calibration_id, caller)
+        publication = publications.publish(
+            session,
+            calibration,
+            valid_from=body.valid_from,
+            valid_to=body.valid_to,
+            reason=body.reason,
+        )
+        keep_issued(session, publication, prepared.printed)
+        answer = _answer(session, calibration)
+        return Reply(status=200, body=answer.model_copy(update={"warnings": prepared.gaps}))
+
+    if (earlier := await run_in_threadpool(writing.replay, caller)) is not None:
+        return earlier
+    prepared = await to_thread.run_sync(
+        prepare, context, calibration_id, caller, body, limiter=context.presses
+    )
+    return await run_in_threadpool(writing.run, caller, change)
+
+
+@router.post(
+    "/calibrations/{calibration_id}/revoke",
+    response_model=RevocationAnswer,
+    responses=problems(404),
+)
+def revoke_calibration(
+    calibration_id: Id, body: NewRevocation, caller: Publisher, writing: Writes
+) -> Response:
+    """Revoke a version permanently. It stays readable; nothing takes its place automatically.
+
+    `measurements` are those made with it: they stay, flagged, with what another version would make of each.
+    """
+
+    def change(session: Session) -> Reply:
+        calibration = owned(session, Calibration, calibration_id, caller)
+        publications.revoke(session, calibration, reason=body.reason, by=caller.key_id)
+        touched = list_touched(session, calibration)
+        return Reply(status=200, body=RevocationAnswer.revoked(_answer(session, calibration), touched))
+
+    return writing.run(caller, change)
+
+
+def _read_params(
+    session: Session, request: FitRequest, campaign: Campaign, evidence: Evidence, caller: Caller
+) -> Any:  # noqa: ANN401
+    said = request.read_parameters(methods.get_method(campaign.method))
+    exclusions = []
+    for index, exclusion in enumerate(request.exclude or []):
+        if exclusion.frame_id not in evidence.names:
+            raise Problem(
+                interface.VALIDATION_FAILED,
+                f"exclude.{index}.frame_id: this campaign has no such frame in use.",
+            )
+        name = evidence.names[exclusion.frame_id]
+        exclusions.append(Exclusion(frame=name, reason=exclusion.reason, by=caller.named))
+    said["exclude"] = tuple(sorted(exclusions, key=lambda e: e.frame))
+    corrector = methods.get_method(campaign.method).corrected_by
+    asked = said.pop(corrector, None) if corrector else None
+    try:
+        params = make_params(session, campaign, **said)
+    except ValidationError as error:
+        raise invalid(located(error, "body")) from error
+    if corrector is None or asked is None:
+        return params
+    named = None if asked == IN_FORCE else owned(session, Calibration, asked, caller)
+    chosen = choose_falloff(session, campaign, evidence, params, named)
+    return replace(params, **{corrector: chosen.content_sha256})
+
+
+def _page(session: Session, paging: Paging, rows: Select[Any]) -> Response:
+    def shape(found: list[Calibration]) -> list[CalibrationAnswer]:
+        ids = [row.id for row in found]
+        status, coefficients = read_version_statuses(session, ids), coefficients_of(session, ids)
+        return [CalibrationAnswer.of(row, status[row.id], coefficients[row.id], whole=False) for row in found]
+
+    return paging.send(session, rows, shape, newest_first=True)
+
+
+def _answer(session: Session, calibration: Calibration) -> CalibrationAnswer:
+    status = read_version_statuses(session, [calibration.id])[calibration.id]
+    coefficients = coefficients_of(session, [calibration.id])[calibration.id]
+    answer = CalibrationAnswer.of(calibration, status, coefficients, whole=True)
+    answer.certificates = [
+        IssuedAnswer.restate(each, reason=session.get_one(Publication, each.publication_id).reason)
+        for each in list_issued(session, calibration.id)
+    ]
+    if status.state == "draft":
+        start, end = suggest_validity(session, calibration)
+        answer.suggested_validity = SuggestedValidity(valid_from=start, valid_to=end)
+    return answer

@@ -1,0 +1,357 @@
+"""Versions, publications, and the coefficients in force."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import AliasPath, Discriminator, Field, Tag, model_validator
+
+from radiometry.findings import Raised
+from radiometry.fleet import results
+from radiometry.fleet.determinations import Determination, Key, LeftOut
+from radiometry.fleet.results import Deviation, Effect, FleetVerdict, Outcome, ParameterVerdict
+from radiometry.methods import get_method
+from radiometry.specification.certificate import KeyFigure
+from radiometry.specification.method import Scope
+from service.http.models import (
+    EACH_ONCE,
+    Answer,
+    FindingGroupAnswer,
+    Form,
+    Instant,
+    LongText,
+    Method,
+    Positive,
+    Quantity,
+    Text,
+    group_flags,
+)
+from service.http.problems import AS_NUMBER, BY_NAME
+from store.codec import drop_absent
+from store.queries.calibrations import Lifetime, VersionStatus
+from store.queries.organisations import Person
+from store.tables import Calibration, Camera, CoefficientRow, IssuedCertificate, Publication
+
+IN_FORCE = "in_force"
+SCOPE_MEANING = (
+    "`traceable`, or `relative_only`: the standard uncertainty lacks the error of the reference's scale, and "
+    "holds for ratios alone. Absent where the method checks no certificate of a reference."
+)
+State = Literal["draft", "published", "superseded", "revoked"]
+
+
+class PersonAnswer(Answer, restates=Person):
+    """The person who fitted or approved, as the key states it."""
+
+
+class NewPublication(Form):
+    valid_from: Instant = Field(description="Frames taken from then on are measured with this version.")
+    valid_to: Instant | None = Field(
+        default=None, description="After `valid_from`; without it, until another version replaces it."
+    )
+    reason: LongText = Field(description="Who reviewed the version, and on what grounds; on the record.")
+
+    @model_validator(mode="after")
+    def _in_order(self) -> "NewPublication":
+        if self.valid_to is not None and self.valid_to <= self.valid_from:
+            raise ValueError("valid_to must lie after valid_from; validity is [valid_from, valid_to)")
+        return self
+
+
+class NewRevocation(Form):
+    reason: LongText = Field(
+        description="What is wrong with the version; shown with every measurement made with it."
+    )
+
+
+class Coefficient(
+    Answer,
+    restates=CoefficientRow,
+    fields="name value standard_uncertainty unit iso f_number band channel model flags",
+):
+    pass
+
+
+class CoefficientInForce(Coefficient):
+    uncertainty_scope: Scope | None = Field(default=None, description=SCOPE_MEANING)
+    calibration_id: str
+    version: int
+    valid_from: Instant
+    valid_to: Instant | None = None
+    why: str
+
+
+class CoefficientsAnswer(Answer):
+    items: list[CoefficientInForce]
+
+
+class Gap(Answer):
+    """An item that ISO/IEC 17025 asks of a certificate and that this one lacks."""
+
+    code: str
+    message: str
+
+
+class KeyFigureAnswer(Answer, restates=KeyFigure):
+    """One of the few figures of a version that a person looks for first."""
+
+
+class IssuedAnswer(
+    Answer,
+    restates=IssuedCertificate,
+    fields="amendment number issued_at at_upgrade fitted_by approved_by json_sha256 pdf_sha256",
+):
+    """A certificate that was issued with a publication: the original, or an amendment beside it."""
+
+    fitted_by: PersonAnswer | None = None
+    approved_by: PersonAnswer | None = Field(default=None, description="Absent: nobody has signed it.")
+    reason: str = Field(description="Of the publication.")
+
+
+class SuggestedValidity(Answer):
+    valid_from: Instant
+    valid_to: Instant | None = Field(
+        default=None, description="Of a method whose coefficients hold for one flight."
+    )
+
+
+class CalibrationAnswer(
+    Answer,
+    restates=(Calibration, VersionStatus),
+    fields="id camera_id campaign_id version state configuration software content_sha256 "
+    "created_at created_by valid_from valid_to superseded_by revoked_reason",
+):
+    method: Method
+    uncertainty_scope: Scope | None = Field(default=None, description=SCOPE_MEANING)
+    coefficients: list[Coefficient]
+    key_figures: list[KeyFigureAnswer] | None = Field(
+        default=None, description="What a person looks for first, as the method chooses; not in lists."
+    )
+    parameters: dict[str, Any]
+    diagnostics: dict[str, Any] | None = None
+    points: list[dict[str, Any]] | None = None
+    findings: list[FindingGroupAnswer] | None = Field(
+        default=None, description="The flags of `diagnostics`, equal ones as one; not in lists."
+    )
+    inputs: dict[str, Any] | None = None
+    certificates: list[IssuedAnswer] | None = Field(
+        default=None, description="As they were issued, the original first; not in lists."
+    )
+    suggested_validity: SuggestedValidity | None = Field(
+        default=None,
+        description="Of a draft: in force from then on, its campaign's frames are measured with it.",
+    )
+    warnings: list[Gap] | None = Field(
+        default=None, description="When it is published: what its certificate lacks."
+    )
+
+    @classmethod
+    def of(
+        cls, row: Calibration, status: VersionStatus, coefficients: list[CoefficientRow], *, whole: bool
+    ) -> "CalibrationAnswer":
+        """``whole``: with points, diagnostics and inputs, which a list leaves out."""
+        parameters, spec = drop_absent(row.parameters), get_method(row.method)
+        detail: dict[str, Any] = {"inputs": None}
+        if whole:
+            result = drop_absent(row.result)
+            shown = [KeyFigureAnswer.model_validate(each) for each in spec.list_key_figures(result)]
+            detail = {"key_figures": shown, "findings": group_flags(result.get("flags", []))}
+            detail |= {"points": result.pop("points", []), "diagnostics": result}
+        scopes = [scope for each in coefficients if (scope := spec.find_scope(each.name, each.flags))]
+        return cls.restate(
+            row,
+            status,
+            parameters=parameters,
+            coefficients=coefficients,
+            uncertainty_scope=scopes[0] if scopes else None,
+            **detail,
+        )
+
+
+class Period(Answer, restates=Publication, fields="valid_from valid_to"):
+    """A time [valid_from, valid_to); open without its end."""
+
+
+class LifetimeAnswer(Answer):
+    """A published version, as known at a time."""
+
+    calibration_id: str
+    version: int
+    created_at: Instant
+    coefficients: list[Coefficient]
+    in_force: list[Period]
+    revoked_from: list[Period]
+    published_at: list[Instant]
+    published_by: str
+    published_by_name: str | None = None
+    reason: str
+    revoked_at: Instant | None = None
+    revoked_by: str | None = None
+    revoked_by_name: str | None = None
+    revoked_reason: str | None = None
+
+    @classmethod
+    def of(cls, row: Lifetime, names: dict[str, str]) -> "LifetimeAnswer":
+        last, end = row.published[-1], row.revocation
+        return cls(
+            calibration_id=row.calibration.id,
+            version=row.calibration.version,
+            created_at=row.calibration.created_at,
+            coefficients=[Coefficient.model_validate(each) for each in row.coefficients],
+            in_force=[Period.model_validate(each) for each in row.in_force],
+            revoked_from=[Period.model_validate(each) for each in row.revoked_from],
+            published_at=[act.publication.known_from for act in row.published],
+            published_by=last.by,
+            published_by_name=names.get(last.by),
+            reason=last.publication.reason,
+            revoked_at=end.revoked_at if end else None,
+            revoked_by=end.revoked_by if end else None,
+            revoked_by_name=names.get(end.revoked_by) if end else None,
+            revoked_reason=end.reason if end else None,
+        )
+
+
+class ValidityAnswer(Answer):
+    """Every version of a method that had been published by `known_at`, newest first."""
+
+    known_at: Instant
+    items: list[LifetimeAnswer]
+
+
+MOST_CAMERAS = 100
+
+ASSUMED = (
+    "Campaigns of one camera repeat its calibration; only what differs between them is repeatability.",
+    "What all campaigns share, such as one meter's calibration, moves the mean and no verdict.",
+    "What one camera's campaigns share among themselves alone is taken for a property of that camera.",
+    "The repeatability is the same for all cameras, and nearly normal.",
+)
+
+
+def _form_of_tolerance(value: Any) -> str:  # noqa: ANN401
+    return BY_NAME if isinstance(value, dict) else AS_NUMBER
+
+
+Tolerance = Annotated[
+    Annotated[Positive, Tag(AS_NUMBER)]
+    | Annotated[
+        dict[Text, Positive],
+        Field(min_length=1, max_length=100, json_schema_extra={"additionalProperties": False}),
+        Tag(BY_NAME),
+    ],
+    Discriminator(_form_of_tolerance),
+]
+
+
+class LensNamed(Form):
+    """The lens that a version was made with, where neither its files nor its camera say so."""
+
+    calibration_id: Text
+    serial: Text
+
+
+class NewFleetVerdict(Form):
+    method: Method
+    camera_ids: Annotated[
+        list[Text], Field(min_length=2, max_length=MOST_CAMERAS, json_schema_extra=EACH_ONCE)
+    ]
+    tolerance: Annotated[
+        Tolerance,
+        Field(
+            description="The largest accepted deviation from the shared value: one number in the method's "
+            "unit (a share below 1 such as 0.04; of geometry px), or one for each parameter by name."
+        ),
+    ]
+    lenses: Annotated[list[LensNamed] | None, Field(max_length=1000)] = None
+
+    @model_validator(mode="after")
+    def _each_once(self) -> "NewFleetVerdict":
+        if len(set(self.camera_ids)) < len(self.camera_ids):
+            raise ValueError("camera_ids names a camera twice")
+        return self
+
+
+class FlagRaised(Answer, restates=Raised):
+    pass
+
+
+class VersionLeftOut(Answer, restates=LeftOut, without="version"):
+    calibration_id: str = Field(validation_alias="version")
+
+
+class ToleranceMeant(Answer, restates=results.Tolerance):
+    """A tolerance as it was understood: a limit in the unit of the cost."""
+
+    kind: Literal["relative", "absolute"]
+
+
+class Parameter(Answer, restates=Key):
+    """Identity of a coefficient, without its value."""
+
+
+class LevelDeviation(Answer, restates=Deviation):
+    pass
+
+
+class EffectAnswer(Answer, restates=Effect, without="judgement"):
+    """Cameras; or bodies and lenses, where swaps tell them apart."""
+
+    verdict: Outcome | None = Field(default=None, validation_alias=AliasPath("judgement", "outcome"))
+
+
+class ParameterVerdictAnswer(
+    Parameter, restates=ParameterVerdict, without="key outcome within_variance between_variance judgement"
+):
+    verdict: Outcome
+    within_camera_variance: Quantity | None = None
+    between_camera_variance: Quantity | None = None
+    equivalence_p_value: float | None = Field(
+        default=None, description="Small: every camera lies within the tolerance."
+    )
+    exceedance_p_value: float | None = Field(
+        default=None, description="Small: some camera lies outside the tolerance."
+    )
+
+    @classmethod
+    def of(cls, row: ParameterVerdict) -> "ParameterVerdictAnswer":
+        return cls.restate(
+            row,
+            row.key,
+            row.judgement,
+            verdict=row.outcome,
+            within_camera_variance=row.within_variance,
+            between_camera_variance=row.between_variance,
+        )
+
+
+class FleetCamera(Answer):
+    camera_id: str
+    serial: str
+    repeats: int = Field(description="Campaigns with a published version that was not revoked.")
+
+
+class FleetVerdictAnswer(Answer, restates=FleetVerdict, fields="said left_out"):
+    method: Method
+    verdict: Outcome
+    cameras: list[FleetCamera]
+    parameters: list[ParameterVerdictAnswer]
+    assumed: list[str]
+
+    @classmethod
+    def of(
+        cls, method: Method, cameras: list[Camera], determinations: list[Determination], found: FleetVerdict
+    ) -> "FleetVerdictAnswer":
+        campaigns = {(row.source.camera, row.source.campaign) for row in determinations}
+        return cls.restate(
+            found,
+            method=method,
+            verdict=found.outcome,
+            cameras=[
+                FleetCamera(
+                    camera_id=camera.id,
+                    serial=camera.serial,
+                    repeats=sum(serial == camera.serial for serial, _ in campaigns),
+                )
+                for camera in cameras
+            ],
+            parameters=[ParameterVerdictAnswer.of(row) for row in found.parameters],
+            assumed=ASSUMED,
+        )

@@ -1,0 +1,1 @@
+"""Campaigns with their readings, tables, checklist, grid, manifests and proposals."""

@@ -1,0 +1,232 @@
+"""The grid of a campaign's frames: read in columns, changed many at once."""
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from typing import Annotated, Any, Final
+
+from fastapi import Query, Request, Response
+from pydantic import Field, WithJsonSchema
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from radiometry.findings import interface
+from radiometry.frame.verdicts import Verdict
+from radiometry.specification.roles import Gap
+from service.frames.pictures import tag_of
+from service.frames.routes import apply_change
+from service.frames.schemas import ExpectedFrame, FramesChange, FramesChanged
+from service.http.answers import UNCHANGED, not_modified, problems, standing_headers
+from service.http.auth import Calibrator, Reader
+from service.http.changes import Reply, Writes
+from service.http.connections import absolute
+from service.http.context import Context, UsesContext
+from service.http.lookup import Id, owned
+from service.http.models import Answer, Text, rfc3339
+from service.http.operations import Router
+from service.http.paging import Cursor, read_key, write_cursor
+from service.http.problems import Problem, invalid
+from store.queries.audit import name_last_actor
+from store.queries.campaigns import read_grid
+from store.reviews import hash_code
+from store.tables import Campaign, CampaignReview, FrameRow
+
+_Texts = Annotated[list[str | None], WithJsonSchema({"type": "array", "items": {"type": ["string", "null"]}})]
+_Numbers = Annotated[
+    list[float | None], WithJsonSchema({"type": "array", "items": {"type": ["number", "null"]}})
+]
+
+
+class GridColumns(Answer):
+    """One entry per frame in each column; null for what a frame does not have."""
+
+    id: list[str]
+    filename: list[str]
+    role: list[str]
+    scene: _Texts
+    state: list[str]
+    exposure_time_s: _Numbers
+    f_number: _Numbers
+    iso: _Numbers
+    band: _Texts
+    capture_id: _Texts
+    taken_at: _Texts
+    instant: _Texts = Field(
+        description="`taken_at` in UTC, the earlier of two if the clock showed it twice; null if its zone is "
+        "not known."
+    )
+    time_zone: _Texts = Field(
+        description="Of its clock, as campaign or organisation state it; null if none was needed or stated."
+    )
+    width_px: _Numbers
+    height_px: _Numbers
+    roi_id: _Texts = Field(description="Of a frame's own region.")
+    roi_origin: _Texts = Field(description="drawn, or found on a panel.")
+    signal_dn: _Numbers = Field(
+        description="Mean of the green channels, else of all, in the region that holds; black not subtracted."
+    )
+    clipped_share: _Numbers = Field(description="Of the channel with most pixels at the white level.")
+    outcome: list[str] = Field(description="Of the verdict: pass, warn, fail or pending.")
+    code: _Texts = Field(description="Of the gravest reason of the verdict.")
+    detail: _Texts = Field(description="Its sentence.")
+    refusal_code: _Texts
+    left_out: _Texts = Field(description="Why a person left it out.")
+    withdrawn: list[bool]
+    thumbnail: _Texts = Field(description="Changes with the frame's thumbnail; null while there is none.")
+
+
+class GapAnswer(Answer, restates=Gap, without="at"):
+    """A frame to photograph next."""
+
+    at: dict[str, Any] = Field(description="Values of the grid's axes, as far as they are known.")
+
+
+class CampaignGridAnswer(Answer):
+    """A page of a campaign's grid."""
+
+    frames: GridColumns
+    gaps: list[GapAnswer] = Field(description="What to photograph next; of the first page.")
+    partial: bool = Field(
+        description="Only the frames that have changed since `since`; the others are as they were."
+    )
+    since: str | None = Field(
+        default=None,
+        description="Of the first page: asks next time for what has changed. Absent if that is not known.",
+    )
+    next: str | None = Field(json_schema_extra={"nullable_on_purpose": True})
+
+
+router = Router(prefix="/v1/campaigns/{campaign_id}", tags=["frames"])
+
+_MOST_FRAMES = 5000
+
+
+@router.get("/grid", response_model=CampaignGridAnswer, responses={**UNCHANGED, **problems(404)})
+def get_campaign_grid(
+    campaign_id: Id,
+    request: Request,
+    caller: Reader,
+    context: UsesContext,
+    limit: Annotated[int, Query(ge=1, le=_MOST_FRAMES)] = 1000,
+    cursor: Cursor = None,
+    since: Annotated[
+        Text | None,
+        Query(description="The `since` of an earlier answer: the frames that have changed are enough."),
+    ] = None,
+) -> Response:
+    """Return a campaign's frames in columns, with the gaps to photograph next.
+
+    Frames come in the order in which they were sent, withdrawn ones too. The ETag changes with the campaign.
+    With `since` the answer holds the changed frames alone and says `partial`, unless all may have changed.
+    """
+    with context.database.reading() as session:
+        owned(session, Campaign, campaign_id, caller)
+        revision = select(CampaignReview.revision).where(CampaignReview.campaign_id == campaign_id)
+        after = "" if cursor is None else read_key(cursor, FrameRow.__tablename__)
+        tagged = f"{session.scalar(revision)}-{hash_code()}-{cursor or ''}-{limit}"
+        tag = hashlib.sha256(tagged.encode()).hexdigest()
+        headers = standing_headers(tag) | {"Vary": "Authorization"}
+        unchanged = not_modified(request, tag, headers)
+        if unchanged is not None:
+            return unchanged
+        if since:
+            # which verdicts have changed is known once they are kept
+            context.reviews.find(session, campaign_id)
+    with context.database.reading() as session:
+        campaign = session.get_one(Campaign, campaign_id)
+        reviewed = session.get_one(CampaignReview, campaign_id)
+        known = _read_since(since, reviewed)
+        frames = read_grid(session, campaign, after=after, limit=limit + 1, since=known)
+        more, frames = len(frames) > limit, frames[:limit]
+        review = context.reviews.find(session, campaign_id, verdicts_of=[frame["id"] for frame in frames])
+    place = write_cursor([FrameRow.__tablename__, frames[-1]["id"]]) if more else None
+    following = request.url.include_query_params(cursor=place) if place else None
+    answer = CampaignGridAnswer(
+        frames=_shape(frames, review.verdicts),
+        gaps=[] if cursor else [GapAnswer.restate(gap, at=dict(gap.at)) for gap in review.gaps],
+        partial=known is not None,
+        since=f"{reviewed.revision}-{hash_code()}" if not cursor and _is_kept(context, reviewed) else None,
+        next=absolute(request, f"{following.path}?{following.query}") if following else None,
+    )
+    body = json.dumps(answer.dump() | {"next": answer.next}, separators=(",", ":")).encode()
+    return Response(body, headers=headers, media_type="application/json")
+
+
+@router.patch("/frames", response_model=FramesChanged, responses=problems(404, 409))
+def change_frames(campaign_id: Id, body: FramesChange, caller: Calibrator, writing: Writes) -> Response:
+    """Change many frames alike: move them to a scene, leave them out, withdraw or restore them.
+
+    With `expected` nothing is changed where another user was faster: 409 `changed_meanwhile` says who, and
+    how the frame is now.
+    """
+
+    def change(session: Session) -> Reply:
+        owned(session, Campaign, campaign_id, caller)
+        ids = sorted(set(body.frame_ids))
+        chosen = select(FrameRow).where(FrameRow.campaign_id == campaign_id, FrameRow.id.in_(ids))
+        frames = session.scalars(chosen.order_by(FrameRow.id).with_for_update()).all()
+        if unknown := set(ids) - {frame.id for frame in frames}:
+            message = f"{min(unknown)} is not a frame of this campaign"
+            raise invalid([{"type": "unknown_frame", "loc": ("body", "frame_ids"), "msg": message}])
+        if body.expected:
+            _require_unchanged(session, frames, body.expected)
+        jobs = [job for frame in frames for job in apply_change(session, frame, body, caller)]
+        session.flush()
+        return Reply(status=200, body=FramesChanged(frames=len(frames), read_again=len(jobs)), jobs=jobs)
+
+    return writing.run(caller, change)
+
+
+def _require_unchanged(session: Session, frames: Sequence[FrameRow], expected: ExpectedFrame) -> None:
+    """Refuse a change of frames that another user has changed since they were seen."""
+    said = expected.model_dump(exclude_none=True)
+    for frame in frames:
+        found: dict[str, Any] = {
+            "role": frame.role,
+            "scene": frame.scene or "",
+            "left_out": frame.left_out is not None,
+            "withdrawn": frame.withdrawn_at is not None,
+        }
+        changed = {name: found[name] for name, value in said.items() if found[name] != value}
+        if changed:
+            who = name_last_actor(session, frame.id)
+            now = ", ".join(_STATES[name](value) for name, value in changed.items())
+            by = f" by {who}" if who else ""
+            detail = f"{frame.filename} was changed{by} meanwhile: {now}. Look at it again."
+            raise Problem(interface.CHANGED_MEANWHILE, detail)
+
+
+_STATES: Final[dict[str, Callable[[Any], str]]] = {
+    "role": lambda role: f"its role is {role}",
+    "scene": lambda scene: f"its scene is {scene}" if scene else "it has no scene",
+    "left_out": lambda out: "it is left out" if out else "it is used again",
+    "withdrawn": lambda out: "it is withdrawn" if out else "it is restored",
+}
+
+
+def _read_since(since: str | None, reviewed: CampaignReview) -> int | None:
+    """Return the revision after which the changes are asked for; None where all frames may have changed."""
+    revision, _, code = (since or "").partition("-")
+    fresh = reviewed.kept_revision == reviewed.revision and reviewed.kept_by == hash_code() == code
+    known = int(revision) if fresh and revision.isdecimal() else -1
+    return known if reviewed.whole_revision <= known <= reviewed.revision else None
+
+
+def _is_kept(context: Context, seen: CampaignReview) -> bool:
+    """Return whether the verdicts that were answered are kept: later ones are then told apart from them."""
+    kept = select(CampaignReview.kept_revision).where(CampaignReview.campaign_id == seen.campaign_id)
+    with context.database.reading() as session:
+        return session.scalars(kept).one() >= seen.revision
+
+
+def _shape(frames: list[dict[str, Any]], verdicts: Mapping[str, Verdict]) -> GridColumns:
+    for frame in frames:
+        verdict = verdicts.get(frame["id"])
+        reason = verdict.reasons[0] if verdict and verdict.reasons else None
+        frame["outcome"] = verdict.outcome if verdict else "pending"
+        frame["code"], frame["detail"] = (str(reason.code), reason.detail) if reason else (None, None)
+        frame["left_out"] = (frame["left_out"] or {}).get("reason")
+        frame["instant"] = rfc3339(frame["instant"]) if frame["instant"] else None
+        frame["withdrawn"] = frame["withdrawn_at"] is not None
+        frame["thumbnail"] = tag_of(frame["preview_sha256"], frame["region_id"])
+    return GridColumns(**{name: [frame[name] for frame in frames] for name in GridColumns.model_fields})

@@ -1,0 +1,318 @@
+"""The proposal for a card: its campaign, and role and scene of each frame. Limits: docs/http.md."""
+
+import re
+from collections import Counter
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from itertools import pairwise
+from statistics import median
+from typing import Annotated, Final
+
+from fastapi import Response
+from pydantic import Field
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from radiometry.methods import METHODS, get_method
+from radiometry.specification.application import PictureApplication
+from radiometry.specification.method import MethodSpec
+from radiometry.specification.roles import CHART, DARK, FIELD, Role
+from service.campaigns.schemas import Kind
+from service.http.answers import problems
+from service.http.auth import Caller, Uploader
+from service.http.changes import IdempotencyKey
+from service.http.context import UsesContext
+from service.http.lookup import owned
+from service.http.models import Answer, Form, FrameRole, Method, Number, Positive, Text
+from service.http.operations import Router
+from store.publications import in_force
+from store.tables import Camera, Campaign, FrameRow
+from store.tables.base import utc_now
+
+_PAUSE_S: Final = 60.0
+"""A pause this long starts a scene, if it is also _PAUSES times the median pause."""
+_PAUSES: Final = 2.5
+_EXPOSURE_RATIO: Final = 4.0
+"""A change of t S / f^2 by this factor starts a scene after two median pauses."""
+_DARK_SIGNAL: Final = 0.002
+"""The centre of a dark frame is below this share of the range from black to white."""
+_PICTURES: Final = (".jpg", ".jpeg", ".png", ".heic")
+# folders that cameras make (DCF: three digits and five characters), which name no scene
+_CAMERA_FOLDER: Final = re.compile(r"dcim|\d{3}\w{5}|\d{4}set|\d{3}|dji_\d+_.*", re.IGNORECASE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CardFrame:
+    """A frame as its header states it; ``scene`` of one that its campaign has already."""
+
+    name: str
+    taken_s: float = 0.0
+    exposure_time_s: float | None = None
+    f_number: float | None = None
+    iso: float | None = None
+    band: str | None = None
+    signal_share: float | None = None
+    role: str = ""
+    scene: str | None = None
+
+    @property
+    def is_dark(self) -> bool:
+        return self.signal_share is not None and self.signal_share < _DARK_SIGNAL
+
+    @property
+    def exposure(self) -> float:
+        """Return t S / f^2; 0 for a file that lacks the time."""
+        f_number = self.f_number or 1.0
+        return (self.exposure_time_s or 0.0) * (self.iso or 100.0) / f_number / f_number
+
+
+def choose_methods(
+    frames: Sequence[CardFrame], in_force: Collection[str]
+) -> tuple[MethodSpec, MethodSpec | None, bool]:
+    """Return the method to calibrate, that of a night of measurements, and whether it looks like a night.
+
+    ``in_force`` : names of the methods of which the camera has a version
+    """
+    pictures = all(frame.name.lower().endswith(_PICTURES) for frame in frames)
+    able = [spec for spec in METHODS if not pictures or all(role == CHART for role in _roles(spec))]
+    words = _words(able)
+    named = [role for frame in frames if (role := _name_role(frame.name, words))]
+    bands = len({frame.band for frame in frames if frame.band}) > 1
+
+    def score(spec: MethodSpec) -> int:
+        own = {role.name for role in spec.roles}
+        suits = sum(1 if role in own else -1 for role in named if role != FIELD.name)
+        return suits + bands * (len(frames) if spec.reference == "panel" else -len(frames))
+
+    measuring = [
+        spec for spec in able if spec.application and not isinstance(spec.application, PictureApplication)
+    ]
+    measuring.sort(key=lambda spec: (spec.name not in in_force, (spec.reference == "panel") != bands))
+    night = measuring[0] if measuring else None
+    if named:
+        looks_like_night = all(role == FIELD.name for role in named)
+    else:
+        apart = len(_list_folders(_below_common_folder(frames))) > 1 or any(frame.is_dark for frame in frames)
+        looks_like_night = night is not None and night.name in in_force and not apart
+    return max(able, key=score), night, looks_like_night and night is not None
+
+
+def sort_card(
+    frames: Sequence[CardFrame], spec: MethodSpec, *, night: bool, there: Sequence[CardFrame] = ()
+) -> list[CardFrame]:
+    """Return each frame with its role, and its scene where the role has one.
+
+    ``there`` : frames in scenes of the campaign that these are added to; the scenes go on
+    """
+    if night:
+        return [replace(frame, role=FIELD.name) for frame in frames]
+    roles = {role.name: role for role in _roles(spec)}
+    usual = next((role for role in roles.values() if role.has_scene), spec.roles[0])
+    words = _words([spec])
+    placed = []
+    for frame, below in zip(frames, _below_common_folder(frames), strict=True):
+        dark = DARK.name if DARK.name in roles and frame.is_dark else None
+        placed.append(replace(below, role=_name_role(frame.name, words) or dark or usual.name))
+    lit = [frame for frame in placed if frame.role in roles and roles[frame.role].has_scene]
+    scenes = _name_scenes(lit, there)
+    return [replace(frame, scene=scenes.get(frame.name)) for frame in placed]
+
+
+def split_scenes(frames: Iterable[CardFrame]) -> list[list[CardFrame]]:
+    """Split frames at long pauses and at changes of the exposure, in the order of their times."""
+    ordered = sorted(frames, key=lambda frame: (frame.taken_s, natural(frame.name)))
+    usual = median([after.taken_s - before.taken_s for before, after in pairwise(ordered)] or [0.0])
+    scenes = [ordered[:1]] if ordered else []
+    for before, after in pairwise(ordered):
+        pause = after.taken_s - before.taken_s
+        low, high = sorted((before.exposure, after.exposure))
+        changed = low > 0 and high > _EXPOSURE_RATIO * low
+        if pause >= max(_PAUSE_S, _PAUSES * usual) or (changed and usual > 0 and pause >= 2 * usual):
+            scenes.append([])
+        scenes[-1].append(after)
+    return scenes
+
+
+def natural(name: str) -> list[tuple[int, str]]:
+    """Return the order of a name: DJI_9 before DJI_10."""
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name.lower())]
+
+
+def _name_scenes(lit: Sequence[CardFrame], there: Sequence[CardFrame]) -> dict[str, str]:
+    """Name scenes after their folders; frames of one folder, or of none, are split by time."""
+    folders = _list_folders(lit)
+    if len(folders) == 1:
+        loose = [frame for frame in lit if _folder(frame.name) not in folders]
+        folders = [] if loose or len(split_scenes(lit)) > 1 else folders
+    named = {frame.name: _folder(frame.name) for frame in lit if _folder(frame.name) in folders}
+    used = {frame.scene for frame in there} | set(named.values())
+    fresh = (name for number in range(1, len(lit) + len(used) + 1) if (name := f"Scene {number}") not in used)
+    for some in split_scenes([*(frame for frame in lit if frame.name not in named), *there]):
+        known = Counter(frame.scene for frame in some if frame.scene)
+        new = [frame for frame in some if frame.scene is None]
+        if new:
+            scene = known.most_common(1)[0][0] if known else next(fresh)
+            named |= {frame.name: scene or "" for frame in new}
+    return named
+
+
+def _roles(spec: MethodSpec) -> tuple[Role, ...]:
+    return (*spec.roles, *spec.applied_roles)
+
+
+def _words(specs: Iterable[MethodSpec]) -> list[str]:
+    """Return the roles that a folder or a file may be named after."""
+    return [*dict.fromkeys(role.name for spec in specs for role in spec.roles if not role.has_scene)]
+
+
+def _name_role(path: str, words: Sequence[str]) -> str | None:
+    """Return the role that a folder's name begins with or a file's name contains; field: a folder alone."""
+    *folders, file = path.lower().split("/")
+    for role in (*words, FIELD.name):
+        if any(folder.startswith(role) for folder in folders) or (role != FIELD.name and role in file):
+            return role
+    return None
+
+
+def _below_common_folder(frames: Sequence[CardFrame]) -> list[CardFrame]:
+    """Without the folder that was chosen: it is the card's or the night's, and names no scene."""
+    heads = {frame.name.partition("/")[0] if "/" in frame.name else "" for frame in frames}
+    if len(heads) != 1 or heads == {""}:
+        return list(frames)
+    return [replace(frame, name=frame.name.partition("/")[2]) for frame in frames]
+
+
+def _folder(path: str) -> str:
+    """Return the innermost folder that no camera made."""
+    return next((part for part in path.split("/")[-2::-1] if not _CAMERA_FOLDER.fullmatch(part)), "")
+
+
+def _list_folders(frames: Iterable[CardFrame]) -> list[str]:
+    return [*dict.fromkeys(folder for frame in frames if (folder := _folder(frame.name)))]
+
+
+router = Router(prefix="/v1", tags=["frames"])
+
+
+class FrameOfCard(Form):
+    """A frame as its header states it."""
+
+    name: Annotated[str, Field(min_length=1, max_length=1000)] = Field(
+        description='Path with "/", from the folder that was chosen.'
+    )
+    taken_s: Number = Field(
+        default=0.0, description="When it was taken, since 1970 [s]; a local time counts as UTC."
+    )
+    exposure_time_s: Positive | None = None
+    f_number: Positive | None = None
+    iso: Positive | None = None
+    band: Text | None = None
+    signal_share: Number | None = Field(
+        default=None, description="Mean of its centre, as a share of the range from black to white."
+    )
+
+
+class CardAsked(Form):
+    """A card, and what is known of the campaign that its frames are for."""
+
+    frames: Annotated[list[FrameOfCard], Field(min_length=1, max_length=10_000)]
+    camera_id: Text | None = Field(default=None, description="The camera, where it is registered.")
+    campaign_id: Text | None = Field(
+        default=None, description="A campaign that the frames are added to: its scenes go on."
+    )
+    method: Method | None = Field(default=None, description="Left out: the method that suits the frames.")
+    kind: Kind | None = None
+
+
+class PlacedFrame(Answer):
+    name: str
+    role: FrameRole
+    scene: str | None = None
+
+
+class CardProposal(Answer):
+    """Method and kind of campaign that the frames of a card suit, and role and scene of each, as asked."""
+
+    method: Method
+    kind: Kind
+    calibration_method: Method = Field(description="The method that the frames suit for a calibration.")
+    measurement_method: Method | None = Field(
+        default=None, description="The method that they suit for a night of measurements."
+    )
+    frames: list[PlacedFrame]
+
+
+@router.post("/proposals", response_model=CardProposal, responses=problems(404))
+def propose_frames(
+    body: CardAsked, caller: Uploader, context: UsesContext, _idempotency_key: IdempotencyKey = None
+) -> Response:
+    """Propose method, roles and scenes for the frames of a card, from their headers.
+
+    Nothing is stored. Scenes follow from folders, pauses and changes of exposure; dark frames
+    from their names or the brightness of their centre.
+    """
+    method: str | None = body.method
+    kind: str | None = body.kind
+    there: list[CardFrame] = []
+    with context.database.reading() as session:
+        if body.campaign_id is not None:
+            campaign = owned(session, Campaign, body.campaign_id, caller)
+            method, kind = campaign.method, campaign.kind
+            there = _list_scenes(session, campaign)
+        held = _list_held(session, body.camera_id, caller)
+    frames = [CardFrame(**each.model_dump()) for each in body.frames]
+    best, night, looks_like_night = choose_methods(frames, held)
+    if method is None:
+        night_asked = looks_like_night if kind is None else kind == "measurement"
+        spec = night if night_asked and night is not None else best
+    else:
+        spec, night_asked = get_method(method), kind == "measurement"
+    return CardProposal(
+        method=spec.name,
+        kind="measurement" if night_asked else "calibration",
+        calibration_method=best.name,
+        measurement_method=night.name if night else None,
+        frames=[
+            PlacedFrame(name=asked.name, role=placed.role, scene=placed.scene)
+            for asked, placed in zip(
+                frames, sort_card(frames, spec, night=night_asked, there=there), strict=True
+            )
+        ],
+    ).respond()
+
+
+def _list_scenes(session: Session, campaign: Campaign) -> list[CardFrame]:
+    """List the frames of a campaign that are in scenes, with the times that their files state."""
+    names = ("exposure_time_s", "f_number", "iso", "scene")
+    rows = session.execute(
+        select(
+            FrameRow.filename.label("name"),
+            FrameRow.header["taken_at"].as_string().label("taken_at"),
+            *(getattr(FrameRow, name) for name in names),
+        ).where(
+            FrameRow.campaign_id == campaign.id,
+            FrameRow.scene.is_not(None),
+            FrameRow.withdrawn_at.is_(None),
+        )
+    )
+    return [
+        CardFrame(
+            name=row.name, taken_s=_read_s(row.taken_at), **{name: getattr(row, name) for name in names}
+        )
+        for row in rows
+        if row.taken_at is not None
+    ]
+
+
+def _read_s(taken_at: str) -> float:
+    instant = datetime.fromisoformat(taken_at)
+    return (instant if instant.tzinfo else instant.replace(tzinfo=UTC)).timestamp()
+
+
+def _list_held(session: Session, camera_id: str | None, caller: Caller) -> set[str]:
+    """List the methods of which a camera has a version in force."""
+    if camera_id is None:
+        return set()
+    camera, now = owned(session, Camera, camera_id, caller), utc_now()
+    return {spec.name for spec in METHODS if in_force(session, camera_id=camera.id, method=spec.name, at=now)}

@@ -1,0 +1,160 @@
+"""Meter readings: one, many, or a spreadsheet's CSV."""
+
+from typing import Annotated, Any
+
+from fastapi import Depends, Query, Request, Response
+from pydantic import Field, TypeAdapter
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from service.campaigns.schemas import MOST_READINGS, NewReading, ReadingAnswer, ReadingsAnswer
+from service.http.answers import problems
+from service.http.auth import Calibrator, Reader
+from service.http.changes import Reply, Writes
+from service.http.context import UsesContext
+from service.http.lookup import Id, owned
+from service.http.models import Text
+from service.http.operations import Router
+from service.http.paging import Page, UsesPaging
+from service.http.problems import invalid
+from service.http.tables import Kind, read_sheet, read_sheet_or_document, refuse_columns
+from store.queries.campaigns import add_readings
+from store.tables import Campaign, Meter, Reading
+from store.tables.base import utc_now
+
+_COLUMNS = ("scene", "quantity", "value", "unit", "meter_id", "taken_at")
+_NEEDED = frozenset(_COLUMNS[:4])
+_KIND = Kind(numbers=frozenset({"value"}), most=MOST_READINGS, rows_are="readings")
+
+
+def read_readings(data: bytes) -> list[NewReading]:
+    """Readings, one a line, under the names of their columns."""
+    return read_sheet(data, NewReading, _KIND, _name_fields)
+
+
+def _name_fields(columns: list[str]) -> list[str]:
+    if not set(columns) >= _NEEDED or not set(columns) <= set(_COLUMNS) or len(set(columns)) < len(columns):
+        message = f"must name each of the columns {', '.join(_COLUMNS)} once (the last two may be absent)"
+        raise refuse_columns(message, columns)
+    return columns
+
+
+router = Router(prefix="/v1", tags=["readings"])
+
+# 1 foot-lambert = 1/pi cd/ft2, 1 footcandle = 1 lm/ft2, with 1 ft = 0.3048 m
+_SI = {"cd/m2": 1.0, "lx": 1.0, "fL": 3.4262590996353905, "fc": 10.763910416709722}
+_ONE = TypeAdapter(NewReading)
+_MANY = TypeAdapter(Annotated[list[NewReading], Field(min_length=1, max_length=MOST_READINGS)])
+
+MeterIds = Annotated[
+    list[Text] | None,
+    Query(max_length=3, description="A reading that names no meter takes the one of its quantity."),
+]
+
+_SCHEMA = NewReading.model_json_schema()
+_SEVERAL = {"type": "array", "items": _SCHEMA, "minItems": 1, "maxItems": MOST_READINGS}
+_CONTENT = {
+    "application/json": {"schema": {"oneOf": [_SCHEMA, _SEVERAL]}},
+    "text/csv": {"schema": {"type": "string"}},
+}
+
+
+async def _body(request: Request) -> list[NewReading] | NewReading:
+    """Read JSON or CSV, by the content type; each bad field or row is named."""
+    return await read_sheet_or_document(
+        request,
+        read_readings,
+        lambda data: (_MANY if isinstance(data, list) else _ONE).validate_python(data),
+    )
+
+
+@router.post(
+    "/campaigns/{campaign_id}/readings",
+    status_code=201,
+    response_model=ReadingAnswer | ReadingsAnswer,
+    responses=problems(404),
+    openapi_extra={"requestBody": {"required": True, "content": _CONTENT}},
+)
+def add_campaign_readings(
+    campaign_id: Id,
+    body: Annotated[list[NewReading] | NewReading, Depends(_body)],
+    caller: Calibrator,
+    writing: Writes,
+    meter_id: MeterIds = None,
+) -> Response:
+    """Record what the meter said of a scene; values are kept as entered and in SI."""
+    forms = [body] if isinstance(body, NewReading) else body
+
+    def change(session: Session) -> Reply:
+        campaign = owned(session, Campaign, campaign_id, caller)
+        for named in {form.meter_id for form in forms if form.meter_id}:
+            owned(session, Meter, named, caller)
+        usual = _by_quantity([owned(session, Meter, each, caller) for each in meter_id or ()])
+        columns = [{"meter_id": usual.get(form.quantity)} | _columns(form) for form in forms]
+        rows = add_readings(session, campaign, columns)
+        answers = [ReadingAnswer.of(row) for row in rows]
+        one = isinstance(body, NewReading)
+        return Reply(status=201, body=answers[0] if one else ReadingsAnswer(items=answers))
+
+    return writing.run(caller, change)
+
+
+@router.get("/campaigns/{campaign_id}/readings", response_model=Page[ReadingAnswer], responses=problems(404))
+def list_readings(
+    campaign_id: Id,
+    paging: UsesPaging,
+    caller: Reader,
+    context: UsesContext,
+) -> Response:
+    """A campaign's readings, withdrawn ones too, oldest first."""
+    rows = select(Reading).where(Reading.campaign_id == campaign_id)
+    with context.database.reading() as session:
+        owned(session, Campaign, campaign_id, caller)
+        return paging.send(session, rows, lambda found: [ReadingAnswer.of(row) for row in found])
+
+
+@router.delete("/readings/{reading_id}", response_model=ReadingAnswer, responses=problems(404))
+def withdraw_reading(reading_id: Id, caller: Calibrator, writing: Writes) -> Response:
+    """Withdraw a mistyped reading: no fit uses it any more, the record keeps it."""
+
+    def change(session: Session) -> Reply:
+        reading = owned(session, Reading, reading_id, caller)
+        reading.withdrawn_at = reading.withdrawn_at or utc_now()
+        session.flush()
+        return Reply(status=200, body=ReadingAnswer.of(reading))
+
+    return writing.run(caller, change)
+
+
+@router.post("/readings/{reading_id}/restore", response_model=ReadingAnswer, responses=problems(404))
+def restore_reading(reading_id: Id, caller: Calibrator, writing: Writes) -> Response:
+    """Undo the withdrawal of a reading."""
+
+    def change(session: Session) -> Reply:
+        reading = owned(session, Reading, reading_id, caller)
+        reading.withdrawn_at = None
+        session.flush()
+        return Reply(status=200, body=ReadingAnswer.of(reading))
+
+    return writing.run(caller, change)
+
+
+def _columns(form: NewReading) -> dict[str, Any]:
+    return {
+        "scene": form.scene,
+        "quantity": form.quantity,
+        "value": form.value * _SI[form.unit],
+        "entered_value": form.value,
+        "entered_unit": form.unit,
+        "taken_at": form.taken_at,
+        **({"meter_id": form.meter_id} if form.meter_id else {}),
+    }
+
+
+def _by_quantity(meters: list[Meter]) -> dict[str, str]:
+    """A meter's kind is the quantity that it reads; which of two was read could not be known."""
+    usual = {meter.kind: meter.id for meter in meters}
+    if len(usual) < len(meters):
+        message = "names two meters of one kind; name the meter in each reading"
+        raise invalid([{"type": "meters", "loc": ("query", "meter_id"), "msg": message}])
+    return usual

@@ -1,0 +1,401 @@
+"""Campaigns, their region and their checklist."""
+
+from typing import Annotated, Any
+
+from fastapi import Query, Request, Response
+from pydantic import ConfigDict, Field, Strict, ValidationError, model_validator
+from sqlalchemy import select, true
+from sqlalchemy.orm import Session
+
+from radiometry import methods
+from radiometry.findings import interface
+from radiometry.frame.multispectral import name_panel
+from radiometry.specification.roles import FIELD
+from service.campaigns.schemas import (
+    STATED,
+    CampaignAnswer,
+    CampaignChange,
+    CampaignDetails,
+    Kind,
+    NewCampaign,
+    NewRoi,
+    RoiAnswer,
+)
+from service.equipment.schemas import PanelOffered
+from service.http.answers import problems
+from service.http.auth import Calibrator, Reader
+from service.http.changes import Reply, Writes
+from service.http.context import UsesContext
+from service.http.lookup import Id, owned
+from service.http.models import Answer, Form, LongText, Text, rfc3339
+from service.http.operations import Router
+from service.http.paging import Listing, Page, page_own
+from service.http.problems import Problem, invalid, located
+from service.measurements.requests import read_roi
+from store.codec import decode, read_strictly
+from store.queries.campaigns import (
+    check_again,
+    count,
+    count_measured,
+    find_or_add_roi,
+    renew_extractions,
+    set_roi,
+)
+from store.queries.checklist import (
+    KEYS,
+    ChecklistItem,
+    RecordState,
+    has_checklist,
+    hash_state,
+    read_checklist,
+    read_signature,
+    set_tick,
+    sign,
+)
+from store.queries.evidence import Offer, find_by_serial, find_offer
+from store.queries.organisations import find_or_add_panel
+from store.reviews import Assessment, assess
+from store.tables import Calibration, Camera, Campaign, ChecklistSignature, FrameRow, Panel, Roi
+from store.tables.base import utc_now
+
+
+class ItemChange(Form):
+    key: Annotated[Text, Field(description="One of the items that the campaign's checklist lists.")]
+    done: Annotated[bool, Strict()] = Field(description="false takes the tick away.")
+    note: LongText | None = Field(
+        default=None, description="What was done, and with which equipment; recorded with the item."
+    )
+
+
+class NewSignature(Form):
+    name: Text = Field(description="The operator's name, as signed below the printed checklist.")
+
+
+class ChecklistChange(Form):
+    """Ticks to set or to take away, a signature, or both."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"anyOf": [{"required": ["items"]}, {"required": ["signature"]}]}
+    )
+
+    items: Annotated[list[ItemChange] | None, Field(min_length=1, max_length=1000)] = None
+    signature: NewSignature | None = None
+
+    @model_validator(mode="after")
+    def _changes_something(self) -> "ChecklistChange":
+        if self.items is None and self.signature is None:
+            raise ValueError("give items, a signature, or both")
+        return self
+
+
+class ItemAnswer(Answer, restates=ChecklistItem):
+    pass
+
+
+class SignatureAnswer(Answer, restates=ChecklistSignature, fields="name signed_by signed_at state_sha256"):
+    changed: bool = Field(
+        description="Whether details, frames, readings, region or ticks are other than when it was signed."
+    )
+
+
+class ChecklistAnswer(Answer):
+    campaign_id: str
+    done: int
+    open: int
+    items: list[ItemAnswer]
+    signature: SignatureAnswer | None = None
+    said: str | None = Field(default=None, description="Why there are no items, where there are none.")
+
+    @classmethod
+    def of(
+        cls, campaign_id: str, items: list[ChecklistItem], signature: ChecklistSignature | None, state: str
+    ) -> "ChecklistAnswer":
+        """Return the list; ``state`` is the hash of what a signature would sign now."""
+        done = sum(item.done_by is not None for item in items)
+        return cls.restate(
+            campaign_id=campaign_id,
+            done=done,
+            open=len(items) - done,
+            items=items,
+            signature=SignatureAnswer.restate(signature, changed=signature.state_sha256 not in {None, state})
+            if signature
+            else None,
+        )
+
+
+def explain_missing_checklist(campaign: Campaign) -> str:
+    """Why a campaign has no items."""
+    kind = "night of measurements" if campaign.measures else f"{campaign.method} campaign"
+    return f"The printed checklist is that of the luminance procedure; a {kind} has none."
+
+
+router = Router(prefix="/v1/campaigns", tags=["campaigns"])
+
+
+@router.post("", status_code=201, response_model=CampaignAnswer, responses=problems(404))
+def create_campaign(body: NewCampaign, caller: Calibrator, writing: Writes) -> Response:
+    """Begin a campaign: one camera, one method, and a set of readings or a night of measurements."""
+
+    def change(session: Session) -> Reply:
+        owned(session, Camera, body.camera_id, caller)
+        if body.panel_id is not None:
+            owned(session, Panel, body.panel_id, caller)
+        _check_stated(body.method, body)
+        kind = body.kind or "calibration"
+        if kind == "measurement":
+            _require_measurable(body.method)
+        values = body.model_dump(exclude={"panel_serial"}) | {"kind": kind}
+        values["target"] = _read_target(body.method, body.target)
+        campaign = Campaign(organisation_id=caller.organisation_id, **values)
+        _require_order(campaign)
+        _choose_panel(session, campaign, body.panel_serial, offer=None)
+        session.add(campaign)
+        session.flush()
+        return Reply(status=201, body=CampaignAnswer.restate(campaign))
+
+    return writing.run(caller, change)
+
+
+class CampaignListing(Listing):
+    archived: Annotated[bool | None, Query(description="Only those put away, or only the others.")] = None
+    project_number: Text | None = None
+    camera_id: Text | None = None
+    method: Text | None = None
+    kind: Kind | None = None
+
+
+@router.get("", response_model=Page[CampaignAnswer], responses=problems())
+def list_campaigns(
+    request: Request, caller: Reader, context: UsesContext, listing: Annotated[CampaignListing, Query()]
+) -> Response:
+    """The campaigns of your organisation, oldest first."""
+    away = Campaign.archived_at.is_not(None)
+    where = true() if listing.archived is None else away if listing.archived else ~away
+    rest = listing.model_copy(update={"archived": None})
+    return page_own(request, context, caller, Campaign, rest, CampaignAnswer.restate, where=where)
+
+
+@router.get("/{campaign_id}", response_model=CampaignAnswer, responses=problems(404))
+def get_campaign(campaign_id: Id, caller: Reader, context: UsesContext) -> Response:
+    """One campaign, with what has arrived and what a fit, and a good one, still needs."""
+    with context.database.reading() as session:
+        campaign = owned(session, Campaign, campaign_id, caller)
+        return _whole(session, campaign, context.reviews.find(session, campaign_id)).respond()
+
+
+@router.patch("/{campaign_id}", response_model=CampaignAnswer, responses=problems(404, 409))
+def change_campaign(campaign_id: Id, body: CampaignChange, caller: Calibrator, writing: Writes) -> Response:
+    """Correct what is written on a campaign."""
+
+    def change(session: Session) -> Reply:
+        campaign = owned(session, Campaign, campaign_id, caller)
+        if body.panel_id is not None:
+            owned(session, Panel, body.panel_id, caller)
+        _check_stated(campaign.method, body)
+        if body.kind == "measurement" and not campaign.measures:
+            _require_no_calibration(session, campaign)
+        values = body.model_dump(exclude_unset=True, exclude={"panel_serial", "archived"})
+        values = {name: None if value == "" else value for name, value in values.items()}
+        jobs = []
+        if body.archived is not None:
+            campaign.archived_at = (campaign.archived_at or utc_now()) if body.archived else None
+        if body.camera_id is not None and body.camera_id != campaign.camera_id:
+            owned(session, Camera, body.camera_id, caller)
+            jobs = check_again(session, campaign, by=caller.key_id)
+        if body.target is not None:
+            values["target"] = _read_target(campaign.method, body.target)
+            jobs = renew_extractions(session, campaign, by=caller.key_id)
+        for name, value in values.items():
+            setattr(campaign, name, value)
+        _require_order(campaign)
+        if body.panel_serial is not None:
+            _choose_panel(session, campaign, body.panel_serial, offer=find_offer(session, campaign))
+        session.flush()
+        return Reply(status=200, body=_whole(session, campaign, assess(session, campaign)), jobs=jobs)
+
+    return writing.run(caller, change)
+
+
+@router.put("/{campaign_id}/roi", response_model=RoiAnswer, responses=problems(404))
+def set_campaign_roi(campaign_id: Id, body: NewRoi, caller: Calibrator, writing: Writes) -> Response:
+    """Set the region of every frame that has none of its own; older statistics stay."""
+    drawing = read_roi(body)
+
+    def change(session: Session) -> Reply:
+        campaign = owned(session, Campaign, campaign_id, caller)
+        roi = find_or_add_roi(session, caller.organisation_id, drawing)
+        jobs = set_roi(session, campaign, roi, by=caller.key_id)
+        return Reply(status=200, body=RoiAnswer.of(roi), jobs=jobs)
+
+    return writing.run(caller, change)
+
+
+@router.get("/{campaign_id}/roi", response_model=RoiAnswer, responses=problems(404))
+def get_campaign_roi(campaign_id: Id, caller: Reader, context: UsesContext) -> Response:
+    """The region in use."""
+    with context.database.reading() as session:
+        campaign = owned(session, Campaign, campaign_id, caller)
+        if campaign.roi_id is None:
+            raise Problem(interface.NOT_FOUND, "This campaign has no region yet: PUT one here.")
+        return RoiAnswer.of(session.get_one(Roi, campaign.roi_id)).respond()
+
+
+def _choose_panel(session: Session, campaign: Campaign, serial: str | None, *, offer: Offer | None) -> None:
+    """Name the registered panel of a serial number, or register the offered one as its files state it."""
+    if serial is None:
+        return
+    panel = find_by_serial(session, campaign.organisation_id, serial)
+    if panel is None and offer is not None and offer.serial == name_panel(serial) and offer.bands:
+        values = {"serial": offer.serial, "measured_on": offer.stated_on, "bands": offer.bands}
+        panel, _ = find_or_add_panel(session, campaign.organisation_id, values)
+    if panel is None:
+        message = "is not registered, and no frame of this campaign states what it reflects: register it"
+        raise invalid([{"type": "panel", "loc": ("body", "panel_serial"), "msg": message}])
+    campaign.panel_id = panel.id
+
+
+def _check_stated(method: str, body: CampaignDetails) -> None:
+    """Refuse what belongs to the fit of another method, and a lamp or response that cannot be read."""
+    spec = methods.get_method(method)
+    stated = body.model_dump(include=set(STATED), exclude_unset=True)
+    fields = {each.name: each.field for each in spec.parameters if each.given_by == "campaign"}
+    foreign = [
+        {"type": "parameter", "loc": ("body", name), "msg": f"is not a part of a {method} campaign"}
+        for name in stated.keys() - fields.keys()
+    ]
+    if foreign:
+        raise invalid(foreign)
+    if stated:
+        decode(spec.params, {fields[name]: value for name, value in stated.items()})
+
+
+def _require_order(campaign: Campaign) -> None:
+    if campaign.started_at and campaign.ended_at and campaign.ended_at < campaign.started_at:
+        message = f"is before the beginning of the campaign, {rfc3339(campaign.started_at)}"
+        raise invalid([{"type": "order", "loc": ("body", "ended_at"), "msg": message}])
+
+
+def _require_measurable(method: str) -> None:
+    if methods.get_method(method).application is None:
+        able = ", ".join(spec.name for spec in methods.METHODS if spec.application)
+        message = f"nothing is measured with a {method} calibration: name one of {able}"
+        raise invalid([{"type": "kind", "loc": ("body", "method"), "msg": message}])
+
+
+def _require_no_calibration(session: Session, campaign: Campaign) -> None:
+    """Refuse a campaign with versions, or with frames of a calibration, withdrawn ones too."""
+    _require_measurable(campaign.method)
+    others = select(FrameRow.filename).where(FrameRow.campaign_id == campaign.id, FrameRow.role != FIELD.name)
+    fitted = select(Calibration.id).where(Calibration.campaign_id == campaign.id)
+    other = session.scalar(others.limit(1))
+    if other is not None or session.scalar(fitted.limit(1)) is not None:
+        has = (
+            f"the frame {other}, which is not a field frame" if other else "a version that was fitted from it"
+        )
+        detail = f"This campaign has {has}: create another one for the night, and send its frames there."
+        raise Problem(interface.CONFLICT, detail)
+
+
+def _read_target(method: str, said: dict[str, Any] | None) -> dict[str, Any] | None:
+    """Read the target as the method requires it, defaults written out; None if it is stated later."""
+    kind = methods.get_method(method).target
+    if kind is None and said is None:
+        return None
+    if kind is None:
+        message = f"a {method} campaign photographs nothing that must be described: leave it out"
+        raise invalid([{"type": "target", "loc": ("body", "target"), "msg": message}])
+    try:
+        return read_strictly(kind, said or {})
+    except ValidationError as error:
+        if said is None:
+            return None
+        raise invalid(located(error, "body", "target")) from error
+
+
+def _whole(session: Session, campaign: Campaign, readiness: Assessment) -> CampaignAnswer:
+    counts = count(session, campaign)
+    offer = find_offer(session, campaign)
+    return CampaignAnswer.restate(
+        campaign,
+        readiness,
+        frames=counts,
+        readings=counts.readings,
+        measured=count_measured(session, campaign) if campaign.measures else None,
+        panel_offered=PanelOffered.restate(offer) if offer else None,
+    )
+
+
+checklist_router = Router(prefix="/v1/campaigns/{campaign_id}/checklist", tags=["checklist"])
+
+
+@checklist_router.get("", response_model=ChecklistAnswer, responses=problems(404))
+def get_checklist(campaign_id: Id, caller: Reader, context: UsesContext) -> Response:
+    """The items of the printed checklist, who ticked each and from what it follows.
+
+    Only the luminance procedure has one: of another method's campaign there are no items, and `said` says so.
+    """
+    with context.database.reading() as session:
+        campaign = owned(session, Campaign, campaign_id, caller)
+        return _answer(session, campaign, context.reviews.find(session, campaign_id).record).respond()
+
+
+@checklist_router.patch("", response_model=ChecklistAnswer, responses=problems(404, 409))
+def change_checklist(
+    campaign_id: Id, body: ChecklistChange, caller: Calibrator, context: UsesContext, writing: Writes
+) -> Response:
+    """Tick items, take ticks away, sign. A signed list changes only together with a new signature."""
+
+    def change(session: Session) -> Reply:
+        campaign = owned(session, Campaign, campaign_id, caller)
+        if not has_checklist(campaign):
+            raise Problem(interface.NO_CHECKLIST, explain_missing_checklist(campaign))
+        signature = read_signature(session, campaign)
+        if signature is not None and body.signature is None:
+            raise Problem(
+                interface.CHECKLIST_SIGNED,
+                f"{signature.name} has signed this checklist. Send a signature with the change: "
+                "it then stands for the list as changed.",
+            )
+        for item in body.items or []:
+            _refuse_undone(record, item)
+            set_tick(session, campaign, item.key, done=item.done, note=item.note, by=caller.key_id)
+        if body.signature is not None:
+            sign(session, campaign, name=body.signature.name, by=caller.key_id)
+        session.flush()
+        return Reply(status=200, body=_answer(session, campaign, record))
+
+    _refuse_unknown(body)
+    with context.database.reading() as reading:
+        owned(reading, Campaign, campaign_id, caller)
+        record = context.reviews.find(reading, campaign_id).record
+    return writing.run(caller, change)
+
+
+def _refuse_undone(record: RecordState | None, item: ItemChange) -> None:
+    finding = record.findings.get(item.key) if record else None
+    if item.done and finding is not None and not finding.done:
+        raise Problem(interface.STEP_NOT_DONE, f"{item.key}: {finding.sentence}")
+
+
+def _refuse_unknown(body: ChecklistChange) -> None:
+    unknown = [
+        {
+            "type": "unknown_key",
+            "loc": ("body", "items", index, "key"),
+            "msg": f"{item.key!r} is no item of the checklist; GET this address lists them",
+        }
+        for index, item in enumerate(body.items or [])
+        if item.key not in KEYS
+    ]
+    if unknown:
+        raise invalid(unknown)
+
+
+def _answer(session: Session, campaign: Campaign, record: RecordState | None) -> ChecklistAnswer:
+    items = read_checklist(session, campaign, record)
+    signature = read_signature(session, campaign)
+    state = hash_state(session, campaign) if signature else ""
+    answer = ChecklistAnswer.of(campaign.id, items, signature, state)
+    if has_checklist(campaign):
+        return answer
+    return answer.model_copy(update={"said": explain_missing_checklist(campaign)})

@@ -1,0 +1,1 @@
+"""Coefficients in force, and series for dashboards."""

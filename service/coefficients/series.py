@@ -1,0 +1,310 @@
+"""Series as JSON, CSV, Parquet or an Arrow stream, a page at a time: memory does not grow with them."""
+
+import hashlib
+import json
+import re
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from itertools import chain
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+
+from fastapi import Request, Response
+from fastapi.responses import StreamingResponse
+from isal import isal_zlib
+from pydantic import Field, create_model
+
+from service.coefficients.formats import (
+    Column,
+    gather,
+    write_arrow,
+    write_csv,
+    write_excel,
+    write_json,
+    write_records,
+)
+from service.http.answers import UNCHANGED, not_modified, standing_headers
+from service.http.auth import Caller
+from service.http.connections import absolute
+from service.http.context import Context
+from service.http.lookup import owned
+from service.http.models import Answer, Form, Instant, Method, Text
+from service.http.paging import read_cursor, write_cursor
+from store.database import Database
+from store.ready.rows import COLUMNS, KINDS
+from store.ready.series import Asked, Series
+from store.software import read_version
+from store.tables import Camera
+
+_NULL: dict[str, Any] = {"nullable_on_purpose": True}
+_Number = Annotated[float | None, Field(json_schema_extra=_NULL)]
+_Word = Annotated[str | None, Field(json_schema_extra=_NULL)]
+
+
+class SeriesRow(Answer):
+    """One coefficient of one published version: flat, for a dashboard's panel. What it has not is null."""
+
+    camera_id: str
+    make: str
+    model_name: str
+    serial: str
+    method: str
+    version: int
+    calibration_id: str
+    name: str
+    value: float
+    standard_uncertainty: float
+    unit: str
+    iso: _Number = None
+    f_number: _Number = None
+    band: _Word = None
+    channel: _Word = None
+    model: str
+    flags: str = Field(description="Codes, separated by spaces.")
+    valid_from: Instant
+    valid_to: Annotated[Instant | None, Field(json_schema_extra=_NULL)] = None
+    campaign_id: str
+    computed_at: Instant = Field(description="When the version was fitted.")
+
+
+_NEXT = Field(default=None, description="Where the next rows are. Absent where none are left.")
+
+
+class SeriesAnswer(Answer):
+    rows: list[SeriesRow]
+    next: str | None = _NEXT
+
+
+_ALWAYS = frozenset(
+    (
+        *("id", "frame_id", "filename", "calibration_id", "calibration_version", "calibration_state"),
+        *("region_origin", "frames", "vignetting", "signal", "flags", "created_at"),
+        *("camera_id", "make", "model_name", "serial", "campaign_id", "method"),
+    )
+)
+_NULLABLE = {float: _Number, str: _Word, int: Annotated[int | None, Field(json_schema_extra=_NULL)]}
+
+if TYPE_CHECKING:
+    MeasurementRow = dict[str, Any]
+    MeasurementSeriesRow = dict[str, Any]
+else:
+    MeasurementRow = create_model(
+        "MeasurementRow",
+        __base__=Answer,
+        __doc__="One measurement, flat; what it does not have is left out.",
+        **{name: (KINDS.get(name, float) | None, None) for name in COLUMNS},
+    )
+    MeasurementSeriesRow = create_model(
+        "MeasurementSeriesRow",
+        __base__=Answer,
+        __doc__="One measurement, flat, with every column; what it does not have is null.",
+        **{
+            name: (kind, ...) if name in _ALWAYS else (_NULLABLE[kind], None)
+            for name in COLUMNS
+            for kind in (KINDS.get(name, float),)
+        }
+        | {"created_at": (Instant, ...)},
+    )
+
+
+class MeasurementSeriesAnswer(Answer):
+    """One row a measurement; the columns are those of measurements.csv."""
+
+    rows: list[MeasurementSeriesRow]
+    next: str | None = _NEXT
+
+
+class PointAnswer(Answer):
+    """A GeoJSON point: longitude, latitude and, where known, altitude [m]."""
+
+    type: Literal["Point"]
+    coordinates: list[float] = Field(min_length=2, max_length=3)
+
+
+class FeatureAnswer(Answer):
+    """A measurement as a GeoJSON feature; without geometry where the file names no place."""
+
+    type: Literal["Feature"]
+    id: str
+    geometry: PointAnswer | None = Field(json_schema_extra={"nullable_on_purpose": True})
+    properties: MeasurementRow
+
+
+class FeaturesAnswer(Answer):
+    """Measurements as a GeoJSON feature collection (RFC 7946)."""
+
+    type: Literal["FeatureCollection"]
+    features: list[FeatureAnswer]
+
+
+class CellRow(Answer):
+    """A cell of a surface: its luminance, and its centre in the frame and, of lanes, on the road."""
+
+    row: int
+    column: int
+    luminance_cd_m2: float
+    standard_uncertainty_cd_m2: float
+    x_px: float
+    y_px: float
+    x_m: float | None = None
+    y_m: float | None = None
+    seen_from: Literal["above"]
+
+
+class OutlineAnswer(Answer):
+    type: Literal["Polygon"]
+    coordinates: list[list[list[float]]]
+
+
+class CellFeatureAnswer(Answer):
+    type: Literal["Feature"]
+    id: str
+    geometry: OutlineAnswer
+    properties: CellRow
+
+
+class CellsAnswer(Answer):
+    """Cells in the form of GeoJSON; their coordinates are not longitude and latitude."""
+
+    type: Literal["FeatureCollection"]
+    coordinates_in: Literal["pixel", "road_m"] = Field(
+        description="`pixel`: x right, y down, of the frame. `road_m`: along and across the lanes from the "
+        "first corner."
+    )
+    features: list[CellFeatureAnswer]
+
+
+if sys.version_info >= (3, 14):
+    from compression import zstd
+else:
+    from backports import zstd
+
+Shape = Literal["json", "csv", "arrow", "parquet", "excel", "excel_semicolon"]
+Coding = Literal["zstd", "gzip", ""]
+
+ROW_LIMIT: Final = 200_000
+MOST_ROWS: Final = 1_000_000
+MEDIA_TYPES: Final[dict[Shape, str]] = {
+    "json": "application/json",
+    "csv": "text/csv; charset=utf-8",
+    "arrow": "application/vnd.apache.arrow.stream",
+    "parquet": "application/vnd.apache.parquet",
+    "excel": "text/csv; charset=utf-8",
+    "excel_semicolon": "text/csv; charset=utf-8",
+}
+_EXCEL: Final[dict[Shape, tuple[str, str]]] = {"excel": (",", "."), "excel_semicolon": (";", ",")}
+"""Separator and decimal sign, as Excel expects them of its country."""
+_GZIP = 31
+"""The window of zlib's format with the header of gzip."""
+
+
+_CHOOSING = ("camera_id", "campaign_id", "calibration_id", "method", "start", "end")
+
+
+class SeriesQuery(Form):
+    """Which rows of a series, how many, and in which form."""
+
+    camera_id: Text | None = None
+    method: Method | None = None
+    computed_from: Instant | None = Field(default=None, description="Computed at this time or later.")
+    computed_to: Instant | None = Field(default=None, description="Computed before this time.")
+    limit: Annotated[int, Field(ge=1, le=MOST_ROWS)] | None = Field(
+        default=None, description=f"How many rows at most; without it, {ROW_LIMIT:,}."
+    )
+    cursor: Text | None = Field(
+        default=None, description="Taken from the `next` address of the answer before."
+    )
+    format: Shape | None = Field(
+        default=None,
+        description="Without it, what `Accept` names first of JSON, CSV, Arrow and Parquet; else JSON. "
+        "`excel` is CSV that Excel opens by itself where numbers have a decimal point, `excel_semicolon` "
+        "where they have a comma.",
+    )
+
+
+def answer_series(
+    request: Request,
+    context: Context,
+    caller: Caller,
+    kind: Callable[[Database, Asked], Series],
+    query: SeriesQuery,
+    columns: tuple[Column, ...],
+) -> Response:
+    """Stream the rows that were asked for, or answer 304 while none of the organisation has changed."""
+    chosen = {name: getattr(query, name, None) for name in _CHOOSING}
+    asked = Asked(
+        organisation_id=caller.organisation_id,
+        computed_start=query.computed_from,
+        computed_end=query.computed_to,
+        **chosen,
+    )
+    series = kind(context.database, asked)
+    shape = query.format or _choose_shape(request.headers.get("accept", ""))
+    # the columns of Parquet are packed already
+    coding = "" if shape == "parquet" else _choose_coding(request.headers.get("accept-encoding", ""))
+    after = None if query.cursor is None else read_cursor(query.cursor, series.is_place)
+    with context.database.reading(snapshot=True) as session:
+        if query.camera_id is not None:
+            owned(session, Camera, query.camera_id, caller)
+        said = [read_version(), series.read_state(session), caller.organisation_id, str(request.url), shape]
+        tag = hashlib.sha256(json.dumps(said).encode()).hexdigest()[:32] + (coding and f"-{coding}")
+        headers = standing_headers(tag) | {"Vary": "Accept, Accept-Encoding, Authorization"}
+        unchanged = not_modified(request, tag, headers)
+        if unchanged is not None:
+            return unchanged
+        until = series.find_end(session, after=after, limit=query.limit or ROW_LIMIT)
+    following = None
+    if until is not None:
+        address = request.url.include_query_params(cursor=write_cursor(until))
+        following = absolute(request, f"{address.path}?{address.query}")
+        headers["Link"] = f'<{following}>; rel="next"'
+    pages = series.read(after=after, until=until)
+    match shape:
+        case "json":
+            content = gather(write_json(pages, columns, following))
+        case "csv":
+            content = gather(write_csv(pages, columns))
+        case "excel" | "excel_semicolon":
+            content = gather(write_excel(pages, columns, *_EXCEL[shape]))
+        case "arrow" | "parquet":
+            kinds = {column.name: column.kind for column in columns}
+            content = write_arrow(write_records(pages, columns), kinds, parquet=shape == "parquet")
+    if coding:
+        headers["Content-Encoding"] = coding
+        content = _pack(content, coding)
+    # what fails at the first page is a problem, not an answer that breaks off
+    first = next(content, b"")
+    return StreamingResponse(chain([first], content), headers=headers, media_type=MEDIA_TYPES[shape])
+
+
+def sends_series() -> dict[int | str, dict[str, Any]]:
+    """Document the forms of a series."""
+    text, binary = {"type": "string"}, {"type": "string", "format": "binary"}
+    schemas: dict[Shape, Any] = {"csv": text, "arrow": binary, "parquet": binary}
+    content = {MEDIA_TYPES[shape].partition(";")[0]: {"schema": schema} for shape, schema in schemas.items()}
+    return {200: {"content": content}, **UNCHANGED}
+
+
+def _choose_shape(accept: str) -> Shape:
+    named = [part.partition(";")[0].strip().lower() for part in accept.split(",")]
+    for name in named:
+        for shape, media_type in MEDIA_TYPES.items():
+            if name == media_type.partition(";")[0]:
+                return shape
+    return "json"
+
+
+def _choose_coding(accepted: str) -> Coding:
+    """Return the quickest coding that is accepted, "" for none."""
+    parts = (part.replace(" ", "").partition(";") for part in accepted.lower().split(","))
+    named = {name for name, _, weight in parts if not re.fullmatch(r"q=0(\.0*)?", weight)}
+    codings: tuple[Coding, ...] = ("zstd", "gzip")
+    return next((each for each in codings if each in named), "")
+
+
+def _pack(parts: Iterable[bytes], coding: Coding) -> Iterator[bytes]:
+    zstandard = coding == "zstd"
+    packer = zstd.ZstdCompressor(level=1) if zstandard else isal_zlib.compressobj(1, wbits=_GZIP)
+    for part in parts:
+        if packed := packer.compress(part):
+            yield packed
+    yield packer.flush()

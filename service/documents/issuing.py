@@ -1,0 +1,189 @@
+"""Issuing certificates: JSON and PDF are made and stored before a publication begins, which keeps them.
+
+No transaction waits for the typesetter. If it fails nothing is published; files of what was never published
+are named by no row.
+"""
+
+import logging
+from dataclasses import dataclass
+from typing import Final
+
+from sqlalchemy.exc import IntegrityError, SQLAlchemyError
+from sqlalchemy.orm import Session
+
+from radiometry.findings import interface
+from service.calibrations.schemas import Gap, NewPublication
+from service.documents import rendered as kept
+from service.documents.certificate import build_certificate, list_published
+from service.documents.rendered import order_certificate, write_order
+from service.documents.schemas import Amended, CertificateAnswer, Issued, PublishedBy
+from service.documents.sheets import draw_region, write_json
+from service.http.auth import Caller
+from service.http.context import Context
+from service.http.lookup import owned
+from service.http.problems import Problem
+from store.blobs import BlobDamaged, StorageUnavailable, StoredBlob
+from store.database import Conflict
+from store.files import Files
+from store.publications import (
+    PrintedCertificate,
+    find_unissued,
+    is_published,
+    keep_issued,
+    list_issued,
+    require_not_revoked,
+)
+from store.queries.calibration_record import CalibrationRecord, read_calibration_record
+from store.tables import Calibration, IssuedCertificate
+from store.tables.base import utc_now
+
+log = logging.getLogger(__name__)
+
+_LOOK_AGAIN_S: Final = 3600.0
+_REST_S: Final = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prepared:
+    """A certificate that is stored, and what it lacks of what ISO/IEC 17025 asks for."""
+
+    printed: PrintedCertificate
+    gaps: list[Gap]
+
+
+def prepare(context: Context, calibration_id: str, caller: Caller, publication: NewPublication) -> Prepared:
+    """Make and store the certificate that a publication issues.
+
+    409 when the organisation publishes nothing that lacks something.
+    """
+    with context.database.reading() as session:
+        calibration = owned(session, Calibration, calibration_id, caller)
+        require_not_revoked(session, calibration)
+    find_issued(context, calibration_id)
+    with context.database.reading(snapshot=True) as session:
+        record = gather(context, session, calibration)
+        certificate = build_issued(session, record, caller, publication)
+    if certificate.gaps and record.organisation.refuses_incomplete_certificates:
+        raise Problem(
+            interface.CERTIFICATE_INCOMPLETE,
+            "Your organisation refuses to publish a version whose certificate lacks items of ISO/IEC 17025. "
+            f"Add them, then publish again: {' '.join(gap.message for gap in certificate.gaps)}",
+            gaps=[gap.dump() for gap in certificate.gaps],
+        )
+    return Prepared(printed=_print(context, record, certificate, first=True), gaps=certificate.gaps)
+
+
+def build_issued(
+    session: Session, record: CalibrationRecord, caller: Caller, publication: NewPublication
+) -> CertificateAnswer:
+    """Build the certificate that a publication by this caller would issue now."""
+    now, earlier = utc_now(), list_issued(session, record.calibration.id)
+    amends = Amended.restate(earlier[0], amendment=earlier[-1].amendment + 1) if earlier else None
+    act = PublishedBy.restate(publication, by=caller.named, at=now)
+    issued = Issued(at=now, at_upgrade=False, amends=amends)
+    return build_certificate(record, issued=issued, approved_by=caller.person, published=[act])
+
+
+def find_issued(context: Context, calibration_id: str) -> list[IssuedCertificate]:
+    """Return what was issued of a version; one that was published before that was kept is issued now."""
+    with context.database.reading() as session:
+        found = list_issued(session, calibration_id)
+        if found or not is_published(session, calibration_id):
+            return found
+    _issue_late(context, calibration_id)
+    with context.database.reading() as session:
+        return list_issued(session, calibration_id)
+
+
+class Backlog:
+    """Issues what was published before certificates were kept, one version after the other.
+
+    A version is whole or still to come: a process that is killed leaves the others to the next.
+    """
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._failed: set[str] = set()
+
+    def issue_next(self) -> float:
+        """Issue one; return the pause until the next [s]."""
+        with self._context.database.reading() as session:
+            calibration_id = find_unissued(session, without=self._failed)
+        if calibration_id is None:
+            self._failed.clear()
+            return _LOOK_AGAIN_S
+        try:
+            _issue_late(self._context, calibration_id)
+        except (SQLAlchemyError, StorageUnavailable):
+            raise
+        except Exception:  # of one version, whose record may be damaged: the others go on
+            log.exception("the certificate of %s is not issued yet", calibration_id)
+            self._failed.add(calibration_id)
+        return _REST_S
+
+
+def gather(context: Context, session: Session, calibration: Calibration) -> CalibrationRecord:
+    """Return all that the certificate of a version states."""
+    state = context.reviews.find(session, calibration.campaign_id).record
+    return read_calibration_record(session, calibration, state)
+
+
+def draw_preview(record: CalibrationRecord, files: Files) -> str:
+    """Draw the largest frame of something lit with its region; "" where no preview is left to be read."""
+    inputs = record.calibration.inputs
+    shown = [
+        (size_px, sha256, used["roi_sha256"])
+        for used in inputs["frames"]
+        if used["role"] != "dark"
+        and (size_px := record.frames[used["sha256"]].size_px)
+        and (sha256 := record.frames[used["sha256"]].preview_sha256)
+    ]
+    if not shown:
+        return ""
+    (width_px, height_px), sha256, key = max(shown, key=lambda one: one[0][0] * one[0][1])
+    try:
+        png = b"".join(files.open(sha256)[1])
+    except BlobDamaged as damage:
+        log.warning("a certificate is printed without its picture: %s", damage)
+        return ""
+    parts = inputs.get("roi_parts", {}).get(key) or [{"points": inputs["rois"][key]}]
+    return draw_region(png, width_px, height_px, [part["points"] for part in parts])
+
+
+def _issue_late(context: Context, calibration_id: str) -> None:
+    with context.database.reading(snapshot=True) as session:
+        record = gather(context, session, session.get_one(Calibration, calibration_id))
+    issued = Issued(at=utc_now(), at_upgrade=True)
+    certificate = build_certificate(record, issued=issued, published=list_published(record))
+    printed = _print(context, record, certificate, first=False)
+    try:
+        with context.database.writing("service", record.organisation.id) as session:
+            keep_issued(session, record.acts[-1].publication, printed)
+    except (IntegrityError, Conflict):
+        log.info("another process has issued the certificate of %s", calibration_id)
+
+
+def _print(
+    context: Context, record: CalibrationRecord, certificate: CertificateAnswer, *, first: bool
+) -> PrintedCertificate:
+    content, issued = certificate.dump(), certificate.issued
+    assert issued is not None  # noqa: S101  narrows the type
+    order = order_certificate(content, draw_preview(record, context.files))
+    require = context.settings.decoder_sandbox == "require"
+    pdf = kept.render_apart(write_order(order), require=require, first=first)
+    return PrintedCertificate(
+        amendment=issued.amends.amendment if issued.amends else 0,
+        number=certificate.number,
+        json=_store(context, write_json(content).encode()),
+        pdf=_store(context, pdf),
+        fitted_by=certificate.fitted_by.dump() if certificate.fitted_by else None,
+        approved_by=certificate.approved_by.dump() if certificate.approved_by else None,
+        at_upgrade=issued.at_upgrade,
+        issued_at=issued.at,
+    )
+
+
+def _store(context: Context, content: bytes) -> StoredBlob:
+    with context.blobs.writer() as writer:
+        writer.write(content)
+        return writer.commit()

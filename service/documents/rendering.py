@@ -1,0 +1,68 @@
+"""Orders into files, with Typst. The service itself imports none of this: Typst would keep its memory."""
+
+import json
+import threading
+from collections.abc import Callable
+from datetime import datetime
+from pathlib import Path
+from typing import Any, Final, Literal
+
+import typst
+
+from radiometry.methods import get_method
+from service.documents.pages import lay_out
+from service.documents.rendered import Order
+
+_FOLDER: Final = Path(__file__).parent
+_TEMPLATES: Final = {path.name: path.read_bytes() for path in _FOLDER.glob("*.typ")}
+_STANDARD: Final = "a-3b"  # what archives keep, and may carry its data
+
+
+class _Local(threading.local):
+    """The compiler of a thread, made when this module is imported: it looks for its folder."""
+
+    def __init__(self) -> None:
+        fonts = typst.Fonts(include_system_fonts=False)
+        self.compiler = typst.Compiler(b"", _FOLDER, font_paths=fonts, ignore_system_fonts=True)
+
+
+_LOCAL: Final = _Local()
+
+
+def start_threads() -> None:
+    """Have Typst start its threads, as long as this process may: they serve every later document."""
+    _LOCAL.compiler.compile(format="pdf", timestamp=0)
+
+
+def typeset(sheets: dict[str, Any]) -> bytes:
+    """Set the sheets of `lay_out`, `lay_out_rig` or `lay_out_report`."""
+    try:
+        return _set(sheets, _STANDARD)
+    except typst.TypstError:
+        # a name in a script that the fonts lack: the archive's standard refuses it, a plain PDF shows a box
+        return _set(sheets, None)
+
+
+def _set(sheets: dict[str, Any], standard: Literal["a-3b"] | None) -> bytes:
+    pdf = _LOCAL.compiler.compile(
+        _TEMPLATES[sheets.get("template", "certificate.typ")],
+        format="pdf",
+        sys_inputs={"certificate": json.dumps(sheets)},
+        pdf_standards=standard,
+        timestamp=int(datetime.fromisoformat(sheets["created_at"]).timestamp()),
+    )
+    assert isinstance(pdf, bytes)  # noqa: S101  narrows the type: one document was asked for
+    return pdf
+
+
+_RENDERERS: Final[dict[str, Callable[[Order], bytes]]] = {
+    "certificate": lambda order: typeset(lay_out(order["certificate"], order["preview"])),
+    "sheets": lambda order: typeset(order["sheets"]),
+    "plot": lambda order: get_method(order["method"]).draw(order["result"]).encode(),
+}
+
+
+def render(order: bytes) -> bytes:
+    """Return the file that was ordered."""
+    read = json.loads(order)
+    return _RENDERERS[read["kind"]](read)

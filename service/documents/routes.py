@@ -1,0 +1,250 @@
+"""The certificate of a version: as JSON, and the same as PDF."""
+
+import hashlib
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Annotated
+
+from anyio import to_thread
+from fastapi import Query, Request, Response
+from fastapi.concurrency import run_in_threadpool
+from pydantic import Field
+
+from radiometry.findings import interface
+from service.documents.certificate import build_certificate
+from service.documents.dcc import write_dcc
+from service.documents.issuing import draw_preview, find_issued, gather
+from service.documents.pages import find_state
+from service.documents.rendered import (
+    Order,
+    find_rendered,
+    name_source,
+    order_certificate,
+    render_and_keep,
+    write_order,
+)
+from service.documents.schemas import CertificateAnswer, Validity
+from service.documents.sheets import Node, write_json
+from service.http.answers import (
+    UNCHANGED,
+    not_modified,
+    problems,
+    send_blob,
+    sends_file,
+    sends_stored_file,
+    standing_headers,
+)
+from service.http.auth import Caller, Reader
+from service.http.context import Context, UsesContext
+from service.http.lookup import Id, owned
+from service.http.models import Form
+from service.http.operations import Router
+from service.http.problems import COUNTRY, Problem, not_found
+from store.blobs import BlobDamaged
+from store.publications import is_published, list_issued
+from store.queries.calibration_record import CalibrationRecord
+from store.queries.calibrations import read_version_statuses
+from store.tables import Calibration, IssuedCertificate
+
+router = Router(prefix="/v1/calibrations/{calibration_id}", tags=["certificates"])
+
+
+class Chosen(Form):
+    """Which of the certificates that were issued of a version."""
+
+    amendment: int = Field(
+        default=0, ge=0, description="The number of an amendment; without it, the original."
+    )
+
+
+class DccOptions(Chosen):
+    """Entries of a DCC that the certificate lacks."""
+
+    country: str = Field(
+        pattern=COUNTRY, description="Of the laboratory: two letters of ISO 3166.", examples=["DE"]
+    )
+
+
+@router.get(
+    "/certificate.json",
+    response_model=CertificateAnswer,
+    responses={**UNCHANGED, **problems(404, 416, 500)},
+)
+async def get_certificate(
+    calibration_id: Id,
+    query: Annotated[Chosen, Query()],
+    request: Request,
+    caller: Reader,
+    context: UsesContext,
+) -> Response:
+    """Everything that a laboratory hands out with a calibration, and what is needed to recompute it.
+
+    Of a published version these are the bytes that were issued with its publication. What was decided since
+    stands with the version, which the header `Link` names (rel `status`). Of a draft it is derived when it is
+    read: the ETag follows all of it.
+    """
+    issued = await _find(context, calibration_id, caller, query.amendment)
+
+    def send() -> Response:
+        if issued is not None:
+            return _send_issued(request, context, issued, issued.json_sha256, "application/json", {})
+        return send_certificate_json(request, _derive(context, calibration_id)[0])
+
+    return await run_in_threadpool(send)
+
+
+@router.get("/certificate.pdf", response_class=Response, responses=sends_stored_file("application/pdf"))
+async def get_certificate_pdf(
+    calibration_id: Id,
+    query: Annotated[Chosen, Query()],
+    request: Request,
+    caller: Reader,
+    context: UsesContext,
+) -> Response:
+    """The certificate on paper (PDF/A-3): the very numbers of certificate.json, with plots and the region.
+
+    certificate.json is attached to it, byte for byte; of a published version it is kept as issued, too.
+
+    A table of more than 200 rows ends with a sentence that says so; certificate.json holds all of them.
+    """
+    issued = await _find(context, calibration_id, caller, query.amendment)
+    if issued is not None:
+        named, sha256 = _name_pdf(issued.number), issued.pdf_sha256
+        return await run_in_threadpool(
+            _send_issued, request, context, issued, sha256, "application/pdf", named
+        )
+
+    def order() -> tuple[str, Order]:
+        certificate, record = _derive(context, calibration_id)
+        return certificate["number"], order_certificate(certificate, draw_preview(record, context.files))
+
+    return await send_pdf(request, context, order)
+
+
+@router.get("/certificate.xml", response_class=Response, responses=sends_file("application/xml"))
+async def get_certificate_dcc(
+    calibration_id: Id,
+    query: Annotated[DccOptions, Query()],
+    request: Request,
+    caller: Reader,
+    context: UsesContext,
+) -> Response:
+    """The certificate as a Digital Calibration Certificate (DCC 3.1.2), marked as the version stands now.
+
+    certificate.json is its document. A DCC needs a customer and the days of the work: 422 without.
+    """
+    issued = await _find(context, calibration_id, caller, query.amendment)
+
+    def send() -> Response:
+        certificate, document, validity = _read(context, calibration_id, issued)
+        missing = {"customer": "customer", "first_day": "started_at"}
+        lacking = [name for member, name in missing.items() if member not in certificate["work"]]
+        if lacking:
+            detail = f"A DCC needs more details of the campaign: enter its {' and '.join(lacking)}."
+            raise Problem(interface.VALIDATION_FAILED, detail)
+        state = find_state(certificate | {"validity": validity})
+        dcc = write_dcc(certificate, country=query.country, state=state, document=document)
+        return _answer(request, dcc, "application/xml")
+
+    return await run_in_threadpool(send)
+
+
+def send_certificate_json(request: Request, certificate: Node) -> Response:
+    """Send a certificate as JSON, with an ETag of its content."""
+    return _answer(request, write_json(certificate).encode(), "application/json")
+
+
+async def send_pdf(request: Request, context: Context, order: Callable[[], tuple[str, Order]]) -> Response:
+    """Send what is ordered, named by its number; few are made at once, and the others wait."""
+
+    def make() -> Response:
+        number, ordered = order()
+        written = write_order(ordered)
+        source = name_source(written)
+        pdf = find_rendered(context, source) or render_and_keep(context, source, written)
+        return _answer(request, pdf, "application/pdf", _name_pdf(number))
+
+    return await to_thread.run_sync(make, limiter=context.presses)
+
+
+async def _find(
+    context: Context, calibration_id: str, caller: Caller, amendment: int
+) -> IssuedCertificate | None:
+    """Return what was issued of the caller's version; None of a draft."""
+
+    def find() -> list[IssuedCertificate] | None:
+        with context.database.reading() as session:
+            owned(session, Calibration, calibration_id, caller)
+            found = list_issued(session, calibration_id)
+            return None if not found and is_published(session, calibration_id) else found
+
+    found = await run_in_threadpool(find)
+    if found is None:
+        found = await to_thread.run_sync(find_issued, context, calibration_id, limiter=context.presses)
+    if amendment and amendment >= len(found):
+        raise not_found("amendment")
+    return found[amendment] if found else None
+
+
+def _read(
+    context: Context, calibration_id: str, issued: IssuedCertificate | None
+) -> tuple[Node, bytes, Node]:
+    """Return a certificate, its bytes, and how its version stands now."""
+    with context.database.reading() as session:
+        status = read_version_statuses(session, [calibration_id])[calibration_id]
+    if issued is None:
+        certificate, _ = _derive(context, calibration_id)
+        content = write_json(certificate).encode()
+    else:
+        with _naming(issued):
+            content = b"".join(context.files.open(issued.json_sha256)[1])
+        certificate = json.loads(content)
+    return certificate, content, Validity.restate(status).dump()
+
+
+def _derive(context: Context, calibration_id: str) -> tuple[Node, CalibrationRecord]:
+    """Return the certificate of a draft, and what it is derived from."""
+    with context.database.reading() as session:
+        record = gather(context, session, session.get_one(Calibration, calibration_id))
+    return build_certificate(record).dump(), record
+
+
+def _send_issued(
+    request: Request,
+    context: Context,
+    issued: IssuedCertificate,
+    sha256: str,
+    media_type: str,
+    headers: dict[str, str],
+) -> Response:
+    status = {"Link": f'</v1/calibrations/{issued.calibration_id}>; rel="status"'}
+    with _naming(issued):
+        return send_blob(request, context.files, sha256, media_type, {**status, **headers})
+
+
+@contextmanager
+def _naming(issued: IssuedCertificate) -> Iterator[None]:
+    """Name the certificate if its file is damaged: no upload brings it back."""
+    try:
+        yield
+    except BlobDamaged as damage:
+        raise Problem(
+            interface.STORED_FILE_DAMAGED,
+            f"The stored file {damage.sha256} of certificate {issued.number} is {damage.damage}, and nothing "
+            "is handed out in its place. The operator of the service restores it from a backup or an export.",
+        ) from damage
+
+
+def _name_pdf(number: str) -> dict[str, str]:
+    name = "".join(c if c.isascii() and (c.isalnum() or c in "-_.") else "_" for c in number)
+    return {"Content-Disposition": f'inline; filename="{name}.pdf"'}
+
+
+def _answer(
+    request: Request, content: bytes, media_type: str, headers: dict[str, str] | None = None
+) -> Response:
+    tag = hashlib.sha256(content).hexdigest()
+    return not_modified(request, tag, standing_headers(tag)) or Response(
+        content, headers={**standing_headers(tag), **(headers or {})}, media_type=media_type
+    )

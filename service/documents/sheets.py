@@ -1,0 +1,156 @@
+"""The few kinds of block that the template can set: tables, numbers, times and regions."""
+
+import base64
+import json
+import math
+from collections import defaultdict
+from collections.abc import Sequence
+from datetime import datetime
+from typing import Any, Final
+
+from radiometry.drawing.text import in_step
+
+Node = dict[str, Any]
+
+MOST_ROWS: Final = 200
+"""Of a printed table: about five pages."""
+
+
+def write_json(certificate: Node) -> str:
+    """Return a certificate as it is sent, and attached to its own pages."""
+    return json.dumps(certificate, ensure_ascii=False, allow_nan=False)
+
+
+def section(title: str, blocks: list[Node]) -> Node:
+    return {"title": title, "blocks": blocks}
+
+
+def flow(text: str) -> Node:
+    return {"kind": "text", "text": text}
+
+
+def facts(rows: list[list[str]]) -> Node:
+    """Labels and what they name."""
+    return {"kind": "facts", "rows": rows}
+
+
+def table(
+    head: list[str], rows: list[list[str]], *, align: str, widths: Sequence[float], caption: str = ""
+) -> Node:
+    """``align``: l or r a column. A row of one cell that begins with § is a heading across all columns."""
+    if len(rows) > MOST_ROWS:
+        cut = f"The first {MOST_ROWS} of {len(rows):,} rows; all are in the JSON certificate."
+        rows, caption = rows[:MOST_ROWS], f"{caption} {cut}".strip()
+    return {
+        "kind": "table",
+        "head": head,
+        "rows": rows,
+        "align": align,
+        "widths": list(widths),
+        "caption": caption,
+    }
+
+
+def figure(svg: str, caption: str, *, width: float) -> Node:
+    """``width``: as a share of the page's."""
+    return {"kind": "figure", "svg": svg, "caption": caption, "width": width}
+
+
+def expanded(certificate: dict[str, Any], value: float, row: dict[str, Any]) -> tuple[str, str]:
+    """Return U and k as printed; what is relative only has neither."""
+    if certificate.get("uncertainty_scope") == "relative_only":
+        return "relative only", "-"
+    return in_step(value, row["expanded_uncertainty"])[1], f"{row['coverage_factor']:.2f}"
+
+
+def plain(value: float, digits: int = 5) -> str:
+    """A number to so many significant digits, without zeros that say nothing."""
+    return f"{value:.{digits}g}"
+
+
+def percent(share: float) -> str:
+    """Two decimals of a percent."""
+    return f"{100 * share:.2f} %"
+
+
+def extent(limits: list[float]) -> str:
+    """Format a range, from the lowest to the highest."""
+    return f"{plain(limits[0])} to {plain(limits[1])}"
+
+
+def degrees(row: dict[str, Any]) -> str:
+    """Degrees of freedom: beyond a thousand there is nothing to tell apart."""
+    dof = row.get("effective_dof", math.inf)
+    return plain(dof, 3) if dof <= 1000.0 else "> 1000"
+
+
+def stamp(moment: str) -> str:
+    """An instant to the second."""
+    return datetime.fromisoformat(moment).strftime("%Y-%m-%d %H:%M:%S UTC")
+
+
+def optional(row: dict[str, Any], name: str, form: Any = str) -> str:  # noqa: ANN401  a callable
+    """Format a value that may be absent: then a dash."""
+    return form(row[name]) if name in row else "-"
+
+
+_FOUND: Final = {
+    "code": "found by the code of",
+    "reflect_area": "as the camera stated it for",
+    "other_band": "from another band of the capture, of",
+}
+
+
+def region_blocks(certificate: Node, preview: str) -> list[Node]:
+    """A line a region or part of one; below, a frame on which they are drawn. ``preview`` : "" for none."""
+    used: dict[str, int] = defaultdict(int)
+    origins: dict[str, str] = {}
+    for frame in certificate["frames"]:
+        used[frame["roi_sha256"]] += 1
+        if frame.get("roi_origin") == "found":
+            panel = f" panel {frame['panel_serial']}" if frame.get("panel_serial") else " the panel"
+            origins[frame["roi_sha256"]] = _FOUND[frame.get("roi_found_by", "code")] + panel
+    rows = [
+        [
+            _corners(part) + (f"\n{origin}" if (origin := origins.get(region["sha256"])) else ""),
+            str(used[region["sha256"]]),
+            region["sha256"],
+        ]
+        for region in certificate["regions"]
+        for part in region.get("parts", [region])
+    ]
+    drawn = [figure(preview, "The region on a frame's preview.", width=0.62)] if preview else []
+    return [
+        table(["corners (x, y) [px]", "frames", "SHA-256"], rows, align="lrh", widths=[4, 0.7, 3]),
+        *drawn,
+    ]
+
+
+def _corners(part: Node) -> str:
+    corners = " ".join(f"({plain(x, 7)}, {plain(y, 7)})" for x, y in part["points"])
+    return f"{part['name']}: {corners}" if part.get("name") else corners
+
+
+def draw_region(
+    png: bytes,
+    width_px: int,
+    height_px: int,
+    polygons: Sequence[Sequence[Sequence[float]]],
+    *,
+    thin: Sequence[Sequence[Sequence[float]]] = (),
+    style: str = 'fill="#ffd400" fill-opacity="0.12" stroke="#ffd400"',
+) -> str:
+    """SVG of a frame's preview with the parts of its region on it, in the frame's own pixels."""
+    picture = base64.b64encode(png).decode()
+    stroke = max(width_px, height_px) / 300
+    outlines = "".join(
+        f'<polygon points="{" ".join(f"{x:g},{y:g}" for x, y in corners)}" {style} '
+        f'stroke-width="{share * stroke:.2f}"/>'
+        for share, drawn in ((1.0, polygons), (0.35, thin))
+        for corners in drawn
+    )
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width_px} {height_px}">'
+        f'<image href="data:image/png;base64,{picture}" width="{width_px}" height="{height_px}" '
+        f'preserveAspectRatio="none"/>{outlines}</svg>'
+    )

@@ -1,0 +1,1 @@
+"""Cameras, meters and panels."""

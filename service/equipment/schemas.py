@@ -1,0 +1,177 @@
+"""Cameras, meters and panels."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from service.http.models import (
+    EACH_ONCE,
+    Answer,
+    BandName,
+    ClearableLong,
+    Day,
+    Form,
+    LongText,
+    Number,
+    PixelPitch,
+    Positive,
+    Text,
+)
+from store.queries.evidence import Offer
+from store.tables import Camera, Meter, Panel
+
+
+class Lens(Form, Answer):
+    make: Text = Field(description="Manufacturer of the lens.")
+    model: Text = Field(description="As engraved on the lens.")
+    serial: Text | None = Field(default=None, description="As engraved on the lens, where it has one.")
+
+
+class NewCamera(Form):
+    make: Text = Field(description="As in the files: DJI.")
+    model: Text = Field(description="As in the files: FC6520.")
+    serial: Text = Field(
+        description="Of the camera body, as in the files: frames of another body are refused."
+    )
+    lens: Lens | None = Field(
+        default=None, description="The lens it is calibrated with, where it can be changed."
+    )
+    pixel_pitch_um: PixelPitch | None = Field(
+        default=None,
+        description="Distance of neighbouring pixels on the sensor; without it, geometry gives no "
+        "lengths in mm.",
+    )
+    sensor_width_mm: Positive | None = Field(default=None, description="Of the sensitive area.")
+    note: LongText | None = Field(
+        default=None, description="Free text, such as where the camera is kept. It changes no result."
+    )
+
+
+class CameraChange(Form):
+    """Corrections; what is left out stays."""
+
+    make: Text | None = None
+    model: Text | None = None
+    serial: Text | None = None
+    lens: Lens | None = None
+    pixel_pitch_um: PixelPitch | None = None
+    sensor_width_mm: Positive | None = None
+    note: ClearableLong | None = None
+
+
+class CameraAnswer(
+    Answer, restates=Camera, fields="id make model serial pixel_pitch_um sensor_width_mm note created_at"
+):
+    lens: Lens | None = None
+
+    @classmethod
+    def of(cls, row: Camera) -> "CameraAnswer":
+        lens = {name: getattr(row, f"lens_{name}") for name in Lens.model_fields}
+        said = {name: value for name, value in lens.items() if value is not None}
+        return cls.restate(row, lens=said or None)
+
+
+class Certificate(Form, Answer):
+    number: Text = Field(
+        description="As the certificate states it. Without a certificate, u(K) does not include the "
+        "calibration of the meter, and K is flagged."
+    )
+    laboratory: Text = Field(description="Who issued the certificate.")
+    issued_on: Day = Field(description="Date of the certificate.")
+    due_on: Annotated[
+        Day,
+        Field(
+            description="When the meter is to be calibrated again; certificates name later readings "
+            "as a gap."
+            "Not before `issued_on`."
+        ),
+    ]
+    expanded_uncertainty_rel: Annotated[
+        Number,
+        Field(gt=0, lt=1, description="U of the reading, relative to it, as the certificate states it."),
+    ]
+    coverage_factor: Annotated[
+        Number, Field(ge=1, le=10, description="k of the expanded uncertainty U = k u; usually 2.")
+    ]
+
+    @model_validator(mode="after")
+    def _dates_in_order(self) -> "Certificate":
+        if self.due_on < self.issued_on:
+            raise ValueError("due_on lies before issued_on")
+        return self
+
+
+class NewMeter(Form):
+    kind: Literal["luminance", "illuminance", "sunshine"] = Field(
+        description="What it measures: cd/m², lx, or the irradiance beside a multispectral camera."
+    )
+    make: Text = Field(description="Manufacturer of the meter.")
+    model: Text = Field(description="As on its type plate.")
+    serial: Text = Field(description="As on its type plate: the certificate holds for this meter alone.")
+    certificate: Certificate | None = Field(
+        default=None, description="The calibration certificate that is in force for the readings."
+    )
+
+    def columns(self) -> dict[str, Any]:
+        """The table's columns: the certificate lies flat in it."""
+        certificate = self.certificate.model_dump() if self.certificate else {}
+        return {
+            **self.model_dump(exclude={"certificate"}),
+            **{f"certificate_{name}": value for name, value in certificate.items()},
+        }
+
+
+class MeterAnswer(Answer, restates=Meter, fields="id kind make model serial created_at"):
+    certificate: Certificate | None = None
+
+    @classmethod
+    def of(cls, row: Meter) -> "MeterAnswer":
+        certificate = {name: getattr(row, f"certificate_{name}") for name in Certificate.model_fields}
+        return cls.restate(row, certificate=certificate if row.certificate_number is not None else None)
+
+
+class PanelBand(Form, Answer):
+    """Reflectance of a panel in a band; `Red edge`, `RedEdge`, `red_edge` are one name, always the last."""
+
+    band: BandName
+    reflectance: Annotated[
+        Number, Field(gt=0, le=1.2, description="A share; over 1 only for a glossy panel.")
+    ]
+    standard_uncertainty: Annotated[
+        Number | None, Field(ge=0, lt=1, description="Absolute, as the reflectance is; k = 1.")
+    ] = None
+    origin: Annotated[
+        Literal["file"] | None,
+        Field(description="`file`: as the camera or the panel's code states it, on a day that is not known."),
+    ] = None
+
+
+class NewPanel(Form):
+    serial: Text = Field(description="As printed on the panel, or in its code.")
+    measured_on: Day = Field(description="When its reflectance was measured: panels age.")
+    bands: Annotated[
+        list[PanelBand],
+        Field(min_length=1, max_length=100, description="Each band once.", json_schema_extra=EACH_ONCE),
+    ]
+
+    @model_validator(mode="after")
+    def _each_band_once(self) -> "NewPanel":
+        names = [band.band for band in self.bands]
+        if twice := sorted({name for name in names if names.count(name) > 1}):
+            raise ValueError(f"each band once; given more than once: {', '.join(twice)}")
+        return self
+
+    def columns(self) -> dict[str, Any]:
+        """The table's columns; the bands in an order that does not depend on how they were sent."""
+        bands = sorted((band.model_dump(exclude_none=True) for band in self.bands), key=lambda b: b["band"])
+        return {"serial": self.serial, "measured_on": self.measured_on, "bands": bands}
+
+
+class PanelOffered(Answer, restates=Offer, fields="serial registered"):
+    """The panel that a campaign's frames name, where it is not the campaign's."""
+
+    bands: list[PanelBand] = Field(description="As the files or the panel's code state them; may be empty.")
+
+
+class PanelAnswer(Answer, restates=Panel, fields="id serial measured_on created_at"):
+    bands: list[PanelBand]

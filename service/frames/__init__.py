@@ -1,0 +1,1 @@
+"""Frames, their pictures and their image motion."""

@@ -1,0 +1,307 @@
+"""The image motion of frames from the attitudes that their files record."""
+
+from dataclasses import replace
+from typing import Annotated, Any, Literal
+
+from fastapi import Query, Response
+from pydantic import Field, model_validator
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from radiometry.findings import InputRejected, shared
+from radiometry.frame import FrameHeader
+from radiometry.tools.motion import (
+    USUAL_LIMIT_PX,
+    Basis,
+    FrameBlur,
+    MotionCase,
+    Turn,
+    blur_of_file,
+    compute_motion,
+    compute_turns,
+    read_attitudes,
+    tolerable_rate_deg_s,
+)
+from service.campaigns.schemas import Role
+from service.http.answers import problems
+from service.http.auth import Reader
+from service.http.context import UsesContext
+from service.http.lookup import Id, owned
+from service.http.models import Answer, Form
+from service.http.operations import Router
+from service.http.problems import invalid
+from service.http.tables import write_csv
+from service.tools.schemas import KM_H_PER_M_S
+from store.codec import decode_exposure, decode_header
+from store.tables import Camera, Campaign, FrameRow
+
+
+class FrameOptics(Form):
+    """Optics that convert an angle to pixels; files do not state them reliably."""
+
+    pixel_pitch_um: Annotated[
+        float | None, Field(ge=0.01, le=1e4, description="Else that of the camera's record.")
+    ] = None
+    focal_length_mm: Annotated[float, Field(ge=0.01, le=1e5)]
+    limit_px: Annotated[float, Field(ge=1e-3, le=1e5, description="Of the theoretical motion.")] = (
+        USUAL_LIMIT_PX
+    )
+
+    def case(self, pixel_pitch_um: float, exposure_time_s: float) -> MotionCase:
+        return MotionCase(
+            pixel_pitch_um=pixel_pitch_um,
+            focal_length_mm=self.focal_length_mm,
+            exposure_time_s=exposure_time_s,
+            distance_m=1.0,  # of no effect on rotation
+            limit_px=self.limit_px,
+        )
+
+
+class CampaignOptics(FrameOptics):
+    """The same for a campaign's frames, and how the aircraft flew, which no file says."""
+
+    ground_speed_m_s: Annotated[
+        float | None, Field(ge=0, le=1e5, description="With distance_m, and only then.")
+    ] = None
+    ground_speed_km_h: Annotated[
+        float | None, Field(ge=0, le=1e5, description="In place of ground_speed_m_s, never with it.")
+    ] = None
+    distance_m: Annotated[
+        float | None, Field(ge=1e-3, le=1e7, description="Height above ground; with a speed, and only then.")
+    ] = None
+    role: Annotated[Role | None, Field(description="Only frames of this role.")] = None
+    format: Literal["json", "csv"] = "json"
+
+    @model_validator(mode="after")
+    def _speed_and_height(self) -> "CampaignOptics":
+        if self.ground_speed_m_s is not None and self.ground_speed_km_h is not None:
+            raise ValueError("give ground_speed_m_s or ground_speed_km_h, not both")
+        if (self.speed_m_s is None) != (self.distance_m is None):
+            raise ValueError("a ground speed and distance_m are given together or not at all")
+        return self
+
+    @property
+    def speed_m_s(self) -> float | None:
+        if self.ground_speed_km_h is not None:
+            return self.ground_speed_km_h / KM_H_PER_M_S
+        return self.ground_speed_m_s
+
+    def case(self, pixel_pitch_um: float, exposure_time_s: float) -> MotionCase:
+        case = super().case(pixel_pitch_um, exposure_time_s)
+        if self.distance_m is None:
+            return case
+        return replace(case, distance_m=self.distance_m, ground_speed_m_s=self.speed_m_s)
+
+
+class TurnAnswer(Answer, restates=Turn):
+    """Turn between two records, about the body's own axes."""
+
+    tilt_rate_deg_s: float = Field(description="Of roll and pitch together.")
+
+
+class FrameMotionAnswer(
+    Answer, restates=(FrameBlur, MotionCase), fields="basis corner_blur_px exposure_time_s limit_px turn"
+):
+    """Blur of one frame from the attitudes that it records; rotation alone."""
+
+    frame_id: str
+    rotation_rate_deg_s: float = Field(description="Of the line of sight: roll and pitch together.")
+    rotation_blur_px: float = Field(description="Theoretical, in the centre of the picture.")
+    practical_blur_px: float = Field(description="Half of the theoretical blur.")
+    tolerable_rate_deg_s: float = Field(description="At which the theoretical blur reaches limit_px.")
+    turns: list[TurnAnswer] = Field(description="From every record of the file to the next.")
+
+    @classmethod
+    def of(
+        cls, frame_id: str, case: MotionCase, blur: FrameBlur, turns: tuple[Turn, ...]
+    ) -> "FrameMotionAnswer":
+        return cls.restate(
+            blur,
+            case,
+            frame_id=frame_id,
+            rotation_rate_deg_s=blur.turn.tilt_rate_deg_s,
+            rotation_blur_px=blur.centre_blur_px,
+            practical_blur_px=blur.centre_blur_px / 2,
+            tolerable_rate_deg_s=tolerable_rate_deg_s(case, case.exposure_time_s),
+            turns=turns,
+        )
+
+
+class FrameMotionRow(Answer):
+    """One frame's motion, flat; what is not known is absent, and `missing` says why."""
+
+    frame_id: str
+    filename: str
+    role: Role
+    scene: str | None = None
+    taken_at: str | None = None
+    exposure_time_s: float | None = None
+    basis: Basis | None = Field(default=None, description="Which records the rate is from.")
+    rotation_rate_deg_s: float | None = Field(default=None, description="Of roll and pitch together.")
+    yaw_rate_deg_s: float | None = None
+    rotation_blur_px: float | None = Field(default=None, description="Theoretical, in the centre.")
+    corner_blur_px: float | None = Field(
+        default=None, description="Theoretical, of rotation alone, in the worst corner."
+    )
+    forward_blur_px: float | None = Field(default=None, description="Theoretical, of the stated speed.")
+    theoretical_blur_px: float | None = Field(
+        default=None, description="Rotation and speed together, in the centre, in the worst direction."
+    )
+    practical_blur_px: float | None = Field(default=None, description="Half of the theoretical blur.")
+    tolerable_rate_deg_s: float | None = Field(
+        default=None, description="Of rotation alone, at which the theoretical blur reaches limit_px."
+    )
+    within_limit: bool | None = Field(
+        default=None, description="Whether the theoretical blur is at most limit_px; absent: unknown."
+    )
+    missing_code: str | None = None
+    missing: str | None = Field(default=None, description="Why there is no rate, and what to do.")
+
+
+COLUMNS = list(FrameMotionRow.model_fields)
+
+
+def format_forward(case: MotionCase) -> dict[str, Any]:
+    """Format what a frame's exposure alone shows: too long for the speed, whatever the rotation was."""
+    motion = compute_motion(case)
+    said = {"forward_blur_px": motion.forward_blur_px, "tolerable_rate_deg_s": motion.tolerable_rate_deg_s}
+    return said | ({"within_limit": False} if (motion.forward_blur_px or 0.0) > case.limit_px else {})
+
+
+def format_rotation(case: MotionCase, blur: FrameBlur) -> dict[str, Any]:
+    """Format what the rate adds."""
+    rate = blur.turn.tilt_rate_deg_s
+    theoretical = blur.centre_blur_px + (compute_motion(case).forward_blur_px or 0.0)
+    return {
+        "basis": blur.basis,
+        "rotation_rate_deg_s": rate,
+        "yaw_rate_deg_s": blur.turn.yaw_rate_deg_s,
+        "rotation_blur_px": blur.centre_blur_px,
+        "corner_blur_px": blur.corner_blur_px,
+        "theoretical_blur_px": theoretical,
+        "practical_blur_px": theoretical / 2,
+        "within_limit": theoretical <= case.limit_px,
+    }
+
+
+class CampaignMotionAnswer(Answer):
+    """A campaign's frames, oldest first, in one answer; the columns of the CSV are those of a row."""
+
+    pixel_pitch_um: float
+    focal_length_mm: float
+    limit_px: float
+    ground_speed_m_s: float | None = None
+    distance_m: float | None = None
+    frames: int
+    with_rates: int = Field(description="Frames whose rotation is known.")
+    within_limit: int
+    beyond_limit: int
+    rows: list[FrameMotionRow]
+
+    @classmethod
+    def of(
+        cls, rows: list[FrameMotionRow], optics: CampaignOptics, pixel_pitch_um: float
+    ) -> "CampaignMotionAnswer":
+        return cls.restate(
+            optics,
+            pixel_pitch_um=pixel_pitch_um,
+            ground_speed_m_s=optics.speed_m_s,
+            frames=len(rows),
+            with_rates=sum(row.basis is not None for row in rows),
+            within_limit=sum(row.within_limit is True for row in rows),
+            beyond_limit=sum(row.within_limit is False for row in rows),
+            rows=rows,
+        )
+
+
+router = Router(prefix="/v1", tags=["tools"])
+
+
+@router.get("/frames/{frame_id}/motion", response_model=FrameMotionAnswer, responses=problems(404))
+def get_frame_motion(
+    frame_id: Id, optics: Annotated[FrameOptics, Query()], caller: Reader, context: UsesContext
+) -> Response:
+    """The blur of a frame whose file records attitudes with their times, as a Sequoia's does.
+
+    The camera is taken as fixed to the aircraft, looking down. Rotation alone, without vibration.
+    """
+    with context.database.reading() as session:
+        frame = owned(session, FrameRow, frame_id, caller)
+        pitch_um = _find_pitch(session, session.get_one(Campaign, frame.campaign_id), optics)
+    header, exposure_time_s = _read(frame)
+    blur = blur_of_file(
+        header,
+        exposure_time_s=exposure_time_s,
+        pixel_pitch_um=pitch_um,
+        focal_length_mm=optics.focal_length_mm,
+    )
+    case = optics.case(pitch_um, exposure_time_s)
+    turns = compute_turns(read_attitudes(header.multispectral))
+    return FrameMotionAnswer.of(frame.id, case, blur, turns).respond()
+
+
+@router.get(
+    "/campaigns/{campaign_id}/motion",
+    response_model=CampaignMotionAnswer,
+    responses={200: {"content": {"text/csv": {"schema": {"type": "string"}}}}, **problems(404)},
+)
+def get_campaign_motion(
+    campaign_id: Id, optics: Annotated[CampaignOptics, Query()], caller: Reader, context: UsesContext
+) -> Response:
+    """The blur of every frame of a campaign, a row each, from its own attitudes and a speed that is stated.
+
+    A frame without attitudes stands there with the reason. The camera is taken as fixed to the aircraft,
+    looking down. Without vibration.
+    """
+    with context.database.reading() as session:
+        campaign = owned(session, Campaign, campaign_id, caller)
+        pitch_um = _find_pitch(session, campaign, optics)
+        frames = select(FrameRow).where(FrameRow.campaign_id == campaign.id, FrameRow.withdrawn_at.is_(None))
+        if optics.role is not None:
+            frames = frames.where(FrameRow.role == optics.role)
+        found = session.scalars(frames.order_by(FrameRow.id))
+        rows = [_describe(frame, optics, pitch_um) for frame in found]
+    if optics.format == "csv":
+        return Response(write_csv([row.dump() for row in rows], COLUMNS), media_type="text/csv")
+    return CampaignMotionAnswer.of(rows, optics, pitch_um).respond()
+
+
+def _find_pitch(session: Session, campaign: Campaign, optics: FrameOptics) -> float:
+    """As it is asked for, else as the camera's record says it."""
+    pitch_um = optics.pixel_pitch_um or session.get_one(Camera, campaign.camera_id).pixel_pitch_um
+    if pitch_um is None:
+        message = "is missing, and the camera's record does not say it either"
+        raise invalid([{"type": "missing_pitch", "loc": ("query", "pixel_pitch_um"), "msg": message}])
+    return pitch_um
+
+
+def _read(frame: FrameRow) -> tuple[FrameHeader, float]:
+    """Read what the file states of itself, and its exposure time [s]."""
+    if frame.refusal_code is not None:
+        raise InputRejected(
+            shared.FRAME_NOT_READ, f"This frame was refused ({frame.refusal_code}): {frame.refusal_detail}"
+        )
+    if frame.header is None:
+        raise InputRejected(shared.FRAME_NOT_READ, "This frame has not been read yet.")
+    if frame.exposure is None:
+        raise InputRejected(shared.EXPOSURE_MISSING, "This frame states no exposure time.")
+    return decode_header(frame.header), decode_exposure(frame.exposure).exposure_time_s
+
+
+def _describe(frame: FrameRow, optics: CampaignOptics, pixel_pitch_um: float) -> FrameMotionRow:
+    """Describe what is known of one frame's motion, and why the rest is not."""
+    row = {name: getattr(frame, name) for name in ("filename", "role", "scene")} | {"frame_id": frame.id}
+    try:
+        header, exposure_time_s = _read(frame)
+        case = optics.case(pixel_pitch_um, exposure_time_s)
+        row |= {"taken_at": header.taken_at, "exposure_time_s": exposure_time_s} | format_forward(case)
+        blur = blur_of_file(
+            header,
+            exposure_time_s=exposure_time_s,
+            pixel_pitch_um=pixel_pitch_um,
+            focal_length_mm=optics.focal_length_mm,
+        )
+        row |= format_rotation(case, blur)
+    except InputRejected as error:
+        row |= {"missing_code": error.code, "missing": error.message}
+    return FrameMotionRow(**row)

@@ -1,0 +1,451 @@
+"""Pictures of frames: region previews, crops and thumbnails."""
+
+import base64
+import hashlib
+import io
+import logging
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from typing import Annotated, Final, Self
+
+from fastapi import Query, Request, Response
+from PIL import Image, ImageDraw
+from pydantic import Field, StringConstraints, model_validator
+from sqlalchemy import select
+from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.orm import Session
+
+from radiometry.findings import InputRejected, shared
+from radiometry.frame.grid import describe_lanes
+from radiometry.frame.roi import Polygon, bounding_window
+from radiometry.frame.verdicts import Verdict
+from radiometry.methods import get_method
+from radiometry.specification.application import SurfaceApplication
+from service.campaigns.schemas import Point
+from service.frames.routes import require_header, require_preview
+from service.frames.schemas import VerdictAnswer
+from service.http.answers import (
+    UNCHANGED,
+    immutable_headers,
+    not_modified,
+    problems,
+    sends_file,
+    sends_stored_file,
+    standing_headers,
+)
+from service.http.auth import Reader
+from service.http.changes import Reply, Writes
+from service.http.context import Context, UsesContext
+from service.http.lookup import Id, owned
+from service.http.models import WHOLE, Answer, FindingGroupAnswer, Form, Number, group_flags
+from service.http.operations import Router
+from service.jobs.schemas import JobAnswer
+from service.measurements.requests import NewGrid, read_grid
+from service.measurements.schemas import FlagAnswer
+from service.tools.routes import stateless
+from store import jobs
+from store.blobs import BlobDamaged
+from store.codec import encode
+from store.database import summarise
+from store.files import find_small_previews, keep_small_previews, reduce_preview
+from store.queries.campaigns import find_crop_job, say_asked
+from store.queries.frames import current_roi, region_ids
+from store.tables import Campaign, Crop, FrameRow, Roi
+
+WIDEST_PX: Final = 320
+_MOST_BYTES: Final = 40_000
+_GREYS: Final = (63, 31, 15, 7, 3)
+"""Grey levels that are tried; the region's colour stands behind the last of them."""
+_QUALITIES: Final = (60, 30, 10, 1)
+_REGION: Final = (255, 120, 0)
+_DRAWING: Final = "2"  # of the pictures' tags: counts up when the same frame is drawn differently
+
+_Outlines = Sequence[Sequence[tuple[float, float]]]
+
+
+def tag_of(preview_sha256: str | None, region_id: str | None) -> str | None:
+    """Return what changes when the picture does; None while there is none."""
+    if preview_sha256 is None:
+        return None
+    return hashlib.sha256(f"{_DRAWING} {preview_sha256} {region_id}".encode()).hexdigest()[:8]
+
+
+def draw_thumbnail(preview: bytes, frame_width_px: int, roi: Roi | None, side_px: int = WIDEST_PX) -> bytes:
+    """Draw a preview of ours again, at most 320 px wide and high and 40 kB, as PNG.
+
+    Parameters
+    ----------
+    preview : bytes
+        The frame's grey preview.
+    frame_width_px : int
+        Width of the frame, in whose pixels the region is.
+    roi : Roi or None
+        Region to outline.
+    side_px : int
+        Longest side of the picture.
+    """
+    grey, outlines = _reduce(preview, frame_width_px, roi, side_px)
+    return _take_small(_encode_greys(grey, levels, outlines) for levels in _GREYS)
+
+
+def draw_light_thumbnail(small_preview: bytes, frame_width_px: int, roi: Roi | None) -> bytes:
+    """Draw a small preview with the region as WebP, at most 40 kB: a fifth of the PNG, for many at once."""
+    grey, outlines = _reduce(small_preview, frame_width_px, roi, WIDEST_PX)
+    picture = grey.convert("RGB")
+    draw = ImageDraw.Draw(picture)
+    for points in outlines:
+        # two pixels wide: colours are kept at half the resolution
+        draw.line([*points, *points[:2]], fill=_REGION, width=2)
+    return _take_small(_encode_lossy(picture, quality) for quality in _QUALITIES)
+
+
+def _reduce(
+    preview: bytes, frame_width_px: int, roi: Roi | None, side_px: int
+) -> tuple[Image.Image, _Outlines]:
+    """Return the small grey picture, and the region's outlines in its pixels."""
+    with Image.open(io.BytesIO(preview)) as opened:
+        grey = opened.convert("L")
+    grey.thumbnail((side_px, side_px), reducing_gap=2.0)
+    scale = grey.width / frame_width_px
+    outlines = [] if roi is None else [part["points"] for part in roi.parts or [{"points": roi.points}]]
+    return grey, [[(x * scale, y * scale) for x, y in points] for points in outlines]
+
+
+def _take_small(encoded: Iterable[bytes]) -> bytes:
+    """Return the first that is small enough, else the last."""
+    picture = b""
+    for picture in encoded:
+        if len(picture) <= _MOST_BYTES:
+            break
+    return picture
+
+
+def _encode_greys(grey: Image.Image, levels: int, outlines: _Outlines) -> bytes:
+    picture = grey.point([round(value * (levels - 1) / 255) for value in range(256)])
+    picture.putpalette(
+        [round(255 * level / (levels - 1)) for level in range(levels) for _ in "rgb"] + list(_REGION)
+    )
+    draw = ImageDraw.Draw(picture)
+    for points in outlines:
+        draw.polygon(points, outline=levels)
+    out = io.BytesIO()
+    picture.save(out, "PNG", optimize=True, bits=levels.bit_length())
+    return out.getvalue()
+
+
+def _encode_lossy(picture: Image.Image, quality: int) -> bytes:
+    out = io.BytesIO()
+    picture.save(out, "WEBP", quality=quality, method=2)
+    return out.getvalue()
+
+
+class NewLook(Form):
+    """Corners of a region that is not set yet."""
+
+    polygon: Annotated[
+        list[Point],
+        Field(min_length=3, max_length=1000, description="Corners [x, y] in pixels, x right, y down."),
+    ]
+
+
+class GridLook(Answer):
+    """A grid as it would be measured."""
+
+    corners: list[list[float]] = Field(description="[x, y] in pixels of the field between two luminaires.")
+    rows: int
+    columns: int
+    point_u_m: float | None = Field(
+        default=None, description="Of lanes: largest standard uncertainty of a point's place on the road."
+    )
+    flags: list[FlagAnswer]
+    findings: list[FindingGroupAnswer] = Field(description="The flags, equal ones as one.")
+
+
+class FrameVerdict(VerdictAnswer):
+    frame_id: str
+
+
+class VerdictsAnswer(Answer):
+    items: list[FrameVerdict]
+
+    @classmethod
+    def of(cls, verdicts: Mapping[str, Verdict]) -> "VerdictsAnswer":
+        return cls(
+            items=[
+                FrameVerdict.restate(verdicts[frame_id], frame_id=frame_id) for frame_id in sorted(verdicts)
+            ]
+        )
+
+
+router = Router(prefix="/v1", tags=["frames"])
+
+
+@router.post(
+    "/frames/{frame_id}/region", status_code=202, response_model=JobAnswer, responses=problems(404, 409)
+)
+def look_at_region(frame_id: Id, body: NewLook, caller: Reader, writing: Writes) -> Response:
+    """Preview a region without setting it. The job's result holds its statistics, histogram and clipping.
+
+    `histogram`: counts per channel, bin i from first_dn + i * step_dn. `clipping`: the cells of cell_px
+    pixels from (row0_px, col0_px) that hold samples at the white level, with the share of such pixels.
+    """
+    polygon = Polygon.from_points(body.polygon)
+
+    def change(session: Session) -> Reply:
+        frame = owned(session, FrameRow, frame_id, caller)
+        header = require_header(frame)
+        bounding_window(polygon, height_px=header["height_px"], width_px=header["width_px"])
+        job = jobs.enqueue(
+            session,
+            kind="extract",
+            subject_id=frame.id,
+            organisation_id=caller.organisation_id,
+            by=caller.key_id,
+            parameters={"polygon": [list(point) for point in polygon.points]},
+            lane=jobs.PREVIEW_LANE,
+        )
+        session.flush()
+        return Reply(
+            status=202, body=JobAnswer.of(job, frame), headers={"Location": f"/v1/jobs/{job.id}"}, jobs=[job]
+        )
+
+    return writing.run(caller, change)
+
+
+@router.post(
+    "/frames/{frame_id}/grid", response_model=GridLook, responses=problems(404), dependencies=stateless
+)
+def look_at_grid(frame_id: Id, body: NewGrid, caller: Reader, context: UsesContext) -> Response:
+    """Preview a grid without measuring it, with the flags that its corners would raise."""
+    with context.database.reading() as session:
+        frame = owned(session, FrameRow, frame_id, caller)
+        application = get_method(session.get_one(Campaign, frame.campaign_id).method).application
+    if not isinstance(application, SurfaceApplication):
+        raise InputRejected(shared.OPTION_NOT_OF_METHOD, "Frames of this method are measured without a grid.")
+    grid, lanes = read_grid(body)
+    header = require_header(frame)
+    size = {"height_px": header["height_px"], "width_px": header["width_px"]}
+    bounding_window(application.outline(grid), **size)
+    flags = [encode(flag) for flag in application.check_grid(grid, **size)]
+    return GridLook(
+        corners=[list(corner) for corner in grid.corners],
+        rows=grid.rows,
+        columns=grid.columns,
+        point_u_m=describe_lanes(lanes)["point_u_m"] if lanes else None,
+        flags=[FlagAnswer.model_validate(flag) for flag in flags],
+        findings=group_flags(flags),
+    ).respond()
+
+
+@router.get("/campaigns/{campaign_id}/verdicts", response_model=VerdictsAnswer, responses=problems(404))
+def list_verdicts(campaign_id: Id, caller: Reader, context: UsesContext) -> Response:
+    """The verdict on every frame of a campaign, in one answer: to be asked again while frames arrive."""
+    with context.database.reading() as session:
+        campaign = owned(session, Campaign, campaign_id, caller)
+        review = context.reviews.find(session, campaign.id, verdicts_of=None)
+        return VerdictsAnswer.of(review.verdicts).respond()
+
+
+@router.get(
+    "/frames/{frame_id}/thumbnail.png", response_class=Response, responses=sends_stored_file("image/png")
+)
+def get_frame_thumbnail(
+    frame_id: Id,
+    request: Request,
+    caller: Reader,
+    context: UsesContext,
+    side_px: Annotated[int, Query(ge=32, le=WIDEST_PX, description="Longest side.")] = WIDEST_PX,
+) -> Response:
+    """A picture for lists, at most 320 px wide and 40 kB, with the region that holds for the frame."""
+    with context.database.reading() as session:
+        frame = owned(session, FrameRow, frame_id, caller)
+        roi = current_roi(session, frame, session.get_one(Campaign, frame.campaign_id))
+    preview_sha256 = require_preview(frame)
+    tag = f"{tag_of(preview_sha256, roi.id if roi else None)}-{side_px}"
+    headers = standing_headers(tag)
+    unchanged = not_modified(request, tag, headers)
+    if unchanged is not None:
+        return unchanged
+    _, pieces = context.files.open(preview_sha256)
+    png = draw_thumbnail(b"".join(pieces), (frame.header or {})["width_px"], roi, side_px)
+    return Response(png, headers=headers, media_type="image/png")
+
+
+MOST_SIDE_PX = 1024
+
+_Start = Annotated[int, Field(ge=0, le=65_535, strict=True), WHOLE]
+_Side = Annotated[int, Field(ge=1, le=MOST_SIDE_PX, strict=True), WHOLE]
+_Level = Annotated[Number, Field(ge=0, le=65_535)]
+
+
+class NewCrop(Form):
+    """A window of the frame, and the range of raw values that its grey scale shows."""
+
+    row0_px: _Start = Field(description="First row, from the top.")
+    col0_px: _Start = Field(description="First column, from the left.")
+    height_px: _Side
+    width_px: _Side
+    low_dn: _Level | None = Field(
+        default=None, description="Shown black. Default: the black level, or what is darker in the window."
+    )
+    high_dn: _Level | None = Field(
+        default=None, description="Shown white. Default: the window's brightest but a thousandth."
+    )
+
+    @model_validator(mode="after")
+    def _range_is_one(self) -> Self:
+        if self.low_dn is not None and self.high_dn is not None and self.low_dn >= self.high_dn:
+            raise ValueError("high_dn must be above low_dn")
+        return self
+
+
+@router.post(
+    "/frames/{frame_id}/crops",
+    status_code=202,
+    response_model=JobAnswer,
+    responses={
+        200: {"model": JobAnswer, "description": "The picture is there already: the job that drew it."},
+        **problems(404, 409, 422),
+    },
+)
+def draw_crop(frame_id: Id, body: NewCrop, caller: Reader, writing: Writes) -> Response:
+    """Draw a part of a frame, one pixel for each of the sensor's, with clipped pixels in red.
+
+    The job's result holds the address of the picture (`picture`, PNG), its place in the frame, the raw values
+    shown black and white, and how many pixels are clipped. A mosaic is shown as it is: nothing is
+    interpolated. The newest 32 crops of an organisation are kept.
+    """
+    window = (body.row0_px, body.col0_px, body.height_px, body.width_px)
+
+    def change(session: Session) -> Reply:
+        frame = owned(session, FrameRow, frame_id, caller)
+        header = require_header(frame)
+        if window[0] + window[2] > header["height_px"] or window[1] + window[3] > header["width_px"]:
+            raise shared.ROI_OUTSIDE_FRAME.refuse(
+                f"The crop leaves the {header['width_px']} x {header['height_px']} pixels of the image."
+            )
+        kept = find_crop_job(session, frame, say_asked(window, body.low_dn, body.high_dn))
+        if kept is not None:
+            return Reply(status=200, body=JobAnswer.of(kept, frame))
+        job = jobs.enqueue(
+            session,
+            kind="extract",
+            subject_id=frame.id,
+            organisation_id=caller.organisation_id,
+            by=caller.key_id,
+            parameters={"window": list(window), "low_dn": body.low_dn, "high_dn": body.high_dn},
+            lane=jobs.PREVIEW_LANE,
+        )
+        session.flush()
+        return Reply(
+            status=202, body=JobAnswer.of(job, frame), headers={"Location": f"/v1/jobs/{job.id}"}, jobs=[job]
+        )
+
+    return writing.run(caller, change)
+
+
+@router.get(
+    "/crops/{crop_id}.png", response_class=Response, responses={**sends_file("image/png"), **problems(404)}
+)
+def get_crop(crop_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
+    """The picture of a crop, while it is among the newest of your organisation; 404 then: draw it again."""
+    with context.database.reading() as session:
+        found = owned(session, Crop, crop_id, caller)
+        return not_modified(request, crop_id) or Response(
+            found.png, headers=immutable_headers(found.id), media_type="image/png"
+        )
+
+
+log = logging.getLogger(__name__)
+
+MOST_THUMBNAILS = 100
+
+_Wanted = Annotated[str, StringConstraints(max_length=60, pattern=r"^[A-Za-z0-9_]+(\.[0-9a-f]{8})?$")]
+
+
+class ThumbnailAnswer(Answer):
+    frame_id: str
+    tag: str = Field(description="As in the grid's column `thumbnail`.")
+    picture: str = Field(
+        description="WebP of at most 40 kB, in base64.",
+        json_schema_extra={"contentEncoding": "base64", "contentMediaType": "image/webp"},
+    )
+
+
+class ThumbnailsAnswer(Answer):
+    """Frames that have no picture are left out."""
+
+    items: list[ThumbnailAnswer]
+
+
+thumbnails_router = Router(prefix="/v1/campaigns/{campaign_id}", tags=["frames"])
+
+
+@thumbnails_router.get(
+    "/thumbnails", response_model=ThumbnailsAnswer, responses={**UNCHANGED, **problems(404)}
+)
+def list_thumbnails(
+    campaign_id: Id,
+    request: Request,
+    caller: Reader,
+    context: UsesContext,
+    of: Annotated[
+        list[_Wanted],
+        Query(
+            min_length=1,
+            max_length=MOST_THUMBNAILS,
+            description="A frame's id, or its id, a full stop and its tag in the grid's column `thumbnail`.",
+        ),
+    ],
+) -> Response:
+    """Return the thumbnails of up to 100 frames, at most 160 px wide and high, with the region that holds.
+
+    If every frame is named with its current tag, the answer never changes and is cached. Otherwise it has an
+    ETag and is asked for again.
+    """
+    named = dict(each.partition(".")[::2] for each in of)
+    with context.database.reading() as session:
+        campaign = owned(session, Campaign, campaign_id, caller)
+        chosen = select(FrameRow).where(FrameRow.campaign_id == campaign_id, FrameRow.id.in_(named))
+        frames = {frame.id: frame for frame in session.scalars(chosen) if frame.preview_sha256}
+        regions = region_ids(session, campaign, frames.values())
+        held = {region for region in regions.values() if region}
+        rois = {roi.id: roi for roi in session.scalars(select(Roi).where(Roi.id.in_(held)))}
+    tags = {each: tag_of(frame.preview_sha256, regions[each]) or "" for each, frame in frames.items()}
+    tag = hashlib.sha256(repr(sorted(tags.items())).encode()).hexdigest()
+    headers = immutable_headers(tag) if tags == named else standing_headers(tag)
+    unchanged = not_modified(request, tag, headers)
+    if unchanged is not None:
+        return unchanged
+    small = _find_small(context, {frame.preview_sha256 or "" for frame in frames.values()})
+    items = []
+    for frame_id in (each for each in named if each in frames):
+        frame, roi = frames[frame_id], rois.get(regions[frame_id] or "")
+        preview = small.get(frame.preview_sha256 or "")
+        if preview is None:
+            # it is damaged, and will be drawn again by the worker: an answer without it is not kept
+            headers = {"Cache-Control": "no-store"}
+            continue
+        picture = draw_light_thumbnail(preview, (frame.header or {})["width_px"], roi)
+        encoded = base64.b64encode(picture).decode()
+        items.append(ThumbnailAnswer(frame_id=frame_id, tag=tags[frame_id], picture=encoded))
+    answer = ThumbnailsAnswer(items=items).respond()
+    answer.headers.update(headers)
+    return answer
+
+
+def _find_small(context: Context, hashes: set[str]) -> dict[str, bytes]:
+    """Return small previews by the hash of theirs; those of frames that an older stilb has read are made."""
+    with context.database.reading() as session:
+        found = find_small_previews(session, hashes)
+    made = {}
+    for sha256 in sorted(hashes - found.keys()):
+        with suppress(BlobDamaged):
+            made[sha256] = reduce_preview(b"".join(context.files.open(sha256)[1]))
+    if made:
+        try:
+            with context.database.writing("thumbnails") as session:
+                keep_small_previews(session, made)
+        except SQLAlchemyError as error:
+            log.warning("%d small previews are not kept: %s", len(made), summarise(error))
+    return found | made

@@ -1,0 +1,247 @@
+"""Frames: uploaded as a stream, read by a worker, given back byte for byte."""
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+from urllib.parse import quote
+
+from fastapi import Query, Request, Response
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from radiometry.findings import interface, shared
+from radiometry.frame.roi import bounding_window
+from radiometry.frame.verdicts import Verdict
+from service.campaigns.schemas import NewRoi, RoiAnswer
+from service.frames.schemas import FrameAnswer, FrameChange, Upload
+from service.http.answers import problems, send_blob, sends_stored_file
+from service.http.auth import Calibrator, Caller, Reader, Uploader
+from service.http.changes import Reply, StreamWrites, Writes
+from service.http.context import Context, UsesContext
+from service.http.lookup import Id, owned
+from service.http.operations import Router
+from service.http.paging import Page, UsesPaging
+from service.http.problems import Problem
+from service.measurements.requests import read_region, read_roi
+from service.uploads.frames import admit, answer_frames, answer_write, keep_frame, receive
+from store.queries.campaigns import find_or_add_roi, renew_extraction
+from store.queries.frames import current_roi, describe_anew, require_role
+from store.reviews import judge_alone
+from store.tables import Campaign, FrameRow, Job
+from store.tables.base import utc_now
+
+router = Router(prefix="/v1", tags=["frames"])
+
+_BINARY = {"schema": {"type": "string", "format": "binary"}}
+_UPLOAD = {
+    "requestBody": {
+        "required": True,
+        "description": "The file as it is, or a form with one part named `file`.",
+        "content": {
+            "application/octet-stream": _BINARY,
+            "multipart/form-data": {
+                "schema": {
+                    "type": "object",
+                    "required": ["file"],
+                    "properties": {"file": {"type": "string", "format": "binary"}},
+                }
+            },
+        },
+    }
+}
+
+
+@router.post(
+    "/campaigns/{campaign_id}/frames",
+    status_code=201,
+    response_model=FrameAnswer,
+    responses={
+        200: {"model": FrameAnswer, "description": "The campaign has these bytes already."},
+        **problems(400, 404, 409, 413, 429, 507),
+    },
+    openapi_extra=_UPLOAD,
+)
+async def upload_frame(
+    campaign_id: Id,
+    request: Request,
+    upload: Annotated[Upload, Query()],
+    caller: Uploader,
+    context: UsesContext,
+    writing: StreamWrites,
+) -> Response:
+    """Upload one file. It is durable when this answers; a worker then reads it.
+
+    The hash is compared when X-Content-SHA256 or Repr-Digest announces it.
+    """
+    region = read_region(upload.roi) if upload.roi is not None else None
+    received = await receive(
+        request,
+        context.blobs,
+        max_bytes=context.settings.max_upload_bytes,
+        admit=lambda *file: admit(context, campaign_id, caller, *file, role=upload.role),
+    )
+    named = upload.model_copy(update={"filename": upload.filename or received.filename})
+    return await keep_frame(
+        context, writing, caller, campaign_id, upload=named, region=region, blob=received.blob
+    )
+
+
+@router.get("/campaigns/{campaign_id}/frames", response_model=Page[FrameAnswer], responses=problems(404))
+def list_frames(
+    campaign_id: Id,
+    paging: UsesPaging,
+    caller: Reader,
+    context: UsesContext,
+    *,
+    brief: Annotated[bool, Query(description="Without `metadata` and `verdict`: shorter.")] = False,
+    withdrawn: Annotated[bool, Query(description="The withdrawn frames instead.")] = False,
+) -> Response:
+    """A campaign's frames, oldest first, without those that were withdrawn."""
+    rows = select(FrameRow).where(FrameRow.campaign_id == campaign_id)
+    rows = rows.where(FrameRow.withdrawn_at.is_not(None) if withdrawn else FrameRow.withdrawn_at.is_(None))
+    with context.database.reading() as session:
+        owned(session, Campaign, campaign_id, caller)
+        return paging.send(
+            session,
+            rows,
+            lambda found: (
+                [answer.model_copy(update={"metadata": None}) for answer in answer_frames(session, found, {})]
+                if brief
+                else answer_frames(session, found, _find_verdicts(context, session, found))
+            ),
+        )
+
+
+@router.get("/frames/{frame_id}", response_model=FrameAnswer, responses=problems(404))
+def get_frame(frame_id: Id, caller: Reader, context: UsesContext) -> Response:
+    """One frame: what it says of itself, its refusal or warnings, its statistics, and the verdict on it."""
+    with context.database.reading() as session:
+        frame = owned(session, FrameRow, frame_id, caller)
+        return answer_frames(session, [frame], _find_verdicts(context, session, [frame]))[0].respond()
+
+
+@router.patch("/frames/{frame_id}", response_model=FrameAnswer, responses=problems(404, 409))
+def change_frame(frame_id: Id, body: FrameChange, caller: Calibrator, writing: Writes) -> Response:
+    """Correct what was said of a frame; it is then read again."""
+
+    def change(session: Session) -> Reply:
+        # what two who come at once supply is kept together
+        frame = owned(session, FrameRow, frame_id, caller, for_update=True)
+        jobs = apply_change(session, frame, body, caller)
+        session.flush()
+        campaign = session.get_one(Campaign, frame.campaign_id)
+        return Reply(status=200, body=answer_write(session, frame, campaign, jobs), jobs=jobs)
+
+    return writing.run(caller, change)
+
+
+def apply_change(session: Session, frame: FrameRow, body: FrameChange, caller: Caller) -> list[Job]:
+    """Correct what was said of a frame; return the job that reads it again, if its statistics need it."""
+    said = body.model_dump(exclude_none=True, exclude={"frame_ids", "expected", "reason"})
+    if body.role is not None:
+        require_role(session.get_one(Campaign, frame.campaign_id), body.role)
+    if "scene" in said:
+        frame.scene = said.pop("scene") or None
+    if (left_out := said.pop("left_out", None)) is not None:
+        reason = {"reason": body.reason or "Left out in the grid.", "by": caller.named}
+        frame.left_out = reason if left_out else None
+    changed = False
+    if (withdrawn := said.pop("withdrawn", None)) is not None and withdrawn != (
+        frame.withdrawn_at is not None
+    ):
+        frame.withdrawn_at = utc_now() if withdrawn else None
+        # the campaign's region may have changed meanwhile
+        changed = not withdrawn
+    supplied = {name: said.pop(name) for name in ("exposure_time_s", "f_number", "iso") if name in said}
+    changed = describe_anew(frame, {**said, "supplied": {**frame.supplied, **supplied}}) or changed
+    return [renew_extraction(session, frame, caller.organisation_id, by=caller.key_id)] if changed else []
+
+
+@router.put("/frames/{frame_id}/roi", response_model=FrameAnswer, responses=problems(404))
+def set_frame_roi(frame_id: Id, body: NewRoi, caller: Calibrator, writing: Writes) -> Response:
+    """Set a region for one frame, where the camera has moved."""
+    drawing = read_roi(body)
+
+    def change(session: Session) -> Reply:
+        frame = owned(session, FrameRow, frame_id, caller)
+        if header := frame.header:
+            bounding_window(drawing.polygon, height_px=header["height_px"], width_px=header["width_px"])
+        roi = find_or_add_roi(session, caller.organisation_id, drawing)
+        return _read_again(session, frame, caller, changed=describe_anew(frame, {"roi_id": roi.id}))
+
+    return writing.run(caller, change)
+
+
+@router.get("/frames/{frame_id}/roi", response_model=RoiAnswer, responses=problems(404))
+def get_frame_roi(frame_id: Id, caller: Reader, context: UsesContext) -> Response:
+    """The region that holds for a frame: its own, drawn or found, else its campaign's."""
+    with context.database.reading() as session:
+        frame = owned(session, FrameRow, frame_id, caller)
+        roi = current_roi(session, frame, session.get_one(Campaign, frame.campaign_id))
+        if roi is None:
+            raise Problem(interface.NOT_FOUND, "This frame has no region yet: PUT one here.")
+        return RoiAnswer.of(roi).respond()
+
+
+@router.get(
+    "/frames/{frame_id}/content",
+    response_class=Response,
+    responses=sends_stored_file("application/octet-stream"),
+)
+def get_frame_content(frame_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
+    """The very bytes that were uploaded."""
+    with context.database.reading() as session:
+        frame = owned(session, FrameRow, frame_id, caller)
+    headers = {
+        "Content-Disposition": f"attachment; filename*=UTF-8''{quote(frame.filename, safe='')}",
+        "X-Content-Type-Options": "nosniff",
+    }
+    return send_blob(request, context.files, frame.sha256, "application/octet-stream", headers)
+
+
+@router.get(
+    "/frames/{frame_id}/preview.png", response_class=Response, responses=sends_stored_file("image/png")
+)
+def get_frame_preview(frame_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
+    """A picture to draw the region on; its width against `width_px` is the scale."""
+    with context.database.reading() as session:
+        frame = owned(session, FrameRow, frame_id, caller)
+    return send_blob(request, context.files, require_preview(frame), "image/png", {})
+
+
+def require_preview(frame: FrameRow) -> str:
+    """The hash of a frame's preview."""
+    if frame.preview_sha256 is None:
+        raise Problem(
+            interface.PREVIEW_NOT_READY,
+            "This frame has no preview: it has not been read yet, or it was refused.",
+            retryable=frame.state == "received",
+        )
+    return frame.preview_sha256
+
+
+def require_header(frame: FrameRow) -> dict[str, Any]:
+    """Return the metadata of a frame that has been read, as one that was refused for its region has."""
+    if frame.header is None:
+        raise Problem(
+            shared.FRAME_NOT_READ,
+            f"{frame.filename} has not been read, or cannot be. Look at another frame, or wait for it.",
+            status=409,
+            retryable=frame.state == "received",
+        )
+    return frame.header
+
+
+def _read_again(session: Session, frame: FrameRow, caller: Caller, *, changed: bool) -> Reply:
+    jobs = [renew_extraction(session, frame, caller.organisation_id, by=caller.key_id)] if changed else []
+    session.flush()
+    campaign = session.get_one(Campaign, frame.campaign_id)
+    return Reply(status=200, body=answer_write(session, frame, campaign, jobs), jobs=jobs)
+
+
+def _find_verdicts(context: Context, session: Session, frames: list[FrameRow]) -> Mapping[str, Verdict]:
+    if all(frame.state == "received" and frame.header is None for frame in frames):
+        # nothing else is said of a frame that waits: who has just sent it waits for no review
+        campaigns = {each: session.get_one(Campaign, each) for each in {one.campaign_id for one in frames}}
+        return {each.id: judge_alone(session, each, campaigns[each.campaign_id]) for each in frames}
+    ids = [frame.id for frame in frames]
+    return context.reviews.find(session, frames[0].campaign_id, verdicts_of=ids).verdicts

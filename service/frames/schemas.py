@@ -1,0 +1,285 @@
+"""Frames: what came, what it says of itself, and its statistics."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, WithJsonSchema
+from typing_extensions import TypeAliasType
+
+from radiometry.findings import InputRejected, Reason
+from radiometry.frame.statistics import ChannelStatistics
+from radiometry.frame.verdicts import Verdict
+from radiometry.methods import METHODS
+from radiometry.methods.findings import FINDINGS
+from radiometry.specification.application import FoundBy
+from service.campaigns.schemas import REGION_PATTERN, Role
+from service.http.models import Answer, Clearable, Flag, Form, Instant, LongText, Positive, PositiveText, Text
+from store.blobs import Damage
+from store.codec import decode_header
+from store.queries.evidence import list_panels
+from store.queries.frames import FrameColumns
+from store.tables import Blob, Extraction, FrameRow
+
+_measure_light = next(spec.measure_light for spec in METHODS if spec.measure_light)
+_REASONS = [each.code for each in FINDINGS.values() if "verdict" in each.where]
+ReasonCode = TypeAliasType("ReasonCode", Annotated[str, WithJsonSchema({"type": "string", "enum": _REASONS})])
+MOST_FRAMES = 1000
+State = Literal["received", "read", "extracted", "refused"]
+
+
+class Upload(Form):
+    """Statements of the field team about the file that it sends."""
+
+    role: Role
+    scene: Annotated[Text | None, Field(description="The light level that a light frame belongs to.")] = None
+    filename: Annotated[str | None, Field(min_length=1, description="Its name; folders are left out.")] = None
+    exposure_time_s: Annotated[PositiveText | None, Field(description="For a file that does not say it.")] = (
+        None
+    )
+    f_number: Annotated[PositiveText | None, Field(description="For a file that does not say it.")] = None
+    iso: Annotated[PositiveText | None, Field(description="For a file that does not say it.")] = None
+    roi: Annotated[
+        LongText | None,
+        Field(
+            description="The frame's own region, where the camera has moved: [[x,y],...], or a "
+            "makePolygon(...) or makeRectangle(...) call of an ImageJ macro.",
+            json_schema_extra={"pattern": REGION_PATTERN},
+        ),
+    ] = None
+
+    def supplied(self) -> dict[str, float]:
+        return self.model_dump(include={"exposure_time_s", "f_number", "iso"}, exclude_none=True)
+
+
+class FrameChange(Form):
+    """A correction of what was said of a frame; it is then read again, except for scene and left_out."""
+
+    role: Role | None = Field(
+        default=None, description="What the frame shows: it decides what it is used for."
+    )
+    scene: Annotated[
+        Clearable | None,
+        Field(description='The light level that it shows; "" for a frame without one.'),
+    ] = None
+    left_out: Annotated[
+        Flag | None, Field(description="Keep the frame, and leave it out of every fit and batch measurement.")
+    ] = None
+    reason: Annotated[LongText | None, Field(description="Why it is left out.")] = None
+    withdrawn: Annotated[
+        Flag | None, Field(description="Take the frame out of its campaign; false restores it.")
+    ] = None
+    exposure_time_s: Positive | None = Field(default=None, description="For a file that does not say it.")
+    f_number: Positive | None = Field(default=None, description="For a file that does not say it.")
+    iso: Positive | None = Field(default=None, description="For a file that does not say it.")
+
+
+class ExpectedFrame(Form):
+    """A frame as its user saw it."""
+
+    role: Role | None = None
+    scene: Annotated[Clearable | None, Field(description='"" for a frame without one.')] = None
+    left_out: Flag | None = None
+    withdrawn: Flag | None = None
+
+
+class FramesChange(FrameChange):
+    """The same correction of many frames of one campaign."""
+
+    frame_ids: Annotated[list[Text], Field(min_length=1, max_length=MOST_FRAMES)]
+    expected: ExpectedFrame | None = Field(
+        default=None,
+        description="As all of them were seen: if one has been changed meanwhile, none is, and the answer is "
+        "409 `changed_meanwhile`.",
+    )
+
+
+class FramesChanged(Answer):
+    """How many frames were named, and how many of them are read again."""
+
+    frames: int
+    read_again: int
+
+
+class CameraAsRead(Answer):
+    make: str | None = None
+    model: str | None = None
+    serial: str | None = None
+    lens_make: str | None = None
+    lens_model: str | None = None
+    lens_serial: str | None = None
+
+
+class Refusal(Answer):
+    code: str
+    detail: str
+
+
+class ReasonAnswer(Answer, restates=Reason):
+    code: ReasonCode
+    detail: str = Field(description="A sentence with the numbers and what to do.")
+
+
+class VerdictAnswer(Answer, restates=Verdict):
+    """Verdict on a frame: what a field team does about it while it is on site."""
+
+
+class StatisticsRow(Answer, restates=ChannelStatistics):
+    """One channel in one region; raw DN, black not subtracted."""
+
+    roi: str
+    i_sq: float | None = Field(
+        default=None, description="Of a band: the region's mean after black, then vignetting."
+    )
+    i_sq_standard_uncertainty: float | None = None
+    i_sq_unit: str | None = None
+    gradient_rel: float | None = Field(default=None, description="How much i_sq changes across the region.")
+    extractor: str
+
+    @classmethod
+    def of(cls, extraction: Extraction, row: ChannelStatistics) -> "StatisticsRow":
+        return cls.restate(row, extraction, extraction.features or {}, roi=extraction.roi_id)
+
+
+class SunshineAnswer(Answer):
+    """The light while the band was exposed: the mean of the valid readings."""
+
+    i_ss: float
+    standard_uncertainty: float
+    unit: str
+    readings: int = Field(description="Valid ones.")
+    spread_rel: float | None = Field(default=None, description="Of the valid readings; none for one.")
+    left_out: list[str] = Field(description="Why the others are not valid.")
+    serial: str | None = None
+
+
+class SunshineMissing(Answer):
+    code: str
+    detail: str
+
+
+class FrameAnswer(Answer):
+    id: str
+    campaign_id: str
+    sha256: str
+    size_bytes: int | None = None
+    stored_file: Damage | None = Field(
+        default=None, description="What the disk did to the file: upload it again, which heals it."
+    )
+    filename: str
+    role: Role
+    scene: str | None = None
+    roi_id: str | None = None
+    roi_origin: Literal["drawn", "found"] | None = Field(
+        default=None, description="Of the frame's own region: drawn by a person, or found on a panel."
+    )
+    roi_found_by: FoundBy | None = Field(
+        default=None,
+        description="How it was found: by the panel's code, in the file's `ReflectArea`, or from another "
+        "band of the capture. A drawn region goes before a found one.",
+    )
+    panel_serial: str | None = Field(
+        default=None, description="Of the panel that the frame shows, by its code in the image or the file."
+    )
+    supplied: dict[str, float] | None = None
+    state: State
+    camera: CameraAsRead | None = None
+    exposure_time_s: float | None = None
+    f_number: float | None = None
+    iso: float | None = None
+    exposure: dict[str, Any] | None = Field(
+        default=None, description="Nominal and APEX values and their origin."
+    )
+    black_level_dn: float | None = Field(default=None, description="Mean over the sites of the CFA pattern.")
+    white_level_dn: float | None = Field(default=None, description="The lowest of the sites.")
+    cfa: str | None = None
+    width_px: int | None = None
+    height_px: int | None = None
+    taken_at: str | None = None
+    metadata: dict[str, Any] | None = Field(
+        default=None, description="Everything that the file says of itself."
+    )
+    band: str | None = Field(default=None, description="Of a multispectral camera's file.")
+    capture_id: str | None = Field(default=None, description="The same in all bands of one capture.")
+    sunshine: SunshineAnswer | None = None
+    sunshine_missing: SunshineMissing | None = Field(
+        default=None, description="Why a multispectral file has no sunshine reading that can be used."
+    )
+    refusal: Refusal | None = None
+    left_out: dict[str, str] | None = Field(default=None, description="Who left it out, and why.")
+    withdrawn_at: Instant | None = None
+    warnings: list[str]
+    statistics: list[StatisticsRow]
+    verdict: VerdictAnswer | None = Field(
+        default=None,
+        description="Of the campaign as it is now. Left out where an upload or a change "
+        "finds nothing to do: ask for the frame.",
+    )
+    job_id: str | None = Field(default=None, description="The newest job that reads it.")
+    created_at: Instant
+
+    @classmethod
+    def of(
+        cls,
+        row: FrameRow,
+        *,
+        blob: Blob,
+        statistics: list[StatisticsRow] | None = None,
+        verdict: Verdict | None = None,
+        job_id: str | None = None,
+    ) -> "FrameAnswer":
+        refusal = None
+        if row.refusal_code is not None:
+            refusal = Refusal(code=row.refusal_code, detail=row.refusal_detail or "")
+        return cls(
+            **{name: getattr(row, name) for name in _FROM_ROW},
+            **_from_header(row.header),
+            **_from_band(row.header),
+            **_from_found(row),
+            supplied=row.supplied or None,
+            size_bytes=blob.size_bytes,
+            stored_file=blob.damage,
+            refusal=refusal,
+            statistics=statistics or [],
+            verdict=VerdictAnswer.model_validate(verdict) if verdict else None,
+            job_id=job_id,
+        )
+
+
+_FROM_ROW = (
+    *("id", "campaign_id", "sha256", "filename", "role", "scene", "roi_id", "state", "exposure_time_s"),
+    *("f_number", "iso", "exposure", "warnings", "created_at", "left_out", "withdrawn_at"),
+)
+
+
+def _from_found(row: FrameRow) -> dict[str, Any]:
+    found, named = row.found or {}, list_panels(FrameColumns.of(row))
+    answer: dict[str, Any] = {"panel_serial": named[0] if named else None}
+    if row.roi_id is None:
+        return answer
+    if found.get("roi_id") != row.roi_id:
+        return answer | {"roi_origin": "drawn"}
+    return answer | {"roi_origin": "found", "roi_found_by": found.get("by", "code")}
+
+
+def _from_header(header: dict[str, Any] | None) -> dict[str, Any]:
+    if header is None:
+        return {}
+    said = {name: value for name, value in header.items() if value is not None}
+    return {
+        "camera": CameraAsRead.model_validate({n: said.get(n) for n in CameraAsRead.model_fields}),
+        "black_level_dn": sum(said["black_level_dn"]) / len(said["black_level_dn"]),
+        "white_level_dn": min(said["white_level_dn"]),
+        "metadata": said,
+        **{name: said.get(name) for name in ("cfa", "width_px", "height_px", "taken_at")},
+    }
+
+
+def _from_band(header: dict[str, Any] | None) -> dict[str, Any]:
+    band = decode_header(header).multispectral if header and header.get("multispectral") else None
+    if band is None:
+        return {}
+    said: dict[str, Any] = {"band": band.band, "capture_id": band.capture_id}
+    try:
+        sunshine = _measure_light(band)
+    except InputRejected as missing:
+        return said | {"sunshine_missing": SunshineMissing(code=str(missing.code), detail=missing.message)}
+    return said | {"sunshine": SunshineAnswer.restate(sunshine, serial=band.sunshine_serial)}

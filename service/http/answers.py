@@ -1,0 +1,140 @@
+"""Answers as routes document and send them: problems, files, and what carries a strong ETag."""
+
+import re
+from collections.abc import Iterator
+from typing import Any, Final
+
+from fastapi import Request, Response
+from fastapi.responses import StreamingResponse
+
+from radiometry.findings import interface
+from service.http.problems import Problem
+from store.files import Files
+
+_MEANINGS = {
+    400: "The body cannot be read.",
+    401: "No key, or none that is known.",
+    403: "The key lacks a scope.",
+    404: "There is no such thing for this key's organisation.",
+    409: "It contradicts what is recorded.",
+    412: "A condition in a header cannot be met, or an upload does not speak tus 1.0.0.",
+    413: "The body is too large.",
+    500: "The stored file is damaged or missing; the same upload heals it.",
+    415: "The body has another media type than is taken here, or it is compressed (`content_encoded`).",
+    416: "The range lies behind the end of the file.",
+    422: "A field is wrong, or what was sent cannot be used; the problem says what and why.",
+    429: "Too much at once, or more than your organisation may have; wait as `Retry-After` says.",
+    460: "A piece of a file is not the one that was announced.",
+    503: "A part of the service does not answer just now; try again.",
+    507: "There is no room left.",
+}
+
+
+def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """Document the problems of a route; those that any route with a key can give are always among them."""
+    return {
+        status: {
+            "description": _MEANINGS[status],
+            "content": {"application/problem+json": {}},
+        }
+        for status in sorted({401, 403, 422, 429, 503, *statuses})
+    }
+
+
+UNCHANGED: dict[int | str, dict[str, Any]] = {304: {"description": "You have it already."}}
+
+
+def sends_file(media_type: str) -> dict[int | str, dict[str, Any]]:
+    """Document a route that sends a file with an ETag."""
+    schema = {"type": "string", "format": "binary"}
+    if media_type.startswith("text/"):
+        schema = {"type": "string"}
+    elif media_type.endswith("json"):
+        schema = {"type": "object"}
+    return {200: {"content": {media_type: {"schema": schema}}}, **UNCHANGED, **problems(404)}
+
+
+def sends_stored_file(media_type: str) -> dict[int | str, dict[str, Any]]:
+    """Document a route that sends what the file store keeps, which a disk may have lost."""
+    part = {media_type: {"schema": {"type": "string", "format": "binary"}}}
+    return {
+        **sends_file(media_type),
+        206: {"description": "The part that `Range` asks for.", "content": part},
+        **problems(404, 416, 500),
+    }
+
+
+_RANGE: Final = re.compile(r"bytes=([0-9]{0,18})-([0-9]{0,18})")
+
+
+def immutable_headers(tag: str) -> dict[str, str]:
+    """Cached for ever."""
+    return {"ETag": f'"{tag}"', "Cache-Control": "private, max-age=31536000, immutable"}
+
+
+def standing_headers(tag: str) -> dict[str, str]:
+    """Kept, and asked for again each time: 304 while nothing was decided since."""
+    return {"ETag": f'"{tag}"', "Cache-Control": "private, no-cache"}
+
+
+def send_blob(
+    request: Request, files: Files, sha256: str, media_type: str, headers: dict[str, str]
+) -> Response:
+    """Send the bytes under a hash, which is their tag, each MiB after its proof; or a range of them.
+
+    Damage within the first is a problem. Later it breaks the connection before the Content-Length is reached,
+    so that no client takes what came for the file.
+    """
+    unchanged = not_modified(request, sha256)
+    if unchanged is not None:
+        return unchanged
+    size_bytes, pieces = files.open(sha256)
+    headers = {**immutable_headers(sha256), "Accept-Ranges": "bytes", **headers}
+    wanted = _read_range(request, sha256, size_bytes)
+    if wanted is None:
+        headers["Content-Length"] = str(size_bytes)
+        return StreamingResponse(pieces, headers=headers, media_type=media_type)
+    headers["Content-Length"] = str(len(wanted))
+    headers["Content-Range"] = f"bytes {wanted.start}-{wanted.stop - 1}/{size_bytes}"
+    return StreamingResponse(_cut(pieces, wanted), 206, headers=headers, media_type=media_type)
+
+
+def _read_range(request: Request, tag: str, size_bytes: int) -> range | None:
+    """Return the bytes that are asked for; None for all, as for several ranges and unclear ones."""
+    asked = _RANGE.fullmatch(request.headers.get("range", ""))
+    if asked is None or request.headers.get("if-range", f'"{tag}"') != f'"{tag}"':
+        return None
+    first, last = asked.groups()
+    if first:
+        wanted = range(int(first), min(int(last) + 1, size_bytes) if last else size_bytes)
+        if last and int(last) < int(first):
+            return None
+    elif last:
+        wanted = range(max(0, size_bytes - int(last)), size_bytes)
+    else:
+        return None
+    if not wanted:
+        detail = f"The file has {size_bytes} bytes."
+        raise Problem(interface.RANGE_OUTSIDE, detail, headers={"Content-Range": f"bytes */{size_bytes}"})
+    return wanted
+
+
+def _cut(pieces: Iterator[bytes], wanted: range) -> Iterator[bytes]:
+    """Yield the part of a file; what lies before it is read too, because each piece is proven."""
+    at = 0
+    for piece in pieces:
+        part = piece[max(0, wanted.start - at) : max(0, wanted.stop - at)]
+        if part:
+            yield part
+        at += len(piece)
+        if at >= wanted.stop:
+            return
+
+
+def not_modified(request: Request, tag: str, headers: dict[str, str] | None = None) -> Response | None:
+    """304 when the client names this tag; ``headers`` where it is not for ever."""
+    named = request.headers.get("if-none-match", "")
+    tags = {part.strip().removeprefix("W/") for part in named.split(",")}
+    if f'"{tag}"' in tags or named.strip() == "*":
+        return Response(status_code=304, headers=headers or immutable_headers(tag))
+    return None

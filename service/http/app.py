@@ -1,0 +1,194 @@
+"""The application: middleware, routes, problems, and the document that says what they do."""
+
+import logging
+from threading import Lock
+from typing import Any
+
+from fastapi import FastAPI, Request, Response
+from fastapi.middleware.cors import CORSMiddleware
+from fastapi.routing import APIRoute
+from sqlalchemy.exc import InterfaceError, OperationalError, ProgrammingError, SQLAlchemyError
+from sqlalchemy.exc import TimeoutError as NoConnectionFree
+from starlette.concurrency import run_in_threadpool
+
+from radiometry.findings import interface
+from service.calibrations import exports, fleet, history, methods
+from service.calibrations import routes as calibrations
+from service.campaigns import grid, manifests, points, proposals, readings
+from service.campaigns import routes as campaigns
+from service.coefficients import routes as coefficients
+from service.coefficients.ready import ReadyAnswers
+from service.documents import report
+from service.documents import routes as certificates
+from service.equipment import rigs
+from service.equipment import routes as equipment
+from service.frames import motion, pictures
+from service.frames import routes as frames
+from service.http import problems
+from service.http.connections import KnownHosts
+from service.http.context import Context
+from service.http.document import Document, build_document
+from service.http.limits import BodyLimit
+from service.http.middleware import (
+    Addresses,
+    Compression,
+    ContentDigests,
+    Deprecations,
+    Heads,
+    OverriddenMethods,
+    SecurityHeaders,
+)
+from service.http.problems import Problem
+from service.http.processes import CarriesTraffic
+from service.jobs import routes as jobs
+from service.measurements import comparisons, isolines, lists, stac
+from service.measurements import routes as measurements
+from service.organisation import keys
+from service.organisation import routes as organisation
+from service.pages import cameras, documentation, rendering, sign_in
+from service.pages import routes as pages
+from service.pages.rendering import Assets, build_environment
+from service.system import routes as system
+from service.tools import routes as tools
+from service.uploads import routes as uploads
+from store.database import (
+    Database,
+    SchemaDiffers,
+    is_about_missing_parts,
+    is_full,
+    require_own_schema,
+    summarise,
+)
+from store.software import read_version
+
+_SHOWN = [
+    *("Content-Disposition", "Content-Range", "Deprecation", "ETag", "Link", "Preference-Applied"),
+    *("Retry-After", "Sunset", "X-Request-ID"),
+]
+"""Headers of answers that a page of another origin may read: those that its requests go by."""
+
+log = logging.getLogger(__name__)
+
+
+def build_app(context: Context) -> FastAPI:
+    """Put the application together around what it needs of the world."""
+    app = FastAPI(
+        title="stilb",
+        version=read_version(),
+        summary="Raw frames and meter readings in, camera coefficients with their uncertainty out.",
+        generate_unique_id_function=_operation_id,
+        # FastAPI's own pages load their scripts from elsewhere: service/pages/documentation.py has ours
+        docs_url=None,
+        redoc_url=None,
+        openapi_url=None,
+    )
+    app.add_middleware(BodyLimit)
+    app.add_middleware(ContentDigests)
+    app.add_middleware(Compression)
+    _let_dashboards_read(app, context.settings.cors_origins)
+    app.add_middleware(Heads)
+    app.add_middleware(Deprecations)
+    app.add_middleware(OverriddenMethods)
+    app.add_middleware(KnownHosts)
+    app.add_middleware(SecurityHeaders)
+    # the outermost: it answers in the place of all others
+    app.add_middleware(CarriesTraffic)
+    app.state.context = context
+    app.state.operations = {}
+    app.state.assets = Assets()
+    app.state.templates = build_environment(app.state.assets)
+    problems.install(app)
+    _install_database_problem(app)
+    rendering.install(app)
+    _include_routers(app)
+    app.state.addresses = Addresses(app)
+    _publish_document(app)
+    return app
+
+
+def _include_routers(app: FastAPI) -> None:
+    for usual in coefficients.ready_router.routes:
+        if isinstance(usual, APIRoute):
+            app.router.routes.append(ReadyAnswers(usual))
+    for router in (
+        *(coefficients.ready_router, system.probes, manifests.keys_router),
+        *(system.router, keys.router, keys.sessions_router),
+        *(equipment.router, equipment.meters_router, equipment.panels_router),
+        *(campaigns.router, readings.router, points.router, uploads.known_router, proposals.router),
+        *(isolines.router, stac.router, frames.router, grid.router, uploads.router),
+        *(pictures.router, pictures.thumbnails_router, manifests.router),
+        *(calibrations.router, methods.router, exports.router, methods.findings_router, coefficients.router),
+        *(comparisons.router, fleet.router, rigs.router, lists.router, measurements.router, report.router),
+        *(jobs.events_router, jobs.router, campaigns.checklist_router, certificates.router),
+        *(organisation.router, organisation.audit_router, history.router, history.recalls_router),
+        *(motion.router, tools.router),
+        # pages
+        *(rendering.router, sign_in.router, documentation.router, cameras.router, pages.router),
+    ):
+        app.include_router(router)
+
+
+def _publish_document(app: FastAPI) -> None:
+    building = Lock()
+
+    def openapi() -> dict[str, Any]:
+        # a page asks for many things at once, and the first of them may be the first requests at all
+        with building:
+            return build_document(app)
+
+    app.openapi = openapi  # type: ignore[method-assign]
+    app.state.document = Document(app)
+
+
+def _let_dashboards_read(app: FastAPI, origins: str) -> None:
+    """Pages of the listed origins may read with a key of their own; no cookie of ours goes with it."""
+    allowed = [origin.strip().rstrip("/") for origin in origins.split(",") if origin.strip()]
+    if allowed:
+        app.add_middleware(
+            CORSMiddleware,
+            allow_origins=allowed,
+            allow_methods=["GET", "HEAD"],
+            allow_headers=["Authorization", "If-None-Match", "Prefer"],
+            expose_headers=_SHOWN,
+            max_age=3600,
+        )
+
+
+def _operation_id(route: APIRoute) -> str:
+    return route.name
+
+
+def _install_database_problem(app: FastAPI) -> None:
+    @app.exception_handler(OperationalError)
+    @app.exception_handler(ProgrammingError)
+    @app.exception_handler(InterfaceError)
+    @app.exception_handler(NoConnectionFree)
+    @app.exception_handler(SchemaDiffers)
+    async def unavailable(request: Request, error: SQLAlchemyError) -> Response:
+        if isinstance(error, (OperationalError, ProgrammingError)) and is_about_missing_parts(error):
+            # Our own mistake, unless the schema was changed under us.
+            differs = await run_in_threadpool(_find_other_schema, request.app.state.context.database)
+            if differs is None:
+                raise error
+            error = differs
+        log.warning("the database cannot be used: %s", summarise(error))
+        if is_full(error):
+            detail = "The service has no space left to store this. Try again later."
+            return problems.answer(Problem(interface.STORAGE_FULL, detail, headers={"Retry-After": "10"}))
+        if isinstance(error, SchemaDiffers):
+            code, detail = (
+                interface.SCHEMA_MISMATCH,
+                "The database has the schema of another version. Try again later.",
+            )
+        else:
+            code, detail = interface.DATABASE_UNAVAILABLE, "The database does not answer. Try again."
+        return problems.answer(Problem(code, detail, headers={"Retry-After": "1"}))
+
+
+def _find_other_schema(database: Database) -> SchemaDiffers | None:
+    try:
+        with database.reading() as session:
+            require_own_schema(session)
+    except SchemaDiffers as found:
+        return found
+    return None

@@ -1,0 +1,202 @@
+"""Authentication: an API key of one organisation with its scopes, or a browser session opened with it."""
+
+import asyncio
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Annotated, Final, Literal
+
+from fastapi import Depends, Request
+from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import ClientDisconnect
+
+from radiometry.findings import interface
+from service.http.context import Context
+from service.http.counts import name_address
+from service.http.models import rfc3339
+from service.http.problems import Problem
+from service.http.signatures import CSRF_HEADER
+from store.queries.organisations import UNNAMED, Person, Who, find_ended_key, find_key, find_session_key
+from store.tables import ApiKey, Organisation
+
+Scope = Literal["read", "upload", "calibrate", "publish", "admin"]
+SCOPE_WORDS: dict[Scope, str] = {
+    "read": "view",
+    "upload": "send",
+    "calibrate": "calibrate",
+    "publish": "publish",
+    "admin": "manage keys",
+}
+"""What a key may do, as the pages name it."""
+SCOPES = tuple(SCOPE_WORDS)
+
+LATEST_S: Final = 5.0
+"""What strangers wait at most for their answer."""
+_SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
+_bearer = HTTPBearer(auto_error=False, scheme_name="key", description="A key of your organisation.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Caller:
+    key_id: str
+    organisation_id: str
+    scopes: frozenset[str]
+    operator: bool
+    """The key's organisation runs this service."""
+    key_name: str
+    person: Person | None
+    organisation_name: str
+    session_id: str | None
+    """Of the browser that asks; None for who sends the key itself."""
+
+    @property
+    def named(self) -> str:
+        """Return who asks as documents name them."""
+        return self.person.name if self.person else UNNAMED
+
+    @property
+    def who(self) -> Who:
+        return Who(self.key_id, self.session_id)
+
+    @classmethod
+    def holding(cls, key: ApiKey, organisation: Organisation, session_id: str | None = None) -> "Caller":
+        return cls(
+            key_id=key.id,
+            organisation_id=organisation.id,
+            scopes=frozenset(key.scopes),
+            operator=organisation.operator,
+            key_name=key.name,
+            person=Person.behind(key),
+            organisation_name=organisation.name,
+            session_id=session_id,
+        )
+
+
+async def get_caller(
+    request: Request,
+    _key: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)],
+) -> Caller:
+    """Return who asks; `service/http/operations.py` has found that out before it read what is asked."""
+    caller: Caller = request.state.caller
+    return caller
+
+
+async def identify(request: Request) -> None:
+    """Find out who asks, for the operation and for the limits of its body; refuse strangers.
+
+    The little that a stranger may say is taken first, so that the answer is read and not a broken connection.
+    """
+    request.state.caller = None
+    try:
+        credentials = await _bearer(request)
+        request.state.caller = await run_in_threadpool(_find_caller, request, credentials)
+    except Problem as problem:
+        late_s = _count_refusal(request) if problem.code == interface.UNAUTHENTICATED else 0.0
+        try:
+            async for _ in request.stream():
+                pass
+            await _wait(request, late_s)
+        except Problem:
+            problem.headers["Connection"] = "close"
+            await asyncio.sleep(late_s)
+        except ClientDisconnect:
+            pass
+        raise
+
+
+def _count_refusal(request: Request) -> float:
+    """Return how late a stranger is answered [s]: one address that keeps asking leaves time to others."""
+    context: Context = request.app.state.context
+    address = name_address(request.client.host if request.client else None)
+    if "authorization" in request.headers:
+        context.traffic.metrics.wrong_keys.inc()
+    context.refused.fail(address)
+    return min(context.refused.wait_s(address), LATEST_S)
+
+
+async def _wait(request: Request, late_s: float) -> None:
+    """Wait, unless who asked has left."""
+    with suppress(TimeoutError):
+        async with asyncio.timeout(late_s):
+            while (await request.receive())["type"] != "http.disconnect":
+                pass
+
+
+def _find_caller(request: Request, credentials: HTTPAuthorizationCredentials | None) -> Caller:
+    """By the key that is sent; else by the session, which must prove that its own page asks for a change."""
+    context: Context = request.app.state.context
+    if credentials is not None:
+        with context.database.reading() as session:
+            found = find_key(session, credentials.credentials)
+            ended = None if found else find_ended_key(session, credentials.credentials)
+        if found is None:
+            raise _unauthenticated(describe_refusal(ended))
+        context.attempts.trust(credentials.credentials)
+        context.uses.note(found[0])
+        context.rates.take(found[1].id)
+        return Caller.holding(*found)
+    caller = None if "authorization" in request.headers else find_session(request, context)
+    if caller is None:
+        raise _unauthenticated("Send a key: Authorization: Bearer <key>.")
+    if request.method not in _SAFE_METHODS:
+        require_csrf_token(request, context, request.headers.get(CSRF_HEADER, ""))
+    context.rates.take(caller.organisation_id)
+    return caller
+
+
+def find_session(request: Request, context: Context) -> Caller | None:
+    """Return who is signed in with this browser, if anyone. The caller checks CSRF."""
+    session_id = context.sessions.session_id_of(request.cookies.get(context.sessions.cookie, ""))
+    if session_id is None:
+        return None
+    with context.database.reading() as session:
+        found = find_session_key(session, session_id)
+    if found is None:
+        return None
+    row, key, organisation = found
+    context.uses.note(row)
+    context.uses.note(key)
+    return Caller.holding(key, organisation, row.id)
+
+
+def require_csrf_token(request: Request, context: Context, given: str) -> None:
+    """Refuse a change that a browser sends along with its cookie, unless our own page had it sent."""
+    if not context.sessions.is_csrf_token(request.cookies.get(context.sessions.cookie, ""), given):
+        detail = f"A change with a session's cookie needs the page's token in {CSRF_HEADER}. Reload the page."
+        raise Problem(interface.CSRF_TOKEN_WRONG, detail)
+
+
+def require(caller: Caller, scope: Scope) -> None:
+    """Refuse who lacks a scope."""
+    if scope not in caller.scopes:
+        detail = f"This needs a key with the scope {scope!r}, which your key does not have."
+        raise Problem(interface.SCOPE_MISSING, detail)
+
+
+@dataclass(frozen=True)
+class Needs:
+    """The scope that an operation needs: checked before the body is read (operations.py)."""
+
+    scope: Scope
+
+    async def __call__(self, caller: Annotated[Caller, Depends(get_caller)]) -> Caller:
+        """Return who asks."""
+        return caller
+
+
+def describe_refusal(ended: ApiKey | None) -> str:
+    """Return why a key opens nothing; whoever has it may know that it was one."""
+    if ended is None or ended.revoked_at is not None or ended.expires_at is None:
+        return "This key is not known, or it was revoked."
+    return f"This key expired at {rfc3339(ended.expires_at)}. Ask an admin of your organisation for another."
+
+
+def _unauthenticated(detail: str) -> Problem:
+    return Problem(interface.UNAUTHENTICATED, detail, headers={"WWW-Authenticate": "Bearer"})
+
+
+Reader = Annotated[Caller, Depends(Needs("read"))]
+Uploader = Annotated[Caller, Depends(Needs("upload"))]
+Calibrator = Annotated[Caller, Depends(Needs("calibrate"))]
+Publisher = Annotated[Caller, Depends(Needs("publish"))]
+Admin = Annotated[Caller, Depends(Needs("admin"))]

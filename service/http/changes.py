@@ -1,0 +1,174 @@
+"""One request that changes something: one transaction, one audit actor, and its idempotency key.
+
+The commit happens here, before the answer exists: never in a dependency, which would run after it.
+"""
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Annotated, TypeVar
+
+from fastapi import Depends, Header, Request
+from fastapi.responses import JSONResponse
+from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import Session
+
+from radiometry.findings import interface
+from service.http.auth import Caller
+from service.http.context import Context, get_context
+from service.http.models import Answer, Text
+from service.http.problems import Problem
+from store.queries.usage import charge
+from store.tables import IdempotentAnswer, Job
+from store.tracing import present_fields
+
+_ATTEMPTS = 3
+REPLAYED = "Idempotent-Replayed"
+
+Item = TypeVar("Item")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reply:
+    """Answer of a change, and the jobs that it left for the workers."""
+
+    status: int
+    body: Answer
+    headers: dict[str, str] = field(default_factory=dict)
+    jobs: list[Job] = field(default_factory=list)
+    frame_bytes: Sequence[int] = ()
+    """Size of each frame that was added, which counts for the quotas."""
+    had_room: bool = False
+    """Whether they were counted when their uploads began."""
+
+
+class Writing:
+    """Runs a change once, however often its request is sent."""
+
+    def __init__(self, context: Context, key: str | None, fingerprint: str) -> None:
+        self.context = context
+        self._key = key
+        self._fingerprint = fingerprint
+        self._fields = present_fields()
+
+    def with_content(self, sha256: str) -> "Writing":
+        """The same, for a request whose body was streamed and is known by its hash."""
+        return Writing(self.context, self._key, f"{self._fingerprint}{sha256}")
+
+    def run(self, caller: Caller, change: Callable[[Session], Reply]) -> JSONResponse:
+        """Do it in a transaction of its own."""
+        return run_all(caller, [(self, None)], lambda session, _: [change(session)])[0]
+
+    def replay(self, caller: Caller) -> JSONResponse | None:
+        """Return the answer that this request had before, for one that has to prepare what it changes."""
+        with self.context.database.reading() as session:
+            earlier = self._earlier(session, caller)
+        return None if earlier is None else _replay(earlier)
+
+    def _keep(self, session: Session, caller: Caller, reply: Reply) -> None:
+        if self._key is not None:
+            session.add(
+                IdempotentAnswer(
+                    organisation_id=caller.organisation_id,
+                    key=self._key,
+                    fingerprint=self._digest(),
+                    status=reply.status,
+                    headers=reply.headers,
+                    body=reply.body.keep(),
+                )
+            )
+
+    def _earlier(self, session: Session, caller: Caller) -> IdempotentAnswer | None:
+        if self._key is None:
+            return None
+        earlier = session.get(IdempotentAnswer, (caller.organisation_id, self._key))
+        if earlier is not None and earlier.fingerprint != self._digest():
+            raise Problem(
+                interface.IDEMPOTENCY_KEY_REUSED,
+                "This Idempotency-Key was used for another request. Use a new one for each new request.",
+            )
+        return earlier
+
+    def _digest(self) -> str:
+        return hashlib.sha256(self._fingerprint.encode()).hexdigest()
+
+
+def run_all(
+    caller: Caller,
+    requests: Sequence[tuple[Writing, Item]],
+    change: Callable[[Session, Sequence[Item]], Sequence[Reply]],
+) -> list[JSONResponse]:
+    """Do what several requests of one caller ask, in one transaction; what was done before is not done again.
+
+    When another did the same at once, look again and find it done.
+    """
+    for attempt in range(_ATTEMPTS):
+        try:
+            return _run_all(caller, requests, change)
+        except IntegrityError:
+            if attempt == _ATTEMPTS - 1:
+                raise
+    raise AssertionError("unreachable")
+
+
+def _run_all(
+    caller: Caller,
+    requests: Sequence[tuple[Writing, Item]],
+    change: Callable[[Session, Sequence[Item]], Sequence[Reply]],
+) -> list[JSONResponse]:
+    context = requests[0][0].context
+    with context.database.writing(caller.key_id, caller.organisation_id) as session:
+        done = [writing._earlier(session, caller) for writing, _ in requests]  # noqa: SLF001  of this module
+        new = [request for request, earlier in zip(requests, done, strict=True) if earlier is None]
+        replies = list(change(session, [item for _, item in new])) if new else []
+        for (writing, _), reply in zip(new, replies, strict=True):
+            writing._keep(session, caller, reply)  # noqa: SLF001  of this module
+        jobs = [job.id for reply in replies for job in reply.jobs]
+        sizes = [size for reply in replies for size in reply.frame_bytes]
+        if jobs or sizes:
+            charge(
+                session,
+                caller.organisation_id,
+                context.quotas,
+                context.partials,
+                sizes_bytes=sizes,
+                had_room=all(reply.had_room for reply in replies if reply.frame_bytes),
+                jobs=len(jobs),
+            )
+        answers = iter([JSONResponse(reply.body.dump(), reply.status, reply.headers) for reply in replies])
+        # made before the commit: an answer that cannot be made changes nothing
+        found = [next(answers) if earlier is None else _replay(earlier) for earlier in done]
+    for (writing, _), reply in zip(new, replies, strict=True):
+        if reply.jobs:
+            writing._fields["jobs"] = [job.id for job in reply.jobs]
+    return found
+
+
+def _replay(earlier: IdempotentAnswer) -> JSONResponse:
+    return JSONResponse(earlier.body, earlier.status, {**earlier.headers, REPLAYED: "true"})
+
+
+IdempotencyKey = Annotated[
+    Text | None,
+    Header(
+        alias="Idempotency-Key", description="Send the same request again with the same key: it is done once."
+    ),
+]
+
+
+async def stream_writing(
+    request: Request,
+    context: Annotated[Context, Depends(get_context)],
+    idempotency_key: IdempotencyKey = None,
+) -> Writing:
+    """For a request whose body the route streams itself."""
+    return Writing(context, idempotency_key, f"{request.method} {request.url.path}?{request.url.query}\n")
+
+
+async def body_writing(request: Request, writing: Annotated[Writing, Depends(stream_writing)]) -> Writing:
+    """For a request with a small body, which takes part in the fingerprint."""
+    return writing.with_content(hashlib.sha256(await request.body()).hexdigest())
+
+
+Writes = Annotated[Writing, Depends(body_writing)]
+StreamWrites = Annotated[Writing, Depends(stream_writing)]

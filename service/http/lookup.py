@@ -1,0 +1,102 @@
+"""Look-up of a row by an id in an address: rows of other organisations do not exist for the caller."""
+
+from collections.abc import Sequence
+from typing import Annotated, TypeVar
+
+from fastapi import Path
+from sqlalchemy.orm import Session
+from sqlalchemy.orm.interfaces import ORMOption
+
+from service.http.auth import Caller
+from service.http.problems import not_found
+from store.tables import (
+    ApiKey,
+    Base,
+    Calibration,
+    Camera,
+    Campaign,
+    Crop,
+    FrameRow,
+    Job,
+    Manifest,
+    Measurement,
+    Meter,
+    Panel,
+    Reading,
+    Recall,
+    Rig,
+    WebSession,
+)
+
+Row = TypeVar("Row", bound=Base)
+
+Id = Annotated[str, Path(description="An opaque id, as another answer gave it.", examples=["abc_1"])]
+
+_WORDS: dict[type[Base], str] = {
+    ApiKey: "key",
+    Calibration: "calibration",
+    Camera: "camera",
+    Campaign: "campaign",
+    Crop: "crop",
+    FrameRow: "frame",
+    Job: "job",
+    Manifest: "manifest",
+    Measurement: "measurement",
+    Meter: "meter",
+    Panel: "panel",
+    Recall: "recall",
+    Reading: "reading",
+    Rig: "rig",
+    WebSession: "session",
+}
+
+
+def owned(
+    session: Session,
+    table: type[Row],
+    row_id: str,
+    caller: Caller,
+    *,
+    for_update: bool = False,
+    options: Sequence[ORMOption] = (),
+) -> Row:
+    """Return the caller's row with this id, locked for whoever changes what it holds; 404 otherwise.
+
+    ``options`` : columns that are read, where the row is large
+    """
+    row = _find(session, table, row_id, caller, for_update=for_update, options=options)
+    if row is None:
+        raise not_found(_WORDS[table])
+    return row
+
+
+def find_owned(session: Session, tables: Sequence[type[Base]], row_id: str, caller: Caller) -> Base:
+    """Return the caller's row of one of these tables with this id; 404 otherwise."""
+    for table in tables:
+        if (row := _find(session, table, row_id, caller)) is not None:
+            return row
+    raise not_found(" or ".join(_WORDS[table] for table in tables))
+
+
+def _find(
+    session: Session,
+    table: type[Row],
+    row_id: str,
+    caller: Caller,
+    *,
+    for_update: bool = False,
+    options: Sequence[ORMOption] = (),
+) -> Row | None:
+    # ids are plain ASCII; PostgreSQL cannot even be asked for a NUL
+    is_id = row_id.isascii() and row_id.isprintable()
+    row = session.get(table, row_id, options=options, with_for_update=for_update or None) if is_id else None
+    if row is None or _organisation_of(session, row) != caller.organisation_id:
+        return None
+    return row
+
+
+def _organisation_of(session: Session, row: Base) -> str:
+    if isinstance(row, FrameRow | Reading):
+        return session.get_one(Campaign, row.campaign_id).organisation_id
+    organisation_id: str = row.organisation_id  # type: ignore[attr-defined]
+    return organisation_id

@@ -1,0 +1,337 @@
+"""Middleware: digests, compression, HEAD, overridden methods, deprecated addresses, security headers."""
+
+import base64
+import hashlib
+import re
+from dataclasses import dataclass
+from datetime import UTC, date, datetime, time
+from email.utils import format_datetime
+from typing import Any, Final
+
+from fastapi import FastAPI
+from fastapi.routing import APIRoute, iter_route_contexts
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.middleware.gzip import DEFAULT_EXCLUDED_CONTENT_TYPES, GZipMiddleware
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from radiometry.findings import interface
+from service.coefficients.series import MEDIA_TYPES
+from service.http.limits import is_upload
+from service.http.problems import Problem
+
+
+@dataclass(frozen=True)
+class _Template:
+    path: str
+    pattern: re.Pattern[str]
+    methods: frozenset[str]
+
+
+class Addresses:
+    """The templates of an application's routes, its pages' too.
+
+    Made of a whole application: the framework then builds its routes, which takes a third of a second of a
+    processor, before the first request and not within it.
+    """
+
+    def __init__(self, app: FastAPI) -> None:
+        self._templates = [
+            _Template(context.path, context.path_regex, frozenset(context.methods or ()))
+            for context in iter_route_contexts(app.routes)
+            if context.path is not None
+        ]
+        self._rivals: dict[str, list[_Template]] = {}
+
+    def methods_of(self, address: str) -> list[str]:
+        """Return every method of an address; the framework names those of the first route that it finds."""
+        fitting = [each for each in self._templates if self.is_of(each.path, address)]
+        methods = {method for each in fitting for method in each.methods}
+        return sorted(methods | {"HEAD"} if "GET" in methods else methods)
+
+    def is_of(self, path: str, address: str) -> bool:
+        """Return whether an address is one of this template: `/keys/own` is none of `/keys/{key_id}`."""
+        if path not in self._rivals:
+            self._rivals[path] = [each for each in self._templates if self._is_narrower(each, path)]
+        own = next(each for each in self._templates if each.path == path)
+        return bool(own.pattern.match(address)) and not any(
+            rival.pattern.match(address) for rival in self._rivals[path]
+        )
+
+    def _is_narrower(self, template: _Template, path: str) -> bool:
+        own = next(each for each in self._templates if each.path == path)
+        return bool(own.pattern.match(template.path)) and not template.pattern.match(path)
+
+
+_SMALLEST_BYTES: Final = 1 << 10
+_LEVEL: Final = 4
+_LEFT: Final = (
+    *DEFAULT_EXCLUDED_CONTENT_TYPES,
+    *("image/*", "application/pdf", "application/octet-stream", MEDIA_TYPES["arrow"], MEDIA_TYPES["parquet"]),
+)
+_REFUSED: Final = re.compile(r"\bgzip\s*;\s*q=0(\.0*)?\s*(?=,|$)")
+_MARK: Final = ".gz"
+_UNCHANGED: Final = 304
+
+
+class Compression:
+    """Packs answers of more than a kilobyte; never pictures, PDFs, stored files or event streams.
+
+    The entity tag of a packed answer ends in a mark, because the same tag would promise the same bytes. A
+    page of a signed-in browser is left as it is: its size would tell of the token in it (BREACH).
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._packing = GZipMiddleware(app, _SMALLEST_BYTES, _LEVEL, exclude_content_types=_LEFT)
+        self._signed_in = GZipMiddleware(
+            app, _SMALLEST_BYTES, _LEVEL, exclude_content_types=(*_LEFT, "text/html")
+        )
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            await self._packing(scope, receive, send)
+            return
+        headers = MutableHeaders(scope=scope)
+        if "gzip" in (accepted := headers.get("accept-encoding", "")):
+            headers["accept-encoding"] = _REFUSED.sub("identity", accepted)
+        named = headers.get("if-none-match", "")
+        if has_mark := f'{_MARK}"' in named:
+            headers["if-none-match"] = named.replace(f'{_MARK}"', '"')
+
+        async def marked(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                own = MutableHeaders(scope=message)
+                packed = own.get("content-encoding") == "gzip"
+                if "etag" in own and (packed or (has_mark and message["status"] == _UNCHANGED)):
+                    own["etag"] = own["etag"].removesuffix('"') + f'{_MARK}"'
+                if "vary" in own:
+                    # it is added to what a route says itself
+                    own["vary"] = ", ".join(dict.fromkeys(own["vary"].split(", ")))
+            await send(message)
+
+        app = self._signed_in if "cookie" in Headers(scope=scope) else self._packing
+        await app(scope, receive, marked)
+
+
+_ALGORITHMS: Final = {"sha-256": "sha256", "sha-512": "sha512"}
+_MEMBER: Final = re.compile(r"(?:^|,)\s*(sha-256|sha-512)\s*=([^,]*)", re.IGNORECASE)
+
+
+class ContentDigests:
+    """Refuses a body that is not the announced one, when its last byte is there.
+
+    Of an upload only `Content-Digest` is looked at here: `Repr-Digest` is the file's, also in a form, and
+    `service/uploads/frames.py` hashes the file anyway.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        headers = Headers(scope=scope)
+        names = ("content-digest",) if is_upload(scope) else ("content-digest", "repr-digest")
+        announced = {name: ", ".join(headers.getlist(name)) for name in names if name in headers}
+        await self._app(scope, _Compared(receive, announced) if announced else receive, send)
+
+
+class _Compared:
+    """The body as it comes, hashed on the way."""
+
+    def __init__(self, receive: Receive, announced: dict[str, str]) -> None:
+        self._receive = receive
+        self._announced = announced
+        self._running: list[tuple[str, bytes, Any]] | None = None
+
+    async def __call__(self) -> Message:
+        if self._running is None:
+            self._running = [
+                (name, digest, hashlib.new(algorithm))
+                for name, text in self._announced.items()
+                for algorithm, digest in _read_digests(name, text)
+            ]
+        message = await self._receive()
+        if message["type"] != "http.request":
+            return message
+        for _, _, running in self._running:
+            running.update(message.get("body", b""))
+        if not message.get("more_body"):
+            self._compare()
+        return message
+
+    def _compare(self) -> None:
+        for name, digest, running in self._running or ():
+            if running.digest() != digest:
+                found = base64.b64encode(running.digest()).decode()
+                detail = f"The body is not the one of {name.title()}: it arrived as {running.name} {found}."
+                raise Problem(interface.DIGEST_MISMATCH, f"{detail} Send it again.")
+
+
+def _read_digests(name: str, text: str) -> list[tuple[str, bytes]]:
+    """Read the digests of the algorithms that we know; others are for others to compare."""
+    found = []
+    for match in _MEMBER.finditer(text):
+        algorithm, value = _ALGORITHMS[match[1].lower()], match[2].strip()
+        try:
+            digest = base64.b64decode(value[1:-1], validate=True)
+        except ValueError:
+            digest = b""
+        if (value[:1], value[-1:]) != (":", ":") or len(digest) != hashlib.new(algorithm).digest_size:
+            detail = f"{name.title()} cannot be read: it takes {match[1].lower()}=:base64 of the digest:"
+            raise Problem(interface.BAD_REQUEST, detail)
+        found.append((algorithm, digest))
+    return found
+
+
+class Heads:
+    """Serve a HEAD as the GET of its address, if it has one."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if not _is_of_a_get(scope):
+            await self._app(scope, receive, send)
+            return
+        scope["method"] = "GET"
+
+        async def send_head(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                # as it came, for the server, which then expects no body, and for the log
+                scope["method"] = "HEAD"
+                await send(message)
+                # the server takes it for the end, and tells what would stream that nobody listens
+                await send({"type": "http.response.body", "body": b""})
+
+        await self._app(scope, receive, send_head)
+
+
+def _is_of_a_get(scope: Scope) -> bool:
+    is_head = scope["type"] == "http" and scope["method"] == "HEAD"
+    return is_head and "GET" in scope["app"].state.addresses.methods_of(scope["path"])
+
+
+_UPLOAD: Final = "/v1/uploads/"
+_METHODS: Final = frozenset({"HEAD", "PATCH", "DELETE"})
+
+
+class OverriddenMethods:
+    """Serve a POST to an upload as the method that its header names."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] == "http" and scope["method"] == "POST" and scope["path"].startswith(_UPLOAD):
+            method = Headers(scope=scope).get("x-http-method-override", "").upper()
+            if method in _METHODS:
+                scope["method"] = method
+        await self._app(scope, receive, send)
+
+
+_SINCE, _ENDS = "x-deprecated-since", "x-sunset"
+_POLICY: Final = "/docs/http#changes-of-the-api"
+
+_RENAMED_SINCE: Final = date(2026, 11, 22)
+_RENAMED: Final = (
+    (re.compile(r"/v1/purges(/.*)?"), r"/v1/recalls\1"),
+    (re.compile(r"(/v1/measurements/[^/]+)/contrast"), r"\1/comparison"),
+    (re.compile(r"/measurements/contrast"), "/measurements/comparison"),
+)
+_OLD_CODES: Final = {interface.RECALL_OUTDATED: interface.PURGE_OUTDATED}
+
+
+def deprecated(*, since: date, ends: date | None = None) -> dict[str, Any]:
+    """Return the arguments that make a route a deprecated one; ``ends`` once that day is fixed."""
+    dates = {_SINCE: since.isoformat()} | ({_ENDS: ends.isoformat()} if ends else {})
+    return {"deprecated": True, "openapi_extra": dates}
+
+
+class Deprecations:
+    """Serve an old address as the new one, and mark the answers of all that is deprecated.
+
+    The headers are Deprecation (RFC 9745), Sunset (RFC 8594) and Link (RFC 8288).
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        successor = _find_successor(scope["path"]) if scope["type"] == "http" else None
+        if successor is not None:
+            scope["path"], scope["raw_path"] = successor, successor.encode()
+            scope.setdefault("state", {})["old_codes"] = _OLD_CODES
+
+        async def marked(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                route = scope.get("route")
+                if successor is not None:
+                    _mark(message, _RENAMED_SINCE, None, f'<{successor}>; rel="successor-version"')
+                elif isinstance(route, APIRoute) and route.deprecated:
+                    dates = {
+                        name: date.fromisoformat(text) for name, text in (route.openapi_extra or {}).items()
+                    }
+                    _mark(message, dates[_SINCE], dates.get(_ENDS))
+            await send(message)
+
+        await self._app(scope, receive, marked)
+
+
+def _mark(message: Message, since: date, ends: date | None, *links: str) -> None:
+    headers = MutableHeaders(scope=message)
+    headers["Deprecation"] = f"@{_midnight(since).timestamp():.0f}"
+    named = [*links, f'<{_POLICY}>; rel="deprecation"; type="text/html"']
+    if ends is not None:
+        headers["Sunset"] = format_datetime(_midnight(ends), usegmt=True)
+        named.append(f'<{_POLICY}>; rel="sunset"; type="text/html"')
+    headers.append("Link", ", ".join(named))
+
+
+def _midnight(day: date) -> datetime:
+    return datetime.combine(day, time(), UTC)
+
+
+def _find_successor(path: str) -> str | None:
+    for pattern, successor in _RENAMED:
+        found = pattern.fullmatch(path)
+        if found:
+            return found.expand(successor)
+    return None
+
+
+_ALWAYS: Final = {
+    b"x-content-type-options": b"nosniff",
+    b"x-frame-options": b"DENY",
+    # a form that is sent without its origin could not be told from a stranger's
+    b"referrer-policy": b"same-origin",
+    b"cross-origin-opener-policy": b"same-origin",
+    b"permissions-policy": b"camera=(), microphone=(), geolocation=(), payment=(), usb=()",
+}
+
+
+# our own files only, and nothing inline; blob: the preview of a file that is not sent yet
+CONTENT_POLICY: Final = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; connect-src 'self'; "
+    "worker-src 'self'; form-action 'self'; frame-ancestors 'none'; base-uri 'none'"
+)
+
+
+class SecurityHeaders:
+    """Adds what an answer does not say for itself."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        async def guarded(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                own = message["headers"]
+                named = dict(own)
+                wanted = _ALWAYS
+                if named.get(b"content-type", b"").startswith(b"text/html"):
+                    wanted = _ALWAYS | {b"content-security-policy": CONTENT_POLICY.encode()}
+                message["headers"] = [*own, *(each for each in wanted.items() if each[0] not in named)]
+            await send(message)
+
+        await self._app(scope, receive, guarded if scope["type"] == "http" else send)

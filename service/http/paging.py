@@ -1,0 +1,133 @@
+"""Lists by keyset: stable while rows are added, and a page costs the same wherever it lies."""
+
+import base64
+import binascii
+import json
+from collections.abc import Callable, Sequence
+from typing import Annotated, Any, Generic, TypeVar
+
+from fastapi import Depends, Query, Request
+from fastapi.responses import JSONResponse
+from pydantic import BaseModel, Field
+from sqlalchemy import ColumnElement, Select, inspect, select
+from sqlalchemy.orm import Session
+
+from service.http.auth import Caller
+from service.http.connections import absolute
+from service.http.context import Context
+from service.http.models import Answer, Text
+from service.http.problems import invalid
+from store.ready.series import is_text
+
+AnswerType = TypeVar("AnswerType", bound=Answer)
+
+Limit = Annotated[int, Query(ge=1, le=1000, description="How many items a page holds at most.")]
+Cursor = Annotated[Text | None, Query(description="Taken from the `next` address of the page before.")]
+
+
+_LARGEST_KEY = 2**63 - 1
+
+
+def write_cursor(place: Sequence[object]) -> str:
+    """Return a place in a list as text for an address."""
+    return base64.urlsafe_b64encode(json.dumps(place, separators=(",", ":")).encode()).decode().rstrip("=")
+
+
+def read_cursor(text: str, is_place: Callable[[list[Any]], bool]) -> list[Any]:
+    """Return the place that a cursor names; refuse one that this list has not given."""
+    try:
+        place = json.loads(base64.urlsafe_b64decode(text + "=" * (-len(text) % 4)))
+        if isinstance(place, list) and is_place(place):
+            return place
+    except (binascii.Error, ValueError):
+        pass
+    message = "is no cursor of this list: take it from `next`, or leave it out"
+    raise invalid([{"type": "cursor", "loc": ("query", "cursor"), "msg": message}])
+
+
+def read_key(cursor: str, table: str) -> Any:  # noqa: ANN401  a text, or the number of an entry
+    """Return the key of a table's row after which a page begins."""
+
+    def is_place(place: list[Any]) -> bool:
+        named, *keys = place or [""]
+        return named == table and len(keys) == 1 and _is_key(keys[0])
+
+    return read_cursor(cursor, is_place)[1]
+
+
+def _is_key(key: object) -> bool:
+    return is_text(key) or (type(key) is int and 0 <= key <= _LARGEST_KEY)
+
+
+class Listing(BaseModel):
+    """Which page of a list; a field that a list adds leaves only the rows with exactly this value."""
+
+    limit: Limit = 100
+    cursor: Cursor = None
+
+
+class Page(Answer, Generic[AnswerType]):
+    """One page of a list; `next` is the address of the page after it, or null at the end."""
+
+    items: list[AnswerType]
+    next: str | None = Field(json_schema_extra={"nullable_on_purpose": True})
+
+
+class Paging:
+    """The page that a request asks for."""
+
+    def __init__(self, request: Request, limit: int = 100, cursor: str | None = None) -> None:
+        self._request = request
+        self._limit = limit
+        self._cursor = cursor
+
+    def send(
+        self,
+        session: Session,
+        rows: Select[Any],
+        shape: Callable[[list[Any]], Sequence[Answer]],
+        *,
+        newest_first: bool = False,
+    ) -> JSONResponse:
+        """The rows after the cursor in the order of their key, and where the next ones are."""
+        table = rows.column_descriptions[0]["entity"]
+        (key,) = inspect(table).primary_key
+        by, limit = getattr(table, key.key), self._limit
+        if self._cursor is not None:
+            after = read_key(self._cursor, table.__tablename__)
+            rows = rows.where(by < after if newest_first else by > after)
+        found = list(session.scalars(rows.order_by(by.desc() if newest_first else by).limit(limit + 1)))
+        more = len(found) > limit
+        address = None
+        if more:
+            cursor = write_cursor([table.__tablename__, getattr(found[limit - 1], by.key)])
+            following = self._request.url.include_query_params(cursor=cursor)
+            address = absolute(self._request, f"{following.path}?{following.query}")
+        return JSONResponse({"items": [item.dump() for item in shape(found[:limit])], "next": address})
+
+
+async def _read_paging(request: Request, limit: Limit = 100, cursor: Cursor = None) -> Paging:
+    return Paging(request, limit, cursor)
+
+
+UsesPaging = Annotated[Paging, Depends(_read_paging)]
+
+
+def page_own(
+    request: Request,
+    context: Context,
+    caller: Caller,
+    table: Any,  # noqa: ANN401  a mapped class with an organisation
+    listing: Listing,
+    shape: Callable[[Any], Answer],
+    *,
+    where: ColumnElement[bool] | None = None,
+) -> JSONResponse:
+    """Return a page of the organisation's rows that have the values asked for, oldest first."""
+    asked = listing.model_dump(exclude={"limit", "cursor"}, exclude_none=True)
+    rows = select(table).where(table.organisation_id == caller.organisation_id).filter_by(**asked)
+    rows = rows if where is None else rows.where(where)
+    with context.database.reading() as session:
+        return Paging(request, listing.limit, listing.cursor).send(
+            session, rows, lambda found: [shape(row) for row in found]
+        )

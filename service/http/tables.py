@@ -1,0 +1,188 @@
+"""CSV that a spreadsheet opens without running it, and CSV that spreadsheets write."""
+
+import csv
+import io
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from itertools import islice
+from typing import Any, Final, TypeVar
+
+from fastapi import Request
+from pydantic import ValidationError
+
+from radiometry.findings import interface
+from service.http.models import Form
+from service.http.operations import NUMBER, read_apart, read_document, refuse_load
+from service.http.problems import Problem, invalid, located
+
+_STARTS: Final = "=+-@\t\r\n\uff1d\uff0b\uff0d\uff20"
+"""What a formula begins with; the last four in East Asian spreadsheets."""
+_RUNS: Final = re.compile(rf"(?:^|(?<=[;\t]))(?=[{re.escape(_STARTS)}])")
+"""Where a spreadsheet would begin a formula, also one whose separator is another than ours."""
+_MONTHS: Final = "jan|feb|mar|mrz|mär|apr|may|mai|jun|jul|aug|sept?|oct|okt|nov|dec|dez"
+_NUMBERLIKE: Final = re.compile(
+    rf"(?=.*\d)(?:[\d.,:/ eE+%$€£-]|(?<![a-z])(?:{_MONTHS})(?![a-z]))+|true|false", re.IGNORECASE
+)
+_LOCAL: Final = re.compile(r"(\d{4}-\d\d-\d\d)T(\d\d:\d\d:\d\d)(?:(\.\d{1,3})\d*)?")
+
+
+def keep_texts(texts: Sequence[str]) -> Sequence[str]:
+    """Return texts of which a spreadsheet runs none as a formula."""
+    joined = "".join(texts)
+    runs = not {text[:1] for text in texts}.isdisjoint(_STARTS) or ";" in joined or "\t" in joined
+    return [_RUNS.sub("'", text) for text in texts] if runs else texts
+
+
+def spell_instant(text: str, decimal: str) -> str:
+    """Return a time as spreadsheets read it, to the millisecond; one that names another zone than Z stays."""
+    found = _LOCAL.fullmatch(text.removesuffix("Z"))
+    return f"{found[1]} {found[2]}{(found[3] or '').replace('.', decimal)}" if found else text
+
+
+def spell_text(text: str, decimal: str) -> str:
+    """Return a text that a spreadsheet leaves one: 0012, which it would count for 12, and MAR1 as ="0012"."""
+    if _NUMBERLIKE.fullmatch(text):
+        return f'="{text}"'
+    return _RUNS.sub("'", text if text.endswith("Z") else spell_instant(text, decimal))
+
+
+def write_csv(
+    rows: Iterable[Mapping[str, Any]], columns: list[str] | None = None, *, head: bool = True
+) -> str:
+    """Rows under their names; numbers as they are, text that a spreadsheet would run made text.
+
+    A cell holds one thing: of a list stands its number of entries, in a column `<name>_count`, of what has
+    members each member in a column of its own, `<name>_<member>`.
+    """
+    rows = [_flatten(row) for row in rows]
+    names = columns or (list(rows[0]) if rows else [])
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\r\n")
+    if head:
+        writer.writerow(names)
+    for row in rows:
+        writer.writerow([_cell(row.get(name)) for name in names])
+    return out.getvalue()
+
+
+def _flatten(row: Mapping[str, Any]) -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for name, value in row.items():
+        if isinstance(value, Mapping):
+            flat |= {f"{name}_{member}": each for member, each in _flatten(value).items()}
+        elif isinstance(value, list | tuple):
+            flat[f"{name}_count"] = len(value)
+        else:
+            flat[name] = value
+    return flat
+
+
+def _cell(value: Any) -> Any:  # noqa: ANN401
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return _RUNS.sub("'", value)
+    # repr gives a float its shortest exact form
+    return repr(value) if isinstance(value, float) else value
+
+
+F = TypeVar("F", bound=Form)
+T = TypeVar("T")
+
+UNREAD = ""
+_MOST_COLUMNS: Final = 200
+
+_GROUPED = re.compile(r"\d{1,3}(,\d{3})+")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kind:
+    """Content of a table. ``numbers``: columns whose cells are numbers; ``most``: rows it may have.
+
+    ``usual`` : what a row says that says nothing of it
+    """
+
+    numbers: frozenset[str]
+    most: int
+    rows_are: str
+    usual: Mapping[str, float] = field(default_factory=dict)
+
+
+def read_sheet(
+    data: bytes, form: type[F], kind: Kind, name_fields: Callable[[list[str]], list[str]]
+) -> list[F]:
+    """Comma, or semicolon or tab with a decimal comma; each bad row is named with its line.
+
+    ``name_fields`` : of the columns in small letters, the field that each holds; UNREAD for none
+    """
+    refuse_load(data, *",;\t\r\n")
+    try:
+        text = data.decode("utf-8-sig")
+        # the separator is the one of the first line; a lone CR ends a line too
+        separator = max(",;\t", key=re.split(r"[\r\n]", text, maxsplit=1)[0].count)
+        reader = csv.DictReader(io.StringIO(text, newline=None), delimiter=separator)
+        columns = [name.strip().lower() for name in (reader.fieldnames or [])[: _MOST_COLUMNS + 1]]
+        if len(columns) > _MOST_COLUMNS:
+            raise refuse_columns(f"must name at most {_MOST_COLUMNS} columns", columns)
+        reader.fieldnames = name_fields(columns)
+        return _read_rows(reader, separator, form, kind)
+    except UnicodeDecodeError as error:
+        raise Problem(interface.BAD_REQUEST, "The CSV is not UTF-8. Save it as CSV UTF-8.") from error
+    except csv.Error as error:
+        raise Problem(interface.BAD_REQUEST, f"The CSV cannot be read: {error}.") from error
+
+
+async def read_sheet_or_document(
+    request: Request, read: Callable[[bytes], T], validate: Callable[[Any], T]
+) -> T:
+    """Read a body that is a table or JSON, by its content type; each bad field or row is named."""
+    return await read_apart(request, read if is_table(request) else partial(read_document, validate=validate))
+
+
+def is_table(request: Request) -> bool:
+    """Return True if the body is declared as CSV, with or without its character set."""
+    return request.headers.get("content-type", "").split(";")[0].strip().lower() == "text/csv"
+
+
+def refuse_columns(message: str, columns: list[str]) -> Problem:
+    named = f"it names {', '.join(map(repr, columns))[:200] or 'nothing'}"
+    return invalid([{"type": "csv", "loc": ("line 1",), "msg": f"{message}; {named}"}])
+
+
+def _read_rows(reader: "csv.DictReader[str]", separator: str, form: type[F], kind: Kind) -> list[F]:
+    forms: list[F] = []
+    errors: list[dict[str, Any]] = []
+    rows = 0
+    for row in islice(reader, kind.most + 1):
+        rows += 1
+        line = f"line {reader.line_num}"
+        if None in row:
+            message = "has more cells than line 1 names; a decimal comma needs semicolons between the cells"
+            errors.append({"type": "csv", "loc": (line,), "msg": message})
+            continue
+        cells: dict[str, Any] = {name: cell.strip() for name, cell in row.items() if cell and cell.strip()}
+        cells.pop(UNREAD, None)
+        for name in kind.numbers & cells.keys():
+            cells[name] = _read_number(cells[name], separator)
+        try:
+            forms.append(form.model_validate({**kind.usual, **cells}))
+        except ValidationError as error:
+            errors += located(error, line)
+    if not 0 < rows <= kind.most:
+        message = f"must hold 1 to {kind.most} {kind.rows_are} below its first line"
+        errors = [{"type": "csv", "loc": ("csv",), "msg": message}]
+    if errors:
+        raise invalid(errors)
+    return forms
+
+
+def _read_number(text: str, separator: str) -> float | str:
+    """The number, or the text as it is for the form to refuse."""
+    # after tabs 1,234 may be a thousand and more, or one and a bit: nobody can tell
+    if separator == ";" or (separator == "\t" and not _GROUPED.fullmatch(text)):
+        text = text.replace(",", ".")
+    return float(text) if NUMBER.fullmatch(text) else text

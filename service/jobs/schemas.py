@@ -1,0 +1,93 @@
+"""Jobs, as a client sees them."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from service.http.models import Answer, Flag, Form, Instant, ProblemAnswer, Text
+from service.http.problems import problem_body
+from store.queries.jobs import MOST_COUNTED, Queue
+from store.tables import FrameRow, Job
+
+State = Literal["queued", "running", "succeeded", "failed", "quarantined"]
+Kind = Literal["extract", "fit", "measure"]
+
+
+class JobAnswer(
+    Answer,
+    restates=Job,
+    fields="id kind subject_id state progress attempt result created_at finished_at dismissed_at",
+):
+    state: State
+    progress: float = Field(ge=0, le=1)
+    error: ProblemAnswer | None = None
+    filename: str | None = Field(default=None, description="Of the frame that it works on, where it is one.")
+    campaign_id: str | None = Field(default=None, description="The campaign of that frame, or its subject.")
+    next_attempt_at: Instant | None = Field(
+        default=None,
+        description="When a job is tried again that waits for what `error.waits_for` names, if not sooner.",
+    )
+
+    @classmethod
+    def of(cls, row: Job, frame: FrameRow | None = None) -> "JobAnswer":
+        error = None
+        if row.error is not None:
+            status = 422 if row.state == "failed" and row.traceback is None else 500
+            error = problem_body(row.error.get("status", status), **row.error)
+        return cls.restate(
+            row,
+            error=error,
+            next_attempt_at=row.due_at if row.state == "queued" and error is not None else None,
+            filename=frame.filename if frame else None,
+            campaign_id=frame.campaign_id if frame else row.subject_id if row.kind == "fit" else None,
+        )
+
+
+class RetriedJobs(Form):
+    """Which jobs are tried again: those that all of this holds for."""
+
+    state: Literal["failed", "quarantined"]
+    kind: Kind | None = None
+    code: Text | None = Field(default=None, description="The code of the error that they ended with.")
+    campaign_id: Text | None = Field(default=None, description="Jobs on this campaign and its frames.")
+
+
+class DismissedJobs(RetriedJobs):
+    """Which jobs are dismissed: those that all of this holds for."""
+
+    dismissed: Flag = Field(default=True, description="false: list them again.")
+
+
+class DismissedAnswer(Answer):
+    dismissed: int = Field(ge=0, description="How many jobs were changed.")
+
+
+class JobCauseAnswer(Answer):
+    """Jobs that failed for one reason, with the newest of them."""
+
+    count: int = Field(ge=1)
+    newest: JobAnswer
+
+
+class JobCausesAnswer(Answer):
+    items: list[JobCauseAnswer]
+
+
+class RetriedAnswer(Answer):
+    retried: int = Field(ge=0, description="How many jobs are queued again.")
+
+
+class QueueAnswer(Answer):
+    queued: int
+    running: int
+    succeeded: int
+    failed: int
+    quarantined: int
+    more: list[State] = Field(
+        description=f"States with more jobs than their number states: each is counted up to {MOST_COUNTED}."
+    )
+    oldest_wait_s: float = Field(ge=0, description="How long the job that waits longest has been due.")
+
+    @classmethod
+    def of(cls, queue: Queue) -> "QueueAnswer":
+        return cls.model_validate(queue.counts | {"more": queue.more, "oldest_wait_s": queue.oldest_wait_s})

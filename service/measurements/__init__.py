@@ -1,0 +1,1 @@
+"""Measurements with a calibrated camera, their maps and lists."""

@@ -1,0 +1,283 @@
+"""Isolines of a measurement's map."""
+
+import math
+from typing import Annotated, Literal
+
+import numpy as np
+from fastapi import Query, Request, Response
+from numpy.typing import NDArray
+from pydantic import AfterValidator, Field
+
+from radiometry.findings import interface
+from radiometry.maps import (
+    MOST_LEVELS,
+    MOST_VERTICES,
+    TOLERANCE,
+    Isoline,
+    choose_levels,
+    choose_step,
+    is_ragged,
+    place_on_earth,
+    place_on_road,
+    trace_isolines,
+)
+from service.http.answers import UNCHANGED, immutable_headers, not_modified, problems
+from service.http.auth import Reader
+from service.http.context import UsesContext
+from service.http.lookup import Id
+from service.http.models import Answer, Form
+from service.http.operations import Router
+from service.http.problems import Problem, invalid
+from service.measurements.lists import GeoJson
+from service.measurements.maps import (
+    MOST_SQUARES,
+    Area,
+    OpenMap,
+    Values,
+    frame_window,
+    open_map,
+    read_squares,
+)
+
+Coordinates = Literal["pixel", "road_m", "wgs84"]
+
+
+_NUMBER = r"[-+]?[0-9]+(\.[0-9]+)?([eE][-+]?[0-9]{1,2})?"
+# schemas only: what is refused is refused by the checks, with their words
+_LEVELS = {"pattern": f"^{_NUMBER}(,{_NUMBER}){{0,{MOST_LEVELS - 1}}}$"}
+
+
+def _check_levels(text: str) -> str:
+    try:
+        levels = [float(level) for level in text.replace(",", " ").split()]
+    except ValueError:
+        levels = []
+    if not 1 <= len(levels) <= MOST_LEVELS or not all(map(math.isfinite, levels)):
+        raise ValueError(f"must be 1 to {MOST_LEVELS} finite numbers with commas between, as in `0.5,1,2`")
+    return text
+
+
+_AREA = (
+    "`region`: that of the measurement. `grid`: the outline of its cells. `frame`: the whole map, lamps and "
+    "sky included."
+)
+
+
+class LevelsOfMap(Form):
+    """Levels of isolines, and the area in which they are traced."""
+
+    levels: Annotated[
+        str | None,
+        AfterValidator(_check_levels),
+        Field(
+            max_length=500,
+            description=f"1 to {MOST_LEVELS} values in the map's unit, separated by commas. Left out: round "
+            "ones between the 1st and the 99th percentile of the area.",
+            examples=["0.5,1,2"],
+            json_schema_extra=_LEVELS,
+        ),
+    ] = None
+    area: Annotated[Area, Field(description=_AREA)] = "frame"
+    step: Annotated[
+        int | None,
+        Field(
+            ge=1,
+            le=1024,
+            description="Side of the squares over which the map is averaged first [px]. Left out: as small "
+            "as noise between neighbouring levels allows.",
+        ),
+    ] = None
+    coordinates: Annotated[
+        Coordinates | None,
+        Field(
+            description="`pixel`: x right, y down. `road_m`: along and across the lanes, inside the grid "
+            "only. `wgs84`: longitude and latitude. Left out: `wgs84` where the map has a place, else "
+            "`pixel`."
+        ),
+    ] = None
+
+    def read_levels(self) -> list[float]:
+        return sorted({float(level) for level in (self.levels or "").replace(",", " ").split()})
+
+
+class IsolineGeometry(Answer):
+    type: Literal["MultiLineString"]
+    coordinates: list[list[list[float]]]
+
+
+class IsolineProperties(Answer):
+    level: float
+    unit: str
+    standard_uncertainty: float | None = Field(
+        default=None,
+        description="Of the level, from what all pixels share: it moves all lines of it together.",
+    )
+    own_uncertainty: float | None = Field(
+        default=None, description="Upper bound of the noise of one square's mean: it ruffles the lines."
+    )
+    place_u_px: float | None = Field(
+        default=None, description="Both uncertainties together, over the median slope across the lines."
+    )
+    too_dark: bool = Field(description="True if the level is not distinguished from zero.")
+    lines: int
+    rings_left_out: int = Field(description="Rings around a single square, which noise alone draws.")
+
+
+class IsolineFeature(Answer):
+    type: Literal["Feature"]
+    id: str
+    geometry: IsolineGeometry
+    properties: IsolineProperties
+
+
+class IsolinesAnswer(Answer):
+    """Isolines in the form of GeoJSON, longitude and latitude only with `coordinates_in` `wgs84`."""
+
+    type: Literal["FeatureCollection"]
+    coordinates_in: Coordinates
+    area: Area
+    step_px: int = Field(description="Side of the squares [px] that are averaged: finer detail is not drawn.")
+    tolerance_px: float = Field(description="How far lines are moved where points are left out of them.")
+    vertices: int = Field(description=f"Of all lines; at most {MOST_VERTICES}.")
+    unknown_share: float = Field(
+        description="Squares of the area with a saturated pixel; no line crosses them."
+    )
+    place_u_m: float | None = Field(
+        default=None, description="Of `wgs84`: largest, with that of the transformation."
+    )
+    notes: list[str] = Field(description="What the uncertainty does not contain.")
+    features: list[IsolineFeature]
+
+
+Array = NDArray[np.float64]
+
+_FEWEST_SQUARES = 16  # along a side of the area, for the sake of noise
+_LEVEL_ENDS = (1.0, 99.0)
+
+
+def answer_isolines(found: OpenMap, asked: LevelsOfMap) -> IsolinesAnswer:
+    coordinates = _choose_coordinates(found, asked)
+    area = "grid" if coordinates == "road_m" else asked.area
+    polygon = found.find_polygon(area)
+    window = frame_window(found.layout, polygon)
+    pixels = (window.bottom - window.top) * (window.right - window.left)
+    levels = asked.read_levels()
+    coarse = choose_step((), pixels=pixels, most=MOST_SQUARES, uncertainty=None)
+    if not levels:
+        levels = _find_levels(found, read_squares(found, window, polygon, step=max(coarse, 4))[0])
+    step = asked.step or choose_step(levels, pixels=pixels, most=MOST_SQUARES, uncertainty=found.uncertainty)
+    if asked.step is not None and pixels / step**2 > MOST_SQUARES:
+        message = f"{pixels // step**2} squares are too many: take a step of {coarse} or more"
+        raise invalid([{"type": "step", "loc": ("query", "step"), "msg": message}])
+    while True:
+        plane, squares = read_squares(found, window, polygon, step=step)
+        if min(plane.shape) < 2:
+            message = f"the area holds fewer than 2 x 2 squares of {step} pixels: take a smaller step"
+            raise invalid([{"type": "step", "loc": ("query", "step"), "msg": message}])
+        lines = trace_isolines(plane, levels, step=step, left_px=window.left, top_px=window.top)
+        vertices = sum(len(line) for each in lines for line in each.lines)
+        if vertices <= MOST_VERTICES and (asked.step or not is_ragged(lines, found.uncertainty, step=step)):
+            break
+        if vertices <= MOST_VERTICES and 2 * step > math.isqrt(pixels) // _FEWEST_SQUARES:
+            break
+        if asked.step is not None:
+            message = f"the lines have {vertices} points: take a larger step, or fewer levels"
+            raise invalid([{"type": "step", "loc": ("query", "step"), "msg": message}])
+        step *= 2
+    place = found.row.result.get("place", {})
+    return IsolinesAnswer(
+        type="FeatureCollection",
+        coordinates_in=coordinates,
+        area=area,
+        step_px=step,
+        tolerance_px=TOLERANCE * step,
+        vertices=vertices,
+        unknown_share=1.0 - float(np.isfinite(plane).sum()) / max(1, squares),
+        place_u_m=math.hypot(place["u_corner_m"], place["residual_m"]) if coordinates == "wgs84" else None,
+        notes=found.list_notes(),
+        features=[_make_feature(found, each, step, coordinates) for each in lines],
+    )
+
+
+def _choose_coordinates(found: OpenMap, asked: LevelsOfMap) -> Coordinates:
+    is_placed = bool(found.row.result.get("place", {}).get("transform"))
+    chosen = asked.coordinates or ("wgs84" if is_placed else "pixel")
+    if chosen == "wgs84" and not is_placed:
+        raise Problem(interface.NOT_FOUND, "This map has no place: its isolines have pixel coordinates.")
+    if chosen == "road_m" and not found.row.parameters.get("lanes"):
+        raise Problem(interface.NOT_FOUND, "This measurement has no lanes: take `pixel` coordinates.")
+    return chosen
+
+
+def _find_levels(found: OpenMap, plane: Values) -> list[float]:
+    """Return round levels between the percentiles of what is distinguished from zero."""
+    known = plane[np.isfinite(plane)]
+    if found.is_light:
+        limit = found.uncertainty.limit if found.uncertainty else 0.0
+        known = known[known > max(limit, 0.0)]
+    if not known.size:
+        return []
+    low, high = np.percentile(known, _LEVEL_ENDS)
+    return list(choose_levels(float(low), float(high), logarithmic=found.is_light))
+
+
+def _make_feature(found: OpenMap, isoline: Isoline, step: int, coordinates: Coordinates) -> IsolineFeature:
+    known = found.uncertainty
+    properties = IsolineProperties(
+        level=isoline.level,
+        unit=found.unit,
+        too_dark=bool(known and found.is_light and isoline.level < known.limit),
+        lines=len(isoline.lines),
+        rings_left_out=isoline.rings_left_out,
+    )
+    if known is not None:
+        at = np.array(isoline.level)
+        common, own = float(known.common(at)), float(known.own(at, float(step**2)))
+        properties.standard_uncertainty, properties.own_uncertainty = common, own
+        if isoline.slope_per_px:
+            properties.place_u_px = math.hypot(common, own) / isoline.slope_per_px
+    lines = [_place(found, line, coordinates) for line in isoline.lines]
+    return IsolineFeature(
+        type="Feature",
+        id=f"{isoline.level:g}",
+        geometry=IsolineGeometry(
+            type="MultiLineString", coordinates=[line.tolist() for line in lines if line is not None]
+        ),
+        properties=properties,
+    )
+
+
+def _place(found: OpenMap, line: Array, coordinates: Coordinates) -> Array | None:
+    if coordinates == "wgs84":
+        # 1e-8 degrees are a millimetre
+        return np.round(place_on_earth(found.row.result["place"]["transform"], line), 8)
+    if coordinates == "road_m":
+        placed = place_on_road(found.row.parameters["lanes"], line)
+        return None if placed is None else np.round(placed, 4)
+    return np.round(line, 2)
+
+
+router = Router(prefix="/v1/measurements/{measurement_id}", tags=["measurements"])
+
+
+@router.get(
+    "/isolines.geojson",
+    response_model=IsolinesAnswer,
+    response_class=GeoJson,
+    responses={**UNCHANGED, **problems(404, 500)},
+)
+def get_measurement_isolines(
+    measurement_id: Id,
+    request: Request,
+    caller: Reader,
+    context: UsesContext,
+    asked: Annotated[LevelsOfMap, Query()],
+) -> Response:
+    """Lines of equal value, a feature a level, traced in the map's means over squares of `step_px`.
+
+    Rings around a single square are left out and counted. No line crosses a square with a saturated pixel.
+    """
+    with open_map(context, measurement_id, caller) as found:
+        tag = found.tag(f"{request.url.path}?{request.url.query}")
+        unchanged = not_modified(request, tag)
+        return unchanged or GeoJson(answer_isolines(found, asked).dump(), headers=immutable_headers(tag))

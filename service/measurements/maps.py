@@ -1,0 +1,459 @@
+"""Numbers out of a map: a window of it, pixel by pixel or as means over squares, tile by tile."""
+
+import hashlib
+import json
+import math
+import zlib
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, WithJsonSchema
+
+from radiometry.findings import interface
+from radiometry.fitting.comparison import SUBTRACTED
+from radiometry.frame import roi
+from radiometry.frame.roi import Polygon
+from radiometry.maps import COVERAGE, PixelUncertainty, find_likeness, read_uncertainty
+from radiometry.methods import get_method
+from radiometry.specification.application import PictureApplication, SurfaceApplication
+from service.http.auth import Caller
+from service.http.context import Context
+from service.http.lookup import owned
+from service.http.models import Answer, Form
+from service.http.problems import Problem
+from store.blobs import prove_file
+from store.codec import decode_exposure
+from store.measuring.version import read_lens
+from store.tables import Calibration, FrameRow, Measurement
+
+MOST_VALUES = 250_000
+
+Values = NDArray[np.float32]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Window:
+    """Rows [top, bottom) and columns [left, right) of a map."""
+
+    top: int
+    left: int
+    bottom: int
+    right: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Layout:
+    """Where the tiles of a map lie in its file."""
+
+    height_px: int
+    width_px: int
+    tile_px: int
+    predicted: bool
+    offsets: tuple[int, ...]
+    sizes: tuple[int, ...]
+    description: str
+
+    @property
+    def unit(self) -> str:
+        """Unit of the values, as the file states it."""
+        return str(json.loads(self.description)["unit"])
+
+    @property
+    def across(self) -> int:
+        """Tiles in a row."""
+        return -(-self.width_px // self.tile_px)
+
+
+def read_layout(path: Path) -> Layout:
+    """The layout of a file of worker/maps/tiff.py: square tiles of float32, deflated."""
+    import tifffile
+
+    with tifffile.TiffFile(path) as file:
+        page = file.pages.first
+        return Layout(
+            height_px=page.imagelength,
+            width_px=page.imagewidth,
+            tile_px=page.tilewidth,
+            predicted=page.predictor != 1,
+            offsets=tuple(page.dataoffsets),
+            sizes=tuple(page.databytecounts),
+            description=page.description,
+        )
+
+
+def read_values(path: Path, layout: Layout, window: Window, *, step: int) -> Values:
+    """Means over squares of ``step`` pixels from the window's corner on, (row, col); NaN where unknown.
+
+    What is left at the right and the lower border, less than a square, is left out.
+    """
+    rows, cols = (window.bottom - window.top) // step, (window.right - window.left) // step
+    inner = Window(
+        top=window.top, left=window.left, bottom=window.top + rows * step, right=window.left + cols * step
+    )
+    sums = np.zeros((rows, cols), np.float64)
+    touched = dict(_tiles_of(layout, inner))
+    for index, plane in read_tiles(path, layout, touched):
+        tile = touched[index]
+        top, left = (index // layout.across) * layout.tile_px, (index % layout.across) * layout.tile_px
+        part = plane[tile.top - top : tile.bottom - top, tile.left - left : tile.right - left]
+        _add(sums, part, row=tile.top - inner.top, col=tile.left - inner.left, step=step)
+    return (sums / step**2).astype(np.float32)
+
+
+def read_tiles(path: Path, layout: Layout, indices: Iterable[int]) -> Iterator[tuple[int, Values]]:
+    """Read tiles of a map one after the other, each with its index."""
+    with path.open("rb") as file:
+        for index in indices:
+            file.seek(layout.offsets[index])
+            yield index, _decode(zlib.decompress(file.read(layout.sizes[index])), layout)
+
+
+def _decode(tile: bytes, layout: Layout) -> Values:
+    """Undo TIFF's floating point predictor: differences of bytes, the highest byte of every pixel first."""
+    size = layout.tile_px
+    if not layout.predicted:
+        return np.frombuffer(tile, "<f4").reshape(size, size)
+    rows = np.cumsum(np.frombuffer(tile, np.uint8).reshape(size, 4 * size), axis=1, dtype=np.uint8)
+    planes = np.ascontiguousarray(rows.reshape(size, 4, size).transpose(0, 2, 1))
+    return planes.view(">f4")[..., 0]
+
+
+def _tiles_of(layout: Layout, window: Window) -> Iterator[tuple[int, Window]]:
+    """The index of each tile that a window touches, and what it touches of it."""
+    size = layout.tile_px
+    for tile_row in range(window.top // size, -(-window.bottom // size)):
+        for tile_col in range(window.left // size, -(-window.right // size)):
+            yield (
+                tile_row * layout.across + tile_col,
+                Window(
+                    top=max(window.top, tile_row * size),
+                    left=max(window.left, tile_col * size),
+                    bottom=min(window.bottom, (tile_row + 1) * size),
+                    right=min(window.right, (tile_col + 1) * size),
+                ),
+            )
+
+
+def _add(sums: NDArray[np.float64], part: Values, *, row: int, col: int, step: int) -> None:
+    """Add a part's pixels, the first of which is (row, col) from the window's corner, to their squares."""
+    height, width = part.shape
+    if step == 1:
+        sums[row : row + height, col : col + width] = part
+        return
+    to_rows, to_cols = (row + np.arange(height)) // step, (col + np.arange(width)) // step
+    lines = np.add.reduceat(part, np.flatnonzero(np.diff(to_rows, prepend=-1)), axis=0, dtype=np.float64)
+    squares = np.add.reduceat(lines, np.flatnonzero(np.diff(to_cols, prepend=-1)), axis=1)
+    sums[to_rows[0] : to_rows[-1] + 1, to_cols[0] : to_cols[-1] + 1] += squares
+
+
+_Pixel = Annotated[int, Field(ge=0, lt=1_000_000)]
+_Size = Annotated[int | None, Field(ge=1, lt=1_000_000, description="Left out: up to the border.")]
+
+
+Layer = Literal["value", "expanded_uncertainty_rel"]
+
+
+class MapWindow(Form):
+    """Which part of a map."""
+
+    layer: Annotated[
+        Layer,
+        Field(
+            description="`value`: those of map.tif. `expanded_uncertainty_rel`: the expanded uncertainty "
+            "(k = 2) of each mean over that mean."
+        ),
+    ] = "value"
+    step: Annotated[int, Field(ge=1, le=4096, description="The side of the squares, in pixels.")] = 1
+    top: _Pixel = 0
+    left: _Pixel = 0
+    height: _Size = None
+    width: _Size = None
+
+    @property
+    def tag(self) -> str:
+        return f"{self.layer}-{self.step}-{self.top}-{self.left}-{self.height}-{self.width}"
+
+
+# here null is a value: that of a pixel which was saturated
+_Value = Annotated[float | None, WithJsonSchema({"type": ["number", "null"]})]
+
+
+class ValueUncertainty(Answer):
+    """Uncertainty of a value v: u^2 = (u_rel v)^2 + u_constant^2 + u_pixel^2; the last two in its unit."""
+
+    u_rel: float = Field(description="Of K, meter, time, f-number: the same share in every pixel.")
+    u_constant: float = Field(description="Of the dark signal and of stray light: the same in every pixel.")
+    u_pixel: float = Field(
+        description="A single pixel's own, as it was found in the measured region; a mean over a square "
+        "of n x n pixels has 1/n of it, up to 1.5/n for `green` and 2.7/n for `grey` of a mosaic, whose "
+        "pixels share raw values."
+    )
+
+
+class MapValuesAnswer(Answer):
+    layer: Layer
+    unit: str = Field(description='As in map.tif: "cd/m2", or "1" of a reflectance, an index or a share.')
+    height_px: int = Field(description="Of the whole map.")
+    width_px: int
+    top: int
+    left: int
+    step: int
+    values: list[list[_Value]] = Field(
+        description="Rows of columns; the mean of `step` x `step` pixels. null: saturated, or not defined."
+    )
+    uncertainty: ValueUncertainty | None = Field(
+        default=None,
+        description="Of values; absent of an index, whose uncertainty follows no such rule, and of other "
+        "layers.",
+    )
+    notes: list[str] = Field(description="What the uncertainty of a place does not contain.")
+
+    @classmethod
+    def of(
+        cls,
+        row: Measurement,
+        layout: Layout,
+        window: Window,
+        values: Values,
+        asked: MapWindow,
+        *,
+        notes: list[str],
+    ) -> "MapValuesAnswer":
+        is_value = asked.layer == "value"
+        return cls(
+            layer=asked.layer,
+            unit=layout.unit if is_value else "1",
+            height_px=layout.height_px,
+            width_px=layout.width_px,
+            top=window.top,
+            left=window.left,
+            step=asked.step,
+            values=_plain(values),
+            uncertainty=uncertainty_of(row.result) if is_value else None,
+            notes=notes,
+        )
+
+
+class FootprintAnswer(Answer):
+    """A GeoJSON polygon: one ring of longitude and latitude, closed."""
+
+    type: Literal["Polygon"]
+    coordinates: list[list[list[float]]]
+
+
+class StacItem(Answer):
+    """A STAC item: a GeoJSON feature with links and assets."""
+
+    type: Literal["Feature"]
+    stac_version: str
+    stac_extensions: list[str]
+    id: str
+    geometry: FootprintAnswer | None = Field(json_schema_extra={"nullable_on_purpose": True})
+    bbox: list[float] | None = Field(default=None, description="Absent where there is no geometry.")
+    properties: dict[str, Any]
+    links: list[dict[str, str]]
+    assets: dict[str, dict[str, Any]]
+
+
+def uncertainty_of(result: dict[str, Any]) -> ValueUncertainty | None:
+    """Split a stored budget: all that is shared scales with the value, but for what is subtracted."""
+    if "smallest" not in result or "budget" not in result:
+        return None
+    mean, smallest = result["mean"]["value"], result["smallest"]
+    shared = {
+        share["source"]: share.get("standard_uncertainty_cd_m2", share.get("standard_uncertainty"))
+        for share in result["budget"]
+        if share["shared"]
+    }
+    if not mean:
+        return None
+    constant = math.hypot(*(shared.pop(source, 0.0) for source in SUBTRACTED))
+    relative = math.hypot(*shared.values()) / abs(mean)
+    known = math.hypot(relative * smallest["value"], constant)
+    noise = math.sqrt(max(0.0, smallest["standard_uncertainty"] ** 2 - known**2))
+    return ValueUncertainty(u_rel=relative, u_constant=constant, u_pixel=noise)
+
+
+def _plain(values: Values) -> list[list[float | None]]:
+    """The shortest decimals that are the same float32: as doubles they would be twice as long."""
+    return [[None if np.isnan(value) else float(str(value)) for value in line] for line in values]
+
+
+Area = Literal["region", "grid", "frame"]
+
+MOST_SQUARES: Final = 250_000
+_LENS_NODES: Final = 9
+
+DISTORTION: Final = (
+    "Lens distortion is not corrected: what is straight on the ground is slightly curved in the picture."
+)
+NO_VIGNETTING: Final = (
+    "Vignetting is not corrected: towards the corners the map is too dark, by more than its uncertainty."
+)
+REGIONS_VIGNETTING: Final = (
+    "The vignetting correction has the uncertainty of the measured region; in the corners it is larger."
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OpenMap:
+    """A measurement's map, ready to be read."""
+
+    row: Measurement
+    frame: FrameRow
+    calibration: Calibration
+    path: Path
+    layout: Layout
+    unit: str
+    uncertainty: PixelUncertainty | None
+
+    @property
+    def is_light(self) -> bool:
+        """Return True for a map whose values are above zero where there is light, not a ratio."""
+        return self.unit != "1"
+
+    @property
+    def vignetting(self) -> str:
+        return str(self.row.result.get("vignetting", "file"))
+
+    def tag(self, asked: str) -> str:
+        digest = hashlib.sha256(asked.encode()).hexdigest()[:16]
+        return f"{self.row.map_tif_sha256}-{self.row.content_sha256[:16]}-{digest}"
+
+    def find_polygon(self, area: Area) -> Polygon | None:
+        """Return the outline of an area, None for the whole frame."""
+        if area == "frame":
+            return None
+        if area == "region":
+            return Polygon.from_points(self.row.parameters["polygon"])
+        if not self.row.parameters.get("grid"):
+            raise Problem(interface.NOT_FOUND, "This measurement has no grid: its map has a region only.")
+        return Polygon.from_points(self.row.parameters["grid"]["corners"])
+
+    def list_notes(self) -> list[str]:
+        """Return sentences on what the uncertainty of a place does not contain."""
+        if not isinstance(get_method(self.row.method).application, SurfaceApplication):
+            return [DISTORTION]
+        return [DISTORTION, NO_VIGNETTING if self.vignetting == "none" else REGIONS_VIGNETTING]
+
+
+@contextmanager
+def open_map(context: Context, measurement_id: str, caller: Caller) -> Iterator[OpenMap]:
+    """Open the map of a measurement; refuse one that was made without, and a picture."""
+    with context.database.reading() as session:
+        row = owned(session, Measurement, measurement_id, caller)
+        if row.map_tif_sha256 is None:
+            detail = 'This measurement was made without a map: ask for one with "products": ["map"].'
+            raise Problem(interface.NOT_FOUND, detail)
+        if isinstance(get_method(row.method).application, PictureApplication):
+            detail = "An undistorted image is not a map of values: use its map.tif."
+            raise Problem(interface.NOT_FOUND, detail)
+        frame = session.get_one(FrameRow, row.frame_id)
+        calibration = session.get_one(Calibration, row.calibration_id)
+    with context.files.local(row.map_tif_sha256) as file:
+        prove_file(file)
+        layout = read_layout(file.path)
+        likeness = find_likeness((frame.header or {}).get("cfa", ""), row.result.get("channel", ""))
+        yield OpenMap(
+            row=row,
+            frame=frame,
+            calibration=calibration,
+            path=file.path,
+            layout=layout,
+            unit=layout.unit,
+            uncertainty=read_uncertainty(
+                uncertainty_of(row.result),
+                reference=row.result.get("mean", {}).get("value", 0.0),
+                likeness=likeness,
+            ),
+        )
+
+
+def map_uncertainty(found: OpenMap, window: Window, values: Values, *, step: int) -> Values:
+    """Return the relative expanded uncertainty of the means over the squares of a window.
+
+    It is NaN where a mean is not known, or not above zero.
+    """
+    known, weigh = found.uncertainty, _open_lens(found)
+    if known is None:
+        detail = "The uncertainty of this map's values follows no rule: its map.tif may have it as a plane."
+        raise Problem(interface.NOT_FOUND, detail)
+    if weigh is not None:
+        rows, cols = (
+            first + (np.arange(size) + 0.5) * step
+            for first, size in zip((window.top, window.left), values.shape, strict=True)
+        )
+        nodes = [
+            places[np.unique(np.linspace(0, len(places) - 1, _LENS_NODES).astype(int))]
+            for places in (rows, cols)
+        ]
+        x, y = np.meshgrid(nodes[1], nodes[0])
+        at_nodes = weigh(np.stack([x.ravel(), y.ravel()], axis=1)).reshape(x.shape)
+        along = np.array([np.interp(cols, nodes[1], line) for line in at_nodes])
+        known = replace(known, relative=np.array([np.interp(rows, nodes[0], line) for line in along.T]).T)
+    positive = np.where(values > 0.0, values, np.nan).astype(np.float64)
+    u = np.hypot(known.common(positive), known.own(positive, float(step**2)))
+    return (COVERAGE * u / positive).astype(np.float32)
+
+
+def _open_lens(found: OpenMap) -> Callable[[NDArray[np.float64]], NDArray[np.float64]] | None:
+    """Return the shared relative uncertainty at places, with that of the vignetting correction there."""
+    known, application = found.uncertainty, get_method(found.row.method).application
+    lens = read_lens(found.calibration, decode_exposure(found.frame.exposure or {})) if known else None
+    if known is None or lens is None or not isinstance(application, SurfaceApplication):
+        return None
+    channels = application.name_channels(
+        (found.frame.header or {}).get("cfa", ""), channel=found.row.result["channel"]
+    )
+    mean = found.row.result["mean"]["value"]
+    of_region = sum(
+        (share["standard_uncertainty_cd_m2"] / mean) ** 2
+        for share in found.row.result["budget"]
+        if share["source"] == "vignetting"
+    )
+    rest = max(0.0, float(known.relative) ** 2 - of_region)
+
+    def weigh(xy_px: NDArray[np.float64]) -> NDArray[np.float64]:
+        shares = [lens.at(int(y), int(x), channels=channels) for x, y in xy_px]
+        at_places = np.array([share.standard_uncertainty / share.value for share in shares])
+        relative: NDArray[np.float64] = np.sqrt(rest + at_places**2)
+        return relative
+
+    return weigh
+
+
+def read_squares(found: OpenMap, window: Window, polygon: Polygon | None, *, step: int) -> tuple[Values, int]:
+    """Return the means over the squares of a window, and how many of them have their centre in the area.
+
+    A mean is NaN where a pixel of it is unknown, or its centre is outside.
+    """
+    values = read_values(found.path, found.layout, window, step=step)
+    if polygon is None:
+        return values, values.size
+    rows, cols = (np.arange(size) * step + step // 2 for size in values.shape)
+    inside = _mask(polygon, window)[np.ix_(rows, cols)]
+    values[~inside] = np.nan
+    return values, int(inside.sum())
+
+
+def frame_window(layout: Layout, polygon: Polygon | None) -> Window:
+    """Return the smallest window that holds an area."""
+    if polygon is None:
+        return Window(top=0, left=0, bottom=layout.height_px, right=layout.width_px)
+    part = roi.bounding_window(polygon, height_px=layout.height_px, width_px=layout.width_px)
+    return Window(top=part.row0, left=part.col0, bottom=part.row0 + part.height, right=part.col0 + part.width)
+
+
+def _mask(polygon: Polygon, window: Window) -> NDArray[np.bool_]:
+    part = roi.Window(
+        row0=window.top,
+        col0=window.left,
+        height=window.bottom - window.top,
+        width=window.right - window.left,
+    )
+    return roi.mask(polygon, part)

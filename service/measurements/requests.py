@@ -1,0 +1,230 @@
+"""Measurements and regions as requests state them."""
+
+import json
+from typing import Annotated, Literal
+
+from pydantic import ConfigDict, Field, JsonValue, ValidationError, create_model, model_validator
+
+from radiometry.fitting.evidence import Region
+from radiometry.frame.grid import MAX_CELLS_A_SIDE, Grid, LaneGrid, lay_lanes
+from radiometry.frame.multispectral import MOST_LETTERS, NAMED_INDICES
+from radiometry.frame.roi import Polygon, parse_imagej
+from radiometry.methods import METHODS
+from service.calibrations.fits import make_fields
+from service.campaigns.schemas import NewRoi, Point, Reflectance
+from service.http.models import WHOLE, Answer, Form, Number, Text
+from service.http.problems import invalid, located
+from service.jobs.schemas import JobAnswer
+from store.queries.campaigns import Drawing
+
+MOST_AVERAGED = 32
+
+Side = Annotated[int, Field(ge=1, le=MAX_CELLS_A_SIDE, strict=True), WHOLE]
+
+_CELLS: list[JsonValue] = ["rows", "columns"]
+_LANES: list[JsonValue] = ["lanes", "lane_width_m", "spacing_m"]
+
+
+class NewGrid(Form):
+    """Equal cells of a rectangular surface by the image of its corners, or lanes divided as by EN 13201-3."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "oneOf": [
+                {"required": there, "not": {"anyOf": [{"required": [name]} for name in absent]}}
+                for there, absent in ((_CELLS, _LANES), (_LANES, _CELLS))
+            ]
+        }
+    )
+
+    corners: Annotated[
+        list[Point],
+        Field(
+            min_length=4,
+            max_length=4,
+            description="[x, y] in pixels of the surface's corners: top-left, top-right, bottom-right, "
+            "bottom-left; of lanes the first two along them, the field beginning at the first.",
+        ),
+    ]
+    rows: Side | None = Field(default=None, description="Of cells, from the top edge to the bottom edge.")
+    columns: Side | None = Field(default=None, description="Of cells, from the left edge to the right edge.")
+    lanes: Annotated[int, Field(ge=1, le=16, strict=True), WHOLE] | None = Field(
+        default=None, description="In place of rows and columns: three rows a lane, ten columns or more."
+    )
+    lane_width_m: Annotated[Number, Field(ge=1, le=20)] | None = Field(
+        default=None, description="Of each lane, on the road."
+    )
+    spacing_m: Annotated[Number, Field(ge=5, le=150)] | None = Field(
+        default=None, description="Of the luminaires: the length of the field."
+    )
+    length_m: Annotated[Number, Field(ge=1, le=300)] | None = Field(
+        default=None, description="Of the rectangle along the lanes, where it is not the spacing."
+    )
+    corner_u_px: Annotated[Number, Field(gt=0, le=100)] = Field(
+        default=2.0, description="Standard uncertainty of each coordinate of a corner."
+    )
+
+    @model_validator(mode="after")
+    def _one_of_them(self) -> "NewGrid":
+        cells, lanes = (self.rows, self.columns), (self.lanes, self.lane_width_m, self.spacing_m)
+        told = [each is not None for each in (*cells, *lanes)]
+        if told not in ([True] * 2 + [False] * 3, [False] * 2 + [True] * 3):
+            raise ValueError("give either rows and columns, or lanes, lane_width_m and spacing_m")
+        return self
+
+
+CONDITIONS = {each.name: each for spec in METHODS for each in spec.conditions}
+"""Surroundings of a measurement."""
+
+
+class MeasurementOptions(create_model("Conditions", __base__=Form, **make_fields(CONDITIONS.values()))):  # type: ignore[misc]
+    """How to measure; what is left out is taken from the frame, its campaign and what is in force."""
+
+    flicker_modulation: Annotated[
+        Number | None,
+        Field(
+            ge=0,
+            le=1,
+            description="Older name of `lamp_modulation`.",
+            json_schema_extra={"deprecated": True},
+        ),
+    ] = None
+    calibration_id: Annotated[
+        Text | None, Field(description="Else the version in force when the frame was taken.")
+    ] = None
+    roi: Annotated[
+        NewRoi | None,
+        Field(description="Else the outline of `grid`, else the frame's region, else the campaign's."),
+    ] = None
+    grid: NewGrid | None = Field(default=None, description="Cells of the surface, each with its own value.")
+    reflectance: Annotated[
+        Reflectance | None,
+        Field(
+            description="Of the surface, for the illuminance E = pi L / reflectance; asphalt has about 0.08."
+        ),
+    ] = None
+    incidence_angle_deg: Annotated[
+        Number | None,
+        Field(
+            ge=0,
+            le=60,
+            description="Of reflectance: between the surface's normal and the light; else that of the fit.",
+        ),
+    ] = None
+    index: Annotated[
+        Text | None,
+        Field(
+            max_length=MOST_LETTERS,
+            description=f"Of reflectance, of this frame's capture, whose other bands must be there: "
+            f"{', '.join(f'`{name}`' for name in NAMED_INDICES)}, or a formula of band names, numbers, "
+            "`+ - * / **` and parentheses, such as `(nir - red) / (nir + red)`.",
+        ),
+    ] = None
+    quantity: Annotated[
+        Literal["reflectance", "radiance"] | None,
+        Field(
+            description="Of a band: its reflectance, or its radiance in W/(m2 sr nm) by the file's own "
+            "calibration, which only cameras of MicaSense state."
+        ),
+    ] = None
+    products: Annotated[
+        list[Literal["map", "bands"]] | None,
+        Field(
+            max_length=1,
+            description="`map`: every pixel in `map.tif`. `bands`, of reflectance: in it all bands of the "
+            "capture, aligned on this frame's pixels; with `index` the index, its standard uncertainty and "
+            "its bands.",
+        ),
+    ] = None
+    allow: Annotated[
+        list[Literal["image_part_empty"]] | None,
+        Field(
+            max_length=1,
+            description="Flags of a frame that else forbid to measure it; the measurement then carries them.",
+        ),
+    ] = None
+
+
+class NewMeasurement(MeasurementOptions):
+    """A frame, or several of one scene that are averaged."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"oneOf": [{"required": ["frame_id"]}, {"required": ["frame_ids"]}]}
+    )
+
+    frame_id: Text | None = None
+    frame_ids: Annotated[
+        list[Text] | None,
+        Field(
+            min_length=2,
+            max_length=MOST_AVERAGED,
+            description="Frames of one scene with the same settings, averaged pixel by pixel: their noise "
+            "averages, errors that they share do not.",
+        ),
+    ] = None
+
+    @model_validator(mode="after")
+    def _one_of_them(self) -> "NewMeasurement":
+        if (self.frame_id is None) == (self.frame_ids is None):
+            raise ValueError("give either frame_id or frame_ids")
+        return self
+
+    def list_frames(self) -> list[str]:
+        """Return the ids in the order in which the same frames are always measured."""
+        return sorted(self.frame_ids) if self.frame_ids else [self.frame_id or ""]
+
+
+class NotMeasured(Answer):
+    """A frame that cannot be measured, and why."""
+
+    frame_id: str
+    filename: str
+    code: str
+    detail: str
+
+
+class CampaignMeasurementsAnswer(Answer):
+    jobs: list[JobAnswer]
+    not_measured: list[NotMeasured]
+
+
+def read_region(text: str) -> NewRoi:
+    """Read a region as an address or a header holds it."""
+    try:
+        if text.lstrip().startswith("["):
+            return NewRoi.model_validate({"polygon": json.loads(text)})
+        return NewRoi(imagej=text)
+    except ValidationError as error:
+        raise invalid(located(error, "query", "roi")) from error
+    except (ValueError, RecursionError) as error:
+        message = "must be [[x,y],...] or makePolygon(...)"
+        raise invalid([{"type": "region", "loc": ("query", "roi"), "msg": message}]) from error
+
+
+def read_roi(body: NewRoi) -> Drawing:
+    """Return the region as it is stored, with its corners in the order in which they were given."""
+    if body.regions is not None:
+        return Drawing.of_parts(
+            [Region(name=part.name, polygon=Polygon.from_points(part.polygon)) for part in body.regions]
+        )
+    if body.polygon is not None:
+        return Drawing(polygon=Polygon.from_points(body.polygon), corners=body.polygon)
+    polygon = parse_imagej(body.imagej or "")
+    return Drawing(polygon=polygon, corners=polygon.points)
+
+
+def read_grid(asked: NewGrid) -> tuple[Grid, LaneGrid | None]:
+    """Return the cells of a grid, and its geometry where it is one of lanes."""
+    corners = tuple((corner[0], corner[1]) for corner in asked.corners)
+    if asked.lanes and asked.lane_width_m and asked.spacing_m:
+        lanes = LaneGrid(
+            corners=corners,
+            lanes=asked.lanes,
+            lane_width_m=asked.lane_width_m,
+            spacing_m=asked.spacing_m,
+            length_m=asked.length_m or asked.spacing_m,
+            corner_u_px=asked.corner_u_px,
+        )
+        return lay_lanes(lanes), lanes
+    rows, columns = asked.rows or 0, asked.columns or 0
+    return Grid(corners=corners, rows=rows, columns=columns, corner_u_px=asked.corner_u_px), None

@@ -1,0 +1,340 @@
+"""Measurements with a calibrated camera: one frame, or every field frame of a campaign."""
+
+from pathlib import PurePath
+from typing import Annotated, Any, Literal
+from urllib.parse import quote
+
+from fastapi import Query, Request, Response
+from pydantic import Field
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from radiometry.findings import InputRejected, interface
+from radiometry.methods import get_method
+from service.http.answers import (
+    UNCHANGED,
+    immutable_headers,
+    not_modified,
+    problems,
+    send_blob,
+    sends_stored_file,
+)
+from service.http.auth import Caller, Reader, Uploader
+from service.http.changes import Reply, Writes
+from service.http.context import Context, UsesContext
+from service.http.lookup import Id, owned
+from service.http.models import Answer, Text
+from service.http.operations import Router
+from service.http.paging import Page, UsesPaging
+from service.http.problems import Problem
+from service.jobs.schemas import JobAnswer
+from service.measurements.requests import (
+    CONDITIONS,
+    CampaignMeasurementsAnswer,
+    MeasurementOptions,
+    NewMeasurement,
+    NotMeasured,
+    read_grid,
+    read_roi,
+)
+from service.measurements.schemas import MeasurementAnswer
+from store import jobs
+from store.database import Conflict
+from store.measuring.plan import Asked, Captures, find_subject, list_others, plan_measurement
+from store.queries.calibrations import read_version_statuses
+from store.tables import Calibration, Campaign, FrameRow, Job, Measurement
+
+OfCalibration = Annotated[Text | None, Query(description="Only those made with this version.")]
+
+
+def answer_measurements(session: Session, rows: list[Measurement]) -> list[MeasurementAnswer]:
+    """Measurements with their frames and versions, in a handful of queries however many they are."""
+    frame_ids, version_ids = {row.frame_id for row in rows}, {row.calibration_id for row in rows}
+    corrected_by = {row.id: get_method(row.method).corrected_by for row in rows}
+    corrected = {
+        row.id: row.parameters[corrector]
+        for row in rows
+        if (corrector := corrected_by[row.id]) and corrector in row.parameters
+    }
+    frames = {f.id: f for f in session.scalars(select(FrameRow).where(FrameRow.id.in_(frame_ids)))}
+    wanted = select(Calibration).where(Calibration.id.in_(version_ids))
+    versions = {version.id: version for version in session.scalars(wanted)}
+    falloff_ids = {named["calibration_id"] for named in corrected.values()}
+    status = read_version_statuses(session, sorted({*versions, *falloff_ids}))
+    return [
+        MeasurementAnswer.of(
+            row,
+            frames[row.frame_id],
+            versions[row.calibration_id],
+            status[row.calibration_id],
+            status[corrected[row.id]["calibration_id"]] if row.id in corrected else None,
+        )
+        for row in rows
+    ]
+
+
+RECORD_SCHEMA = 1
+
+
+class MeasuredFrame(Answer, restates=(FrameRow,), fields="id filename sha256 role supplied exposure"):
+    """A frame of the measurement: its file by hash, and its exposure as it was used."""
+
+
+class MeasuredWith(
+    Answer, restates=(Calibration,), fields="id method version content_sha256 parameters inputs result"
+):
+    """The calibration version, as stored."""
+
+
+class MeasurementRecord(
+    Answer, restates=(Measurement,), fields="id method parameters result software content_sha256"
+):
+    """A measurement as stored, with its frames and calibration version: `make verify` recomputes it."""
+
+    schema_version: int
+    frames: list[MeasuredFrame] = Field(description="The measured frame first.")
+    calibration: MeasuredWith
+    map_sha256: str | None = Field(default=None, description="SHA-256 of map.tif, where there is one.")
+
+    @classmethod
+    def of(cls, row: Measurement, frames: list[FrameRow], calibration: Calibration) -> "MeasurementRecord":
+        more: dict[str, Any] = {
+            "schema_version": RECORD_SCHEMA,
+            "frames": [MeasuredFrame.restate(frame) for frame in frames],
+            "calibration": MeasuredWith.restate(calibration),
+            "map_sha256": row.map_tif_sha256,
+        }
+        return cls.restate(row, **more)
+
+
+router = Router(prefix="/v1", tags=["measurements"])
+
+
+@router.post("/measurements", status_code=202, response_model=JobAnswer, responses=problems(404, 409))
+def start_measurement(body: NewMeasurement, caller: Uploader, writing: Writes) -> Response:
+    """Measure a frame with a calibrated camera. The job's result names the measurement.
+
+    Without `calibration_id` the version is taken that was in force when the frame was taken. `frame_ids` in
+    place of `frame_id` averages repeats of one scene.
+    """
+
+    def change(session: Session) -> Reply:
+        frame, *_ = (owned(session, FrameRow, each, caller) for each in body.list_frames())
+        asked, named = _read_asked(body), _named(session, body, caller)
+        job = _enqueue(session, frame, asked, named, caller, Captures(session), lane="measure")
+        session.flush()
+        location = {"Location": f"/v1/jobs/{job.id}"}
+        return Reply(status=202, body=JobAnswer.of(job), headers=location, jobs=[job])
+
+    return writing.run(caller, change)
+
+
+@router.post(
+    "/campaigns/{campaign_id}/measurements",
+    status_code=202,
+    response_model=CampaignMeasurementsAnswer,
+    responses=problems(404, 409),
+)
+def start_campaign_measurements(
+    campaign_id: Id, body: MeasurementOptions, caller: Uploader, writing: Writes
+) -> Response:
+    """Measure every field frame of a campaign. One that cannot be measured is named with the reason.
+
+    Frames that a person left out are not measured. An index is measured once a capture. The calibration may
+    come from another campaign of the same camera.
+    """
+
+    def change(session: Session) -> Reply:
+        campaign = owned(session, Campaign, campaign_id, caller)
+        named, asked, captures = _named(session, body, caller), _read_asked(body), Captures(session)
+        started: dict[Job, None] = {}
+        refused: list[NotMeasured] = []
+        for frame in _field_frames(session, campaign):
+            try:
+                job = _enqueue(session, frame, asked, named, caller, captures, lane="flight")
+                started[job] = None
+            except (InputRejected, Conflict) as refusal:
+                refused.append(
+                    NotMeasured(
+                        frame_id=frame.id,
+                        filename=frame.filename,
+                        code=str(refusal.code),
+                        detail=refusal.message,
+                    )
+                )
+        session.flush()
+        jobs_answer = [JobAnswer.of(job, session.get_one(FrameRow, job.subject_id)) for job in started]
+        answer = CampaignMeasurementsAnswer(jobs=jobs_answer, not_measured=refused)
+        return Reply(status=202, body=answer, jobs=list(started))
+
+    return writing.run(caller, change)
+
+
+@router.get("/measurements", response_model=Page[MeasurementAnswer], responses=problems())
+def list_measurements(
+    paging: UsesPaging,
+    caller: Reader,
+    context: UsesContext,
+    camera_id: Annotated[Text | None, Query()] = None,
+    campaign_id: Annotated[Text | None, Query()] = None,
+    calibration_id: OfCalibration = None,
+) -> Response:
+    """The measurements of your organisation, newest first."""
+    rows = select(Measurement).where(Measurement.organisation_id == caller.organisation_id)
+    if camera_id is not None:
+        of_camera = select(Calibration.id).where(Calibration.camera_id == camera_id)
+        rows = rows.where(Measurement.calibration_id.in_(of_camera))
+    if campaign_id is not None:
+        rows = rows.where(Measurement.campaign_id == campaign_id)
+    if calibration_id is not None:
+        rows = rows.where(Measurement.calibration_id == calibration_id)
+    with context.database.reading() as session:
+        return paging.send(
+            session, rows, lambda found: answer_measurements(session, found), newest_first=True
+        )
+
+
+@router.get(
+    "/measurements/{measurement_id}",
+    response_model=MeasurementAnswer,
+    responses={**UNCHANGED, **problems(404)},
+)
+def get_measurement(measurement_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
+    """One measurement, with the calibration that it was made with and what has become of that since."""
+    with context.database.reading() as session:
+        row = owned(session, Measurement, measurement_id, caller)
+        answer = answer_measurements(session, [row])[0]
+    # the figures never change; how their calibration stands may, and that of its vignetting, which is a flag
+    state = f"{answer.calibration.state}-{answer.calibration.superseded_by or ''}-{len(answer.flags)}"
+    tag = f"{row.content_sha256}-{state}"
+    response = not_modified(request, tag) or answer.respond({"ETag": f'"{tag}"'})
+    response.headers["Cache-Control"] = "private, no-cache"
+    return response
+
+
+@router.get(
+    "/measurements/{measurement_id}/record.json",
+    response_model=MeasurementRecord,
+    responses={**UNCHANGED, **problems(404)},
+)
+def get_measurement_record(
+    measurement_id: Id, request: Request, caller: Reader, context: UsesContext
+) -> Response:
+    """A measurement as stored, with all that `make verify` needs to recompute it but the frames' files.
+
+    It never changes. `stilb export --measurement` downloads it with the frames and the map.
+    """
+    with context.database.reading() as session:
+        row = owned(session, Measurement, measurement_id, caller)
+        unchanged = not_modified(request, tag := f"{row.content_sha256}-record")
+        if unchanged is not None:
+            return unchanged
+        calibration = session.get_one(Calibration, row.calibration_id)
+        more = [*row.parameters.get("repeats", []), *list_others(row.parameters)]
+        ids = [row.frame_id, *(named["frame_id"] for named in more)]
+        frames = [session.get_one(FrameRow, frame_id) for frame_id in ids]
+        return MeasurementRecord.of(row, frames, calibration).respond(immutable_headers(tag))
+
+
+@router.get(
+    "/measurements/{measurement_id}/map.tif",
+    response_class=Response,
+    responses=sends_stored_file("image/tiff"),
+)
+def get_measurement_map(
+    measurement_id: Id, request: Request, caller: Reader, context: UsesContext
+) -> Response:
+    """Return the map of all pixels, float32, with the frame's metadata; NaN where the value is not known.
+
+    A luminance in cd/m2; a band's reflectance or an index without unit, or its radiance in W/(m2 sr nm). With
+    the product `bands`: several planes on the same pixels, named in GDAL's metadata. Of a geometry campaign's
+    frame: its undistorted picture, uint16.
+    """
+    return _send_map(request, context, _owned(context, measurement_id, caller), "tif")
+
+
+@router.get(
+    "/measurements/{measurement_id}/map.png",
+    response_class=Response,
+    responses=sends_stored_file("image/png"),
+)
+def get_measurement_picture(
+    measurement_id: Id, request: Request, caller: Reader, context: UsesContext
+) -> Response:
+    """The map in false colours with its bar: of luminance on a logarithmic scale, else on an even one.
+
+    Of a geometry campaign's frame: its undistorted picture, to look at.
+    """
+    return _send_map(request, context, _owned(context, measurement_id, caller), "png")
+
+
+def _read_asked(body: MeasurementOptions) -> Asked:
+    older = {} if body.flicker_modulation is None else {"lamp_modulation": body.flicker_modulation}
+    grid, lanes = read_grid(body.grid) if body.grid is not None else (None, None)
+    return Asked(
+        polygon=read_roi(body.roi).polygon if body.roi is not None else None,
+        grid=grid,
+        lanes=lanes,
+        reflectance=body.reflectance,
+        incidence_angle_deg=body.incidence_angle_deg,
+        index=body.index,
+        quantity=body.quantity,
+        frame_ids=tuple(body.list_frames()) if isinstance(body, NewMeasurement) and body.frame_ids else None,
+        conditions=older | body.model_dump(include=set(CONDITIONS), exclude_unset=True),
+        products=tuple(body.products or ()),
+        allow=tuple(dict.fromkeys(body.allow or ())),
+    )
+
+
+def _named(session: Session, body: MeasurementOptions, caller: Caller) -> Calibration | None:
+    return owned(session, Calibration, body.calibration_id, caller) if body.calibration_id else None
+
+
+def _enqueue(
+    session: Session,
+    frame: FrameRow,
+    asked: Asked,
+    named: Calibration | None,
+    caller: Caller,
+    captures: Captures,
+    *,
+    lane: str,
+) -> Job:
+    subject = find_subject(session, frame, asked, captures)
+    return jobs.enqueue(
+        session,
+        kind="measure",
+        subject_id=subject.id,
+        organisation_id=caller.organisation_id,
+        by=caller.key_id,
+        parameters=plan_measurement(session, subject, asked, named, captures),
+        lane=lane,
+    )
+
+
+def _field_frames(session: Session, campaign: Campaign) -> list[FrameRow]:
+    rows = select(FrameRow).where(FrameRow.campaign_id == campaign.id, FrameRow.role == "field")
+    rows = rows.where(FrameRow.withdrawn_at.is_(None)).order_by(FrameRow.id)
+    found = [frame for frame in session.scalars(rows) if not frame.left_out]
+    if not found:
+        detail = "This campaign has no field frame: upload frames with role=field first."
+        raise Problem(interface.CAMPAIGN_INCOMPLETE, detail)
+    return found
+
+
+def _owned(context: Context, measurement_id: str, caller: Caller) -> Measurement:
+    with context.database.reading() as session:
+        return owned(session, Measurement, measurement_id, caller)
+
+
+def _send_map(request: Request, context: Context, row: Measurement, kind: Literal["tif", "png"]) -> Response:
+    """Send the map or its picture under the name of the frame."""
+    sha256 = row.map_tif_sha256 if kind == "tif" else row.map_png_sha256
+    if sha256 is None:
+        detail = 'This measurement was made without a map: ask for one with "products": ["map"].'
+        raise Problem(interface.NOT_FOUND, detail)
+    with context.database.reading() as session:
+        frame = session.get_one(FrameRow, row.frame_id)
+    name = quote(f"{PurePath(frame.filename).stem}-{row.id}.{kind}", safe="")
+    headers = {"Content-Disposition": f"inline; filename*=UTF-8''{name}"}
+    return send_blob(request, context.files, sha256, f"image/{kind.replace('tif', 'tiff')}", headers)

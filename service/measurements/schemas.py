@@ -1,0 +1,434 @@
+"""Measurements: what is answered."""
+
+from typing import Any, Literal
+
+from pydantic import Field
+
+from radiometry.findings import shared
+from radiometry.findings.grouping import advise
+from radiometry.fitting.evidence import FieldCorrection
+from radiometry.frame.multispectral import Alignment, LightBasis
+from radiometry.frame.place import Place, PlaceShare
+from radiometry.methods import get_method
+from radiometry.methods.findings import FINDINGS
+from radiometry.specification.application import PictureApplication, SurfaceApplication
+from radiometry.specification.method import Scope
+from service.calibrations.schemas import SCOPE_MEANING
+from service.http.models import Answer, FindingGroupAnswer, Instant, Quantity, group_flags
+from store.queries.calibrations import VersionStatus
+from store.ready.rows import list_passed
+from store.tables import Calibration, FrameRow, Measurement
+
+
+class CalibrationUsed(Answer):
+    id: str
+    version: int
+    why: str
+    state: Literal["draft", "published", "superseded", "revoked"] = Field(description="As it stands now.")
+    superseded_by: str | None = None
+    revoked_reason: str | None = None
+
+
+class FlagAnswer(Answer):
+    flag: str
+    where: str = Field(description='"" for the whole, "grid" for its cells, "min" for dark parts.')
+    detail: str
+
+
+class BudgetRow(Answer):
+    """One source's share of the mean's uncertainty, in the unit of the mean."""
+
+    source: str
+    shared: bool = Field(description="The same error in every pixel: no mean over pixels reduces it.")
+    standard_uncertainty_cd_m2: float | None = Field(default=None, description="Of a luminance.")
+    standard_uncertainty: float | None = Field(default=None, description="Of a reflectance.")
+    variance_share: float
+
+
+class CorrectionAnswer(Answer, restates=FieldCorrection):
+    """An error of the field: L = factor * L_shown - offset, and what is left of it in the budget."""
+
+
+class ReflectedAnswer(Answer):
+    """How a band's reflectance came about: R = K I_sq / (I_ss cos(incidence))."""
+
+    band: str
+    i_sq: float
+    i_ss: float | None = Field(
+        default=None, description="On a level surface wherever the file allows; none of a panel-only K."
+    )
+    i_ss_oriented: float | None = Field(default=None, description="As the sensor was oriented.")
+    i_ss_basis: LightBasis | None = Field(
+        default=None,
+        description="What `i_ss` is: `levelled` here, `horizontal` or `compensated` by the camera, or "
+        "`oriented` as the sensor was.",
+    )
+    reflectance_k: float = Field(description="At the time of the frame.")
+    incidence_angle_deg: float
+    shared_u: float = Field(description="The part of the mean's uncertainty that all pixels share.")
+    noise_u: float = Field(description="The part that is the mean's own noise.")
+    below_zero_share: float = Field(description="Of the region's pixels; nothing is clipped.")
+    above_one_share: float
+
+
+class BandAnswer(Answer):
+    band: str
+    i_sq: float
+    i_ss: float | None = None
+    i_ss_oriented: float | None = None
+    i_ss_basis: LightBasis | None = None
+    reflectance_k: float
+    reflectance: Quantity
+
+
+class IndexAnswer(Answer):
+    """An index of the region's mean reflectances, that of the first band first."""
+
+    name: str = Field(description="Name of the index, or its formula.")
+    formula: str | None = Field(default=None, description="Absent of measurements of older releases.")
+    bands: list[BandAnswer]
+
+
+class AlignmentAnswer(Answer, restates=Alignment):
+    """How a band was aligned onto the pixels of the measurement's frame."""
+
+
+class PlaceShareAnswer(Answer, restates=PlaceShare):
+    """One source's share of the uncertainty of a place."""
+
+
+class PlaceAnswer(Answer, restates=Place, without="tie_points corners transform"):
+    """Where the pixels of `map.tif` lie on level ground, as its GeoTIFF tags state it."""
+
+    transform: list[float] | None = Field(
+        default=None,
+        description="[a, b, c, d, e, f] of longitude = a + b col + c row and latitude = d + e col + f row "
+        "[deg], counted from the outer corner of the first pixel, as GDAL does.",
+    )
+    corners: list[list[float]] = Field(
+        default=[],
+        description="[longitude, latitude] of the frame's corners: top-left, top-right, bottom-right, "
+        "bottom-left.",
+    )
+    budget: list[PlaceShareAnswer] = Field(default=[], description="Sources of the uncertainty.")
+
+
+class UndistortedAnswer(Answer):
+    """Content of `map.tif`: the whole picture as a lens without distortion would have taken it."""
+
+    planes: list[str] = Field(
+        description="`grey`: around each pixel of a mosaic its pattern's four sites weigh a quarter each; "
+        "`R`, `G`, `B` of a rendered picture."
+    )
+    linear: bool = Field(
+        description="Raw numbers [DN], black included; false: with the picture's tone curve."
+    )
+    height_px: int
+    width_px: int
+    seen_share: float = Field(description="Of the pixels that the camera saw; the others are 0.")
+    parameters: dict[str, Quantity] = Field(description="The camera's, in OpenCV's notation.")
+
+
+class MapCounts(Answer):
+    """Counts of all pixels of the map: how many leave [0, 1], are saturated, or have no index."""
+
+    pixels: int
+    below_zero: int | None = None
+    above_one: int | None = None
+    saturated: int | None = None
+    undefined: int | None = None
+
+
+class PercentileAnswer(Answer):
+    percent: int
+    luminance: Quantity | None = None
+    reflectance: Quantity | None = None
+
+
+class LanesAnswer(Answer):
+    """Lanes between two luminaires; the points of EN 13201-3 are the centres of the cells."""
+
+    lanes: int
+    lane_width_m: float
+    spacing_m: float
+    length_m: float
+    marked: list[list[float]] = Field(description="Corners of the rectangle as they were given [px].")
+    corner_u_px: float
+    along_m: float = Field(description="Distance of the points along the lanes.")
+    across_m: float
+    points_m: list[list[list[float]]] = Field(
+        description="[x, y] of each point along and across from the first corner, row by row."
+    )
+    point_u_m: float = Field(
+        description="Largest standard uncertainty of a point's place on the road from that of the corners."
+    )
+
+
+class GridAnswer(Answer):
+    """The cells as the surface runs, row by row."""
+
+    corners: list[list[float]]
+    rows: int
+    columns: int
+    corner_u_px: float | None = Field(
+        default=None,
+        description="Standard uncertainty of each coordinate of a corner, whose effect is part of the cells' "
+        "uncertainties; absent of measurements of older releases, where it is not.",
+    )
+    cell_model: str = Field(description="`projective`: equal cells of the surface, not of its image.")
+    cells: list[list[Quantity]]
+    lanes: LanesAnswer | None = None
+
+
+class MeasurementAnswer(Answer):
+    id: str
+    frame_id: str
+    frame_ids: list[str] | None = Field(
+        default=None, description="The frames that were averaged, `frame_id` first; absent of a single one."
+    )
+    campaign_id: str
+    camera_id: str
+    filename: str
+    taken_at: str | None = None
+    latitude_deg: float | None = None
+    longitude_deg: float | None = None
+    altitude_m: float | None = None
+    method: str
+    calibration: CalibrationUsed
+    uncertainty_scope: Scope | None = Field(default=None, description=SCOPE_MEANING)
+    seen_from: Literal["above"] | None = Field(
+        default=None, description="Of a luminance: it is that towards the camera, not towards a driver."
+    )
+    seen_from_detail: str | None = Field(default=None, description="What that means, in a sentence.")
+    region: list[list[float]] = Field(
+        description="Outline [x, y] in px of what mean, median, min, max, percentiles and illuminance are of."
+    )
+    region_origin: Literal["request", "frame", "campaign", "grid", "whole_frame"] = Field(
+        description="Source of the region: `roi` of the request, else the outline of its `grid`, else the "
+        "frame's own region, else its campaign's, else the whole frame."
+    )
+    pixels: int | None = Field(default=None, description="How many measured pixels the region holds.")
+    mean: Quantity | None = Field(
+        default=None, description="Of a luminance in cd/m2; of a reflectance or an index without unit."
+    )
+    shared_u_cd_m2: float | None = Field(
+        default=None, description="The part of the mean's standard uncertainty that all pixels share [cd/m2]."
+    )
+    noise_u_cd_m2: float | None = Field(
+        default=None, description="The part that is the mean's own noise [cd/m2]."
+    )
+    min: Quantity | None = None
+    max: Quantity | None = None
+    median: Quantity | None = None
+    percentiles: list[PercentileAnswer] = Field(description="Of single pixels, with a single pixel's noise.")
+    conditions_origin: dict[str, Literal["request", "campaign"]] | None = Field(
+        default=None,
+        description="Light and surroundings that were stated, each by the request or the frame's campaign.",
+    )
+    budget: list[BudgetRow]
+    corrections: list[CorrectionAnswer] = Field(
+        description="Of a luminance: errors of light, distance and surroundings, corrected as far as known."
+    )
+    reflected: ReflectedAnswer | None = Field(default=None, description="Of a band's reflectance.")
+    index: IndexAnswer | None = None
+    radiance: str | None = Field(default=None, description="The band, of a radiance.")
+    alignment: list[AlignmentAnswer] | None = Field(
+        default=None, description="Of an index and of the product `bands`: the other bands of the capture."
+    )
+    place: PlaceAnswer | None = Field(
+        default=None, description="Of a band or an index: where its map lies, or why it is not placed."
+    )
+    undistorted: UndistortedAnswer | None = Field(default=None, description="Of a geometry campaign's frame.")
+    map: MapCounts | None = Field(default=None, description="Of a map of reflectance or of an index.")
+    illuminance: Quantity | None = Field(default=None, description="E = pi L / rho of the region's mean.")
+    grid: GridAnswer | None = None
+    l_av_cd_m2: Quantity | None = None
+    l_min_cd_m2: Quantity | None = None
+    l_max_cd_m2: Quantity | None = None
+    u_o: Quantity | None = Field(default=None, description="L_min / L_av over the cells.")
+    u_l: list[Quantity] | None = Field(default=None, description="L_min / L_max along each row of cells.")
+    average_to_min: Quantity | None = None
+    max_to_min: Quantity | None = None
+    grid_illuminance: Quantity | None = Field(default=None, description="E = pi L_av / rho.")
+    saturated_share: float | None = None
+    vignetting: str = Field(
+        description="What vignetting was corrected with: `none`, `file`, or the calibration's id."
+    )
+    lens_share: Quantity | None = Field(
+        default=None, description="V of the region, by which its signal above dark was divided."
+    )
+    signal: str = Field(description="The channel or the band.")
+    flags: list[FlagAnswer]
+    findings: list[FindingGroupAnswer] = Field(description="The flags, equal ones as one.")
+    to_do_better: list[str]
+    links: dict[str, str]
+    parameters: dict[str, Any]
+    software: dict[str, Any] = Field(description="The release that measured (`stilb`), and what it used.")
+    content_sha256: str
+    created_at: Instant
+    created_by: str
+
+    @classmethod
+    def of(
+        cls,
+        row: Measurement,
+        frame: FrameRow,
+        calibration: Calibration,
+        status: VersionStatus,
+        of_vignetting: VersionStatus | None = None,
+    ) -> "MeasurementAnswer":
+        result, header = row.result, frame.header or {}
+        repeats = row.parameters.get("repeats", [])
+        place: dict[str, Any] = {name: header.get(name) for name in _FROM_HEADER}
+        flags = [FlagAnswer.model_validate(raised) for raised in result["flags"]]
+        flags += [FlagAnswer.model_validate(raised) for raised in list_passed(calibration, frame)]
+        flags += _flags_of(status) + _flags_of_vignetting(of_vignetting)
+        spec = get_method(row.method)
+        told = {raised.flag for raised in flags}
+        scopes = [spec.find_scope(name, told) for name in sorted(spec.certificate.headlines)]
+        budget = [(share["source"], share["variance_share"]) for share in result.get("budget", [])]
+        assumed = {each["source"] for each in result.get("corrections", []) if each.get("assumed")}
+        return cls(
+            **{name: getattr(row, name) for name in _FROM_ROW},
+            **place,
+            **_figures(row),
+            camera_id=calibration.camera_id,
+            frame_ids=[row.frame_id, *(each["frame_id"] for each in repeats)] if repeats else None,
+            filename=frame.filename,
+            calibration=CalibrationUsed.restate(calibration, status, why=result["why"]),
+            uncertainty_scope=scopes[0] if scopes else None,
+            region=row.parameters["polygon"],
+            region_origin=row.parameters["region_origin"],
+            conditions_origin=row.parameters.get("conditions_origin"),
+            budget=result.get("budget", []),
+            corrections=result.get("corrections", []),
+            percentiles=result.get("percentiles", []),
+            map=result.get("map"),
+            place=result.get("place"),
+            alignment=result.get("alignment") or None,
+            flags=flags,
+            findings=group_flags(each.model_dump() for each in flags),
+            to_do_better=list(
+                advise([FINDINGS[raised.flag] for raised in flags], budget=budget, assumed=assumed)
+            ),
+            links=_links(row),
+        )
+
+
+_FROM_ROW = (
+    *("id", "frame_id", "campaign_id", "method", "parameters", "software", "content_sha256"),
+    *("created_at", "created_by"),
+)
+_FROM_HEADER = ("taken_at", "latitude_deg", "longitude_deg", "altitude_m")
+_LIT = ("l_av_cd_m2", "l_min_cd_m2", "l_max_cd_m2", "u_o", "average_to_min", "max_to_min")
+_SHARED = ("pixels", "mean", "median", "saturated_share")
+_REFLECTED = ("band", "i_sq", "i_ss", "reflectance_k", "incidence_angle_deg", "shared_u", "noise_u")
+_OUTSIDE = ("below_zero_share", "above_one_share")
+
+
+def _figures(row: Measurement) -> dict[str, Any]:
+    """Return what the method measured."""
+    result = row.result
+    application = get_method(row.method).application
+    if isinstance(application, SurfaceApplication):
+        view = application.view
+        return {
+            **({"seen_from": "above", "seen_from_detail": view.sentence} if view else {}),
+            **{name: result[name] for name in (*_SHARED, "vignetting", "shared_u_cd_m2", "noise_u_cd_m2")},
+            **_surface(row),
+            "min": result["smallest"],
+            "max": result["largest"],
+            "illuminance": result["illuminance_lx"],
+            "signal": result["channel"],
+            "lens_share": result.get("lens_share"),
+        }
+    if isinstance(application, PictureApplication):
+        undistorted = UndistortedAnswer.model_validate(result["undistorted"])
+        return {"undistorted": undistorted, "vignetting": "none", "signal": "".join(undistorted.planes)}
+    if "index" in result:
+        index = IndexAnswer(
+            name=result["index"],
+            formula=result.get("formula") or None,
+            bands=[_band(band) for band in result["bands"]],
+        )
+        return {"mean": result["value"], "index": index, "vignetting": "file", "signal": result["index"]}
+    if "radiance" in result:
+        return {
+            **{name: result[name] for name in (*_SHARED, "radiance")},
+            "min": result["smallest"],
+            "max": result["largest"],
+            "vignetting": "file",
+            "signal": result["radiance"],
+        }
+    return {
+        **{name: result[name] for name in _SHARED},
+        "min": result["smallest"],
+        "max": result["largest"],
+        "vignetting": "file",
+        "signal": result["band"],
+        "reflected": ReflectedAnswer(
+            **{name: result[name] for name in (*_REFLECTED, *_OUTSIDE)},
+            i_ss_oriented=result.get("i_ss_oriented"),
+            i_ss_basis=result.get("i_ss_basis"),
+        ),
+    }
+
+
+def _band(applied: dict[str, Any]) -> BandAnswer:
+    names = ("band", "i_sq", "i_ss", "reflectance_k", "reflectance")
+    return BandAnswer(
+        **{name: applied[name] for name in names},
+        i_ss_oriented=applied.get("i_ss_oriented"),
+        i_ss_basis=applied.get("i_ss_basis"),
+    )
+
+
+def _surface(row: Measurement) -> dict[str, Any]:
+    surface = row.result["surface"]
+    if surface is None:
+        return {}
+    grid = row.parameters["grid"]
+    lines = surface["u_l"]
+    return {
+        "grid": GridAnswer(
+            **{name: value for name, value in grid.items() if name != "aspect"},
+            cell_model=surface["cell_model"],
+            cells=surface["cells"],
+            lanes=row.parameters.get("lanes"),
+        ),
+        **{name: surface[name] for name in _LIT},
+        # a row without a positive luminance has no ratio, and null is no answer
+        "u_l": lines if all(lines) else None,
+        "grid_illuminance": surface["illuminance_lx"],
+    }
+
+
+def _links(row: Measurement) -> dict[str, str]:
+    own = f"/v1/measurements/{row.id}"
+    links = {"frame": f"/v1/frames/{row.frame_id}", "calibration": f"/v1/calibrations/{row.calibration_id}"}
+    if row.map_tif_sha256 is not None:
+        links |= {"map_tif": f"{own}/map.tif", "map_png": f"{own}/map.png", "stac": f"{own}/stac.json"}
+    return links
+
+
+def _flags_of_vignetting(status: VersionStatus | None) -> list[FlagAnswer]:
+    """Only that it was revoked: a K belongs to its own vignetting version, whatever is in force since."""
+    if status is None or status.state != "revoked":
+        return []
+    detail = f"Of vignetting, because: {status.revoked_reason}."
+    return [FlagAnswer(flag=shared.CALIBRATION_REVOKED, where="", detail=detail)]
+
+
+def _flags_of(status: VersionStatus) -> list[FlagAnswer]:
+    """Return what has become of the version since."""
+    match status.state:
+        case "draft":
+            flag, detail = shared.CALIBRATION_NOT_PUBLISHED, "It is a draft."
+        case "superseded":
+            newer = f"version {status.successor}" if status.successor else "another version"
+            flag, detail = shared.CALIBRATION_SUPERSEDED, f"By {newer}."
+        case "revoked":
+            flag, detail = shared.CALIBRATION_REVOKED, f"Because: {status.revoked_reason}."
+        case _:
+            return []
+    return [FlagAnswer(flag=flag.code, where="", detail=detail)]

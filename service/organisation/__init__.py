@@ -1,0 +1,1 @@
+"""Organisations with their keys, sessions and audit trail."""

@@ -1,0 +1,248 @@
+"""Cameras: what is in force for each, how it drifts, and whether several can share it."""
+
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Final, Literal
+
+from fastapi import Depends, Query, Response
+from sqlalchemy import select
+
+from radiometry.drawing.figure import Axis, Figure, Mark, Series
+from radiometry.drawing.text import label_axis, sort_naturally, write_quantity
+from radiometry.findings import interface
+from radiometry.fleet.determinations import Determination, Key
+from radiometry.frame.multispectral import label_band
+from radiometry.methods import get_method
+from service.http.auth import Reader
+from service.http.context import UsesContext
+from service.http.lookup import Id, owned
+from service.http.models import Instant, Method, Text
+from service.http.operations import Router
+from service.http.problems import Problem
+from service.pages.figures import View, build_lives, build_values, draw_figure, send_svg
+from service.pages.rendering import SignedInPage
+from store.queries.calibrations import list_lifetimes
+from store.queries.fleet import list_determinations
+from store.tables import Calibration, Camera
+from store.tables.base import utc_now
+
+_DAY_S: Final = 86_400.0
+_ROOM: Final = 1.15
+
+
+def build_drift(found: Sequence[Determination], versions: Mapping[str, int], *, quantity: str) -> Figure:
+    """Return a series for each ISO, f-number, band and channel; bars are one standard uncertainty.
+
+    ``found`` : of one coefficient, named ``quantity``; ``versions`` : the number of each version
+    """
+    shared = _shared([row.key for row in found])
+    rows: dict[str, list[Determination]] = defaultdict(list)
+    for row in found:
+        rows[_where(row.key, without=shared).replace("channel ", "")].append(row)
+    times = [row.source.at.timestamp() for row in found]
+    # at least months, as nothing drifts in hours
+    middle, half = (
+        (max(times) + min(times)) / 2.0,
+        _ROOM * max((max(times) - min(times)) / 2.0, 45.0 * _DAY_S),
+    )
+    # error bars of one day would hide one another: together a small share of what is shown
+    step = min(0.012, 0.15 / len(rows)) * 2.0 * half
+    series = []
+    for place, (name, mine) in enumerate(rows.items()):
+        shift = (place - (len(rows) - 1) / 2) * step
+        marks = tuple(_determine(row, versions, shift) for row in mine)
+        line = tuple((mark.x, mark.y) for mark in marks)
+        series.append(Series(name=name if len(rows) > 1 else "", marks=marks, line=line))
+    return Figure(
+        x=Axis(label="determined, UTC", is_time=True, include=(middle - half, middle + half)),
+        y=Axis(label=label_axis(quantity, found[0].key.unit)),
+        series=tuple(series),
+    )
+
+
+def build_fleet(found: Sequence[Determination], label: Callable[[str], str]) -> list[Figure]:
+    """Return a figure per coefficient: a line of each camera with its versions; dashed: the mean of all.
+
+    Bars are twice the standard uncertainty. ``label`` : from the name of a coefficient
+    """
+    keys: dict[Key, list[Determination]] = defaultdict(list)
+    for row in found:
+        keys[row.key].append(row)
+    figures = []
+    for key, rows in keys.items():
+        cameras = sort_naturally({row.source.camera for row in rows})
+        versions = {camera: [row for row in rows if row.source.camera == camera] for camera in cameras}
+        marks = tuple(
+            Mark(
+                x=row.value,
+                # beside each other within the line of their camera
+                y=0.25 - 0.5 * (n + 0.5) / len(mine) - cameras.index(camera),
+                low=row.value - 2.0 * row.standard_uncertainty,
+                high=row.value + 2.0 * row.standard_uncertainty,
+                name=row.source.camera,
+                told=(
+                    write_quantity(row.value, row.standard_uncertainty, key.unit),
+                    row.source.at.strftime("%Y-%m-%d"),
+                ),
+            )
+            for camera, mine in versions.items()
+            for n, row in enumerate(mine)
+        )
+        name, where = label(key.name), _where(key)
+        ticks = tuple((-float(n), camera) for n, camera in enumerate(cameras))
+        figures.append(
+            Figure(
+                part=", ".join(part for part in (name, where) if part),
+                x=Axis(label=label_axis(name, key.unit)),
+                y=Axis(label="", ticks=ticks, include=(0.6, 0.4 - len(ticks))),
+                series=(Series(marks=marks),),
+                uprights=(sum(mark.x for mark in marks) / len(marks),),
+                note="Bars: two standard uncertainties; dashed: mean of all versions",
+            )
+        )
+    return figures
+
+
+def _determine(row: Determination, versions: Mapping[str, int], shift_s: float) -> Mark:
+    where = _where(row.key)
+    return Mark(
+        x=row.source.at.timestamp() + shift_s,
+        y=row.value,
+        low=row.value - row.standard_uncertainty,
+        high=row.value + row.standard_uncertainty,
+        name=f"version {versions[row.source.version]}" + (f", {where}" if where else ""),
+        told=(
+            write_quantity(row.value, row.standard_uncertainty, row.key.unit),
+            row.source.at.strftime("%Y-%m-%d"),
+        ),
+    )
+
+
+def _where(key: Key, *, without: frozenset[str] = frozenset()) -> str:
+    """Return what a series holds for, but for what goes without saying."""
+    return ", ".join(part for part in _parts(key) if part not in without)
+
+
+def _parts(key: Key) -> list[str]:
+    key = replace(key, band=key.band and label_band(key.band))
+    said = str(key).removeprefix(key.name).removeprefix(" at ").split(", ")
+    # of sharpness the model ends with the place in the frame
+    return [part for part in (*said, key.model.partition(":")[2]) if part]
+
+
+def _shared(keys: Sequence[Key]) -> frozenset[str]:
+    """Return what all series hold for: nothing for a single one, as it must have a name."""
+    if len(set(keys)) == 1:
+        return frozenset()
+    return frozenset.intersection(*(frozenset(_parts(key)) for key in keys))
+
+
+router = Router(include_in_schema=False)
+
+
+@router.get("/cameras")
+def show_cameras(page: SignedInPage) -> Response:
+    return page.render("cameras.html", title="Cameras")
+
+
+@router.get("/fleet")
+def show_fleet(page: SignedInPage) -> Response:
+    return page.render("fleet.html", title="One set for several cameras?")
+
+
+@router.get("/cameras/{camera_id}")
+def show_camera(camera_id: Id, page: SignedInPage, context: UsesContext) -> Response:
+    with context.database.reading() as session:
+        camera = owned(session, Camera, camera_id, page.caller)
+    title = f"{camera.make} {camera.model} {camera.serial}"
+    return page.render("camera.html", title=title, camera=camera)
+
+
+@router.get("/cameras/{camera_id}/coefficients")
+def show_coefficients(camera_id: Id, page: SignedInPage, context: UsesContext) -> Response:
+    with context.database.reading() as session:
+        camera = owned(session, Camera, camera_id, page.caller)
+    return page.render("coefficients.html", title="Coefficients in time", camera=camera)
+
+
+@router.get("/plots/fleet")
+def plot_fleet(
+    caller: Reader,
+    context: UsesContext,
+    view: Annotated[View, Depends()],
+    camera_id: Annotated[list[Text], Query()],
+    method: Annotated[Method, Query()],
+) -> Response:
+    with context.database.reading() as session:
+        cameras = [owned(session, Camera, each, caller) for each in camera_id]
+        found = list_determinations(session, cameras, method, {})
+    if not found:
+        return Response(status_code=204)
+    figures = build_fleet(found, get_method(method).label_coefficient)
+    drawn = figures[min(view.part, len(figures) - 1)]
+    return send_svg(
+        draw_figure(drawn, "Coefficients of each camera", view=view, parts=[f.part for f in figures])
+    )
+
+
+@router.get("/plots/cameras/{camera_id}/drift")
+def plot_drift(
+    camera_id: Id,
+    caller: Reader,
+    context: UsesContext,
+    view: Annotated[View, Depends()],
+    method: Annotated[Method, Query()],
+    name: Annotated[Text, Query()],
+) -> Response:
+    with context.database.reading() as session:
+        camera = owned(session, Camera, camera_id, caller)
+        found = list_determinations(session, [camera], method, {})
+        numbers = session.execute(
+            select(Calibration.id, Calibration.version).where(Calibration.camera_id == camera_id)
+        )
+        versions = {row[0]: row[1] for row in numbers}
+    named = [row for row in found if row.key.name == name]
+    if not named:
+        raise Problem(interface.NOT_FOUND, f"No published version of this camera has {name}.")
+    quantity = get_method(method).label_coefficient(name)
+    figure = build_drift(named, versions, quantity=quantity)
+    return send_svg(draw_figure(figure, quantity, view=view, is_wide=True))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wanted:
+    """A coefficient of a method, and the time as of which its versions are known."""
+
+    method: Annotated[Method, Query()]
+    name: Annotated[Text, Query()]
+    iso: Annotated[float | None, Query()] = None
+    f_number: Annotated[float | None, Query()] = None
+    band: Annotated[Text | None, Query()] = None
+    channel: Annotated[Text | None, Query()] = None
+    model: Annotated[Text | None, Query(description="Where it is one of several.")] = None
+    at: Annotated[Instant | None, Query()] = None
+    known_at: Annotated[Instant | None, Query()] = None
+
+
+@router.get("/plots/cameras/{camera_id}/{figure}")
+def plot_lifetimes(
+    camera_id: Id,
+    figure: Literal["values", "lives"],
+    caller: Reader,
+    context: UsesContext,
+    view: Annotated[View, Depends()],
+    wanted: Annotated[Wanted, Depends()],
+) -> Response:
+    known_at = wanted.known_at or utc_now()
+    with context.database.reading() as session:
+        owned(session, Camera, camera_id, caller)
+        found = list_lifetimes(session, camera_id, wanted.method, known_at)
+    until = max(known_at, wanted.at or known_at)
+    if figure == "lives":
+        return send_svg(draw_figure(build_lives(found, until=until), "Life of each version", view=view))
+    where = {name: getattr(wanted, name) for name in ("name", "iso", "f_number", "band", "channel")}
+    where |= {"model": wanted.model} if wanted.model else {}
+    label = get_method(wanted.method).label_coefficient(wanted.name)
+    drawn = build_values(found, where, label=label, until=until)
+    return send_svg(draw_figure(drawn, f"{label} in time", view=view))

@@ -1,0 +1,195 @@
+"""Documentation pages: the reference of this API, and the manual. No key is needed."""
+
+import itertools
+import json
+import re
+from collections.abc import Iterator
+from html import escape
+from pathlib import Path
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Request, Response
+from fastapi import Path as InPath
+from fastapi.responses import FileResponse
+from markdown_it import MarkdownIt
+from markdown_it.token import Token
+from markupsafe import Markup
+
+from radiometry.findings import interface
+from service.http.answers import not_modified
+from service.http.auth import find_session
+from service.http.context import UsesContext
+from service.http.document import ALSO_ACCEPTS, Document, resolve
+from service.http.problems import Problem
+from service.pages.rendering import render
+
+_PAGE = re.compile(r"^([a-z-]+)\.md(#.*)?$")
+
+
+def render_markdown(text: str) -> str:
+    """HTML of a page of docs/; ``## some_code`` becomes the place #some_code.
+
+    So does a name where it first stands in a table, and a link to another page is one to where the service
+    shows it. What follows a further ``# title`` is one level lower: a page has one title. Comments are left
+    out; other HTML in the text stays text.
+    """
+    parser = MarkdownIt("commonmark", {"html": False}).enable("table")
+    tokens = parser.parse(re.sub(r"^<!--.*-->\n", "", text, flags=re.MULTILINE))
+    places = set()
+    for token, inline in itertools.pairwise(tokens):
+        if token.type == "heading_open":
+            places.add(place := re.sub(r"[^\w -]", "", inline.content.lower()).replace(" ", "-"))
+            token.attrSet("id", place)
+    _keep_one_title(tokens)
+    for opened, inline, closed in zip(tokens, tokens[1:], tokens[2:], strict=False):
+        if opened.type == "th_open" and not inline.content:
+            opened.tag = closed.tag = "td"  # heads nothing
+    for token, inline in itertools.pairwise(tokens):
+        for part in inline.children or ():
+            is_name = part.type == "code_inline" and part.content.isidentifier()
+            if token.type == "td_open" and is_name and part.content not in places:
+                places.add(part.content)
+                part.attrSet("id", part.content)
+            elif part.type == "link_open" and (page := _PAGE.match(str(part.attrGet("href")))):
+                part.attrSet("href", f"/docs/{page[1]}{page[2] or ''}")
+            elif part.type == "image" and str(part.attrGet("src")).startswith("pictures/"):
+                part.attrSet("src", f"/docs/{part.attrGet('src')}")
+    html: str = parser.renderer.render(tokens, parser.options, {})
+    return html
+
+
+def _keep_one_title(tokens: list[Token]) -> None:
+    """Put all headings after the first title one level lower, where there are further titles."""
+    titles = [place for place, token in enumerate(tokens) if token.tag == "h1"]
+    for token in tokens[titles[1] + 1 :] if len(titles) > 2 else ():
+        if token.type.startswith("heading"):
+            token.tag = f"h{int(token.tag[1]) + 1}"
+
+
+Node = dict[str, Any]
+
+
+def render_reference(document: Node) -> str:
+    """Every route under its resource: what it does, what it takes, and an example of each answer."""
+    return "".join(_lines(document))
+
+
+def _lines(document: Node) -> Iterator[str]:
+    info = document["info"]
+    yield f"<h1>{escape(info['title'])} API, version {escape(info['version'])}</h1>"
+    yield f"<p>{escape(info['summary'])}</p>"
+    yield (
+        "<p>Send your key with each request: <code>Authorization: Bearer &lt;key&gt;</code>. "
+        'Machines read <a href="/openapi.json">/openapi.json</a>; '
+        'what an error means stands in <a href="/docs/errors">/docs/errors</a>.</p>'
+    )
+    tag = None
+    for path, methods in document["paths"].items():
+        for method, operation in methods.items():
+            if operation["tags"][0] != tag:
+                tag = operation["tags"][0]
+                yield f"<h2>{escape(tag.capitalize())}</h2>"
+            yield from _operation(document, method.upper(), path, operation)
+
+
+def _operation(document: Node, method: str, path: str, operation: Node) -> Iterator[str]:
+    name = escape(operation["operationId"])
+    yield f'<details id="{name}"><summary><code>{method} {escape(path)}</code> '
+    yield f"{escape(operation['summary'])}</summary><p>{escape(operation['description'])}</p>"
+    yield from _parameters(operation.get("parameters", []))
+    body = operation.get("requestBody", {})
+    for kind, media in {**body.get("content", {}), **body.get(ALSO_ACCEPTS, {})}.items():
+        yield f"<h3>Send {escape(kind)}</h3>{_sample(media)}"
+    for status, named in operation["responses"].items():
+        answer = resolve(document, named)
+        yield f"<h3>{status} {escape(answer['description'])}</h3>"
+        if int(status) < 400:
+            for kind, media in answer.get("content", {}).items():
+                yield f"<p>{escape(kind)}</p>{_sample(media)}"
+    yield "</details>"
+
+
+def _parameters(parameters: list[Node]) -> Iterator[str]:
+    if parameters:
+        yield "<table><tr><th>Parameter</th><th>In</th><th>Type</th><th></th></tr>"
+        for each in parameters:
+            needed = "" if each.get("required") else "optional. "
+            cells = (each["name"], each["in"], _type(each["schema"]), needed + each.get("description", ""))
+            yield f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in cells)}</tr>"
+        yield "</table>"
+
+
+def _type(schema: Node) -> str:
+    if "enum" in schema or "const" in schema:
+        return " | ".join(schema.get("enum", [schema.get("const")]))
+    return str(schema.get("format") or schema.get("type") or "")
+
+
+def _sample(media: Node) -> str:
+    example = media.get("example")
+    if example is None:
+        return ""
+    text = example if isinstance(example, str) else json.dumps(example, indent=2)
+    return f"<pre>{escape(text)}</pre>"
+
+
+router = APIRouter(include_in_schema=False)
+
+_INSTALLED = Path(__file__).parent / "manual"
+_MANUAL = _INSTALLED if _INSTALLED.is_dir() else Path(__file__).parents[2] / "docs"
+
+
+@router.get("/openapi.json")
+def get_document(request: Request) -> Response:
+    """Send the OpenAPI document, packed once: it changes with the release alone."""
+    document: Document = request.app.state.document
+    headers = {"ETag": f'"{document.tag}"', "Cache-Control": "no-cache", "Vary": "Accept-Encoding"}
+    packed = "gzip" in request.headers.get("accept-encoding", "")
+    return not_modified(request, document.tag, headers) or Response(
+        document.packed if packed else document.text,
+        headers=headers | ({"Content-Encoding": "gzip"} if packed else {}),
+        media_type="application/json",
+    )
+
+
+@router.get("/docs")
+def get_reference(request: Request, context: UsesContext) -> Response:
+    return _page(request, context, "API", render_reference(request.app.openapi()))
+
+
+@router.get("/docs/manual")
+def get_manual(request: Request, context: UsesContext) -> Response:
+    pages = [page for page in sorted(_MANUAL.glob("*.md")) if page.stem != "index"]
+    lines = "".join(f"- [{_title(page.read_text(encoding='utf-8'))}]({page.name})\n" for page in pages)
+    return _page(request, context, "Manual", render_markdown(f"# Manual\n\n{lines}"))
+
+
+@router.get("/docs/{name}")
+def get_manual_page(
+    name: Annotated[str, InPath(pattern="^[a-z-]+$")], request: Request, context: UsesContext
+) -> Response:
+    """A page of the manual; to that of errors the `type` of every problem points."""
+    text = _file(f"{name}.md").read_text(encoding="utf-8")
+    return _page(request, context, _title(text), render_markdown(text))
+
+
+@router.get("/docs/pictures/{name}")
+def get_picture(name: Annotated[str, InPath(pattern="^[a-z0-9-]+[.](svg|webp)$")]) -> Response:
+    return FileResponse(_file(f"pictures/{name}"), headers={"Cache-Control": "public, max-age=3600"})
+
+
+def _title(text: str) -> str:
+    return text.partition("# ")[2].partition("\n")[0]
+
+
+def _file(name: str) -> Path:
+    found = _MANUAL / name
+    if not found.is_file():
+        raise Problem(interface.NOT_FOUND, "The manual has no such page.")
+    return found
+
+
+def _page(request: Request, context: UsesContext, title: str, html: str) -> Response:
+    """Around HTML that is safe by now."""
+    body = Markup(html)  # noqa: S704  both renderers escape what they are given
+    return render(request, "document.html", title=title, body=body, caller=find_session(request, context))

@@ -1,0 +1,230 @@
+"""From the address of a page to its template, and nothing else."""
+
+from typing import Annotated, Any, Final
+from urllib.parse import urlencode
+
+from fastapi import Depends, Query, Response
+
+from radiometry import methods
+from radiometry.findings import interface
+from radiometry.frame.multispectral import NAMED_INDICES
+from radiometry.methods import get_method
+from service.equipment.rigs import Versions
+from service.http.auth import Reader
+from service.http.context import UsesContext
+from service.http.lookup import Id, owned
+from service.http.models import Text
+from service.http.operations import Router
+from service.http.problems import Problem
+from service.pages.figures import View, draw_figure, send_svg
+from service.pages.rendering import SignedInPage
+from store.queries.calibrations import list_flight
+from store.queries.evidence import gather
+from store.queries.fleet import METHOD, SPEC, list_cameras
+from store.tables import Calibration, Camera, Campaign, FrameRow, Measurement, Rig
+
+ACTS: Final = {
+    "calibration.create": "fitted a version",
+    "publication.create": "published",
+    "publication.change": "publication replaced",
+    "revocation.create": "revoked a version",
+    "measurement.create": "measured",
+    "campaign.create": "began a campaign",
+    "campaign.change": "edited a campaign",
+    "manifest.create": "listed a card",
+    "frame.create": "added a frame",
+    "frame.change": "changed a frame",
+    "extraction.create": "frame read",
+    "channel_statistics.create": "statistics computed",
+    "coefficient.create": "coefficients stored",
+    "roi.create": "drew a region",
+    "roi.change": "changed a region",
+    "reading.create": "added a reading",
+    "reading.change": "withdrew or restored a reading",
+    "checklist_tick.create": "ticked an item",
+    "checklist_tick.change": "changed an item",
+    "checklist_signature.create": "signed the checklist",
+    "checklist_signature.change": "signed the checklist again",
+    "camera.create": "registered a camera",
+    "camera.change": "edited a camera",
+    "meter.create": "registered a meter",
+    "meter.change": "edited a meter",
+    "panel.create": "registered a panel",
+    "panel.change": "edited a panel",
+    "rig.create": "registered a rig",
+    "rig.change": "edited a rig",
+    "purge.create": "began a recall",
+    "purge.change": "worked on a recall",
+    "job.retry": "retried a job",
+    "organisation.retry_jobs": "retried jobs",
+    "organisation.dismiss_jobs": "dismissed failed jobs",
+    "api_key.create": "made a key",
+    "api_key.change": "named or revoked a key",
+    "issued_certificate.create": "issued a certificate",
+    "web_session.create": "signed in",
+    "web_session.change": "session ended",
+    "signing_key.create": "registered a signing key",
+    "organisation.create": "organisation registered",
+    "organisation.change": "edited the organisation",
+}
+"""By action. Other acts on a row are named by their verb."""
+
+
+router = Router(include_in_schema=False)
+
+
+@router.get("/")
+def show_home(page: SignedInPage) -> Response:
+    return page.render("home.html", title="Start")
+
+
+@router.get("/campaigns")
+def show_campaigns(page: SignedInPage) -> Response:
+    return page.render("campaigns.html", title="Campaigns")
+
+
+# before the page of one campaign, whose id it would be taken for
+@router.get("/campaigns/new")
+def show_new_campaign(page: SignedInPage) -> Response:
+    return page.render("campaign-new.html", title="New campaign")
+
+
+@router.get("/campaigns/{campaign_id}")
+def show_campaign(campaign_id: Id, page: SignedInPage, context: UsesContext) -> Response:
+    with context.database.reading() as session:
+        campaign = owned(session, Campaign, campaign_id, page.caller)
+        camera = session.get_one(Camera, campaign.camera_id)
+    spec = methods.get_method(campaign.method)
+    return page.render(
+        "campaign.html",
+        title=campaign.project_number
+        or f"{'Measuring night' if campaign.measures else spec.label} of {camera.model}",
+        campaign=campaign,
+        camera=camera,
+        spec=spec,
+    )
+
+
+@router.get("/calibrations/{calibration_id}")
+def show_calibration(calibration_id: Id, page: SignedInPage, context: UsesContext) -> Response:
+    with context.database.reading() as session:
+        calibration = owned(session, Calibration, calibration_id, page.caller)
+        camera = session.get_one(Camera, calibration.camera_id)
+        campaign = session.get_one(Campaign, calibration.campaign_id)
+    spec = get_method(calibration.method)
+    return page.render(
+        "calibration.html",
+        title=f"{spec.label} version {calibration.version}",
+        calibration=calibration,
+        camera=camera,
+        campaign=campaign,
+        spec=spec,
+    )
+
+
+@router.get("/plots/calibrations/{calibration_id}/{name}")
+def show_plot(
+    calibration_id: Id, name: str, caller: Reader, context: UsesContext, view: Annotated[View, Depends()]
+) -> Response:
+    """Answer a figure of a plot that the method declares; 204 where this version has nothing to draw."""
+    with context.database.reading() as session:
+        calibration = owned(session, Calibration, calibration_id, caller)
+        campaign = session.get_one(Campaign, calibration.campaign_id)
+        plot = next((each for each in get_method(calibration.method).plots if each.name == name), None)
+        if plot is None:
+            raise Problem(interface.NOT_FOUND, f"{calibration.method} has no plot {name}.")
+        used = {each["sha256"] for each in calibration.inputs["frames"]}
+
+        def read_rows() -> list[Any]:
+            found = gather(session, campaign)
+            return [row for row in found.frames if found.hashes[row.frame] in used]
+
+        flight = [at.isoformat() for at in list_flight(session, calibration)]
+        figures = list(plot.build(calibration.result | {"flight": flight}, read_rows))
+    if not figures:
+        return Response(status_code=204)
+    parts = [each.part for each in figures if each.part]
+    drawn = figures[min(view.part, len(figures) - 1)]
+    return send_svg(draw_figure(drawn, plot.title, view=view, parts=parts, is_wide=plot.is_wide))
+
+
+@router.get("/measurements")
+def show_measurements(page: SignedInPage) -> Response:
+    return page.render("measurements.html", title="Measurements")
+
+
+# before the page of one measurement, whose id it would be taken for
+@router.get("/measurements/new")
+def show_new_measurement(page: SignedInPage) -> Response:
+    return page.render("measurement-new.html", title="Measure a frame", indices=" ".join(NAMED_INDICES))
+
+
+@router.get("/measurements/comparison")
+def show_comparison(
+    page: SignedInPage, context: UsesContext, old: Annotated[Text, Query()], new: Annotated[Text, Query()]
+) -> Response:
+    with context.database.reading() as session:
+        for named in (old, new):
+            owned(session, Measurement, named, page.caller)
+    return page.render("comparison.html", title="Compare measurements", old=old, new=new)
+
+
+@router.get("/measurements/{measurement_id}")
+def show_measurement(measurement_id: Id, page: SignedInPage, context: UsesContext) -> Response:
+    with context.database.reading() as session:
+        measurement = owned(session, Measurement, measurement_id, page.caller)
+        frame = session.get_one(FrameRow, measurement.frame_id)
+        calibration = session.get_one(Calibration, measurement.calibration_id)
+    return page.render(
+        "measurement.html",
+        title=frame.filename,
+        measurement=measurement,
+        calibration=calibration,
+    )
+
+
+@router.get("/rigs")
+def show_rigs(page: SignedInPage) -> Response:
+    return page.render("rigs.html", title="Rigs", method=METHOD)
+
+
+@router.get("/rigs/{rig_id}")
+def show_rig(rig_id: Id, page: SignedInPage, context: UsesContext, chosen: Versions) -> Response:
+    with context.database.reading() as session:
+        rig = owned(session, Rig, rig_id, page.caller)
+        cameras = list_cameras(session, rig)
+    given = urlencode([("calibration_id", each) for each in chosen.calibration_id or ()])
+    return page.render(
+        "rig.html", title=rig.name, rig=rig, cameras=cameras, exports=SPEC.exports, given=given
+    )
+
+
+@router.get("/jobs")
+def show_jobs(page: SignedInPage) -> Response:
+    return page.render("jobs.html", title="Jobs")
+
+
+@router.get("/organisation")
+def show_keys(page: SignedInPage) -> Response:
+    return page.render("organisation/keys.html", title="Keys and sessions")
+
+
+@router.get("/organisation/audit")
+def show_audit(page: SignedInPage) -> Response:
+    return page.render("organisation/audit.html", title="Audit trail", acts=ACTS)
+
+
+@router.get("/organisation/details")
+def show_details(page: SignedInPage) -> Response:
+    return page.render("organisation/details.html", title="Organisation")
+
+
+_TOOLS: Final = {"motion": "Motion", "coverage": "Coverage", "exposure": "Exposure"}
+
+
+@router.get("/tools/{tool}")
+def show_calculator(tool: str, page: SignedInPage) -> Response:
+    if tool not in _TOOLS:
+        raise Problem(interface.NOT_FOUND, f"There is no calculator {tool}.")
+    pages = [(f"/tools/{name}", title) for name, title in _TOOLS.items()]
+    return page.render("tools.html", title=_TOOLS[tool], tool=tool, pages=pages)

@@ -1,1 +1,0 @@
-"""Requests and answers: pydantic at the edge."""

@@ -1,0 +1,382 @@
+"""Uploads that go on where they were cut (tus 1.0.0), and files that need not be sent."""
+
+import json
+import re
+import secrets
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Annotated, Any, Final
+
+from fastapi import Request, Response
+from pydantic import Field
+from sqlalchemy.orm import Session
+from starlette.concurrency import run_in_threadpool
+
+from radiometry.findings import interface
+from service.campaigns.schemas import Role
+from service.frames.schemas import State, Upload
+from service.http.answers import problems
+from service.http.auth import Caller, Uploader
+from service.http.changes import IdempotencyKey, Writing
+from service.http.context import Context, UsesContext
+from service.http.lookup import Id, owned
+from service.http.models import Answer, Form, Sha256
+from service.http.operations import Router
+from service.http.problems import Problem, invalid, not_found
+from service.measurements.requests import read_region
+from service.uploads.frames import admit, keep_frame
+from service.uploads.tus import (
+    PIECE,
+    TUS,
+    FrameSaid,
+    UsesHeaders,
+    answer,
+    append,
+    check_protocol,
+    read_count,
+    read_length,
+    read_metadata,
+    read_said,
+)
+from store.blobs import StoredBlob
+from store.blobs.partials import LASTS_S, Facts, FactsTooLong, Partial, Partials
+from store.queries.campaigns import find_known, find_known_anywhere, read_sizes
+from store.queries.jobs import find_reading_jobs
+from store.queries.organisations import find_key, find_key_by_id
+from store.tables import Campaign, FrameRow
+
+MOST_HASHES = 1000
+
+
+class HashesAsked(Form):
+    sha256: Annotated[list[Sha256], Field(min_length=1, max_length=MOST_HASHES)]
+
+
+class KnownFrame(Answer, restates=FrameRow, fields="sha256 filename scene campaign_id"):
+    """A frame that is there, with its statements: a sender sees whether it means the same."""
+
+    frame_id: str
+    job_id: str | None = Field(default=None, description="The newest job that reads it.")
+    role: Role
+    state: State = Field(description="A refused one may be sent again: it is then read again.")
+
+
+class KnownAnswer(Answer):
+    known: list[KnownFrame]
+    unknown: list[str] = Field(description="To be sent. In the order asked, each once.")
+
+    @classmethod
+    def of(cls, asked: Sequence[str], found: Sequence[FrameRow], jobs: Mapping[str, str]) -> "KnownAnswer":
+        places = {each: [frame for frame in found if frame.sha256 == each] for each in dict.fromkeys(asked)}
+        return cls(
+            known=[
+                KnownFrame.restate(frame, frame_id=frame.id, job_id=jobs.get(frame.id))
+                for there in places.values()
+                for frame in there
+            ],
+            unknown=[each for each, there in places.items() if not there],
+        )
+
+
+router = Router(prefix="/v1/uploads", tags=["uploads"])
+
+_MOST_UNDER_WAY: Final = 10_000
+_OF_THE_FILE: Final = ("campaign_id", "size_bytes", "sha256", "said")
+_ADDRESS: Final = re.compile(r"upl_([0-9A-Za-z]+)_([0-9a-f]{64})", re.ASCII)
+
+_PIECE = {
+    "requestBody": {
+        "description": "The bytes from `Upload-Offset` on.",
+        "content": {PIECE: {"schema": {"type": "string", "format": "binary"}}},
+    }
+}
+_STATED = {
+    "Location": "Of a new upload: its address.",
+    "Tus-Resumable": "The protocol's version.",
+    "Upload-Offset": "How many bytes of the file are durable.",
+    "Upload-Length": "How many it will have.",
+    "Upload-Expires": "When what has arrived is forgotten.",
+    "Content-Location": "The frame that a finished upload has become.",
+    "Link": "Of a finished upload, as `status`: the job that reads its frame.",
+}
+
+
+def _states(description: str) -> dict[str, Any]:
+    headers = {name: {"description": text, "schema": {"type": "string"}} for name, text in _STATED.items()}
+    return {"description": description, "headers": headers}
+
+
+@router.options("", status_code=204, response_class=Response, responses={204: _states("What is understood.")})
+def describe_uploads(context: UsesContext) -> Response:
+    """State which version and extensions of tus the service understands."""
+    headers = {
+        "Tus-Resumable": TUS,
+        "Tus-Version": TUS,
+        "Tus-Extension": "creation,creation-with-upload,checksum,expiration,termination",
+        "Tus-Checksum-Algorithm": "sha256",
+        "Tus-Max-Size": str(context.settings.max_upload_bytes),
+    }
+    return Response(status_code=204, headers=headers)
+
+
+@router.post(
+    "",
+    status_code=201,
+    response_class=Response,
+    responses={
+        201: _states("Begun; `Location` is its address."),
+        **problems(400, 404, 409, 412, 413, 415, 460, 507),
+    },
+    openapi_extra=_PIECE,
+)
+async def begin_upload(
+    request: Request,
+    caller: Uploader,
+    context: UsesContext,
+    headers: UsesHeaders,
+    idempotency_key: IdempotencyKey = None,
+) -> Response:
+    """Begin an upload that can go on after a cut; bytes may come along.
+
+    The address in `Location` is a capability: whoever has it sends the rest without a key, also when the
+    session that began it is over, as long as its key is in force.
+    """
+    check_protocol(headers)
+    size_bytes = read_length(headers.length, context.settings.max_upload_bytes)
+    said = read_metadata(headers.metadata)
+    frame = read_said(said)
+    address, partial = await run_in_threadpool(
+        _begin, context, caller, frame, said, size_bytes, idempotency_key
+    )
+    if headers.is_piece:
+        await append(request, partial, 0, headers.checksum)
+    facts = await _finish_if_whole(context, partial)
+    begun = await run_in_threadpool(answer, partial, facts, 201)
+    begun.headers["Location"] = f"/v1/uploads/{address}"
+    return begun
+
+
+@router.head(
+    "/{upload_id}",
+    response_class=Response,
+    responses={200: _states("How far it is."), **problems(404, 409, 507)},
+)
+async def get_upload(upload_id: Id, request: Request, context: UsesContext) -> Response:
+    """State how many bytes are durable; whoever still sends to this upload is ended."""
+    partial = await run_in_threadpool(_find, context, request, upload_id)
+    await run_in_threadpool(_end_writer, partial)
+    facts = await _finish_if_whole(context, partial)
+    return await run_in_threadpool(answer, partial, facts, 200)
+
+
+@router.patch(
+    "/{upload_id}",
+    status_code=204,
+    response_class=Response,
+    responses={204: _states("Kept."), **problems(400, 404, 409, 412, 413, 415, 460, 507)},
+    openapi_extra=_PIECE,
+)
+async def append_to_upload(
+    upload_id: Id,
+    request: Request,
+    context: UsesContext,
+    headers: UsesHeaders,
+) -> Response:
+    """Send the next bytes. What has arrived when the connection is cut is kept.
+
+    The last byte makes a frame of the file. `Content-Location` names it, and `Link` the job that reads it.
+    """
+    partial = await run_in_threadpool(_find, context, request, upload_id)
+    check_protocol(headers)
+    if not headers.is_piece:
+        raise Problem(interface.UPLOAD_TYPE, f"Send a piece with Content-Type: {PIECE}.")
+    begins = read_count(headers.offset, "Upload-Offset")
+    await append(request, partial, begins, headers.checksum)
+    facts = await _finish_if_whole(context, partial)
+    return await run_in_threadpool(answer, partial, facts, 204)
+
+
+@router.delete("/{upload_id}", status_code=204, response_class=Response, responses=problems(404))
+def end_upload(upload_id: Id, request: Request, context: UsesContext) -> Response:
+    """End an upload and forget what has arrived; the frame of a finished one stays."""
+    _find(context, request, upload_id).remove()
+    return Response(status_code=204, headers={"Tus-Resumable": TUS})
+
+
+def _begin(
+    context: Context,
+    caller: Caller,
+    frame: FrameSaid,
+    said: dict[str, str],
+    size_bytes: int,
+    idempotency_key: str | None,
+) -> tuple[str, Partial]:
+    facts = Facts(
+        organisation_id=caller.organisation_id,
+        key_id=caller.key_id,
+        campaign_id=frame.campaign_id,
+        size_bytes=size_bytes,
+        sha256=frame.sha256,
+        said={name: value for name, value in said.items() if name not in {"campaign_id", "sha256"}},
+        expires_at=time.time() + LASTS_S,
+    )
+    text = idempotency_key or secrets.token_hex(32)
+    token = context.sessions.upload_token(f"{caller.organisation_id}:{text}")
+    partials, organisation_id = context.partials, caller.organisation_id
+    if not partials.is_under_way(token, organisation_id):
+        _refuse_too_many(partials.count(organisation_id))
+        file = (frame.campaign_id, caller, frame.sha256, size_bytes)
+        admit(context, *file, role=frame.role, begin=lambda: _keep_facts(partials, token, facts))
+    partial = partials.find(token, organisation_id)
+    if partial is None:
+        raise not_found("upload")
+    kept = partial.read_facts()
+    if any(getattr(kept, name) != getattr(facts, name) for name in _OF_THE_FILE):
+        raise Problem(
+            interface.IDEMPOTENCY_KEY_REUSED,
+            "This Idempotency-Key was used for another request. Use a new one for each new request.",
+        )
+    return f"upl_{caller.organisation_id.removeprefix('org_')}_{token}", partial
+
+
+def _refuse_too_many(under_way: int) -> None:
+    if under_way >= _MOST_UNDER_WAY:
+        raise Problem(
+            interface.TOO_MANY_UPLOADS,
+            f"Your organisation has {under_way} unfinished uploads. Finish or end some.",
+            headers={"Retry-After": "60"},
+        )
+
+
+def _keep_facts(partials: Partials, token: str, facts: Facts) -> None:
+    try:
+        partials.begin(token, facts)
+    except FactsTooLong:
+        message = "is too long"
+        raise invalid([{"type": "upload", "loc": ("header", "Upload-Metadata"), "msg": message}]) from None
+
+
+def _end_writer(partial: Partial) -> None:
+    with partial.claim():
+        pass
+
+
+def _find(context: Context, request: Request, upload_id: str) -> Partial:
+    """Return the upload of an address. A key need not come along; one of others finds nothing."""
+    match = _ADDRESS.fullmatch(upload_id)
+    partial = context.partials.find(match[2], f"org_{match[1]}") if match else None
+    if partial is None:
+        detail = "There is no such upload: it was ended, or it has expired. Begin it again."
+        raise Problem(interface.NOT_FOUND, detail)
+    caller = _find_caller(context, partial.read_facts())
+    scheme, _, secret = request.headers.get("authorization", "").partition(" ")
+    if scheme.lower() == "bearer":
+        with context.database.reading() as session:
+            sent = find_key(session, secret.strip())
+        if sent is None or sent[1].id != caller.organisation_id:
+            raise not_found("upload")
+    return partial
+
+
+def _find_caller(context: Context, facts: Facts) -> Caller:
+    """Return who began an upload, if the key is still in force and may upload."""
+    with context.database.reading() as session:
+        found = find_key_by_id(session, facts.key_id)
+    if found is None:
+        raise not_found("upload")
+    return Caller.holding(*found)
+
+
+async def _finish_if_whole(context: Context, partial: Partial) -> Facts:
+    """Make a frame of a file whose last byte is there; what fails on the way is tried again by who asks."""
+    try:
+        facts, blob = await run_in_threadpool(_store_if_whole, context, partial)
+        if blob is not None:
+            await _make_frame(context, partial, facts, blob)
+            return await run_in_threadpool(partial.read_facts)
+    except FileNotFoundError:
+        raise not_found("upload") from None
+    return facts
+
+
+def _store_if_whole(context: Context, partial: Partial) -> tuple[Facts, StoredBlob | None]:
+    if partial.read_offset() < partial.read_facts().size_bytes:
+        return partial.read_facts(), None
+    with partial.whole() as (facts, pieces):
+        if facts.frame_id:
+            return facts, None
+        with context.blobs.writer() as writer:
+            for piece in pieces:
+                writer.write(piece)
+            if facts.sha256 in {None, writer.sha256}:
+                return facts, writer.commit()
+        partial.restart()
+    raise Problem(
+        interface.DIGEST_MISMATCH,
+        f"The file arrived as SHA-256 {writer.sha256}, not the announced {facts.sha256}. "
+        "Send it again from the start.",
+        headers={"Upload-Offset": "0"},
+    )
+
+
+async def _make_frame(context: Context, partial: Partial, facts: Facts, blob: StoredBlob) -> None:
+    upload = Upload.model_validate(facts.said)
+    answer = await keep_frame(
+        context,
+        Writing(context, None, ""),
+        await run_in_threadpool(_find_caller, context, facts),
+        facts.campaign_id,
+        upload=upload,
+        region=read_region(upload.roi) if upload.roi is not None else None,
+        blob=blob,
+        had_room=True,
+    )
+    frame = json.loads(bytes(answer.body))
+    await run_in_threadpool(partial.become, frame["id"], frame.get("job_id", ""))
+
+
+known_router = Router(prefix="/v1", tags=["frames"])
+
+
+@known_router.post("/uploads/known", response_model=KnownAnswer, responses=problems())
+def ask_known(
+    body: HashesAsked, caller: Uploader, context: UsesContext, _idempotency_key: IdempotencyKey = None
+) -> Response:
+    """Ask by hash which files are stored whole, and in which campaigns.
+
+    Nothing is stored: asked again it answers as things stand then, whatever the `Idempotency-Key`.
+    """
+    return _answer(
+        context, body, lambda session: find_known_anywhere(session, caller.organisation_id, body.sha256)
+    )
+
+
+@known_router.post(
+    "/campaigns/{campaign_id}/frames/known", response_model=KnownAnswer, responses=problems(404)
+)
+def ask_known_frames(
+    campaign_id: Id,
+    body: HashesAsked,
+    caller: Uploader,
+    context: UsesContext,
+    _idempotency_key: IdempotencyKey = None,
+) -> Response:
+    """Ask by hash which files the campaign has, so that only the others are sent.
+
+    Nothing is stored: asked again it answers as things stand then, whatever the `Idempotency-Key`.
+    """
+
+    def find(session: Session) -> Iterable[FrameRow]:
+        return find_known(session, owned(session, Campaign, campaign_id, caller), body.sha256).values()
+
+    return _answer(context, body, find)
+
+
+def _answer(context: Context, body: HashesAsked, find: Callable[[Session], Iterable[FrameRow]]) -> Response:
+    with context.database.reading() as session:
+        found = list(find(session))
+        sizes = read_sizes(session, {frame.sha256 for frame in found})
+        jobs = find_reading_jobs(session, [frame.id for frame in found])
+    absent = context.files.find_absent(sizes)
+    whole = [frame for frame in found if frame.sha256 not in absent]
+    return KnownAnswer.of(body.sha256, whole, jobs).respond()

@@ -1,0 +1,274 @@
+"""Headers of tus 1.0.0, and pieces on their way to the disk."""
+
+import asyncio
+import base64
+import hashlib
+import re
+import time
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from email.utils import format_datetime
+from typing import Annotated, Final
+
+from fastapi import Depends, Header, Request, Response
+from pydantic import ValidationError
+from pydantic.config import JsonDict
+from starlette.concurrency import run_in_threadpool
+
+from radiometry.findings import interface
+from service.frames.schemas import Upload
+from service.http.models import Sha256, Text
+from service.http.problems import Problem, invalid, located, not_found
+from service.measurements.requests import read_region
+from store.blobs.partials import Claim, Facts, OtherOffset, Partial, Superseded
+
+TUS: Final = "1.0.0"
+PIECE: Final = "application/offset+octet-stream"
+"""Media type of a piece."""
+_OF_BROWSERS: Final = frozenset({"name", "type", "filetype", "relativePath"})
+"""What uploaders of browsers say of any file."""
+_COUNT: Final = r"^[0-9]{1,15}$"
+_COUNTED: Final[JsonDict] = {"pattern": _COUNT}
+
+
+@dataclass(frozen=True, kw_only=True)
+class UploadHeaders:
+    """Statements of a request in headers; what is absent is None."""
+
+    tus_version: Annotated[str | None, Header(alias="Tus-Resumable", description="`1.0.0`, of tus.")] = None
+    offset: Annotated[
+        str | None,
+        Header(
+            alias="Upload-Offset",
+            description="Where the piece begins [bytes], in digits; needed with a piece.",
+            json_schema_extra=_COUNTED,
+        ),
+    ] = None
+    length: Annotated[
+        str | None,
+        Header(
+            alias="Upload-Length",
+            description="Size of the whole file [bytes], in digits; needed where an upload begins.",
+            json_schema_extra=_COUNTED,
+        ),
+    ] = None
+    metadata: Annotated[
+        str | None,
+        Header(
+            alias="Upload-Metadata",
+            description="Pairs of a name and a value in Base64, with commas between: `campaign_id`, "
+            "`role`, `sha256` of the whole file (compared where stated), and what else a frame takes.",
+        ),
+    ] = None
+    checksum: Annotated[
+        str | None,
+        Header(
+            alias="Upload-Checksum",
+            description="`sha256` and the piece's digest in Base64: it is kept whole or not at all.",
+            json_schema_extra={"pattern": "^sha256 [A-Za-z0-9+/]{43}=$"},
+        ),
+    ] = None
+    media_type: Annotated[str, Header(alias="Content-Type", include_in_schema=False)] = ""
+
+    @property
+    def is_piece(self) -> bool:
+        """Return True if the body is a piece of a file."""
+        return self.media_type.partition(";")[0].strip() == PIECE
+
+
+UsesHeaders = Annotated[UploadHeaders, Depends()]
+
+
+class FrameSaid(Upload):
+    """Statements about a file, made before its first byte."""
+
+    campaign_id: Text
+    sha256: Sha256 | None = None
+
+
+def check_protocol(headers: UploadHeaders) -> None:
+    """Refuse a client that does not speak tus."""
+    if headers.tus_version != TUS:
+        detail = "Send Tus-Resumable: 1.0.0."
+        raise Problem(interface.UPLOAD_VERSION, detail, headers={"Tus-Version": TUS})
+
+
+def read_count(text: str | None, name: str) -> int:
+    """Read a count of bytes."""
+    if text is None or re.fullmatch(_COUNT, text) is None:
+        raise invalid([{"type": "upload", "loc": ("header", name), "msg": "must be a count of bytes"}])
+    return int(text)
+
+
+def read_length(length: str | None, most: int) -> int:
+    """Read the size of the whole file."""
+    size_bytes = read_count(length, "Upload-Length")
+    if size_bytes > most:
+        raise Problem(
+            interface.UPLOAD_TOO_LARGE, f"A file may have at most {most} bytes (STILB_MAX_UPLOAD_BYTES)."
+        )
+    return size_bytes
+
+
+def read_metadata(text: str | None) -> dict[str, str]:
+    """Read what is said of a file, each name once."""
+    pairs = [pair.split() for pair in (text or "").split(",") if pair.strip()]
+    try:
+        said = {name: base64.b64decode("".join(value), validate=True).decode() for name, *value in pairs}
+    except ValueError:
+        message = "must be names with their values in Base64, separated by commas"
+        raise invalid([{"type": "upload", "loc": ("header", "Upload-Metadata"), "msg": message}]) from None
+    if "filename" not in said and "name" in said:
+        said["filename"] = said["name"]
+    return {name: value for name, value in said.items() if name not in _OF_BROWSERS}
+
+
+def read_said(said: dict[str, str]) -> FrameSaid:
+    """Check what is said of a file before its first byte is taken."""
+    try:
+        frame = FrameSaid.model_validate(said)
+    except ValidationError as error:
+        raise invalid(located(error, "header", "Upload-Metadata")) from None
+    if frame.roi is not None:
+        read_region(frame.roi)
+    return frame
+
+
+def read_checksum(text: str | None) -> bytes | None:
+    """Read the digest of a piece."""
+    if text is None:
+        return None
+    algorithm, _, digest = text.partition(" ")
+    try:
+        value = base64.b64decode(digest, validate=True)
+    except ValueError:
+        value = b""
+    if algorithm != "sha256" or len(value) != hashlib.sha256().digest_size:
+        raise Problem(
+            interface.BAD_REQUEST, "Upload-Checksum takes sha256 and the digest of the piece in Base64."
+        )
+    return value
+
+
+def answer(partial: Partial, facts: Facts, status: int) -> Response:
+    """State how far an upload is."""
+    headers = {
+        "Tus-Resumable": TUS,
+        "Upload-Offset": str(partial.read_offset()),
+        "Upload-Length": str(facts.size_bytes),
+        "Upload-Expires": format_datetime(datetime.fromtimestamp(facts.expires_at, UTC), usegmt=True),
+        "Cache-Control": "no-store",
+    }
+    if facts.frame_id:
+        headers["Content-Location"] = f"/v1/frames/{facts.frame_id}"
+    if facts.job_id:
+        headers["Link"] = f'</v1/jobs/{facts.job_id}>; rel="status"'
+    return Response(status_code=status, headers=headers)
+
+
+_WRITE_BYTES: Final = 1 << 20
+_KEEP_EVERY_S: Final = 0.5
+"""So often what has arrived is made durable while more comes; and at once when nothing comes."""
+_IDLE_S: Final = 0.1
+
+
+async def append(request: Request, partial: Partial, begins: int, checksum: str | None) -> None:
+    """Append the request's body to an upload, at the place where it begins.
+
+    A piece with a checksum is kept whole or not at all; of any other what has arrived counts.
+    """
+    facts = await run_in_threadpool(partial.read_facts)
+    announced = request.headers.get("content-length", "")
+    if begins + (int(announced) if announced.isdecimal() else 0) > facts.size_bytes:
+        raise _beyond(facts)
+    expected = read_checksum(checksum)
+    whole_or_not = expected is not None or "content-digest" in request.headers
+    try:
+        with await run_in_threadpool(partial.claim, begins) as claim:
+            await _Piece(request, claim, facts, piecewise=not whole_or_not).take(expected)
+    except OtherOffset as error:
+        raise Problem(
+            interface.UPLOAD_OFFSET_DIFFERS,
+            f"{error.durable_bytes} bytes have arrived; this piece begins at {begins}.",
+            headers={"Upload-Offset": str(error.durable_bytes)},
+        ) from None
+    except Superseded:
+        detail = "Another connection has taken this upload over."
+        raise Problem(interface.UPLOAD_OFFSET_DIFFERS, detail) from None
+    except FileNotFoundError:
+        raise not_found("upload") from None
+
+
+class _Piece:
+    """The body of a request on its way to the disk."""
+
+    def __init__(self, request: Request, claim: Claim, facts: Facts, *, piecewise: bool) -> None:
+        self._request = request
+        self._claim = claim
+        self._facts = facts
+        self._piecewise = piecewise
+        """Whether what has arrived counts before the end."""
+        self._waiting: list[bytes] = []
+        self._hash = hashlib.sha256()
+        self._kept_at = time.monotonic()
+
+    async def take(self, expected: bytes | None) -> None:
+        """Write until the body's end; a cut keeps what has arrived."""
+        try:
+            await self._copy()
+        finally:
+            if self._piecewise:
+                await run_in_threadpool(self._store, keep=True)
+        if self._piecewise:
+            return
+        await run_in_threadpool(self._store, keep=False)
+        if expected not in {None, self._hash.digest()}:
+            detail = "The piece is not the one of Upload-Checksum. Send it again."
+            raise Problem(interface.UPLOAD_CHECKSUM_DIFFERS, detail)
+        await run_in_threadpool(self._claim.keep)
+
+    async def _copy(self) -> None:
+        size = self._claim.written_bytes
+        next_message = asyncio.ensure_future(self._request.receive())
+        try:
+            while True:
+                idle_s = _IDLE_S if self._piecewise and self._has_more_than_is_kept() else None
+                arrived, _ = await asyncio.wait({next_message}, timeout=idle_s)
+                if not arrived:
+                    await run_in_threadpool(self._store, keep=True)
+                    continue
+                message = next_message.result()
+                if message["type"] != "http.request":
+                    raise Problem(
+                        interface.UPLOAD_INCOMPLETE, "The connection was lost before the end of the piece."
+                    )
+                size += len(message.get("body", b""))
+                if size > self._facts.size_bytes:
+                    raise _beyond(self._facts)
+                self._waiting.append(message.get("body", b""))
+                due = self._piecewise and time.monotonic() - self._kept_at >= _KEEP_EVERY_S
+                if due or sum(map(len, self._waiting)) >= _WRITE_BYTES:
+                    await run_in_threadpool(self._store, keep=due)
+                if not message.get("more_body"):
+                    return
+                next_message = asyncio.ensure_future(self._request.receive())
+        finally:
+            next_message.cancel()
+
+    def _has_more_than_is_kept(self) -> bool:
+        return bool(self._waiting) or self._claim.written_bytes > self._claim.durable_bytes
+
+    def _store(self, *, keep: bool) -> None:
+        waiting, self._waiting = self._waiting, []
+        for chunk in waiting:
+            self._hash.update(chunk)
+        self._claim.write(waiting)
+        if keep:
+            self._claim.keep()
+            self._kept_at = time.monotonic()
+
+
+def _beyond(facts: Facts) -> Problem:
+    return Problem(
+        interface.UPLOAD_TOO_LARGE, f"More bytes came than the {facts.size_bytes} that Upload-Length states."
+    )
