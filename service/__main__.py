@@ -60,7 +60,6 @@ _FAREWELL_S = 2.0
 
 
 def build_context(settings: Settings) -> Context:
-    """Open the world that the settings name."""
     post = Post(settings.effective_broker_url)
     database = Database(
         settings.effective_database_url, answer_within_s=settings.database_timeout_s, post=post

@@ -113,7 +113,6 @@ def make_fields(parameters: Iterable[Parameter]) -> dict[str, tuple[Any, Any]]:
 
 
 def read_kind(parameter: Parameter) -> Any:  # noqa: ANN401  a type, or a form of one
-    """Return the type of a parameter in a form."""
     kind: Any = Text
     if parameter.kind == "choice":
         kind = _annotate(

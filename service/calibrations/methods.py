@@ -120,7 +120,6 @@ class MethodsAnswer(Answer):
 
 
 def describe_methods() -> MethodsAnswer:
-    """Return every method."""
     return MethodsAnswer(items=[MethodAnswer.of(spec) for spec in METHODS])
 
 
@@ -216,7 +215,6 @@ class FindingsAnswer(Answer):
 
 
 def describe_findings() -> FindingsAnswer:
-    """Return every finding."""
     return FindingsAnswer(items=[FindingAnswer.model_validate(asdict(each)) for each in FINDINGS.values()])
 
 

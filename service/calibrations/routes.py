@@ -115,7 +115,6 @@ def start_calibration(campaign_id: Id, body: NewCalibration, caller: Calibrator,
 
 
 def _hasten(context: Context, caller: Caller, campaign_id: str, outdated: Sequence[str]) -> None:
-    """Have the frames read soon for which a fit waits."""
     with context.database.writing(caller.key_id, caller.organisation_id) as session:
         campaign = session.get_one(Campaign, campaign_id)
         queued = hasten_renewal(session, campaign, outdated, by=caller.key_id)

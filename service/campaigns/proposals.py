@@ -184,7 +184,6 @@ def _below_common_folder(frames: Sequence[CardFrame]) -> list[CardFrame]:
 
 
 def _folder(path: str) -> str:
-    """Return the innermost folder that no camera made."""
     return next((part for part in path.split("/")[-2::-1] if not _CAMERA_FOLDER.fullmatch(part)), "")
 
 

@@ -277,7 +277,6 @@ def answer_series(
 
 
 def sends_series() -> dict[int | str, dict[str, Any]]:
-    """Document the forms of a series."""
     text, binary = {"type": "string"}, {"type": "string", "format": "binary"}
     schemas: dict[Shape, Any] = {"csv": text, "arrow": binary, "parquet": binary}
     content = {MEDIA_TYPES[shape].partition(";")[0]: {"schema": schema} for shape, schema in schemas.items()}
@@ -294,7 +293,6 @@ def _choose_shape(accept: str) -> Shape:
 
 
 def _choose_coding(accepted: str) -> Coding:
-    """Return the quickest coding that is accepted, "" for none."""
     parts = (part.replace(" ", "").partition(";") for part in accepted.lower().split(","))
     named = {name for name, _, weight in parts if not re.fullmatch(r"q=0(\.0*)?", weight)}
     codings: tuple[Coding, ...] = ("zstd", "gzip")

@@ -389,7 +389,6 @@ def _name(person: Node | None, unnamed: str) -> str:
 
 
 def list_flag(flag: Node) -> list[str]:
-    """Return the row of a flag."""
     return [flag["where"] or "all", flag["meaning"], flag["detail"]]
 
 

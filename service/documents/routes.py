@@ -190,7 +190,6 @@ async def _find(
 def _read(
     context: Context, calibration_id: str, issued: IssuedCertificate | None
 ) -> tuple[Node, bytes, Node]:
-    """Return a certificate, its bytes, and how its version stands now."""
     with context.database.reading() as session:
         status = read_version_statuses(session, [calibration_id])[calibration_id]
     if issued is None:
@@ -204,7 +203,6 @@ def _read(
 
 
 def _derive(context: Context, calibration_id: str) -> tuple[Node, CalibrationRecord]:
-    """Return the certificate of a draft, and what it is derived from."""
     with context.database.reading() as session:
         record = gather(context, session, session.get_one(Calibration, calibration_id))
     return build_certificate(record).dump(), record

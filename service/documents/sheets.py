@@ -30,7 +30,6 @@ def flow(text: str) -> Node:
 
 
 def facts(rows: list[list[str]]) -> Node:
-    """Labels and what they name."""
     return {"kind": "facts", "rows": rows}
 
 
@@ -69,12 +68,10 @@ def plain(value: float, digits: int = 5) -> str:
 
 
 def percent(share: float) -> str:
-    """Two decimals of a percent."""
     return f"{100 * share:.2f} %"
 
 
 def extent(limits: list[float]) -> str:
-    """Format a range, from the lowest to the highest."""
     return f"{plain(limits[0])} to {plain(limits[1])}"
 
 
@@ -85,7 +82,6 @@ def degrees(row: dict[str, Any]) -> str:
 
 
 def stamp(moment: str) -> str:
-    """An instant to the second."""
     return datetime.fromisoformat(moment).strftime("%Y-%m-%d %H:%M:%S UTC")
 
 

@@ -217,7 +217,6 @@ def build_rig_certificate(
 
 
 def lay_out_rig(certificate: Node) -> Node:
-    """Return everything that the template sets."""
     orientation = certificate["orientation"]
     return front_matter(certificate, certificate["state"]) | {
         "item": [

@@ -169,7 +169,6 @@ def format_forward(case: MotionCase) -> dict[str, Any]:
 
 
 def format_rotation(case: MotionCase, blur: FrameBlur) -> dict[str, Any]:
-    """Format what the rate adds."""
     rate = blur.turn.tilt_rate_deg_s
     theoretical = blur.centre_blur_px + (compute_motion(case).forward_blur_px or 0.0)
     return {
@@ -276,7 +275,6 @@ def _find_pitch(session: Session, campaign: Campaign, optics: FrameOptics) -> fl
 
 
 def _read(frame: FrameRow) -> tuple[FrameHeader, float]:
-    """Read what the file states of itself, and its exposure time [s]."""
     if frame.refusal_code is not None:
         raise InputRejected(
             shared.FRAME_NOT_READ, f"This frame was refused ({frame.refusal_code}): {frame.refusal_detail}"

@@ -209,7 +209,6 @@ def get_frame_preview(frame_id: Id, request: Request, caller: Reader, context: U
 
 
 def require_preview(frame: FrameRow) -> str:
-    """The hash of a frame's preview."""
     if frame.preview_sha256 is None:
         raise Problem(
             interface.PREVIEW_NOT_READY,

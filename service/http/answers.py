@@ -45,7 +45,6 @@ UNCHANGED: dict[int | str, dict[str, Any]] = {304: {"description": "You have it 
 
 
 def sends_file(media_type: str) -> dict[int | str, dict[str, Any]]:
-    """Document a route that sends a file with an ETag."""
     schema = {"type": "string", "format": "binary"}
     if media_type.startswith("text/"):
         schema = {"type": "string"}
@@ -68,7 +67,6 @@ _RANGE: Final = re.compile(r"bytes=([0-9]{0,18})-([0-9]{0,18})")
 
 
 def immutable_headers(tag: str) -> dict[str, str]:
-    """Cached for ever."""
     return {"ETag": f'"{tag}"', "Cache-Control": "private, max-age=31536000, immutable"}
 
 

@@ -167,7 +167,6 @@ def require_csrf_token(request: Request, context: Context, given: str) -> None:
 
 
 def require(caller: Caller, scope: Scope) -> None:
-    """Refuse who lacks a scope."""
     if scope not in caller.scopes:
         detail = f"This needs a key with the scope {scope!r}, which your key does not have."
         raise Problem(interface.SCOPE_MISSING, detail)
@@ -180,7 +179,6 @@ class Needs:
     scope: Scope
 
     async def __call__(self, caller: Annotated[Caller, Depends(get_caller)]) -> Caller:
-        """Return who asks."""
         return caller
 
 

@@ -56,7 +56,6 @@ class Writing:
         return Writing(self.context, self._key, f"{self._fingerprint}{sha256}")
 
     def run(self, caller: Caller, change: Callable[[Session], Reply]) -> JSONResponse:
-        """Do it in a transaction of its own."""
         return run_all(caller, [(self, None)], lambda session, _: [change(session)])[0]
 
     def replay(self, caller: Caller) -> JSONResponse | None:
@@ -161,7 +160,6 @@ async def stream_writing(
     context: Annotated[Context, Depends(get_context)],
     idempotency_key: IdempotencyKey = None,
 ) -> Writing:
-    """For a request whose body the route streams itself."""
     return Writing(context, idempotency_key, f"{request.method} {request.url.path}?{request.url.query}\n")
 
 

@@ -172,7 +172,6 @@ class Connections:
         return True
 
     def release(self, peer: str) -> None:
-        """Count one less."""
         self._open[peer] -= 1
         if not self._open[peer]:
             del self._open[peer]
@@ -279,8 +278,6 @@ class _Guarded(HttpToolsProtocol):
 
 
 def guarding(connections: Connections) -> type[HttpToolsProtocol]:
-    """Return uvicorn's protocol with these limits."""
-
     class Guarded(_Guarded):
         _guard = connections
 

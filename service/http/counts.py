@@ -120,7 +120,6 @@ class Attempts:
         return {who: astuple(each) for who, each in newest if each.last_at > over}
 
     def hear(self, others: Iterable[Mapping[str, tuple[int, float]]]) -> None:
-        """Count with what the other processes have seen."""
         heard: dict[str, list[_Failures]] = {}
         for each in others:
             for who, failures in each.items():
@@ -221,7 +220,6 @@ class Rates:
             return {name: astuple(each) for name, each in self._counts.items() if each.minute >= minute - 1}
 
     def hear(self, others: Iterable[Mapping[str, tuple[int, int, int]]]) -> None:
-        """Count with what the other processes have counted."""
         heard: dict[str, list[_Counts]] = {}
         for each in others:
             for name, counts in each.items():

@@ -147,7 +147,6 @@ def _summarise(operation: Node) -> None:
 
 
 def _add_body_problems(operation: Node) -> None:
-    """Any body may be unreadable, too large or compressed."""
     if "requestBody" in operation:
         for status in (400, 413, 415):
             operation["responses"].setdefault(str(status), problems(status)[status])

@@ -86,7 +86,6 @@ class Forked:
         return code
 
     def terminate(self) -> None:
-        """Ask it to end in order."""
         if self.poll() is None:
             os.kill(self.pid, signal.SIGTERM)
 

@@ -154,7 +154,6 @@ class AwakeClock:
         self.now_s = 0.0
 
     def turn(self) -> float:
-        """Count one turn of the loop and return the time."""
         now = self._clock()
         self.now_s += min(now - self._turned, self._longest_turn_s)
         self._turned = now

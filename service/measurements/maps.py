@@ -442,7 +442,6 @@ def read_squares(found: OpenMap, window: Window, polygon: Polygon | None, *, ste
 
 
 def frame_window(layout: Layout, polygon: Polygon | None) -> Window:
-    """Return the smallest window that holds an area."""
     if polygon is None:
         return Window(top=0, left=0, bottom=layout.height_px, right=layout.width_px)
     part = roi.bounding_window(polygon, height_px=layout.height_px, width_px=layout.width_px)

@@ -328,7 +328,6 @@ def _owned(context: Context, measurement_id: str, caller: Caller) -> Measurement
 
 
 def _send_map(request: Request, context: Context, row: Measurement, kind: Literal["tif", "png"]) -> Response:
-    """Send the map or its picture under the name of the frame."""
     sha256 = row.map_tif_sha256 if kind == "tif" else row.map_png_sha256
     if sha256 is None:
         detail = 'This measurement was made without a map: ask for one with "products": ["map"].'

@@ -327,7 +327,6 @@ _OUTSIDE = ("below_zero_share", "above_one_share")
 
 
 def _figures(row: Measurement) -> dict[str, Any]:
-    """Return what the method measured."""
     result = row.result
     application = get_method(row.method).application
     if isinstance(application, SurfaceApplication):

@@ -205,7 +205,6 @@ def _create(session: Session, organisation_id: str, new: NewKey) -> KeyAnswer:
 
 
 def _require_both(person: str | None, role: str | None) -> None:
-    """Refuse half a signature."""
     if bool(person) != bool(role):
         lacking = "role" if person else "person"
         message = "is missing: a certificate names a person with name and role"

@@ -46,7 +46,6 @@ class OrganisationChange(Form):
 
 
 def require_free_name(session: Session, name: str, *, but: str = "") -> None:
-    """Refuse a name that another organisation has."""
     taken = select(Organisation.id).where(Organisation.name == name, Organisation.id != but)
     if session.scalar(taken) is not None:
         raise Problem(interface.CONFLICT, f"The organisation {name!r} exists already.")

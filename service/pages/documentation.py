@@ -190,6 +190,5 @@ def _file(name: str) -> Path:
 
 
 def _page(request: Request, context: UsesContext, title: str, html: str) -> Response:
-    """Around HTML that is safe by now."""
     body = Markup(html)  # noqa: S704  both renderers escape what they are given
     return render(request, "document.html", title=title, body=body, caller=find_session(request, context))

@@ -158,7 +158,6 @@ def build_lives(found: Sequence[Lifetime], *, until: datetime) -> Figure:
 
 
 def _time(found: Sequence[Lifetime], until: datetime) -> Axis:
-    """Return an axis that all figures of these versions share."""
     starts = [row.valid_from for each in found for row in (*each.in_force, *each.revoked_from)]
     acts = [act.publication.known_from for each in found for act in each.published]
     return Axis(label="", is_time=True, include=tuple(at.timestamp() for at in (*starts, *acts, until)))

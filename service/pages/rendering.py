@@ -95,7 +95,6 @@ class Assets:
         self._packed: dict[str, bytes] = {}
 
     def url(self, name: str) -> str:
-        """The address of one of our own files."""
         if name not in self._own:
             raise KeyError(name)
         return f"/static/{self.release}/{name}"
@@ -116,7 +115,6 @@ class Assets:
         return found
 
     def _named(self, pattern: re.Pattern[str], module: str) -> list[str]:
-        """Return the modules that one names, from its own folder."""
         folder = posixpath.dirname(module)
         text = self._own[module].decode()
         return [posixpath.normpath(posixpath.join(folder, other)) for other in pattern.findall(text)]

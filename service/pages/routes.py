@@ -1,4 +1,4 @@
-"""From the address of a page to its template, and nothing else."""
+"""Routes of the pages: each finds what its address names, and renders a template."""
 
 from typing import Annotated, Any, Final
 from urllib.parse import urlencode

@@ -175,7 +175,6 @@ class Health:
         self._pool = ThreadPoolExecutor(len(self._checks), thread_name_prefix="health")
 
     async def look(self) -> Report:
-        """Return within two seconds what is known by then."""
         looks = [look for check in self._checks if (look := check.begin(self._pool)) is not None]
         if looks:
             await asyncio.wait([asyncio.wrap_future(look) for look in looks], timeout=ANSWER_WITHIN_S)

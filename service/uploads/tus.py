@@ -94,14 +94,12 @@ def check_protocol(headers: UploadHeaders) -> None:
 
 
 def read_count(text: str | None, name: str) -> int:
-    """Read a count of bytes."""
     if text is None or re.fullmatch(_COUNT, text) is None:
         raise invalid([{"type": "upload", "loc": ("header", name), "msg": "must be a count of bytes"}])
     return int(text)
 
 
 def read_length(length: str | None, most: int) -> int:
-    """Read the size of the whole file."""
     size_bytes = read_count(length, "Upload-Length")
     if size_bytes > most:
         raise Problem(
@@ -135,7 +133,6 @@ def read_said(said: dict[str, str]) -> FrameSaid:
 
 
 def read_checksum(text: str | None) -> bytes | None:
-    """Read the digest of a piece."""
     if text is None:
         return None
     algorithm, _, digest = text.partition(" ")
@@ -151,7 +148,6 @@ def read_checksum(text: str | None) -> bytes | None:
 
 
 def answer(partial: Partial, facts: Facts, status: int) -> Response:
-    """State how far an upload is."""
     headers = {
         "Tus-Resumable": TUS,
         "Upload-Offset": str(partial.read_offset()),
