@@ -10,7 +10,7 @@ import numpy as np
 from radiometry.frame.exposure import Settings
 from radiometry.frame.roi import Polygon, bounding_window, mask
 from radiometry.luminance.rows import Reading
-from radiometry.spectral.curves import list_lamps, read_lamp, read_observer, read_response
+from radiometry.spectral.mismatch import list_lamps, read_lamp, read_observer, read_response
 from simulation.camera import Camera, Lamp, Meter, Plane, Shot, change
 from simulation.targets import Surface
 

@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 
 from radiometry import methods
 from radiometry.specification.parameters import list_parameters
-from radiometry.spectral.curves import find_response
+from radiometry.spectral.mismatch import find_response
 from store.codec import decode, encode
 from store.queries.calibrations import next_version
 from store.queries.evidence import Evidence

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from radiometry.fitting.evidence import Quantity
-from radiometry.fleet import findings
+from radiometry.fleet import results
 from radiometry.fleet.determinations import (
     Determination,
     Effects,
@@ -19,7 +19,6 @@ from radiometry.fleet.determinations import (
     group_cameras,
     keep_repeats,
 )
-from radiometry.fleet.findings import count_repeats, find_flags
 from radiometry.fleet.results import (
     LEAST_DOF,
     NOT_SHARED,
@@ -31,6 +30,8 @@ from radiometry.fleet.results import (
     ParameterVerdict,
     Sensitivity,
     Tolerance,
+    count_repeats,
+    find_flags,
     find_sensitivity,
     is_clear_of_zero,
     judge_deviations,
@@ -137,7 +138,7 @@ def _judge_one_camera(
         key=key,
         outcome="cannot_tell",
         judged=limit is not None,
-        said=findings.ONE_CAMERA.format(key=key),
+        said=results.ONE_CAMERA.format(key=key),
         cameras=1,
         repeats=len(rows),
         mean=mean,
@@ -205,17 +206,17 @@ def _decide(
 ) -> tuple[Outcome, str]:
     key, tolerance, count = analysis.key, analysis.tolerance, len(analysis.grouping.unit_names)
     if tolerance is None:
-        return "cannot_tell", findings.NO_TOLERANCE.format(key=key)
+        return "cannot_tell", results.NO_TOLERANCE.format(key=key)
     if (dof := analysis.effects.dof) < LEAST_DOF:
-        return "cannot_tell", findings.TOO_FEW.format(key=key, count=count, repeats=len(rows), dof=dof)
+        return "cannot_tell", results.TOO_FEW.format(key=key, count=count, repeats=len(rows), dof=dof)
     if len({row.value for row in rows}) == 1:
-        return "shared", findings.EQUAL.format(key=key, count=count)
+        return "shared", results.EQUAL.format(key=key, count=count)
     if analysis.effects.within_variance == 0.0:
-        return "cannot_tell", findings.IDENTICAL.format(key=key)
+        return "cannot_tell", results.IDENTICAL.format(key=key)
     if judgement is None or cost is None or costliest is None:
-        text = findings.NEAR_ZERO if tolerance.kind == "relative" else findings.WITHOUT_SCALE
+        text = results.NEAR_ZERO if tolerance.kind == "relative" else results.WITHOUT_SCALE
         return "cannot_tell", text.format(key=key)
-    return judgement.outcome, findings.format_decision(
+    return judgement.outcome, results.format_decision(
         judgement.outcome,
         key,
         listed,
@@ -272,7 +273,7 @@ def _find_cost(analysis: _Analysis) -> tuple[Quantity | None, str | None]:
 
 def _count_needed(analysis: _Analysis, listed: tuple[Effect, ...]) -> int | None:
     """Return the repeats of each camera that would decide, more than there are; None where cameras differ."""
-    if analysis.sensitivity is None or analysis.tolerance is None or any(map(findings.does_differ, listed)):
+    if analysis.sensitivity is None or analysis.tolerance is None or any(map(results.does_differ, listed)):
         return None
     repeatability = math.sqrt(analysis.effects.within_variance) * analysis.sensitivity.factor
     found = count_repeats(

@@ -1,7 +1,7 @@
 """Findings of the luminance method."""
 
 from radiometry.findings import declared, error, flag, reason
-from radiometry.spectral.curves import SPECTRAL_MISMATCH_UNKNOWN, SPECTRUM_INVALID
+from radiometry.spectral.mismatch import SPECTRAL_MISMATCH_UNKNOWN, SPECTRUM_INVALID
 
 # of a fit
 DARK_FROM_FEW_FRAMES = flag(

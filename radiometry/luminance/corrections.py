@@ -22,7 +22,6 @@ from radiometry.luminance.rows import (
     find_modulation,
     list_spectra,
 )
-from radiometry.spectral.curves import is_table, list_lamps, list_responses, name_curve
 from radiometry.spectral.mismatch import (
     DEFAULT_U_REL,
     LEAST_U_REL,
@@ -30,6 +29,10 @@ from radiometry.spectral.mismatch import (
     compute_mismatch,
     estimate_u_rel,
     fit_colour_remedy,
+    is_table,
+    list_lamps,
+    list_responses,
+    name_curve,
 )
 
 NEAREST_M = 1.0

@@ -42,8 +42,7 @@ from radiometry.luminance.surface import (
     lay_grid,
     measure_surface,
 )
-from radiometry.spectral.curves import list_responses
-from radiometry.spectral.mismatch import LEAST_U_REL, fit_colour_remedy
+from radiometry.spectral.mismatch import LEAST_U_REL, fit_colour_remedy, list_responses
 from radiometry.vignetting.lens import Lens
 
 Corners = Sequence[tuple[float, float]]

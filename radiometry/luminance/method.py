@@ -35,8 +35,7 @@ from radiometry.luminance.scenes import (
 )
 from radiometry.luminance.suggestions import list_missing, list_unread_scenes, require_shares
 from radiometry.luminance.verdicts import inspect_darks
-from radiometry.spectral.curves import describe_curve, list_lamps, list_responses
-from radiometry.spectral.mismatch import compute_f1_prime
+from radiometry.spectral.mismatch import compute_f1_prime, describe_curve, list_lamps, list_responses
 
 _DISCOUNTED = 0.1
 _USUAL_CERTIFICATE_U_REL = 0.015

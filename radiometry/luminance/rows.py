@@ -11,7 +11,7 @@ from radiometry.frame.statistics import ChannelStatistics, measure_signal
 from radiometry.frame.statistics import Signal as MeasuredSignal
 from radiometry.frame.verdicts import Keeping
 from radiometry.specification.parameters import about, check_parameters, later, parameter
-from radiometry.spectral.curves import list_lamps, list_responses, read_lamp, read_response
+from radiometry.spectral.mismatch import list_lamps, list_responses, read_lamp, read_response
 
 LampKind = Literal["incandescent", "led", "led_ripple", "led_phase_dimmed", "sodium", "metal_halide"]
 Interval = tuple[float, float]

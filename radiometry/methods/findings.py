@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from radiometry.findings import Finding, files, interface, shared
-from radiometry.fleet import findings as fleet
+from radiometry.fleet import results as fleet
 from radiometry.methods import METHODS
 
 __all__ = ["FINDINGS"]

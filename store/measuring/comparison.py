@@ -19,8 +19,7 @@ from radiometry.fitting.comparison import (
 from radiometry.frame.exposure import Exposure
 from radiometry.methods import get_method
 from radiometry.specification.application import BandApplication, SurfaceApplication
-from radiometry.spectral.curves import SPECTRAL_MISMATCH_UNKNOWN
-from radiometry.spectral.mismatch import DEFAULT_U_REL, find_confusion
+from radiometry.spectral.mismatch import DEFAULT_U_REL, SPECTRAL_MISMATCH_UNKNOWN, find_confusion
 from radiometry.spectral.mismatch import SOURCE as SPECTRUM
 from store.codec import decode_exposure, read_applied
 from store.database import Conflict

@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radiometry.fleet.determinations import Key
-from radiometry.fleet.findings import compute_power, count_repeats
-from radiometry.fleet.results import find_sensitivity, judge_deviations
+from radiometry.fleet.results import compute_power, count_repeats, find_sensitivity, judge_deviations
 from radiometry.fleet.verdict import judge_fleet
 from tests.radiometry.fleet.fleets import LUMINANCE_K, PRINCIPAL_POINT, determine, draw_fleet, fleet_of
 

@@ -17,7 +17,7 @@ from radiometry.luminance.rows import (
     find_modulation,
     list_spectra,
 )
-from radiometry.spectral.curves import list_responses, read_lamp, read_observer, read_response
+from radiometry.spectral.mismatch import list_responses, read_lamp, read_observer, read_response
 from store.codec import encode
 from tests.radiometry.coefficients import COEFFICIENT
 from tests.radiometry.luminance.test_corrections import CORNERS, ROI, frame_of

@@ -18,8 +18,13 @@ from radiometry.luminance import method
 from radiometry.luminance.codes import ROI_ELSEWHERE
 from radiometry.luminance.measurement import Request, find_mixed_light, find_window, measure
 from radiometry.luminance.rows import CalibrationConditions, FieldConditions
-from radiometry.spectral.curves import read_lamp, read_observer, read_response
-from radiometry.spectral.mismatch import compute_mismatch, fit_colour_remedy
+from radiometry.spectral.mismatch import (
+    compute_mismatch,
+    fit_colour_remedy,
+    read_lamp,
+    read_observer,
+    read_response,
+)
 from tests.radiometry.coefficients import COEFFICIENT
 
 EXPOSURE = Exposure(exposure_time_s=0.01, f_number=4.0, iso=3200.0)

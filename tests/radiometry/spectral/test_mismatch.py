@@ -6,22 +6,20 @@ import numpy as np
 import pytest
 
 from radiometry.findings import InputRejected
-from radiometry.spectral.curves import (
+from radiometry.spectral.mismatch import (
     SPECTRUM_INVALID,
+    compute_f1_prime,
+    compute_mismatch,
+    estimate_u_rel,
+    find_confusion,
     find_response,
+    fit_colour_remedy,
     list_lamps,
     list_responses,
     name_curve,
     read_lamp,
     read_observer,
     read_response,
-)
-from radiometry.spectral.mismatch import (
-    compute_f1_prime,
-    compute_mismatch,
-    estimate_u_rel,
-    find_confusion,
-    fit_colour_remedy,
 )
 from tests.support.data import data_file
 
