@@ -12,7 +12,6 @@ import imagecodecs
 import numpy as np
 import rawpy
 import tifffile
-from worker.decode.malloc import keep_memory, share_one_arena
 
 from bench.frames import CAMERA, NAMES, draw_roi, make_mosaic, write_copies
 from bench.harness import Scale, compare, judge, say, show_times, take_turns
@@ -24,6 +23,7 @@ from radiometry.luminance import SPEC
 from radiometry.luminance import method as luminance
 from radiometry.luminance.maps import MapScale
 from simulation.dng import Compression
+from worker.decode.pieces import keep_memory, share_one_arena
 from worker.decode.pool import DecoderPool
 from worker.maps.making import write_map
 from worker.maps.tiff import LEVEL, ROUNDING_REL, TILE_PX, MapFacts
