@@ -84,6 +84,7 @@ class Settings(BaseSettings):
     stop_notice_s: Grace = 0.0
     worker_threads: int = Field(default=2, ge=1, le=64)
     lease_s: Seconds = 30.0
+    job_limit_s: Seconds = 3600.0
     sweep_interval_s: Seconds = 2.0
     scrub_days: float = Field(default=30.0, ge=0, le=36_500)
     hang_s: Seconds = HANG_S
