@@ -7,7 +7,7 @@ service learnt yesterday is within reach today. Times are aware datetimes.
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from datetime import UTC, datetime
-from typing import Any, Final, NotRequired, Required, Self, TypedDict, overload
+from typing import Any, NotRequired, Required, Self, TypedDict, overload
 
 _QUANTITY = {"value", "standard_uncertainty", "unit"}
 _TIMES = frozenset(
@@ -521,6 +521,3 @@ def as_text(moment: Moment | None) -> str | None:
     if moment.tzinfo is None:
         raise ValueError(f"{moment!r} has no time zone")
     return moment.isoformat()
-
-
-DEFAULT_METHOD: Final = "luminance"

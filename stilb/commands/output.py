@@ -20,8 +20,8 @@ from stilb.client import Client
 from stilb.field.files import ROLES
 from stilb.field.template import read_methods
 from stilb.login import Login, choose_login, read_login
+from stilb.method import DEFAULT_METHOD
 from stilb.problem import Problem, Unclear
-from stilb.records import DEFAULT_METHOD
 from stilb.transport import OnRetry
 
 # Wide enough that a table in a file or a pipe loses nothing.

@@ -5,8 +5,9 @@ from pathlib import Path
 from typing import Any, Unpack
 
 from stilb.export import OnExport, export
+from stilb.method import DEFAULT_METHOD
 from stilb.problem import Problem, Unclear
-from stilb.records import DEFAULT_METHOD, Calibration, Coefficient, InForce, Job, Moment, as_text, as_times
+from stilb.records import Calibration, Coefficient, InForce, Job, Moment, as_text, as_times
 from stilb.resources.campaigns import Campaigns
 from stilb.resources.equipment import Equipment
 from stilb.resources.frames import Jobs

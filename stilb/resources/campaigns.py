@@ -4,9 +4,9 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Unpack
 
+from stilb.method import DEFAULT_METHOD
 from stilb.problem import Problem, Unclear, missing
 from stilb.records import (
-    DEFAULT_METHOD,
     Campaign,
     CampaignChange,
     CampaignDetails,
