@@ -22,7 +22,7 @@ from radiometry.geometry.rig.orientation import count_shared, list_quantities, o
 from radiometry.geometry.target import Target
 from radiometry.geometry.verdicts import check_features, find_gaps, judge_frames, plan_views
 from radiometry.geometry.views import missing
-from radiometry.specification.application import PictureApplication
+from radiometry.specification.application import PictureApplication, Summary
 from radiometry.specification.certificate import (
     FRAME,
     CertificateText,
@@ -132,7 +132,16 @@ SPEC: Final = MethodSpec(
         exports=RIG_EXPORTS,
     ),
     application=PictureApplication(
-        quantity="undistorted picture", unit="DN", require_size=require_size, undistort_frame=undistort_frame
+        quantity="undistorted picture",
+        unit="DN",
+        summarise=lambda result: Summary(
+            signal="".join(result["undistorted"]["planes"]),
+            column=None,
+            vignetting="none",
+            figures={"undistorted": result["undistorted"]},
+        ),
+        require_size=require_size,
+        undistort_frame=undistort_frame,
     ),
     applied="camera",
 )

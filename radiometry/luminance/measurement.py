@@ -2,8 +2,9 @@
 
 import itertools
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -42,6 +43,7 @@ from radiometry.luminance.surface import (
     lay_grid,
     measure_surface,
 )
+from radiometry.specification.application import Summary
 from radiometry.spectral.mismatch import LEAST_U_REL, fit_colour_remedy, list_responses
 from radiometry.vignetting.lens import Lens
 
@@ -422,3 +424,29 @@ def _beyond_px(point: tuple[float, float], polygon: Polygon) -> float:
     right = max(min(xs) - point[0], point[0] - max(xs), 0.0)
     down = max(min(ys) - point[1], point[1] - max(ys), 0.0)
     return math.hypot(right, down)
+
+
+_OF_REGION = ("pixels", "mean", "median", "saturated_share", "shared_u_cd_m2", "noise_u_cd_m2")
+_OF_CELLS = ("l_av_cd_m2", "l_min_cd_m2", "l_max_cd_m2", "u_o", "average_to_min", "max_to_min")
+
+
+def summarise(result: Mapping[str, Any]) -> Summary:
+    """Return a stored result in figures; a row without a positive luminance leaves all rows without U_l."""
+    surface = result["surface"] or {}
+    return Summary(
+        signal=result["channel"],
+        column="cd_m2",
+        vignetting=result["vignetting"],
+        figures={
+            **{name: result[name] for name in _OF_REGION},
+            "min": result["smallest"],
+            "max": result["largest"],
+            "illuminance": result["illuminance_lx"],
+            "lens_share": result.get("lens_share"),
+            **{name: surface.get(name) for name in _OF_CELLS},
+            "u_l": surface["u_l"] if surface and all(surface["u_l"]) else None,
+            "grid_illuminance": surface.get("illuminance_lx"),
+            "seen_from": "above",
+            "seen_from_detail": codes.OBSERVER_DIFFERS.sentence,
+        },
+    )

@@ -64,6 +64,7 @@ SPEC: Final = MethodSpec(
         unit="1",
         options=("incidence_angle_deg", "index", "quantity"),
         conditions=GroundHeight,
+        summarise=measurement.summarise,
         read_formula=indices.read_formula,
         align_band=indices.align_band,
         flag_alignment=measurement.flag_alignment,

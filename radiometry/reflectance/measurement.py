@@ -26,6 +26,7 @@ from radiometry.reflectance.indices import Formula, compute, spread_plane
 from radiometry.reflectance.method import apply_features, choose_angle, choose_coefficient
 from radiometry.reflectance.points import MOST_SATURATED_SHARE
 from radiometry.reflectance.results import REFLECTANCE_UNIT, AppliedReflectance, Coefficient, Effect
+from radiometry.specification.application import Summary
 from radiometry.specification.parameters import later
 
 PERCENTILES = (5, 10, 90, 95)
@@ -377,3 +378,18 @@ def flag_alignment(alignment: Sequence[Alignment]) -> list[Raised]:
         for each in alignment
         if each.by == "lens_data"
     ]
+
+
+def summarise(result: Mapping[str, Any]) -> Summary:
+    """Return a stored result of a band, an index or a radiance in figures."""
+    if "index" in result:
+        index = {"name": result["index"], "formula": result.get("formula") or None, "bands": result["bands"]}
+        return Summary(
+            signal=result["index"], column="index_value", figures={"mean": result["value"], "index": index}
+        )
+    region = {name: result[name] for name in ("pixels", "mean", "median", "saturated_share")}
+    region |= {"min": result["smallest"], "max": result["largest"]}
+    if "radiance" in result:
+        band = result["radiance"]
+        return Summary(signal=band, column=None, figures={**region, "radiance": band})
+    return Summary(signal=result["band"], column="reflectance", figures={**region, "reflected": result})

@@ -4,11 +4,10 @@ Store and worker choose the way of a measurement by the class of the application
 is the function of that name in the method's package, where it is documented.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
-from radiometry.findings import Finding
 from radiometry.frame.roi import Polygon
 
 __all__ = [
@@ -17,6 +16,7 @@ __all__ = [
     "FoundBy",
     "FoundRegion",
     "PictureApplication",
+    "Summary",
     "SurfaceApplication",
 ]
 
@@ -54,9 +54,20 @@ class Correction:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Summary:
+    """A stored result of a measurement in the words and figures that answers, series and comparisons need."""
+
+    signal: str  # The channel, the band, the index or the planes
+    figures: Mapping[str, Any]  # By the names of the answer
+    column: str | None  # What its columns in a series are named after; None has none
+    vignetting: str = "file"  # What vignetting was corrected with
+
+
+@dataclass(frozen=True, kw_only=True)
 class Application:
     """Application of a version of a method to a later frame."""
 
+    summarise: Callable[[Mapping[str, Any]], Summary]
     quantity: str  # Quantity of the map that is made of a frame, and its unit
     unit: str
     # Options of a measurement that this method takes, beside region and products
@@ -88,8 +99,6 @@ class SurfaceApplication(Application):
     foresee: Function
     unforeseen: str  #: Code of the flag of such an f-number
     rim_px: int  #: Pixels around a block that `compute_map` needs
-    #: Flag of what is seen from above, where that is not what a standard's observer sees
-    view: Finding | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

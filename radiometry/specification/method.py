@@ -11,7 +11,7 @@ from radiometry.drawing.chart import draw_sheet
 from radiometry.drawing.figure import Figure, Plot
 from radiometry.findings import Finding, Raised
 from radiometry.frame.roi import Polygon
-from radiometry.specification.application import Application, Correction, FoundRegion
+from radiometry.specification.application import Application, Correction, FoundRegion, Summary
 from radiometry.specification.certificate import Budget, CertificateText, CoefficientKind, KeyFigure
 from radiometry.specification.exports import Export, RigSpec
 from radiometry.specification.parameters import Parameter, about, list_parameters
@@ -151,6 +151,12 @@ class MethodSpec:
     make_row: Callable[..., Any] = field(default=lambda evidence: evidence)
     #: `(fitted) -> mapping`, what a version holds for beside camera and lens, ready for JSON
     configure: Callable[..., Mapping[str, Any]] = field(default=lambda _: {})
+
+    def summarise(self, result: Mapping[str, Any]) -> Summary:
+        """Return a stored result of a measurement in the words and figures that others need."""
+        if self.application is None:
+            raise LookupError(f"{self.name} is not applied to later frames")
+        return self.application.summarise(result)
 
     def find_scope(self, name: str, flags: Collection[str]) -> Scope | None:
         """Return the scope of a coefficient's uncertainty.

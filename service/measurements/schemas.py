@@ -11,7 +11,6 @@ from radiometry.frame.multispectral import Alignment, LightBasis
 from radiometry.frame.place import Place, PlaceShare
 from radiometry.methods import get_method
 from radiometry.methods.findings import FINDINGS
-from radiometry.specification.application import PictureApplication, SurfaceApplication
 from radiometry.specification.method import Scope
 from service.calibrations.schemas import SCOPE_MEANING
 from service.http.models import Answer, FindingGroupAnswer, Instant, Quantity, group_flags
@@ -284,6 +283,7 @@ class MeasurementAnswer(Answer):
         flags += [FlagAnswer.model_validate(raised) for raised in list_passed(calibration, frame)]
         flags += _flags_of(status) + _flags_of_vignetting(of_vignetting)
         spec = get_method(row.method)
+        summary = spec.summarise(result)
         told = {raised.flag for raised in flags}
         scopes = [spec.find_scope(name, told) for name in sorted(spec.certificate.headlines)]
         budget = [(share["source"], share["variance_share"]) for share in result.get("budget", [])]
@@ -291,7 +291,10 @@ class MeasurementAnswer(Answer):
         return cls(
             **{name: getattr(row, name) for name in _FROM_ROW},
             **place,
-            **_figures(row),
+            **summary.figures,
+            signal=summary.signal,
+            vignetting=summary.vignetting,
+            grid=_describe_grid(row),
             camera_id=calibration.camera_id,
             frame_ids=[row.frame_id, *(each["frame_id"] for each in repeats)] if repeats else None,
             filename=frame.filename,
@@ -320,86 +323,18 @@ _FROM_ROW = (
     *("created_at", "created_by"),
 )
 _FROM_HEADER = ("taken_at", "latitude_deg", "longitude_deg", "altitude_m")
-_LIT = ("l_av_cd_m2", "l_min_cd_m2", "l_max_cd_m2", "u_o", "average_to_min", "max_to_min")
-_SHARED = ("pixels", "mean", "median", "saturated_share")
-_REFLECTED = ("band", "i_sq", "i_ss", "reflectance_k", "incidence_angle_deg", "shared_u", "noise_u")
-_OUTSIDE = ("below_zero_share", "above_one_share")
 
 
-def _figures(row: Measurement) -> dict[str, Any]:
-    result = row.result
-    application = get_method(row.method).application
-    if isinstance(application, SurfaceApplication):
-        view = application.view
-        return {
-            **({"seen_from": "above", "seen_from_detail": view.sentence} if view else {}),
-            **{name: result[name] for name in (*_SHARED, "vignetting", "shared_u_cd_m2", "noise_u_cd_m2")},
-            **_surface(row),
-            "min": result["smallest"],
-            "max": result["largest"],
-            "illuminance": result["illuminance_lx"],
-            "signal": result["channel"],
-            "lens_share": result.get("lens_share"),
-        }
-    if isinstance(application, PictureApplication):
-        undistorted = UndistortedAnswer.model_validate(result["undistorted"])
-        return {"undistorted": undistorted, "vignetting": "none", "signal": "".join(undistorted.planes)}
-    if "index" in result:
-        index = IndexAnswer(
-            name=result["index"],
-            formula=result.get("formula") or None,
-            bands=[_band(band) for band in result["bands"]],
-        )
-        return {"mean": result["value"], "index": index, "vignetting": "file", "signal": result["index"]}
-    if "radiance" in result:
-        return {
-            **{name: result[name] for name in (*_SHARED, "radiance")},
-            "min": result["smallest"],
-            "max": result["largest"],
-            "vignetting": "file",
-            "signal": result["radiance"],
-        }
-    return {
-        **{name: result[name] for name in _SHARED},
-        "min": result["smallest"],
-        "max": result["largest"],
-        "vignetting": "file",
-        "signal": result["band"],
-        "reflected": ReflectedAnswer(
-            **{name: result[name] for name in (*_REFLECTED, *_OUTSIDE)},
-            i_ss_oriented=result.get("i_ss_oriented"),
-            i_ss_basis=result.get("i_ss_basis"),
-        ),
-    }
-
-
-def _band(applied: dict[str, Any]) -> BandAnswer:
-    names = ("band", "i_sq", "i_ss", "reflectance_k", "reflectance")
-    return BandAnswer(
-        **{name: applied[name] for name in names},
-        i_ss_oriented=applied.get("i_ss_oriented"),
-        i_ss_basis=applied.get("i_ss_basis"),
-    )
-
-
-def _surface(row: Measurement) -> dict[str, Any]:
+def _describe_grid(row: Measurement) -> GridAnswer | None:
+    if not row.result.get("surface"):
+        return None
     surface = row.result["surface"]
-    if surface is None:
-        return {}
-    grid = row.parameters["grid"]
-    lines = surface["u_l"]
-    return {
-        "grid": GridAnswer(
-            **{name: value for name, value in grid.items() if name != "aspect"},
-            cell_model=surface["cell_model"],
-            cells=surface["cells"],
-            lanes=row.parameters.get("lanes"),
-        ),
-        **{name: surface[name] for name in _LIT},
-        # a row without a positive luminance has no ratio, and null is no answer
-        "u_l": lines if all(lines) else None,
-        "grid_illuminance": surface["illuminance_lx"],
-    }
+    return GridAnswer(
+        **{name: value for name, value in row.parameters["grid"].items() if name != "aspect"},
+        cell_model=surface["cell_model"],
+        cells=surface["cells"],
+        lanes=row.parameters.get("lanes"),
+    )
 
 
 def _links(row: Measurement) -> dict[str, str]:

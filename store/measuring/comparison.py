@@ -136,7 +136,7 @@ class Side:
 
     @property
     def mean(self) -> dict[str, Any]:
-        mean: dict[str, Any] = self.result["value"] if "index" in self.result else self.result["mean"]
+        mean: dict[str, Any] = get_method(self.measurement.method).summarise(self.result).figures["mean"]
         return mean
 
     @property

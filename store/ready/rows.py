@@ -13,7 +13,7 @@ from sqlalchemy import insert, select, update
 from sqlalchemy.orm import Session
 
 from radiometry.methods import get_method
-from radiometry.specification.application import PictureApplication, SurfaceApplication
+from radiometry.specification.application import SurfaceApplication
 from store.codec import read_applied
 from store.queries.frame_times import Zones, read_frame_time
 from store.tables import (
@@ -240,8 +240,6 @@ _FIGURES = {
     "max_to_min": "",
     "grid_illuminance": "lx",
 }
-_STORED = {"min": "smallest", "max": "largest", "illuminance": "illuminance_lx"}
-"""Names in a result that differ from those of the answer."""
 _PLACE = ("taken_at", "latitude_deg", "longitude_deg", "altitude_m")
 _PIXELS = ("mean", "min", "max", "median")
 _SHARES = ("below_zero_share", "above_one_share")
@@ -255,6 +253,12 @@ def _with_u(*names: str) -> Iterator[str]:
 
 
 _NAMES = {figure: f"{figure}_{unit}" if unit else figure for figure, unit in _FIGURES.items()}
+_COLUMNS_OF: Final[dict[str, dict[str, str]]] = {
+    "cd_m2": _NAMES,
+    "reflectance": {figure: f"{figure}_reflectance" for figure in _PIXELS},
+    "index_value": {"mean": "index_value"},
+}
+"""Columns of the figures of a measurement, by what its summary names them after."""
 COLUMNS = (
     *("id", "frame_id", "filename", *_PLACE),
     *("calibration_id", "calibration_version", "calibration_state", "region_origin", "pixels", "frames"),
@@ -305,6 +309,8 @@ def make_measured(
 
 def _describe(row: Measurement, frame: FrameRow, calibration: Calibration, camera: Camera) -> dict[str, Any]:
     result, header = row.result, frame.header or {}
+    summary = get_method(row.method).summarise(result)
+    reflected = summary.figures.get("reflected", {})
     cells: dict[str, Any] = {
         "id": row.id,
         "frame_id": row.frame_id,
@@ -326,36 +332,19 @@ def _describe(row: Measurement, frame: FrameRow, calibration: Calibration, camer
         "serial": camera.serial,
         "campaign_id": row.campaign_id,
         "method": row.method,
-        "vignetting": result.get("vignetting", "file"),
+        "vignetting": summary.vignetting,
+        # stored rows have no column for a radiance
+        "signal": f"radiance {summary.signal}" if "radiance" in summary.figures else summary.signal,
+        "index": summary.figures.get("index", {}).get("name"),
     }
-    application = get_method(row.method).application
-    if isinstance(application, PictureApplication):
-        return cells | {"vignetting": "none", "signal": "".join(result["undistorted"]["planes"])}
-    if isinstance(application, SurfaceApplication):
-        surface = result["surface"] or {}
-        found = {name: result.get(_STORED.get(name, name), surface.get(name)) for name in _FIGURES}
-        found["grid_illuminance"] = surface.get("illuminance_lx")
-        names, unit = _NAMES, "luminance"
-        cells |= {"signal": result["channel"]}
-    elif "index" in result:
-        found, names, unit = {"mean": result["value"]}, {"mean": "index_value"}, ""
-        cells |= {"signal": result["index"], "index": result["index"]}
-    elif "radiance" in result:
-        # stored rows have no column for it
-        return cells | {"signal": f"radiance {result['radiance']}"}
-    else:
-        found = {name: result[_STORED.get(name, name)] for name in _PIXELS}
-        names, unit = {name: f"{name}_reflectance" for name in _PIXELS}, "reflectance"
-        cells |= {"signal": result["band"], **{name: result.get(name) for name in (*_SHARES, *_LIGHT)}}
-    for figure, quantity in found.items():
-        if quantity is not None:
-            cells[names[figure]] = quantity["value"]
-            cells[f"{names[figure]}_standard_uncertainty"] = quantity["standard_uncertainty"]
-    suffix = "cd_m2" if unit == "luminance" else unit
+    for figure, column in _COLUMNS_OF.get(summary.column or "", {}).items():
+        if (quantity := summary.figures.get(figure)) is not None:
+            cells[column] = quantity["value"]
+            cells[f"{column}_standard_uncertainty"] = quantity["standard_uncertainty"]
     for entry in result.get("percentiles", ()):
-        if entry.get(unit):
-            cells[f"p{entry['percent']}_{suffix}"] = entry[unit]["value"]
-    return cells
+        for quantity in (each for name, each in entry.items() if name != "percent" and each):
+            cells[f"p{entry['percent']}_{summary.column}"] = quantity["value"]
+    return cells | {name: reflected.get(name) for name in (*_SHARES, *_LIGHT)}
 
 
 def _flags_of(raised: list[dict[str, Any]]) -> list[str]:
