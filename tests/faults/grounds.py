@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 from abc import abstractmethod
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 
@@ -63,8 +63,8 @@ class Ground(Deployment):
         """Lock the database against writes until the block ends."""
 
     @abstractmethod
-    def is_amid_a_transaction(self, pid: int) -> bool:
-        """Return whether this process, which is stopped, holds locks of the database."""
+    def is_amid_a_transaction(self, pids: Collection[int]) -> bool:
+        """Return whether one of these processes, which are stopped, holds locks of the database."""
 
     @abstractmethod
     def stored(self, sha256: str) -> bytes | None:
@@ -133,11 +133,12 @@ class EmbeddedGround(Ground, Embedded):
             yield
             held.execute("ROLLBACK")
 
-    def is_amid_a_transaction(self, pid: int) -> bool:
+    def is_amid_a_transaction(self, pids: Collection[int]) -> bool:
         # in a process of its own, as it opens and closes a file of the database
         code = "import sys; from store.pulse import find_stopped_writer as find; print(find(sys.argv[1]))"
         command = [sys.executable, "-c", code, f"sqlite:///{self.data / 'stilb.sqlite'}"]
-        return subprocess.run(command, capture_output=True, text=True, check=True).stdout == f"{pid}\n"
+        holder = subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+        return holder in map(str, pids)
 
     def stored(self, sha256: str) -> bytes | None:
         try:
@@ -256,7 +257,7 @@ class ComposedGround(Ground, Composed):
             _lock_tables(held)
             yield
 
-    def is_amid_a_transaction(self, _pid: int) -> bool:
+    def is_amid_a_transaction(self, _pids: Collection[int]) -> bool:
         held = "SELECT pid, xact_start FROM pg_stat_activity WHERE state = 'idle in transaction'"
         held += " AND datname = current_database() AND now() - state_change > interval '0.3 s'"
         with psycopg.connect(self._address, autocommit=True) as asking:

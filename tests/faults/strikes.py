@@ -4,7 +4,7 @@ import hashlib
 import os
 import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 
 import stilb
@@ -95,6 +95,13 @@ def messages_three_times(drill: Drill) -> Iterator[None]:
     yield
 
 
+def _send(pids: Iterable[int], number: int) -> None:
+    for pid in pids:
+        # it may have ended or been replaced meanwhile
+        with suppress(ProcessLookupError):
+            os.kill(pid, number)
+
+
 def frozen_past_its_lease(lease_s: float) -> Strike:
     """Stop a worker and its pool at work for longer than their leases last, then let them go on."""
 
@@ -102,13 +109,9 @@ def frozen_past_its_lease(lease_s: float) -> Strike:
     def strike(drill: Drill) -> Iterator[None]:
         drill.wait_until_at_work()
         pids = family(drill.ground.pid("worker"))
-        for pid in pids:
-            os.kill(pid, signal.SIGSTOP)
+        _send(pids, signal.SIGSTOP)
         drill.pause(1.5 * lease_s)
-        for pid in pids:
-            # It may have been replaced meanwhile.
-            with suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGCONT)
+        _send(pids, signal.SIGCONT)
         yield
 
     return strike
@@ -116,16 +119,16 @@ def frozen_past_its_lease(lease_s: float) -> Strike:
 
 @contextmanager
 def stopped_amid_a_transaction(drill: Drill) -> Iterator[None]:
-    """Stop the worker for good while it holds locks of the database, for which all others wait."""
+    """Stop the worker and its pool for good while one holds locks of the database, for which all others wait."""
     drill.wait_until_at_work()
     pid = drill.ground.pid("worker")
 
     def stopped() -> bool:
-        with suppress(ProcessLookupError):
-            os.kill(pid, signal.SIGSTOP)
-            if drill.ground.is_amid_a_transaction(pid):
-                return True
-            os.kill(pid, signal.SIGCONT)
+        pids = family(pid)
+        _send(pids, signal.SIGSTOP)
+        if drill.ground.is_amid_a_transaction(pids):
+            return True
+        _send(pids, signal.SIGCONT)
         return False
 
     drill.ground.wait_until(stopped, "a worker amid a transaction")
