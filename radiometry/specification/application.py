@@ -16,7 +16,6 @@ __all__ = [
     "FoundBy",
     "FoundRegion",
     "PictureApplication",
-    "Summary",
     "SurfaceApplication",
 ]
 
