@@ -119,7 +119,7 @@ def frozen_past_its_lease(lease_s: float) -> Strike:
 
 @contextmanager
 def stopped_amid_a_transaction(drill: Drill) -> Iterator[None]:
-    """Stop the worker and its pool for good while one holds locks of the database that all others wait for."""
+    """Stop the worker and its pool for good while one holds locks that all others wait for."""
     drill.wait_until_at_work()
     pid = drill.ground.pid("worker")
 
