@@ -2,7 +2,7 @@
 
 import logging
 from threading import Lock
-from typing import Any
+from typing import Any, Final
 
 from fastapi import FastAPI, Request, Response
 from fastapi.middleware.cors import CORSMiddleware
@@ -106,6 +106,9 @@ def build_app(context: Context) -> FastAPI:
     return app
 
 
+PAGES: Final = (rendering.router, sign_in.router, documentation.router, cameras.router, pages.router)
+
+
 def _include_routers(app: FastAPI) -> None:
     for usual in coefficients.ready_router.routes:
         if isinstance(usual, APIRoute):
@@ -122,8 +125,7 @@ def _include_routers(app: FastAPI) -> None:
         *(jobs.events_router, jobs.router, campaigns.checklist_router, certificates.router),
         *(organisation.router, organisation.audit_router, history.router, history.recalls_router),
         *(motion.router, tools.router),
-        # pages
-        *(rendering.router, sign_in.router, documentation.router, cameras.router, pages.router),
+        *PAGES,
     ):
         app.include_router(router)
 

@@ -6,8 +6,8 @@ import pytest
 from fastapi import FastAPI
 from fastapi.routing import iter_route_contexts
 from playwright.sync_api import expect
-from service.pages.pages import include_pages
 
+from service.http.app import PAGES
 from tests.support.browser import DIALOG, WIDTHS, check_access, launch, look, settle, sign_in, visit
 
 NO_PAGES = ("/static/", "/plots/", "/docs/pictures/")
@@ -17,7 +17,8 @@ ELSEWHERE = {"/rigs/{rig_id}", "/sign-in", "/openapi.json"}
 
 def list_pages() -> list[str]:
     app = FastAPI(openapi_url=None)
-    include_pages(app)
+    for router in PAGES:
+        app.include_router(router)
     paths = {each.path for each in iter_route_contexts(app.routes) if "GET" in (each.methods or ())}
     return sorted(path for path in paths - ELSEWHERE if not path.startswith(NO_PAGES))
 
