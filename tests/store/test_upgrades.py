@@ -10,6 +10,7 @@ import re
 from pathlib import Path
 
 import pytest
+from packaging.version import Version
 from sqlalchemy import Boolean, LargeBinary, MetaData, text
 
 from service.documents.issuing import Backlog
@@ -111,7 +112,8 @@ def test_rows_of_a_release_are_answered_as_it_answered_them(release, empty, tmp_
     assert check_audit([]) == 0
 
 
-@pytest.mark.parametrize("release", CHANGES)
+# from 0.3.0 on publishing issues them
+@pytest.mark.parametrize("release", [each for each in CHANGES if Version(each) < Version("0.3.0")])
 def test_certificates_of_a_release_are_issued_once(release, empty, tmp_path, request, monkeypatch):
     """On SQLite with files on the disk, on PostgreSQL with files in S3."""
     recorded = upgrade(empty, release)
