@@ -204,6 +204,17 @@ def computing(house, monkeypatch, frame):
     thread.join(10)
 
 
+def test_a_job_that_cannot_begin_costs_no_attempt(house, frames):
+    database = Away(house.database)
+    database.away = True
+    context = replace(house.worker, database=database)
+    assert run(context, frames[0]["job_id"]) == {"state": "dropped"}
+    assert states(house, frames[:1]) == ["queued"]
+    database.away = False
+    assert run(context, frames[0]["job_id"])["state"] == "succeeded"
+    assert house.get(f"/v1/jobs/{frames[0]['job_id']}")["attempt"] == 1
+
+
 def test_what_was_computed_is_stored_when_the_database_is_back(house, frames, caplog, monkeypatch):
     caplog.set_level(logging.WARNING)
     with computing(house, monkeypatch, frames[0]):
