@@ -96,7 +96,7 @@ def find_stopped_writer(url: str) -> int | None:
 
     Only for a process that never opens the database: as it closes the file, its own locks on it would go.
     """
-    scheme, _, path = url.partition(":///")
+    scheme, _, path = url.partition("?")[0].partition(":///")
     if scheme != "sqlite" or sys.platform != "linux":
         return None
     try:
