@@ -35,6 +35,9 @@ def main(scale: Scale, *names: str) -> int:
             "start": lambda: workers.run_start(scale),
             "cuts": uploads.run_cuts,
         }
+        if strange := set(names) - parts.keys():
+            say(f"no benchmark is called {', '.join(sorted(strange))}; there are {', '.join(parts)}")
+            return 2
         for name in names or [each for each in parts if each != "cuts"]:
             part_began = time.monotonic()
             verdicts += parts[name]()
