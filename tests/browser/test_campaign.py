@@ -114,8 +114,9 @@ def move_to_dusk_and_undo(page, frame_id):
     while not late:
         page.wait_for_timeout(20)
     ((asked, answer),) = late
-    with page.expect_request("**/grid?*"):
+    with page.expect_event("requestfinished", lambda request: request == asked.request):
         asked.fulfill(response=answer)
+    page.wait_for_timeout(500)
     assert "dusk" not in (page.evaluate("window.shown") or "")
 
 
