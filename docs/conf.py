@@ -2,7 +2,10 @@
 
 import sys
 import tomllib
+from inspect import isfunction
 from pathlib import Path
+
+from sphinx.application import Sphinx
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
@@ -38,3 +41,15 @@ exclude_patterns = ["reference/*/modules.rst"]
 
 # docutils: names between bars in formulae, as |d|; ref.python: one name in several dataclasses
 suppress_warnings = ["docutils", "ref.python"]
+
+
+def _leave_out_inner(*event: object) -> bool | None:
+    """Keep to the functions of the science that other rooms import: those have sections."""
+    shown = event[3]
+    inner = isfunction(shown) and shown.__module__.startswith("radiometry.")
+    return True if inner and "Parameters\n" not in (shown.__doc__ or "") else None
+
+
+def setup(app: Sphinx) -> None:
+    """Leave out of the reference what only its own room calls."""
+    app.connect("autodoc-skip-member", _leave_out_inner)

@@ -6,8 +6,6 @@ from typing import Final, Literal
 
 from radiometry.drawing.text import name_few, sort_naturally, write_exposure
 
-__all__ = ["ITEMS", "Facts", "Finding", "FrameFacts", "IsoFacts", "Item", "VersionFacts", "find"]
-
 Source = Literal["campaign", "frames", "readings", "region", "statistics", "version"]
 
 ISOS: Final = (3200.0, 6400.0, 12800.0, 25600.0)

@@ -12,23 +12,6 @@ from radiometry.frame.grid import find_homography
 from radiometry.frame.opencv import cv2
 from radiometry.frame.statistics import GREY
 
-__all__ = [
-    "COVERAGE",
-    "MOST_LEVELS",
-    "MOST_VERTICES",
-    "TOLERANCE",
-    "Isoline",
-    "PixelUncertainty",
-    "choose_levels",
-    "choose_step",
-    "find_likeness",
-    "is_ragged",
-    "place_on_earth",
-    "place_on_road",
-    "read_uncertainty",
-    "trace_isolines",
-]
-
 Array = NDArray[np.float64]
 Line = NDArray[np.float64]
 

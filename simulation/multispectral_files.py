@@ -8,28 +8,9 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from xml.sax.saxutils import escape
 
-from radiometry.frame import FrameHeader
-from radiometry.frame.multispectral import (
-    Multispectral,
-    RigGeometry,
-    SunshineCounts,
-    SunshineIrradiance,
-    VignettingPolynomial,
-)
+from radiometry.frame import FrameHeader, multispectral
+from simulation import dng
 from simulation.camera import Taken
-from simulation.dng import (
-    ASCII,
-    BYTE,
-    LONG,
-    RATIONAL,
-    SHORT,
-    Entries,
-    TiffWriter,
-    append_strip,
-    approximate,
-    describe_exposure,
-    describe_image,
-)
 from simulation.sequoia import PIXELS_PER_MM
 
 _RECORD = struct.Struct("<QHHHHfff")
@@ -56,58 +37,58 @@ def name_file(number: int, header: FrameHeader) -> str:
 def write_sequoia(path: Path, shot: Taken) -> None:
     """Write one band, from which a reader gets the same header and the same samples."""
     band = read_band(shot.header)
-    tags: Entries = {
-        50714: (RATIONAL, (round(shot.header.black_level_dn[0] * 10_000), 10_000)),  # BlackLevel
-        50735: (ASCII, shot.header.serial),  # CameraSerialNumber
+    tags: dng.Entries = {
+        50714: (dng.RATIONAL, (round(shot.header.black_level_dn[0] * 10_000), 10_000)),  # BlackLevel
+        50735: (dng.ASCII, shot.header.serial),  # CameraSerialNumber
     }
     # The camera writes its monotonic clock, that of the sunshine records, as the time of digitisation.
     clock = datetime.fromtimestamp(0, UTC) + timedelta(microseconds=band.exposed_at_us or 0)
-    exif: Entries = {
-        36868: (ASCII, f"{clock:%Y:%m:%d %H:%M:%S}"),  # DateTimeDigitized
-        37522: (ASCII, f"{clock:%f}"),  # SubSecTimeDigitized
-        41486: (RATIONAL, approximate(PIXELS_PER_MM)),  # FocalPlaneXResolution
-        41487: (RATIONAL, approximate(PIXELS_PER_MM)),  # FocalPlaneYResolution
-        41488: (SHORT, 4),  # FocalPlaneResolutionUnit: millimetres
+    exif: dng.Entries = {
+        36868: (dng.ASCII, f"{clock:%Y:%m:%d %H:%M:%S}"),  # DateTimeDigitized
+        37522: (dng.ASCII, f"{clock:%f}"),  # SubSecTimeDigitized
+        41486: (dng.RATIONAL, dng.approximate(PIXELS_PER_MM)),  # FocalPlaneXResolution
+        41487: (dng.RATIONAL, dng.approximate(PIXELS_PER_MM)),  # FocalPlaneYResolution
+        41488: (dng.SHORT, 4),  # FocalPlaneResolutionUnit: millimetres
     }
     write_band(path, shot, packet=_packet(_describe_sequoia(band), _SEQUOIA_ADDRESSES), exif=exif, tags=tags)
 
 
-def write_band(path: Path, shot: Taken, *, packet: bytes, exif: Entries, tags: Entries) -> None:
+def write_band(path: Path, shot: Taken, *, packet: bytes, exif: dng.Entries, tags: dng.Entries) -> None:
     """Write one band with its XMP packet, and the entries that its maker adds."""
     header, samples = shot.header, shot.frame.samples_dn
-    writer = TiffWriter()
+    writer = dng.TiffWriter()
     taken_at = datetime.fromisoformat(header.taken_at or "")
-    exposure = describe_exposure(shot.exposure.on_basis("nominal"), taken_at)
+    exposure = dng.describe_exposure(shot.exposure.on_basis("nominal"), taken_at)
     tags |= {
-        271: (ASCII, header.make),
-        272: (ASCII, header.model),
-        305: (ASCII, header.software),
-        700: (BYTE, packet),  # XMP
-        34665: (LONG, writer.directory(exposure | exif)),
-        34853: (LONG, writer.directory(_locate(header))),
+        271: (dng.ASCII, header.make),
+        272: (dng.ASCII, header.model),
+        305: (dng.ASCII, header.software),
+        700: (dng.BYTE, packet),  # XMP
+        34665: (dng.LONG, writer.directory(exposure | exif)),
+        34853: (dng.LONG, writer.directory(_locate(header))),
     }
-    image = describe_image(samples, photometric=1) | append_strip(writer, samples)
+    image = dng.describe_image(samples, photometric=1) | dng.append_strip(writer, samples)
     path.write_bytes(writer.finish(writer.directory(image | tags)))
 
 
-def read_band(header: FrameHeader) -> Multispectral:
+def read_band(header: FrameHeader) -> multispectral.Multispectral:
     """Return what the header of a simulated frame says of its band."""
     assert header.multispectral is not None  # noqa: S101  every simulated rig has one
     return header.multispectral
 
 
-def _locate(header: FrameHeader) -> Entries:
+def _locate(header: FrameHeader) -> dng.Entries:
     """Return the GPS entries of a position."""
     latitude, longitude = header.latitude_deg or 0.0, header.longitude_deg or 0.0
     return {
-        1: (ASCII, "N" if latitude >= 0.0 else "S"),
-        2: (RATIONAL, [approximate(abs(latitude)), (0, 1), (0, 1)]),
-        3: (ASCII, "E" if longitude >= 0.0 else "W"),
-        4: (RATIONAL, [approximate(abs(longitude)), (0, 1), (0, 1)]),
+        1: (dng.ASCII, "N" if latitude >= 0.0 else "S"),
+        2: (dng.RATIONAL, [dng.approximate(abs(latitude)), (0, 1), (0, 1)]),
+        3: (dng.ASCII, "E" if longitude >= 0.0 else "W"),
+        4: (dng.RATIONAL, [dng.approximate(abs(longitude)), (0, 1), (0, 1)]),
     }
 
 
-def _describe_sequoia(band: Multispectral) -> Values:
+def _describe_sequoia(band: multispectral.Multispectral) -> Values:
     model = band.sensor_model
     return {
         "Camera:BandName": band.band_name,
@@ -145,7 +126,7 @@ def _write(value: Value) -> str:
     return ",".join(map(repr, value)) if isinstance(value, tuple) else repr(value)
 
 
-def _lens(lens: VignettingPolynomial | None) -> Values:
+def _lens(lens: multispectral.VignettingPolynomial | None) -> Values:
     if lens is None:
         return {}
     powers = ",".join(str(power) for pair in lens.exponents for power in pair)
@@ -155,7 +136,7 @@ def _lens(lens: VignettingPolynomial | None) -> Values:
     }
 
 
-def _sunshine(counts: SunshineCounts | None) -> Values:
+def _sunshine(counts: multispectral.SunshineCounts | None) -> Values:
     """Return the readings as records of 28 bytes, and the counts at each gain under one light."""
     if counts is None:
         return {}
@@ -180,7 +161,7 @@ def _sunshine(counts: SunshineCounts | None) -> Values:
     }
 
 
-def _rig(geometry: RigGeometry | None) -> Values:
+def _rig(geometry: multispectral.RigGeometry | None) -> Values:
     if geometry is None:
         return {}
     x_px, y_px = geometry.principal_point_px
@@ -207,12 +188,12 @@ def write_rig(path: Path, shot: Taken) -> None:
     """Write one band, from which a reader gets the same header and the same samples."""
     band = read_band(shot.header)
     lens = band.geometry
-    exif: Entries = {42033: (ASCII, shot.header.serial)}  # BodySerialNumber
+    exif: dng.Entries = {42033: (dng.ASCII, shot.header.serial)}  # BodySerialNumber
     if lens is not None and lens.pixels_per_mm is not None and band.gain_model is None:
         exif |= {
-            41486: (RATIONAL, approximate(lens.pixels_per_mm[0])),  # FocalPlaneXResolution
-            41487: (RATIONAL, approximate(lens.pixels_per_mm[1])),  # FocalPlaneYResolution
-            41488: (SHORT, 4),  # FocalPlaneResolutionUnit: millimetres
+            41486: (dng.RATIONAL, dng.approximate(lens.pixels_per_mm[0])),  # FocalPlaneXResolution
+            41487: (dng.RATIONAL, dng.approximate(lens.pixels_per_mm[1])),  # FocalPlaneYResolution
+            41488: (dng.SHORT, 4),  # FocalPlaneResolutionUnit: millimetres
         }
     assert band.irradiance is not None  # noqa: S101  every simulated rig has one
     values: Values = {
@@ -222,11 +203,11 @@ def write_rig(path: Path, shot: Taken) -> None:
         "Camera:RigCameraIndex": band.rig_camera_index,
         **(_describe_dji if band.gain_model else _describe_micasense)(band, band.irradiance),
     }
-    black: Entries = {50714: (SHORT, round(shot.header.black_level_dn[0]))}  # BlackLevel
+    black: dng.Entries = {50714: (dng.SHORT, round(shot.header.black_level_dn[0]))}  # BlackLevel
     write_band(path, shot, packet=_packet(values, _ADDRESSES), exif=exif, tags=black)
 
 
-def _describe_micasense(band: Multispectral, light: SunshineIrradiance) -> Values:
+def _describe_micasense(band: multispectral.Multispectral, light: multispectral.SunshineIrradiance) -> Values:
     model, lens, radial, flat = (
         band.radiance_model,
         band.geometry,
@@ -272,7 +253,7 @@ def _describe_micasense(band: Multispectral, light: SunshineIrradiance) -> Value
     return values
 
 
-def _describe_dji(band: Multispectral, light: SunshineIrradiance) -> Values:
+def _describe_dji(band: multispectral.Multispectral, light: multispectral.SunshineIrradiance) -> Values:
     model, lens, gain = band.gain_model, band.geometry, band.radial_gain
     assert model is not None  # noqa: S101  every simulated rig has these
     assert gain is not None  # noqa: S101

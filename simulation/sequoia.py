@@ -9,16 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from radiometry.frame import multispectral
 from radiometry.frame.exposure import Settings
-from radiometry.frame.multispectral import (
-    GainMeasurement,
-    Multispectral,
-    RigGeometry,
-    SensorModel,
-    SunshineCounts,
-    SunshineRecord,
-    VignettingPolynomial,
-)
 from radiometry.frame.roi import Window
 from radiometry.reflectance.sun import Tilt, level_factor, sun_angle_deg
 from radiometry.reflectance.sunshine import SATURATED_COUNT
@@ -45,7 +37,7 @@ class SunshineSensor:
 
     def count(
         self, i_ss: float, random: np.random.Generator, *, gain_indices: Sequence[int]
-    ) -> SunshineCounts:
+    ) -> multispectral.SunshineCounts:
         """Draw readings 0.2 s apart of a light ``i_ss`` [counts/s at gain index 1]: whole, 65535 at most."""
         yaw, pitch, roll = self.attitude_deg
         if self.tilt is not None:
@@ -55,7 +47,7 @@ class SunshineSensor:
         for number, index in enumerate(gain_indices):
             counts = self.gains[index] * i_ss * (1.0 + self.sunshine_noise_rel * random.standard_normal())
             records.append(
-                SunshineRecord(
+                multispectral.SunshineRecord(
                     time_us=100_000_000 + number * _STEP_US,
                     ch0=_whole(_INTEGRATION_S * counts),
                     ch1=_whole(_INTEGRATION_S * counts / 5.0),
@@ -67,7 +59,7 @@ class SunshineSensor:
                 )
             )
         table = tuple(
-            GainMeasurement(
+            multispectral.GainMeasurement(
                 gain_index=index,
                 integration_time_s=_TABLE_TIME_S,
                 ch0=_whole(self.table_counts * gain),
@@ -75,7 +67,9 @@ class SunshineSensor:
             )
             for index, gain in enumerate(self.gains)
         )
-        return SunshineCounts(record_bytes=28, cut_short=False, records=tuple(records), gains=table)
+        return multispectral.SunshineCounts(
+            record_bytes=28, cut_short=False, records=tuple(records), gains=table
+        )
 
 
 def _whole(counts: float) -> int:
@@ -142,7 +136,7 @@ PIXELS_PER_MM = 256.0
 F_NUMBER = 2.2
 
 # A real lens's polynomial, as Parrot's forum published it.
-LENS = VignettingPolynomial(
+LENS = multispectral.VignettingPolynomial(
     exponents=(
         *((power, 0) for power in range(5)),
         *((0, power) for power in range(1, 5)),
@@ -163,14 +157,14 @@ class Band:
 
     reflectance_k: float
     wavelength_nm: float
-    model: SensorModel
+    model: multispectral.SensorModel
     iso: float
     rig_camera_index: int
     rotation_deg: tuple[float, float, float]
 
 
 def _band(k: float, nm: float, abc: tuple[float, float, float], iso: float, rig: int) -> Band:
-    model = SensorModel(a=abc[0], b=abc[1], c=abc[2])
+    model = multispectral.SensorModel(a=abc[0], b=abc[1], c=abc[2])
     turned = ((0.0, 0.0, 0.0), (-0.18, -0.12, -0.02), (-0.01, -0.39, 0.05), (-0.43, -0.32, -0.03))[rig]
     return Band(
         reflectance_k=k, wavelength_nm=nm, model=model, iso=iso, rig_camera_index=rig, rotation_deg=turned
@@ -264,7 +258,7 @@ def capture(
             software=camera.body.software,
             latitude_deg=50.85,
             longitude_deg=4.35,
-            multispectral=Multispectral(
+            multispectral=multispectral.Multispectral(
                 system="sequoia",
                 band=name,
                 band_name=name,
@@ -277,7 +271,7 @@ def capture(
                 sunshine_serial=sequoia.sunshine.sunshine_serial,
                 counts=counts,
                 exposed_at_us=exposed_at_us,
-                geometry=RigGeometry(
+                geometry=multispectral.RigGeometry(
                     model="fisheye",
                     principal_point_px=(camera.sensor.width_px / 2.0, camera.sensor.height_px / 2.0),
                     fisheye_affine=(1657.9, 0.0, 0.0, 1657.9),

@@ -11,9 +11,6 @@ from typing import Final, Self
 from radiometry.drawing.figure import Axis, Figure, Mark, Series
 from radiometry.drawing.text import shorten, write_tick
 
-__all__ = ["BAR_PX", "WIDEST_PX", "document", "find_step"]
-
-
 _STEPS = (1.0, 2.0, 5.0, 10.0)
 _LEAST_TICKS, _MOST_TICKS = 3, 8
 _ROUNDING_PX: Final = 1e-6

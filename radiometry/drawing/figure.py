@@ -5,8 +5,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-__all__ = ["Axis", "Cell", "Figure", "Mark", "Series"]
-
 MOST: Final = 100  # Figures of a plot that is printed whole
 
 

@@ -5,16 +5,6 @@ import re
 from collections.abc import Iterable
 from typing import Final
 
-__all__ = [
-    "in_step",
-    "label_axis",
-    "natural_key",
-    "sort_naturally",
-    "write_exposure",
-    "write_quantity",
-    "write_unit",
-]
-
 _PLAIN: Final = (1e-4, 1e7)
 _THIN: Final = "\N{THIN SPACE}"
 _RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

@@ -6,8 +6,6 @@ from typing import Literal, Self
 
 from radiometry.specification.parameters import about
 
-__all__ = ["Finding", "InputRejected", "Place", "Raised", "Reason", "Severity"]
-
 Outcome = Literal["pass", "warn", "fail", "pending"]
 Severity = Literal["warn", "pending", "fail", "error"]
 Place = Literal[

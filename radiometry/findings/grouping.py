@@ -7,8 +7,6 @@ from typing import Any, Final
 from radiometry.findings import Finding, Severity
 from radiometry.specification.parameters import about
 
-__all__ = ["FindingGroup", "Occurrence", "advise", "group_findings"]
-
 MOST_SUBJECTS: Final = 100
 _RANKS: Final[Mapping[Severity, int]] = {"error": 0, "fail": 0, "pending": 1, "warn": 2}
 

@@ -8,19 +8,6 @@ from typing import Literal
 from radiometry.fitting.evidence import Quantity
 from radiometry.specification.parameters import about
 
-__all__ = [
-    "FOCUS",
-    "STRAY",
-    "SUBTRACTED",
-    "Budgeted",
-    "Comparison",
-    "MeasuredChange",
-    "compare_measured",
-    "compare_quantities",
-    "scale_effects",
-    "sign_effects",
-]
-
 PERCENT = "%"
 
 

@@ -8,20 +8,9 @@ import numpy as np
 import scipy
 from numpy.linalg import LinAlgError
 
-from radiometry.fitting import sources
+from radiometry.fitting import gls, sources
 from radiometry.fitting.components import Matrix, Vector, index_labels
-from radiometry.fitting.gls import (
-    Converged,
-    Prediction,
-    Rows,
-    are_separable,
-    leave_groups_out,
-    predict_errors,
-    solve,
-)
 from radiometry.fitting.sources import F_NUMBER, READING, SCATTER, TAIL_DOF, TAIL_FACTOR, Curve, list_sources
-
-__all__ = ["coverage_factor"]
 
 # Relative standard uncertainty of a nominal f-number that nothing is known of. Nominal values are rounded by
 # up to 2.8 % (f/11 for 11.314), which as a rectangular distribution is 2.8 / sqrt(3) %.
@@ -46,7 +35,7 @@ class CurveFit:
     k_shares: dict[str, tuple[str, float]]
     # Errors at any f-number, then at each f-number of the points, rising; the first alone for "semilog", and
     # for points that do not tell f-numbers apart
-    predictions: tuple[Prediction, ...]
+    predictions: tuple[gls.Prediction, ...]
     # Relative standard uncertainty of one meter reading, given or estimated; None if the model does not use
     # one
     repeatability_u_rel: float | None
@@ -142,12 +131,12 @@ def _complete(curve: Curve, model: str, theta: Vector) -> Curve:
     linear = sources.linearise(model, curve.rhs, curve.signal_dn, theta)
     if linear is not None and len(set(curve.f_numbers)) >= _FEWEST_F_NUMBERS and model != "semilog":
         components = list_sources(curve, linear, model=model, scattered=False)
-        if are_separable(linear.design, [each for each in components if each.variance is None]):
+        if gls.are_separable(linear.design, [each for each in components if each.variance is None]):
             return curve
     return replace(curve, f_number_u_rel=F_NUMBER_U_REL)
 
 
-def _converge(curve: Curve, model: str, theta: Vector, *, scattered: bool) -> Converged | None:
+def _converge(curve: Curve, model: str, theta: Vector, *, scattered: bool) -> gls.Converged | None:
     """Update the weights until the parameters converge; None if they do not, or if no weights are left."""
     start: Sequence[float] | None = None
     for _ in range(_MAX_ITERATIONS):
@@ -156,13 +145,13 @@ def _converge(curve: Curve, model: str, theta: Vector, *, scattered: bool) -> Co
             return None
         components = list_sources(curve, linear, model=model, scattered=scattered)
         try:
-            solution = solve(linear.design, linear.response, components, start=start)
+            solution = gls.solve(linear.design, linear.response, components, start=start)
         except LinAlgError:
             return None
         step = np.abs(linear.design @ (solution.parameters - theta))
         theta, start = solution.parameters, solution.variances
         if model == "semilog" or np.max(step) < _RELATIVE_TOLERANCE:
-            return Converged(linear=linear, components=components, solution=solution)
+            return gls.Converged(linear=linear, components=components, solution=solution)
     return None
 
 
@@ -175,33 +164,33 @@ def linearise_curve(curve: Curve, model: str, theta: Vector) -> sources.LinearMo
     return replace(linear, response=linear.response + back)
 
 
-def _add_scatter(curve: Curve, model: str, theta: Vector) -> Converged | None:
+def _add_scatter(curve: Curve, model: str, theta: Vector) -> gls.Converged | None:
     """Fit with the scatter between frames estimated too; None if the points do not determine it."""
     linear = linearise_curve(curve, model, theta)
     if linear is None or curve.scatter_u_rel is not None:
         return None
     components = list_sources(curve, linear, model=model, scattered=True)
-    if not are_separable(linear.design, [each for each in components if each.variance is None]):
+    if not gls.are_separable(linear.design, [each for each in components if each.variance is None]):
         return None
     found = _converge(curve, model, theta, scattered=True)
     return found if found is not None and found.find_u(SCATTER) > 0.0 else None
 
 
-def _by_stated(converged: Converged) -> float:
+def _by_stated(converged: gls.Converged) -> float:
     """Return chi^2 without the scatter between frames, each other source with the variance found for it."""
     variances = zip(converged.components, converged.solution.variances, strict=True)
     known = [replace(part, variance=variance) for part, variance in variances if part.source != SCATTER]
-    return solve(converged.linear.design, converged.linear.response, known).chi_squared
+    return gls.solve(converged.linear.design, converged.linear.response, known).chi_squared
 
 
-def _judge(curve: Curve, model: str, converged: Converged, stated_chi_squared: float) -> CurveFit:
+def _judge(curve: Curve, model: str, converged: gls.Converged, stated_chi_squared: float) -> CurveFit:
     """Compare the scatter with the uncertainties, and list the contributions to K's variance."""
     solution, dof, theta = converged.solution, converged.dof, converged.solution.parameters
     weighed = model != "semilog"
     excess = max(1.0, solution.chi_squared / dof) if weighed else 1.0
     # weights that were chosen by the residuals claim too much of the scatter
     factors = excess, TAIL_FACTOR if np.ptp(curve.scatter_weights) else 1.0
-    shares, general = predict_errors(converged, model, factors)
+    shares, general = gls.predict_errors(converged, model, factors)
     rate, u_rate = converged.predict_dark_rate(curve)
     f_numbers = sorted(set(curve.f_numbers)) if weighed else []
     estimated = sum(component.variance is None for component in converged.components)
@@ -215,7 +204,7 @@ def _judge(curve: Curve, model: str, converged: Converged, stated_chi_squared: f
         k_shares=shares,
         predictions=(
             general,
-            *(predict_errors(converged, model, factors, at)[1] for at in enumerate(f_numbers)),
+            *(gls.predict_errors(converged, model, factors, at)[1] for at in enumerate(f_numbers)),
         ),
         repeatability_u_rel=converged.find_u(READING) if weighed else None,
         f_number_u_rel=converged.find_u(F_NUMBER) if weighed else None,
@@ -233,7 +222,7 @@ def _judge(curve: Curve, model: str, converged: Converged, stated_chi_squared: f
     )
 
 
-def _square(rows: Rows) -> Matrix:
+def _square(rows: gls.Rows) -> Matrix:
     matrix = np.array(rows)
     return np.asarray(matrix @ matrix.T, np.float64)
 
@@ -259,7 +248,7 @@ def leave_scenes_out(fit: CurveFit, curve: Curve) -> list[float] | None:
     )
     components = list_sources(known, linear, model=fit.model, scattered=False)
     try:
-        rest = leave_groups_out(linear.design, linear.response, components, scenes)
+        rest = gls.leave_groups_out(linear.design, linear.response, components, scenes)
     except LinAlgError:
         return None
     f_numbers = index_labels(curve.f_numbers)

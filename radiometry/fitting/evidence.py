@@ -12,16 +12,6 @@ from radiometry.frame.roi import Polygon
 from radiometry.frame.statistics import ChannelStatistics
 from radiometry.specification.parameters import about, later
 
-__all__ = [
-    "CoefficientValue",
-    "Exclusion",
-    "Extracted",
-    "FieldCorrection",
-    "FrameEvidence",
-    "Quantity",
-    "Region",
-]
-
 F = TypeVar("F")
 
 MOST_DOF = 1e6  # Effective degrees of freedom of an uncertainty that is not limited by them

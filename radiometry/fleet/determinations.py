@@ -12,9 +12,6 @@ from numpy.typing import NDArray
 
 from radiometry.specification.parameters import about
 
-__all__ = ["Determination", "Key", "LeftOut", "Source", "keep_repeats"]
-
-
 _HOLDS_FOR = about("What the parameter holds for; None where it holds for all.")
 
 

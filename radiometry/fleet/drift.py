@@ -15,8 +15,6 @@ from radiometry.fleet.results import NOT_SHARED, Tolerance, find_sensitivity, is
 from radiometry.specification.exports import RigMember
 from radiometry.specification.parameters import about
 
-__all__ = ["Drift", "RigStability", "RigVersion", "compare_sets", "group_sets", "judge_drift"]
-
 Stability = Literal["stable", "drifts", "cannot_tell"]
 
 CONFIDENCE = 0.95

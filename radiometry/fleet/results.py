@@ -17,18 +17,6 @@ from radiometry.fleet.determinations import Determination, Effects, Grouping, Ke
 from radiometry.methods import get_method
 from radiometry.specification.parameters import about
 
-__all__ = [
-    "PERCENT",
-    "Deviation",
-    "Effect",
-    "FleetVerdict",
-    "Outcome",
-    "ParameterVerdict",
-    "find_sensitivity",
-    "main_unit",
-]
-
-
 Vector = NDArray[np.float64]
 Outcome = Literal["shared", "per_camera", "cannot_tell"]
 

@@ -20,8 +20,6 @@ from radiometry.fleet.determinations import (
     keep_repeats,
 )
 from radiometry.fleet.results import (
-    LEAST_DOF,
-    NOT_SHARED,
     Deviation,
     Effect,
     FleetVerdict,
@@ -30,15 +28,7 @@ from radiometry.fleet.results import (
     ParameterVerdict,
     Sensitivity,
     Tolerance,
-    count_repeats,
-    find_flags,
-    find_sensitivity,
-    is_clear_of_zero,
-    judge_deviations,
-    main_unit,
 )
-
-__all__ = ["judge_fleet"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +43,7 @@ class _Analysis:
 
     @property
     def testable(self) -> bool:
-        return self.effects.dof >= LEAST_DOF and self.effects.within_variance > 0.0
+        return self.effects.dof >= results.LEAST_DOF and self.effects.within_variance > 0.0
 
     @property
     def contrasts(self) -> Matrix:
@@ -75,7 +65,7 @@ class _Analysis:
         """Make both tests, where they are possible."""
         if not self.testable or self.sensitivity is None or self.tolerance is None:
             return None
-        return judge_deviations(
+        return results.judge_deviations(
             deviations * self.sensitivity.factor,
             self.effects.standard_errors(contrasts) * self.sensitivity.factor,
             dof=self.effects.dof,
@@ -97,7 +87,7 @@ def judge_parameter(
     effects = fit_effects(values, grouping.labels) if len(grouping.unit_names) > 1 else None
     # the mean of all values would count a camera as often as it was calibrated
     mean = float(values.mean()) if effects is None else effects.mean
-    sensitivity = find_sensitivity(method, key, means, mean=mean)
+    sensitivity = results.find_sensitivity(method, key, means, mean=mean)
     limit = _find_tolerance(sensitivity, method, key, tolerance)
     without = tuple(sorted(set(cameras) - {row.source.camera for row in rows}))
     if effects is None:
@@ -106,7 +96,9 @@ def judge_parameter(
         key=key,
         grouping=grouping,
         effects=effects,
-        sensitivity=sensitivity if is_clear_of_zero(sensitivity, effects.mean, effects.mean_u) else None,
+        sensitivity=sensitivity
+        if results.is_clear_of_zero(sensitivity, effects.mean, effects.mean_u)
+        else None,
         tolerance=limit,
     )
     judgement = analysis.judge(analysis.deviations, analysis.contrasts)
@@ -119,7 +111,7 @@ def _find_tolerance(
     if isinstance(tolerance, Mapping):
         entered = tolerance.get(key.name)
     else:
-        entered = tolerance if sensitivity.unit == main_unit(method) else None
+        entered = tolerance if sensitivity.unit == results.main_unit(method) else None
     if entered is None:
         return None
     return sensitivity.accept(entered)
@@ -191,7 +183,7 @@ def _conclude(
         costliest=costliest,
         repeats_needed=needed,
         cameras_without=without,
-        flags=find_flags(rows, analysis.grouping, effects),
+        flags=results.find_flags(rows, analysis.grouping, effects),
     )
 
 
@@ -207,7 +199,7 @@ def _decide(
     key, tolerance, count = analysis.key, analysis.tolerance, len(analysis.grouping.unit_names)
     if tolerance is None:
         return "cannot_tell", results.NO_TOLERANCE.format(key=key)
-    if (dof := analysis.effects.dof) < LEAST_DOF:
+    if (dof := analysis.effects.dof) < results.LEAST_DOF:
         return "cannot_tell", results.TOO_FEW.format(key=key, count=count, repeats=len(rows), dof=dof)
     if len({row.value for row in rows}) == 1:
         return "shared", results.EQUAL.format(key=key, count=count)
@@ -276,7 +268,7 @@ def _count_needed(analysis: _Analysis, listed: tuple[Effect, ...]) -> int | None
     if analysis.sensitivity is None or analysis.tolerance is None or any(map(results.does_differ, listed)):
         return None
     repeatability = math.sqrt(analysis.effects.within_variance) * analysis.sensitivity.factor
-    found = count_repeats(
+    found = results.count_repeats(
         cameras=len(analysis.grouping.unit_names),
         tolerance_in_repeatabilities=analysis.tolerance.limit / repeatability,
     )
@@ -341,7 +333,7 @@ def judge_fleet(
     for row in sorted(
         (row for row in determinations if row.source in order), key=lambda row: order[row.source]
     ):
-        if row.key.name not in NOT_SHARED:
+        if row.key.name not in results.NOT_SHARED:
             by_key.setdefault(row.key, []).append(row)
     means = _average(by_key)
     parameters = tuple(

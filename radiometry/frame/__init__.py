@@ -12,17 +12,6 @@ from radiometry.frame.multispectral import Multispectral
 from radiometry.frame.roi import Window
 from radiometry.specification.parameters import later
 
-__all__ = [
-    "Frame",
-    "FrameHeader",
-    "Opcode",
-    "PositionFix",
-    "StatedAngle",
-    "TableRow",
-    "has_set_clock",
-    "writes_utc",
-]
-
 EARLIEST_YEAR: Final = 2000  # A clock that was never set starts in 1970, or when a GPS week begins: 1980
 _LOCAL_CLOCKS = frozenset({"dji"})  # These write the time of day of the place, without its offset
 

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from radiometry.findings import InputRejected, files, shared
 from radiometry.frame import FrameHeader
 
-__all__ = ["Acceptance", "Camera", "Exposure", "Settings", "SuppliedExposure", "accept_frame"]
-
 # Wider than any camera, narrower than nonsense. The shortest electronic shutters reach 1/32000 s, stacked
 # exposures last an hour; lenses run from f/0.7 to f/64, pinholes to f/300; ISO from 1 to a few million.
 PLAUSIBLE = {"exposure_time_s": (1e-6, 86400.0), "f_number": (0.5, 512.0), "iso": (1.0, 1e7)}

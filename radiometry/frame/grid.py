@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from radiometry.specification.parameters import later
 
-__all__ = ["MAX_CELLS_A_SIDE", "Grid", "LaneGrid", "describe_lanes", "find_homography", "lay_lanes"]
-
 MAX_CELLS_A_SIDE: Final = 50
 
 

@@ -11,30 +11,6 @@ from typing import Final, Literal
 
 from radiometry.specification.parameters import about, later
 
-__all__ = [
-    "CAMERAS",
-    "MOST_LETTERS",
-    "NAMED_INDICES",
-    "Alignment",
-    "GainMeasurement",
-    "GainModel",
-    "LightBasis",
-    "Multispectral",
-    "RadialVignetting",
-    "RadianceModel",
-    "RigGeometry",
-    "SensorModel",
-    "SunshineCounts",
-    "SunshineIrradiance",
-    "SunshineRecord",
-    "VignettingPolynomial",
-    "classify_band",
-    "label_band",
-    "name_band",
-    "name_panel",
-]
-
-
 # The surface of an irradiance: levelled by stilb, on a level surface by the camera, corrected by the camera
 # as its maker does not state, or as the sensor was oriented.
 LightBasis = Literal["levelled", "horizontal", "compensated", "oriented"]

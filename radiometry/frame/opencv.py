@@ -3,8 +3,6 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-__all__ = ["cv2"]
-
 if TYPE_CHECKING:
     import cv2 as cv2  # noqa: PLC0414  exported
 else:

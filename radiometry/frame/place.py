@@ -5,8 +5,6 @@ from typing import Literal
 
 from radiometry.specification.parameters import about
 
-__all__ = ["Place", "PlaceShare"]
-
 Form = Literal["affine", "tie_points", "none"]
 HeightSource = Literal["request", "ground_altitude", "take_off"]
 

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from radiometry.frame import FrameHeader
 
-__all__ = ["PieceRun", "Proof", "Voucher", "WholenessCheck"]
-
 # Neighbours in a row that are looked at together. Noise around black leaves half of them above it: that all
 # of a span lie below half of black has a chance of less than 2^-64. A column of dead pixels fills none.
 SPAN_PX = 64

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected, shared
 
-__all__ = ["Polygon", "Window", "bounding_window", "mask", "parse_imagej"]
-
 MAX_POINTS = 1000
 MAX_COORDINATE_PX = 1e6
 

@@ -10,15 +10,6 @@ from numpy.typing import NDArray
 from radiometry.frame import Frame, TableRow
 from radiometry.specification.parameters import about
 
-__all__ = [
-    "ChannelStatistics",
-    "compute_statistics",
-    "count_histogram",
-    "find_clipped",
-    "map_clipping",
-    "measure_signal",
-]
-
 GREY = "grey"
 CHANNELS = ("R", "G1", "G2", "G", "B", GREY)
 

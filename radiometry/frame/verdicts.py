@@ -12,8 +12,6 @@ from radiometry.frame import FrameHeader
 from radiometry.frame.roi import Polygon, bounding_window
 from radiometry.specification.parameters import about
 
-__all__ = ["Keeping", "ReviewedFrame", "Verdict", "conclude", "inspect_frame"]
-
 T = TypeVar("T")
 
 

@@ -22,19 +22,12 @@ from radiometry.geometry.rig.orientation import count_shared, list_quantities, o
 from radiometry.geometry.target import Target
 from radiometry.geometry.verdicts import check_features, find_gaps, judge_frames, plan_views
 from radiometry.geometry.views import missing
+from radiometry.specification import certificate
 from radiometry.specification.application import PictureApplication, Summary
-from radiometry.specification.certificate import (
-    FRAME,
-    CertificateText,
-    CoefficientEffect,
-    CoefficientKind,
-    Column,
-)
+from radiometry.specification.certificate import CertificateText, CoefficientEffect, CoefficientKind, Column
 from radiometry.specification.exports import RigSpec
 from radiometry.specification.method import MethodSpec, drop_readings
 from radiometry.specification.roles import CHART
-
-__all__ = ["SPEC"]
 
 _LABELS: Final = {
     "fx_px": "Focal length fx",
@@ -55,7 +48,7 @@ _CERTIFICATE: Final = CertificateText(
     "p1, p2",
     headlines=frozenset({"fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "k3", "p1", "p2", "rms_px"}),
     columns=(
-        FRAME,
+        certificate.FRAME,
         Column(name="corners", head="corners", share=0.8),
         Column(name="rms_px", head="rms [px]"),
         Column(name="largest_px", head="largest [px]"),
@@ -76,7 +69,7 @@ _RIG_CERTIFICATE: Final = CertificateText(
     headlines=frozenset({"yaw", "pitch", "roll", "boresight", "x", "y", "z"}),
     columns=(
         Column(name="camera", head="camera", form="text", share=1.6),
-        FRAME,
+        certificate.FRAME,
         Column(name="trigger", head="trigger", form="text", share=1.6),
         Column(name="rms_px", head="rms [px]"),
     ),

@@ -17,9 +17,6 @@ from radiometry.findings import InputRejected, shared
 from radiometry.frame import Frame
 from radiometry.frame.opencv import cv2
 
-__all__ = ["PARAMETERS", "UNITS", "CameraModel", "Pose", "find_directions", "project"]
-
-
 # In OpenCV's order, which is that of covariances too
 PARAMETERS: Final = ("fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "p1", "p2", "k3")
 UNITS: Final = {name: "px" if name.endswith("_px") else "1" for name in PARAMETERS}

@@ -14,17 +14,7 @@ from radiometry.frame.opencv import cv2
 from radiometry.geometry.camera import PARAMETERS, CameraModel, project
 from radiometry.geometry.results import Fit
 from radiometry.geometry.rig.adjustment import RigFit
-from radiometry.specification.exports import (
-    Export,
-    ExportOption,
-    ExportSubject,
-    LensfunNames,
-    RigExport,
-    RigMember,
-    list_options,
-    name_for_lensfun,
-    write_database,
-)
+from radiometry.specification import exports
 
 
 def export_opencv(fit: Fit) -> str:
@@ -101,7 +91,7 @@ def export_odm(fit: Fit, *, camera_id: str) -> str:
 _SAMPLES = 33
 
 
-def export_lensfun(camera: CameraModel, *, names: LensfunNames, widest_f_number: float) -> str:
+def export_lensfun(camera: CameraModel, *, names: exports.LensfunNames, widest_f_number: float) -> str:
     """Write a Lensfun database with the camera, the lens, its centre and its distortion.
 
     Model "poly5" leads from the corrected to the seen radius [1], both about the lens's centre::
@@ -119,7 +109,7 @@ def export_lensfun(camera: CameraModel, *, names: LensfunNames, widest_f_number:
     centre = (np.array((camera.cx_px, camera.cy_px)) - middle) / unit_px
     (k1, k2), error_px = _fit_terms(camera)
     terms = f'model="poly5" focal="{names.focal_length_mm:.9g}" k1="{k1:.9g}" k2="{k2:.9g}"'
-    return write_database(
+    return exports.write_database(
         names,
         [f"            <!-- largest error {error_px:.2f} px -->", f"            <distortion {terms}/>"],
         centre=(float(centre[0]), float(centre[1])),
@@ -168,7 +158,7 @@ _CAMERA_ID: Final = (
 )
 
 EXPORTS: Final = (
-    Export(
+    exports.Export(
         filename="opencv.yaml",
         label="OpenCV",
         media_type="application/yaml",
@@ -176,7 +166,7 @@ EXPORTS: Final = (
         description="The camera as OpenCV's FileStorage reads it.",
         write=lambda fitted, *_: export_opencv(fitted),
     ),
-    Export(
+    exports.Export(
         filename="cameras.json",
         label="OpenDroneMap",
         media_type="application/json",
@@ -185,9 +175,11 @@ EXPORTS: Final = (
         write=lambda fitted, subject, asked: export_odm(
             fitted, camera_id=asked["camera_id"] or _name_for_odm(fitted, subject)
         ),
-        options=(ExportOption(name="camera_id", kind="text", description=_CAMERA_ID, required=False),),
+        options=(
+            exports.ExportOption(name="camera_id", kind="text", description=_CAMERA_ID, required=False),
+        ),
     ),
-    Export(
+    exports.Export(
         filename="lensfun-distortion.xml",
         label="Lensfun",
         media_type="application/xml",
@@ -196,15 +188,15 @@ EXPORTS: Final = (
         "registered with the camera.",
         write=lambda fitted, subject, asked: export_lensfun(
             fitted.camera,
-            names=name_for_lensfun(
+            names=exports.name_for_lensfun(
                 subject, asked, width_px=fitted.camera.width_px, height_px=fitted.camera.height_px
             ),
             widest_f_number=asked["widest_f_number"],
         ),
-        options=list_options(needs_widest=True),
+        options=exports.list_options(needs_widest=True),
         needs_pixel_pitch=True,
     ),
-    Export(
+    exports.Export(
         filename="camera.json",
         label="JSON with covariance",
         media_type="application/json",
@@ -217,14 +209,14 @@ EXPORTS: Final = (
 )
 
 
-def _name_for_odm(fitted: Fit, subject: ExportSubject) -> str:
+def _name_for_odm(fitted: Fit, subject: exports.ExportSubject) -> str:
     camera = fitted.camera
     share = camera.fx_px / max(camera.width_px, camera.height_px)
     size = f"{camera.width_px} {camera.height_px}"
     return f"v2 {subject.make} {subject.model} {size} brown {share:.4f}".lower()
 
 
-def export_rig_opencv(orientation: RigFit, members: Sequence[RigMember], name: str) -> str:
+def export_rig_opencv(orientation: RigFit, members: Sequence[exports.RigMember], name: str) -> str:
     """Write cameras and orientations for `cv::FileStorage`, numbered as the rig lists them."""
     storage = cv2.FileStorage("rig.yml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
     storage.write("cameras", len(members))
@@ -246,7 +238,7 @@ def export_rig_opencv(orientation: RigFit, members: Sequence[RigMember], name: s
     return head + rule + "".join(f"{key}: {quote(text)}\n" for key, text in texts.items()) + rest
 
 
-def export_rig_json(orientation: RigFit, members: Sequence[RigMember], name: str) -> str:
+def export_rig_json(orientation: RigFit, members: Sequence[exports.RigMember], name: str) -> str:
     """Write cameras and orientations with their covariances as JSON, the conventions spelt out."""
     content = {
         "rig": name,
@@ -270,7 +262,7 @@ def export_rig_json(orientation: RigFit, members: Sequence[RigMember], name: str
 
 
 RIG_EXPORTS: Final = (
-    RigExport(
+    exports.RigExport(
         filename="opencv.yaml",
         label="OpenCV",
         media_type="application/yaml",
@@ -278,7 +270,7 @@ RIG_EXPORTS: Final = (
         description="Cameras and orientation of the newest set as OpenCV's FileStorage reads them.",
         write=export_rig_opencv,
     ),
-    RigExport(
+    exports.RigExport(
         filename="rig.json",
         label="JSON",
         media_type="application/json",

@@ -11,8 +11,6 @@ from radiometry.frame.opencv import cv2
 from radiometry.geometry.camera import Grey
 from radiometry.specification.parameters import about
 
-__all__ = ["Target", "locate_corners_mm", "make_charuco_board"]
-
 Kind = Literal["checkerboard", "charuco"]
 
 _MOST_PER_SIDE: Final = 100

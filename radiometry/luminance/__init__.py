@@ -16,8 +16,6 @@ from radiometry.specification.certificate import Budget, CoefficientEffect, Coef
 from radiometry.specification.method import MethodSpec
 from radiometry.specification.roles import DARK, LIGHT, Grid
 
-__all__ = ["SPEC"]
-
 SPEC: Final = MethodSpec(
     name="luminance",
     label="Luminance",

@@ -1,7 +1,7 @@
 """Findings of the luminance method."""
 
 from radiometry.findings import declared, error, flag, reason
-from radiometry.spectral.mismatch import SPECTRAL_MISMATCH_UNKNOWN, SPECTRUM_INVALID
+from radiometry.spectral import mismatch
 
 # of a fit
 DARK_FROM_FEW_FRAMES = flag(
@@ -235,6 +235,4 @@ GRID_INVALID = error(
     "bounds.",
 )
 
-__all__ = ["SPECTRAL_MISMATCH_UNKNOWN", "SPECTRUM_INVALID"]
-
-FINDINGS = declared(globals())
+FINDINGS = (mismatch.SPECTRAL_MISMATCH_UNKNOWN, mismatch.SPECTRUM_INVALID, *declared(globals()))

@@ -22,18 +22,7 @@ from radiometry.luminance.rows import (
     find_modulation,
     list_spectra,
 )
-from radiometry.spectral.mismatch import (
-    DEFAULT_U_REL,
-    LEAST_U_REL,
-    SOURCE,
-    compute_mismatch,
-    estimate_u_rel,
-    fit_colour_remedy,
-    is_table,
-    list_lamps,
-    list_responses,
-    name_curve,
-)
+from radiometry.spectral import mismatch
 
 NEAREST_M = 1.0
 """Distance that a surface of unknown distance is at least away: nearer, a wide lens sees little but it."""
@@ -61,17 +50,17 @@ def correct_spectrum(
     stated = field.spectral_mismatch_u_rel
     if lamp is not None and light is not None and is_same(lamp, light):
         found = FieldCorrection(
-            source=SOURCE,
-            u_rel=0.0 if is_table(light) else LEAST_U_REL,
+            source=mismatch.SOURCE,
+            u_rel=0.0 if mismatch.is_table(light) else mismatch.LEAST_U_REL,
             basis=f"light and lamp of the calibration are both {_name(light)}",
         )
     elif lamp is not None and response is not None and light is not None:
         pair = {"channel": coefficient.channel, "calibrated": lamp, "measured": light}
-        camera = name_curve(response, list_responses())
+        camera = mismatch.name_curve(response, mismatch.list_responses())
         found = FieldCorrection(
-            source=SOURCE,
-            factor=compute_mismatch(response, **pair),
-            u_rel=estimate_u_rel(response, **pair),
+            source=mismatch.SOURCE,
+            factor=mismatch.compute_mismatch(response, **pair),
+            u_rel=mismatch.estimate_u_rel(response, **pair),
             basis=f"computed for {_name(light)} and a calibration under {_name(lamp)}, response {camera}",
         )
     else:
@@ -81,7 +70,7 @@ def correct_spectrum(
         return replace(found, u_rel=stated, basis=basis, assumed=None), ()
     if found.assumed is None:
         return found, ()
-    flag = codes.SPECTRAL_MISMATCH_UNKNOWN.at(
+    flag = mismatch.SPECTRAL_MISMATCH_UNKNOWN.at(
         "", f"{found.basis.capitalize()}; {found.u_rel:.0%} of L assumed."
     )
     return found, (flag,)
@@ -98,7 +87,7 @@ def _predict_mismatch(
     ends = list_spectra(known.lamp_kind, known.lamp), list_spectra(field.lamp_kind, field.light_source)
     of_kinds = all(ends) and (field.light_source is None or known.lamp is None)
     if of_kinds or (known.lamp and known.camera_response and not ends[1]):
-        responses = (known.camera_response,) if known.camera_response else list_responses()
+        responses = (known.camera_response,) if known.camera_response else mismatch.list_responses()
         asked = {"channel": channel, "calibrated": ends[0], "measured": ends[1]}
         sides = (known.lamp_kind, known.lamp), (field.lamp_kind, field.light_source)
         values: Values = {"cameras": float(len(responses))}
@@ -107,7 +96,7 @@ def _predict_mismatch(
                 values[name] = _name(lamp) if lamp else str(kind)
         if colour is not None and known.colour is not None:
             red, blue = (here / there for here, there in zip(colour, known.colour, strict=True))
-            remedy = fit_colour_remedy(responses, **asked)
+            remedy = mismatch.fit_colour_remedy(responses, **asked)
             predicted = remedy.predict(red, blue)
             if predicted is not None:
                 basis = (
@@ -115,19 +104,19 @@ def _predict_mismatch(
                 )
                 values |= {"red_to_green": red, "blue_to_green": blue}
                 return FieldCorrection(
-                    source=SOURCE,
+                    source=mismatch.SOURCE,
                     factor=predicted,
-                    u_rel=max(remedy.rms_rel, LEAST_U_REL) if of_kinds else remedy.u_rel,
+                    u_rel=max(remedy.rms_rel, mismatch.LEAST_U_REL) if of_kinds else remedy.u_rel,
                     basis=f"{basis}, {_describe_ends(values)}" if of_kinds else basis,
                     values=values,
                 )
         if of_kinds:
-            remedy = fit_colour_remedy(responses, **asked, by_colour=False)
+            remedy = mismatch.fit_colour_remedy(responses, **asked, by_colour=False)
             basis = f"{_describe_ends(values)}; the region's colour is unknown, or none of theirs"
             return FieldCorrection(
-                source=SOURCE,
+                source=mismatch.SOURCE,
                 factor=remedy.factor,
-                u_rel=max(remedy.rms_rel, LEAST_U_REL),
+                u_rel=max(remedy.rms_rel, mismatch.LEAST_U_REL),
                 basis=basis,
                 values=values,
             )
@@ -141,7 +130,7 @@ def _predict_mismatch(
         if not given
     ]
     basis = f"assumed: {', '.join(lacking)} not known"
-    return FieldCorrection(source=SOURCE, u_rel=DEFAULT_U_REL, basis=basis, assumed=True)
+    return FieldCorrection(source=mismatch.SOURCE, u_rel=mismatch.DEFAULT_U_REL, basis=basis, assumed=True)
 
 
 def _describe_ends(values: Values) -> str:
@@ -249,11 +238,11 @@ def apply_corrections(applied: AppliedLuminance, corrections: Sequence[FieldCorr
 
 
 def _name(lamp: str) -> str:
-    return name_curve(lamp, list_lamps())
+    return mismatch.name_curve(lamp, mismatch.list_lamps())
 
 
 def is_same(lamp: str, light: str) -> bool:
-    if is_table(lamp) or is_table(light):
+    if mismatch.is_table(lamp) or mismatch.is_table(light):
         return lamp.strip() == light.strip()
     return _name(lamp) == _name(light)
 

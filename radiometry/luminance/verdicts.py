@@ -10,29 +10,12 @@ from statistics import NormalDist
 from radiometry.drawing.text import name_few, sort_naturally
 from radiometry.findings import Reason, shared
 from radiometry.fitting.evidence import Exclusion
+from radiometry.frame import verdicts
 from radiometry.frame.exposure import Settings, compute_rhs
 from radiometry.frame.statistics import ChannelStatistics, Signal, select_rows
-from radiometry.frame.verdicts import (
-    TAKE_AGAIN,
-    ReviewedFrame,
-    Verdict,
-    conclude,
-    inspect_black,
-    inspect_frames,
-)
-from radiometry.luminance import codes
-from radiometry.luminance.points import (
-    DETECTION_ERRORS,
-    EXPOSURE_RATIO,
-    MOST_SATURATED_SHARE,
-    Candidate,
-    IsoSeries,
-    collect_series,
-    is_below_detection,
-    is_saturated,
-    signal_error_dn,
-    time_ratio,
-)
+from radiometry.frame.verdicts import ReviewedFrame, Verdict
+from radiometry.luminance import codes, points
+from radiometry.luminance.points import Candidate, IsoSeries
 from radiometry.luminance.rows import FrameRow, Params, Reading
 from radiometry.luminance.scenes import check_scenes, summarise_scenes
 
@@ -59,7 +42,7 @@ USEFUL_ERRORS = 50.0
 _UNKNOWN_EXCESS = 4.0
 """Told of a region of which most is clipped: two stops, after which the next frame shows how many more."""
 
-_HIGHLIGHT_SIGMAS = NormalDist().inv_cdf(1.0 - MOST_SATURATED_SHARE)
+_HIGHLIGHT_SIGMAS = NormalDist().inv_cdf(1.0 - points.MOST_SATURATED_SHARE)
 _LESS = "a shorter time, a smaller aperture (larger f-number) or a lower ISO"
 _MORE = "a longer time, a larger aperture (smaller f-number) or a brighter level"
 UNEVEN_REL = 0.05
@@ -98,15 +81,15 @@ def judge(
     Light frames are judged by dark frames without an elevated dark signal, so that one mistake is reported
     once.
     """
-    reasons = inspect_frames(frames)
+    reasons = verdicts.inspect_frames(frames)
     darks = inspect_darks(rows, params)
     unusable = frozenset(name_unusable(rows, darks))
     _add(reasons, darks, inspect_scenes(rows, readings, params), find_repeats(rows, params))
     if without := tuple(Exclusion(frame=each, reason="saw light", by="verdict") for each in sorted(unusable)):
         params = replace(params, exclude=params.exclude + without)
-    for series in collect_series(rows, readings, params):
+    for series in points.collect_series(rows, readings, params):
         _add(reasons, *_inspect_series(series, rows, params, unusable=unusable))
-    return {frame: conclude(found) for frame, found in reasons.items()}
+    return {frame: verdicts.conclude(found) for frame, found in reasons.items()}
 
 
 def _add(reasons: dict[str, list[Reason]], *parts: Mapping[str, Sequence[Reason]]) -> None:
@@ -159,9 +142,11 @@ def inspect_darks(rows: Sequence[FrameRow], params: Params) -> dict[str, list[Re
         group.sort(key=lambda row: (signals[row.frame].value_dn, row.frame))
         for row in group:
             time_s = times[row.frame]
-            darkest = next(r for r in group if time_ratio(times[r.frame], [time_s]) <= EXPOSURE_RATIO)
+            darkest = next(
+                r for r in group if points.time_ratio(times[r.frame], [time_s]) <= points.EXPOSURE_RATIO
+            )
             signal = signals[row.frame]
-            reason = _above_others(row, darkest, signals) or inspect_black(
+            reason = _above_others(row, darkest, signals) or verdicts.inspect_black(
                 signal.value_dn, black_level_dn=signal.black_level_dn, white_level_dn=signal.white_level_dn
             )
             if reason is not None:
@@ -185,12 +170,13 @@ def _above_others(row: FrameRow, darkest: FrameRow, signals: dict[str, Signal]) 
     excess = signal.value_dn - least.value_dn
     error = math.hypot(signal.standard_uncertainty_dn, least.standard_uncertainty_dn)
     if excess <= max(
-        ABOVE_OTHERS_SHARE * max(signal.white_level_dn - signal.black_level_dn, 1.0), DETECTION_ERRORS * error
+        ABOVE_OTHERS_SHARE * max(signal.white_level_dn - signal.black_level_dn, 1.0),
+        points.DETECTION_ERRORS * error,
     ):
         return None
     detail = (
         f"Its mean is {excess:.3g} DN above that of {darkest.frame}, a dark frame of the same ISO and a like "
-        f"time: this one saw light. {TAKE_AGAIN}"
+        f"time: this one saw light. {verdicts.TAKE_AGAIN}"
     )
     return shared.DARK_NOT_DARK.reason(detail)
 
@@ -208,7 +194,7 @@ def inspect_exposure(candidate: Candidate, channel: str, *, expected_signal_dn: 
 
 def _inspect(candidate: Candidate, channel: str, expected_signal_dn: float | None) -> list[Reason]:
     dark, span, rows = candidate.dark, candidate.span_dn, candidate.select_rows(channel)
-    if is_saturated(candidate.signal):
+    if points.is_saturated(candidate.signal):
         return [_clipped(candidate, rows, expected_signal_dn)]
     highlights = max(min(row.max_dn, row.mean_dn + _HIGHLIGHT_SIGMAS * row.std_dn) for row in rows)
     if highlights - dark.signal_dn >= NEAR_WHITE_SHARE * span:
@@ -223,9 +209,9 @@ def _inspect(candidate: Candidate, channel: str, expected_signal_dn: float | Non
 
 def _inspect_weakness(candidate: Candidate) -> list[Reason]:
     adjusted = candidate.above_dark_dn
-    error = signal_error_dn(candidate.signal, candidate.dark)
+    error = points.signal_error_dn(candidate.signal, candidate.dark)
     useful = max(USEFUL_SHARE * candidate.span_dn, USEFUL_ERRORS * error)
-    if is_below_detection(candidate.signal, candidate.dark):
+    if points.is_below_detection(candidate.signal, candidate.dark):
         # what may be nothing but noise says only how many stops are needed at least
         stops = show_stops(useful / max(adjusted, error))
         detail = (
@@ -255,7 +241,7 @@ def _clipped(
         amount = show_stops(max(1.0, max(excess) / (AIM_SHARE * candidate.span_dn)))
     detail = (
         f"{candidate.signal.saturated_share:.2%} of the region is clipped, more than "
-        f"{MOST_SATURATED_SHARE:.1%}: the fit leaves it out. Give it {amount} less light: {_LESS}."
+        f"{points.MOST_SATURATED_SHARE:.1%}: the fit leaves it out. Give it {amount} less light: {_LESS}."
     )
     return shared.CLIPPED.reason(detail)
 
@@ -310,7 +296,7 @@ def _measure(
     candidate: Candidate, channel: str, dark_std_dn: float
 ) -> tuple[float, float, float, float | None] | None:
     """Return the least and the greatest spread, the signal [DN] and its skew; no skew where it is weak."""
-    if is_saturated(candidate.signal) or is_below_detection(candidate.signal, candidate.dark):
+    if points.is_saturated(candidate.signal) or points.is_below_detection(candidate.signal, candidate.dark):
         return None
     rows, adjusted = candidate.select_rows(channel), candidate.above_dark_dn
     per_dn, error = _measure_spread(rows, adjusted, dark_std_dn)
@@ -422,7 +408,9 @@ def measure_brightness(series: IsoSeries) -> dict[str, dict[str, float]]:
 
 
 def _measure_one(candidate: Candidate) -> float | None:
-    lost = is_saturated(candidate.signal) or is_below_detection(candidate.signal, candidate.dark)
+    lost = points.is_saturated(candidate.signal) or points.is_below_detection(
+        candidate.signal, candidate.dark
+    )
     if lost or candidate.above_dark_dn < USEFUL_SHARE * candidate.span_dn:
         return None
     return candidate.above_dark_dn / _per_luminance(candidate)
@@ -434,7 +422,7 @@ def expect_signals(series: IsoSeries, brightness: dict[str, dict[str, float]]) -
     return {
         candidate.frame: medians[candidate.scene] * _per_luminance(candidate)
         for candidate in series.candidates
-        if is_saturated(candidate.signal) and candidate.scene in medians
+        if points.is_saturated(candidate.signal) and candidate.scene in medians
     }
 
 

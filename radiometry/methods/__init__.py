@@ -5,8 +5,6 @@ from typing import Final
 from radiometry import geometry, luminance, noise, reflectance, sharpness, vignetting
 from radiometry.specification.method import MethodSpec
 
-__all__ = ["METHODS", "get_method"]
-
 METHODS: Final[tuple[MethodSpec, ...]] = (
     luminance.SPEC,
     reflectance.SPEC,

@@ -7,8 +7,6 @@ from radiometry.findings import Finding, files, interface, shared
 from radiometry.fleet import results as fleet
 from radiometry.methods import METHODS
 
-__all__ = ["FINDINGS"]
-
 
 def collect_findings(*declared: tuple[Finding, ...]) -> Mapping[str, Finding]:
     entries = [each for entries in declared for each in entries]

@@ -20,8 +20,6 @@ from radiometry.specification.certificate import FRAME, CertificateText, Column
 from radiometry.specification.method import MethodSpec, drop_readings
 from radiometry.specification.roles import DARK, FLAT, LIGHT, Grid
 
-__all__ = ["SPEC"]
-
 _CERTIFICATE: Final = CertificateText(
     procedure="Temporal noise, system gain, linearity and nonuniformity per ISO value and channel, from "
     "stacks of frames with equal settings, by the definitions of EMVA 1288",

@@ -13,17 +13,9 @@ from radiometry.fitting.evidence import (
 )
 from radiometry.frame.statistics import CHANNELS
 from radiometry.frame.verdicts import flag_assumed_black, flag_rendered, name_not_dark
-from radiometry.noise import codes
+from radiometry.noise import codes, results
 from radiometry.noise.channels import FittedChannel, fit_channel
-from radiometry.noise.results import (
-    DARK,
-    TRANSFER_EQUATION,
-    ChannelFit,
-    Fit,
-    FrameRow,
-    Params,
-    Point,
-)
+from radiometry.noise.results import ChannelFit, Fit, FrameRow, Params, Point
 from radiometry.noise.stacks import Stack, group_by_channel, make_stacks
 from radiometry.noise.transfer import FEWEST_LEVELS, find_not_dark
 from radiometry.specification.certificate import CoefficientKind
@@ -57,9 +49,9 @@ def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] =
 def _complain(iso: float, channel: str, stacks: Sequence[Stack]) -> str:
     """Return what one channel lacks; "" if a photon transfer can be tried."""
     paired = [stack for stack in stacks if stack.temporal is not None]
-    if not any(stack.setting.role == DARK for stack in paired):
+    if not any(stack.setting.role == results.DARK for stack in paired):
         return f"ISO {iso:g} has no pair of dark frames of one exposure time"
-    levels = sum(stack.setting.role != DARK and not stack.clipped for stack in paired)
+    levels = sum(stack.setting.role != results.DARK and not stack.clipped for stack in paired)
     if levels < FEWEST_LEVELS:
         return (
             f"ISO {iso:g} {channel} has pairs of frames at {levels} light levels below white: "
@@ -91,7 +83,7 @@ def describe_points(
 def _judge_stacks(stacks: Sequence[Stack], fitted: Sequence[FittedChannel]) -> dict[object, str]:
     """Return, for every stack, the reason why nothing was evaluated from it, "" if something was."""
     states: dict[object, str] = {
-        stack.setting: "" if stack.setting.role == DARK else "no pair of dark frames at its ISO"
+        stack.setting: "" if stack.setting.role == results.DARK else "no pair of dark frames at its ISO"
         for stack in stacks
     }
     for each in fitted:
@@ -159,7 +151,7 @@ def _check_stacks(each: FittedChannel) -> list[tuple[Finding, str]]:
     ratios = [level.time_ratio for level in each.levels if not level.left_out]
     if max(ratios, default=1.0) > TIME_RATIO:
         found.append((shared.DARK_EXPOSURE_DIFFERS, f"By up to a factor of {max(ratios):.3g}."))
-    darks = [stack for stack in each.stacks if stack.setting.role == DARK]
+    darks = [stack for stack in each.stacks if stack.setting.role == results.DARK]
     doubted = {frame: why for stack in darks for frame, why in find_not_dark(stack).items()}
     if doubted:
         found.append((shared.DARK_NOT_DARK, name_not_dark(doubted)))
@@ -281,7 +273,7 @@ def list_coefficients(fit: Fit) -> tuple[CoefficientValue, ...]:
             value=quantity.value,
             standard_uncertainty=quantity.standard_uncertainty,
             unit=quantity.unit,
-            model=TRANSFER_EQUATION,
+            model=results.TRANSFER_EQUATION,
             iso=channel.iso,
             band=None if channel.channel in CHANNELS else channel.channel,
             channel=channel.channel,

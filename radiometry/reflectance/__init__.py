@@ -16,8 +16,6 @@ from radiometry.specification.certificate import CoefficientEffect, CoefficientK
 from radiometry.specification.method import MethodSpec
 from radiometry.specification.roles import FIELD, PANEL, Grid
 
-__all__ = ["SPEC"]
-
 SPEC: Final = MethodSpec(
     name="reflectance",
     label="Reflectance",

@@ -9,19 +9,8 @@ from radiometry.frame import FrameHeader, has_set_clock
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.multispectral import Multispectral
 from radiometry.frame.verdicts import ReviewedFrame, Verdict, conclude, inspect_frames
-from radiometry.reflectance import codes
+from radiometry.reflectance import codes, points
 from radiometry.reflectance.imaging import describe_kind, find_black_dn, inspect_band
-from radiometry.reflectance.points import (
-    MOST_SATURATED_SHARE,
-    NO_REFLECTANCE,
-    OLD_DAYS,
-    PANEL,
-    Candidate,
-    collect_candidates,
-    describe_difference,
-    list_named,
-    sunshine_flags,
-)
 from radiometry.reflectance.results import HALF_HOUR_S, BandFit, FrameRow, Params, Reading, interpolate
 from radiometry.reflectance.sun import read_clock
 from radiometry.reflectance.sunshine import measure_sunshine
@@ -75,12 +64,12 @@ def check_frame(header: FrameHeader, *, where: str = "") -> list[Raised]:
     return raised
 
 
-def check_candidates(candidates: Sequence[Candidate]) -> list[Raised]:
+def check_candidates(candidates: Sequence[points.Candidate]) -> list[Raised]:
     raised: list[Raised] = []
     for each in candidates:
         where = f"frame {each.row.frame}"
         features = each.row.features
-        if features is not None and features.statistics.saturated_share > MOST_SATURATED_SHARE:
+        if features is not None and features.statistics.saturated_share > points.MOST_SATURATED_SHARE:
             detail = f"{features.statistics.saturated_share:.1%} of the region. Shorten the exposure."
             raised.append(codes.PANEL_SATURATED.at(where, detail))
         if not each.left_out:
@@ -92,13 +81,13 @@ def check_candidates(candidates: Sequence[Candidate]) -> list[Raised]:
                 detail = "No serial number."
                 raised.append(codes.SUNSHINE_SERIAL_UNKNOWN.at(where, detail))
     used = [each for each in candidates if not each.left_out]
-    if used and not any(list_named(each.row) for each in used):
+    if used and not any(points.list_named(each.row) for each in used):
         detail = f"Frames: {len(used)}."
         raised.append(codes.PANEL_NOT_IDENTIFIED.at("", detail))
-    return [*raised, *sunshine_flags(candidates), *_find_missing_bands(candidates)]
+    return [*raised, *points.sunshine_flags(candidates), *_find_missing_bands(candidates)]
 
 
-def _find_missing_bands(candidates: Sequence[Candidate]) -> list[Raised]:
+def _find_missing_bands(candidates: Sequence[points.Candidate]) -> list[Raised]:
     """Compare the bands of each panel capture with those of all together."""
     captures: dict[str, set[str]] = {}
     for each in candidates:
@@ -112,7 +101,7 @@ def _find_missing_bands(candidates: Sequence[Candidate]) -> list[Raised]:
     ]
 
 
-def check_fit(fit: BandFit, used: Sequence[Candidate]) -> list[Raised]:
+def check_fit(fit: BandFit, used: Sequence[points.Candidate]) -> list[Raised]:
     where = f"band {fit.coefficient.band}"
     steepest = max(each.features.gradient_rel for each in used)
     raised = []
@@ -124,7 +113,7 @@ def check_fit(fit: BandFit, used: Sequence[Candidate]) -> list[Raised]:
         detail = f"Reflectance {fit.coefficient.panel_reflectance:g}."
         raised.append(codes.PANEL_FROM_FILE.at(where, detail))
     oldest = max(panels, key=lambda panel: panel.age_days)
-    if oldest.age_days > OLD_DAYS:
+    if oldest.age_days > points.OLD_DAYS:
         detail = f"Measured on {oldest.measured_on[0]}, {oldest.age_days / 365.25:.1f} years from the frames."
         raised.append(codes.PANEL_OLD.at(where, detail))
     if not any(panel.states_uncertainty for panel in panels):
@@ -160,10 +149,12 @@ def judge(
     frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params
 ) -> dict[str, Verdict]:
     reasons = inspect_frames(frames)
-    for each in collect_candidates(rows, readings, replace(params, normalisation="panel_only", exclude=())):
+    for each in points.collect_candidates(
+        rows, readings, replace(params, normalisation="panel_only", exclude=())
+    ):
         if each.row.features is not None:
             reasons[each.row.frame] += _inspect_panel(each)
-        if difference := describe_difference(each.row, readings):
+        if difference := points.describe_difference(each.row, readings):
             detail = f"{difference} {interface.PANEL_DIFFERS.remedy}"
             reasons[each.row.frame].append(interface.PANEL_DIFFERS.reason(detail))
     if params.normalisation == "sunshine":
@@ -172,16 +163,16 @@ def judge(
     return {frame: conclude(found) for frame, found in reasons.items()}
 
 
-def _inspect_panel(candidate: Candidate) -> list[Reason]:
+def _inspect_panel(candidate: points.Candidate) -> list[Reason]:
     features, found = candidate.features, []
     saturated = features.statistics.saturated_share
-    if saturated > MOST_SATURATED_SHARE:
+    if saturated > points.MOST_SATURATED_SHARE:
         detail = (
             f"{saturated:.1%} of the panel is saturated: the fit leaves the frame out. "
             "Shorten the exposure and take the panel again."
         )
         found.append(shared.CLIPPED.reason(detail))
-    elif candidate.left_out and candidate.left_out != NO_REFLECTANCE:
+    elif candidate.left_out and candidate.left_out != points.NO_REFLECTANCE:
         detail = f"The panel gives no usable signal ({candidate.left_out}): take it again in better light."
         found.append(codes.PANEL_WEAK.reason(detail))
     if features.gradient_rel > STEEPEST_GRADIENT_REL:
@@ -190,7 +181,7 @@ def _inspect_panel(candidate: Candidate) -> list[Reason]:
             "the panel's rim. Draw the region within the panel, or take the panel again in even light."
         )
         found.append(codes.PANEL_UNEVEN.reason(detail))
-    if candidate.left_out == NO_REFLECTANCE:
+    if candidate.left_out == points.NO_REFLECTANCE:
         detail = (
             f"The panel's reflectance in band {candidate.band.band} is not known: "
             "register the panel with this band and name it in the campaign."
@@ -216,17 +207,17 @@ def _inspect_sunshine(row: FrameRow, params: Params) -> list[Reason]:
 
 
 def plan(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> tuple[str, ...]:
-    collected = collect_candidates(rows, readings, params)
+    collected = points.collect_candidates(rows, readings, params)
     candidates = [each for each in collected if not each.left_out]
     advice: list[str] = []
     shown = {row.header.multispectral.band for row in rows if row.header.multispectral is not None}
-    if any(row.role == PANEL for row in rows):
+    if any(row.role == points.PANEL for row in rows):
         # a region or a reflectance that is lacking is asked for by itself
         waiting = {each.frame for each in rows if each.features is None}
         seen = {
             each.band.band
             for each in collected
-            if each.left_out in {"", NO_REFLECTANCE} or each.row.frame in waiting
+            if each.left_out in {"", points.NO_REFLECTANCE} or each.row.frame in waiting
         }
         if unseen := ", ".join(sorted(shown - seen)):
             advice.append(f"no panel frame can be used (band {unseen})")

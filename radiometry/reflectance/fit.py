@@ -12,20 +12,9 @@ from radiometry.fitting.curve import coverage_factor
 from radiometry.fitting.evidence import BudgetEntry
 from radiometry.frame import EARLIEST_YEAR
 from radiometry.frame.multispectral import Multispectral, RadianceModel, SensorModel
-from radiometry.reflectance import codes
+from radiometry.reflectance import codes, results
 from radiometry.reflectance.points import Candidate
-from radiometry.reflectance.results import (
-    HALF_HOUR_S,
-    BandFit,
-    Coefficient,
-    Knot,
-    Normalisation,
-    Params,
-    Point,
-    change_variance,
-    evaluate_k,
-    interpolate,
-)
+from radiometry.reflectance.results import BandFit, Coefficient, Knot, Normalisation, Params, Point
 from radiometry.reflectance.sun import locate_sun_of, read_clock
 from radiometry.reflectance.sunshine import SINGLE_READING_U_REL, compare_channels
 
@@ -192,7 +181,7 @@ def pool_drift(bands: Sequence[Sequence[Visit]], *, assumed_rel: float) -> Estim
             if a.at_s is not None and b.at_s is not None:
                 excess = math.log(b.reflectance_k / a.reflectance_k) ** 2 - a.u_rel**2 - b.u_rel**2
                 found.setdefault((before.number, after.number), []).append(
-                    excess / change_variance(b.at_s - a.at_s)
+                    excess / results.change_variance(b.at_s - a.at_s)
                 )
     squares = math.fsum(max(0.0, statistics.fmean(each)) for each in found.values())
     dof = _ASSUMED_DOF + len(found)
@@ -258,7 +247,7 @@ def _fit_band(
     count = len(visits) ** 2
     panels = [each.panel for each in used if each.panel]
     constant_u_rel = _RECTANGLE * abs(change_rel) if params.interpolation == "constant" else 0.0
-    midway = interpolate(
+    midway = results.interpolate(
         knots, at_s=_choose_moment(knots), follow=params.interpolation == "linear", drift_rel=drift.rel
     )
     sources: dict[str, tuple[Literal["A", "B"], float]] = {
@@ -302,7 +291,7 @@ def _choose_moment(knots: Sequence[Knot]) -> float | None:
     if len(times) < len(knots):
         return None
     gaps = [(b - a, (a + b) / 2.0) for a, b in itertools.pairwise(times)]
-    return max(gaps)[1] if gaps else times[0] + HALF_HOUR_S
+    return max(gaps)[1] if gaps else times[0] + results.HALF_HOUR_S
 
 
 def _measure(candidate: Candidate, params: Params) -> PanelFrame:
@@ -409,7 +398,7 @@ def describe_point(candidate: Candidate, params: Params, fit: BandFit | None) ->
     k = residual = None
     if not candidate.left_out and fit is not None:
         k = _measure(candidate, params).k
-        residual = k / evaluate_k(fit.coefficient, at_s=candidate.at_s).value - 1.0
+        residual = k / results.evaluate_k(fit.coefficient, at_s=candidate.at_s).value - 1.0
     return Point(
         frame=candidate.row.frame,
         band=candidate.band.band,

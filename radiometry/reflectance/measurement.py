@@ -14,14 +14,7 @@ from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.multispectral import Alignment, LightBasis
 from radiometry.frame.roi import Polygon, mask
-from radiometry.reflectance import codes
-from radiometry.reflectance.imaging import (
-    RADIANCE_UNIT,
-    compute_signal,
-    extract_features,
-    require_band,
-    signal_unit,
-)
+from radiometry.reflectance import codes, imaging
 from radiometry.reflectance.indices import Formula, compute, spread_plane
 from radiometry.reflectance.method import apply_features, choose_angle, choose_coefficient
 from radiometry.reflectance.points import MOST_SATURATED_SHARE
@@ -101,11 +94,11 @@ def measure_region(
     is estimated from second differences a - 2 b + c of neighbours, of variance 6 times a pixel's, without
     outliers beyond 5 sigma, so that texture has little effect.
     """
-    features = extract_features(frame, polygon, header=header, exposure=exposure)
+    features = imaging.extract_features(frame, polygon, header=header, exposure=exposure)
     applied = apply_features(
         features, header=header, coefficients=coefficients, incidence_angle_deg=incidence_angle_deg
     )
-    signal = compute_signal(frame, header=header, settings=exposure.on_basis("nominal"))
+    signal = imaging.compute_signal(frame, header=header, settings=exposure.on_basis("nominal"))
     inside = mask(polygon, frame.window)
     factor = applied.reflectance.value / features.i_sq if features.i_sq else 0.0
     values = signal[inside] * factor
@@ -207,8 +200,8 @@ class MeasuredRadiance:
 
 def require_radiance(header: FrameHeader) -> None:
     """Refuse a band whose file states no absolute calibration."""
-    band = require_band(header)
-    if signal_unit(band) != RADIANCE_UNIT:
+    band = imaging.require_band(header)
+    if imaging.signal_unit(band) != imaging.RADIANCE_UNIT:
         raise codes.RADIANCE_UNKNOWN.refuse(
             f"Band {band.band_name} of {header.model or 'this camera'} has a signal of unknown scale."
         )
@@ -222,8 +215,8 @@ def measure_radiance(
     [1] MicaSense, "RedEdge Camera Radiometric Calibration Model"
     """
     require_radiance(header)
-    features = extract_features(frame, polygon, header=header, exposure=exposure)
-    signal = compute_signal(frame, header=header, settings=exposure.on_basis("nominal"))
+    features = imaging.extract_features(frame, polygon, header=header, exposure=exposure)
+    signal = imaging.compute_signal(frame, header=header, settings=exposure.on_basis("nominal"))
     inside = mask(polygon, frame.window)
     flags = [codes.RADIANCE_UNCERTAINTY_UNKNOWN.at("", "Only the noise of the pixels is stated.")]
     share = features.statistics.saturated_share
@@ -233,9 +226,11 @@ def measure_radiance(
     return MeasuredRadiance(
         radiance=features.band,
         mean=Quantity(
-            value=features.i_sq, standard_uncertainty=features.i_sq_standard_uncertainty, unit=RADIANCE_UNIT
+            value=features.i_sq,
+            standard_uncertainty=features.i_sq_standard_uncertainty,
+            unit=imaging.RADIANCE_UNIT,
         ),
-        **describe_pixels(signal[inside], noise=noise, shared_rel=0.0, unit=RADIANCE_UNIT),
+        **describe_pixels(signal[inside], noise=noise, shared_rel=0.0, unit=imaging.RADIANCE_UNIT),
         saturated_share=share,
         flags=tuple(flags),
     )

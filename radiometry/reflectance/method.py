@@ -29,26 +29,10 @@ from radiometry.fitting.evidence import (
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.multispectral import LightBasis, Multispectral
-from radiometry.reflectance import codes
+from radiometry.reflectance import codes, imaging, points
 from radiometry.reflectance.findings import check_candidates, check_fit
 from radiometry.reflectance.fit import check_times, describe_point, find_scale, fit_bands
-from radiometry.reflectance.imaging import (
-    Features,
-    compute_signal,
-    extract_features,
-    find_black_dn,
-    require_band,
-)
 from radiometry.reflectance.panel_code import FoundPanel, find_panel, find_stated_panel
-from radiometry.reflectance.points import (
-    MOST_SATURATED_SHARE,
-    Candidate,
-    collect_candidates,
-    list_bands_without_reflectance,
-    list_missing,
-    require_flat_angle,
-    require_one_panel,
-)
 from radiometry.reflectance.results import (
     REFLECTANCE_UNIT,
     AppliedReflectance,
@@ -96,10 +80,10 @@ def find_scale_of_frame(
     The error of a gain is in K and in I_ss alike: with the same gain index in both it cancels, otherwise both
     count.
     """
-    band = require_band(header)
+    band = imaging.require_band(header)
     coefficient = choose_coefficient(coefficients, band=band.band)
     angle_deg = choose_angle(coefficients, band=band.band, stated=incidence_angle_deg)
-    require_flat_angle(angle_deg)
+    points.require_flat_angle(angle_deg)
     flags = _check_identity(header, band, coefficient)
     if not math.isclose(angle_deg, coefficient.incidence_angle_deg, abs_tol=_SAME_ANGLE_DEG):
         detail = f"{angle_deg:g} degrees; fitted with {coefficient.incidence_angle_deg:g}."
@@ -227,7 +211,7 @@ def _compare(stated: str | None, calibrated: str | None, what: str, code: Findin
 
 
 def apply_features(
-    features: Features,
+    features: imaging.Features,
     *,
     header: FrameHeader,
     coefficients: Sequence[Coefficient],
@@ -266,16 +250,16 @@ def scale_pixels(
     With the factor of a `Scale` it is the reflectance, with 1 the radiance of a MicaSense camera. Nothing is
     clipped.
     """
-    signal = compute_signal(frame, header=header, settings=exposure.on_basis("nominal"))
+    signal = imaging.compute_signal(frame, header=header, settings=exposure.on_basis("nominal"))
     found: NDArray[np.float32] = (signal * factor).astype(np.float32)
     found[frame.samples_dn >= min(frame.white_level_dn)] = np.nan
     return found
 
 
-def _check_features(features: Features, value: float, noise: float) -> list[Raised]:
+def _check_features(features: imaging.Features, value: float, noise: float) -> list[Raised]:
     raised = []
     share = features.statistics.saturated_share
-    if share > MOST_SATURATED_SHARE:
+    if share > points.MOST_SATURATED_SHARE:
         raised.append(shared.SATURATED.at("", f"{share:.2%} of the samples."))
     if value < 3.0 * noise:
         detail = f"Reflectance {value:.3g}, pixel noise {noise:.3g}."
@@ -308,7 +292,7 @@ def change_reflectance(
         find_scale_of_frame(header, coefficients=each, incidence_angle_deg=incidence_angle_deg).factor
         for each in (old, new)
     ]
-    band = require_band(header).band
+    band = imaging.require_band(header).band
     both = (choose_coefficient(each, band=band) for each in (old, new))
     shares = [each.reflectance_k_standard_uncertainty / abs(each.reflectance_k) for each in both]
     ratio = factors[1] / factors[0]
@@ -322,10 +306,10 @@ def change_reflectance(
 
 def extract(
     frame: Frame, regions: Sequence[Region], *, header: FrameHeader, exposure: Exposure | None
-) -> Extracted[Features]:
+) -> Extracted[imaging.Features]:
     if exposure is None:
         raise ValueError("a panel or field frame without its exposure")
-    features = extract_features(frame, regions[0].polygon, header=header, exposure=exposure)
+    features = imaging.extract_features(frame, regions[0].polygon, header=header, exposure=exposure)
     return Extracted(statistics=(features.statistics,), features=features)
 
 
@@ -336,7 +320,7 @@ def find_region(frame: Frame, *, header: FrameHeader) -> FoundPanel | None:
         return None
     stated = None
     if band.panel_region is not None:
-        black_dn = find_black_dn(band, header.black_level_dn)
+        black_dn = imaging.find_black_dn(band, header.black_level_dn)
         stated = find_stated_panel(frame.samples_dn, band.panel_region, black_dn=black_dn)
     if stated and band.panel_serial:
         return stated
@@ -344,7 +328,7 @@ def find_region(frame: Frame, *, header: FrameHeader) -> FoundPanel | None:
     return replace(stated, serial=read.serial if read else None) if stated else read
 
 
-def make_row(evidence: FrameEvidence[Features]) -> FrameRow:
+def make_row(evidence: FrameEvidence[imaging.Features]) -> FrameRow:
     if evidence.exposure is None:
         raise ValueError(f"a panel or field frame without its exposure: {evidence.frame}")
     return FrameRow(
@@ -365,8 +349,8 @@ def missing(
 
     A band without a panel reflectance is named although the other bands may be enough: `fit` leaves it out.
     """
-    lacking = list_missing(rows, readings, params, unread=unread)
-    return (*lacking, *list_bands_without_reflectance(rows, readings, params))
+    lacking = points.list_missing(rows, readings, params, unread=unread)
+    return (*lacking, *points.list_bands_without_reflectance(rows, readings, params))
 
 
 def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> Fit:
@@ -375,14 +359,14 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
     The same input in any order gives the same result to the last bit. All values are finite; what does not
     exist is None.
     """
-    require_flat_angle(params.incidence_angle_deg)
-    require_complete(list_missing(rows, readings, params))
-    candidates = collect_candidates(rows, readings, params)
+    points.require_flat_angle(params.incidence_angle_deg)
+    require_complete(points.list_missing(rows, readings, params))
+    candidates = points.collect_candidates(rows, readings, params)
     used = [candidate for candidate in candidates if not candidate.left_out]
     if not used:
         raise _explain(candidates)
     _require_one_pair(used, params)
-    require_one_panel((each.row for each in used), readings)
+    points.require_one_panel((each.row for each in used), readings)
     used, doubts = check_times(used)
     fits = fit_bands(used, params)
     flags: list[Raised] = [*check_candidates(candidates), *doubts]
@@ -428,7 +412,7 @@ def configure(fitted: Fit) -> dict[str, Any]:
     return {"sunshine_sensor": {"serial": serials[0]}} if serials else {}
 
 
-def _explain(candidates: Sequence[Candidate]) -> InputRejected:
+def _explain(candidates: Sequence[points.Candidate]) -> InputRejected:
     """Name what keeps every panel frame out: by its own code where there is one for all."""
     found = {candidate.left_out_code for candidate in candidates}
     reasons = sorted({f"{each.band.band}: {each.left_out}" for each in candidates})
@@ -439,7 +423,7 @@ def _explain(candidates: Sequence[Candidate]) -> InputRejected:
     return InputRejected(code or shared.FIT_INCOMPLETE, f"No panel frame can be used. {what}")
 
 
-def _require_one_pair(used: Sequence[Candidate], params: Params) -> None:
+def _require_one_pair(used: Sequence[points.Candidate], params: Params) -> None:
     """Refuse panel frames of several cameras or sunshine sensors: K belongs to one pair."""
     cameras = {each.row.header.serial for each in used if each.row.header.serial}
     sensors = {each.band.sunshine_serial for each in used if each.band.sunshine_serial}

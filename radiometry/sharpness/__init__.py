@@ -16,17 +16,10 @@ from radiometry.sharpness.fit import extract
 from radiometry.sharpness.positions import missing
 from radiometry.sharpness.results import PLOTS, Features, Fit, Params, Target, list_key_figures
 from radiometry.sharpness.verdicts import judge, plan
-from radiometry.specification.certificate import (
-    FRAME,
-    CertificateText,
-    CoefficientEffect,
-    CoefficientKind,
-    Column,
-)
+from radiometry.specification import certificate
+from radiometry.specification.certificate import CertificateText, CoefficientEffect, CoefficientKind, Column
 from radiometry.specification.method import MethodSpec, drop_readings
 from radiometry.specification.roles import CHART, Grid
-
-__all__ = ["SPEC"]
 
 _FREQUENCIES = (
     ("cycles_per_pixel", "cycles/px"),
@@ -41,7 +34,7 @@ _CERTIFICATE: Final = CertificateText(
     equation="MTF(f) = |F{LSF}(f)| / |F{LSF}(0)|, where f is in cycles per pixel of the whole sensor",
     headlines=frozenset({"mtf50_cycles_per_pixel", "resolving_power_cycles_per_pixel"}),
     columns=(
-        FRAME,
+        certificate.FRAME,
         Column(name="position", head="position", form="text", share=1.2),
         Column(name="channel", head="channel", form="text"),
         Column(name="f_number", head="f/", share=0.6),

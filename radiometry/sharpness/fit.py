@@ -8,14 +8,8 @@ from typing import Final, TypeVar
 import numpy as np
 
 from radiometry.findings import InputRejected, Raised, shared
-from radiometry.fitting.evidence import (
-    MOST_DOF,
-    CoefficientValue,
-    Extracted,
-    Quantity,
-    Region,
-    require_complete,
-)
+from radiometry.fitting import evidence
+from radiometry.fitting.evidence import CoefficientValue, Extracted, Quantity, Region
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Window, bounding_window
@@ -256,8 +250,8 @@ def _find_dof(*groups: Sequence[tuple[PositionFit, Coefficient]]) -> float:
         for _, each in group:
             part = (each.quantity.standard_uncertainty / total) ** 2
             variance += part
-            restless += part**2 / (each.effective_dof or MOST_DOF)
-    return min(MOST_DOF, variance**2 / restless) if restless else MOST_DOF
+            restless += part**2 / (each.effective_dof or evidence.MOST_DOF)
+    return min(evidence.MOST_DOF, variance**2 / restless) if restless else evidence.MOST_DOF
 
 
 def _average(quantities: Sequence[Quantity]) -> Quantity:
@@ -319,7 +313,7 @@ def _compare_colours(
     features, region = pairs[0][1].features, pairs[0][1].region
     half = np.array([features.height_px - 1.0, features.width_px - 1.0]) / 2.0
     away = np.array([region.row_px, region.col_px]) - half
-    shifts, along, dof = [], [], MOST_DOF
+    shifts, along, dof = [], [], evidence.MOST_DOF
     for one, other in pairs:
         assert isinstance(one.response, EdgeResponse)  # noqa: S101  narrows the type
         assert isinstance(other.response, EdgeResponse)  # noqa: S101
@@ -350,7 +344,7 @@ def _compare_colours(
         if near or cosine < _LEAST_COSINE
         else Quantity(value=value / cosine, standard_uncertainty=u / cosine, unit="px"),
         frames=len(pairs),
-        effective_dof=min(freedom, MOST_DOF),
+        effective_dof=min(freedom, evidence.MOST_DOF),
     )
 
 
@@ -450,7 +444,7 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     sharpening_suspected, edge_curved, sharpness_beyond_curve. Flag per frame: region_left_out. Flags of the
     whole fit: rendered, sharpness_centre_missing.
     """
-    require_complete(missing(rows, params))
+    evidence.require_complete(missing(rows, params))
     candidates = collect_candidates(rows, params)
     used = [each for each in candidates if not each.left_out]
     if not used:

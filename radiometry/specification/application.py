@@ -10,15 +10,6 @@ from typing import Any, Literal, Protocol
 
 from radiometry.frame.roi import Polygon
 
-__all__ = [
-    "BandApplication",
-    "Correction",
-    "FoundBy",
-    "FoundRegion",
-    "PictureApplication",
-    "SurfaceApplication",
-]
-
 Function = Callable[..., Any]
 # How a panel was found: by its code, by the camera's own statement, or in another band of the capture
 FoundBy = Literal["code", "reflect_area", "other_band"]

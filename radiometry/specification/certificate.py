@@ -6,8 +6,6 @@ from typing import Any, Final, Literal
 
 from radiometry.specification.parameters import about
 
-__all__ = ["CoefficientKind", "Column", "KeyFigure"]
-
 Form = Literal["text", "number", "percent"]
 
 

@@ -14,8 +14,6 @@ from radiometry.findings import InputRejected, interface
 from radiometry.fitting.evidence import Quantity
 from radiometry.specification.certificate import CertificateText
 
-__all__ = ["FORBIDDEN_IN_XML", "Export", "ExportOption", "ExportSubject", "Picture", "RigExport", "RigMember"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class ExportOption:

@@ -17,8 +17,6 @@ from radiometry.specification.exports import Export, RigSpec
 from radiometry.specification.parameters import Parameter, about, list_parameters
 from radiometry.specification.roles import Gap, Grid, Role
 
-__all__ = ["MethodSpec", "Scope"]
-
 Reference = Literal["meter", "panel"]
 Scope = Literal["traceable", "relative_only"]
 ToleranceUnit = Literal["%", "px"]

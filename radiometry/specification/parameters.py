@@ -8,9 +8,6 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final, Literal, Union, get_args, get_origin, get_type_hints
 
-__all__ = ["Choice", "Kind", "Parameter", "list_parameters"]
-
-
 LATER: Final = {"later": True}  # left out where it is None, so that hashes of older contents stay the same
 
 

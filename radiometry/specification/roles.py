@@ -6,8 +6,6 @@ from typing import Final, Literal
 
 from radiometry.specification.parameters import about
 
-__all__ = ["CHART", "DARK", "FIELD", "ROLES", "Gap", "Grid", "Role"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Role:

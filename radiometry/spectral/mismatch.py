@@ -12,19 +12,6 @@ from numpy.typing import NDArray
 
 from radiometry.findings import error, flag
 
-__all__ = [
-    "DEFAULT_U_REL",
-    "SOURCE",
-    "SPECTRAL_MISMATCH_UNKNOWN",
-    "find_confusion",
-    "find_response",
-    "list_lamps",
-    "read_lamp",
-    "read_observer",
-    "read_response",
-]
-
-
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 

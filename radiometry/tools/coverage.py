@@ -5,8 +5,6 @@ from dataclasses import dataclass, field
 
 from radiometry.specification.parameters import about
 
-__all__ = ["MOST_TILT_DEG", "Coverage", "View", "compute_coverage"]
-
 # a ray this close to the horizon (as the sine of its angle below) meets no ground worth a number
 _HORIZON = 1e-6
 

@@ -12,8 +12,6 @@ from radiometry.fitting.evidence import Quantity
 from radiometry.fitting.sources import IMPLAUSIBLE_SCATTER_REL
 from radiometry.specification.parameters import about
 
-__all__ = ["SETTINGS", "ExponentFit", "LeftOut", "SeriesRow", "fit_exponents"]
-
 SETTINGS = ("exposure_time_s", "f_number", "iso")
 
 # Eight stops below white. Dark signals are stated in whole DN and drift by some: of the 64 DN that this is in

@@ -15,20 +15,6 @@ from radiometry.frame.multispectral import Multispectral
 from radiometry.frame.opencv import cv2
 from radiometry.specification.parameters import about
 
-__all__ = [
-    "USUAL_LIMIT_PX",
-    "Basis",
-    "FrameBlur",
-    "Motion",
-    "MotionCase",
-    "Turn",
-    "blur_of_file",
-    "compute_motion",
-    "compute_turns",
-    "read_attitudes",
-    "tolerable_rate_deg_s",
-]
-
 USUAL_LIMIT_PX = 0.5
 
 # slower than this the picture stands still for every exposure that there is

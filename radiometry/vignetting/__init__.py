@@ -9,14 +9,9 @@ r = 1 at half of the frame's diagonal, from a fitted centre; dividing by V corre
 
 from typing import Final
 
+from radiometry.specification import certificate
 from radiometry.specification.application import Correction
-from radiometry.specification.certificate import (
-    FRAME,
-    CertificateText,
-    CoefficientEffect,
-    CoefficientKind,
-    Column,
-)
+from radiometry.specification.certificate import CertificateText, CoefficientEffect, CoefficientKind, Column
 from radiometry.specification.method import MethodSpec, drop_readings
 from radiometry.specification.roles import DARK, FLAT, Grid
 from radiometry.vignetting import codes, fit
@@ -25,8 +20,6 @@ from radiometry.vignetting.lens import EXPORTS, Lens, average_over_polygon
 from radiometry.vignetting.points import missing
 from radiometry.vignetting.results import PLOTS, Fit, Params, list_budgets, list_key_figures
 from radiometry.vignetting.verdicts import find_gaps, judge, plan
-
-__all__ = ["SPEC"]
 
 _IN_CORNER: Final = CoefficientEffect(of="of the signal in the corner", factor=lambda _: 100.0)
 
@@ -68,7 +61,7 @@ SPEC: Final = MethodSpec(
         "units of half the frame's diagonal",
         headlines=frozenset({"corner_falloff"}),
         columns=(
-            FRAME,
+            certificate.FRAME,
             Column(name="role", head="role", form="text", share=0.7),
             Column(name="f_number", head="f/", share=0.6),
             Column(name="signal_share", head="signal", form="percent"),

@@ -14,8 +14,6 @@ from radiometry.frame.packing import Packed, pack
 from radiometry.frame.roi import mask, require_pixels
 from radiometry.frame.statistics import GREY, compute_statistics, name_site
 
-__all__ = ["Grid"]
-
 Vector = NDArray[np.float64]
 Plane = NDArray[np.float64]
 

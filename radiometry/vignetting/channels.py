@@ -11,24 +11,9 @@ from numpy.typing import NDArray
 from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import MOST_DOF
 from radiometry.frame.packing import pack
-from radiometry.vignetting import codes
+from radiometry.vignetting import codes, falloff
 from radiometry.vignetting.blocks import Grid
-from radiometry.vignetting.falloff import (
-    CENTRE,
-    LIGHT,
-    USUAL,
-    Blocks,
-    Matrix,
-    Solution,
-    evaluate_curve,
-    evaluate_slopes,
-    find_farthest_corner,
-    is_apart,
-    list_corners,
-    propagate,
-    sample_radii,
-    solve_falloff,
-)
+from radiometry.vignetting.falloff import Blocks, Matrix, Solution
 from radiometry.vignetting.light import merge_dark_errors
 from radiometry.vignetting.points import measure_gradient
 from radiometry.vignetting.results import ChannelFit, Coefficient, CornerVariance
@@ -180,32 +165,34 @@ def fit_channel(
     shrink by one factor, and the centre stays. So u(e/A)^2 k k' is added to the covariance of k.
     """
     blocks, planes = merge_flats(flats)
-    alone = solve_falloff(blocks)
+    alone = falloff.solve_falloff(blocks)
     turned = find_turned_light(planes, turns_deg)
-    prior, not_turned = USUAL, False
+    prior, not_turned = falloff.USUAL, False
     if turned is not None:
-        apart = turned[0] - alone.parameters[LIGHT]
-        not_turned = math.hypot(*apart) > _SEEN_GRADIENT and is_apart(
+        apart = turned[0] - alone.parameters[falloff.LIGHT]
+        not_turned = math.hypot(*apart) > _SEEN_GRADIENT and falloff.is_apart(
             apart, turned[1] + alone.gradient_covariance
         )
         if not not_turned:
-            prior = prior.replace(LIGHT, *turned)
-            alone = solve_falloff(blocks, prior)
+            prior = prior.replace(falloff.LIGHT, *turned)
+            alone = falloff.solve_falloff(blocks, prior)
     solution = alone
     if known is not None:
         # at another f-number the centre may lie elsewhere
-        centre = known.parameters[CENTRE]
-        spread = known.find_covariance()[CENTRE, CENTRE] + CENTRE_DRIFT_U**2 * np.eye(2)
-        own = alone.find_covariance()[CENTRE, CENTRE]
-        if not is_apart(alone.parameters[CENTRE] - centre, own + spread):
-            solution = solve_falloff(blocks, prior.replace(CENTRE, centre, spread))
+        centre = known.parameters[falloff.CENTRE]
+        spread = known.find_covariance()[falloff.CENTRE, falloff.CENTRE] + CENTRE_DRIFT_U**2 * np.eye(2)
+        own = alone.find_covariance()[falloff.CENTRE, falloff.CENTRE]
+        if not falloff.is_apart(alone.parameters[falloff.CENTRE] - centre, own + spread):
+            solution = falloff.solve_falloff(blocks, prior.replace(falloff.CENTRE, centre, spread))
     fit = _conclude(solution, blocks, f_number=f_number, channel=channel, frames=len(flats))
     return FittedChannel(fit=fit, solution=solution, alone=alone, not_turned=not_turned)
 
 
 def find_best(fitted: Iterable[FittedChannel]) -> FittedChannel:
     """Return the f-number of one channel whose flats determine the centre best."""
-    return min(fitted, key=lambda each: float(np.trace(each.alone.find_covariance()[CENTRE, CENTRE])))
+    return min(
+        fitted, key=lambda each: float(np.trace(each.alone.find_covariance()[falloff.CENTRE, falloff.CENTRE]))
+    )
 
 
 def _conclude(
@@ -223,17 +210,18 @@ def _conclude(
     )
     gradient, gradient_u = measure_gradient(solution, blocks)
     counted = np.isfinite(blocks.standard_error)
-    corners = np.array(list_corners(blocks.grid.height_px, blocks.grid.width_px))
+    corners = np.array(falloff.list_corners(blocks.grid.height_px, blocks.grid.width_px))
     mean_corner = float(np.mean(1.0 - _share_at(coefficient, corners[:, 0], corners[:, 1])))
     share = 1.0 - coefficient.corner_falloff
     certain, level, whole = (
-        float(propagate(slopes, solution.find_covariance_of_lens(known=known))) ** 2 for known in (4, 2, 0)
+        float(falloff.propagate(slopes, solution.find_covariance_of_lens(known=known))) ** 2
+        for known in (4, 2, 0)
     )
     variances = {
         ("noise of the flats", "A"): certain,
         ("centre of the falloff", "B"): level - certain,
         ("plane of light", "A"): whole - level,
-        ("dark level", "A"): float(propagate(slopes, by_dark)) ** 2,
+        ("dark level", "A"): float(falloff.propagate(slopes, by_dark)) ** 2,
         ("shape of the curve", "A"): (model_u_rel * share) ** 2,
     }
     of_dark = {name: by_dark[index, index] for index, name in enumerate(("k1", "k2", "k3"))}
@@ -271,12 +259,14 @@ def _conclude(
 
 def find_largest_falloff(coefficient: Coefficient) -> float:
     """Return 1 - V where it is largest, from the centre to the farthest corner."""
-    return 1.0 - float(evaluate_curve(sample_radii(farthest_radius(coefficient)) ** 2, coefficient.k).min())
+    return 1.0 - float(
+        falloff.evaluate_curve(falloff.sample_radii(farthest_radius(coefficient)) ** 2, coefficient.k).min()
+    )
 
 
 def farthest_radius(coefficient: Coefficient) -> float:
     """Return r at the corner that is farthest from the centre."""
-    corner = find_farthest_corner(
+    corner = falloff.find_farthest_corner(
         coefficient.height_px, coefficient.width_px, centre_px=coefficient.centre_px
     )
     return math.dist(corner, coefficient.centre_px) / coefficient.radius_px
@@ -295,7 +285,7 @@ def _measure_misfit(solution: Solution, blocks: Blocks) -> float:
 
 
 def _share_at(coefficient: Coefficient, row_px: float | np.ndarray, col_px: float | np.ndarray) -> np.ndarray:
-    share, _ = evaluate_slopes(
+    share, _ = falloff.evaluate_slopes(
         np.asarray(row_px, np.float64),
         np.asarray(col_px, np.float64),
         coefficient.k,
@@ -309,8 +299,8 @@ def _build(
     solution: Solution, covariance: Matrix, grid: Grid, *, f_number: float, channel: str, model_u_rel: float
 ) -> tuple[Coefficient, Matrix]:
     """Return the coefficient, and the derivatives of V at its farthest corner."""
-    row, col = find_farthest_corner(grid.height_px, grid.width_px, centre_px=solution.centre_px)
-    share, slopes = evaluate_slopes(
+    row, col = falloff.find_farthest_corner(grid.height_px, grid.width_px, centre_px=solution.centre_px)
+    share, slopes = falloff.evaluate_slopes(
         np.array(row),
         np.array(col),
         solution.k,
@@ -324,7 +314,7 @@ def _build(
             "corner: that is the edge of the image circle, not a falloff. Give the flats a region without "
             "the dark corners.",
         )
-    of_curve = float(propagate(slopes, covariance))
+    of_curve = float(falloff.propagate(slopes, covariance))
     coefficient = Coefficient(
         f_number=f_number,
         channel=channel,

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from radiometry.vignetting.blocks import Axis, Grid, Plane, Vector, average_radial
 
-__all__ = ["evaluate_curve", "find_farthest_corner"]
-
 Matrix = NDArray[np.float64]
 
 PARAMETERS = 5  # k1, k2, k3, centre row, centre column: the order of every covariance

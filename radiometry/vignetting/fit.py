@@ -8,37 +8,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from radiometry.findings import InputRejected, Raised, shared
-from radiometry.fitting.evidence import (
-    MOST_DOF,
-    CoefficientValue,
-    Quantity,
-    require_complete,
-)
+from radiometry.fitting import evidence
 from radiometry.frame.statistics import CHANNELS
 from radiometry.frame.verdicts import flag_assumed_black, flag_not_dark, flag_rendered
-from radiometry.vignetting import codes
+from radiometry.vignetting import codes, falloff, points
 from radiometry.vignetting.blocks import FrameRow
 from radiometry.vignetting.channels import FittedChannel, farthest_radius, find_best, fit_channel
-from radiometry.vignetting.falloff import (
-    CENTRE_U,
-    Blocks,
-    Solution,
-    evaluate_curve,
-    evaluate_slopes,
-    find_largest_rise,
-    propagate,
-    sample_radii,
-)
 from radiometry.vignetting.light import EXPOSURE_RATIO, find_not_dark
-from radiometry.vignetting.points import (
-    FLAGGED_GRADIENT_REL,
-    Candidate,
-    collect_candidates,
-    describe_points,
-    flag_frame,
-    missing,
-    require_one_lens,
-)
+from radiometry.vignetting.points import Candidate
 from radiometry.vignetting.results import DARK, EQUATION, Coefficient, Fit, Params, Threshold
 
 LIMITS = (0.02, 0.10)  # The falloffs about which the report asks
@@ -86,7 +63,7 @@ def check_frames(candidates: Sequence[Candidate], rows: Sequence[FrameRow], para
     flags = []
     for candidate in candidates:
         if candidate.quality is not None:
-            flags += flag_frame(candidate.row.frame, candidate.quality)
+            flags += points.flag_frame(candidate.row.frame, candidate.quality)
         elif candidate.left_out:
             flags.append(codes.FLAT_LEFT_OUT.at(f"frame {candidate.row.frame}", f"{candidate.left_out}."))
     used = [candidate for candidate in candidates if not candidate.left_out]
@@ -152,7 +129,7 @@ def check_fits(fitted: Fitted) -> list[Raised]:
 def _check_shape(each: FittedChannel) -> list[Raised]:
     flags, fit, where = [], each.fit, _where(each)
     gradient, u = fit.gradient_rel, fit.gradient_standard_uncertainty_rel
-    if gradient > FLAGGED_GRADIENT_REL and each.solution.has_gradient:
+    if gradient > points.FLAGGED_GRADIENT_REL and each.solution.has_gradient:
         detail = f"The light changes by {gradient:.1%} across the frame, standard error {u:.1%}."
         flags.append(codes.UNEVEN_LIGHT.at(where, detail))
     if each.not_turned:
@@ -173,10 +150,10 @@ def find_rise(coefficient: Coefficient) -> tuple[float, float, float] | None:
 
     The error is that of the difference of V at the two radii, from the coefficients' covariance.
     """
-    radii = sample_radii(farthest_radius(coefficient))
-    rise, bottom, top = find_largest_rise(evaluate_curve(radii**2, coefficient.k))
+    radii = falloff.sample_radii(farthest_radius(coefficient))
+    rise, bottom, top = falloff.find_largest_rise(falloff.evaluate_curve(radii**2, coefficient.k))
     rows = coefficient.centre_row_px + coefficient.radius_px * radii[[bottom, top]]
-    _, slopes = evaluate_slopes(
+    _, slopes = falloff.evaluate_slopes(
         rows,
         np.array(coefficient.centre_col_px),
         coefficient.k,
@@ -185,7 +162,7 @@ def find_rise(coefficient: Coefficient) -> tuple[float, float, float] | None:
     )
     by_k = slopes[:3, 1] - slopes[:3, 0]  # at given radii the centre does not enter
     error = math.hypot(
-        float(propagate(by_k, np.array(coefficient.covariance)[:3, :3])), coefficient.model_u_rel
+        float(falloff.propagate(by_k, np.array(coefficient.covariance)[:3, :3])), coefficient.model_u_rel
     )
     if rise <= max(_RISE, _ERRORS * error):
         return None
@@ -197,8 +174,9 @@ def _check_centre(each: FittedChannel, fitted: Fitted) -> list[Raised]:
     coefficient, where = each.fit.coefficient, _where(each)
     if each.fit.centre_held:
         detail = (
-            f"A falloff of {each.fit.largest_falloff:.1%} does not separate the centre from uneven light. It "
-            f"is taken to lie within {CENTRE_U:.0%} of the half diagonal of the middle, as a standard error."
+            f"A falloff of {each.fit.largest_falloff:.1%} does not separate the centre from uneven light. "
+            f"It is taken to lie within {falloff.CENTRE_U:.0%} of the half diagonal of the middle, as a "
+            "standard error."
         )
         return [codes.CENTRE_UNCERTAIN.at(where, detail)]
     best = find_best(other for other in fitted if other.fit.coefficient.channel == coefficient.channel)
@@ -242,13 +220,13 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     light_not_turned, falloff_not_monotonic, falloff_grows, vignetting_misfit. Flag of the whole fit:
     rendered.
     """
-    require_complete(missing(rows, params))
-    candidates = collect_candidates(rows, params)
+    evidence.require_complete(points.missing(rows, params))
+    candidates = points.collect_candidates(rows, params)
     used = [candidate for candidate in candidates if not candidate.left_out]
     if not used:
         reasons = "; ".join(f"{each.row.frame}: {each.left_out}" for each in candidates)
         raise InputRejected(codes.FLAT_UNUSABLE, f"No flat frame can be used. {reasons}.")
-    require_one_lens(candidates)
+    points.require_one_lens(candidates)
     fitted = _fit_all(candidates, params)
     return Fit(
         height_px=fitted[0].fit.coefficient.height_px,
@@ -256,7 +234,7 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
         cfa=next(each.row.features.cfa for each in used if each.row.features is not None),
         channel_fits=tuple(each.fit for each in fitted),
         thresholds=find_thresholds(fitted),
-        points=describe_points(rows, candidates, params),
+        points=points.describe_points(rows, candidates, params),
         flags=(*check_frames(candidates, rows, params), *check_fits(fitted)),
     )
 
@@ -264,14 +242,14 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
 def _fit_all(candidates: Sequence[Candidate], params: Params) -> list[FittedChannel]:
     """Fit every f-number and channel, then again with the centre that one f-number determines best."""
     turns = _find_turns(candidates, params)
-    groups: dict[tuple[str, float], list[tuple[Blocks, float]]] = {}
+    groups: dict[tuple[str, float], list[tuple[falloff.Blocks, float]]] = {}
     for candidate in candidates:
         if candidate.light is not None and not candidate.left_out:
             for light in candidate.channels:
                 group = groups.setdefault((light.channel, candidate.light.f_number), [])
                 group.append((light.blocks, turns[candidate.row.frame]))
 
-    def fit_one(key: tuple[str, float], known: Solution | None = None) -> FittedChannel:
+    def fit_one(key: tuple[str, float], known: falloff.Solution | None = None) -> FittedChannel:
         flats, turned = zip(*groups[key], strict=True)
         return fit_channel(flats, channel=key[0], f_number=key[1], turns_deg=turned, known=known)
 
@@ -294,9 +272,9 @@ def _find_turns(candidates: Sequence[Candidate], params: Params) -> dict[str, fl
     return turns
 
 
-def list_coefficients(fit: Fit) -> tuple[CoefficientValue, ...]:
+def list_coefficients(fit: Fit) -> tuple[evidence.CoefficientValue, ...]:
     return tuple(
-        CoefficientValue(
+        evidence.CoefficientValue(
             name=name,
             value=quantity.value,
             standard_uncertainty=quantity.standard_uncertainty,
@@ -306,7 +284,7 @@ def list_coefficients(fit: Fit) -> tuple[CoefficientValue, ...]:
             band=None if coefficient.channel in CHANNELS else coefficient.channel,
             channel=coefficient.channel,
             flags=_flags_of(fit, coefficient),
-            effective_dof=each.effective_dof.get(name, MOST_DOF) if each.effective_dof else None,
+            effective_dof=each.effective_dof.get(name, evidence.MOST_DOF) if each.effective_dof else None,
         )
         for each in fit.channel_fits
         for coefficient in (each.coefficient,)
@@ -314,7 +292,7 @@ def list_coefficients(fit: Fit) -> tuple[CoefficientValue, ...]:
     )
 
 
-def _list_quantities(coefficient: Coefficient) -> dict[str, Quantity]:
+def _list_quantities(coefficient: Coefficient) -> dict[str, evidence.Quantity]:
     values = {
         "k1": (coefficient.k1, "1"),
         "k2": (coefficient.k2, "1"),
@@ -323,12 +301,12 @@ def _list_quantities(coefficient: Coefficient) -> dict[str, Quantity]:
         "centre_col_px": (coefficient.centre_col_px, "px"),
     }
     quantities = {
-        name: Quantity(
+        name: evidence.Quantity(
             value=value, standard_uncertainty=coefficient.covariance[index][index] ** 0.5, unit=unit
         )
         for index, (name, (value, unit)) in enumerate(values.items())
     }
-    quantities["corner_falloff"] = Quantity(
+    quantities["corner_falloff"] = evidence.Quantity(
         value=coefficient.corner_falloff,
         standard_uncertainty=coefficient.corner_falloff_standard_uncertainty,
         unit="1",

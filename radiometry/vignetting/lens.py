@@ -15,16 +15,7 @@ from radiometry.fitting.evidence import Quantity
 from radiometry.frame.packing import unpack
 from radiometry.frame.roi import Polygon, Window, bounding_window, mask
 from radiometry.frame.statistics import GREY, name_site
-from radiometry.specification.exports import (
-    Export,
-    ExportOption,
-    ExportSubject,
-    LensfunNames,
-    Picture,
-    list_options,
-    name_for_lensfun,
-    write_database,
-)
+from radiometry.specification import exports
 from radiometry.vignetting.blocks import Vector
 from radiometry.vignetting.falloff import Matrix, evaluate_curve, evaluate_slopes, propagate
 from radiometry.vignetting.results import ChannelFit, Coefficient, Fit
@@ -307,7 +298,7 @@ _SAMPLES = 129  # Along each side of the frame: odd, so that the middle is one o
 
 
 def export_lensfun(
-    coefficients: Sequence[Coefficient], *, channels: Sequence[str], names: LensfunNames
+    coefficients: Sequence[Coefficient], *, channels: Sequence[str], names: exports.LensfunNames
 ) -> str:
     """Write a Lensfun database with the camera, the lens, and one vignetting element per f-number.
 
@@ -323,7 +314,7 @@ def export_lensfun(
         for f_number in sorted({each.f_number for each in coefficients})
     ]
     first = coefficients[0]
-    return write_database(
+    return exports.write_database(
         names,
         elements,
         width_px=first.width_px,
@@ -333,7 +324,7 @@ def export_lensfun(
 
 
 def _write_element(
-    coefficients: Sequence[Coefficient], f_number: float, channels: Sequence[str], names: LensfunNames
+    coefficients: Sequence[Coefficient], f_number: float, channels: Sequence[str], names: exports.LensfunNames
 ) -> str:
     first = coefficients[0]
     middle_row, middle_col = (first.height_px - 1) / 2.0, (first.width_px - 1) / 2.0
@@ -376,23 +367,23 @@ def find_fit(fits: Sequence[ChannelFit], *, f_number: float, channel: str) -> Ch
     )
 
 
-_F_NUMBER: Final = ExportOption(name="f_number", kind="number")
-_CHANNEL: Final = ExportOption(name="channel", kind="text")
+_F_NUMBER: Final = exports.ExportOption(name="f_number", kind="number")
+_CHANNEL: Final = exports.ExportOption(name="channel", kind="text")
 
 
-def _write_lensfun(fitted: Fit, subject: ExportSubject, options: dict[str, Any]) -> str:
+def _write_lensfun(fitted: Fit, subject: exports.ExportSubject, options: dict[str, Any]) -> str:
     coefficients = fitted.coefficients
     first = coefficients[0]
-    names = name_for_lensfun(subject, options, width_px=first.width_px, height_px=first.height_px)
+    names = exports.name_for_lensfun(subject, options, width_px=first.width_px, height_px=first.height_px)
     return export_lensfun(coefficients, channels=select_channels(coefficients, signal="green"), names=names)
 
 
-def _write_correction(fitted: Fit, _: ExportSubject, options: dict[str, Any]) -> Picture:
+def _write_correction(fitted: Fit, _: exports.ExportSubject, options: dict[str, Any]) -> exports.Picture:
     gains = compute_correction(fitted.coefficients, cfa=fitted.cfa, f_number=options["f_number"])
-    return Picture(samples=gains)
+    return exports.Picture(samples=gains)
 
 
-def _write_residuals(fitted: Fit, subject: ExportSubject, options: dict[str, Any]) -> Picture:
+def _write_residuals(fitted: Fit, subject: exports.ExportSubject, options: dict[str, Any]) -> exports.Picture:
     fit = find_fit(fitted.channel_fits, **options)
     said = {
         "quantity": "(light - fitted) / fitted",
@@ -402,11 +393,11 @@ def _write_residuals(fitted: Fit, subject: ExportSubject, options: dict[str, Any
         "residual_rms_rel": fit.residual_rms_rel,
         "calibration_id": subject.calibration_id,
     }
-    return Picture(samples=unpack(fit.residuals).astype(np.float32), description=json.dumps(said))
+    return exports.Picture(samples=unpack(fit.residuals).astype(np.float32), description=json.dumps(said))
 
 
 EXPORTS: Final = (
-    Export(
+    exports.Export(
         filename="lensfun.xml",
         label="Lensfun",
         media_type="application/xml",
@@ -414,10 +405,10 @@ EXPORTS: Final = (
         description="The falloff as an entry of Lensfun's database. The pixel pitch must be registered with "
         "the camera.",
         write=_write_lensfun,
-        options=list_options(needs_widest=False),
+        options=exports.list_options(needs_widest=False),
         needs_pixel_pitch=True,
     ),
-    Export(
+    exports.Export(
         filename="correction.tif",
         label="Correction map",
         media_type="image/tiff",
@@ -427,7 +418,7 @@ EXPORTS: Final = (
         write=_write_correction,
         options=(_F_NUMBER,),
     ),
-    Export(
+    exports.Export(
         filename="residuals.tif",
         label="Residual map",
         media_type="image/tiff",

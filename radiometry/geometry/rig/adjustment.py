@@ -27,8 +27,6 @@ from radiometry.geometry.camera import (
 from radiometry.geometry.target import Target
 from radiometry.specification.parameters import about
 
-__all__ = ["describe_pose"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class RelativePose:

@@ -12,28 +12,10 @@ from radiometry.findings import Raised
 from radiometry.fitting.evidence import Quantity
 from radiometry.geometry import codes
 from radiometry.geometry.camera import Minimum, project, reduce
-from radiometry.geometry.rig.adjustment import (
-    CAMERA,
-    POSE,
-    BoardPicture,
-    Matrix,
-    RigCamera,
-    RigFit,
-    RigPoint,
-    Trigger,
-    compose,
-    describe_pose,
-    fit_board,
-    linearise_rig,
-    pair_pictures,
-    read_pose,
-    solve_rig,
-    start_rig,
-)
+from radiometry.geometry.rig import adjustment
+from radiometry.geometry.rig.adjustment import BoardPicture, Matrix, RigCamera, RigFit, RigPoint, Trigger
 from radiometry.geometry.views import make_view
 from radiometry.specification.exports import RigMember
-
-__all__ = ["COMPARED"]
 
 _POSE: Final = 6
 # corners of a picture share errors of their search: 3.3 times at most in rendered pictures of rigid rigs
@@ -142,8 +124,8 @@ def orient_rig(cameras: Sequence[RigCamera], pictures: Sequence[BoardPicture]) -
     calibrations are used again costs nothing: what they tell of the cameras is orthogonal to what they tell
     of the poses.
     """
-    triggers, why = pair_pictures(pictures)
-    start, triggers = start_rig([each.model for each in cameras], triggers)
+    triggers, why = adjustment.pair_pictures(pictures)
+    start, triggers = adjustment.start_rig([each.model for each in cameras], triggers)
     if len(start) < len(cameras):
         lacking = ", ".join(each.serial for number, each in enumerate(cameras) if number not in start)
         raise codes.RIG_INCOMPLETE.refuse(f"No trigger links camera {lacking} to the others.")
@@ -151,7 +133,7 @@ def orient_rig(cameras: Sequence[RigCamera], pictures: Sequence[BoardPicture]) -
     kept, rejected = list(triggers), list[tuple[BoardPicture, float]]()
     while True:
         _require_triggers(cameras, kept)
-        found = solve_rig(cameras, kept, shared)
+        found = adjustment.solve_rig(cameras, kept, shared)
         misses = _measure_misses(kept, found)
         typical = float(np.median([miss for each in misses for miss in each.values()]))
         worst = max(range(len(kept)), key=lambda place: max(misses[place].values()))
@@ -159,7 +141,7 @@ def orient_rig(cameras: Sequence[RigCamera], pictures: Sequence[BoardPicture]) -
             break
         others = [each for place, each in enumerate(kept) if place != worst]
         _require_triggers(cameras, others)
-        found = solve_rig(cameras, others, found.shared)
+        found = adjustment.solve_rig(cameras, others, found.shared)
         kept[worst : worst + 1], gone = _split(
             cameras, kept[worst], found.shared, max(OUTLIER_RATIO * typical, _FLOOR)
         )
@@ -200,7 +182,7 @@ def _measure_misses(triggers: Sequence[Trigger], found: Minimum) -> list[dict[in
 
 
 def _miss_px(cameras: Sequence[RigCamera], picture: BoardPicture, board: Matrix, shared: Matrix) -> float:
-    placed = compose(board, read_pose(shared, picture.camera))
+    placed = adjustment.compose(board, adjustment.read_pose(shared, picture.camera))
     there = project(cameras[picture.camera].model, picture.view.points_mm, placed[:3], placed[3:])
     return math.sqrt(float(((picture.view.seen_px - there) ** 2).sum()) / len(there))
 
@@ -218,7 +200,7 @@ def _split(
         trials = []
         for picture in kept.pictures:
             rest = replace(kept, pictures=tuple(each for each in kept.pictures if each is not picture))
-            alone = fit_board(cameras, rest, shared)
+            alone = adjustment.fit_board(cameras, rest, shared)
             misses = [
                 _miss_px(cameras, each, alone, shared) / cameras[each.camera].noise_px
                 for each in rest.pictures
@@ -257,7 +239,7 @@ def _conclude(
     reduced = [reduce(block)[:2] for block in found.linear]
     count = [len(trigger.pictures) for trigger in triggers]
     corners = sum(len(each.view.points_mm) for trigger in triggers for each in trigger.pictures)
-    within = 2 * corners - POSE * sum(count)
+    within = 2 * corners - adjustment.POSE * sum(count)
     scatter = estimate_scatter(reduced, within=(found.cost, within))
     parts = list(
         zip(
@@ -268,10 +250,10 @@ def _conclude(
     )
     poses = []
     for number, camera in enumerate(cameras[1:], start=1):
-        mine = slice(POSE * (number - 1), POSE * number)
+        mine = slice(adjustment.POSE * (number - 1), adjustment.POSE * number)
         used = sum(number in each for each in misses)
         poses.append(
-            describe_pose(
+            adjustment.describe_pose(
                 camera.serial,
                 found.shared[mine],
                 [(part[mine, mine], dof) for part, dof in parts],
@@ -302,7 +284,7 @@ def _conclude(
         scatter_mm=scatter.translation_mm,
         triggers=len(triggers),
         corners=corners,
-        degrees_of_freedom=2 * corners - len(found.shared) - POSE * len(triggers),
+        degrees_of_freedom=2 * corners - len(found.shared) - adjustment.POSE * len(triggers),
         points=tuple(
             RigPoint(
                 camera=cameras[each.camera].serial,
@@ -324,17 +306,20 @@ def _find_covariances(
     """Return the covariances of the poses from corners, triggers and the cameras' own uncertainties."""
     size = len(found.shared)
     blocks = [
-        reduce(linearise_rig(cameras, trigger, found.shared, board, whole=True))[0]
+        reduce(adjustment.linearise_rig(cameras, trigger, found.shared, board, whole=True))[0]
         for trigger, board in zip(triggers, found.poses, strict=True)
     ]
     whole = np.sum(blocks, axis=0)
     inverse = np.linalg.inv(whole[:size, :size])
-    spread = np.tile(np.repeat([scatter.rotation_rad**2, scatter.translation_mm**2], POSE // 2), size // POSE)
+    spread = np.tile(
+        np.repeat([scatter.rotation_rad**2, scatter.translation_mm**2], adjustment.POSE // 2),
+        size // adjustment.POSE,
+    )
     between = np.sum([block[:size, :size] * spread @ block[:size, :size] for block in blocks], axis=0)
     gain = -inverse @ whole[:size, size:]
-    own = np.zeros((CAMERA * len(cameras),) * 2)
+    own = np.zeros((adjustment.CAMERA * len(cameras),) * 2)
     for number, camera in enumerate(cameras):
-        mine = slice(CAMERA * number, CAMERA * (number + 1))
+        mine = slice(adjustment.CAMERA * number, adjustment.CAMERA * (number + 1))
         own[mine, mine] = camera.covariance
     corners, swaying, given = (
         (part + part.T) / 2.0
@@ -354,7 +339,7 @@ def orient_members(members: Sequence[RigMember]) -> RigFit:
 
 def count_shared(first: RigMember, second: RigMember) -> int:
     """Return how many triggers have a picture of both cameras."""
-    return len(pair_pictures([*list_pictures(first, 0), *list_pictures(second, 1)])[0])
+    return len(adjustment.pair_pictures([*list_pictures(first, 0), *list_pictures(second, 1)])[0])
 
 
 def list_pictures(member: RigMember, number: int) -> list[BoardPicture]:

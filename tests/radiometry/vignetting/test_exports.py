@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from radiometry.findings import InputRejected
+from radiometry.specification.exports import LensfunNames
 from radiometry.vignetting import lens as vignetting_lens
-from radiometry.vignetting import lens as vignetting_lensfun
 from simulation.targets import FALLOFFS
 from tests.radiometry.vignetting.flats import coefficient
 
@@ -16,7 +16,7 @@ HEIGHT, WIDTH = 300, 400
 WIDE = coefficient(k1=FALLOFFS[1.4][0], k2=FALLOFFS[1.4][1], k3=FALLOFFS[1.4][2], f_number=1.4)
 LENS = (WIDE, coefficient(f_number=4.0, k1=-0.085, k2=0.02, k3=-0.015))
 CENTRED = tuple(dataclasses.replace(each, centre_row_px=149.5, centre_col_px=199.5) for each in LENS)
-NAMES = vignetting_lensfun.LensfunNames(
+NAMES = LensfunNames(
     camera_make="Maker & Sons",
     camera_model="Flyer One",
     lens_make="Optics",
@@ -41,7 +41,7 @@ def share(lens, f_number=1.4):
 
 
 def export(lens, names=NAMES):
-    return vignetting_lensfun.export_lensfun(lens, channels=("G1",), names=names)
+    return vignetting_lens.export_lensfun(lens, channels=("G1",), names=names)
 
 
 def elements(text):

@@ -14,6 +14,7 @@ from radiometry.findings import InputRejected
 from radiometry.fitting.evidence import Exclusion
 from radiometry.frame.packing import unpack
 from radiometry.vignetting import fit as vignetting
+from radiometry.vignetting import points
 from radiometry.vignetting.blocks import Site
 from radiometry.vignetting.channels import fit_channel
 from radiometry.vignetting.falloff import CENTRE_U, EVEN, UNKNOWN, evaluate_curve, solve_falloff
@@ -393,15 +394,15 @@ def test_a_dark_corner_is_no_falloff():
 
 def test_what_is_missing_is_named():
     waiting = dataclasses.replace(flat(SMALL, 1, name="late"), features=None)
-    assert vignetting.missing((), NONE) == (
+    assert points.missing((), NONE) == (
         "no flat frame: photograph an even, format-filling surface at each f-number",
     )
-    assert vignetting.missing([waiting], NONE, unread=["new"]) == (
+    assert points.missing([waiting], NONE, unread=["new"]) == (
         "not read yet: frame new",
         "not extracted yet: frame late",
     )
     without = dataclasses.replace(flat(SMALL, 1, name="bare"), exposure=None)
-    assert vignetting.missing([without], NONE) == ("no exposure time, f-number and ISO: frame bare",)
+    assert points.missing([without], NONE) == ("no exposure time, f-number and ISO: frame bare",)
     with pytest.raises(InputRejected, match="not extracted yet: frame late") as refusal:
         vignetting.fit([waiting], NONE)
     assert refusal.value.code == "fit_incomplete"
