@@ -10,6 +10,8 @@ from sphinx.application import Sphinx
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+from service.pages.findings import expand_entries  # noqa: E402
+
 project = "stilb"
 release = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
 extensions = ["myst_parser", "sphinx.ext.apidoc", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
@@ -50,6 +52,11 @@ def _leave_out_inner(*event: object) -> bool | None:
     return True if inner and "Parameters\n" not in (shown.__doc__ or "") else None
 
 
+def _list_findings(_app: Sphinx, _page: str, source: list[str]) -> None:
+    source[0] = expand_entries(source[0])
+
+
 def setup(app: Sphinx) -> None:
-    """Leave out of the reference what only its own room calls."""
+    """Leave out of the reference what only its own room calls, and list findings where a page says so."""
     app.connect("autodoc-skip-member", _leave_out_inner)
+    app.connect("source-read", _list_findings)

@@ -21,6 +21,7 @@ from service.http.auth import find_session
 from service.http.context import UsesContext
 from service.http.document import ALSO_ACCEPTS, Document, resolve
 from service.http.problems import Problem
+from service.pages.findings import expand_entries, find_page
 from service.pages.rendering import render
 
 _PAGE = re.compile(r"^([a-z-]+)\.md(#.*)?$")
@@ -29,9 +30,8 @@ _PAGE = re.compile(r"^([a-z-]+)\.md(#.*)?$")
 def render_markdown(text: str) -> str:
     """HTML of a page of docs/; ``## some_code`` becomes the place #some_code.
 
-    So does a name where it first stands in a table, and a link to another page is one to where the service
-    shows it. What follows a further ``# title`` is one level lower: a page has one title. Comments are left
-    out; other HTML in the text stays text.
+    What follows a further ``# title`` is one level lower: a page has one title. Comments are left out; other
+    HTML in the text stays text.
     """
     parser = MarkdownIt("commonmark", {"html": False}).enable("table")
     tokens = parser.parse(re.sub(r"^<!--.*-->\n", "", text, flags=re.MULTILINE))
@@ -44,18 +44,29 @@ def render_markdown(text: str) -> str:
     for opened, inline, closed in zip(tokens, tokens[1:], tokens[2:], strict=False):
         if opened.type == "th_open" and not inline.content:
             opened.tag = closed.tag = "td"  # heads nothing
-    for token, inline in itertools.pairwise(tokens):
-        for part in inline.children or ():
-            is_name = part.type == "code_inline" and part.content.isidentifier()
-            if token.type == "td_open" and is_name and part.content not in places:
-                places.add(part.content)
-                part.attrSet("id", part.content)
-            elif part.type == "link_open" and (page := _PAGE.match(str(part.attrGet("href")))):
-                part.attrSet("href", f"/docs/{page[1]}{page[2] or ''}")
-            elif part.type == "image" and str(part.attrGet("src")).startswith("pictures/"):
-                part.attrSet("src", f"/docs/{part.attrGet('src')}")
+    _link(tokens, places)
     html: str = parser.renderer.render(tokens, parser.options, {})
     return html
+
+
+def _link(tokens: list[Token], places: set[str]) -> None:
+    """Lead to other pages as the service shows them, and from the code of a finding to what it means.
+
+    A name that first stands in a table becomes a place.
+    """
+    for token, inline in itertools.pairwise(tokens):
+        for part in inline.children or ():
+            name = part.content if part.type == "code_inline" and part.content.isidentifier() else ""
+            if name and token.type == "td_open" and name not in places:
+                places.add(name)
+                part.attrSet("id", name)
+            elif page := find_page(name):
+                part.type = "html_inline"
+                part.content = f'<a href="/docs/{page}#{name}"><code>{name}</code></a>'
+            elif part.type == "link_open" and (other := _PAGE.match(str(part.attrGet("href")))):
+                part.attrSet("href", f"/docs/{other[1]}{other[2] or ''}")
+            elif part.type == "image" and str(part.attrGet("src")).startswith("pictures/"):
+                part.attrSet("src", f"/docs/{part.attrGet('src')}")
 
 
 def _keep_one_title(tokens: list[Token]) -> None:
@@ -169,7 +180,7 @@ def get_manual_page(
     name: Annotated[str, InPath(pattern="^[a-z-]+$")], request: Request, context: UsesContext
 ) -> Response:
     """A page of the manual; to that of errors the `type` of every problem points."""
-    text = _file(f"{name}.md").read_text(encoding="utf-8")
+    text = expand_entries(_file(f"{name}.md").read_text(encoding="utf-8"))
     return _page(request, context, _title(text), render_markdown(text))
 
 

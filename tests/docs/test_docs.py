@@ -9,6 +9,7 @@ from pydantic import SecretStr
 from docs import findings
 from radiometry.methods.findings import FINDINGS
 from service.launch.folder import Exit
+from service.pages.findings import expand_entries, find_page
 from store.settings import Settings
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -67,21 +68,13 @@ def found_at(*places: str) -> set[str]:
 
 def test_every_error_code_has_its_heading_and_every_heading_its_code():
     codes = {*found_at("file", "request", "job"), *written_codes()}
-    named = headings(prose(DOCS / "errors.md"), 2)
+    named = headings(expand_entries(prose(DOCS / "errors.md")), 2)
     assert sorted(named) == sorted(codes)
 
 
-def test_every_error_says_what_to_do_and_whether_to_try_again():
-    _, *sections = re.split(r"^## ", prose(DOCS / "errors.md"), flags=re.MULTILINE)
-    for section in sections:
-        code, _, text = section.partition("\n")
-        assert len(text) > 30, code
-        assert code not in FINDINGS or ("Retryable." in text) == FINDINGS[code].retryable, code
-
-
-def test_the_page_of_errors_stands_alone():
-    """The service serves it without the others."""
-    assert "](" not in prose(DOCS / "errors.md")
+def test_every_flag_is_listed_once():
+    named = headings(expand_entries(prose(DOCS / "flags.md")), 2)
+    assert named == sorted(code for code in FINDINGS if find_page(code) == "flags")
 
 
 def test_every_reason_has_its_heading_and_every_heading_its_reason():

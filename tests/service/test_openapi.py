@@ -322,12 +322,13 @@ def test_the_requests_that_pages_print_are_those_of_the_document(document):
 
 
 def test_the_type_of_a_problem_leads_to_its_explanation(open_http, monkeypatch, tmp_path):
+    address, _, place = open_http.get("/v1/nothing").json()["type"].partition("#")
+    assert f'id="{place}"' in open_http.get(address).text
     page = tmp_path / "errors.md"
     page.write_text(
         "# Errors\n\n## not_found\n\nThere is <script>no</script> such thing.\n", encoding="utf-8"
     )
     monkeypatch.setattr("service.pages.documentation._MANUAL", tmp_path)
-    address, _, place = open_http.get("/v1/nothing").json()["type"].partition("#")
     html = open_http.get(address).text
     assert f'<h2 id="{place}">not_found</h2>' in html
     assert "<script>" not in html
