@@ -6,9 +6,9 @@ import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
+from radiometry.records import Record
 from service.launch.lifeline import die_with_parent
 
 COMMAND = (sys.executable, "-m", "service.up")
@@ -21,8 +21,7 @@ class NotServing(Exception):  # noqa: N818  said to a person, not caught by name
     """The service ended before it was ready; it has said why itself."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Service:
+class Service(Record):
     """Where the service answers, and the key that opens everything."""
 
     url: str

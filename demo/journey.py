@@ -6,7 +6,6 @@ Taking them again, with the same files, changes nothing and ends the same.
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
@@ -20,6 +19,7 @@ from rich.table import Table
 
 import stilb
 from radiometry.frame.roi import Polygon, Window
+from radiometry.records import Record
 from simulation.camera import Camera, Shot
 from simulation.camera import take as expose
 from simulation.dng import write_dng
@@ -55,8 +55,7 @@ class Display:
 AGREES_WITHIN = 3.0  # standard uncertainties
 
 
-@dataclass(frozen=True, kw_only=True)
-class Finding:
+class Finding(Record):
     """One figure."""
 
     what: str
@@ -113,8 +112,7 @@ _BETWEEN_SHOTS = timedelta(seconds=20)
 _THREADS = 2
 
 
-@dataclass(frozen=True, kw_only=True)
-class Stage:
+class Stage(Record):
     """Service, folder and display of one demo; ``quick`` asks for small frames and few, for a test.
 
     ``camera`` : one of the demo's ``CAMERAS``, "" for its first.

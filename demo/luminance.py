@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
 
@@ -13,6 +13,7 @@ from rich.table import Table
 import stilb
 from demo.journey import Finding, Stage, begin, calibrate, register, take
 from radiometry.frame.roi import Polygon, Window
+from radiometry.records import Record
 from simulation.camera import Camera, Meter, Shot, change
 from simulation.luminance import X5S, Errors, find_k, plan_campaign
 from stilb.records import Reading
@@ -37,8 +38,7 @@ _METERS = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
-class Campaign:
+class Campaign(Record):
     """Frames and readings of a field team, with the truth that it never knows: K by ISO value."""
 
     camera: Camera

@@ -8,7 +8,7 @@ surfaces side by side.
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
@@ -19,6 +19,7 @@ import tifffile
 import stilb
 from demo.journey import Finding, Stage, begin, calibrate, conclude, send, write_files
 from radiometry.frame import FrameHeader
+from radiometry.records import Record
 from simulation import rigs, sequoia
 from simulation.camera import Plane, Sensor, Taken, change
 from simulation.multispectral_files import name_file, name_rig_file, write_rig, write_sequoia
@@ -43,8 +44,7 @@ _SURFACES = {
 Corners = list[tuple[float, float]]
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Capture:
+class _Capture(Record):
     """All bands at one moment; ``i_ss`` is its light, 4300 at noon, which the service is not told."""
 
     role: str
@@ -66,8 +66,7 @@ _CAPTURES = (
 _NOON = 4300.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Kit:
+class _Kit(Record):
     """A camera, and how its files are named and written; ``aligned``: they say how the bands lie together."""
 
     whole: Sequoia | Rig

@@ -1,10 +1,10 @@
 """Checklist at the end of the luminance procedure, in the words of the print, ticked where the record can."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final, Literal
 
 from radiometry.drawing.text import name_few, sort_naturally, write_exposure
+from radiometry.records import Record
 
 Source = Literal["campaign", "frames", "readings", "region", "statistics", "version"]
 
@@ -14,8 +14,7 @@ FEWEST_LEVELS: Final = 3  # As many as a fit needs; the procedure leaves the num
 _MOST_NAMES = 6
 
 
-@dataclass(frozen=True, kw_only=True)
-class Item:
+class Item(Record):
     """One line of the checklist."""
 
     key: str  # Stable key under which ticks are stored
@@ -178,8 +177,7 @@ ITEMS: tuple[Item, ...] = tuple(
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class FrameFacts:
+class FrameFacts(Record):
     """One frame that was read."""
 
     name: str
@@ -195,8 +193,7 @@ class FrameFacts:
     extracted: bool  # True if its statistics in its present region exist
 
 
-@dataclass(frozen=True, kw_only=True)
-class IsoFacts:
+class IsoFacts(Record):
     """Result of a version for one ISO value."""
 
     iso: float
@@ -209,16 +206,14 @@ class IsoFacts:
     points: int
 
 
-@dataclass(frozen=True, kw_only=True)
-class VersionFacts:
+class VersionFacts(Record):
     """A calibration version of the campaign."""
 
     version: int
     isos: tuple[IsoFacts, ...]  # Results, one per ISO value
 
 
-@dataclass(frozen=True, kw_only=True)
-class Facts:
+class Facts(Record):
     """A campaign."""
 
     project_number: str | None  # Number of the project, if recorded
@@ -233,8 +228,7 @@ class Facts:
     version: VersionFacts | None  # Newest version that was not revoked
 
 
-@dataclass(frozen=True, kw_only=True)
-class Finding:
+class Finding(Record):
     """State of one item according to the record."""
 
     done: bool  # True if the record proves the item

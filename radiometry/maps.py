@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Final, cast
 
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from radiometry.frame.grid import find_homography
 from radiometry.frame.opencv import cv2
 from radiometry.frame.statistics import GREY
+from radiometry.records import Record
 
 Array = NDArray[np.float64]
 Line = NDArray[np.float64]
@@ -32,8 +32,7 @@ _NOISE_SHARE: Final = 0.25
 _RING_SQUARES: Final = 2.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class PixelUncertainty:
+class PixelUncertainty(Record):
     """Uncertainty of values of a map."""
 
     # standard uncertainty as a share of the value: K, meter, time, f-number; of places, that of each
@@ -154,8 +153,7 @@ def place_on_earth(transform: Sequence[float], xy_px: Array) -> Array:
     return np.column_stack([a + b * x + c * y, d + e * x + f * y])
 
 
-@dataclass(frozen=True, kw_only=True)
-class Isoline:
+class Isoline(Record):
     """All lines of one level."""
 
     level: float  # value along the lines

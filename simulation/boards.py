@@ -12,6 +12,7 @@ from radiometry.frame.roi import Window
 from radiometry.geometry.camera import CameraModel, Pose, find_directions, project
 from radiometry.geometry.target import Target, locate_corners_mm, make_charuco_board
 from radiometry.geometry.target import Target as Board
+from radiometry.records import Record
 from simulation.camera import Camera, Lens, Plane, Sensor, change
 from simulation.targets import Picture, Studio
 
@@ -44,8 +45,7 @@ def set_up(
     return Studio(camera=camera, dark_dn=dark_dn, bright_dn=bright_dn)
 
 
-@dataclass(frozen=True, kw_only=True)
-class View:
+class View(Record):
     """A board in a pose, with a white margin around its squares and grey beyond.
 
     Every pixel is the mean of 4 x 4 rays. Each is followed through the lens to the board's plane, so an edge

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
+from dataclasses import asdict, field, fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import cv2
@@ -14,6 +14,7 @@ from radiometry.frame.exposure import Exposure, Settings
 from radiometry.frame.multispectral import VignettingPolynomial
 from radiometry.frame.roi import Window
 from radiometry.geometry.camera import CameraModel
+from radiometry.records import Record
 from radiometry.reflectance.imaging import FrameSize, evaluate_polynomial
 from radiometry.vignetting.blocks import Grid
 from radiometry.vignetting.falloff import evaluate_curve
@@ -46,8 +47,7 @@ def compute_mismatch(band: Band, *, temperature_k: float) -> float:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Lamp:
+class Lamp(Record):
     """Light on the target."""
 
     luminance_cd_m2: float  # Luminance of the target where its share is 1 [cd/m2]
@@ -60,8 +60,7 @@ class Lamp:
         return self.luminance_cd_m2 * (1.0 + self.drift_rel_per_s * after_s)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Meter:
+class Meter(Record):
     """Luminance or illuminance meter."""
 
     scale: float = 1.0  # Indicated over true value: the error that all its readings share
@@ -79,8 +78,7 @@ class Meter:
 Plane = NDArray[np.float64]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Body:
+class Body(Record):
     """Names that the files of a camera state."""
 
     make: str = "DJI"
@@ -94,8 +92,7 @@ class Body:
     pixel_pitch_um: float = 3.28
 
 
-@dataclass(frozen=True, kw_only=True)
-class Lens:
+class Lens(Record):
     """Lens between the target and the sensor."""
 
     # True over nominal f-number, by nominal f-number; 1 where none is listed
@@ -126,8 +123,7 @@ class Lens:
         return light
 
 
-@dataclass(frozen=True, kw_only=True)
-class Shutter:
+class Shutter(Record):
     """Shutter with errors of its nominal times."""
 
     # True over nominal exposure time, by nominal time; 1 where none is listed
@@ -135,8 +131,7 @@ class Shutter:
     extra_s: float = 0.0  # Time that adds to every exposure [s]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Sensor:
+class Sensor(Record):
     """Image sensor; patterns from pixel to pixel are fixed by ``seed`` and the same in every window."""
 
     height_px: int = 96
@@ -269,8 +264,7 @@ def _list_names(part: Any) -> set[str]:  # noqa: ANN401
     return own.keys() | {name for inner in own.values() for name in _list_names(inner)}
 
 
-@dataclass(frozen=True, kw_only=True)
-class Camera:
+class Camera(Record):
     """A camera of parts."""
 
     body: Body = field(default_factory=Body)
@@ -399,8 +393,7 @@ def expose(
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Shot:
+class Shot(Record):
     """One photograph to take."""
 
     frame: str  # Its name, its role in a campaign, and the light level that it shows
@@ -415,8 +408,7 @@ class Shot:
     after_s: float = 0.0  # Time since the lamp had its luminance [s]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Taken:
+class Taken(Record):
     """A photograph: name, role, header, settings and all of its pixels."""
 
     name: str

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from radiometry.frame.exposure import Settings
 from radiometry.frame.roi import Polygon, bounding_window, mask
 from radiometry.luminance.rows import Reading
+from radiometry.records import Record
 from radiometry.spectral.mismatch import list_lamps, read_lamp, read_observer, read_response
 from simulation.camera import Camera, Lamp, Meter, Plane, Shot, change
 from simulation.targets import Surface
@@ -45,8 +46,7 @@ _USABLE_SHARES = (0.02, 0.8)
 _STEP_NM = 5.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class Errors:
+class Errors(Record):
     """Relative standard uncertainties of a campaign's assumptions; each error is drawn once."""
 
     # Of one meter reading, and of the meter's scale, which all its readings share
@@ -56,8 +56,7 @@ class Errors:
     exposure_time: float = 0.005
 
 
-@dataclass(frozen=True, kw_only=True)
-class Campaign:
+class Campaign(Record):
     """Camera with its true settings, shots, readings, and the true luminance of each scene [cd/m2]."""
 
     camera: Camera
@@ -165,8 +164,7 @@ def _shoot(scene: str | None, luminance_cd_m2: float, settings: Settings) -> Sho
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Field:
+class Field(Record):
     """Differences between a calibration and a measurement."""
 
     response: Plane  # Response of this very body, columns R, G and B

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
@@ -16,6 +16,7 @@ from radiometry.frame.multispectral import (
     RigGeometry,
     SunshineIrradiance,
 )
+from radiometry.records import Record
 from simulation.camera import Body, Camera, Lamp, Plane, Shot, Taken, change, take
 from simulation.sequoia import LENS
 from simulation.targets import Picture
@@ -28,8 +29,7 @@ _PIXELS_PER_MM = 256.0
 _DIRECT, _SUN_DEG = 0.7, (45.0, 180.0)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Channel:
+class Channel(Record):
     """True values of a band: K, wavelength and width [nm], exposure time [s], and where it is in the rig."""
 
     reflectance_k: float
@@ -40,8 +40,7 @@ class Channel:
     offset_px: tuple[float, float] = (0.0, 0.0)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Rig:
+class Rig(Record):
     """A camera of several bands."""
 
     system: str  # Its dialect

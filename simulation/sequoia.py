@@ -1,7 +1,7 @@
 """A Sequoia with its sunshine sensor, the panel's card, and flights with it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from datetime import UTC, datetime
 from typing import Literal
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from radiometry.frame import multispectral
 from radiometry.frame.exposure import Settings
 from radiometry.frame.roi import Window
+from radiometry.records import Record
 from radiometry.reflectance.sun import Tilt, level_factor, sun_angle_deg
 from radiometry.reflectance.sunshine import SATURATED_COUNT
 from simulation.camera import Body, Camera, Lamp, Plane, Shot, Taken, change, take
@@ -22,8 +23,7 @@ _TABLE_TIME_S = 0.6
 _INTEGRATION_S = 0.1
 
 
-@dataclass(frozen=True, kw_only=True)
-class SunshineSensor:
+class SunshineSensor(Record):
     """A sensor beside the camera that looks up."""
 
     sunshine_serial: str = "PI040379AA6E000358"
@@ -82,8 +82,7 @@ _SUBPIXEL_BITS = 4
 Corners = NDArray[np.float32]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Card:
+class Card(Record):
     """A MicaSense panel with its QR code on the ground."""
 
     text: str  # Text of the code: the panel's serial number
@@ -151,8 +150,7 @@ LENS = multispectral.VignettingPolynomial(
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Band:
+class Band(Record):
     """True values of a band: its K [1/s], wavelength, sensor model A, B, C and place in the rig."""
 
     reflectance_k: float
@@ -179,8 +177,7 @@ BANDS = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
-class Sequoia:
+class Sequoia(Record):
     """The camera that its four bands share, the bands, and the sunshine sensor."""
 
     camera: Camera

@@ -12,6 +12,7 @@ from radiometry.fitting.evidence import Region
 from radiometry.frame import Frame
 from radiometry.frame.exposure import Settings
 from radiometry.frame.roi import Polygon, Window
+from radiometry.records import Record
 from radiometry.vignetting.blocks import Grid
 from simulation.camera import Camera, Lamp, Plane, Shot, Target, change, take
 
@@ -19,8 +20,7 @@ _SETTINGS = Settings(exposure_time_s=0.01, f_number=4.0, iso=100.0)
 _FINE = 4  # samples of a star along each side of a pixel
 
 
-@dataclass(frozen=True, kw_only=True)
-class Surface:
+class Surface(Record):
     """An even surface, unless told otherwise."""
 
     share: float = 1.0  # Share of the lamp's luminance in the middle of the frame
@@ -53,8 +53,7 @@ class Picture:
         return shares[rows, window.col0 : window.col0 + window.width] if shares.ndim else shares
 
 
-@dataclass(frozen=True, kw_only=True)
-class Edge:
+class Edge(Record):
     """An edge through the middle of a box of the frame, whose corner is (row0, col0)."""
 
     name: str
@@ -94,8 +93,7 @@ class Edge:
         return np.asarray(np.clip(normal + 0.5, 0.0, 1.0) if self.blur == "box" else ndtr(normal), np.float64)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Star:
+class Star(Record):
     """A Siemens star of sines or ``bars`` in a square box, blurred by a Gaussian; its centre in indices."""
 
     name: str
@@ -163,8 +161,7 @@ class Chart:
         return Picture(share).draw(camera, window)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Studio:
+class Studio(Record):
     """A camera in front of a target of two tones."""
 
     camera: Camera

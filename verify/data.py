@@ -4,12 +4,12 @@ import json
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl, urlsplit
 
 import stilb
+from radiometry.records import Record
 from stilb.export import CERTIFICATE, PANELS, READINGS, REGIONS, STATUS, frame_path, name_issued
 
 Node = dict[str, Any]
@@ -19,8 +19,7 @@ class Unusable(Exception):  # noqa: N818  it says what was found
     """There is no certificate, or no data, where it was said to be."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Data:
+class Data(Record):
     """An export, read.
 
     ``certificate``: its own copy, which need not be the one that is checked. ``status``: of the version when

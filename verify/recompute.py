@@ -1,7 +1,7 @@
 """Recomputation from the bytes of frames, readings and panels, with the code that the service runs."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import Any
 
 from radiometry import methods
@@ -11,6 +11,7 @@ from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Camera, Exposure, SuppliedExposure, accept_frame
 from radiometry.frame.roi import Polygon, bounding_window
 from radiometry.frame.statistics import ChannelStatistics, measure_signal
+from radiometry.records import Record
 from radiometry.specification.application import SurfaceApplication
 from radiometry.specification.method import MethodSpec
 from stilb.transport import hash_file
@@ -23,8 +24,7 @@ from worker.decode.pool import DecoderCrashed, DecoderPool
 OnFrame = Callable[[int, int], None]
 
 
-@dataclass(frozen=True, kw_only=True)
-class FoundFrame:
+class FoundFrame(Record):
     """A frame of the certificate, read again. ``trouble``: why it could not be, else "".
 
     ``row`` : as the method's fit wants it, None where it could not be read
@@ -38,8 +38,7 @@ class FoundFrame:
     signal: Node
 
 
-@dataclass(frozen=True, kw_only=True)
-class Recomputed:
+class Recomputed(Record):
     """``fit`` is None where the data allow none; ``trouble`` then says why."""
 
     params: Any

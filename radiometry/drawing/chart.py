@@ -3,13 +3,14 @@
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from html import escape
 from typing import Final, Self
 
 from radiometry.drawing.figure import Axis, Figure, Mark, Series
 from radiometry.drawing.text import shorten, write_tick
+from radiometry.records import Record
 
 _STEPS = (1.0, 2.0, 5.0, 10.0)
 _LEAST_TICKS, _MOST_TICKS = 3, 8
@@ -31,8 +32,7 @@ def document(parts: Iterable[str], *, width_px: int, height_px: int, label: str,
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Scale:
+class Scale(Record):
     """Mapping of a value to a pixel along one axis."""
 
     low: float  # Ends of the axis
@@ -107,8 +107,7 @@ def span(
     return low - air, high + air
 
 
-@dataclass(frozen=True, kw_only=True)
-class Panel:
+class Panel(Record):
     """A frame with axes; what is drawn in it is clipped to it by staying within the limits."""
 
     x: Scale

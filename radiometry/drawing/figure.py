@@ -2,14 +2,14 @@
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any, Final
+
+from radiometry.records import Record
 
 MOST: Final = 100  # Figures of a plot that is printed whole
 
 
-@dataclass(frozen=True, kw_only=True)
-class Axis:
+class Axis(Record):
     """An axis of a figure."""
 
     label: str  #: Quantity with its unit
@@ -22,8 +22,7 @@ class Axis:
     is_downward: bool = False
 
 
-@dataclass(frozen=True, kw_only=True)
-class Mark:
+class Mark(Record):
     """A point with what is told of it."""
 
     x: float  #: Position
@@ -36,8 +35,7 @@ class Mark:
     left_out: str = ""  #: Reason why it is not used; it is drawn hollow then
 
 
-@dataclass(frozen=True, kw_only=True)
-class Series:
+class Series(Record):
     """Points, lines and bands of one colour."""
 
     name: str = ""  #: Name in the legend
@@ -49,8 +47,7 @@ class Series:
     place: int | None = None  #: Number of its colour; None for its place in the figure
 
 
-@dataclass(frozen=True, kw_only=True)
-class Cell:
+class Cell(Record):
     """A rectangle of a map."""
 
     x: tuple[float, float]  #: Its sides
@@ -60,8 +57,7 @@ class Cell:
     text: str = ""  #: What is printed in it
 
 
-@dataclass(frozen=True, kw_only=True)
-class Figure:
+class Figure(Record):
     """A plot with two axes."""
 
     x: Axis
@@ -100,8 +96,7 @@ class Figure:
         yield from (point[axis] for point in lines)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Plot:
+class Plot(Record):
     """A plot of a version that its method declares."""
 
     name: str  # Name in its address, heading, and a sentence beside it

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal, Self
 
-from radiometry.specification.parameters import about
+from radiometry.records import Record, about
 
 Outcome = Literal["pass", "warn", "fail", "pending"]
 Severity = Literal["warn", "pending", "fail", "error"]
@@ -26,23 +26,27 @@ Place = Literal[
 class Finding(str):  # noqa: SLOT000  the decorator makes them
     """One entry of the registry; as a string it is its code, which is stored and stays."""
 
-    code: str = field(metadata=about("Stable name, also the heading in the documentation."))
+    code: str = field(metadata={"description": "Stable name, also the heading in the documentation."})
     severity: Severity = field(
-        metadata=about('The gravest that an occurrence can have. "error": there is no result.')
+        metadata={"description": 'The gravest that an occurrence can have. "error": there is no result.'}
     )
     where: tuple[Place, ...] = field(
-        metadata=about(
-            'Where it occurs: as a warning of a stored "frame", a reason in a frame\'s "verdict", a finding '
-            'of a "campaign", a flag of a "calibration", "measurement" or "fleet" comparison, a missing '
-            'item of a "certificate", the refusal of a "file" or a "request", or the error of a "job".'
-        )
+        metadata={
+            "description": 'Where it occurs: as a warning of a stored "frame", a reason in a frame\'s '
+            '"verdict", a finding of a "campaign", a flag of a "calibration", "measurement" or "fleet" '
+            'comparison, a missing item of a "certificate", the refusal of a "file" or a "request", or the '
+            'error of a "job".'
+        }
     )
-    sentence: str = field(metadata=about("What was found."))
-    remedy: str = field(metadata=about("What to do about it."))
+    sentence: str = field(metadata={"description": "What was found."})
+    remedy: str = field(metadata={"description": "What to do about it."})
     status: int | None = field(
-        default=None, metadata=about("HTTP status of the refusal of a request; None if it refuses none.")
+        default=None,
+        metadata={"description": "HTTP status of the refusal of a request; None if it refuses none."},
     )
-    retryable: bool = field(default=False, metadata=about("True if the same request may succeed later."))
+    retryable: bool = field(
+        default=False, metadata={"description": "True if the same request may succeed later."}
+    )
 
     def __new__(cls, code: str, *_: object) -> Self:
         """Make the code the value of the string."""
@@ -88,19 +92,15 @@ def declared(names: Mapping[str, object]) -> tuple[Finding, ...]:
     return tuple(each for each in names.values() if isinstance(each, Finding))
 
 
-@dataclass(frozen=True, kw_only=True)
-class Raised:
+class Raised(Record):
     """A flag with the place where it applies and what was found there."""
 
-    flag: str = field(metadata=about("Code of the finding."))
-    where: str = field(
-        metadata=about('For example "iso 3200", "scene level-4" or "frame dark-2"; "" for the whole.')
-    )
-    detail: str = field(metadata=about("One sentence with the numbers."))
+    flag: str = about("Code of the finding.")
+    where: str = about('For example "iso 3200", "scene level-4" or "frame dark-2"; "" for the whole.')
+    detail: str = about("One sentence with the numbers.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Reason:
+class Reason(Record):
     """A reason in a frame's verdict; ``detail`` is a sentence with the numbers and what to do."""
 
     code: Finding

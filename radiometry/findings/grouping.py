@@ -1,18 +1,17 @@
 """Equal findings as one, and the advice that follows from them."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Final
 
 from radiometry.findings import Finding, Severity
-from radiometry.specification.parameters import about
+from radiometry.records import Record, about
 
 MOST_SUBJECTS: Final = 100
 _RANKS: Final[Mapping[Severity, int]] = {"error": 0, "fail": 0, "pending": 1, "warn": 2}
 
 
-@dataclass(frozen=True, kw_only=True)
-class Occurrence:
+class Occurrence(Record):
     """A finding at one subject."""
 
     finding: Finding  #: Entry of the registry
@@ -22,29 +21,22 @@ class Occurrence:
     values: Mapping[str, Any] = field(default_factory=dict)  #: Those numbers by name
 
 
-@dataclass(frozen=True, kw_only=True)
-class FindingGroup:
+class FindingGroup(Record):
     """Equal findings as one."""
 
-    code: str = field(metadata=about("Code of the finding."))
-    severity: Severity = field(metadata=about("Severity of all of them."))
-    count: int = field(metadata=about("Number of occurrences."))
-    subjects: tuple[str, ...] = field(
-        metadata=about('Where each of the first hundred occurred; "" for the whole.')
+    code: str = about("Code of the finding.")
+    severity: Severity = about("Severity of all of them.")
+    count: int = about("Number of occurrences.")
+    subjects: tuple[str, ...] = about('Where each of the first hundred occurred; "" for the whole.')
+    values: Mapping[str, tuple[Any, ...]] = about(
+        'Numbers by name, a list each in the order of the subjects; "detail" where the occurrences '
+        "differ in their sentences."
     )
-    values: Mapping[str, tuple[Any, ...]] = field(
-        metadata=about(
-            'Numbers by name, a list each in the order of the subjects; "detail" where the occurrences '
-            "differ in their sentences."
-        )
+    sentence: str = about("What the finding means.")
+    detail: str = about(
+        "What was found: the sentence of all occurrences if it is the same, else that of the finding."
     )
-    sentence: str = field(metadata=about("What the finding means."))
-    detail: str = field(
-        metadata=about(
-            "What was found: the sentence of all occurrences if it is the same, else that of the finding."
-        )
-    )
-    action: str = field(metadata=about("What to do."))
+    action: str = about("What to do.")
 
 
 def group_findings(occurrences: Iterable[Occurrence]) -> tuple[FindingGroup, ...]:

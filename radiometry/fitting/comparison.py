@@ -2,28 +2,25 @@
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
 from typing import Literal
 
 from radiometry.fitting.evidence import Quantity
-from radiometry.specification.parameters import about
+from radiometry.records import Record, about
 
 PERCENT = "%"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Comparison:
+class Comparison(Record):
     """A new value compared with an old one of the same unit."""
 
-    difference: Quantity = field(metadata=about("new - old."))
-    change: Quantity | None = field(metadata=about("new / old - 1 [%]; None if the old value is 0."))
-    in_standard_uncertainties: float | None = field(
-        metadata=about("abs(difference) / u(difference); None if both values are exact.")
+    difference: Quantity = about("new - old.")
+    change: Quantity | None = about("new / old - 1 [%]; None if the old value is 0.")
+    in_standard_uncertainties: float | None = about(
+        "abs(difference) / u(difference); None if both values are exact."
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class MeasuredChange:
+class MeasuredChange(Record):
     """Change of a measured luminance or reflectance under another calibration."""
 
     change: Quantity | None  #: new / old - 1 [%]; None if it cannot be computed
@@ -98,8 +95,7 @@ SUBTRACTED = frozenset({DARK, STRAY})
 _OF_VALUE_ALONE = frozenset({*SUBTRACTED, NOISE})
 
 
-@dataclass(frozen=True, kw_only=True)
-class Budgeted:
+class Budgeted(Record):
     """A measured value with the effect of one standard uncertainty of each source on it."""
 
     value: float  #: Measured value

@@ -15,6 +15,8 @@ import scipy
 from numpy.linalg import LinAlgError
 from numpy.typing import NDArray
 
+from radiometry.records import Record
+
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 Labels = NDArray[np.intp]
@@ -22,8 +24,7 @@ Labels = NDArray[np.intp]
 _MOST_DENSE = 20_000
 
 
-@dataclass(frozen=True, kw_only=True)
-class Component:
+class Component(Record):
     """One source of error and its part of the covariance, V_j = variance * Z_j Z_j'."""
 
     source: str

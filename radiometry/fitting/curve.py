@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy
@@ -11,6 +11,7 @@ from numpy.linalg import LinAlgError
 from radiometry.fitting import gls, sources
 from radiometry.fitting.components import Matrix, Vector, index_labels
 from radiometry.fitting.sources import F_NUMBER, READING, SCATTER, TAIL_DOF, TAIL_FACTOR, Curve, list_sources
+from radiometry.records import Record
 
 # Relative standard uncertainty of a nominal f-number that nothing is known of. Nominal values are rounded by
 # up to 2.8 % (f/11 for 11.314), which as a rectangular distribution is 2.8 / sqrt(3) %.
@@ -22,8 +23,7 @@ _RELATIVE_TOLERANCE = 1e-11
 _COVERAGE = 0.95
 
 
-@dataclass(frozen=True, kw_only=True)
-class CurveFit:
+class CurveFit(Record):
     """A model fitted to a calibration curve."""
 
     model: str

@@ -1,7 +1,6 @@
 """Inputs and outputs shared by all calibration methods."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 from radiometry.drawing.text import name_few
@@ -10,7 +9,7 @@ from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon
 from radiometry.frame.statistics import ChannelStatistics
-from radiometry.specification.parameters import about, later
+from radiometry.records import Record, about, later
 
 F = TypeVar("F")
 
@@ -20,16 +19,14 @@ MOST_DOF = 1e6  # Effective degrees of freedom of an uncertainty that is not lim
 Values = dict[str, str | float | list[float]]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Region:
+class Region(Record):
     """A part of the image that is evaluated separately."""
 
     name: str  #: "" if there is only one region
     polygon: Polygon  #: Outline of the region [px]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Extracted(Generic[F]):
+class Extracted(Record, Generic[F]):
     """Result of the extraction of one frame."""
 
     #: Statistics of the raw values in the frame's region, one row per channel
@@ -38,8 +35,7 @@ class Extracted(Generic[F]):
     features: F | None
 
 
-@dataclass(frozen=True, kw_only=True)
-class FrameEvidence(Generic[F]):
+class FrameEvidence(Record, Generic[F]):
     """One frame of a campaign as input of a fit."""
 
     frame: str  #: Name of the frame in messages and points; unique in a campaign
@@ -55,13 +51,12 @@ class FrameEvidence(Generic[F]):
     identified: str | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
-class Exclusion:
+class Exclusion(Record):
     """A frame that a person excludes from the fit."""
 
     frame: str
-    reason: str = field(metadata=about("Reason for the exclusion."))
-    by: str = field(metadata=about("Person who decided it."))
+    reason: str = about("Reason for the exclusion.")
+    by: str = about("Person who decided it.")
 
 
 def require_complete(lacking: Sequence[str]) -> None:
@@ -74,73 +69,61 @@ def list_unknown_exclusions(exclude: Sequence[Exclusion], frames: Collection[str
     return [f"to be left out, but not of this campaign: {name_few('frame', unknown)}"] if unknown else []
 
 
-@dataclass(frozen=True, kw_only=True)
-class Quantity:
+class Quantity(Record):
     """A reported quantity."""
 
-    value: float = field(metadata=about("Estimate of the quantity."))
-    standard_uncertainty: float = field(metadata=about("Standard uncertainty, in the same unit."))
-    unit: str = field(metadata=about('Unit of both; "1" for a ratio.'))
+    value: float = about("Estimate of the quantity.")
+    standard_uncertainty: float = about("Standard uncertainty, in the same unit.")
+    unit: str = about('Unit of both; "1" for a ratio.')
 
 
-@dataclass(frozen=True, kw_only=True)
-class FieldCorrection:
+class FieldCorrection(Record):
     """Correction of one error of the field: L = factor * L_shown - offset."""
 
-    source: str = field(metadata=about("Name of the source, as in the budget."))
-    factor: float = field(default=1.0, metadata=about("Factor of the shown luminance."))
-    offset_cd_m2: float = field(default=0.0, metadata=about("Luminance that is subtracted [cd/m2]."))
-    u_rel: float = field(
-        default=0.0,
-        metadata=about("What is left, relative to the luminance: the same error in the whole frame."),
+    source: str = about("Name of the source, as in the budget.")
+    factor: float = about("Factor of the shown luminance.", default=1.0)
+    offset_cd_m2: float = about("Luminance that is subtracted [cd/m2].", default=0.0)
+    u_rel: float = about(
+        "What is left, relative to the luminance: the same error in the whole frame.", default=0.0
     )
-    u_cd_m2: float = field(default=0.0, metadata=about("What is left of the offset [cd/m2]."))
-    basis: str = field(
-        default="", metadata=about("What the correction, or the uncertainty in its place, is based on.")
-    )
+    u_cd_m2: float = about("What is left of the offset [cd/m2].", default=0.0)
+    basis: str = about("What the correction, or the uncertainty in its place, is based on.", default="")
     assumed: bool | None = later(
         "True if nothing was stated of the source, so that a plausible size is in the budget."
     )
     values: Values | None = later("What the basis names, by name.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class BudgetEntry:
+class BudgetEntry(Record):
     """Contribution of one source to the uncertainty of a coefficient."""
 
     source: str
-    kind: str = field(metadata=about('"A" (evaluated from scatter) or "B" (evaluated by other means).'))
-    u_rel: float = field(metadata=about("Contribution relative to the coefficient."))
-    variance_share: float = field(metadata=about("Fraction of the coefficient's variance, 0 to 1."))
+    kind: str = about('"A" (evaluated from scatter) or "B" (evaluated by other means).')
+    u_rel: float = about("Contribution relative to the coefficient.")
+    variance_share: float = about("Fraction of the coefficient's variance, 0 to 1.")
 
 
-_COLOUR = about("Band or channel that the value holds for; None if it holds for all.")
-_CONDITION = about("Condition that the value holds for; None if it holds for all.")
+_COLOUR = "Band or channel that the value holds for; None if it holds for all."
+_CONDITION = "Condition that the value holds for; None if it holds for all."
 
 
-@dataclass(frozen=True, kw_only=True)
-class CoefficientValue:
+class CoefficientValue(Record):
     """One coefficient of a version as dashboards read it."""
 
-    name: str = field(metadata=about("Name, with its unit if it has one, as in the HTTP contract."))
-    value: float = field(metadata=about("Value and its standard uncertainty, in `unit`."))
-    standard_uncertainty: float = field(metadata=about("Value and its standard uncertainty, in `unit`."))
-    unit: str = field(metadata=about("Unit of the value."))
-    model: str = field(metadata=about("Equation that the coefficient belongs to."))
-    iso: float | None = field(default=None, metadata=_CONDITION)
-    f_number: float | None = field(default=None, metadata=_CONDITION)
-    band: str | None = field(default=None, metadata=_COLOUR)
-    channel: str | None = field(default=None, metadata=_COLOUR)
-    flags: tuple[str, ...] = field(default=(), metadata=about("Codes of the flags that apply to the value."))
-    effective_dof: float | None = field(
+    name: str = about("Name, with its unit if it has one, as in the HTTP contract.")
+    value: float = about("Value and its standard uncertainty, in `unit`.")
+    standard_uncertainty: float = about("Value and its standard uncertainty, in `unit`.")
+    unit: str = about("Unit of the value.")
+    model: str = about("Equation that the coefficient belongs to.")
+    iso: float | None = about(_CONDITION, default=None)
+    f_number: float | None = about(_CONDITION, default=None)
+    band: str | None = about(_COLOUR, default=None)
+    channel: str | None = about(_COLOUR, default=None)
+    flags: tuple[str, ...] = about("Codes of the flags that apply to the value.", default=())
+    effective_dof: float | None = about(
+        "Effective degrees of freedom of the standard uncertainty; None if the fit does not state them.",
         default=None,
-        metadata=about(
-            "Effective degrees of freedom of the standard uncertainty; None if the fit does not state them."
-        ),
     )
-    coverage_factor: float | None = field(
-        default=None,
-        metadata=about(
-            "Coverage factor that the fit itself states; None if it follows from `effective_dof`."
-        ),
+    coverage_factor: float | None = about(
+        "Coverage factor that the fit itself states; None if it follows from `effective_dof`.", default=None
     )

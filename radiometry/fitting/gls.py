@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 import scipy
@@ -21,6 +21,7 @@ from radiometry.fitting.components import (
     contribute,
 )
 from radiometry.fitting.sources import DARK_CURRENT, F_NUMBER, LAMP, SCATTER, TIME, Curve
+from radiometry.records import Record
 
 _INDISTINCT = 1e-12
 _MAX_STEPS = 200
@@ -146,8 +147,7 @@ def _advance(
     return estimates, factored
 
 
-@dataclass(frozen=True, kw_only=True)
-class Solution:
+class Solution(Record):
     """Solution of a linear model by generalised least squares."""
 
     parameters: Vector  # Estimates theta, (p,)
@@ -271,8 +271,7 @@ _NEGLIGIBLE_REL = 1e-4
 Rows = tuple[tuple[float, ...], ...]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Prediction:
+class Prediction(Record):
     """Errors of the model's parameters, and of X at one f-number, by what causes them."""
 
     f_number: float | None  # Nominal f-number; None for X with the errors that f-numbers have on average
@@ -297,8 +296,7 @@ class Prediction:
         return max(1.0, variance**2 / self.k_uncertainty_of_variance)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Converged:
+class Converged(Record):
     """Last iteration of a fit that converged."""
 
     linear: sources.LinearModel  # The model as a linear problem

@@ -9,13 +9,13 @@ there, whereas in DN their products (3 % of 3 % is 0.1 %) would exceed the noise
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
 from radiometry.fitting.components import Component, Vector, index_labels
+from radiometry.records import Record
 
 Matrix = NDArray[np.float64]
 
@@ -35,8 +35,7 @@ K_UNITS = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
-class LinearModel:
+class LinearModel(Record):
     """A model as a linear problem near some parameters: response = design @ theta."""
 
     design: Matrix  # Matrix of the linear problem, (n, p)
@@ -178,8 +177,7 @@ SCATTER = "scatter between frames"
 _WHOLE_PERIODS_REL = 1e-9
 
 
-@dataclass(frozen=True, kw_only=True)
-class Curve:
+class Curve(Record):
     """Points of one curve, n in all, and the uncertainties that the caller knows."""
 
     rhs: Vector  # Right-hand side X = t S L / f^2, (n,)

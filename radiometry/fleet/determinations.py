@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Literal
 
@@ -10,9 +10,9 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from radiometry.specification.parameters import about
+from radiometry.records import Record, about
 
-_HOLDS_FOR = about("What the parameter holds for; None where it holds for all.")
+_HOLDS_FOR = "What the parameter holds for; None where it holds for all."
 
 
 @dataclass(frozen=True, order=True, kw_only=True)
@@ -22,10 +22,10 @@ class Key:
     name: str
     unit: str
     model: str
-    iso: float | None = field(default=None, metadata=_HOLDS_FOR)
-    f_number: float | None = field(default=None, metadata=_HOLDS_FOR)
-    band: str | None = field(default=None, metadata=_HOLDS_FOR)
-    channel: str | None = field(default=None, metadata=_HOLDS_FOR)
+    iso: float | None = about(_HOLDS_FOR, default=None)
+    f_number: float | None = about(_HOLDS_FOR, default=None)
+    band: str | None = about(_HOLDS_FOR, default=None)
+    channel: str | None = about(_HOLDS_FOR, default=None)
 
     def __str__(self) -> str:
         """Return the name as used in a sentence: luminance_k at ISO 3200."""
@@ -39,26 +39,22 @@ class Key:
         return f"{self.name} at {where}" if where else self.name
 
 
-_SERIALS = about("Serial numbers of body and lens; None where the lens is unknown.")
+_SERIALS = "Serial numbers of body and lens; None where the lens is unknown."
 
 
-@dataclass(frozen=True, kw_only=True)
-class Source:
+class Source(Record):
     """One calibration version, with its camera and campaign."""
 
-    version: str = field(metadata=about("Its id."))
-    camera: str = field(metadata=_SERIALS)
-    lens: str | None = field(metadata=_SERIALS)
-    campaign: str = field(
-        metadata=about(
-            "Versions of one campaign share their frames and readings, and with them their errors."
-        )
+    version: str = about("Its id.")
+    camera: str = about(_SERIALS)
+    lens: str | None = about(_SERIALS)
+    campaign: str = about(
+        "Versions of one campaign share their frames and readings, and with them their errors."
     )
-    at: datetime = field(metadata=about("When it was determined, with its time zone."))
+    at: datetime = about("When it was determined, with its time zone.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Determination:
+class Determination(Record):
     """One value of one parameter, with its standard uncertainty [the key's unit]."""
 
     key: Key
@@ -67,8 +63,7 @@ class Determination:
     source: Source
 
 
-@dataclass(frozen=True, kw_only=True)
-class LeftOut:
+class LeftOut(Record):
     """A version that is not used, with the reason as a sentence."""
 
     version: str
@@ -114,8 +109,7 @@ Index = NDArray[np.intp]
 _ROUNDING = 1e-13
 
 
-@dataclass(frozen=True, kw_only=True)
-class Factor:
+class Factor(Record):
     """Levels of one factor and the variance that they explain beyond the other factor."""
 
     deviations: Vector  # Of each level from the unweighted mean of all levels [unit of the values]
@@ -127,8 +121,7 @@ class Factor:
     variance_u: float
 
 
-@dataclass(frozen=True, kw_only=True)
-class Effects:
+class Effects(Record):
     """A solved model."""
 
     mean: float
@@ -253,8 +246,7 @@ def _code(labels: Index) -> tuple[Matrix, Matrix]:
 FactorName = Literal["camera", "body", "lens"]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Grouping:
+class Grouping(Record):
     """Factors of an analysis, each with its label per determination and its levels' names."""
 
     names: tuple[FactorName, ...]

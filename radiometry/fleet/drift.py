@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from typing import Literal
 
@@ -12,8 +11,8 @@ import scipy
 from radiometry.fitting.evidence import Quantity
 from radiometry.fleet.determinations import Determination, Key, LeftOut, Source, keep_repeats
 from radiometry.fleet.results import NOT_SHARED, Tolerance, find_sensitivity, is_clear_of_zero, main_unit
+from radiometry.records import Record, about
 from radiometry.specification.exports import RigMember
-from radiometry.specification.parameters import about
 
 Stability = Literal["stable", "drifts", "cannot_tell"]
 
@@ -26,8 +25,7 @@ _FEWEST = 3
 HORIZON_DAYS = 10 * DAYS_PER_YEAR  # Longest extrapolation of a straight line
 
 
-@dataclass(frozen=True, kw_only=True)
-class Line:
+class Line(Record):
     """Straight line, y = value + slope (t - origin), t in days, with the covariance of (value, slope)."""
 
     origin: datetime
@@ -146,29 +144,26 @@ def say_stability(verdict: Stability, *, with_limit: bool, repeats: int) -> str:
     return "Neither a drift beyond the tolerance nor stability within it is shown: repeat the calibration."
 
 
-@dataclass(frozen=True, kw_only=True)
-class Drift:
+class Drift(Record):
     """The trend of one coefficient. What a field lacks is None."""
 
     key: Key
-    determinations: tuple[Determination, ...] = field(metadata=about("Those used, in time."))
-    slope: Quantity | None = field(metadata=about("In the unit of the coefficient per year."))
-    slope_interval: tuple[float, float] | None = field(metadata=about("For 95 %, in the slope's unit."))
-    slope_p_value: float | None = field(metadata=about("Small: it drifts."))
-    cost_per_year: Quantity | None = field(metadata=about("The slope as its effect on the result."))
-    scatter: Quantity | None = field(metadata=about("Of one determination about the line."))
+    determinations: tuple[Determination, ...] = about("Those used, in time.")
+    slope: Quantity | None = about("In the unit of the coefficient per year.")
+    slope_interval: tuple[float, float] | None = about("For 95 %, in the slope's unit.")
+    slope_p_value: float | None = about("Small: it drifts.")
+    cost_per_year: Quantity | None = about("The slope as its effect on the result.")
+    scatter: Quantity | None = about("Of one determination about the line.")
     tolerance: Tolerance | None
-    recalibrate_by: datetime | None = field(
-        metadata=about("Before this time the camera is within the tolerance with 95 % on either side.")
+    recalibrate_by: datetime | None = about(
+        "Before this time the camera is within the tolerance with 95 % on either side."
     )
-    why: str | None = field(metadata=about("Why there is no date."))
-    change: Quantity | None = field(
-        metadata=about(
-            "Of the line from the first determination to the last, in the unit of the coefficient."
-        )
+    why: str | None = about("Why there is no date.")
+    change: Quantity | None = about(
+        "Of the line from the first determination to the last, in the unit of the coefficient."
     )
-    verdict: Stability = field(metadata=about("By `judge_stability`."))
-    said: str = field(metadata=about("The verdict in words."))
+    verdict: Stability = about("By `judge_stability`.")
+    said: str = about("The verdict in words.")
 
 
 def judge_drift(
@@ -309,28 +304,24 @@ def _scatter(rows: Sequence[Determination], line: Line | None) -> Quantity | Non
     )
 
 
-_NAMED = about("Serial number of the camera, and the number: yaw, pitch, roll, x, y or z.")
+_NAMED = "Serial number of the camera, and the number: yaw, pitch, roll, x, y or z."
 
 
-@dataclass(frozen=True, kw_only=True)
-class RigStability:
+class RigStability(Record):
     """One number of the orientation of one camera over several sets. What does not exist is None."""
 
-    camera: str = field(metadata=_NAMED)
-    name: str = field(metadata=_NAMED)
-    sets: int = field(metadata=about("Number of sets."))
-    mean: Quantity = field(metadata=about("Mean of the sets, with its standard uncertainty."))
-    repeatability: Quantity | None = field(metadata=about("Standard deviation of one set; None for one."))
-    slope: Quantity | None = field(
-        metadata=about("Trend per year; None for fewer than three sets at different times.")
-    )
-    change: Quantity | None = field(metadata=about("Of the trend from the first set to the last."))
-    verdict: Stability = field(metadata=about("Verdict on the change, as on the coefficients of one camera."))
-    said: str = field(metadata=about("The verdict in words."))
+    camera: str = about(_NAMED)
+    name: str = about(_NAMED)
+    sets: int = about("Number of sets.")
+    mean: Quantity = about("Mean of the sets, with its standard uncertainty.")
+    repeatability: Quantity | None = about("Standard deviation of one set; None for one.")
+    slope: Quantity | None = about("Trend per year; None for fewer than three sets at different times.")
+    change: Quantity | None = about("Of the trend from the first set to the last.")
+    verdict: Stability = about("Verdict on the change, as on the coefficients of one camera.")
+    said: str = about("The verdict in words.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class RigVersion:
+class RigVersion(Record):
     """Version of one camera of a rig, with its time."""
 
     version: str

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from datetime import timedelta
 from typing import Literal
 
@@ -15,7 +14,7 @@ from radiometry.findings import Raised, declared, flag
 from radiometry.fitting.evidence import Quantity
 from radiometry.fleet.determinations import Determination, Effects, Grouping, Key, LeftOut
 from radiometry.methods import get_method
-from radiometry.specification.parameters import about
+from radiometry.records import Record, about
 
 Vector = NDArray[np.float64]
 Outcome = Literal["shared", "per_camera", "cannot_tell"]
@@ -28,8 +27,7 @@ ALPHA = 0.05
 LEAST_DOF = 3
 
 
-@dataclass(frozen=True, kw_only=True)
-class Judgement:
+class Judgement(Record):
     """An outcome and both tests behind it."""
 
     outcome: Outcome
@@ -68,87 +66,69 @@ def judge_deviations(deviations: Vector, standard_errors: Vector, *, dof: int, l
     return Judgement(outcome=outcome, equivalence_p_value=equivalence, exceedance_p_value=exceedance)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Tolerance:
+class Tolerance(Record):
     """The largest deviation from the shared value that is accepted."""
 
-    limit: float = field(metadata=about("In the unit of the cost."))
+    limit: float = about("In the unit of the cost.")
     unit: str
     kind: str
-    of: str = field(metadata=about("Of what it is a limit."))
+    of: str = about("Of what it is a limit.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Deviation:
+class Deviation(Record):
     """The distance of one level from the mean of all."""
 
-    label: str = field(
-        metadata=about('A serial number, or "body with lens" where a body had several lenses.')
-    )
+    label: str = about('A serial number, or "body with lens" where a body had several lenses.')
     repeats: int
     deviation: Quantity
-    cost: Quantity | None = field(metadata=about("The same as its effect on the result; None where unknown."))
+    cost: Quantity | None = about("The same as its effect on the result; None where unknown.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Effect:
+class Effect(Record):
     """Effect of the levels of one factor."""
 
-    factor: Literal["camera", "body", "lens"] = field(
-        metadata=about("Body and lens where swaps separate the two.")
-    )
+    factor: Literal["camera", "body", "lens"] = about("Body and lens where swaps separate the two.")
     deviations: tuple[Deviation, ...]
-    between_variance: Quantity = field(metadata=about("Variance component, not below 0."))
+    between_variance: Quantity = about("Variance component, not below 0.")
     dof: int
     f_statistic: float | None
     f_p_value: float | None
-    judgement: Judgement | None = field(metadata=about("None where the tests could not be made."))
+    judgement: Judgement | None = about("None where the tests could not be made.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class ParameterVerdict:
+class ParameterVerdict(Record):
     """Verdict on one parameter: does one value serve all cameras that have it."""
 
     key: Key
     outcome: Outcome
-    judged: bool = field(
-        metadata=about("False: no tolerance was given for it, and the fleet's verdict ignores it.")
-    )
+    judged: bool = about("False: no tolerance was given for it, and the fleet's verdict ignores it.")
     said: str
     cameras: int
     repeats: int
-    mean: Quantity = field(
-        metadata=about("The shared value, the unweighted mean; its uncertainty is from repeatability alone.")
+    mean: Quantity = about(
+        "The shared value, the unweighted mean; its uncertainty is from repeatability alone."
     )
-    within_variance: Quantity | None = field(
-        default=None, metadata=about("Of one determination repeated on one camera.")
-    )
+    within_variance: Quantity | None = about("Of one determination repeated on one camera.", default=None)
     between_variance: Quantity | None = None
-    dof: int = field(metadata=about("Degrees of freedom of the repeatability."))
-    f_statistic: float | None = field(
-        default=None, metadata=about("Of all that makes cameras differ, bodies and lenses together.")
+    dof: int = about("Degrees of freedom of the repeatability.")
+    f_statistic: float | None = about(
+        "Of all that makes cameras differ, bodies and lenses together.", default=None
     )
     f_p_value: float | None = None
     effects: tuple[Effect, ...] = ()
     judgement: Judgement | None = None
     tolerance: Tolerance | None
-    repeatability: Quantity | None = field(
-        default=None, metadata=about("Of one determination, as its effect on the result.")
+    repeatability: Quantity | None = about("Of one determination, as its effect on the result.", default=None)
+    cost: Quantity | None = about("The largest cost of sharing for a camera.", default=None)
+    costliest: str | None = about("The camera that this cost is of.", default=None)
+    repeats_needed: int | None = about(
+        "Of each camera, to show that they are alike, where that is open and nothing was found.", default=None
     )
-    cost: Quantity | None = field(default=None, metadata=about("The largest cost of sharing for a camera."))
-    costliest: str | None = field(default=None, metadata=about("The camera that this cost is of."))
-    repeats_needed: int | None = field(
-        default=None,
-        metadata=about(
-            "Of each camera, to show that they are alike, where that is open and nothing was found."
-        ),
-    )
-    cameras_without: tuple[str, ...] = field(metadata=about("Those that have no such coefficient."))
+    cameras_without: tuple[str, ...] = about("Those that have no such coefficient.")
     flags: tuple[Raised, ...] = ()
 
 
-@dataclass(frozen=True, kw_only=True)
-class FleetVerdict:
+class FleetVerdict(Record):
     """The verdict on a fleet: per_camera when any parameter is; shared when all that were judged are."""
 
     outcome: Outcome
@@ -168,8 +148,7 @@ NOT_SHARED = frozenset({"rms_px"})
 CLEAR_OF_ZERO = 3.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class Sensitivity:
+class Sensitivity(Record):
     """Sensitivity coefficient of a parameter: cost = factor * difference."""
 
     kind: Kind  # relative: tolerances are fractions (0.04), costs in %; absolute: both in `unit`

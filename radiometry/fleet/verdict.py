@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -29,10 +28,10 @@ from radiometry.fleet.results import (
     Sensitivity,
     Tolerance,
 )
+from radiometry.records import Record
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Analysis:
+class _Analysis(Record):
     """A solved model with its effect on the result, None where a fraction of the mean is meaningless."""
 
     key: Key

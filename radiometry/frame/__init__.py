@@ -1,7 +1,6 @@
 """Metadata of a raw file, and the window of its mosaic that a region needs."""
 
 import math
-from dataclasses import dataclass
 from datetime import datetime
 from typing import Final
 
@@ -10,7 +9,7 @@ from numpy.typing import NDArray
 
 from radiometry.frame.multispectral import Multispectral
 from radiometry.frame.roi import Window
-from radiometry.specification.parameters import later
+from radiometry.records import Record, later
 
 EARLIEST_YEAR: Final = 2000  # A clock that was never set starts in 1970, or when a GPS week begins: 1980
 _LOCAL_CLOCKS = frozenset({"dji"})  # These write the time of day of the place, without its offset
@@ -38,8 +37,7 @@ def writes_utc(system: str | None) -> bool:
     return system is not None and system not in _LOCAL_CLOCKS
 
 
-@dataclass(frozen=True, kw_only=True)
-class TableRow:
+class TableRow(Record):
     """Statistics of a frame's region as a table states them, black included."""
 
     mean_dn: float  #: Mean, smallest and largest sample [DN]
@@ -83,8 +81,7 @@ class TableRow:
         return (self.mean_dn - self.min_dn) / span if span > 0.0 else 1.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class Opcode:
+class Opcode(Record):
     """One DNG opcode that the file asks a converter to apply; detected and stored, never applied."""
 
     stage: int  #: 1, 2 or 3 for OpcodeList1 to OpcodeList3
@@ -92,16 +89,14 @@ class Opcode:
     sha256: str  #: Hash of the opcode's parameter bytes
 
 
-@dataclass(frozen=True, kw_only=True)
-class StatedAngle:
+class StatedAngle(Record):
     """An angle of the camera or its carrier, under the file's own name and in the file's unit."""
 
     name: str  #: Name with its family, such as "camera:Yaw"
     value: float  #: Value in the unit that the name has
 
 
-@dataclass(frozen=True, kw_only=True)
-class PositionFix:
+class PositionFix(Record):
     """Quality of a position by satellites with corrections (RTK)."""
 
     kind: str  #: "none", "single", "float" or "fixed"; "other" for what the maker does not describe
@@ -110,8 +105,7 @@ class PositionFix:
     u_height_m: float | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
-class FrameHeader:
+class FrameHeader(Record):
     """Metadata of one raw file; a value that the file does not state is None, and zero is kept as zero.
 
     Levels are given per CFA position in row-major order, in DN after linearisation.
@@ -182,8 +176,7 @@ class FrameHeader:
         return not (stated or self.rendered)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Frame:
+class Frame(Record):
     """A window of the linearised mosaic; black is not subtracted."""
 
     samples_dn: NDArray[np.uint16]  #: Raw values [DN], (row, col), or (row, col, 3) for a rendered RGB image

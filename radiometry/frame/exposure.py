@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from radiometry.findings import InputRejected, files, shared
 from radiometry.frame import FrameHeader
+from radiometry.records import Record
 
 # Wider than any camera, narrower than nonsense. The shortest electronic shutters reach 1/32000 s, stacked
 # exposures last an hour; lenses run from f/0.7 to f/64, pinholes to f/300; ISO from 1 to a few million.
@@ -14,8 +15,7 @@ PLAUSIBLE = {"exposure_time_s": (1e-6, 86400.0), "f_number": (0.5, 512.0), "iso"
 SATURATION_RHS = 120.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class Settings:
+class Settings(Record):
     """The three values that enter the equations, on one basis."""
 
     exposure_time_s: float  #: Exposure time t [s]
@@ -23,8 +23,7 @@ class Settings:
     iso: float
 
 
-@dataclass(frozen=True, kw_only=True)
-class Exposure:
+class Exposure(Record):
     """Exposure settings of one frame, each with its origin."""
 
     exposure_time_s: float  #: Nominal values where the file has them; exposure time in seconds
@@ -105,8 +104,7 @@ _WORDS = {"exposure_time_s": "exposure time", "f_number": "f-number", "iso": "IS
 _SUPPLIED_TOLERANCE_REL = 0.10
 
 
-@dataclass(frozen=True, kw_only=True)
-class Camera:
+class Camera(Record):
     """The campaign's camera, as it was registered."""
 
     make: str  #: Manufacturer, model and serial number
@@ -114,8 +112,7 @@ class Camera:
     serial: str
 
 
-@dataclass(frozen=True, kw_only=True)
-class SuppliedExposure:
+class SuppliedExposure(Record):
     """Exposure values that a user entered with the frame; None for a value that was not entered."""
 
     exposure_time_s: float | None = None
@@ -123,8 +120,7 @@ class SuppliedExposure:
     iso: float | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
-class Acceptance:
+class Acceptance(Record):
     """An accepted frame."""
 
     exposure: Exposure | None  #: Exposure of the frame; None only for a chart that states none

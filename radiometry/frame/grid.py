@@ -2,19 +2,17 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.specification.parameters import later
+from radiometry.records import Record, later
 
 MAX_CELLS_A_SIDE: Final = 50
 
 
-@dataclass(frozen=True, kw_only=True)
-class Grid:
+class Grid(Record):
     """Equal cells of a rectangular surface, given by the image of its corners."""
 
     #: (x, y) of the surface's top-left, top-right, bottom-right and bottom-left corner [px], in the
@@ -36,8 +34,7 @@ _UNIT_SQUARE: Final = ((0, 0), (1, 0), (1, 1), (0, 1))
 Matrix = NDArray[np.float64]
 
 
-@dataclass(frozen=True, kw_only=True)
-class LaneGrid:
+class LaneGrid(Record):
     """Lanes between two luminaires, seen in perspective."""
 
     #: Image (x, y) [px] of a rectangle as wide as all lanes, its first side along them

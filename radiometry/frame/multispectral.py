@@ -6,18 +6,16 @@ make the signal of the raw values, and the light sensor's reading stands beside 
 """
 
 import re
-from dataclasses import dataclass, field
 from typing import Final, Literal
 
-from radiometry.specification.parameters import about, later
+from radiometry.records import Record, about, later
 
 # The surface of an irradiance: levelled by stilb, on a level surface by the camera, corrected by the camera
 # as its maker does not state, or as the sensor was oriented.
 LightBasis = Literal["levelled", "horizontal", "compensated", "oriented"]
 
 
-@dataclass(frozen=True, kw_only=True)
-class SunshineRecord:
+class SunshineRecord(Record):
     """One reading of a Sequoia's sunshine sensor."""
 
     time_us: int  #: Time of the camera's monotonic clock [us]
@@ -30,8 +28,7 @@ class SunshineRecord:
     roll_deg: float | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
-class GainMeasurement:
+class GainMeasurement(Record):
     """Counts of the sunshine sensor at one gain; all rows of a file were taken at equal light."""
 
     gain_index: int
@@ -40,8 +37,7 @@ class GainMeasurement:
     ch1: int
 
 
-@dataclass(frozen=True, kw_only=True)
-class SunshineCounts:
+class SunshineCounts(Record):
     """Irradiance list and gain table of a Sequoia."""
 
     record_bytes: int  #: Size of a record: 28, 24 or 20 bytes
@@ -51,8 +47,7 @@ class SunshineCounts:
     gains: tuple[GainMeasurement, ...]
 
 
-@dataclass(frozen=True, kw_only=True)
-class SunshineIrradiance:
+class SunshineIrradiance(Record):
     """One reading of a light sensor as irradiance; in SI units, or in the sensor's own."""
 
     #: Irradiance [W/m2/nm]; None if the sensor's scale to SI is not known
@@ -187,8 +182,7 @@ CAMERAS: Final = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
-class SensorModel:
+class SensorModel(Record):
     """Response of a Sequoia band, p = (A eps gamma + C) I / f^2 + B.
 
     Here eps is the exposure time [s], gamma the ISO value, and I the irradiance in
@@ -200,8 +194,7 @@ class SensorModel:
     c: float
 
 
-@dataclass(frozen=True, kw_only=True)
-class VignettingPolynomial:
+class VignettingPolynomial(Record):
     """Relative illumination of a lens, V = sum c_n (x/W)^i_n (y/H)^j_n.
 
     Here x is the column and y the row.
@@ -211,8 +204,7 @@ class VignettingPolynomial:
     coefficients: tuple[float, ...]  #: Coefficients c_n
 
 
-@dataclass(frozen=True, kw_only=True)
-class RadialVignetting:
+class RadialVignetting(Record):
     """A polynomial about a lens's centre, 1 + k0 r + k1 r^2 + ... + k5 r^6.
 
     It is the relative illumination V of a MicaSense lens, and 1/V of a DJI one.
@@ -223,8 +215,7 @@ class RadialVignetting:
     coefficients: tuple[float, ...]  #: Coefficients k0 to k5
 
 
-@dataclass(frozen=True, kw_only=True)
-class RadianceModel:
+class RadianceModel(Record):
     """Radiometric calibration of a MicaSense band."""
 
     a1: float  #: Scale of the signal
@@ -232,8 +223,7 @@ class RadianceModel:
     a3: float
 
 
-@dataclass(frozen=True, kw_only=True)
-class GainModel:
+class GainModel(Record):
     """Response of a DJI band, signal = adjustment (p - B) / (2^bits gain t)."""
 
     gain: float  #: Gain of the sensor
@@ -244,8 +234,7 @@ class GainModel:
 Response = SensorModel | RadianceModel | GainModel
 
 
-@dataclass(frozen=True, kw_only=True)
-class RigGeometry:
+class RigGeometry(Record):
     """Projection of a band's lens, and its rotation against the other bands."""
 
     model: str  #: "fisheye" or "perspective"
@@ -268,37 +257,25 @@ class RigGeometry:
     calibrated_on: str | None = later()  #: Day of the lens's calibration
 
 
-@dataclass(frozen=True, kw_only=True)
-class Alignment:
+class Alignment(Record):
     """How a band was aligned onto the first of its capture."""
 
-    band: str = field(metadata=about("Name of the band."))
-    by: Literal["lens_data", "lens_data_and_correlation", "correlation"] = field(
-        metadata=about("Lens data of the files, their refinement by correlation, or correlation alone.")
+    band: str = about("Name of the band.")
+    by: Literal["lens_data", "lens_data_and_correlation", "correlation"] = about(
+        "Lens data of the files, their refinement by correlation, or correlation alone."
     )
-    residual_px: float = field(
-        metadata=about("Root mean square distance that remains [px]; assumed without a refinement.")
-    )
-    shift_px: tuple[float, float] = field(
-        metadata=about("Correction by correlation (x, y) in the middle of the frame [px].")
-    )
-    patches: int = field(
-        metadata=about("Number of patches in which the bands agree, and of those that were searched.")
-    )
-    tried: int = field(
-        metadata=about("Number of patches in which the bands agree, and of those that were searched.")
-    )
-    matrix: tuple[float, ...] = field(
+    residual_px: float = about("Root mean square distance that remains [px]; assumed without a refinement.")
+    shift_px: tuple[float, float] = about("Correction by correlation (x, y) in the middle of the frame [px].")
+    patches: int = about("Number of patches in which the bands agree, and of those that were searched.")
+    tried: int = about("Number of patches in which the bands agree, and of those that were searched.")
+    matrix: tuple[float, ...] = about(
+        "(a, b, c, d, e, f): the band shows what the first shows at (x, y) where its lens data put (a x "
+        "+ b y + c, d x + e y + f) [px].",
         default=(1.0, 0.0, 0.0, 0.0, 1.0, 0.0),
-        metadata=about(
-            "(a, b, c, d, e, f): the band shows what the first shows at (x, y) where its lens data put (a x "
-            "+ b y + c, d x + e y + f) [px]."
-        ),
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Multispectral:
+class Multispectral(Record):
     """One band of one capture."""
 
     system: str  #: Dialect of the file, a key of `CAMERAS`

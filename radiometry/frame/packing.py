@@ -3,24 +3,22 @@
 import base64
 import math
 import zlib
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.specification.parameters import about
+from radiometry.records import Record, about
 
 _TYPES = ("<u2", "<i4", "<f2", "<f4")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Packed:
+class Packed(Record):
     """An array that can be stored in JSON."""
 
-    dtype: str = field(metadata=about('"<u2", "<i4", "<f2" or "<f4".'))
-    shape: tuple[int, ...] = field(metadata=about("Shape of the array."))
-    data: str = field(metadata=about("Base64 of the compressed values in row-major order."))
+    dtype: str = about('"<u2", "<i4", "<f2" or "<f4".')
+    shape: tuple[int, ...] = about("Shape of the array.")
+    data: str = about("Base64 of the compressed values in row-major order.")
 
 
 def pack(array: NDArray[Any], *, dtype: str) -> Packed:

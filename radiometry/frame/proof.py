@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.frame import FrameHeader
+from radiometry.records import Record
 
 # Neighbours in a row that are looked at together. Noise around black leaves half of them above it: that all
 # of a span lie below half of black has a chance of less than 2^-64. A column of dead pixels fills none.
@@ -30,8 +31,7 @@ _MOST_GROUPS = 256
 _MOST_BLOCKS = 16
 
 
-@dataclass(frozen=True, kw_only=True)
-class EmptyBlock:
+class EmptyBlock(Record):
     """Rows [row0, row0 + rows) and columns [col0, col0 + cols) of the visible area."""
 
     row0: int  # First row and column
@@ -40,8 +40,7 @@ class EmptyBlock:
     cols: int
 
 
-@dataclass(frozen=True, kw_only=True)
-class Wholeness:
+class Wholeness(Record):
     """Statistics of every row of an image."""
 
     # Rows that each of the following fractions covers, from the top; the last group may have fewer
@@ -216,8 +215,7 @@ piece ends where it states and is as long as its samples need. "length": the fil
 """
 
 
-@dataclass(frozen=True, kw_only=True)
-class PieceRun:
+class PieceRun(Record):
     """Consecutive pieces (strips or tiles) of equal size."""
 
     pieces: int
@@ -226,8 +224,7 @@ class PieceRun:
     samples: int  #: Samples decoded from each piece
 
 
-@dataclass(frozen=True, kw_only=True)
-class Proof:
+class Proof(Record):
     """Evidence collected while all pixels of a frame were read."""
 
     vouched_by: Voucher  #: Strongest check that the pixels passed

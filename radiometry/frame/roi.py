@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected, shared
+from radiometry.records import Record
 
 MAX_POINTS = 1000
 MAX_COORDINATE_PX = 1e6
@@ -60,8 +61,7 @@ class Polygon:
         return hashlib.sha256(self.text.encode()).hexdigest()
 
 
-@dataclass(frozen=True, kw_only=True)
-class Window:
+class Window(Record):
     """A rectangle of whole pixels in the visible area."""
 
     row0: int  #: First row and column [px]

@@ -2,13 +2,13 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.frame import Frame, TableRow
-from radiometry.specification.parameters import about
+from radiometry.records import Record, about
 
 GREY = "grey"
 CHANNELS = ("R", "G1", "G2", "G", "B", GREY)
@@ -16,32 +16,28 @@ CHANNELS = ("R", "G1", "G2", "G", "B", GREY)
 _LEVELS = 1 << 16
 
 
-@dataclass(frozen=True, kw_only=True)
-class ChannelStatistics:
+class ChannelStatistics(Record):
     """One channel's raw values in a region; black is not subtracted."""
 
-    channel: str = field(
-        metadata=about(
-            "R, G1 (green in a red row), G2 (green in a blue row), B of a mosaic; R, G, B of a rendered "
-            "colour image. `grey` is all samples together and always present."
-        )
+    channel: str = about(
+        "R, G1 (green in a red row), G2 (green in a blue row), B of a mosaic; R, G, B of a rendered "
+        "colour image. `grey` is all samples together and always present."
     )
-    n: int = field(metadata=about("Number of samples."))
-    min_dn: int = field(metadata=about("Smallest and largest sample [DN]."))
-    max_dn: int = field(metadata=about("Smallest and largest sample [DN]."))
-    mean_dn: float = field(metadata=about("Mean [DN]."))
-    median_dn: float = field(metadata=about("Median [DN]; the mean of the two middle samples if n is even."))
-    std_dn: float = field(metadata=about("Sample standard deviation (n - 1) [DN]; 0 for a single sample."))
-    saturated_share: float = field(
-        metadata=about("Fraction of the samples at or above the white level of their own CFA position.")
+    n: int = about("Number of samples.")
+    min_dn: int = about("Smallest and largest sample [DN].")
+    max_dn: int = about("Smallest and largest sample [DN].")
+    mean_dn: float = about("Mean [DN].")
+    median_dn: float = about("Median [DN]; the mean of the two middle samples if n is even.")
+    std_dn: float = about("Sample standard deviation (n - 1) [DN]; 0 for a single sample.")
+    saturated_share: float = about(
+        "Fraction of the samples at or above the white level of their own CFA position."
     )
-    zero_share: float = field(metadata=about("Fraction of the samples that are zero."))
-    black_level_dn: float = field(metadata=about("Black level, mean over the samples [DN]."))
-    white_level_dn: float = field(metadata=about("Lowest white level of the CFA positions [DN]."))
+    zero_share: float = about("Fraction of the samples that are zero.")
+    black_level_dn: float = about("Black level, mean over the samples [DN].")
+    white_level_dn: float = about("Lowest white level of the CFA positions [DN].")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Signal:
+class Signal(Record):
     """Mean raw value of a region in the channel that a calibration uses, black included."""
 
     value_dn: float  # Mean and its standard uncertainty [DN]
@@ -256,16 +252,14 @@ _MOST_BINS = 128
 _MOST_CELLS = 48
 
 
-@dataclass(frozen=True, kw_only=True)
-class ChannelCounts:
+class ChannelCounts(Record):
     """Histogram of one channel."""
 
     channel: str
     counts: tuple[int, ...]  # Number of samples in each bin
 
 
-@dataclass(frozen=True, kw_only=True)
-class Histogram:
+class Histogram(Record):
     """Counts in bins that all channels share; bin i begins at first_dn + i step_dn."""
 
     first_dn: int  # Start of the first bin and width of each [DN]
@@ -273,8 +267,7 @@ class Histogram:
     channels: tuple[ChannelCounts, ...]
 
 
-@dataclass(frozen=True, kw_only=True)
-class ClippedCell:
+class ClippedCell(Record):
     """A cell that contains clipped samples."""
 
     row: int  # Position in the grid of cells
@@ -282,8 +275,7 @@ class ClippedCell:
     share: float  # Clipped fraction of its pixels that belong to the region, 0 to 1
 
 
-@dataclass(frozen=True, kw_only=True)
-class Clipping:
+class Clipping(Record):
     """Clipped parts of a region, in a grid of square cells."""
 
     row0_px: int  # Corner of the grid in the frame [px]

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -10,13 +10,13 @@ from radiometry.drawing.text import name_few, sort_naturally
 from radiometry.findings import InputRejected, Outcome, Raised, Reason, shared
 from radiometry.frame import FrameHeader
 from radiometry.frame.roi import Polygon, bounding_window
-from radiometry.specification.parameters import about
+from radiometry.records import Record, about
 
 T = TypeVar("T")
 
 
 class Keeping:
-    """Base of a frozen dataclass: reviews of a campaign that grows meet the same frames again and again."""
+    """Base of a record: reviews of a campaign that grows meet the same frames again and again."""
 
     @cached_property
     def _kept(self) -> dict[str, tuple[object, Any]]:
@@ -91,16 +91,14 @@ _RANKS: dict[Outcome, int] = {"fail": 0, "pending": 1, "warn": 2, "pass": 3}
 _FIELD = "field"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Verdict:
+class Verdict(Record):
     """Verdict from all reasons together; "pass" if there are none."""
 
-    outcome: Outcome = field(metadata=about("Outcome of the gravest reason."))
-    reasons: tuple[Reason, ...] = field(metadata=about("Reasons, the gravest first."))
+    outcome: Outcome = about("Outcome of the gravest reason.")
+    reasons: tuple[Reason, ...] = about("Reasons, the gravest first.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class ReviewedFrame(Keeping):
+class ReviewedFrame(Record, Keeping):
     """State of a frame in its campaign at one moment."""
 
     frame: str  #: Name of the frame, unique in the campaign

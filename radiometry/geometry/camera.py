@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from radiometry.findings import InputRejected, shared
 from radiometry.frame import Frame
 from radiometry.frame.opencv import cv2
+from radiometry.records import Record
 
 # In OpenCV's order, which is that of covariances too
 PARAMETERS: Final = ("fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "p1", "p2", "k3")
@@ -23,8 +24,7 @@ UNITS: Final = {name: "px" if name.endswith("_px") else "1" for name in PARAMETE
 MODEL: Final = "brown_conrady"
 
 
-@dataclass(frozen=True, kw_only=True)
-class CameraModel:
+class CameraModel(Record):
     """Camera by Brown's model [1], in OpenCV's notation.
 
     Of a point in the camera's frame (x right, y down, z forward)::
@@ -183,8 +183,7 @@ _Sample = TypeVar("_Sample", np.uint8, np.uint16, np.float32)
 _LONGEST_SIDE_PX: Final = 32_766
 
 
-@dataclass(frozen=True, kw_only=True)
-class Undistorted:
+class Undistorted(Record):
     """Undistorted picture of a frame in raw numbers, black not subtracted."""
 
     # Samples [DN], (row, col) or (row, col, plane), 0 where the camera did not see

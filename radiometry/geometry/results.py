@@ -1,7 +1,7 @@
 """Corners in one picture, lateral colour, parameters and results of a fit, ready for JSON; their plots."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -15,8 +15,9 @@ from radiometry.frame.opencv import cv2
 from radiometry.frame.statistics import compute_statistics
 from radiometry.geometry.camera import BINOMIAL, CameraModel, make_grey
 from radiometry.geometry.target import FITTED_STOP, FirstSquare, Found, Target, find_corners, refine
+from radiometry.records import Record, about, later
 from radiometry.specification.certificate import KeyFigure, of_quantity
-from radiometry.specification.parameters import about, check_parameters, later, parameter
+from radiometry.specification.parameters import check_parameters, parameter
 
 POINTS: Final = 11
 FEWEST_VIEWS: Final = 3
@@ -27,38 +28,33 @@ _TERMS: Final = 4
 Matrix = NDArray[np.float64]
 
 
-@dataclass(frozen=True, kw_only=True)
-class ColourCorners:
+class ColourCorners(Record):
     """Corners of a board in one colour."""
 
     channel: str  # Colour, R or B
     moved_px: tuple[tuple[float, float], ...]  # (row, col) of each corner less its place in green [px]
 
 
-@dataclass(frozen=True, kw_only=True)
-class ColourPoint:
+class ColourPoint(Record):
     """Lateral colour at one distance from the principal point; positive is outwards."""
 
-    radius_px: float = field(metadata=about("Distance [px]."))
-    displacement_px: float = field(metadata=about("Radial displacement [px]."))
+    radius_px: float = about("Distance [px].")
+    displacement_px: float = about("Radial displacement [px].")
     standard_uncertainty_px: float
-    extrapolated: bool = field(metadata=about("True if further out than any corner that was used."))
+    extrapolated: bool = about("True if further out than any corner that was used.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class LateralColour:
+class LateralColour(Record):
     """Lateral colour of one colour against green."""
 
-    channels: str = field(metadata=about('Pair of channels, such as "R-G".'))
-    corner: Quantity = field(
-        metadata=about("Radial displacement half a diagonal of the frame from the principal point.")
-    )
-    shift_row: Quantity = field(metadata=about("Displacement at the principal point."))
-    shift_col: Quantity = field(metadata=about("Displacement at the principal point."))
-    rms_px: float = field(metadata=about("Rms distance of the corners from the model [px]."))
-    views: int = field(metadata=about("Number of views and of corners."))
-    corners: int = field(metadata=about("Number of views and of corners."))
-    curve: tuple[ColourPoint, ...] = field(metadata=about("Displacement against the radius."))
+    channels: str = about('Pair of channels, such as "R-G".')
+    corner: Quantity = about("Radial displacement half a diagonal of the frame from the principal point.")
+    shift_row: Quantity = about("Displacement at the principal point.")
+    shift_col: Quantity = about("Displacement at the principal point.")
+    rms_px: float = about("Rms distance of the corners from the model [px].")
+    views: int = about("Number of views and of corners.")
+    corners: int = about("Number of views and of corners.")
+    curve: tuple[ColourPoint, ...] = about("Displacement against the radius.")
 
 
 @dataclass(frozen=True)
@@ -173,8 +169,7 @@ def _read_colour(frame: Frame, letter: str) -> NDArray[np.float32]:
     return smooth((frame.samples_dn * mine).astype(np.float32)) / smooth(mine.astype(np.float32))
 
 
-@dataclass(frozen=True, kw_only=True)
-class Features:
+class Features(Record):
     """Corners in one picture, ready for JSON."""
 
     target: Target  # Board that was searched
@@ -238,8 +233,7 @@ RadialTerms = Literal[0, 1, 2, 3]
 FrameRow = FrameEvidence[Features]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Params:
+class Params(Record):
     """Parameters of a geometry fit."""
 
     pixel_pitch_um: float | None = parameter(
@@ -286,8 +280,7 @@ class Params:
         check_parameters(self)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Coefficient:
+class Coefficient(Record):
     """One parameter of the camera; the standard uncertainty of one that was not free is 0."""
 
     name: str
@@ -296,102 +289,76 @@ class Coefficient:
     unit: str
 
 
-@dataclass(frozen=True, kw_only=True)
-class Point:
+class Point(Record):
     """One picture in the fit."""
 
     frame: str
-    used: bool = field(metadata=about("True if the fit used it."))
-    left_out: str = field(metadata=about('"" for one that was used, else the reason.'))
-    corners: int = field(metadata=about("Number of corners."))
-    rms_px: float | None = field(
+    used: bool = about("True if the fit used it.")
+    left_out: str = about('"" for one that was used, else the reason.')
+    corners: int = about("Number of corners.")
+    rms_px: float | None = about(
+        "Rms and largest of the distances between its corners and the model [px]; for a view that was "
+        "rejected, from the camera that the others determine.",
         default=None,
-        metadata=about(
-            "Rms and largest of the distances between its corners and the model [px]; for a view that was "
-            "rejected, from the camera that the others determine."
-        ),
     )
-    largest_px: float | None = field(
+    largest_px: float | None = about(
+        "Rms and largest of the distances between its corners and the model [px]; for a view that was "
+        "rejected, from the camera that the others determine.",
         default=None,
-        metadata=about(
-            "Rms and largest of the distances between its corners and the model [px]; for a view that was "
-            "rejected, from the camera that the others determine."
-        ),
     )
-    tilt_deg: float | None = field(
-        default=None, metadata=about("Angle between the board's normal and the optical axis [deg].")
+    tilt_deg: float | None = about(
+        "Angle between the board's normal and the optical axis [deg].", default=None
     )
-    distance_mm: float | None = field(default=None, metadata=about("Distance of its first corner [mm]."))
-    spacing_px: float | None = field(
-        default=None, metadata=about("Shortest distance between neighbouring corners [px].")
-    )
-    edge_rise_px: float | None = field(
-        default=None, metadata=about("10 to 90 % rise of the squares' edges [px].")
-    )
+    distance_mm: float | None = about("Distance of its first corner [mm].", default=None)
+    spacing_px: float | None = about("Shortest distance between neighbouring corners [px].", default=None)
+    edge_rise_px: float | None = about("10 to 90 % rise of the squares' edges [px].", default=None)
 
 
-@dataclass(frozen=True, kw_only=True)
-class CurvePoint:
+class CurvePoint(Record):
     """Radial distortion at one distance from the principal point; negative is towards it (barrel)."""
 
-    radius_px: float = field(metadata=about("Radius at which this lens shows it [px]."))
-    ideal_radius_px: float = field(
-        metadata=about("Radius at which a lens without distortion would show it [px].")
-    )
-    distortion_px: float = field(metadata=about("`radius_px` less `ideal_radius_px` [px]."))
+    radius_px: float = about("Radius at which this lens shows it [px].")
+    ideal_radius_px: float = about("Radius at which a lens without distortion would show it [px].")
+    distortion_px: float = about("`radius_px` less `ideal_radius_px` [px].")
     standard_uncertainty_px: float
-    distortion_um: float | None = field(metadata=about("The same [um]; None without a pixel pitch."))
+    distortion_um: float | None = about("The same [um]; None without a pixel pitch.")
     standard_uncertainty_um: float | None
-    extrapolated: bool = field(metadata=about("True if further out than any corner that was used."))
+    extrapolated: bool = about("True if further out than any corner that was used.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Coverage:
+class Coverage(Record):
     """Coverage of the frame by corners."""
 
-    counts: tuple[tuple[int, ...], ...] = field(metadata=about("Corners in each cell of a grid, (row, col)."))
-    share: float = field(metadata=about("Fraction of cells with a corner."))
-    radius_share: float = field(
-        metadata=about(
-            "Covered fraction of the distance from the principal point to the farthest corner of the frame."
-        )
+    counts: tuple[tuple[int, ...], ...] = about("Corners in each cell of a grid, (row, col).")
+    share: float = about("Fraction of cells with a corner.")
+    radius_share: float = about(
+        "Covered fraction of the distance from the principal point to the farthest corner of the frame."
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Fit:
+class Fit(Record):
     """Geometry calibration."""
 
     model: str
-    target: Target = field(metadata=about("Board that was photographed."))
-    corner_window: Window = field(metadata=about("Window in which corners were placed."))
-    pixel_pitch_um: float | None = field(
-        metadata=about("Distance of neighbouring pixels [um]; None if unknown.")
-    )
+    target: Target = about("Board that was photographed.")
+    corner_window: Window = about("Window in which corners were placed.")
+    pixel_pitch_um: float | None = about("Distance of neighbouring pixels [um]; None if unknown.")
     camera: CameraModel
-    coefficients: tuple[Coefficient, ...] = field(
-        metadata=about("Coefficients of which `list_coefficients` returns the values.")
+    coefficients: tuple[Coefficient, ...] = about(
+        "Coefficients of which `list_coefficients` returns the values."
     )
-    covariance: tuple[tuple[float, ...], ...] = field(
-        metadata=about("Covariance of `camera.PARAMETERS`, (9, 9).")
-    )
-    rms_px: float = field(metadata=about("Rms residual [px]."))
-    views: int = field(metadata=about("Number of views and of corners."))
-    corners: int = field(metadata=about("Number of views and of corners."))
+    covariance: tuple[tuple[float, ...], ...] = about("Covariance of `camera.PARAMETERS`, (9, 9).")
+    rms_px: float = about("Rms residual [px].")
+    views: int = about("Number of views and of corners.")
+    corners: int = about("Number of views and of corners.")
     degrees_of_freedom: int
-    principal_distance_mm: Quantity | None = field(
-        metadata=about("Principal distance [mm]; None without a pixel pitch.")
-    )
-    offset_row: Quantity = field(
-        metadata=about("Offset of the principal point from the middle of the frame.")
-    )
-    offset_col: Quantity = field(
-        metadata=about("Offset of the principal point from the middle of the frame.")
-    )
-    offset_row_um: Quantity | None = field(metadata=about("The same [um]; None without a pixel pitch."))
-    offset_col_um: Quantity | None = field(metadata=about("The same [um]; None without a pixel pitch."))
-    curve: tuple[CurvePoint, ...] = field(metadata=about("Radial distortion."))
-    coverage: Coverage = field(metadata=about("Coverage of the frame by corners."))
+    principal_distance_mm: Quantity | None = about("Principal distance [mm]; None without a pixel pitch.")
+    offset_row: Quantity = about("Offset of the principal point from the middle of the frame.")
+    offset_col: Quantity = about("Offset of the principal point from the middle of the frame.")
+    offset_row_um: Quantity | None = about("The same [um]; None without a pixel pitch.")
+    offset_col_um: Quantity | None = about("The same [um]; None without a pixel pitch.")
+    curve: tuple[CurvePoint, ...] = about("Radial distortion.")
+    coverage: Coverage = about("Coverage of the frame by corners.")
     points: tuple[Point, ...]
     flags: tuple[Raised, ...]
     lateral_colour: tuple[LateralColour, ...] | None = later(

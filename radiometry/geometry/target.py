@@ -1,7 +1,7 @@
 """The board, and the places of its corners in a picture."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from radiometry.frame.opencv import cv2
 from radiometry.geometry.camera import Grey
-from radiometry.specification.parameters import about
+from radiometry.records import Record, about
 
 Kind = Literal["checkerboard", "charuco"]
 
@@ -17,37 +17,26 @@ _MOST_PER_SIDE: Final = 100
 _LARGEST_MM: Final = 10_000.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class Target:
+class Target(Record):
     """Board of black and white squares."""
 
-    kind: Kind = field(
-        metadata=about(
-            "Checkerboard, or charuco: a checkerboard with a marker in each white square, of which a part "
-            "is enough."
-        )
+    kind: Kind = about(
+        "Checkerboard, or charuco: a checkerboard with a marker in each white square, of which a part "
+        "is enough."
     )
-    columns: int = field(
-        metadata=about(
-            "Numbers as its makers count: INNER CORNERS of a checkerboard, SQUARES of a ChArUco board."
-        )
+    columns: int = about(
+        "Numbers as its makers count: INNER CORNERS of a checkerboard, SQUARES of a ChArUco board."
     )
-    rows: int = field(
-        metadata=about(
-            "Numbers as its makers count: INNER CORNERS of a checkerboard, SQUARES of a ChArUco board."
-        )
+    rows: int = about(
+        "Numbers as its makers count: INNER CORNERS of a checkerboard, SQUARES of a ChArUco board."
     )
-    square_size_mm: float = field(metadata=about("Side of a square, measured on the print [mm]."))
-    marker_size_mm: float | None = field(
-        default=None, metadata=about("Side of a ChArUco board's markers [mm].")
+    square_size_mm: float = about("Side of a square, measured on the print [mm].")
+    marker_size_mm: float | None = about("Side of a ChArUco board's markers [mm].", default=None)
+    dictionary: str | None = about(
+        "Dictionary of a ChArUco board's markers, OpenCV's name such as DICT_5X5_100.", default=None
     )
-    dictionary: str | None = field(
-        default=None,
-        metadata=about("Dictionary of a ChArUco board's markers, OpenCV's name such as DICT_5X5_100."),
-    )
-    legacy_pattern: bool = field(
-        default=False,
-        metadata=about("True for a ChArUco board made before OpenCV 4.6, which begins with a white square."),
+    legacy_pattern: bool = about(
+        "True for a ChArUco board made before OpenCV 4.6, which begins with a white square.", default=False
     )
 
     def __post_init__(self) -> None:

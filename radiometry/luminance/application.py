@@ -16,6 +16,7 @@ from radiometry.frame.statistics import Signal
 from radiometry.luminance import codes
 from radiometry.luminance.points import DETECTION_ERRORS, MOST_SATURATED_SHARE
 from radiometry.luminance.results import Aperture, Coefficient, Rows
+from radiometry.records import Record
 from radiometry.vignetting.lens import LensShare
 
 _SAME_TIME_REL = 0.02
@@ -23,8 +24,7 @@ NOISE = "pixel noise"
 SAME_SETTING_REL = 1e-3
 
 
-@dataclass(frozen=True, kw_only=True)
-class Effect:
+class Effect(Record):
     """Effect of one standard uncertainty of one independent source on a luminance."""
 
     source: str
@@ -34,8 +34,7 @@ class Effect:
     effect_cd_m2: float  # with its sign
 
 
-@dataclass(frozen=True, kw_only=True)
-class AppliedLuminance:
+class AppliedLuminance(Record):
     """Luminance of a region in a frame, with its uncertainty and flags."""
 
     luminance_cd_m2: Quantity

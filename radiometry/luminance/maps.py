@@ -16,6 +16,7 @@ from radiometry.frame.roi import Polygon, mask
 from radiometry.frame.statistics import GREY, Signal, mean_variance, name_site, rounding_variance
 from radiometry.luminance.application import choose_coefficient, luminance_per_dn, require_alike
 from radiometry.luminance.results import Coefficient
+from radiometry.records import Record
 from radiometry.vignetting.lens import Lens, LensShare
 
 Plane = NDArray[np.float32]
@@ -32,8 +33,7 @@ _CHUNK_ROWS = 16
 _PLANES = ("R", "G", "B")
 
 
-@dataclass(frozen=True, kw_only=True)
-class MapScale:
+class MapScale(Record):
     """Conversion of a frame's raw values to luminance: L = (N - dark) slope - offset."""
 
     slope_cd_m2_per_dn: float

@@ -3,7 +3,7 @@
 import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -43,6 +43,7 @@ from radiometry.luminance.surface import (
     lay_grid,
     measure_surface,
 )
+from radiometry.records import Record
 from radiometry.specification.application import Summary
 from radiometry.spectral.mismatch import LEAST_U_REL, fit_colour_remedy, list_responses
 from radiometry.vignetting.lens import Lens
@@ -62,8 +63,7 @@ _MIXED_REGION, _MIXED_CELL = 0.25, 0.05
 _SKEW_ERRORS, _ROUNDING_DN = 3.0 * math.sqrt(math.pi / 2.0 - 1.0), 0.5
 
 
-@dataclass(frozen=True, kw_only=True)
-class Share:
+class Share(Record):
     """Contribution of one source to the mean's uncertainty."""
 
     source: str
@@ -72,16 +72,14 @@ class Share:
     variance_share: float
 
 
-@dataclass(frozen=True, kw_only=True)
-class Percentile:
+class Percentile(Record):
     """A percentile of the region's pixels."""
 
     percent: int
     luminance: Quantity
 
 
-@dataclass(frozen=True, kw_only=True)
-class Measured:
+class Measured(Record):
     """Luminance of a region with its whole budget; all values are finite, what does not exist is None."""
 
     pixels: int
@@ -107,8 +105,7 @@ class Measured:
     corrections: tuple[FieldCorrection, ...] = ()  # that all luminances contain, maps included
 
 
-@dataclass(frozen=True, kw_only=True)
-class Request:
+class Request(Record):
     """Region, grid and reflectance of a measurement."""
 
     polygon: Polygon
@@ -117,8 +114,7 @@ class Request:
     conditions: FieldConditions | None = None  # None for those of the calibration, as in a laboratory
 
 
-@dataclass(frozen=True, kw_only=True)
-class Vignetting:
+class Vignetting(Record):
     """Version that a frame's vignetting is corrected with."""
 
     name: str  # in the answer

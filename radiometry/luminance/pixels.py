@@ -15,6 +15,7 @@ from radiometry.frame.roi import Polygon, mask
 from radiometry.frame.statistics import GREY, Signal, name_site
 from radiometry.luminance import codes
 from radiometry.luminance.maps import Sums, compute_shares, find_measured, name_channels, sum_signal
+from radiometry.records import Record
 from radiometry.vignetting.lens import Lens, LensShare
 
 Values = NDArray[np.float64]
@@ -33,8 +34,7 @@ _FLAG_LEVEL = 0.99
 _WORTH_NAMING_REL = 0.01
 
 
-@dataclass(frozen=True, kw_only=True)
-class PixelSignal:
+class PixelSignal(Record):
     """Signal of a single pixel of the region, black included, and that pixel's noise."""
 
     value_dn: float
@@ -42,8 +42,7 @@ class PixelSignal:
     share: LensShare | None = None  # V at the pixel, if vignetting is corrected
 
 
-@dataclass(frozen=True, kw_only=True)
-class PixelSignals:
+class PixelSignals(Record):
     """Order statistics of a region's pixels."""
 
     pixels: int

@@ -5,7 +5,7 @@ import itertools
 import math
 import statistics as python_statistics
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache, cached_property
 
 from radiometry.findings import Raised, shared
@@ -17,6 +17,7 @@ from radiometry.luminance import codes
 from radiometry.luminance.results import SceneSummary
 from radiometry.luminance.rows import Colour, FrameRow, Params, Reading, measure_colour
 from radiometry.luminance.scenes import Change, follow_lamp, summarise_scenes
+from radiometry.records import Record
 
 EXPOSURE_RATIO = 2.0
 FEW_DARK_FRAMES = 3
@@ -30,8 +31,7 @@ FEW_POINTS = 6
 _BASE_ISO = 100.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class Dark:
+class Dark(Record):
     """Dark signal of one ISO value, D(t) = D + I (t - t_0)."""
 
     signal_dn: float  # D at `time_s`
@@ -148,8 +148,7 @@ def time_ratio(time_s: float, others_s: Sequence[float]) -> float:
     return round(min(max(time_s / other, other / time_s) for other in others_s), 9)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Candidate(Keeping):
+class Candidate(Record, Keeping):
     """A light frame with all that its point needs."""
 
     frame: str
@@ -193,8 +192,7 @@ class Candidate(Keeping):
         return self.above_dark_dn / (self.lens_share.value if self.lens_share else 1.0)
 
 
-@dataclass(frozen=True, kw_only=True)
-class IsoSeries(Keeping):
+class IsoSeries(Record, Keeping):
     """Light frames of one ISO value in canonical order, and their dark signal."""
 
     iso: float

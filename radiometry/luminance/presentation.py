@@ -1,7 +1,6 @@
 """Plots, key figures, uncertainty budget and certificate text of a luminance version."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, Final
 
@@ -11,6 +10,7 @@ from radiometry.drawing.figure import Axis, Figure, Mark, Plot, Series
 from radiometry.drawing.text import label_axis, sort_naturally, write_exposure, write_quantity
 from radiometry.fitting.sources import DARK_CURRENT, READING, SCATTER, predict
 from radiometry.luminance.results import IsoFit
+from radiometry.records import Record
 from radiometry.specification.certificate import CertificateText, KeyFigure
 
 Node = dict[str, Any]
@@ -288,8 +288,7 @@ def list_key_figures(result: dict[str, Any]) -> tuple[KeyFigure, ...]:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class BudgetLine:
+class BudgetLine(Record):
     """One source of u(K)."""
 
     source: str

@@ -1,80 +1,73 @@
 """Results of a luminance fit, ready for JSON; what does not exist is None."""
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 from radiometry.findings import Raised
 from radiometry.fitting.evidence import BudgetEntry, Quantity
 from radiometry.luminance.rows import CalibrationConditions
-from radiometry.specification.parameters import about, later
+from radiometry.records import Record, about, later
 
 Rows = tuple[tuple[float, ...], ...]
 
 
-@dataclass(frozen=True, kw_only=True)
-class ErrorSplit:
+class ErrorSplit(Record):
     """Covariance of a fit by what causes it: a frame's own settings meet the same errors.
 
     Of the model's parameters, and for one aperture of ln X as a last row.
     """
 
-    fit: Rows = field(metadata=about("By all sources but f-numbers and exposure times."))
-    f_numbers: Rows = field(metadata=about("By the errors of all f-numbers."))
-    exposure_times: Rows = field(
-        metadata=about("Effect of one standard uncertainty of each exposure time, as in `exposure_times_s`.")
+    fit: Rows = about("By all sources but f-numbers and exposure times.")
+    f_numbers: Rows = about("By the errors of all f-numbers.")
+    exposure_times: Rows = about(
+        "Effect of one standard uncertainty of each exposure time, as in `exposure_times_s`."
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Aperture:
+class Aperture(Record):
     """K at one f-number of an ISO value: the true f-number differs from the nominal one, always alike."""
 
     f_number: float
     scenes: int
     frames: int
-    luminance_k: float = field(metadata=about("In the unit of the ISO value's K."))
+    luminance_k: float = about("In the unit of the ISO value's K.")
     luminance_k_standard_uncertainty: float
-    expanded_uncertainty: float = field(metadata=about("For a coverage probability of 95 %."))
+    expanded_uncertainty: float = about("For a coverage probability of 95 %.")
     coverage_factor: float
-    effective_dof: float | None = field(metadata=about("None if infinite."))
-    x_factor: float = field(metadata=about("Light at this f-number relative to the nominal one, predicted."))
-    errors: ErrorSplit = field(metadata=about("Errors of the parameters and of ln `x_factor`."))
+    effective_dof: float | None = about("None if infinite.")
+    x_factor: float = about("Light at this f-number relative to the nominal one, predicted.")
+    errors: ErrorSplit = about("Errors of the parameters and of ln `x_factor`.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Coefficient:
+class Coefficient(Record):
     """Luminance calibration of one ISO value: all that `apply` needs, in plain fields."""
 
     iso: float
     model: str
     channel: str
-    exposure_basis: str = field(metadata=about('"nominal" or "apex".'))
-    luminance_k: float = field(metadata=about("The model's K, in `luminance_k_unit`."))
-    luminance_k_standard_uncertainty: float = field(
-        metadata=about("Includes everything, also the meter's calibration.")
-    )
+    exposure_basis: str = about('"nominal" or "apex".')
+    luminance_k: float = about("The model's K, in `luminance_k_unit`.")
+    luminance_k_standard_uncertainty: float = about("Includes everything, also the meter's calibration.")
     luminance_k_unit: str
-    expanded_uncertainty: float = field(metadata=about("Of K, for a coverage probability of 95 %."))
+    expanded_uncertainty: float = about("Of K, for a coverage probability of 95 %.")
     coverage_factor: float
-    effective_dof: float | None = field(metadata=about("None if infinite."))
-    dark_signal_dn: float = field(metadata=about("Dark signal at `dark_time_s` [DN]."))
+    effective_dof: float | None = about("None if infinite.")
+    dark_signal_dn: float = about("Dark signal at `dark_time_s` [DN].")
     dark_signal_standard_uncertainty_dn: float
-    black_level_dn: float = field(metadata=about("Mean of the points used [DN]."))
-    white_level_dn: float = field(metadata=about("Lowest of the points used [DN]."))
+    black_level_dn: float = about("Mean of the points used [DN].")
+    white_level_dn: float = about("Lowest of the points used [DN].")
     parameter_names: tuple[str, ...]
     parameters: tuple[float, ...]
-    covariance: Rows = field(metadata=about("Of `parameters`, without the meter's calibration."))
+    covariance: Rows = about("Of `parameters`, without the meter's calibration.")
     meter_calibration_u_rel: float
-    f_number_u_rel: float = field(
-        metadata=about("Relative standard uncertainty of an f-number that was not calibrated.")
-    )
+    f_number_u_rel: float = about("Relative standard uncertainty of an f-number that was not calibrated.")
     exposure_time_u_rel: float
-    exposure_times_s: tuple[float, ...] = field(metadata=about("Each exposure time that was used [s]."))
-    f_number_range: tuple[float, float] = field(metadata=about("Lowest and highest of the points used."))
-    signal_range_dn: tuple[float, float] = field(
-        metadata=about("Lowest and highest N - D of the points used, not divided by V [DN].")
+    exposure_times_s: tuple[float, ...] = about("Each exposure time that was used [s].")
+    f_number_range: tuple[float, float] = about("Lowest and highest of the points used.")
+    signal_range_dn: tuple[float, float] = about(
+        "Lowest and highest N - D of the points used, not divided by V [DN]."
     )
-    rhs_range: tuple[float, float] = field(metadata=about("Lowest and highest X of the points used."))
+    rhs_range: tuple[float, float] = about("Lowest and highest X of the points used.")
     vignetting: str | None = later("Content hash of the vignetting version; None without any.")
     conditions: CalibrationConditions | None = later("None if the campaign states none of them.")
     dark_time_s: float | None = later(
@@ -101,36 +94,32 @@ class Coefficient:
         )
 
 
-@dataclass(frozen=True, kw_only=True)
-class ModelFit:
+class ModelFit(Record):
     """One model fitted to the points of one ISO value."""
 
     model: str
     parameter_names: tuple[str, ...]
     parameters: tuple[float, ...]
-    covariance: Rows = field(metadata=about("Of `parameters`, Birge ratio included."))
-    r_squared: float | None = field(metadata=about("Of the signals in DN."))
-    aicc: float | None = field(
-        metadata=about("Akaike's criterion for few points; comparable between models of one ISO value.")
+    covariance: Rows = about("Of `parameters`, Birge ratio included.")
+    r_squared: float | None = about("Of the signals in DN.")
+    aicc: float | None = about(
+        "Akaike's criterion for few points; comparable between models of one ISO value."
     )
-    chi_squared: float | None = field(
-        metadata=about("None for semilog, whose uncertainty is its own scatter.")
-    )
-    dof: int = field(metadata=about("Points minus parameters."))
+    chi_squared: float | None = about("None for semilog, whose uncertainty is its own scatter.")
+    dof: int = about("Points minus parameters.")
     birge_ratio: float
-    effective_dof: float | None = field(metadata=about("None if infinite."))
-    meter_repeatability_rel: float | None = field(
-        metadata=about("Relative standard uncertainty of one meter reading, given or estimated.")
+    effective_dof: float | None = about("None if infinite.")
+    meter_repeatability_rel: float | None = about(
+        "Relative standard uncertainty of one meter reading, given or estimated."
     )
-    left_out_max_rel: float | None = field(metadata=about("Largest leave-one-scene-out error in L."))
-    left_out_rms_rel: float | None = field(metadata=about("Rms leave-one-scene-out error in L."))
+    left_out_max_rel: float | None = about("Largest leave-one-scene-out error in L.")
+    left_out_rms_rel: float | None = about("Rms leave-one-scene-out error in L.")
     frame_scatter_rel: float | None = later("Estimated relative scatter between frames; None if not needed.")
     stated_chi_squared: float | None = later("chi^2 without that scatter; None if not needed.")
     f_number_u_rel: float | None = later("Of a nominal f-number, given or estimated.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Point:
+class Point(Record):
     """One light frame in the fit."""
 
     frame: str
@@ -139,28 +128,20 @@ class Point:
     exposure_time_s: float
     f_number: float
     used: bool
-    left_out: str = field(metadata=about('"" for a point that was used, else the reason.'))
-    luminance_cd_m2: float | None = field(
-        metadata=about("Meter reading, at the time of the frame where the readings show the lamp's drift.")
+    left_out: str = about('"" for a point that was used, else the reason.')
+    luminance_cd_m2: float | None = about(
+        "Meter reading, at the time of the frame where the readings show the lamp's drift."
     )
-    rhs: float | None = field(metadata=about("Right-hand side X."))
-    signal_dn: float = field(metadata=about("Signal N [DN]."))
+    rhs: float | None = about("Right-hand side X.")
+    signal_dn: float = about("Signal N [DN].")
     signal_standard_uncertainty_dn: float
-    saturated_share: float = field(metadata=about("Saturated fraction of the samples, 0 to 1."))
-    dark_signal_dn: float = field(metadata=about("Dark signal D [DN]."))
-    adjusted_signal_dn: float = field(
-        metadata=about("(N - D) / V [DN]; N - D without vignetting correction.")
-    )
-    fitted_signal_dn: float | None = field(
-        metadata=about("Signal above dark of the curve at X and the f-number [DN].")
-    )
-    fitted_luminance_cd_m2: float | None = field(metadata=about("Of the curve at the signal [cd/m2]."))
-    residual_rel: float | None = field(
-        metadata=about("(L_fit - L_meter) / L_meter, with K at the point's f-number.")
-    )
-    weight: float = field(
-        metadata=about("Weight in K: adjusted signal times weight, summed, is K; 0 if left out.")
-    )
+    saturated_share: float = about("Saturated fraction of the samples, 0 to 1.")
+    dark_signal_dn: float = about("Dark signal D [DN].")
+    adjusted_signal_dn: float = about("(N - D) / V [DN]; N - D without vignetting correction.")
+    fitted_signal_dn: float | None = about("Signal above dark of the curve at X and the f-number [DN].")
+    fitted_luminance_cd_m2: float | None = about("Of the curve at the signal [cd/m2].")
+    residual_rel: float | None = about("(L_fit - L_meter) / L_meter, with K at the point's f-number.")
+    weight: float = about("Weight in K: adjusted signal times weight, summed, is K; 0 if left out.")
     lens_share: Quantity | None = later("Relative illumination V; None without vignetting correction.")
     robust_weight: float | None = later(
         "Weight in a robust fit: about 1, near 0 for an outlier; None by least squares."
@@ -172,35 +153,29 @@ class Point:
     max_dn: int | None = later("Largest raw value of the region in the fit's channel.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class SceneSummary:
+class SceneSummary(Record):
     """Meter readings of a scene."""
 
     scene: str
-    readings: int = field(metadata=about("Number of luminance readings."))
-    luminance_cd_m2: float = field(metadata=about("Mean of the readings [cd/m2]."))
-    spread_rel: float = field(metadata=about("(largest - smallest) / mean of the luminance readings."))
-    illuminance_lx: float | None = field(metadata=about("Mean of the readings [lx]."))
-    illuminance_spread_rel: float | None = field(
-        metadata=about("(largest - smallest) / mean of the illuminance readings.")
-    )
-    rho_e_pi_cd_m2: float | None = field(
-        metadata=about("rho E / pi [cd/m2], if rho and an illuminance are given.")
-    )
+    readings: int = about("Number of luminance readings.")
+    luminance_cd_m2: float = about("Mean of the readings [cd/m2].")
+    spread_rel: float = about("(largest - smallest) / mean of the luminance readings.")
+    illuminance_lx: float | None = about("Mean of the readings [lx].")
+    illuminance_spread_rel: float | None = about("(largest - smallest) / mean of the illuminance readings.")
+    rho_e_pi_cd_m2: float | None = about("rho E / pi [cd/m2], if rho and an illuminance are given.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class IsoFit:
+class IsoFit(Record):
     """Result for one ISO value."""
 
     coefficient: Coefficient
-    models: tuple[ModelFit, ...] = field(metadata=about("Every model that was fitted."))
-    budget: tuple[BudgetEntry, ...] = field(metadata=about("Contributions to u(K)."))
-    chi_squared_per_dof: float | None = field(metadata=about("Of the chosen model; None for semilog."))
-    birge_ratio: float = field(metadata=about("Of the chosen model."))
-    expected_k: float = field(metadata=about("K expected from ISO 12232."))
-    largest_residual_rel: float = field(metadata=about("Largest |residual| of the points used."))
-    passed: bool = field(metadata=about("True if it passes by the campaign's decision rule."))
+    models: tuple[ModelFit, ...] = about("Every model that was fitted.")
+    budget: tuple[BudgetEntry, ...] = about("Contributions to u(K).")
+    chi_squared_per_dof: float | None = about("Of the chosen model; None for semilog.")
+    birge_ratio: float = about("Of the chosen model.")
+    expected_k: float = about("K expected from ISO 12232.")
+    largest_residual_rel: float = about("Largest |residual| of the points used.")
+    passed: bool = about("True if it passes by the campaign's decision rule.")
     expanded_u_rel: float | None = later(
         "Relative U of K at the f-number of the point with the largest |error| + U; None without a "
         "decision rule, or if K is relative only."
@@ -210,19 +185,15 @@ class IsoFit:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class SpectralQuality:
+class SpectralQuality(Record):
     """How near the camera's response is to V, and the lamp that K holds for."""
 
-    lamp: str = field(metadata=about('Name of the library, "own table" or "not recorded".'))
-    camera_response: str = field(metadata=about('Name of the library, "own table" or "not recorded".'))
-    f1_prime: float | None = field(
-        metadata=about("General spectral mismatch index as a fraction; None without a response.")
-    )
+    lamp: str = about('Name of the library, "own table" or "not recorded".')
+    camera_response: str = about('Name of the library, "own table" or "not recorded".')
+    f1_prime: float | None = about("General spectral mismatch index as a fraction; None without a response.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Fit:
+class Fit(Record):
     """A luminance calibration: one coefficient per ISO value, every point, every flag, and the verdict."""
 
     iso_fits: tuple[IsoFit, ...]
@@ -230,5 +201,5 @@ class Fit:
     scenes: tuple[SceneSummary, ...]
     flags: tuple[Raised, ...]
     tolerance_rel: float
-    passed: bool = field(metadata=about("True if every ISO value passed."))
+    passed: bool = about("True if every ISO value passed.")
     spectral: SpectralQuality | None = later("None if neither lamp nor response is known.")

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import Final, Literal, NamedTuple
 
 from radiometry.fitting.evidence import Exclusion, Quantity
@@ -10,7 +9,8 @@ from radiometry.frame.exposure import Exposure, Settings
 from radiometry.frame.statistics import ChannelStatistics, measure_signal
 from radiometry.frame.statistics import Signal as MeasuredSignal
 from radiometry.frame.verdicts import Keeping
-from radiometry.specification.parameters import about, check_parameters, later, parameter
+from radiometry.records import Record, about, later
+from radiometry.specification.parameters import check_parameters, parameter
 from radiometry.spectral.mismatch import list_lamps, list_responses, read_lamp, read_response
 
 LampKind = Literal["incandescent", "led", "led_ripple", "led_phase_dimmed", "sodium", "metal_halide"]
@@ -82,24 +82,20 @@ def list_spectra(kind: LampKind | None, stated: str | None) -> tuple[str, ...]:
     return _KINDS[kind].lamps if kind else ()
 
 
-@dataclass(frozen=True, kw_only=True)
-class CalibrationConditions:
+class CalibrationConditions(Record):
     """Lamp and distance of a calibration, as its campaign states them; None for what is not known."""
 
-    lamp: str | None = field(default=None, metadata=about("Spectrum: a name of the library, or a table."))
-    camera_response: str | None = field(default=None, metadata=about("A name of the library, or a table."))
-    colour: Colour | None = field(
-        default=None, metadata=about("R/G and B/G above dark of the light frames; the median over them.")
+    lamp: str | None = about("Spectrum: a name of the library, or a table.", default=None)
+    camera_response: str | None = about("A name of the library, or a table.", default=None)
+    colour: Colour | None = about(
+        "R/G and B/G above dark of the light frames; the median over them.", default=None
     )
-    focus_distance_m: float | None = field(
-        default=None, metadata=about("From the lens to the calibrated surface [m].")
-    )
+    focus_distance_m: float | None = about("From the lens to the calibrated surface [m].", default=None)
     focal_length_mm: float | None = None
     lamp_kind: LampKind | None = later("All that is known of the lamp's spectrum if `lamp` is None.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class FieldConditions:
+class FieldConditions(Record):
     """Light and surroundings of a measurement, as it states them; None for what is not known."""
 
     light_source: str | None = parameter(
@@ -206,8 +202,7 @@ Basis = Literal["nominal", "apex"]
 Acceptance = Literal["simple", "guarded", "shared_risk"]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Params(Keeping):
+class Params(Record, Keeping):
     """Parameters of a luminance fit; the defaults are the procedure's."""
 
     model: Model = parameter(
@@ -417,8 +412,7 @@ class Params(Keeping):
             read_response(self.camera_response)
 
 
-@dataclass(frozen=True, kw_only=True)
-class FrameRow(Keeping):
+class FrameRow(Record, Keeping):
     """One frame of a campaign as input of the fit."""
 
     frame: str
@@ -442,8 +436,7 @@ class FrameRow(Keeping):
         return self.keep("settings", basis, self.exposure.on_basis, basis)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Reading:
+class Reading(Record):
     """One meter reading of a scene."""
 
     scene: str

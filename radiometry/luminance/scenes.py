@@ -4,7 +4,6 @@ import math
 import statistics as python_statistics
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cache
 
@@ -12,6 +11,7 @@ from radiometry.findings import Raised
 from radiometry.luminance import codes
 from radiometry.luminance.results import SceneSummary
 from radiometry.luminance.rows import FrameRow, Params, Reading
+from radiometry.records import Record
 
 _LAMP_DRIFT_REL = 0.02
 _RHO_TOLERANCE_REL = 0.10
@@ -94,8 +94,7 @@ def meter_calibration_u_rel(readings: Sequence[Reading]) -> tuple[float, bool]:
     return max(known, default=0.0), len(known) == len(luminance)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Change:
+class Change(Record):
     """The lamp at a frame relative to its scene's mean reading."""
 
     ratio: float = 1.0  # luminance at the frame over that of the readings

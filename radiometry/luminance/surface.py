@@ -22,6 +22,7 @@ from radiometry.luminance.corrections import apply_corrections
 from radiometry.luminance.maps import correct_signal
 from radiometry.luminance.pixels import SCATTER, Values, average_signals, find_drift
 from radiometry.luminance.results import Coefficient
+from radiometry.records import Record
 from radiometry.vignetting.lens import Lens, LensShare
 
 Array = NDArray[np.float64]
@@ -47,8 +48,7 @@ _ERRORS = 3.0
 _GREENS = ("G1", "G2", "G")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Surface:
+class Surface(Record):
     """A grid's cells and figures. ``cells`` : rows of columns; ``cell_model`` : "projective"."""
 
     cell_model: str
@@ -63,8 +63,7 @@ class Surface:
     illuminance_lx: Quantity | None
 
 
-@dataclass(frozen=True, kw_only=True)
-class Cells:
+class Cells(Record):
     """Luminances of a grid's cells, and the effect of each source of error on them."""
 
     values_cd_m2: Array  # (rows, columns)

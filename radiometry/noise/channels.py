@@ -3,7 +3,6 @@
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,20 +23,19 @@ from radiometry.noise.transfer import (
     list_levels,
     measure_dark_noise,
 )
+from radiometry.records import Record
 
 FEWEST_LEVELS = 4  # Two parameters, and two degrees of freedom to see a bend with. EMVA 1288 asks for nine.
 
 
-@dataclass(frozen=True, kw_only=True)
-class Deviation:
+class Deviation(Record):
     """Deviation of one level from the line, relative to the line."""
 
     level: Level
     deviation_rel: float
 
 
-@dataclass(frozen=True, kw_only=True)
-class Linearity:
+class Linearity(Record):
     """Line of one scene and f-number, and the deviations from it."""
 
     error: Quantity  # Mean of the absolute deviations LE, release 3.1
@@ -188,8 +186,7 @@ def _is_resolved(variance: Variance) -> bool:
     return variance.value_dn2 > _RESOLVED_IN_ERRORS * variance.u_dn2
 
 
-@dataclass(frozen=True, kw_only=True)
-class FittedChannel:
+class FittedChannel(Record):
     """Coefficients of a channel, with the values from which the flags are raised."""
 
     fit: ChannelFit

@@ -1,7 +1,6 @@
 """Features of a frame, parameters and results of a noise fit, ready for JSON, and their figures and plots."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -15,16 +14,16 @@ from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.packing import Packed, pack
 from radiometry.frame.roi import mask, require_pixels
 from radiometry.frame.statistics import GREY, compute_statistics, name_site
+from radiometry.records import Record, about
 from radiometry.specification.certificate import KeyFigure, choose_channel, of_quantity
-from radiometry.specification.parameters import about, check_parameters, parameter
+from radiometry.specification.parameters import check_parameters, parameter
 
 LARGEST_SIDE = 96  # Samples along a side. 9216 of them give the variance of a pair within 1.5 %.
 
 SMALLEST_SIDE = 16  # 256 samples: a variance within 9 %, below which few levels give no gain worth its name
 
 
-@dataclass(frozen=True, kw_only=True)
-class ChannelBlock:
+class ChannelBlock(Record):
     """Square of raw samples of one channel, black included."""
 
     # R, G1, G2, B for a mosaic; R, G, B for a rendered image; grey; or the name of a multispectral band
@@ -39,8 +38,7 @@ class ChannelBlock:
     white_level_dn: float
 
 
-@dataclass(frozen=True, kw_only=True)
-class Features:
+class Features(Record):
     """A frame's blocks, ready for JSON: all of the same place and size."""
 
     blocks: tuple[ChannelBlock, ...]
@@ -131,8 +129,7 @@ def _describe(
 LIGHT, FLAT, DARK = "light", "flat", "dark"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Params:
+class Params(Record):
     """Parameters of a noise fit; the defaults are those of EMVA 1288."""
 
     gain_range_share: float = parameter(
@@ -165,139 +162,112 @@ SaturationOrigin = Literal["white_level", "variance_maximum", "white_level_assum
 TRANSFER_EQUATION = "var_y - var_dark = K (mu_y - mu_dark)"
 
 
-@dataclass(frozen=True, kw_only=True)
-class LevelResult:
+class LevelResult(Record):
     """Lit stack in the photon transfer, the SNR curve and the linearity."""
 
     role: str
     scene: str
     f_number: float
     exposure_time_s: float
-    frames: int = field(metadata=about("Number of frames."))
-    signal_dn: float = field(metadata=about("Mean above that of its dark frames [DN]."))
-    light_dn: float = field(metadata=about("Mean above the dark signal of its own time [DN]."))
-    excess_dn2: float | None = field(
-        metadata=about(
-            "Temporal variance above that of the dark frames, and its standard uncertainty [DN^2]; None if "
-            "a single frame shows no noise."
-        )
+    frames: int = about("Number of frames.")
+    signal_dn: float = about("Mean above that of its dark frames [DN].")
+    light_dn: float = about("Mean above the dark signal of its own time [DN].")
+    excess_dn2: float | None = about(
+        "Temporal variance above that of the dark frames, and its standard uncertainty [DN^2]; None if "
+        "a single frame shows no noise."
     )
-    excess_u_dn2: float | None = field(
-        metadata=about(
-            "Temporal variance above that of the dark frames, and its standard uncertainty [DN^2]; None if "
-            "a single frame shows no noise."
-        )
+    excess_u_dn2: float | None = about(
+        "Temporal variance above that of the dark frames, and its standard uncertainty [DN^2]; None if "
+        "a single frame shows no noise."
     )
-    snr: float | None = field(
-        metadata=about("Light over temporal noise; None if a single frame shows no noise.")
-    )
+    snr: float | None = about("Light over temporal noise; None if a single frame shows no noise.")
     snr_standard_uncertainty: float | None
-    residual_dn2: float | None = field(metadata=about("Excess - K signal [DN^2]."))
-    deviation_rel: float | None = field(
-        metadata=about("Relative deviation from the straight line of the linearity.")
-    )
-    left_out: str = field(metadata=about('Reason why it is not in the photon transfer; "" if it is.'))
+    residual_dn2: float | None = about("Excess - K signal [DN^2].")
+    deviation_rel: float | None = about("Relative deviation from the straight line of the linearity.")
+    left_out: str = about('Reason why it is not in the photon transfer; "" if it is.')
 
 
-@dataclass(frozen=True, kw_only=True)
-class TransferFigures:
+class TransferFigures(Record):
     """Coefficients of the photon transfer, by the names of EMVA 1288."""
 
-    system_gain_dn_per_e: Quantity = field(metadata=about("System gain K [DN/e-]."))
-    read_noise_e: Quantity = field(metadata=about("Temporal dark noise without rounding [e-]."))
-    sensitivity_threshold_e: Quantity = field(metadata=about("Sensitivity threshold mu_e.min [e-]."))
-    saturation_dn: Quantity = field(metadata=about("Saturation above dark [DN]."))
-    saturation_origin: SaturationOrigin = field(metadata=about("How the saturation was found."))
-    full_well_e: Quantity = field(metadata=about("Saturation capacity mu_e.sat [e-]."))
-    snr_max: Quantity = field(metadata=about("Largest signal-to-noise ratio, sqrt(mu_e.sat)."))
-    dynamic_range: Quantity = field(
-        metadata=about("Dynamic range mu_e.sat / mu_e.min as a ratio, in dB and in stops.")
-    )
-    dynamic_range_db: Quantity = field(
-        metadata=about("Dynamic range mu_e.sat / mu_e.min as a ratio, in dB and in stops.")
-    )
-    dynamic_range_stops: Quantity = field(
-        metadata=about("Dynamic range mu_e.sat / mu_e.min as a ratio, in dB and in stops.")
-    )
+    system_gain_dn_per_e: Quantity = about("System gain K [DN/e-].")
+    read_noise_e: Quantity = about("Temporal dark noise without rounding [e-].")
+    sensitivity_threshold_e: Quantity = about("Sensitivity threshold mu_e.min [e-].")
+    saturation_dn: Quantity = about("Saturation above dark [DN].")
+    saturation_origin: SaturationOrigin = about("How the saturation was found.")
+    full_well_e: Quantity = about("Saturation capacity mu_e.sat [e-].")
+    snr_max: Quantity = about("Largest signal-to-noise ratio, sqrt(mu_e.sat).")
+    dynamic_range: Quantity = about("Dynamic range mu_e.sat / mu_e.min as a ratio, in dB and in stops.")
+    dynamic_range_db: Quantity = about("Dynamic range mu_e.sat / mu_e.min as a ratio, in dB and in stops.")
+    dynamic_range_stops: Quantity = about("Dynamic range mu_e.sat / mu_e.min as a ratio, in dB and in stops.")
     dsnu_e: Quantity
-    levels_used: int = field(metadata=about("Number of levels in the line."))
-    birge_ratio: float = field(metadata=about("Birge ratio and chi squared of their scatter about the line."))
-    chi_squared: float = field(metadata=about("Birge ratio and chi squared of their scatter about the line."))
+    levels_used: int = about("Number of levels in the line.")
+    birge_ratio: float = about("Birge ratio and chi squared of their scatter about the line.")
+    chi_squared: float = about("Birge ratio and chi squared of their scatter about the line.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class LinearityFigures:
+class LinearityFigures(Record):
     """Linearity error of one channel at one ISO value."""
 
-    error_rel: Quantity = field(metadata=about("Mean of the absolute deviations LE."))
-    lowest_rel: float = field(metadata=about("Extreme deviations, LE_min and LE_max of release 3.0."))
-    highest_rel: float = field(metadata=about("Extreme deviations, LE_min and LE_max of release 3.0."))
-    levels_used: int = field(metadata=about("Number of levels on the line."))
+    error_rel: Quantity = about("Mean of the absolute deviations LE.")
+    lowest_rel: float = about("Extreme deviations, LE_min and LE_max of release 3.0.")
+    highest_rel: float = about("Extreme deviations, LE_min and LE_max of release 3.0.")
+    levels_used: int = about("Number of levels on the line.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class DarkCurrentFigures:
+class DarkCurrentFigures(Record):
     """Dark current, in electrons if K is known."""
 
-    dark_current_dn_per_s: Quantity = field(metadata=about("Dark current from the mean [DN/s]."))
-    dark_current_e_per_s: Quantity | None = field(
-        metadata=about("Dark current from the mean [e-/s]; None if K is not known.")
+    dark_current_dn_per_s: Quantity = about("Dark current from the mean [DN/s].")
+    dark_current_e_per_s: Quantity | None = about(
+        "Dark current from the mean [e-/s]; None if K is not known."
     )
-    from_variance_e_per_s: Quantity | None = field(
-        metadata=about(
-            "Dark current from the variance [e-/s], which a camera that subtracts its dark current cannot "
-            "hide; None if it is not known."
-        )
+    from_variance_e_per_s: Quantity | None = about(
+        "Dark current from the variance [e-/s], which a camera that subtracts its dark current cannot "
+        "hide; None if it is not known."
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class ChannelFit:
+class ChannelFit(Record):
     """Results of one channel at one ISO value."""
 
-    iso: float = field(metadata=about("ISO value."))
+    iso: float = about("ISO value.")
     channel: str
-    dark_signal_dn: float = field(metadata=about("Dark signal of the shortest dark frames [DN]."))
+    dark_signal_dn: float = about("Dark signal of the shortest dark frames [DN].")
     read_noise_dn: Quantity
     dsnu_dn: Quantity
-    prnu_rel: Quantity | None = field(metadata=about("PRNU, relative."))
-    transfer: TransferFigures | None = field(metadata=about("Coefficients of the photon transfer."))
-    linearity: LinearityFigures | None = field(metadata=about("Linearity error."))
+    prnu_rel: Quantity | None = about("PRNU, relative.")
+    transfer: TransferFigures | None = about("Coefficients of the photon transfer.")
+    linearity: LinearityFigures | None = about("Linearity error.")
     dark_current: DarkCurrentFigures | None
-    levels: tuple[LevelResult, ...] = field(metadata=about("Levels of the photon transfer."))
-    effective_dof: dict[str, float] = field(
+    levels: tuple[LevelResult, ...] = about("Levels of the photon transfer.")
+    effective_dof: dict[str, float] = about(
+        "Effective degrees of freedom of the uncertainties, by coefficient, at most 1e6; empty in "
+        "versions from before they were evaluated.",
         default_factory=dict,
-        metadata=about(
-            "Effective degrees of freedom of the uncertainties, by coefficient, at most 1e6; empty in "
-            "versions from before they were evaluated."
-        ),
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Point:
+class Point(Record):
     """One channel of one frame."""
 
     frame: str
     channel: str
     role: str
     scene: str | None
-    iso: float | None = field(metadata=about("ISO value."))
+    iso: float | None = about("ISO value.")
     f_number: float | None
     exposure_time_s: float | None
-    mean_dn: float | None = field(metadata=about("Mean of the samples [DN]."))
-    clipped_share: float | None = field(metadata=about("Fraction of samples at or above the white level."))
-    frames_of_setting: int = field(
-        metadata=about(
-            "Number of frames that share its role, scene, ISO, time and f-number, itself included."
-        )
+    mean_dn: float | None = about("Mean of the samples [DN].")
+    clipped_share: float | None = about("Fraction of samples at or above the white level.")
+    frames_of_setting: int = about(
+        "Number of frames that share its role, scene, ISO, time and f-number, itself included."
     )
-    used: bool = field(metadata=about("True if the fit used it."))
-    left_out: str = field(metadata=about('Reason why it was not used; "" if it was.'))
+    used: bool = about("True if the fit used it.")
+    left_out: str = about('Reason why it was not used; "" if it was.')
 
 
-@dataclass(frozen=True, kw_only=True)
-class Fit:
+class Fit(Record):
     """A noise calibration: every channel at every ISO value, every point, every flag."""
 
     channel_fits: tuple[ChannelFit, ...]

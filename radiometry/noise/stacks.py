@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from radiometry.frame.packing import unpack
 from radiometry.noise.results import DARK, ChannelBlock, FrameRow
+from radiometry.records import Record
 
 Image = NDArray[np.float64]
 Counts = NDArray[np.int64]
@@ -191,8 +192,7 @@ class Setting:
     place: tuple[int, int, int]  # Row, column and side of the block
 
 
-@dataclass(frozen=True, kw_only=True)
-class Variance:
+class Variance(Record):
     """Variance [DN^2] with its standard uncertainty."""
 
     value_dn2: float  # Variance and its standard uncertainty [DN^2]
@@ -207,8 +207,7 @@ class Variance:
         return 2.0 * (self.value_dn2 / self.u_dn2) ** 2 if self.u_dn2 else math.inf
 
 
-@dataclass(frozen=True, kw_only=True)
-class Stack:
+class Stack(Record):
     """One channel of the frames of one setting, the same pixels in each."""
 
     setting: Setting  # Setting that the frames share

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import scipy
@@ -13,10 +12,10 @@ from radiometry.fitting.evidence import MOST_DOF, Quantity
 from radiometry.frame.verdicts import TAKE_AGAIN, inspect_black
 from radiometry.noise.results import DARK, DarkCurrentFigures, Params, SaturationOrigin, TransferFigures
 from radiometry.noise.stacks import Stack, estimate_rounded_noise, estimate_rounding_error
+from radiometry.records import Record
 
 
-@dataclass(frozen=True, kw_only=True)
-class Level:
+class Level(Record):
     """Lit stack and its dark stack: the one of the same exposure time, else of the nearest."""
 
     lit: Stack
@@ -121,8 +120,7 @@ _FALL_IN_ERRORS = 3.0
 _COLLAPSED = 0.5  # Of the greatest variance: what is below it lies on a plateau
 
 
-@dataclass(frozen=True, kw_only=True)
-class Saturation:
+class Saturation(Record):
     """End of the signal [DN above dark]."""
 
     signal_dn: float  # Signal at saturation [DN above dark]
@@ -132,8 +130,7 @@ class Saturation:
     origin: SaturationOrigin
 
 
-@dataclass(frozen=True, kw_only=True)
-class Transfer:
+class Transfer(Record):
     """System gain, and what its error shares with the dark noise."""
 
     gain_dn_per_e: float  # Gain K [DN/e-] and its standard uncertainty, with the Birge ratio
@@ -293,8 +290,7 @@ Vector = NDArray[np.float64]
 ABOVE_OTHERS_SHARE = 0.001
 
 
-@dataclass(frozen=True, kw_only=True)
-class DarkCurrent:
+class DarkCurrent(Record):
     """Dark current from the dark signal and from the dark noise."""
 
     from_mean: Quantity  # Slope of the dark signal's mean [DN/s]
@@ -412,8 +408,7 @@ def propagate(
     return Quantity(value=float(figure(*values)), standard_uncertainty=u, unit=unit), dof
 
 
-@dataclass(frozen=True, kw_only=True)
-class DarkNoise:
+class DarkNoise(Record):
     """Variance sigma_y.dark^2 [DN^2] of the shortest dark stack, and the part of it due to rounding."""
 
     stack: Stack  # Shortest dark stack

@@ -1,7 +1,6 @@
 """Alignment of the bands of one capture: by the lens data of their files, then by correlation of edges."""
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -12,6 +11,7 @@ from radiometry.findings import InputRejected, shared
 from radiometry.frame.multispectral import RigGeometry
 from radiometry.frame.opencv import cv2
 from radiometry.frame.roi import Polygon
+from radiometry.records import Record
 from radiometry.reflectance import codes
 
 Plane = NDArray[np.float32]
@@ -38,8 +38,7 @@ _NOWHERE_PX = -10.0
 _UNDISTORT_STEPS = 20
 
 
-@dataclass(frozen=True, kw_only=True)
-class Registration:
+class Registration(Record):
     """Alignment of a band onto another by correlation, after that by the files' lens data."""
 
     # (a, b, c, d, e, f): the band shows what the other shows at (x, y) where the lens data put

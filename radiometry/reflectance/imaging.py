@@ -5,7 +5,7 @@ Which stages apply follows from the parts that the normalised band has, and not 
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.polynomial import polynomial
@@ -26,6 +26,7 @@ from radiometry.frame.multispectral import (
 )
 from radiometry.frame.roi import Polygon, Window, mask, require_pixels
 from radiometry.frame.statistics import ChannelStatistics, compute_statistics
+from radiometry.records import Record
 from radiometry.reflectance import codes
 
 Plane = NDArray[np.float64]
@@ -41,8 +42,7 @@ DJI_UNIT = "1/s"
 _CONTAINER_BITS = 16
 
 
-@dataclass(frozen=True, kw_only=True)
-class FrameSize:
+class FrameSize(Record):
     """Size of the whole visible area."""
 
     height_px: int
@@ -294,8 +294,7 @@ def _scale(signal: Plane, response: Response | None, settings: Settings, *, row0
     return scale_to_rate(signal, model=response)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Features:
+class Features(Record):
     """A region of one band, ready for JSON."""
 
     band: str

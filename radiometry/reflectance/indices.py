@@ -3,7 +3,7 @@
 import ast
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Final, cast
 
 import numpy as np
@@ -13,6 +13,7 @@ from radiometry.findings import InputRejected
 from radiometry.frame import FrameHeader
 from radiometry.frame.multispectral import MOST_LETTERS, NAMED_INDICES, Alignment, RigGeometry
 from radiometry.frame.roi import Polygon, Window, mask
+from radiometry.records import Record
 from radiometry.reflectance import codes
 from radiometry.reflectance.alignment import IDENTITY, align, move_region, register, require_lens_data
 from radiometry.reflectance.imaging import require_band
@@ -28,8 +29,7 @@ UNREFINED_PX = 5.0
 _REACH_PX, _WIDE_REACH_PX = 24, 96
 
 
-@dataclass(frozen=True, kw_only=True)
-class Formula:
+class Formula(Record):
     """An index of the bands of a capture."""
 
     name: str  # or the formula itself
@@ -163,24 +163,21 @@ def _operate(
     return a + sign * b, {band: da + sign * db for band, (da, db) in pairs.items()}
 
 
-@dataclass(frozen=True, kw_only=True)
-class BandMap:
+class BandMap(Record):
     """Reflectance of one band's whole frame."""
 
     header: FrameHeader
     reflectance: NDArray[np.float32]
 
 
-@dataclass(frozen=True, kw_only=True)
-class AlignedBand:
+class AlignedBand(Record):
     """A band on the pixels of the first of its capture."""
 
     reflectance: NDArray[np.float32]  # NaN where the band did not look, or was saturated
     alignment: Alignment
 
 
-@dataclass(frozen=True, kw_only=True)
-class IndexMap:
+class IndexMap(Record):
     """An index on the pixels of the first of its bands."""
 
     values: NDArray[np.float32]  # NaN where it is not defined

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -14,13 +13,13 @@ from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.multispectral import Alignment, LightBasis
 from radiometry.frame.roi import Polygon, mask
+from radiometry.records import Record, later
 from radiometry.reflectance import codes, imaging
 from radiometry.reflectance.indices import Formula, compute, spread_plane
 from radiometry.reflectance.method import apply_features, choose_angle, choose_coefficient
 from radiometry.reflectance.points import MOST_SATURATED_SHARE
 from radiometry.reflectance.results import REFLECTANCE_UNIT, AppliedReflectance, Coefficient, Effect
 from radiometry.specification.application import Summary
-from radiometry.specification.parameters import later
 
 PERCENTILES = (5, 10, 90, 95)
 _OUTLIER_SIGMAS = 5.0
@@ -35,8 +34,7 @@ _UNKNOWN: Final = (PANEL, "drift", "sunshine gain")
 """The same panel, light and sensor, but nothing states how their errors correlate from band to band."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Share:
+class Share(Record):
     """Contribution of one source to the mean's uncertainty."""
 
     source: str
@@ -45,16 +43,14 @@ class Share:
     variance_share: float
 
 
-@dataclass(frozen=True, kw_only=True)
-class Percentile:
+class Percentile(Record):
     """A percentile of the region's pixels."""
 
     percent: int
     reflectance: Quantity
 
 
-@dataclass(frozen=True, kw_only=True)
-class MeasuredReflectance:
+class MeasuredReflectance(Record):
     """Reflectance of a region with its whole budget; nothing is clipped to [0, 1]."""
 
     band: str
@@ -183,8 +179,7 @@ def _share_out(applied: AppliedReflectance) -> tuple[Share, ...]:
     return tuple(sorted(shares, key=lambda share: (-share.variance_share, share.source)))
 
 
-@dataclass(frozen=True, kw_only=True)
-class MeasuredRadiance:
+class MeasuredRadiance(Record):
     """Radiance of a region by the manufacturer's calibration; nothing is clipped."""
 
     radiance: str  # name of the band
@@ -236,8 +231,7 @@ def measure_radiance(
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class MeasuredIndex:
+class MeasuredIndex(Record):
     """Index of a region's mean reflectances."""
 
     index: str

@@ -10,7 +10,7 @@ scripts, are not followed.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,7 @@ from radiometry.fitting.evidence import (
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.multispectral import LightBasis, Multispectral
+from radiometry.records import Record
 from radiometry.reflectance import codes, imaging, points
 from radiometry.reflectance.findings import check_candidates, check_fit
 from radiometry.reflectance.fit import check_times, describe_point, find_scale, fit_bands
@@ -53,8 +54,7 @@ _CHANGED = 0.7
 _SAME_ANGLE_DEG = 0.05
 
 
-@dataclass(frozen=True, kw_only=True)
-class Scale:
+class Scale(Record):
     """Conversion of a frame's signal to reflectance: R = I_sq factor, factor = K / (I_ss cos(theta))."""
 
     band: str

@@ -3,7 +3,6 @@
 import math
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +12,7 @@ from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.multispectral import PANEL_SERIAL, name_panel
 from radiometry.frame.opencv import cv2
 from radiometry.frame.roi import Polygon
+from radiometry.records import Record
 from radiometry.reflectance.alignment import move_region
 from radiometry.specification.application import FoundBy
 
@@ -91,8 +91,7 @@ def measure_unevenness(inner: Plane, black: float, white: float) -> float | None
     return uneven if uneven <= MOST_UNEVEN_REL and tilt <= MOST_TILTED_REL * mean else None
 
 
-@dataclass(frozen=True, kw_only=True)
-class FoundPanel:
+class FoundPanel(Record):
     """A panel that was found."""
 
     region: Polygon | None  # well within the panel; None if its place is not certain
@@ -115,8 +114,7 @@ class FoundPanel:
         return albedo if 0.0 < albedo <= 1.0 else None
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Layout:
+class _Layout(Record):
     """Position of the panel beside its code, in sides of the code."""
 
     distance: float

@@ -3,7 +3,7 @@
 import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import date, datetime
 from typing import Final
 
@@ -12,6 +12,7 @@ from radiometry.findings import Finding, InputRejected, Raised, interface
 from radiometry.fitting.evidence import list_unknown_exclusions
 from radiometry.frame import has_set_clock
 from radiometry.frame.multispectral import Multispectral, name_panel
+from radiometry.records import Record
 from radiometry.reflectance import codes
 from radiometry.reflectance.imaging import Features
 from radiometry.reflectance.results import FrameRow, Params, Reading
@@ -31,8 +32,7 @@ STEEPEST_ANGLE_DEG = 60.0
 NO_REFLECTANCE = "no reflectance of the panel in this band"
 
 
-@dataclass(frozen=True, kw_only=True)
-class PanelValue:
+class PanelValue(Record):
     """Reflectance of a panel in one band on the day of a frame."""
 
     panel: str  # serial number; "" if the file states an albedo without one
@@ -173,8 +173,7 @@ def list_contradictions(readings: Sequence[Reading], params: Params) -> list[str
     return found
 
 
-@dataclass(frozen=True, kw_only=True)
-class Candidate:
+class Candidate(Record):
     """A panel frame with all that its point needs."""
 
     row: FrameRow

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from datetime import datetime
 from typing import Any, Final
 
@@ -177,7 +177,6 @@ def list_key_figures(result: dict[str, Any]) -> tuple[KeyFigure, ...]:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
 class BudgetLine(BudgetEntry):
     """One source of u(K)."""
 

@@ -3,7 +3,7 @@
 import bisect
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Literal
 
 from radiometry.findings import Raised
@@ -11,18 +11,18 @@ from radiometry.fitting.evidence import BudgetEntry, Exclusion, Quantity
 from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.multispectral import LightBasis
+from radiometry.records import Record, about, later
 from radiometry.reflectance.imaging import Features
 from radiometry.reflectance.sun import TiltParams
 from radiometry.reflectance.sunshine import Choice
-from radiometry.specification.parameters import about, check_parameters, later, parameter
+from radiometry.specification.parameters import check_parameters, parameter
 
 Normalisation = Literal["sunshine", "panel_only"]
 Surface = Literal["level", "oriented"]
 Interpolation = Literal["constant", "linear"]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Params:
+class Params(Record):
     """Parameters of a reflectance fit."""
 
     normalisation: Normalisation = parameter(
@@ -105,8 +105,7 @@ class Params:
         return None if self.sunshine_surface == "oriented" else self.tilt or TiltParams()
 
 
-@dataclass(frozen=True, kw_only=True)
-class FrameRow:
+class FrameRow(Record):
     """One frame of a campaign as input of the fit: one band of one capture."""
 
     frame: str
@@ -118,8 +117,7 @@ class FrameRow:
     panel_serial: str | None = None  # as the panel's code in the image states it
 
 
-@dataclass(frozen=True, kw_only=True)
-class Reading:
+class Reading(Record):
     """Reflectance of the panel in one band, as its certificate states it."""
 
     panel: str
@@ -146,20 +144,16 @@ _FAST_S = 300.0
 _LONGEST_S = 86_400.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class Knot:
+class Knot(Record):
     """K at one panel capture."""
 
-    at_s: float | None = field(metadata=about("Mean time on the camera's clock; None if it has none."))
+    at_s: float | None = about("Mean time on the camera's clock; None if it has none.")
     reflectance_k: float
-    u_rel: float = field(
-        metadata=about("Relative standard uncertainty of its own: noise, sunshine scatter and tilt.")
-    )
+    u_rel: float = about("Relative standard uncertainty of its own: noise, sunshine scatter and tilt.")
     half_span_s: float | None = later("From the mean time to the frame furthest from it.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Coefficient:
+class Coefficient(Record):
     """Reflectance calibration of one band: all that `apply` needs, in plain fields.
 
     K = R cos(theta) I_ss / I_sq, for this camera and this sunshine sensor, and for the flight of the panel
@@ -168,35 +162,31 @@ class Coefficient:
 
     band: str
     reflectance_k: float
-    reflectance_k_standard_uncertainty: float = field(metadata=about("From all sources."))
+    reflectance_k_standard_uncertainty: float = about("From all sources.")
     reflectance_k_unit: str
-    expanded_uncertainty: float = field(metadata=about("Of K, for a coverage probability of 95 %."))
+    expanded_uncertainty: float = about("Of K, for a coverage probability of 95 %.")
     coverage_factor: float
     normalisation: Normalisation
-    sunshine_choice: Choice = field(metadata=about("Choice among the sunshine readings."))
-    interpolation: Interpolation = field(metadata=about('"constant", or "linear" if K follows the knots.'))
-    tilt: TiltParams | None = field(metadata=about("Assumptions of the tilt correction; None without it."))
+    sunshine_choice: Choice = about("Choice among the sunshine readings.")
+    interpolation: Interpolation = about('"constant", or "linear" if K follows the knots.')
+    tilt: TiltParams | None = about("Assumptions of the tilt correction; None without it.")
     camera_serial: str | None
     sunshine_serial: str | None
     wavelength_nm: float | None
-    incidence_angle_deg: float = field(metadata=about("Between the light and the panel's normal [deg]."))
+    incidence_angle_deg: float = about("Between the light and the panel's normal [deg].")
     panel: str
     panel_reflectance: float
-    knots: tuple[Knot, ...] = field(metadata=about("K of the panel captures, in time."))
-    shared_u_rel: float = field(metadata=about("From panel, angle and evenness, the same in every capture."))
-    gain_u_rel: float = field(
-        metadata=about("From the sunshine sensor's gain; it cancels at the same `gain_indices`.")
+    knots: tuple[Knot, ...] = about("K of the panel captures, in time.")
+    shared_u_rel: float = about("From panel, angle and evenness, the same in every capture.")
+    gain_u_rel: float = about("From the sunshine sensor's gain; it cancels at the same `gain_indices`.")
+    drift_u_rel: float = about("From the difference of the captures, of a constant K.")
+    gain_indices: tuple[int, ...] = about("Of the sunshine readings used; -1 - i for index i of channel 1.")
+    sensor_model_scale: float = about(
+        "A of SensorModel, a1 of RadiometricCalibration, or SensorGainAdjustment."
     )
-    drift_u_rel: float = field(metadata=about("From the difference of the captures, of a constant K."))
-    gain_indices: tuple[int, ...] = field(
-        metadata=about("Of the sunshine readings used; -1 - i for index i of channel 1.")
-    )
-    sensor_model_scale: float = field(
-        metadata=about("A of SensorModel, a1 of RadiometricCalibration, or SensorGainAdjustment.")
-    )
-    i_sq_range: tuple[float, float] = field(metadata=about("Lowest and highest signal used."))
-    i_ss_range: tuple[float, float] | None = field(
-        metadata=about("Lowest and highest sunshine reading used; None for panel_only.")
+    i_sq_range: tuple[float, float] = about("Lowest and highest signal used.")
+    i_ss_range: tuple[float, float] | None = about(
+        "Lowest and highest sunshine reading used; None for panel_only."
     )
     panel_measured_on: tuple[str, ...] | None = later(
         "Days of the panel's measurements used; None if none is dated."
@@ -212,46 +202,41 @@ class Coefficient:
     channel_ratio_u_rel: float | None = later()
 
 
-@dataclass(frozen=True, kw_only=True)
-class Point:
+class Point(Record):
     """One panel frame in the fit."""
 
     frame: str
     band: str
     capture_id: str | None
-    visit: int | None = field(metadata=about("Number of the panel capture, from 1."))
-    at_s: float | None = field(metadata=about("Time on the camera's clock [s]."))
+    visit: int | None = about("Number of the panel capture, from 1.")
+    at_s: float | None = about("Time on the camera's clock [s].")
     used: bool
-    left_out: str = field(metadata=about('"" if it was used, else the reason.'))
-    i_sq: float | None = field(metadata=about("Signal of the panel."))
+    left_out: str = about('"" if it was used, else the reason.')
+    i_sq: float | None = about("Signal of the panel.")
     i_sq_standard_uncertainty: float | None
-    gradient_rel: float | None = field(metadata=about("Change of the signal across the region."))
-    saturated_share: float | None = field(metadata=about("Saturated fraction of the region, 0 to 1."))
-    i_ss: float | None = field(metadata=about("Sunshine reading."))
-    sunshine_readings: int | None = field(metadata=about("Number of valid sunshine readings."))
-    sunshine_spread_rel: float | None = field(metadata=about("Standard deviation of the readings / mean."))
+    gradient_rel: float | None = about("Change of the signal across the region.")
+    saturated_share: float | None = about("Saturated fraction of the region, 0 to 1.")
+    i_ss: float | None = about("Sunshine reading.")
+    sunshine_readings: int | None = about("Number of valid sunshine readings.")
+    sunshine_spread_rel: float | None = about("Standard deviation of the readings / mean.")
     panel_reflectance: float | None
-    panel_irradiance_w_m2_nm: float | None = field(metadata=about("On the panel, where radiance is known."))
+    panel_irradiance_w_m2_nm: float | None = about("On the panel, where radiance is known.")
     reflectance_k: float | None
-    residual_rel: float | None = field(
-        metadata=about("K of this frame relative to the coefficient's at its time, minus 1.")
-    )
+    residual_rel: float | None = about("K of this frame relative to the coefficient's at its time, minus 1.")
     i_ss_oriented: float | None = later("Sunshine reading as the sensor was oriented.")
     i_ss_basis: LightBasis | None = later("Surface for which `i_ss` holds.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class BandFit:
+class BandFit(Record):
     """Result for one band."""
 
     coefficient: Coefficient
-    budget: tuple[BudgetEntry, ...] = field(metadata=about("Contributions to u(K)."))
-    visits: int = field(metadata=about("Number of panel captures."))
-    drift_rel: float | None = field(metadata=about("(K_last - K_first) / K; None for one capture."))
+    budget: tuple[BudgetEntry, ...] = about("Contributions to u(K).")
+    visits: int = about("Number of panel captures.")
+    drift_rel: float | None = about("(K_last - K_first) / K; None for one capture.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Fit:
+class Fit(Record):
     """A reflectance calibration: one coefficient per band, every point, every flag."""
 
     band_fits: tuple[BandFit, ...]
@@ -259,8 +244,7 @@ class Fit:
     flags: tuple[Raised, ...]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Effect:
+class Effect(Record):
     """Effect of one standard uncertainty of one source on a reflectance."""
 
     source: str
@@ -268,8 +252,7 @@ class Effect:
     effect: float
 
 
-@dataclass(frozen=True, kw_only=True)
-class AppliedReflectance:
+class AppliedReflectance(Record):
     """Reflectance of a region in a new frame, with its flags."""
 
     band: str
@@ -283,8 +266,7 @@ class AppliedReflectance:
     i_ss_basis: LightBasis | None = later()
 
 
-@dataclass(frozen=True, kw_only=True)
-class KAtTime:
+class KAtTime(Record):
     """K at the time of a frame."""
 
     value: float

@@ -1,7 +1,7 @@
 """Position of the sun over a frame, irradiance on a level surface, and the place of a frame on the ground."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Final, NamedTuple
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from radiometry.findings import InputRejected
 from radiometry.frame import FrameHeader, has_set_clock, writes_utc
 from radiometry.frame.place import HeightSource, Place, PlaceShare
+from radiometry.records import Record
 from radiometry.reflectance import codes
 from radiometry.reflectance.alignment import find_directions, require_lens_data, rotate_into_rig
 from radiometry.specification.parameters import check_parameters, parameter
@@ -20,8 +21,7 @@ LOWEST_SUN_DEG = 10.0
 FURTHEST_FROM_SUN_DEG = 80.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class SunPosition:
+class SunPosition(Record):
     """Direction of the sun."""
 
     elevation_deg: float  # above the horizon, without refraction
@@ -59,8 +59,7 @@ def locate_sun(at: datetime, *, latitude_deg: float, longitude_deg: float) -> Su
     return SunPosition(elevation_deg=math.degrees(elevation), azimuth_deg=math.degrees(azimuth) % 360.0)
 
 
-@dataclass(frozen=True, kw_only=True)
-class TiltParams:
+class TiltParams(Record):
     """Assumptions about sky and sensor of the tilt correction."""
 
     diffuse_share: float = parameter(
@@ -93,8 +92,7 @@ class TiltParams:
         check_parameters(self)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Tilt:
+class Tilt(Record):
     """Position of the sun at the time of a capture, and the assumptions of the correction."""
 
     sun: SunPosition
@@ -301,8 +299,7 @@ _MOUNTS: Final = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
-class GroundHeight:
+class GroundHeight(Record):
     """Height of the camera above the ground, as a measurement states it; None for what is not known."""
 
     height_above_ground_m: float | None = parameter(

@@ -4,7 +4,7 @@ import itertools
 import math
 import statistics
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 from radiometry.findings import InputRejected, Raised
@@ -17,6 +17,7 @@ from radiometry.frame.multispectral import (
     SunshineIrradiance,
     SunshineRecord,
 )
+from radiometry.records import Record
 from radiometry.reflectance import codes
 from radiometry.reflectance.sun import (
     FURTHEST_FROM_SUN_DEG,
@@ -62,8 +63,7 @@ ASSUMED_TILT_DEG = 5.0
 ASSUMED_SUN = SunPosition(elevation_deg=45.0, azimuth_deg=0.0)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Gain:
+class Gain(Record):
     """Relative gain of one index."""
 
     value: float
@@ -131,8 +131,7 @@ def _is_usable(row: GainMeasurement, channel: Channel) -> bool:
     return 0 < _count(row, channel) < SATURATED_COUNT and row.integration_time_s > 0.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class SunshineReading:
+class SunshineReading(Record):
     """One reading of the sunshine sensor."""
 
     time_us: int  # on the camera's clock
@@ -231,8 +230,7 @@ def angle_to_sun(record: SunshineRecord | SunshineIrradiance, tilt: Tilt) -> flo
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Sunshine:
+class Sunshine(Record):
     """I_ss of one band of one capture."""
 
     i_ss: float

@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from radiometry.drawing.text import name_few
 from radiometry.fitting.evidence import MOST_DOF, Quantity
 from radiometry.fitting.sources import merge_variances
+from radiometry.records import Record
 from radiometry.sharpness.edges import JACKKNIFE_DOF
 from radiometry.sharpness.profile import list_frequencies
 from radiometry.sharpness.results import (
@@ -32,8 +33,7 @@ _NEIGHBOURS = 3
 _LEAST_CONTRAST = 1e-4
 
 
-@dataclass(frozen=True, kw_only=True)
-class Resolution:
+class Resolution(Record):
     """One frequency in every unit."""
 
     cycles_per_pixel: float  # Frequency [cycles per pixel]
@@ -113,8 +113,7 @@ RESOLVING_POWER = "resolving_power_cycles_per_pixel"
 Key = tuple[str, str, str, float]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Candidate:
+class Candidate(Record):
     """One channel of one region of one frame."""
 
     frame: str

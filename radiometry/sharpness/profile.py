@@ -2,13 +2,13 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import scipy
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
+from radiometry.records import Record
 from radiometry.sharpness.results import CURVE_STEP_CYCLES_PER_PIXEL
 from radiometry.sharpness.sampling import Plane
 
@@ -17,8 +17,7 @@ Vector = NDArray[np.float64]
 _WINDOW_FLOOR = 0.05
 
 
-@dataclass(frozen=True, kw_only=True)
-class Edge:
+class Edge(Record):
     """Edge in a plane's own coordinates [px of the sensor]."""
 
     places_px: Vector  # Places of its centroids, (line,)
@@ -76,8 +75,7 @@ _SMOOTHED = 1.1
 _FINER = 16
 
 
-@dataclass(frozen=True, kw_only=True)
-class Sums:
+class Sums(Record):
     """Samples gathered in bins of a quarter pixel by their distance from the edge."""
 
     count: Vector  # Number of samples and sum of their values, (bin,)
@@ -95,8 +93,7 @@ class Sums:
         )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Profile:
+class Profile(Record):
     """Edge spread function at points, rising."""
 
     distance_px: Vector  # Distance from the edge, normal to it [px], (bin,)
@@ -106,8 +103,7 @@ class Profile:
     high_px: float
 
 
-@dataclass(frozen=True, kw_only=True)
-class Lengths:
+class Lengths(Record):
     """Lengths of a profile; NaN where one does not exist."""
 
     rise_px: float

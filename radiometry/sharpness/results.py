@@ -2,30 +2,28 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from typing import Any, Final, Literal, get_args
 
 from radiometry.drawing.figure import MOST, Axis, Figure, Mark, Plot, Series
 from radiometry.drawing.text import write_quantity
 from radiometry.findings import Raised
 from radiometry.fitting.evidence import Exclusion, FrameEvidence, Quantity
+from radiometry.records import Record, about, later
 from radiometry.specification.certificate import KeyFigure, choose_channel, of_quantity
-from radiometry.specification.parameters import about, check_parameters, later, parameter
+from radiometry.specification.parameters import check_parameters, parameter
 
 # Of every stored response, which runs from 0 to 1 cycles per pixel: one grid for all edges of all frames
 CURVE_STEP_CYCLES_PER_PIXEL = 0.01
 
 
-@dataclass(frozen=True, kw_only=True)
-class Estimate:
+class Estimate(Record):
     """A number and its standard uncertainty."""
 
     value: float
     standard_uncertainty: float
 
 
-@dataclass(frozen=True, kw_only=True)
-class EdgePlace:
+class EdgePlace(Record):
     """Place of an edge in one channel."""
 
     normal: tuple[float, float]  # Unit normal (row, col), to the right or downwards
@@ -35,8 +33,7 @@ class EdgePlace:
     dof: float  # Degrees of freedom of the latter
 
 
-@dataclass(frozen=True, kw_only=True)
-class EdgeResponse:
+class EdgeResponse(Record):
     """Response of one channel at one edge; lengths are in pixels of the whole sensor, normal to the edge."""
 
     channel: str
@@ -59,8 +56,7 @@ class EdgeResponse:
     place: EdgePlace | None = later()
 
 
-@dataclass(frozen=True, kw_only=True)
-class Contrasts:
+class Contrasts(Record):
     """Contrast of a star by frequency, 1 far outside."""
 
     # Direction of the sector's middle, from x (right) towards y (down) [deg]; None for all directions
@@ -70,8 +66,7 @@ class Contrasts:
     contrast_u: tuple[float, ...]
 
 
-@dataclass(frozen=True, kw_only=True)
-class StarResponse:
+class StarResponse(Record):
     """Response of one channel at one star."""
 
     channel: str
@@ -86,8 +81,7 @@ class StarResponse:
     sectors: tuple[Contrasts, ...]  # Contrast of each sector
 
 
-@dataclass(frozen=True, kw_only=True)
-class Refusal:
+class Refusal(Record):
     """Reason why a channel of a region has no response: code and sentence of the error."""
 
     channel: str
@@ -95,8 +89,7 @@ class Refusal:
     message: str
 
 
-@dataclass(frozen=True, kw_only=True)
-class RegionResponse:
+class RegionResponse(Record):
     """One region: edges or stars by channel, and channels without a response."""
 
     name: str  # Name of the region
@@ -107,8 +100,7 @@ class RegionResponse:
     refused: tuple[Refusal, ...]  # Channels without a response
 
 
-@dataclass(frozen=True, kw_only=True)
-class Features:
+class Features(Record):
     """Responses of all regions of a frame."""
 
     kind: str  # Kind of the target
@@ -127,8 +119,7 @@ _CYCLES = (4, 1000)
 _GAMMAS = (0.2, 5.0)
 
 
-@dataclass(frozen=True, kw_only=True)
-class StarCentre:
+class StarCentre(Record):
     """Centre of a star: x right, y down [px], as regions are drawn; `region` names the star."""
 
     region: str
@@ -136,35 +127,28 @@ class StarCentre:
     y_px: float
 
 
-@dataclass(frozen=True, kw_only=True)
-class Target:
+class Target(Record):
     """Photographed target; every region of a frame shows one edge or one star."""
 
-    kind: Kind = field(default="slanted_edge", metadata=about("Kind of the target."))
-    edge_order: int = field(
-        default=5,
-        metadata=about("Order of the polynomial through the edge, 1 (straight) to 5 (ISO 12233:2023)."),
+    kind: Kind = about("Kind of the target.", default="slanted_edge")
+    edge_order: int = about(
+        "Order of the polynomial through the edge, 1 (straight) to 5 (ISO 12233:2023).", default=5
     )
-    cycles: int = field(
-        default=48,
-        metadata=about("Cycles of a star: pairs of a dark and a bright sector, 48 for 96 sectors."),
+    cycles: int = about(
+        "Cycles of a star: pairs of a dark and a bright sector, 48 for 96 sectors.", default=48
     )
-    centres: tuple[StarCentre, ...] = field(
-        default=(), metadata=about("Centres of stars, where they are known; the others are found.")
+    centres: tuple[StarCentre, ...] = about(
+        "Centres of stars, where they are known; the others are found.", default=()
     )
-    tone_curve: ToneCurve = field(
+    tone_curve: ToneCurve = about(
+        'Tone curve to undo in rendered images; raw files are linear and need neither. "linear": as '
+        'they are; "srgb": IEC 61966-2-1; "gamma": signal = light ^ (1 / gamma).',
         default="linear",
-        metadata=about(
-            'Tone curve to undo in rendered images; raw files are linear and need neither. "linear": as '
-            'they are; "srgb": IEC 61966-2-1; "gamma": signal = light ^ (1 / gamma).'
-        ),
     )
-    gamma: float = field(
+    gamma: float = about(
+        'Tone curve to undo in rendered images; raw files are linear and need neither. "linear": as '
+        'they are; "srgb": IEC 61966-2-1; "gamma": signal = light ^ (1 / gamma).',
         default=2.2,
-        metadata=about(
-            'Tone curve to undo in rendered images; raw files are linear and need neither. "linear": as '
-            'they are; "srgb": IEC 61966-2-1; "gamma": signal = light ^ (1 / gamma).'
-        ),
     )
 
     def __post_init__(self) -> None:
@@ -183,8 +167,7 @@ class Target:
             raise ValueError("x_px and y_px of centres must be finite numbers")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Params:
+class Params(Record):
     """Parameters of a sharpness fit."""
 
     pixel_pitch_um: float | None = parameter(
@@ -209,149 +192,122 @@ class Params:
         check_parameters(self)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Coefficient:
+class Coefficient(Record):
     """One coefficient of one position and channel."""
 
-    name: str = field(metadata=about("Name of the coefficient."))
-    quantity: Quantity = field(metadata=about("Value with uncertainty."))
-    repeatability: float | None = field(
-        metadata=about("Standard deviation of single frames; None for one frame.")
-    )
-    effective_dof: float | None = field(
+    name: str = about("Name of the coefficient.")
+    quantity: Quantity = about("Value with uncertainty.")
+    repeatability: float | None = about("Standard deviation of single frames; None for one frame.")
+    effective_dof: float | None = about(
+        "Effective degrees of freedom of the standard uncertainty, at most 1e6; None in versions from "
+        "before they were evaluated.",
         default=None,
-        metadata=about(
-            "Effective degrees of freedom of the standard uncertainty, at most 1e6; None in versions from "
-            "before they were evaluated."
-        ),
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Curve:
+class Curve(Record):
     """Response: mean over the frames, with its standard uncertainty."""
 
-    direction_deg: float | None = field(metadata=about("Direction of a star's sector [deg], else None."))
-    frequency: tuple[float, ...] = field(metadata=about("Frequencies [cycles per pixel]."))
-    response: tuple[float, ...] = field(metadata=about("Response and its standard uncertainty."))
-    response_u: tuple[float, ...] = field(metadata=about("Response and its standard uncertainty."))
+    direction_deg: float | None = about("Direction of a star's sector [deg], else None.")
+    frequency: tuple[float, ...] = about("Frequencies [cycles per pixel].")
+    response: tuple[float, ...] = about("Response and its standard uncertainty.")
+    response_u: tuple[float, ...] = about("Response and its standard uncertainty.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Direction:
+class Direction(Record):
     """The resolving power of a star's sector; None where it is resolved up to the last ring."""
 
     direction_deg: float
     resolving_power: Quantity | None
 
 
-@dataclass(frozen=True, kw_only=True)
-class PositionFit:
+class PositionFit(Record):
     """One channel of one position at one f-number."""
 
-    kind: str = field(metadata=about("Kind of the target."))
+    kind: str = about("Kind of the target.")
     position: str
     channel: str
     f_number: float | None
     row_px: float
     col_px: float
-    radius_rel: float = field(metadata=about("Distance from the frame's middle, 1 at its corners."))
-    frames: int = field(metadata=about("Number of frames."))
-    orientation: str | None = field(
-        metadata=about("Orientation, angle [deg] and departure [px] of edges; None for stars.")
+    radius_rel: float = about("Distance from the frame's middle, 1 at its corners.")
+    frames: int = about("Number of frames.")
+    orientation: str | None = about("Orientation, angle [deg] and departure [px] of edges; None for stars.")
+    angle_deg: float | None = about("Orientation, angle [deg] and departure [px] of edges; None for stars.")
+    departure_px: float | None = about(
+        "Orientation, angle [deg] and departure [px] of edges; None for stars."
     )
-    angle_deg: float | None = field(
-        metadata=about("Orientation, angle [deg] and departure [px] of edges; None for stars.")
-    )
-    departure_px: float | None = field(
-        metadata=about("Orientation, angle [deg] and departure [px] of edges; None for stars.")
-    )
-    cycles: int | None = field(metadata=about("Cycles of stars; None for edges."))
-    coefficients: tuple[Coefficient, ...] = field(metadata=about("Coefficients of one version."))
-    curves: tuple[Curve, ...] = field(metadata=about("Responses."))
-    directions: tuple[Direction, ...] = field(metadata=about("Resolving power of each sector."))
+    cycles: int | None = about("Cycles of stars; None for edges.")
+    coefficients: tuple[Coefficient, ...] = about("Coefficients of one version.")
+    curves: tuple[Curve, ...] = about("Responses.")
+    directions: tuple[Direction, ...] = about("Resolving power of each sector.")
 
     def find(self, name: str) -> Coefficient | None:
         return next((each for each in self.coefficients if each.name == name), None)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Falloff:
+class Falloff(Record):
     """Position compared with the middle of the frame."""
 
     position: str
-    radius_rel: float = field(metadata=about("Distance from the frame's middle, 1 at its corners."))
-    ratio: Quantity = field(metadata=about("Ratio to the middle, 1 where it is as sharp."))
+    radius_rel: float = about("Distance from the frame's middle, 1 at its corners.")
+    ratio: Quantity = about("Ratio to the middle, 1 where it is as sharp.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class FalloffTable:
+class FalloffTable(Record):
     """Decrease of sharpness towards the corners, per channel and f-number."""
 
-    kind: str = field(metadata=about("Kind of the target."))
+    kind: str = about("Kind of the target.")
     channel: str
     f_number: float | None
-    figure: str = field(metadata=about("Coefficient that is compared."))
-    centre: tuple[str, ...] = field(metadata=about("Positions that make up the middle."))
-    corners: tuple[str, ...] = field(metadata=about("Positions that make up the corners."))
-    rows: tuple[Falloff, ...] = field(metadata=about("Falloff of each position."))
-    corner_falloff: Quantity | None = field(
-        metadata=about("1 - (mean of the corners) / (mean of the middle); None without corners.")
+    figure: str = about("Coefficient that is compared.")
+    centre: tuple[str, ...] = about("Positions that make up the middle.")
+    corners: tuple[str, ...] = about("Positions that make up the corners.")
+    rows: tuple[Falloff, ...] = about("Falloff of each position.")
+    corner_falloff: Quantity | None = about(
+        "1 - (mean of the corners) / (mean of the middle); None without corners."
     )
-    corner_falloff_dof: float | None = field(
-        default=None, metadata=about("Its effective degrees of freedom, as of a coefficient.")
+    corner_falloff_dof: float | None = about(
+        "Its effective degrees of freedom, as of a coefficient.", default=None
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Point:
+class Point(Record):
     """One channel of one region of one frame."""
 
     frame: str
     position: str
     channel: str
     f_number: float | None
-    used: bool = field(metadata=about("True if the fit used it."))
-    left_out: str = field(metadata=about('"" for one that was used, else the reason.'))
-    figure: str = field(
-        metadata=about("Coefficient that is compared, its value and its standard uncertainty.")
-    )
-    value: float | None = field(
-        metadata=about("Coefficient that is compared, its value and its standard uncertainty.")
-    )
+    used: bool = about("True if the fit used it.")
+    left_out: str = about('"" for one that was used, else the reason.')
+    figure: str = about("Coefficient that is compared, its value and its standard uncertainty.")
+    value: float | None = about("Coefficient that is compared, its value and its standard uncertainty.")
     standard_uncertainty: float | None
-    residual_rel: float | None = field(metadata=about("Relative difference from the mean of its position."))
+    residual_rel: float | None = about("Relative difference from the mean of its position.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class EdgeColour:
+class EdgeColour(Record):
     """Displacement of one colour against green at one position; what does not exist is None."""
 
-    channels: str = field(metadata=about('Pair of channels, such as "R-G".'))
+    channels: str = about('Pair of channels, such as "R-G".')
     position: str
     f_number: float | None
-    radius_px: float = field(
-        metadata=about("Distance of the edge from the middle of the frame [px], and 1 at its corners.")
+    radius_px: float = about("Distance of the edge from the middle of the frame [px], and 1 at its corners.")
+    radius_rel: float = about("Distance of the edge from the middle of the frame [px], and 1 at its corners.")
+    shift: Quantity = about(
+        "Displacement along the edge's normal, positive away from the middle of the frame."
     )
-    radius_rel: float = field(
-        metadata=about("Distance of the edge from the middle of the frame [px], and 1 at its corners.")
+    radial: Quantity | None = about(
+        "Radial displacement of which `shift` is the part along the normal, positive is outwards; None "
+        "within a tenth of the half diagonal, and where the normal is more than 60 degrees off the "
+        "radius."
     )
-    shift: Quantity = field(
-        metadata=about("Displacement along the edge's normal, positive away from the middle of the frame.")
-    )
-    radial: Quantity | None = field(
-        metadata=about(
-            "Radial displacement of which `shift` is the part along the normal, positive is outwards; None "
-            "within a tenth of the half diagonal, and where the normal is more than 60 degrees off the "
-            "radius."
-        )
-    )
-    frames: int = field(metadata=about("Number of frames."))
-    effective_dof: float = field(metadata=about("Effective degrees of freedom of both."))
+    frames: int = about("Number of frames.")
+    effective_dof: float = about("Effective degrees of freedom of both.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Fit:
+class Fit(Record):
     """A sharpness calibration."""
 
     positions: tuple[PositionFit, ...]

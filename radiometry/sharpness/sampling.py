@@ -10,6 +10,7 @@ from radiometry.findings import InputRejected, shared
 from radiometry.frame import Frame
 from radiometry.frame.roi import Window
 from radiometry.frame.statistics import GREY
+from radiometry.records import Record
 
 LUMINANCE = "luminance"
 # As sfrmat5 weighs red, green and blue, after ITU-R BT.709
@@ -18,16 +19,14 @@ LUMINANCE_WEIGHTS = {"R": 0.213, "G": 0.715, "B": 0.072}
 Matrix = NDArray[np.float64]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Tone:
+class Tone(Record):
     """The tone curve of a rendered image: linear | srgb | gamma, the latter with its exponent."""
 
     curve: str
     gamma: float
 
 
-@dataclass(frozen=True, kw_only=True)
-class Plane:
+class Plane(Record):
     """Samples of one channel in a region: lines of equally spaced samples.
 
     Sample k of line j lies at (line_px[j], first_px[j] + k pitch_px), in pixel indices of the whole frame,

@@ -5,10 +5,10 @@ is the function of that name in the method's package, where it is documented.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
 from radiometry.frame.roi import Polygon
+from radiometry.records import Record
 
 Function = Callable[..., Any]
 # How a panel was found: by its code, by the camera's own statement, or in another band of the capture
@@ -34,8 +34,7 @@ class FoundRegion(Protocol):
         """Return the reflectance that was read with the serial number; None if there was none."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Correction:
+class Correction(Record):
     """Correction of the signals of another method by a version of this one."""
 
     lens: Function  #: `(*, coefficients, f_number)`, the correction at an f-number
@@ -43,8 +42,7 @@ class Correction:
     average_over_polygon: Function
 
 
-@dataclass(frozen=True, kw_only=True)
-class Summary:
+class Summary(Record):
     """A stored result of a measurement in the words and figures that answers, series and comparisons need."""
 
     signal: str  # The channel, the band, the index or the planes
@@ -53,8 +51,7 @@ class Summary:
     vignetting: str = "file"  # What vignetting was corrected with
 
 
-@dataclass(frozen=True, kw_only=True)
-class Application:
+class Application(Record):
     """Application of a version of a method to a later frame."""
 
     summarise: Callable[[Mapping[str, Any]], Summary]
@@ -67,7 +64,6 @@ class Application:
     needs_exposure: bool = True  # True if a frame without exposure cannot be measured
 
 
-@dataclass(frozen=True, kw_only=True)
 class SurfaceApplication(Application):
     """Measurement of a lit surface: a region, the cells of a grid, and a map of one scale."""
 
@@ -91,7 +87,6 @@ class SurfaceApplication(Application):
     rim_px: int  #: Pixels around a block that `compute_map` needs
 
 
-@dataclass(frozen=True, kw_only=True)
 class BandApplication(Application):
     """Measurement of one band of a capture, or of an index of its bands."""
 
@@ -116,7 +111,6 @@ class BandApplication(Application):
     change: Function
 
 
-@dataclass(frozen=True, kw_only=True)
 class PictureApplication(Application):
     """A whole frame as another camera would have taken it; nothing is measured in it."""
 

@@ -1,16 +1,14 @@
 """Reports of a version: certificate text, coefficients with their budgets, and key figures."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
-from radiometry.specification.parameters import about
+from radiometry.records import Record, about
 
 Form = Literal["text", "number", "percent"]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Column:
+class Column(Record):
     """One printed value of a point. ``name`` : its field; ``share`` : relative width of the column."""
 
     name: str
@@ -19,8 +17,7 @@ class Column:
     share: float = 1.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class CertificateText:
+class CertificateText(Record):
     """Certificate text of one method.
 
     ``headlines`` : coefficients on the first page; all others have a table of their own
@@ -47,16 +44,14 @@ class CertificateText:
 FRAME: Final = Column(name="frame", head="frame", form="text", share=2.4)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Budget:
+class Budget(Record):
     """The uncertainty budget of one coefficient."""
 
     holds_for: Mapping[str, Any]  # What the coefficient holds for, such as its ISO value or band
     lines: tuple[Any, ...]  # Frozen dataclasses, one per source
 
 
-@dataclass(frozen=True, kw_only=True)
-class CoefficientEffect:
+class CoefficientEffect(Record):
     """Effect of a difference of a coefficient on what is made with it."""
 
     of: str  # What is affected, for sentences: "of the luminance"
@@ -66,38 +61,32 @@ class CoefficientEffect:
     factor: Callable[[Mapping[str, float]], float] | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
-class CoefficientKind:
+class CoefficientKind(Record):
     """A coefficient that a method reports."""
 
     name: str
     label: str
-    units: tuple[str, ...] = field(
-        metadata=about("Its unit; several if it depends on the camera or on a parameter.")
-    )
-    effect: CoefficientEffect | None = field(
-        default=None, metadata=about("None if its difference has no effect but itself.")
-    )
+    units: tuple[str, ...] = about("Its unit; several if it depends on the camera or on a parameter.")
+    effect: CoefficientEffect | None = about("None if its difference has no effect but itself.", default=None)
 
 
 _FIRST_CHANNELS = ("luminance", "G", "G1", "green", "grey")
 
 
-_FOR_95_PERCENT = about("For a coverage probability of 95 %; None if the version does not state them.")
+_FOR_95_PERCENT = "For a coverage probability of 95 %; None if the version does not state them."
 
 
-@dataclass(frozen=True, kw_only=True)
-class KeyFigure:
+class KeyFigure(Record):
     """One figure of a version."""
 
-    group: str = field(metadata=about("What it holds for, such as an ISO value, and the quantity."))
-    label: str = field(metadata=about("What it holds for, such as an ISO value, and the quantity."))
-    value: float = field(metadata=about("In ``unit``."))
-    standard_uncertainty: float = field(metadata=about("In ``unit``."))
-    unit: str = field(metadata=about('Unit, "1" for a pure number.'))
-    expanded_uncertainty: float | None = field(default=None, metadata=_FOR_95_PERCENT)
-    coverage_factor: float | None = field(default=None, metadata=_FOR_95_PERCENT)
-    passed: bool | None = field(default=None, metadata=about("Verdict on it; None if there is none."))
+    group: str = about("What it holds for, such as an ISO value, and the quantity.")
+    label: str = about("What it holds for, such as an ISO value, and the quantity.")
+    value: float = about("In ``unit``.")
+    standard_uncertainty: float = about("In ``unit``.")
+    unit: str = about('Unit, "1" for a pure number.')
+    expanded_uncertainty: float | None = about(_FOR_95_PERCENT, default=None)
+    coverage_factor: float | None = about(_FOR_95_PERCENT, default=None)
+    passed: bool | None = about("Verdict on it; None if there is none.", default=None)
 
 
 def of_quantity(

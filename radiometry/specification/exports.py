@@ -3,7 +3,6 @@
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Final, Literal
 from xml.sax.saxutils import escape
 
@@ -12,11 +11,11 @@ from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected, interface
 from radiometry.fitting.evidence import Quantity
+from radiometry.records import Record
 from radiometry.specification.certificate import CertificateText
 
 
-@dataclass(frozen=True, kw_only=True)
-class ExportOption:
+class ExportOption(Record):
     """Option of an export: a positive number or a text."""
 
     name: str
@@ -25,8 +24,7 @@ class ExportOption:
     required: bool = True
 
 
-@dataclass(frozen=True, kw_only=True)
-class ExportSubject:
+class ExportSubject(Record):
     """Camera and version that an export is of; what is not registered of the camera is None."""
 
     calibration_id: str
@@ -45,16 +43,14 @@ class ExportSubject:
         return self.pixel_pitch_um
 
 
-@dataclass(frozen=True, kw_only=True)
-class Picture:
+class Picture(Record):
     """Export as an image of float32, with the text that describes it, None if there is none."""
 
     samples: NDArray[np.float32]
     description: str | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
-class Export:
+class Export(Record):
     """Form in which another program reads a version."""
 
     filename: str  #: Last part of its address, label on pages, and type of its content
@@ -68,8 +64,7 @@ class Export:
     needs_pixel_pitch: bool = False  #: True if the camera's pixel pitch must be registered
 
 
-@dataclass(frozen=True, kw_only=True)
-class RigMember:
+class RigMember(Record):
     """Version of one camera of a rig, with the frames that it was made from."""
 
     serial: str  #: Serial number of the camera
@@ -78,8 +73,7 @@ class RigMember:
     rows: tuple[Any, ...]  #: Frames, as the fit read them
 
 
-@dataclass(frozen=True, kw_only=True)
-class RigExport:
+class RigExport(Record):
     """Form in which another program reads a rig.
 
     ``write`` : ``(orientation, members, name) -> str``
@@ -93,8 +87,7 @@ class RigExport:
     write: Callable[[Any, Sequence[RigMember], str], str]
 
 
-@dataclass(frozen=True, kw_only=True)
-class RigSpec:
+class RigSpec(Record):
     """Orientation of rigs by a method."""
 
     result: type[Any]  # Type of an orientation
@@ -113,8 +106,7 @@ FORBIDDEN_IN_XML: Final = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000
 _DATABASE_VERSION: Final = 1
 
 
-@dataclass(frozen=True, kw_only=True)
-class LensfunNames:
+class LensfunNames(Record):
     """Entries that Lensfun's database requires and that raw files do not reliably contain."""
 
     camera_make: str  # Names of the camera and of the lens

@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from types import GenericAlias
 from typing import Any, Literal, get_args, get_type_hints
@@ -11,10 +11,11 @@ from radiometry.drawing.chart import draw_sheet
 from radiometry.drawing.figure import Figure, Plot
 from radiometry.findings import Finding, Raised
 from radiometry.frame.roi import Polygon
+from radiometry.records import Record, about
 from radiometry.specification.application import Application, Correction, FoundRegion, Summary
 from radiometry.specification.certificate import Budget, CertificateText, CoefficientKind, KeyFigure
 from radiometry.specification.exports import Export, RigSpec
-from radiometry.specification.parameters import Parameter, about, list_parameters
+from radiometry.specification.parameters import Parameter, list_parameters
 from radiometry.specification.roles import Gap, Grid, Role
 
 Reference = Literal["meter", "panel"]
@@ -38,16 +39,15 @@ def drop_readings(call: Callable[..., Any]) -> Callable[..., Any]:
     return without
 
 
-_NAMES = about("Name in the API, label on pages, and one sentence: what is calibrated, from what.")
+_NAMES = "Name in the API, label on pages, and one sentence: what is calibrated, from what."
 
 
-@dataclass(frozen=True, kw_only=True)
-class MethodSpec:
+class MethodSpec(Record):
     """A calibration method."""
 
-    name: str = field(metadata=_NAMES)
-    label: str = field(metadata=_NAMES)
-    description: str = field(metadata=_NAMES)
+    name: str = about(_NAMES)
+    label: str = about(_NAMES)
+    description: str = about(_NAMES)
     schema_version: int  #: Version of the form in which parameters and results are stored
     roles: tuple[Role, ...]  #: Roles of the frames that the fit uses; the first is the default of a frame
     #: Frozen dataclasses of the parameters and of the fit. The result has `points`, each with its `frame`,
@@ -92,11 +92,9 @@ class MethodSpec:
     target: type[Any] | None = None
     #: A target as a request states it, for documents and forms
     target_example: Mapping[str, Any] | None = None
-    reference: Reference | None = field(
+    reference: Reference | None = about(
+        "What a campaign is measured against: meter readings of scenes, or a panel's reflectances.",
         default=None,
-        metadata=about(
-            "What a campaign is measured against: meter readings of scenes, or a panel's reflectances."
-        ),
     )
     reading: type[Any] = field(default=type(None))  #: Frozen dataclass of one reading of the reference
     #: Flags of a fit that hold for everything that is measured with it too
@@ -104,23 +102,18 @@ class MethodSpec:
     #: Flag of a fit whose headline coefficients are relative only: their uncertainty lacks that of the
     #: reference's scale. None if the method states no traceability to one.
     untraced: Finding | None = None
-    has_checklist: bool = field(
-        default=False,
-        metadata=about("True if the procedure has a checklist that an operator ticks and signs."),
+    has_checklist: bool = about(
+        "True if the procedure has a checklist that an operator ticks and signs.", default=False
     )
-    whole_frame: bool = field(
-        default=False, metadata=about("True if the whole frame is used where no region is drawn.")
+    whole_frame: bool = about("True if the whole frame is used where no region is drawn.", default=False)
+    finds_region: bool = about(
+        "True if `find_region` looks for the region where none is drawn.", default=False
     )
-    finds_region: bool = field(
-        default=False, metadata=about("True if `find_region` looks for the region where none is drawn.")
+    several_regions: bool = about(
+        "True if a frame usually has several regions, each with a name of its own.", default=False
     )
-    several_regions: bool = field(
-        default=False,
-        metadata=about("True if a frame usually has several regions, each with a name of its own."),
-    )
-    tolerance_unit: ToleranceUnit = field(
-        default="%",
-        metadata=about("Unit in which one tolerance for all coefficients of a camera or a fleet is meant."),
+    tolerance_unit: ToleranceUnit = about(
+        "Unit in which one tolerance for all coefficients of a camera or a fleet is meant.", default="%"
     )
     manual_exposure: bool = True  #: True if a camera that chooses its exposure deserves a flag
     #: Plots of a version that pages show, the most looked-for first; what they read of a stored result may be

@@ -4,94 +4,65 @@ import dataclasses
 import math
 import types
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final, Literal, Union, get_args, get_origin, get_type_hints
 
-LATER: Final = {"later": True}  # left out where it is None, so that hashes of older contents stay the same
-
-
-def about(sentence: str) -> dict[str, Any]:
-    """Return the metadata of a field: what it means, as OpenAPI and the documents show it."""
-    return {"description": sentence}
-
-
-def later(sentence: str = "") -> Any:  # noqa: ANN401  a field of a dataclass takes its annotated type
-    """Return a field that older contents lack: None by default, and left out where it is None."""
-    return dataclasses.field(default=None, metadata=LATER | (about(sentence) if sentence else {}))
-
+from radiometry.records import LATER, Record, about
 
 Kind = Literal["number", "integer", "boolean", "choice", "interval", "group", "version", "text"]
 
 _KEY: Final = "parameter"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Choice:
+class Choice(Record):
     """One of the values that a parameter may have, and its label."""
 
     value: str | int
     label: str
 
 
-@dataclass(frozen=True, kw_only=True)
-class Parameter:
+class Parameter(Record):
     """One parameter of a fit, as forms, documents and the command line show it."""
 
-    field: str = dataclasses.field(
-        metadata=about("Its name in `Params`, in stored versions and in certificates.")
-    )
-    name: str = dataclasses.field(
-        metadata=about("Its name in requests, the same as ``field`` but for two older names.")
-    )
+    field: str = about("Its name in `Params`, in stored versions and in certificates.")
+    name: str = about("Its name in requests, the same as ``field`` but for two older names.")
     label: str
     description: str
-    kind: Kind = dataclasses.field(
-        metadata=about(
-            '"interval" is a pair, the lower bound first; "group" holds ``members``; "version" names the '
-            'calibration version of another method; "text" is a name, or a table of several lines.'
-        )
+    kind: Kind = about(
+        '"interval" is a pair, the lower bound first; "group" holds ``members``; "version" names the '
+        'calibration version of another method; "text" is a name, or a table of several lines.'
     )
-    unit: str = dataclasses.field(default="1", metadata=about('"1" for a fraction.'))
-    minimum: float | None = dataclasses.field(
-        default=None,
-        metadata=about("Bounds, included unless ``above_minimum`` or ``below_maximum`` is True."),
+    unit: str = about('"1" for a fraction.', default="1")
+    minimum: float | None = about(
+        "Bounds, included unless ``above_minimum`` or ``below_maximum`` is True.", default=None
     )
-    maximum: float | None = dataclasses.field(
-        default=None,
-        metadata=about("Bounds, included unless ``above_minimum`` or ``below_maximum`` is True."),
+    maximum: float | None = about(
+        "Bounds, included unless ``above_minimum`` or ``below_maximum`` is True.", default=None
     )
     above_minimum: bool = False
     below_maximum: bool = False
     choices: tuple[Choice, ...] = ()
-    default: Any = dataclasses.field(
+    default: Any = about(
+        "None if there is none; ``default_text`` then states what the fit does, and ``example`` is a "
+        "value that could be given.",
         default=None,
-        metadata=about(
-            "None if there is none; ``default_text`` then states what the fit does, and ``example`` is a "
-            "value that could be given."
-        ),
     )
     default_text: str = ""
     example: Any = None
-    given_by: Literal["request", "campaign"] = dataclasses.field(
-        default="request",
-        metadata=about('"campaign" if the value is part of the campaign and no request may change it.'),
+    given_by: Literal["request", "campaign"] = about(
+        '"campaign" if the value is part of the campaign and no request may change it.', default="request"
     )
-    none_allowed: bool = dataclasses.field(
-        default=False, metadata=about('True if the text "none" switches the parameter off.')
+    none_allowed: bool = about('True if the text "none" switches the parameter off.', default=False)
+    version_of: str = about(
+        'Name of the method whose version a "version" names, otherwise empty.', default=""
     )
-    version_of: str = dataclasses.field(
-        default="", metadata=about('Name of the method whose version a "version" names, otherwise empty.')
-    )
-    displaced_by: tuple[str, ...] = dataclasses.field(
+    displaced_by: tuple[str, ...] = about(
+        "Parameters of a request, any of which states other surroundings than the campaign's: its value "
+        "of this one then does not count.",
         default=(),
-        metadata=about(
-            "Parameters of a request, any of which states other surroundings than the campaign's: its value "
-            "of this one then does not count."
-        ),
     )
-    suggest: Callable[[], tuple[str, ...]] = dataclasses.field(
-        default=tuple, metadata=about('``() -> tuple of str``, names that a "text" may have.')
+    suggest: Callable[[], tuple[str, ...]] = about(
+        '``() -> tuple of str``, names that a "text" may have.', default=tuple
     )
     members: tuple["Parameter", ...] = ()
 

@@ -1,22 +1,18 @@
 """Roles of the frames of a campaign, the grid in which they are shown, and its gaps."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Final, Literal
 
-from radiometry.specification.parameters import about
+from radiometry.records import Record, about
 
 
-@dataclass(frozen=True, kw_only=True)
-class Role:
+class Role(Record):
     """Role of a frame."""
 
     name: str
     label: str
     description: str
-    has_scene: bool = field(
-        default=False, metadata=about("True if the frame belongs to a scene, one light level.")
-    )
+    has_scene: bool = about("True if the frame belongs to a scene, one light level.", default=False)
 
 
 LIGHT: Final = Role(
@@ -47,34 +43,28 @@ ROLES: Final = (LIGHT, DARK, FLAT, PANEL, CHART, FIELD)
 Axis = Literal["scene", "iso", "f_number", "exposure_time_s", "band", "capture_id"]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Grid:
+class Grid(Record):
     """Axes of the grid in which a method's frames are shown."""
 
-    rows: Axis | None = field(
+    rows: Axis | None = about(
+        'A row per role and value; "scene" splits only roles that have scenes. None for one row per role.',
         default=None,
-        metadata=about(
-            'A row per role and value; "scene" splits only roles that have scenes. None for one row per role.'
-        ),
     )
-    columns: tuple[Axis, ...] = field(
+    columns: tuple[Axis, ...] = about(
+        "A column per combination of values, the outer axis first; empty if the frames of a row are "
+        "laid side by side.",
         default=(),
-        metadata=about(
-            "A column per combination of values, the outer axis first; empty if the frames of a row are "
-            "laid side by side."
-        ),
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Gap:
+class Gap(Record):
     """A frame to photograph next."""
 
-    role: str = field(metadata=about("Role of the frame."))
-    at: Mapping[Axis, str | float] = field(
-        default_factory=dict, metadata=about("Values of the grid's axes, as far as they are known.")
+    role: str = about("Role of the frame.")
+    at: Mapping[Axis, str | float] = about(
+        "Values of the grid's axes, as far as they are known.", default_factory=dict
     )
-    exposure_time_s: float | None = field(
-        default=None, metadata=about("Exposure time to use [s]; None if the plan does not know one.")
+    exposure_time_s: float | None = about(
+        "Exposure time to use [s]; None if the plan does not know one.", default=None
     )
-    text: str = field(default="", metadata=about("What to photograph, if exposure and place do not say it."))
+    text: str = about("What to photograph, if exposure and place do not say it.", default="")

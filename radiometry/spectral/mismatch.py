@@ -2,7 +2,6 @@
 
 import math
 import re
-from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from statistics import median
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.findings import error, flag
+from radiometry.records import Record
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -279,8 +279,7 @@ def find_confusion(channel: str) -> float:
     return max(spans)
 
 
-@dataclass(frozen=True, kw_only=True)
-class ColourRemedy:
+class ColourRemedy(Record):
     """Mismatch factor from a region's own raw colour, for light whose spectrum is unknown."""
 
     # a, b and c of ln F = a + b ln(R/G) + c ln(B/G), colours over those under the calibration's lamp

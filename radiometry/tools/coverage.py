@@ -1,9 +1,9 @@
 """Ground coverage of a camera above level ground: near and far edge, sampling distance, footprint."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from radiometry.specification.parameters import about
+from radiometry.records import Record, about
 
 # a ray this close to the horizon (as the sine of its angle below) meets no ground worth a number
 _HORIZON = 1e-6
@@ -11,8 +11,7 @@ _HORIZON = 1e-6
 MOST_TILT_DEG = 89.99  # Nearer to the horizon the middle of the picture meets no ground worth a number either
 
 
-@dataclass(frozen=True, kw_only=True)
-class View:
+class View(Record):
     """A camera above level ground, its rows level."""
 
     height_m: float  #: Height above ground [m]
@@ -33,47 +32,36 @@ class View:
             raise ValueError(f"a view that cannot be: {self}")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Coverage:
+class Coverage(Record):
     """Ground coverage of a view; None for what is above the horizon."""
 
-    horizontal_fov_deg: float = field(metadata=about("Fields of view [deg]."))
-    vertical_fov_deg: float = field(metadata=about("Fields of view [deg]."))
-    near_m: float = field(
-        metadata=about(
-            "Where the middle of the image's lower and upper edge meets the ground, from the point below "
-            "the camera along the tilt [m]; negative behind that point."
-        )
+    horizontal_fov_deg: float = about("Fields of view [deg].")
+    vertical_fov_deg: float = about("Fields of view [deg].")
+    near_m: float = about(
+        "Where the middle of the image's lower and upper edge meets the ground, from the point below "
+        "the camera along the tilt [m]; negative behind that point."
     )
-    far_m: float | None = field(
-        metadata=about(
-            "Where the middle of the image's lower and upper edge meets the ground, from the point below "
-            "the camera along the tilt [m]; negative behind that point."
-        )
+    far_m: float | None = about(
+        "Where the middle of the image's lower and upper edge meets the ground, from the point below "
+        "the camera along the tilt [m]; negative behind that point."
     )
-    gsd_near_m: float = field(
-        metadata=about("Ground sampling distance of a pixel across the line of sight, in that whole row [m].")
+    gsd_near_m: float = about(
+        "Ground sampling distance of a pixel across the line of sight, in that whole row [m]."
     )
-    gsd_centre_m: float = field(
-        metadata=about("Ground sampling distance of a pixel across the line of sight, in that whole row [m].")
+    gsd_centre_m: float = about(
+        "Ground sampling distance of a pixel across the line of sight, in that whole row [m]."
     )
-    gsd_far_m: float | None = field(
-        metadata=about("Ground sampling distance of a pixel across the line of sight, in that whole row [m].")
+    gsd_far_m: float | None = about(
+        "Ground sampling distance of a pixel across the line of sight, in that whole row [m]."
     )
-    gsd_near_along_m: float = field(metadata=about("Ground sampling distance of a pixel along the tilt [m]."))
-    gsd_centre_along_m: float = field(
-        metadata=about("Ground sampling distance of a pixel along the tilt [m].")
+    gsd_near_along_m: float = about("Ground sampling distance of a pixel along the tilt [m].")
+    gsd_centre_along_m: float = about("Ground sampling distance of a pixel along the tilt [m].")
+    gsd_far_along_m: float | None = about("Ground sampling distance of a pixel along the tilt [m].")
+    footprint: tuple[tuple[float, float], ...] | None = about(
+        "[x, y] of near left, near right, far right, far left, from the point below the camera [m]; y "
+        "is azimuth 0."
     )
-    gsd_far_along_m: float | None = field(
-        metadata=about("Ground sampling distance of a pixel along the tilt [m].")
-    )
-    footprint: tuple[tuple[float, float], ...] | None = field(
-        metadata=about(
-            "[x, y] of near left, near right, far right, far left, from the point below the camera [m]; y "
-            "is azimuth 0."
-        )
-    )
-    horizon_in_view: bool = field(metadata=about("True if the upper edge looks above the ground."))
+    horizon_in_view: bool = about("True if the upper edge looks above the ground.")
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +9,7 @@ from numpy.typing import NDArray
 from radiometry.findings import InputRejected, Raised, shared
 from radiometry.fitting.evidence import Quantity
 from radiometry.fitting.sources import IMPLAUSIBLE_SCATTER_REL
-from radiometry.specification.parameters import about
+from radiometry.records import Record, about
 
 SETTINGS = ("exposure_time_s", "f_number", "iso")
 
@@ -27,8 +26,7 @@ SMALLEST_STEP = 0.01
 _LARGEST_CONDITION = 1e4
 
 
-@dataclass(frozen=True, kw_only=True)
-class SeriesRow:
+class SeriesRow(Record):
     """Settings and mean signal of one frame."""
 
     exposure_time_s: float
@@ -38,25 +36,21 @@ class SeriesRow:
     dark_dn: float | None = None  #: Dark signal of this frame [DN], if it has its own
 
 
-@dataclass(frozen=True, kw_only=True)
-class LeftOut:
+class LeftOut(Record):
     """A row that was not used."""
 
-    row: int = field(metadata=about("Number of the row, from 0."))
-    reason: str = field(metadata=about("Reason why it was not used."))
+    row: int = about("Number of the row, from 0.")
+    reason: str = about("Reason why it was not used.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class ExponentFit:
+class ExponentFit(Record):
     """Exponents of the settings that vary."""
 
-    exponents: dict[str, Quantity] = field(metadata=about("Exponent by name of the setting."))
-    used: int = field(metadata=about("Number of rows used."))
-    left_out: tuple[LeftOut, ...] = field(metadata=about("Rows that were not used."))
-    scatter_rel: float = field(metadata=about("Relative scatter of the signal about the fit."))
-    flags: tuple[Raised, ...] = field(
-        metadata=about("`scatter_implausible` if it is above 5 %, as in a luminance fit.")
-    )
+    exponents: dict[str, Quantity] = about("Exponent by name of the setting.")
+    used: int = about("Number of rows used.")
+    left_out: tuple[LeftOut, ...] = about("Rows that were not used.")
+    scatter_rel: float = about("Relative scatter of the signal about the fit.")
+    flags: tuple[Raised, ...] = about("`scatter_implausible` if it is above 5 %, as in a luminance fit.")
 
 
 def fit_exponents(rows: Sequence[SeriesRow], *, dark_dn: float, white_level_dn: float) -> ExponentFit:

@@ -3,7 +3,6 @@
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -13,7 +12,7 @@ from radiometry.findings import InputRejected, shared
 from radiometry.frame import FrameHeader
 from radiometry.frame.multispectral import Multispectral
 from radiometry.frame.opencv import cv2
-from radiometry.specification.parameters import about
+from radiometry.records import Record, about
 
 USUAL_LIMIT_PX = 0.5
 
@@ -21,30 +20,23 @@ USUAL_LIMIT_PX = 0.5
 _STILL_PX_S = 1e-12
 
 
-@dataclass(frozen=True, kw_only=True)
-class MotionCase:
+class MotionCase(Record):
     """One lens, one exposure, one kind of motion."""
 
-    pixel_pitch_um: float = field(metadata=about("Pixel pitch [um]."))
-    focal_length_mm: float = field(metadata=about("Focal length [mm]."))
-    exposure_time_s: float = field(metadata=about("Exposure time [s]."))
-    distance_m: float = field(
-        metadata=about(
-            "Distance along the line of sight [m]: the height above ground of a camera that looks straight "
-            "down."
-        )
+    pixel_pitch_um: float = about("Pixel pitch [um].")
+    focal_length_mm: float = about("Focal length [mm].")
+    exposure_time_s: float = about("Exposure time [s].")
+    distance_m: float = about(
+        "Distance along the line of sight [m]: the height above ground of a camera that looks straight down."
     )
-    rotation_rate_deg_s: float | None = field(
+    rotation_rate_deg_s: float | None = about(
+        "Rotation rate about an axis across the line of sight [deg/s]; None if rotation is not considered.",
         default=None,
-        metadata=about(
-            "Rotation rate about an axis across the line of sight [deg/s]; None if rotation is not "
-            "considered."
-        ),
     )
-    ground_speed_m_s: float | None = field(
-        default=None, metadata=about("Speed across the line of sight [m/s]; None if it is not considered.")
+    ground_speed_m_s: float | None = about(
+        "Speed across the line of sight [m/s]; None if it is not considered.", default=None
     )
-    limit_px: float = field(default=USUAL_LIMIT_PX, metadata=about("Limit of the theoretical motion [px]."))
+    limit_px: float = about("Limit of the theoretical motion [px].", default=USUAL_LIMIT_PX)
 
     def __post_init__(self) -> None:
         positive = (self.pixel_pitch_um, self.focal_length_mm, self.exposure_time_s, self.distance_m)
@@ -56,30 +48,21 @@ class MotionCase:
             raise ValueError(f"a motion that cannot be: {self}")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Motion:
+class Motion(Record):
     """Image motion of a case; None for what was not asked, or does not exist."""
 
-    gsd_m: float = field(metadata=about("Ground sampling distance [m]."))
-    rotation_angle_deg: float | None = field(metadata=about("Rotation during the exposure [deg]."))
-    rotation_ground_m: float | None = field(
-        metadata=about("Movement of the line of sight at the distance [m].")
+    gsd_m: float = about("Ground sampling distance [m].")
+    rotation_angle_deg: float | None = about("Rotation during the exposure [deg].")
+    rotation_ground_m: float | None = about("Movement of the line of sight at the distance [m].")
+    rotation_blur_px: float | None = about("Theoretical motion from rotation alone [px].")
+    forward_blur_px: float | None = about("Theoretical motion from speed alone [px].")
+    theoretical_blur_px: float | None = about("Rotation and speed together, in the worst direction [px].")
+    practical_blur_px: float | None = about("Half of the theoretical blur [px].")
+    tolerable_rate_deg_s: float = about(
+        "Rotation rate at which rotation alone reaches `limit_px` of THEORETICAL motion [deg/s]."
     )
-    rotation_blur_px: float | None = field(metadata=about("Theoretical motion from rotation alone [px]."))
-    forward_blur_px: float | None = field(metadata=about("Theoretical motion from speed alone [px]."))
-    theoretical_blur_px: float | None = field(
-        metadata=about("Rotation and speed together, in the worst direction [px].")
-    )
-    practical_blur_px: float | None = field(metadata=about("Half of the theoretical blur [px]."))
-    tolerable_rate_deg_s: float = field(
-        metadata=about(
-            "Rotation rate at which rotation alone reaches `limit_px` of THEORETICAL motion [deg/s]."
-        )
-    )
-    longest_exposure_s: float | None = field(
-        metadata=about(
-            "Exposure time at which the theoretical motion reaches `limit_px` [s]; None if nothing moves."
-        )
+    longest_exposure_s: float | None = about(
+        "Exposure time at which the theoretical motion reaches `limit_px` [s]; None if nothing moves."
     )
 
 
@@ -163,8 +146,7 @@ def _pixel_angle(case: MotionCase) -> float:
 Basis = Literal["during", "nearest", "largest"]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Attitude:
+class Attitude(Record):
     """Attitude record: yaw, pitch and roll, applied in that order, from north-east-down to the body."""
 
     time_s: float  # Time of the record [s]
@@ -173,15 +155,14 @@ class Attitude:
     roll_deg: float
 
 
-@dataclass(frozen=True, kw_only=True)
-class Turn:
+class Turn(Record):
     """Rotation of the body from one record to the next, about its own axes: forward, right, down."""
 
-    start_s: float = field(metadata=about("Times of the two records on the camera's clock [s]."))
-    end_s: float = field(metadata=about("Times of the two records on the camera's clock [s]."))
-    roll_rate_deg_s: float = field(metadata=about("Mean rotation rates about the three axes [deg/s]."))
-    pitch_rate_deg_s: float = field(metadata=about("Mean rotation rates about the three axes [deg/s]."))
-    yaw_rate_deg_s: float = field(metadata=about("Mean rotation rates about the three axes [deg/s]."))
+    start_s: float = about("Times of the two records on the camera's clock [s].")
+    end_s: float = about("Times of the two records on the camera's clock [s].")
+    roll_rate_deg_s: float = about("Mean rotation rates about the three axes [deg/s].")
+    pitch_rate_deg_s: float = about("Mean rotation rates about the three axes [deg/s].")
+    yaw_rate_deg_s: float = about("Mean rotation rates about the three axes [deg/s].")
 
     @property
     def tilt_rate_deg_s(self) -> float:
@@ -189,21 +170,16 @@ class Turn:
         return math.hypot(self.roll_rate_deg_s, self.pitch_rate_deg_s)
 
 
-@dataclass(frozen=True, kw_only=True)
-class FrameBlur:
+class FrameBlur(Record):
     """Theoretical motion of one frame from rotation alone."""
 
-    turn: Turn = field(metadata=about("Rotation that was used."))
-    basis: Basis = field(
-        metadata=about(
-            '"during" if the records enclose the exposure, "nearest" for the two nearest to it, "largest" '
-            "for the fastest two if its time is not known."
-        )
+    turn: Turn = about("Rotation that was used.")
+    basis: Basis = about(
+        '"during" if the records enclose the exposure, "nearest" for the two nearest to it, "largest" '
+        "for the fastest two if its time is not known."
     )
-    centre_blur_px: float = field(metadata=about("Motion from the rotation of the line of sight [px]."))
-    corner_blur_px: float = field(
-        metadata=about("Theoretical motion with the yaw, in the worst corner [px].")
-    )
+    centre_blur_px: float = about("Motion from the rotation of the line of sight [px].")
+    corner_blur_px: float = about("Theoretical motion with the yaw, in the worst corner [px].")
 
 
 def read_attitudes(multispectral: Multispectral | None) -> tuple[Attitude, ...]:

@@ -13,6 +13,7 @@ from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.packing import Packed, pack
 from radiometry.frame.roi import mask, require_pixels
 from radiometry.frame.statistics import GREY, compute_statistics, name_site
+from radiometry.records import Record
 
 Vector = NDArray[np.float64]
 Plane = NDArray[np.float64]
@@ -21,8 +22,7 @@ MOST_BLOCKS = 64
 LEAST_BLOCK_PX = 8
 
 
-@dataclass(frozen=True, kw_only=True)
-class Site:
+class Site(Record):
     """Pixels of one channel: every `step`-th row from `row0` on, and column from `col0` on."""
 
     row0: int  # First row and column [px]
@@ -30,8 +30,7 @@ class Site:
     step: int  # Distance of neighbouring pixels of the channel [px]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Axis:
+class Axis(Record):
     """Positions of a channel's pixels along rows or columns, and the start of each block of them."""
 
     positions: Vector  # Position of each pixel [px]
@@ -52,8 +51,7 @@ class Axis:
         return np.asarray(np.add.reduceat(values, self.starts) / self.counts)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Grid:
+class Grid(Record):
     """Square blocks of `block_px` pixels a side over a frame; those at the far borders may be cut."""
 
     height_px: int
@@ -139,8 +137,7 @@ Samples = NDArray[np.float32]
 _COLOURS = ("R", "G", "B")
 
 
-@dataclass(frozen=True, kw_only=True)
-class ChannelBlocks:
+class ChannelBlocks(Record):
     """One channel in blocks, each array (row, col)."""
 
     # R, G1, G2, B for a mosaic; R, G, B for a rendered image; grey; or the name of a multispectral band
@@ -155,8 +152,7 @@ class ChannelBlocks:
     clipped_share: Packed  # Fraction of pixels at or above the white level
 
 
-@dataclass(frozen=True, kw_only=True)
-class Features:
+class Features(Record):
     """A frame in blocks, ready for JSON."""
 
     grid: Grid

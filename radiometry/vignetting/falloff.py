@@ -8,6 +8,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from radiometry.records import Record
 from radiometry.vignetting.blocks import Axis, Grid, Plane, Vector, average_radial
 
 Matrix = NDArray[np.float64]
@@ -114,8 +115,7 @@ def is_apart(difference: Matrix, covariance: Matrix) -> bool:
     return bool(difference @ np.linalg.solve(covariance, difference) > _SIGNIFICANT_CHI_SQUARED)
 
 
-@dataclass(frozen=True, kw_only=True)
-class DarkError:
+class DarkError(Record):
     """Standard uncertainties of the dark level, in the unit of the light."""
 
     # Uncertainty of the subtracted level, one and the same for all flats with these dark frames

@@ -15,6 +15,7 @@ from radiometry.fitting.evidence import Quantity
 from radiometry.frame.packing import unpack
 from radiometry.frame.roi import Polygon, Window, bounding_window, mask
 from radiometry.frame.statistics import GREY, name_site
+from radiometry.records import Record
 from radiometry.specification import exports
 from radiometry.vignetting.blocks import Vector
 from radiometry.vignetting.falloff import Matrix, evaluate_curve, evaluate_slopes, propagate
@@ -140,8 +141,7 @@ def spread_between(weight: float) -> float:
 _End = tuple[Coefficient, float, float, Matrix]  # with its weight, and at the place: V and its slopes
 
 
-@dataclass(frozen=True, kw_only=True)
-class LensShare:
+class LensShare(Record):
     """V at a place or over a region, and the effect of each independent error of its calibration on it."""
 
     value: float  # V
@@ -159,8 +159,7 @@ class LensShare:
         return Quantity(value=self.value, standard_uncertainty=self.standard_uncertainty, unit="1")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Lens:
+class Lens(Record):
     """Vignetting version at the f-number of a frame."""
 
     coefficients: tuple[Coefficient, ...]  # All coefficients of the version

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -13,14 +12,14 @@ from radiometry.drawing.text import write_quantity
 from radiometry.findings import Raised
 from radiometry.fitting.evidence import BudgetEntry, Exclusion
 from radiometry.frame.packing import Packed, unpack
+from radiometry.records import Record, about
 from radiometry.specification.certificate import Budget, KeyFigure, choose_channel
-from radiometry.specification.parameters import about, check_parameters, parameter
+from radiometry.specification.parameters import check_parameters, parameter
 
 FLAT, DARK = "flat", "dark"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Params:
+class Params(Record):
     """Parameters of a fit; the defaults serve a campaign shot as the documentation says."""
 
     flats_turned_deg: float | None = parameter(
@@ -43,8 +42,7 @@ class Params:
 EQUATION = "signal above dark = even light * (1 + k1 r^2 + k2 r^4 + k3 r^6)"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Conventions:
+class Conventions(Record):
     """Conventions of the numbers, since programs differ: stored with every fit."""
 
     equation: str = EQUATION
@@ -55,8 +53,7 @@ class Conventions:
     covariance_of: tuple[str, ...] = ("k1", "k2", "k3", "centre_row_px", "centre_col_px")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Coefficient:
+class Coefficient(Record):
     """Falloff of one f-number and channel: all that an application needs, in plain fields.
 
     V = 1 + k1 r^2 + k2 r^4 + k3 r^6, r the distance from the centre over `radius_px`.
@@ -66,21 +63,17 @@ class Coefficient:
     channel: str
     height_px: int
     width_px: int
-    radius_px: float = field(metadata=about("Half of the diagonal of the frame [px]."))
-    centre_row_px: float = field(metadata=about("Row and column of the centre [px]."))
-    centre_col_px: float = field(metadata=about("Row and column of the centre [px]."))
-    k1: float = field(metadata=about("Coefficients of the curve."))
-    k2: float = field(metadata=about("Coefficients of the curve."))
-    k3: float = field(metadata=about("Coefficients of the curve."))
-    covariance: tuple[tuple[float, ...], ...] = field(
-        metadata=about("Covariance of k1, k2, k3, centre row, centre column.")
+    radius_px: float = about("Half of the diagonal of the frame [px].")
+    centre_row_px: float = about("Row and column of the centre [px].")
+    centre_col_px: float = about("Row and column of the centre [px].")
+    k1: float = about("Coefficients of the curve.")
+    k2: float = about("Coefficients of the curve.")
+    k3: float = about("Coefficients of the curve.")
+    covariance: tuple[tuple[float, ...], ...] = about("Covariance of k1, k2, k3, centre row, centre column.")
+    model_u_rel: float = about(
+        "Relative departure of the flat from the curve beyond noise; alike at neighbouring places."
     )
-    model_u_rel: float = field(
-        metadata=about(
-            "Relative departure of the flat from the curve beyond noise; alike at neighbouring places."
-        )
-    )
-    corner_falloff: float = field(metadata=about("1 - V at the corner farthest from the centre."))
+    corner_falloff: float = about("1 - V at the corner farthest from the centre.")
     corner_falloff_standard_uncertainty: float
 
     @property
@@ -92,17 +85,15 @@ class Coefficient:
         return self.centre_row_px, self.centre_col_px
 
 
-@dataclass(frozen=True, kw_only=True)
-class Spot:
+class Spot(Record):
     """Block that is darker (or brighter) than those around it."""
 
     row_px: float
     col_px: float
-    depth_rel: float = field(metadata=about("Difference, as a fraction of the fitted light."))
+    depth_rel: float = about("Difference, as a fraction of the fitted light.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class CornerVariance:
+class CornerVariance(Record):
     """Contribution of one source to the variance of the corner falloff; ``kind`` : "A" or "B"."""
 
     source: str
@@ -110,112 +101,88 @@ class CornerVariance:
     variance: float
 
 
-@dataclass(frozen=True, kw_only=True)
-class ChannelFit:
+class ChannelFit(Record):
     """Results of one f-number and channel."""
 
-    coefficient: Coefficient = field(metadata=about("Falloff."))
-    frames: int = field(metadata=about("Number of flat frames."))
-    chi_squared: float = field(metadata=about("Weighted sum of squared residuals."))
-    dof: int = field(metadata=about("Degrees of freedom."))
+    coefficient: Coefficient = about("Falloff.")
+    frames: int = about("Number of flat frames.")
+    chi_squared: float = about("Weighted sum of squared residuals.")
+    dof: int = about("Degrees of freedom.")
     birge_ratio: float
-    residual_rms_rel: float = field(
-        metadata=about("Rms residual of the blocks that count, relative to the fitted light.")
-    )
-    mean_corner_falloff: float = field(metadata=about("Mean falloff over the four corners."))
-    largest_falloff: float = field(metadata=about("Largest falloff anywhere in the frame."))
-    gradient_rel: float = field(
-        metadata=about("Gradient of the light across the frame, largest less smallest.")
-    )
+    residual_rms_rel: float = about("Rms residual of the blocks that count, relative to the fitted light.")
+    mean_corner_falloff: float = about("Mean falloff over the four corners.")
+    largest_falloff: float = about("Largest falloff anywhere in the frame.")
+    gradient_rel: float = about("Gradient of the light across the frame, largest less smallest.")
     gradient_standard_uncertainty_rel: float
-    gradient_fitted: bool = field(
-        metadata=about(
-            "True if the coefficients are those of the fit with the gradient; versions from before it was "
-            "always kept may have dropped it."
-        )
+    gradient_fitted: bool = about(
+        "True if the coefficients are those of the fit with the gradient; versions from before it was "
+        "always kept may have dropped it."
     )
-    centre_held: bool = field(metadata=about("True if the flats do not determine the centre."))
-    residuals: Packed = field(
-        metadata=about("(light - fitted) / fitted, (row, col) of blocks; NaN where a block did not count.")
+    centre_held: bool = about("True if the flats do not determine the centre.")
+    residuals: Packed = about(
+        "(light - fitted) / fitted, (row, col) of blocks; NaN where a block did not count."
     )
-    block_px: int = field(metadata=about("Side of a block [px]."))
-    dark_u_rel: float = field(
+    block_px: int = about("Side of a block [px].")
+    dark_u_rel: float = about(
+        "Standard uncertainty of the dark level over the light at the centre. The covariance of k "
+        "includes it, but not in versions from before it was evaluated.",
         default=0.0,
-        metadata=about(
-            "Standard uncertainty of the dark level over the light at the centre. The covariance of k "
-            "includes it, but not in versions from before it was evaluated."
-        ),
     )
-    corner_variances: tuple[CornerVariance, ...] = field(
-        default=(), metadata=about("Budget of the corner falloff; empty in versions from before it was kept.")
+    corner_variances: tuple[CornerVariance, ...] = about(
+        "Budget of the corner falloff; empty in versions from before it was kept.", default=()
     )
-    effective_dof: dict[str, float] = field(
+    effective_dof: dict[str, float] = about(
+        "Effective degrees of freedom of the uncertainties, by coefficient, at most 1e6; empty in "
+        "versions from before they were evaluated.",
         default_factory=dict,
-        metadata=about(
-            "Effective degrees of freedom of the uncertainties, by coefficient, at most 1e6; empty in "
-            "versions from before they were evaluated."
-        ),
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Threshold:
+class Threshold(Record):
     """F-number from which on the falloff, the largest anywhere and in any channel, is below a limit."""
 
-    falloff: float = field(metadata=about("Limit."))
-    lowest_f_number: float | None = field(
-        metadata=about("Lowest f-number that is below; None if there is none.")
-    )
-    from_f_number: float | None = field(
-        metadata=about("Lowest f-number from which on all are below; None if there is none.")
-    )
-    is_sure: bool = field(metadata=about("True if twice the uncertainty changes neither."))
+    falloff: float = about("Limit.")
+    lowest_f_number: float | None = about("Lowest f-number that is below; None if there is none.")
+    from_f_number: float | None = about("Lowest f-number from which on all are below; None if there is none.")
+    is_sure: bool = about("True if twice the uncertainty changes neither.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Point:
+class Point(Record):
     """One frame in the fit."""
 
     frame: str
     role: str
     f_number: float | None
-    used: bool = field(metadata=about("True if the fit used it."))
-    left_out: str = field(metadata=about('"" for one that was used, else the reason.'))
-    saturated_share: float | None = field(
-        default=None, metadata=about("Fraction of clipped pixels of the most clipped channel.")
+    used: bool = about("True if the fit used it.")
+    left_out: str = about('"" for one that was used, else the reason.')
+    saturated_share: float | None = about(
+        "Fraction of clipped pixels of the most clipped channel.", default=None
     )
-    signal_share: float | None = field(
-        default=None,
-        metadata=about("Median light of the weakest channel, as a fraction of its span from black to white."),
+    signal_share: float | None = about(
+        "Median light of the weakest channel, as a fraction of its span from black to white.", default=None
     )
-    gradient_rel: float | None = field(
-        default=None, metadata=about("Gradient of the light in the strongest channel.")
-    )
+    gradient_rel: float | None = about("Gradient of the light in the strongest channel.", default=None)
     gradient_standard_uncertainty_rel: float | None = None
-    spots: tuple[Spot, ...] = field(default=(), metadata=about("Spots, left out of the fit."))
+    spots: tuple[Spot, ...] = about("Spots, left out of the fit.", default=())
 
 
-@dataclass(frozen=True, kw_only=True)
-class Fit:
+class Fit(Record):
     """Result of a campaign."""
 
     height_px: int
     width_px: int
-    cfa: str = field(metadata=about('Pattern of the frames, "grey" or "rgb".'))
-    channel_fits: tuple[ChannelFit, ...] = field(metadata=about("Results of each f-number and channel."))
-    thresholds: tuple[Threshold, ...] = field(
-        metadata=about("F-numbers from which on the falloff is below a limit.")
-    )
+    cfa: str = about('Pattern of the frames, "grey" or "rgb".')
+    channel_fits: tuple[ChannelFit, ...] = about("Results of each f-number and channel.")
+    thresholds: tuple[Threshold, ...] = about("F-numbers from which on the falloff is below a limit.")
     points: tuple[Point, ...]
     flags: tuple[Raised, ...]
-    conventions: Conventions = field(default=Conventions(), metadata=about("Conventions of the numbers."))
+    conventions: Conventions = about("Conventions of the numbers.", default=Conventions())
 
     @property
     def coefficients(self) -> tuple[Coefficient, ...]:
         return tuple(fit.coefficient for fit in self.channel_fits)
 
 
-@dataclass(frozen=True, kw_only=True)
 class BudgetLine(BudgetEntry):
     """One source of u(corner falloff); ``u_rel`` is relative to the light in the corner."""
 

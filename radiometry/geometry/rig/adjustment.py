@@ -3,7 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from typing import Final
 
@@ -25,106 +25,72 @@ from radiometry.geometry.camera import (
     project,
 )
 from radiometry.geometry.target import Target
-from radiometry.specification.parameters import about
+from radiometry.records import Record, about
 
 
-@dataclass(frozen=True, kw_only=True)
-class RelativePose:
+class RelativePose(Record):
     """Orientation of one camera against the reference: X_camera = R X_reference + t."""
 
-    camera: str = field(metadata=about("Serial number of the camera."))
-    rotation: tuple[float, ...] = field(metadata=about("Rodrigues vector of R [rad]."))
-    matrix: tuple[tuple[float, ...], ...] = field(metadata=about("R, (3, 3)."))
-    translation_m: tuple[float, ...] = field(metadata=about("t [m]."))
-    covariance: tuple[tuple[float, ...], ...] = field(
-        metadata=about(
-            "Covariance of rotation [rad] and translation [m], (6, 6), the cameras' own uncertainties "
-            "included."
-        )
+    camera: str = about("Serial number of the camera.")
+    rotation: tuple[float, ...] = about("Rodrigues vector of R [rad].")
+    matrix: tuple[tuple[float, ...], ...] = about("R, (3, 3).")
+    translation_m: tuple[float, ...] = about("t [m].")
+    covariance: tuple[tuple[float, ...], ...] = about(
+        "Covariance of rotation [rad] and translation [m], (6, 6), the cameras' own uncertainties included."
     )
-    orientation_covariance: tuple[tuple[float, ...], ...] = field(
-        metadata=about("The same for the cameras exactly as calibrated.")
+    orientation_covariance: tuple[tuple[float, ...], ...] = about(
+        "The same for the cameras exactly as calibrated."
     )
-    yaw: Quantity = field(
-        metadata=about(
-            "Boresight angles: the camera's axes in the reference's frame are Ry(yaw) Rx(pitch) Rz(roll)."
-        )
+    yaw: Quantity = about(
+        "Boresight angles: the camera's axes in the reference's frame are Ry(yaw) Rx(pitch) Rz(roll)."
     )
-    pitch: Quantity = field(
-        metadata=about(
-            "Boresight angles: the camera's axes in the reference's frame are Ry(yaw) Rx(pitch) Rz(roll)."
-        )
+    pitch: Quantity = about(
+        "Boresight angles: the camera's axes in the reference's frame are Ry(yaw) Rx(pitch) Rz(roll)."
     )
-    roll: Quantity = field(
-        metadata=about(
-            "Boresight angles: the camera's axes in the reference's frame are Ry(yaw) Rx(pitch) Rz(roll)."
-        )
+    roll: Quantity = about(
+        "Boresight angles: the camera's axes in the reference's frame are Ry(yaw) Rx(pitch) Rz(roll)."
     )
-    boresight: Quantity = field(metadata=about("Angle between the optical axes."))
-    x: Quantity = field(
-        metadata=about("Place of the camera's centre in the reference's frame, x right, y down, z forward.")
-    )
-    y: Quantity = field(
-        metadata=about("Place of the camera's centre in the reference's frame, x right, y down, z forward.")
-    )
-    z: Quantity = field(
-        metadata=about("Place of the camera's centre in the reference's frame, x right, y down, z forward.")
-    )
-    effective_dof: dict[str, float] = field(
-        metadata=about("Effective degrees of freedom of each of the quantities above.")
-    )
-    triggers: int = field(metadata=about("Number of triggers with a picture of this camera that were used."))
+    boresight: Quantity = about("Angle between the optical axes.")
+    x: Quantity = about("Place of the camera's centre in the reference's frame, x right, y down, z forward.")
+    y: Quantity = about("Place of the camera's centre in the reference's frame, x right, y down, z forward.")
+    z: Quantity = about("Place of the camera's centre in the reference's frame, x right, y down, z forward.")
+    effective_dof: dict[str, float] = about("Effective degrees of freedom of each of the quantities above.")
+    triggers: int = about("Number of triggers with a picture of this camera that were used.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class RigPoint:
+class RigPoint(Record):
     """One picture of the set."""
 
-    camera: str = field(
-        metadata=about('Serial number of the camera, name of the frame, and trigger, "" if it has none.')
-    )
-    frame: str = field(
-        metadata=about('Serial number of the camera, name of the frame, and trigger, "" if it has none.')
-    )
-    trigger: str = field(
-        metadata=about('Serial number of the camera, name of the frame, and trigger, "" if it has none.')
-    )
-    used: bool = field(metadata=about("True if the orientation used it."))
-    left_out: str = field(metadata=about('"" for one that was used, else the reason.'))
-    rms_px: float | None = field(
-        default=None, metadata=about("Rms distance of its corners from the model [px].")
-    )
+    camera: str = about('Serial number of the camera, name of the frame, and trigger, "" if it has none.')
+    frame: str = about('Serial number of the camera, name of the frame, and trigger, "" if it has none.')
+    trigger: str = about('Serial number of the camera, name of the frame, and trigger, "" if it has none.')
+    used: bool = about("True if the orientation used it.")
+    left_out: str = about('"" for one that was used, else the reason.')
+    rms_px: float | None = about("Rms distance of its corners from the model [px].", default=None)
 
 
-@dataclass(frozen=True, kw_only=True)
-class RigFit:
+class RigFit(Record):
     """Orientation of all cameras of a rig from one set of pictures."""
 
-    reference: str = field(metadata=about("Serial number of the reference camera."))
-    poses: tuple[RelativePose, ...] = field(metadata=about("Orientation of each other camera."))
-    corner_scatter_rel: float = field(
-        metadata=about(
-            "Scatter of the corners about poses that are free in each trigger, over that in the cameras' "
-            "own calibrations."
-        )
+    reference: str = about("Serial number of the reference camera.")
+    poses: tuple[RelativePose, ...] = about("Orientation of each other camera.")
+    corner_scatter_rel: float = about(
+        "Scatter of the corners about poses that are free in each trigger, over that in the cameras' "
+        "own calibrations."
     )
-    scatter_deg: float = field(
-        metadata=about("Scatter of the orientation from trigger to trigger beyond that of the corners.")
+    scatter_deg: float = about(
+        "Scatter of the orientation from trigger to trigger beyond that of the corners."
     )
-    scatter_mm: float = field(
-        metadata=about("Scatter of the orientation from trigger to trigger beyond that of the corners.")
+    scatter_mm: float = about(
+        "Scatter of the orientation from trigger to trigger beyond that of the corners."
     )
-    triggers: int = field(
-        metadata=about("Number of triggers and of corners that were used, and degrees of freedom.")
+    triggers: int = about("Number of triggers and of corners that were used, and degrees of freedom.")
+    corners: int = about("Number of triggers and of corners that were used, and degrees of freedom.")
+    degrees_of_freedom: int = about(
+        "Number of triggers and of corners that were used, and degrees of freedom."
     )
-    corners: int = field(
-        metadata=about("Number of triggers and of corners that were used, and degrees of freedom.")
-    )
-    degrees_of_freedom: int = field(
-        metadata=about("Number of triggers and of corners that were used, and degrees of freedom.")
-    )
-    points: tuple[RigPoint, ...] = field(metadata=about("Every picture."))
-    flags: tuple[Raised, ...] = field(metadata=about("Flags of the set."))
+    points: tuple[RigPoint, ...] = about("Every picture.")
+    flags: tuple[Raised, ...] = about("Flags of the set.")
 
 
 Matrix = NDArray[np.float64]

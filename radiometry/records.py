@@ -1,0 +1,28 @@
+"""Frozen dataclasses, and fields that carry a sentence on what they mean."""
+
+from dataclasses import MISSING, Field, dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar, Final, dataclass_transform
+
+LATER: Final = {"later": True}  # left out where it is None, so that hashes of older contents stay the same
+
+
+def about(sentence: str, *, default: Any = MISSING, default_factory: Any = MISSING) -> Any:  # noqa: ANN401  of its type
+    """Return a field of a record with what it means, as OpenAPI and the documents show it."""
+    return field(default=default, default_factory=default_factory, metadata={"description": sentence})
+
+
+def later(sentence: str = "") -> Any:  # noqa: ANN401  a field takes its annotated type
+    """Return a field that older contents lack: None by default, and left out where it is None."""
+    return field(default=None, metadata=LATER | ({"description": sentence} if sentence else {}))
+
+
+@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(field, about))
+class Record:
+    """Base of frozen dataclasses whose fields are given by name."""
+
+    if TYPE_CHECKING:
+        __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        dataclass(frozen=True, kw_only=True)(cls)
