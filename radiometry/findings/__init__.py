@@ -1,7 +1,6 @@
 """Findings in frames, fits, measurements and requests: the form of an entry, and of each occurrence."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, Self
 
 from radiometry.records import Record, about
@@ -48,7 +47,7 @@ class Finding(str):  # noqa: SLOT000  the decorator makes them
         default=False, metadata={"description": "True if the same request may succeed later."}
     )
 
-    def __new__(cls, code: str, *_: object) -> Self:
+    def __new__(cls, code: str, *_: object, **__: object) -> Self:
         """Make the code the value of the string."""
         return str.__new__(cls, code)
 
@@ -70,26 +69,27 @@ class Finding(str):  # noqa: SLOT000  the decorator makes them
         return InputRejected(self, f"{what_is_wrong} {self.remedy}")
 
 
-def flag(code: str, sentence: str, remedy: str, where: Place = "calibration", *more: Place) -> Finding:
+def flag(sentence: str, remedy: str, where: Place = "calibration", *more: Place) -> Finding:
     """Declare a flag of a result that can be used."""
-    return Finding(code, "warn", (where, *more), sentence, remedy)
+    return Finding("", "warn", (where, *more), sentence, remedy)
 
 
-def reason(
-    code: str, severity: Literal["warn", "pending", "fail"], sentence: str, remedy: str, *more: Place
-) -> Finding:
+def reason(severity: Literal["warn", "pending", "fail"], sentence: str, remedy: str, *more: Place) -> Finding:
     """Declare a reason why a frame does not simply pass."""
-    return Finding(code, severity, ("verdict", *more), sentence, remedy)
+    return Finding("", severity, ("verdict", *more), sentence, remedy)
 
 
-def error(code: str, sentence: str, remedy: str, where: Place = "request", *more: Place) -> Finding:
+def error(sentence: str, remedy: str, where: Place = "request", *more: Place) -> Finding:
     """Declare a reason why an input gives no result."""
-    return Finding(code, "error", (where, *more), sentence, remedy, 422)
+    return Finding("", "error", (where, *more), sentence, remedy, 422)
 
 
-def declared(names: Mapping[str, object]) -> tuple[Finding, ...]:
-    """Return the entries that a module has declared, in their order."""
-    return tuple(each for each in names.values() if isinstance(each, Finding))
+def declare(names: dict[str, object]) -> tuple[Finding, ...]:
+    """Make the names of a module's entries their codes; return the entries in their order."""
+    entries = {name: each for name, each in names.items() if isinstance(each, Finding)}
+    named = {name: replace(each, code=name.lower()) for name, each in entries.items()}
+    names |= named
+    return tuple(named.values())
 
 
 class Raised(Record):

@@ -1,78 +1,68 @@
 """Findings of requests, jobs and certificates: refusals, and what a certificate lacks."""
 
-from radiometry.findings import Finding, declared
+from radiometry.findings import Finding, declare
 
 
-def _refusal(status: int, code: str, sentence: str, remedy: str, *, retryable: bool = False) -> Finding:
-    return Finding(code, "error", ("request",), sentence, remedy, status, retryable)
+def _refusal(status: int, sentence: str, remedy: str, *, retryable: bool = False) -> Finding:
+    return Finding("", "error", ("request",), sentence, remedy, status, retryable)
 
 
-def _failure(code: str, sentence: str, remedy: str, *, retryable: bool = False) -> Finding:
-    return Finding(code, "error", ("job",), sentence, remedy, None, retryable)
+def _failure(sentence: str, remedy: str, *, retryable: bool = False) -> Finding:
+    return Finding("", "error", ("job",), sentence, remedy, None, retryable)
 
 
 # of any request
 UNAUTHENTICATED = _refusal(
     401,
-    "unauthenticated",
     "No key was sent, or the key is unknown, revoked or expired, as `detail` states; or the session has "
     "ended.",
     "Send `Authorization: Bearer <key>`.",
 )
 SCOPE_MISSING = _refusal(
     403,
-    "scope_missing",
     "The key is known but may not do this.",
     "Use one with the scope that `detail` names, or ask an admin for it.",
 )
 CSRF_TOKEN_WRONG = _refusal(
     403,
-    "csrf_token_wrong",
     "A change came with the cookie of a session and without the token of its page.",
     "Reload the page and try again. Programs send a key instead: `Authorization: Bearer <key>`.",
 )
 NOT_FOUND = _refusal(
     404,
-    "not_found",
     "There is no such thing for this key's organisation.",
     "Check the id; what belongs to other organisations answers the same.",
 )
 METHOD_NOT_ALLOWED = _refusal(
     405,
-    "method_not_allowed",
     "The address exists, but not with this HTTP method.",
     "Use one of the methods that the header `Allow` names.",
 )
 VALIDATION_FAILED = _refusal(
     422,
-    "validation_failed",
     "A field is missing, unknown, given twice, of the wrong kind or out of range.",
     "Correct it: `errors` names each field. Numbers in tables and addresses have the digits 0 to "
     "9, a sign, a point and an exponent only.",
 )
 BAD_REQUEST = _refusal(
     400,
-    "bad_request",
     "The request cannot be read: its form, its encoding, or the hash that it announces.",
     "Correct what `detail` names.",
 )
 TOO_MANY_REQUESTS = _refusal(
     429,
-    "too_many_requests",
     "Your organisation sends more requests than `STILB_QUOTA_REQUESTS_PER_MINUTE` (`limit`).",
     "Wait for `Retry-After` seconds, as the client does; ask less often, or have the limit raised.",
     retryable=True,
 )
 TOO_MANY_STREAMS = _refusal(
     429,
-    "too_many_streams",
     "The key follows as many jobs and campaigns as one key may.",
     "Close a stream, or follow the campaign instead of each of its jobs.",
     retryable=True,
 )
 QUOTA_EXCEEDED = _refusal(
     507,
-    "quota_exceeded",
     "Your organisation would use more than it may: `quota` names what (`stored_bytes`, `frames`, "
     "or, with the status 429, `jobs_waiting`), `limit` and `used` how much. Nothing was kept.",
     "Wait for `Retry-After` seconds while waiting jobs get fewer; for files ask the operator for more space "
@@ -81,7 +71,6 @@ QUOTA_EXCEEDED = _refusal(
 )
 TOO_MANY_ATTEMPTS = _refusal(
     429,
-    "too_many_attempts",
     "Too many attempts to sign in failed, from this address or with a key that was revoked, "
     "expired or may not read.",
     "Try again after `Retry-After`; the wait doubles up to five minutes. A key that was used "
@@ -90,30 +79,26 @@ TOO_MANY_ATTEMPTS = _refusal(
 )
 HOST_NOT_ALLOWED = _refusal(
     421,
-    "host_not_allowed",
     "The service does not answer under the name of this address.",
     "Ask its operator for the right one (`STILB_ALLOWED_HOSTS`).",
 )
 CONFLICT = _refusal(
     409,
-    "conflict",
     "It contradicts what is recorded, such as a name that is taken.",
     "Change what `detail` names.",
 )
 CHANGED_MEANWHILE = _refusal(
     409,
-    "changed_meanwhile",
     "A frame is no longer as `expected` states, as `detail` says. Nothing was changed.",
     "Look at the frame as it is now, and repeat the change if it is still wanted.",
 )
 IDEMPOTENCY_KEY_REUSED = _refusal(
     422,
-    "idempotency_key_reused",
     "This `Idempotency-Key` came with another request before.",
     "Make a new key for each new request.",
 )
 INTERNAL_ERROR = Finding(
-    "internal_error",
+    "",
     "error",
     ("request", "job"),
     "Our fault: the log, or the job's record, contains the reason. The upload is safe.",
@@ -125,20 +110,17 @@ INTERNAL_ERROR = Finding(
 # while files are sent
 UPLOAD_TOO_LARGE = _refusal(
     413,
-    "upload_too_large",
     "The file is larger than `STILB_MAX_UPLOAD_BYTES`, or the readings larger than 4 MiB.",
     "Send less, or have the limit raised.",
 )
 UPLOAD_INCOMPLETE = _refusal(
     400,
-    "upload_incomplete",
     "The connection was lost, or the form ended early. Nothing was stored.",
     "Send it again.",
     retryable=True,
 )
 DIGEST_MISMATCH = _refusal(
     422,
-    "digest_mismatch",
     "The bytes that arrived are not those that `Content-Digest`, `Repr-Digest` or `X-Content-SHA256` "
     "announced. Nothing was kept.",
     "Send it again; if it persists, check the disk and memory of the sender.",
@@ -146,7 +128,6 @@ DIGEST_MISMATCH = _refusal(
 )
 UPLOAD_OFFSET_DIFFERS = _refusal(
     409,
-    "upload_offset_differs",
     "A piece of a file does not begin where what has arrived ends (`Upload-Offset`), or another "
     "connection has taken the upload over.",
     "Ask with `HEAD` how far it is, and continue from there.",
@@ -154,14 +135,12 @@ UPLOAD_OFFSET_DIFFERS = _refusal(
 )
 UPLOAD_CHECKSUM_DIFFERS = _refusal(
     460,
-    "upload_checksum_differs",
     "A piece of a file is not the one that `Upload-Checksum` announced. The piece was not kept.",
     "Send the piece again.",
     retryable=True,
 )
 PRECONDITION_FAILED = _refusal(
     412,
-    "precondition_failed",
     "A change was asked for with `If-Match` or `If-None-Match: *`, and its address has no entity tag. "
     "Nothing was changed.",
     "Send it without the header. `expected` of `PATCH /v1/campaigns/{id}/frames` changes frames "
@@ -169,47 +148,39 @@ PRECONDITION_FAILED = _refusal(
 )
 UPLOAD_VERSION = _refusal(
     412,
-    "upload_version",
     "The request does not speak tus 1.0.0 (`Tus-Resumable: 1.0.0`).",
     "Use a client of tus.",
 )
 RANGE_OUTSIDE = _refusal(
     416,
-    "range_outside",
     "The header `Range` asks for bytes behind the end of the file.",
     "The file may be complete already: ask for bytes within the size that `Content-Range` states.",
 )
 UPLOAD_TYPE = _refusal(
     415,
-    "upload_type",
     "A piece of a file comes as another media type than `application/offset+octet-stream`.",
     "Send that `Content-Type`.",
 )
 CONTENT_ENCODED = _refusal(
     415,
-    "content_encoded",
     "The body is compressed (`Content-Encoding`); a file is stored as it is sent.",
     "Send the body as it is, without `Content-Encoding`.",
 )
 TOO_MANY_UPLOADS = _refusal(
     429,
-    "too_many_uploads",
     "Your organisation has 10,000 uploads that were begun and not finished.",
     "Finish them, or end them with `DELETE`; after a week they expire.",
     retryable=True,
 )
 STORAGE_FULL = _refusal(
     507,
-    "storage_full",
     "No space is left for the file. Nothing was kept.",
     "Ask the operator to free space.",
     retryable=True,
 )
-STORAGE_UNAVAILABLE = _refusal(
-    503, "storage_unavailable", "The file store does not answer.", "Try again.", retryable=True
-)
+STORAGE_UNAVAILABLE = _refusal(503, "The file store does not answer.", "Try again.", retryable=True)
 STORED_FILE_DAMAGED = Finding(
-    "stored_file_damaged",
+    "",
     "error",
     ("request", "job"),
     "The disk of the service has changed or lost a stored file. Nothing is handed out or computed from it.",
@@ -220,28 +191,24 @@ STORED_FILE_DAMAGED = Finding(
 )
 DATABASE_UNAVAILABLE = _refusal(
     503,
-    "database_unavailable",
     "The database does not answer.",
     "Try again after `Retry-After`.",
     retryable=True,
 )
 SCHEMA_MISMATCH = _refusal(
     503,
-    "schema_mismatch",
     "The database has the schema of another version of the service. Nothing is written.",
     "Try again later; the operator finishes the upgrade or starts the version that fits.",
     retryable=True,
 )
 SERVICE_STOPPING = _refusal(
     503,
-    "service_stopping",
     "The service is being stopped or restarted; what it could not finish in time was not kept.",
     "Try again after `Retry-After`: the same `Idempotency-Key` makes it safe.",
     retryable=True,
 )
 PREVIEW_NOT_READY = _refusal(
     404,
-    "preview_not_ready",
     "The frame has no preview: it has not been read yet, or it was refused.",
     "Wait for its job. Retry only while the frame is `received`.",
     retryable=True,
@@ -250,27 +217,24 @@ PREVIEW_NOT_READY = _refusal(
 # of campaigns and versions
 CAMPAIGN_INCOMPLETE = _refusal(
     422,
-    "campaign_incomplete",
     "A fit cannot start yet. `missing` names each thing: frames that are not read, scenes without a reading, "
     "too few scenes.",
     "Wait for the frames' jobs, or add what is missing.",
 )
 MEASUREMENTS_ONLY = _refusal(
     409,
-    "measurements_only",
     "The campaign is a night of measurements: it takes field frames, and nothing is fitted from them.",
     "Fit and publish a campaign of the kind `calibration`, and measure this one: `POST "
     "/v1/campaigns/{id}/measurements`.",
 )
 MANIFEST_INCOMPLETE = _refusal(
     409,
-    "manifest_incomplete",
     "Files of the manifest are not stored, or no manifest was sent. `missing` names up to 100 of "
     "them. Keep the card.",
     "Send these files, then ask for the receipt again.",
 )
 PANEL_DIFFERS = Finding(
-    "panel_differs",
+    "",
     "error",
     ("verdict", "request"),
     "A panel frame shows another panel than the campaign's, by its tags or its code; or a panel of this "
@@ -281,70 +245,59 @@ PANEL_DIFFERS = Finding(
 )
 RIG_DIFFERS = _refusal(
     409,
-    "rig_differs",
     "A rig of this name is registered with other cameras, or in another order.",
     "Send another name: a rig whose cameras were exchanged is another rig.",
 )
 METHOD_MISMATCH = _refusal(
     409,
-    "method_mismatch",
     "It belongs to another method than the one asked for.",
     "Name one of the same method.",
 )
 CHECKLIST_SIGNED = _refusal(
     409,
-    "checklist_signed",
     "The campaign's checklist has been signed.",
     "Send a new signature with the change; it then holds for the list as changed.",
 )
 STEP_NOT_DONE = _refusal(
     409,
-    "step_not_done",
     "The record shows that a step of the checklist is not done.",
     "Do what it lacks: the step is then ticked from the record.",
 )
 NO_CHECKLIST = _refusal(
     409,
-    "no_checklist",
     "The printed checklist is that of the luminance procedure: a campaign of another method has none.",
     "Leave it out.",
 )
 RECALL_OUTDATED = _refusal(
     409,
-    "recall_outdated",
     "The cause of a recall now finds other versions than when it was reviewed. Nothing was revoked.",
     "Propose the recall again and review it.",
 )
 PURGE_OUTDATED = _refusal(
     409,
-    "purge_outdated",
     "The former name of `recall_outdated`, answered only under the deprecated address `/v1/purges`.",
     "Propose the recall again and review it.",
 )
 NO_CALIBRATION_IN_FORCE = _refusal(
     404,
-    "no_calibration_in_force",
     "No published version holds at that time for that camera, method and configuration; `detail` states what "
     "there is. When a frame is measured, the status is 409.",
     "Publish one, or ask for another time.",
 )
 CERTIFICATE_INCOMPLETE = _refusal(
     409,
-    "certificate_incomplete",
     "Your organisation publishes no version whose certificate lacks what ISO/IEC 17025 asks for. "
     "`gaps` lists it.",
     "Fill it in and publish again, or let an admin change `refuses_incomplete_certificates`.",
 )
 REGIONS_DIFFER = _refusal(
     409,
-    "regions_differ",
     "Two measurements are compared whose outlines in the image differ; `detail` names both.",
     "Measure both with the same `roi` or `grid`, or ask with `other_region=true`.",
 )
 
 # of jobs
 TEMPORARILY_UNAVAILABLE = _failure(
-    "temporarily_unavailable",
     "Something that the job needs did not serve: `waits_for` is `blobs` (the file store), "
     "`database` or `decoder`. The job is tried again at its `next_attempt_at` or sooner; after a "
     "day it is `failed`.",
@@ -353,96 +306,78 @@ TEMPORARILY_UNAVAILABLE = _failure(
     retryable=True,
 )
 WORKER_LOST = _failure(
-    "worker_lost",
     "Three workers were lost while they ran this job, so it is `quarantined`. Usually one file is at fault.",
     "Examine the file with care; a corrected frame is read again.",
 )
 JOB_CANCELLED = _failure(
-    "job_cancelled",
     "The operator has cancelled this job, by revoking its Celery task.",
     "Ask the operator why; then retry it.",
 )
 
 
-def _gap(code: str, sentence: str, remedy: str) -> Finding:
-    return Finding(code, "warn", ("certificate",), sentence, remedy)
+def _gap(sentence: str, remedy: str) -> Finding:
+    return Finding("", "warn", ("certificate",), sentence, remedy)
 
 
 APPROVER_MISSING = _gap(
-    "approver_missing",
     "Nobody has signed: the key that published states no person. The certificate is marked as a draft.",
     "State name and role with the key (page Organisation, `stilb key change`), and publish again: "
     "an amendment is issued.",
 )
 AUTHOR_MISSING = _gap(
-    "author_missing",
     "The key that fitted states no person.",
     "State name and role with the key (page Organisation, `stilb key change`) before you publish.",
 )
 LABORATORY_NAME_MISSING = _gap(
-    "laboratory_name_missing",
     "The laboratory's name is missing: the organisation still has the name that it was founded with.",
     "Enter the name on the page Organisation, or with `stilb organisation --name`.",
 )
 LABORATORY_ADDRESS_MISSING = _gap(
-    "laboratory_address_missing",
     "The address that is printed below the laboratory's name is missing.",
     "Enter the address on the page Organisation, or with `stilb organisation --address`.",
 )
 CUSTOMER_MISSING = _gap(
-    "customer_missing",
     "The party for whom the calibration was made is missing.",
     "Enter the `customer` with the details of the campaign; this can be your own department.",
 )
 PLACE_MISSING = _gap(
-    "place_missing",
     "The place where frames and readings were taken is missing.",
     "Enter the `place` with the details of the campaign.",
 )
 CONDITIONS_MISSING = _gap(
-    "conditions_missing",
     "The ambient conditions that may affect the result are missing.",
     "Describe the `conditions` with the details of the campaign: a room without daylight, the "
     "temperature, how long the lamp had been on.",
 )
 DATE_MISSING = _gap(
-    "date_missing",
     "Neither readings nor campaign nor frames have a date.",
     "Enter the start (`started_at`) with the details of the campaign.",
 )
 RECORDER_MISSING = _gap(
-    "recorder_missing",
     "The person who recorded the readings is missing.",
     "Enter the `recorder` with the details of the campaign.",
 )
 LENS_MISSING = _gap(
-    "lens_missing",
     "The lens is missing, with which the result is valid. Reflectance and noise do not require it.",
     "Register the camera with `lens`.",
 )
 METER_UNKNOWN = _gap(
-    "meter_unknown",
     "A reading was sent without `meter_id`, so that its traceability is unknown.",
     "Withdraw the reading, send it with its meter, and refit.",
 )
 METER_CERTIFICATE_EXPIRED = _gap(
-    "meter_certificate_expired",
     "A meter was read after its certificate was due. Its indication may be right, but is not covered by a "
     "certificate.",
     "Have the meter calibrated.",
 )
 METER_CERTIFICATE_NOT_YET_ISSUED = _gap(
-    "meter_certificate_not_yet_issued",
     "A meter was read before its registered certificate was issued.",
     "Register the certificate that was valid on that day, then refit.",
 )
 CHECKLIST_INCOMPLETE = _gap(
-    "checklist_incomplete",
     "Items of the procedure's checklist are not ticked.",
     "Tick them on the campaign's page; items that the record proves are ticked automatically.",
 )
-CHECKLIST_UNSIGNED = _gap(
-    "checklist_unsigned", "The operator has not signed the checklist.", "Sign it on the campaign's page."
-)
+CHECKLIST_UNSIGNED = _gap("The operator has not signed the checklist.", "Sign it on the campaign's page.")
 
-FINDINGS = declared(globals())
+FINDINGS = declare(globals())

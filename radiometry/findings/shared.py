@@ -1,219 +1,185 @@
 """Findings that no method owns: of frames, regions, readings of files, and of what several methods do."""
 
-from radiometry.findings import Finding, declared, error, flag, reason
+from radiometry.findings import Finding, declare, error, flag, reason
 
 # of a frame, when it is accepted
 RENDERED = reason(
-    "rendered",
     "warn",
     "The image is not raw: a tone curve has been applied between the light and the numbers.",
     "Send the camera's own raw file.",
     *("frame", "calibration", "measurement"),
 )
 STATISTICS_FROM_TABLE = flag(
-    "statistics_from_table",
     "The statistics are a row of a table: the pixels were not seen, and nothing vouches for them.",
     "Send the camera's raw files where they still exist.",
     *("frame", "calibration", "measurement"),
 )
 PIXELS_MISSING = error(
-    "pixels_missing",
     "The frame is a row of a table, which has no pixels to measure.",
     "Send the camera's raw file.",
 )
 EXPOSURE_NOT_MANUAL = reason(
-    "exposure_not_manual",
     "warn",
     "The camera chose the exposure; the procedure asks for manual exposure.",
     "Set the exposure mode to manual and automatic ISO off, and take the frame again.",
     "frame",
 )
 READING_WITHOUT_FRAMES = flag(
-    "reading_without_frames",
     "A scene has meter readings and no frames: the fit uses neither.",
     "Correct the name of the scene, upload the frames, or withdraw the readings.",
     "campaign",
 )
 SERIAL_UNKNOWN = flag(
-    "serial_unknown",
     "The file contains no serial number: that it is from this camera is assumed, not checked.",
     "Check that the file is from this camera.",
     *("frame", "calibration", "measurement"),
 )
 BLACK_LEVEL_ASSUMED = flag(
-    "black_level_assumed",
     "The raw file states no black level: 0 was assumed.",
     "Take dark frames, and send the camera's own file: a converter may have dropped the level.",
     *("frame", "calibration", "measurement"),
 )
 SAMPLES_ABOVE_WHITE = flag(
-    "samples_above_white",
     "The file has samples above its white level. They count as saturated.",
     "A program may have changed the white level; some cameras state one below their largest sample.",
     "frame",
 )
 EXPOSURE_FROM_APEX = flag(
-    "exposure_from_apex",
     "A nominal exposure value is missing; the APEX value was used, which differs from it by up to 7 %.",
     "Upload the frame again with the nominal value from your notes.",
     "frame",
 )
 EXPOSURE_SUPPLIED = flag(
-    "exposure_supplied",
     "The file lacks an exposure value; the value entered with the upload was used.",
     "Check it against your notes.",
     "frame",
 )
 SUPPLIED_EXPOSURE_IGNORED = flag(
-    "supplied_exposure_ignored",
     "The exposure value entered differs from the file's by more than 10 %; the file's was used.",
     "One of the two is wrong: check your notes, and that the file is of this frame.",
     "frame",
 )
 IMAGE_PART_EMPTY = Finding(
-    "image_part_empty",
+    "",
     "error",
     ("frame", "verdict", "measurement", "request"),
     "A part of the image is empty, zeros or below black where a sensor shows noise: data is missing.",
     "Copy the file from the card again, or take the frame again.",
 )
 FRAME_LEFT_OUT = reason(
-    "frame_left_out",
     "warn",
     "The method has no use for what this file shows, such as a thermal band; it is stored and left out.",
     "Nothing: the other files of the capture are used.",
     "frame",
 )
 WRONG_CAMERA = error(
-    "wrong_camera",
     "The file states another make, model or serial number than the camera that it is used for.",
     "Upload it to its own campaign, or register the camera with the names that it writes.",
     *("file", "request"),
 )
 EXPOSURE_MISSING = error(
-    "exposure_missing",
     "The file lacks the exposure time, f-number or ISO value, or states zero.",
     "Enter the value from your notes (`exposure_time_s`, `f_number`, `iso`) with the upload or "
     "for the frame.",
     *("file", "request"),
 )
 EXPOSURE_IMPLAUSIBLE = error(
-    "exposure_implausible",
     "An exposure value is outside the range of any camera.",
     "Enter the right one, with the upload or for the frame.",
     *("file", "request"),
 )
 # of a region or a grid
 ROI_INVALID = error(
-    "roi_invalid",
     "The region is not a polygon: it has fewer than three different points, all of them on one "
     "line, or it cannot be read.",
     "Send three or more corners, or one ImageJ call.",
 )
 ROI_SELF_INTERSECTING = error(
-    "roi_self_intersecting",
     "The polygon crosses or touches itself.",
     "Draw its corners in order around the area.",
 )
 ROI_EMPTY = error(
-    "roi_empty",
     "No pixel's centre lies in the region, or it is too small for the method.",
     "Draw it larger.",
     *("frame", "request"),
 )
 ROI_OUTSIDE_FRAME = error(
-    "roi_outside_frame",
     "A corner of the region lies outside the image.",
     "Draw the region again, or give the frame a region of its own.",
     *("frame", "request"),
 )
 # of a frame in its campaign, before its statistics are looked at
 NOT_READ = reason(
-    "not_read",
     "pending",
     "The file has arrived and is stored; it has not been read yet.",
     "Ask again in a few seconds.",
 )
 NO_REGION = reason(
-    "no_region",
     "pending",
     "Neither the frame nor its campaign has a region (ROI).",
     "Draw it on the preview and `PUT` it to the campaign, or to the frame where the camera has moved.",
 )
 NOT_EXTRACTED = reason(
-    "not_extracted",
     "pending",
     "The region is known; its statistics are not there yet.",
     "Ask again in a few seconds. A board is looked for once the campaign describes it.",
 )
 REFUSED = reason(
-    "refused",
     "fail",
     "The file cannot be used; `detail` is the sentence of its `refusal`.",
     "Follow the entry of its code in the list of errors.",
 )
 ROI_UNFIT = reason(
-    "roi_unfit",
     "fail",
     "The region leaves this frame, contains no pixel's centre, or is too small for what is measured in it.",
     "Draw it again, or give this frame a region of its own.",
 )
 FORMAT_DIFFERS = reason(
-    "format_differs",
     "fail",
     "Width, height or colour filter differ from those of most other frames.",
     "Set the camera as for the others and take it again.",
 )
 ROLE_UNUSED = reason(
-    "role_unused",
     "warn",
     "The campaign's fit does not use frames of this role.",
     "Correct the role of the frame, or upload the file to its own campaign.",
 )
 # of the signal in its region
 CLIPPED = reason(
-    "clipped",
     "fail",
     "More than 0.1 % of the region's samples are saturated.",
     "Shorten the exposure time, close the aperture or lower the ISO value, and take the frame again.",
 )
 TOO_DARK = reason(
-    "too_dark",
     "fail",
     "The signal is less than three standard errors above dark: the fit leaves the frame out.",
     "Take a longer time, a larger aperture or a brighter level.",
 )
 WEAK_SIGNAL = reason(
-    "weak_signal",
     "warn",
     "The signal is above dark, but too small to have much weight.",
     "Take a longer time, a larger aperture or a brighter level.",
 )
 UNEVEN = reason(
-    "uneven",
     "fail",
     "The region is not one evenly lit surface.",
     "Check the preview: draw the region again, or even out the light.",
 )
 REDUNDANT = reason(
-    "redundant",
     "fail",
     "Another frame of the campaign has the same settings and scene, or the same samples.",
     "Use another aperture or another light level instead of a repeat.",
 )
 # of dark frames
 DARK_EXPOSURE_DIFFERS = flag(
-    "dark_exposure_differs",
     "Dark and light frames of an ISO value differ in exposure time by more than a factor of two.",
     "Take dark frames at the exposure times of the light frames: dark current grows with time.",
 )
 DARK_FROM_BLACK_LEVEL = flag(
-    "dark_from_black_level",
     "There is no dark frame of this ISO value: the black level that the file states was subtracted.",
     "Take three dark frames.",
 )
 DARK_NOT_DARK = reason(
-    "dark_not_dark",
     "fail",
     "A dark frame is brighter than others like it, or than the stated black level: light, or a warm sensor.",
     "Switch the lamp off, cover the lens and take it again.",
@@ -221,66 +187,56 @@ DARK_NOT_DARK = reason(
 )
 # of a fit
 FEW_POINTS = flag(
-    "few_points",
     "Fewer than six points are left for an ISO value.",
     "Check why points were left out, and add frames.",
 )
 SCATTER_EXCEEDS_UNCERTAINTY = flag(
-    "scatter_exceeds_uncertainty",
     "Points scatter more than their stated uncertainties explain; the uncertainty includes the scatter "
     "found.",
     "Check the residuals for a frame, a reading or an aperture that differs from the others.",
 )
 SCATTER_IMPLAUSIBLE = flag(
-    "scatter_implausible",
     "The points scatter by more than 5 %, which no meter and no shutter does.",
     "Check for surfaces of different colours, an offset (stray light, wrong dark signal), and "
     "frames or readings of a wrong scene.",
     *("calibration", "measurement"),
 )
 FIT_INCOMPLETE = error(
-    "fit_incomplete",
     "The rows do not suffice for the result, for example because a reading was withdrawn meanwhile.",
     "Add what `detail` names, then ask again.",
 )
 FIT_FAILED = error(
-    "fit_failed",
     "The fit did not converge.",
     "Check for a wrong reading or unit; of luminance, use the `proportional` model.",
 )
 VIGNETTING_NOT_CALIBRATED = error(
-    "vignetting_not_calibrated",
     "The vignetting calibration does not hold for an f-number outside the range of its flats, "
     "another channel or image size, or an export that cannot represent the fit.",
     "Take flats at that f-number, or use one within the range.",
 )
 # of a measurement
 SATURATED = flag(
-    "saturated",
     "More than 0.1 % of the region's samples are saturated: the result is a lower bound.",
     "Take another frame at a quarter of the exposure time.",
     "measurement",
 )
 BELOW_DETECTION = flag(
-    "below_detection",
     "The signal is less than three standard errors above dark.",
     "Expose longer or open the aperture, or average several frames.",
     "measurement",
 )
 CALIBRATION_NOT_PUBLISHED = flag(
-    "calibration_not_published",
     "The measurement used a calibration version that has not been published.",
     "Have the version reviewed and published, or measure with the one in force.",
     "measurement",
 )
 CALIBRATION_SUPERSEDED = flag(
-    "calibration_superseded",
     "The calibration version that the measurement used has been replaced since.",
     "Measure the frame again: another version is in force now.",
     "measurement",
 )
 CALIBRATION_REVOKED = Finding(
-    "calibration_revoked",
+    "",
     "warn",
     ("measurement", "request"),
     "The calibration version, or the vignetting version behind it, has been revoked.",
@@ -288,46 +244,39 @@ CALIBRATION_REVOKED = Finding(
     409,
 )
 REGION_MISSING = error(
-    "region_missing", "There is no region to measure in.", "Send one, or give the frame or its campaign one."
+    "There is no region to measure in.", "Send one, or give the frame or its campaign one."
 )
 FRAME_NOT_READ = error(
-    "frame_not_read",
     "The frame has not been read yet, or it was refused.",
     "Wait until its job has ended and ask again, or see its `refusal`.",
 )
 FRAME_TIME_MISSING = error(
-    "frame_time_missing",
     "The file does not state when it was taken, so the version in force then cannot be chosen.",
     "Name a `calibration_id`.",
 )
 CAPTURE_INCOMPLETE = error(
-    "capture_incomplete",
     "An index needs two bands of one capture; the campaign lacks one of them, or it has not been read yet.",
     "Upload the capture's other files to the same campaign.",
 )
 FRAMES_DIFFER = error(
-    "frames_differ",
     "The frames to be averaged differ in exposure, size, region, scene, campaign or calibration "
     "version, or one is named twice.",
     "Average frames of one campaign that were taken one after another with the same settings, and send the "
     "region with the request.",
 )
 OPTION_NOT_OF_METHOD = error(
-    "option_not_of_method",
     "The measurement asks for something that its method does not have, such as an index of a "
     "luminance; or the frame's campaign has a method that measures nothing.",
     "Leave the option out, or upload the frame with `role=field` to a campaign of luminance or reflectance.",
 )
 ATTITUDE_MISSING = error(
-    "attitude_missing",
     "The file has no two records of yaw, pitch and roll with their times, as a Sequoia writes them.",
     "Enter the rotation rate in `POST /v1/tools/motion` instead.",
 )
 LATERAL_COLOUR_LARGE = flag(
-    "lateral_colour_large",
     "Red or blue lies more than 1 px, and two standard uncertainties, from green at an edge or "
     "within the corners of a board.",
     "Measure colour ratios of small features away from the corners, or correct each channel by its curve.",
 )
 
-FINDINGS = declared(globals())
+FINDINGS = declare(globals())

@@ -1,156 +1,130 @@
 """Findings of the luminance method."""
 
-from radiometry.findings import declared, error, flag, reason
+from radiometry.findings import declare, error, flag, reason
 from radiometry.spectral import mismatch
 
 # of a fit
 DARK_FROM_FEW_FRAMES = flag(
-    "dark_from_few_frames",
     "There are fewer than three dark frames: a median of two does not protect against an outlier.",
     "Take three or more.",
 )
 DARK_VARIES = flag(
-    "dark_varies",
     "The dark frames of an ISO value differ by more than 1 % of its weakest signal.",
     "Check for stray light or a sensor that warmed up, and take them again.",
 )
 NONLINEAR = flag(
-    "nonlinear",
     "The exponent of the power model differs from 1 by more than 0.02.",
     "Check the residuals for stray light, a wrong dark signal, a rendered image or a wrong reading.",
 )
 IMPLAUSIBLE_K = flag(
-    "implausible_k",
     "K differs by more than a factor of four from the value expected from ISO 12232.",
     "Check the unit, the bit depth, the black level and whether a tone curve was applied.",
 )
 SEMILOG_MODEL = flag(
-    "semilog_model",
     "The semilogarithmic model was requested: it is wrong for a linear sensor.",
     "Use it only to reproduce an old report, and `proportional` to measure.",
 )
 LAMP_DRIFT = reason(
-    "lamp_drift",
     "warn",
     "The illuminance readings of a scene spread over more than 2 % of their mean.",
     "Let the lamp warm up, check its supply, and repeat the frames and readings of this light level.",
     "calibration",
 )
 READING_FAR_FROM_FRAMES = flag(
-    "reading_far_from_frames",
     "A meter reading was taken more than an hour from the frames of its scene: the lamp is "
     "assumed to have changed no more than during a scene.",
     "Correct the time of the reading or the camera's clock, or repeat the light level.",
 )
 RHO_CROSS_CHECK = flag(
-    "rho_cross_check",
     "Luminance and rho E / pi of a scene differ by more than 10 %.",
     "Check the unit, the reading and rho; the surface may not be matt.",
 )
 GAIN_MAPS_DIFFER = flag(
-    "gain_maps_differ",
     "Frames of one ISO value contain different gain maps, which are never applied.",
     "Use one firmware and one mode.",
 )
 OFFSET_SIGNIFICANT = flag(
-    "offset_significant",
     "The affine model is better than the proportional one by more than 10 in AICc: the signal has an offset.",
     "Look for stray light, a wrong dark signal or a wrong black level, and take the frames again. "
     "Weak signals are wrong by about the offset.",
     *("calibration", "measurement"),
 )
 OUTLIERS_DISCOUNTED = flag(
-    "outliers_discounted",
     "The robust fit gives frames less than a tenth of their weight, because they lie apart from all others.",
     "Look at these frames: a wrong scene, a shadow, a shutter that failed. Exclude them with the reason.",
 )
 TOLERANCE_EXCEEDED = flag(
-    "tolerance_exceeded",
     "A point is further from the meter than the tolerance, or than the campaign's decision rule accepts.",
     "Find it in `points`; do not exclude it without a reason. A guard band may need a smaller u(K).",
 )
 METER_REPEATABILITY_ESTIMATED = flag(
-    "meter_repeatability_estimated",
     "The meter's repeatability was not given; it was estimated from the scatter between scenes.",
     "This is usual and not a fault; give `repeatability_u_rel` if you know it.",
 )
 METER_CERTIFICATE_MISSING = flag(
-    "meter_certificate_missing",
     "A reading names no meter, or its meter has no certificate: K is relative only, its uncertainty lacks "
     "the error of the meter's scale.",
     "Register the meter with its certificate, and fit again; until then use ratios of luminances.",
     *("calibration", "measurement", "certificate"),
 )
 APEX_MISSING = flag(
-    "apex_missing",
     "APEX values were requested and a frame has none: its nominal values were used.",
     "Choose the basis `nominal`: the two do not mix.",
 )
 # of a frame's verdict
 SCENE_MISSING = reason(
-    "scene_missing",
     "fail",
     "The frame has no `scene`, so no meter reading can be assigned to it.",
     "`PATCH` the frame with its `scene`.",
 )
 READING_MISSING = reason(
-    "reading_missing",
     "pending",
     "Its scene has no luminance reading: the fit leaves the frame out.",
     "Send the reading, or correct the name of the scene.",
 )
 NEARLY_CLIPPED = reason(
-    "nearly_clipped",
     "warn",
     "The highlights of the region come within 5 % of white.",
     "Reduce the light so that they are at 80 % of the span from dark to white.",
 )
 SCENE_DOUBTFUL = reason(
-    "scene_doubtful",
     "warn",
     "The frame is more than 25 % brighter or darker than the median of its scene's frames at this ISO value.",
     "Correct the scene with `PATCH`; if it is right, something moved or the lamp changed: take it again.",
 )
 # of a measurement
 OUTSIDE_EXPOSURE_TIMES = flag(
-    "outside_exposure_times",
     "The exposure time was not among those calibrated.",
     "Calibrate with this exposure time as well, dark frames included, or use one of the calibrated times.",
     "measurement",
 )
 OUTSIDE_F_NUMBERS = flag(
-    "outside_f_numbers",
     "The f-number is outside the calibrated range.",
     "Calibrate with this f-number as well, or use one within the range.",
     "measurement",
 )
 F_NUMBER_NOT_CALIBRATED = flag(
-    "f_number_not_calibrated",
     "The f-number is within the calibrated range but was not calibrated: K of the ISO value is "
     "used, with the whole uncertainty of a nominal f-number.",
     "Calibrate with this f-number as well, or use a calibrated one.",
     "measurement",
 )
 OUTSIDE_SIGNALS = flag(
-    "outside_signals",
     "The signal is outside the calibrated range, where linearity was not tested.",
     "Choose time and aperture so that it is inside, or calibrate light levels that reach it.",
     "measurement",
 )
 NO_VIGNETTING_CORRECTION = flag(
-    "no_vignetting_correction",
     "The light falloff of the lens is not corrected: K holds at the calibration's region.",
     "Fit K with a vignetting version from flat fields, or measure at the calibration's region.",
     "measurement",
 )
 ROI_ELSEWHERE = flag(
-    "roi_elsewhere",
     "The measured area reaches beyond the calibration's region, and vignetting is not corrected.",
     "Turn the camera until the surface is at the calibration's region, or calibrate with a region there.",
     "measurement",
 )
 OBSERVER_DIFFERS = flag(
-    "observer_differs",
     "The camera is above the road, not at the observer's position of EN 13201 or RP-8 (1.43° or less). On "
     "one simulated road U_o was 0.386 from above, and 0.427 (surface R1) or 0.266 (R4) for the driver: "
     "neither values nor ratios carry over. That road is dry; of a wet one EN 13201-2 asks a U_o of 0.15 "
@@ -159,14 +133,12 @@ OBSERVER_DIFFERS = flag(
     "measurement",
 )
 FRAMES_DISAGREE = flag(
-    "frames_disagree",
     "The averaged frames differ beyond their noise, and by 1 % or more: the light or the view changed.",
     "Keep the camera still and the light steady, avoid flicker, and take more frames; or measure "
     "them one by one.",
     "measurement",
 )
 FLICKER_UNKNOWN = flag(
-    "flicker_unknown",
     "The mains frequency is not stated, and the exposure is short against its period: the budget "
     "assumes 50 or 60 Hz, whichever errs more.",
     "State `mains_frequency_hz` and `lamp_kind` with the campaign or the measurement, or expose "
@@ -174,7 +146,6 @@ FLICKER_UNKNOWN = flag(
     "measurement",
 )
 STRAY_LIGHT_UNKNOWN = flag(
-    "stray_light_unknown",
     "The glare of the lens is not known: minimum and U_o may be too large. The budget assumes up "
     "to 4 % of the frame's mean luminance.",
     "Photograph a black trap in a bright scene and state its luminance over that of the whole frame as "
@@ -182,14 +153,12 @@ STRAY_LIGHT_UNKNOWN = flag(
     "measurement",
 )
 MIXED_SURFACE = flag(
-    "mixed_surface",
     "Mean and median differ: the light changes steeply within the area, or it covers unlike "
     "parts, such as a road marking, a lamp or the light of a passing car.",
     "Look at the map, draw on one surface, take more cells, or measure a frame without traffic.",
     "measurement",
 )
 MIXED_LIGHT = flag(
-    "mixed_light",
     "The raw colours of the cells differ: unlike lamps or surfaces lie side by side. The budget "
     "holds one spectral error, the same for all cells.",
     "Measure the part that each kind of lamp lights by itself, stating its `light_source`, and "
@@ -197,26 +166,22 @@ MIXED_LIGHT = flag(
     "measurement",
 )
 CORNERS_IMPLAUSIBLE = flag(
-    "corners_implausible",
     "No camera sees a rectangle of the stated sides with these corners.",
     "Check the order of the corners, of lanes the first two along them, and the lengths in metres.",
     "measurement",
 )
 GRID_MIRRORED = flag(
-    "grid_mirrored",
     "The corners run counterclockwise: the cells are the surface's mirror image. Values and "
     "uniformities are not affected.",
     "Give the corners clockwise as the surface is seen from above.",
     "measurement",
 )
 CELLS_SMALL = flag(
-    "cells_small",
     "Cells are narrower than 4 px: blur mixes neighbours, so that minimum and uniformity may be too large.",
     "Take fewer rows or columns, fly lower, or use a longer lens.",
     "measurement",
 )
 DIFFUSE_ASSUMED = flag(
-    "diffuse_assumed",
     "The illuminance takes the surface as matt and its reflectance as exact: its uncertainty is that of the "
     "luminance alone.",
     "Measure the reflectance of this dry surface, and add its relative uncertainty; of a wet or "
@@ -224,15 +189,13 @@ DIFFUSE_ASSUMED = flag(
     "measurement",
 )
 ISO_NOT_CALIBRATED = error(
-    "iso_not_calibrated",
     "The frame was taken at an ISO value for which this calibration has no K; K is not interpolated.",
     "Calibrate at this ISO value, or use one of the calibrated values.",
 )
 GRID_INVALID = error(
-    "grid_invalid",
     "The grid of cells cannot be laid over a surface.",
     "Send four corners in order around it, no three on one line, and a number of rows and columns within "
     "bounds.",
 )
 
-FINDINGS = (mismatch.SPECTRAL_MISMATCH_UNKNOWN, mismatch.SPECTRUM_INVALID, *declared(globals()))
+FINDINGS = (*mismatch.FINDINGS, *declare(globals()))

@@ -1,16 +1,14 @@
 """Findings of the reflectance method."""
 
-from radiometry.findings import Finding, declared, error, flag, reason
+from radiometry.findings import Finding, declare, error, flag, reason
 
 # of a multispectral frame and its sunshine readings
 SUNSHINE_READINGS_LEFT_OUT = flag(
-    "sunshine_readings_left_out",
     "Some sunshine readings are saturated, dark or of unknown gain; the others were used.",
     "`detail` counts them by reason.",
     *("calibration", "measurement"),
 )
 SUNSHINE_SECOND_CHANNEL = flag(
-    "sunshine_second_channel",
     "No reading of the sunshine sensor's channel 0 is valid, mostly because all are saturated: channel 1 "
     "took its place.",
     "Take the panel in the light of the flight: its frames then show how the two channels "
@@ -18,19 +16,16 @@ SUNSHINE_SECOND_CHANNEL = flag(
     *("calibration", "measurement", "frame", "verdict"),
 )
 SUNSHINE_GAIN_ASSUMED = flag(
-    "sunshine_gain_assumed",
     "The sunshine records state no gain and no integration time: index 1 and 100 ms were assumed.",
     "Use firmware that records them: a change of gain during the flight is not visible.",
     *("calibration", "measurement"),
 )
 SUNSHINE_GAIN_TABLE_MISSING = flag(
-    "sunshine_gain_table_missing",
     "The file has no usable gain table: only readings at gain index 1 can be used.",
     "Check the firmware: version 1.7 at times writes no `IrradianceCalibrationMeasurement`.",
     *("calibration", "measurement"),
 )
 SUNSHINE_SINGLE_READING = flag(
-    "sunshine_single_reading",
     "There is one sunshine reading, whose scatter is not known: 2.5 % was assumed, unless several frames of "
     "a panel visit show it.",
     "With a light sensor of MicaSense take three or more captures at each panel visit; otherwise "
@@ -38,27 +33,23 @@ SUNSHINE_SINGLE_READING = flag(
     *("calibration", "measurement"),
 )
 SUNSHINE_TIME_UNKNOWN = flag(
-    "sunshine_time_unknown",
     "The reading nearest to the exposure was requested, and the time of exposure is not known: the last was "
     "used.",
     "Use the mean of the readings.",
     *("calibration", "measurement"),
 )
 SUNSHINE_SCALE_ASSUMED = flag(
-    "sunshine_scale_assumed",
     "The file does not state the unit of its irradiance: it was inferred from the light sensor's generation.",
     "Compare it with `panel_irradiance_w_m2_nm` of the version's points.",
     *("calibration", "measurement"),
 )
 HORIZONTAL_IRRADIANCE_LEFT_OUT = flag(
-    "horizontal_irradiance_left_out",
     "The irradiance on a level surface that the file states is not trusted for this model and "
     "firmware: the irradiance as oriented was used.",
     "Update the camera's firmware.",
     *("calibration", "measurement"),
 )
 TILT_NOT_CORRECTABLE = flag(
-    "tilt_not_correctable",
     "The reading of the sunshine sensor was not converted to a level surface: the file lacks "
     "position, time, its zone or attitude, or the sun is under 10 degrees. The tilt is in the "
     "uncertainty.",
@@ -66,33 +57,28 @@ TILT_NOT_CORRECTABLE = flag(
     *("calibration", "measurement"),
 )
 SUNSHINE_TILTED = flag(
-    "sunshine_tilted",
     "The sunshine sensor was more than 3 degrees off level, and its reading was not converted. "
     "The tilt is in the uncertainty.",
     "Fit with `sunshine_surface: level`, from files with position and time.",
     *("calibration", "measurement"),
 )
 INCIDENCE_ANGLE_DIFFERS = flag(
-    "incidence_angle_differs",
     "The angle of incidence stated for the measurement is not that of the fit.",
     "Leave the angle out unless the surface slopes against the panel.",
     "measurement",
 )
 CLOCK_NOT_SET = flag(
-    "clock_not_set",
     "The camera's clock was never set: the file's time lies before 2000. The position of the sun is not "
     "known.",
     "Set the clock of the camera, or wait for its GPS fix, before the panel is taken.",
     *("frame", "calibration"),
 )
 SENSOR_MODEL_SCALE = flag(
-    "sensor_model_scale",
     "SensorModel is on the newer scale, about a thousand times larger.",
     "Do not compare this K with K from files of the older scale.",
     *("frame", "calibration"),
 )
 BLACK_LEVEL_DISAGREES = flag(
-    "black_level_disagrees",
     "The black level of SensorModel, or of a DJI camera's XMP, differs from the file's tag by "
     "more than 1 % of full scale; the former was used.",
     "Check with a dark frame which of the two is right.",
@@ -100,7 +86,6 @@ BLACK_LEVEL_DISAGREES = flag(
 )
 # of a fit
 PANEL_UNEVEN = reason(
-    "panel_uneven",
     "warn",
     "The signal changes by more than 3 % across the panel's region: a shadow, a reflection, or the panel's "
     "rim.",
@@ -108,7 +93,7 @@ PANEL_UNEVEN = reason(
     "calibration",
 )
 PANEL_SATURATED = Finding(
-    "panel_saturated",
+    "",
     "error",
     ("calibration", "request"),
     "More than 0.1 % of the panel's region is saturated: the frame is left out, and without another there is "
@@ -116,77 +101,63 @@ PANEL_SATURATED = Finding(
     "Shorten the exposure or use a darker panel, and take it again.",
 )
 PANEL_UNCERTAINTY_MISSING = flag(
-    "panel_uncertainty_missing",
     "The uncertainty of the panel's reflectance is not given: u(K) lacks what is mostly its largest part.",
     "Send the panel's bands with `standard_uncertainty`, and fit again.",
     *("calibration", "certificate"),
 )
 PANEL_FROM_FILE = flag(
-    "panel_from_file",
     "The panel's reflectance is the one that the camera read from the panel's code; it ignores wear and "
     "dirt.",
     "Register the panel with its measured reflectance.",
 )
 PANEL_OLD = flag(
-    "panel_old",
     "The panel was measured more than two years from the frames: what has changed since is not in "
     "the uncertainty.",
     "Have the panel measured again, and register the new measurement with its day.",
 )
 PANEL_NOT_IDENTIFIED = flag(
-    "panel_not_identified",
     "No panel frame names its panel, by its tags or by a code: that it is the campaign's is assumed.",
     "Take the panel with its code in the image.",
 )
 PANEL_DRIFT = flag(
-    "panel_drift",
     "K differs by more than 3 % between the first and the last panel capture.",
     "Check for haze, a tilted sensor or a dirty panel. A frame far from both captures is less certain.",
 )
 IMPLAUSIBLE_REFLECTANCE_K = flag(
-    "implausible_reflectance_k",
     "K is more than 1.5 times off pi: radiance and irradiance in absolute units give R = pi L / "
     "E. The panel was shaded, its reflectance or a unit is wrong, or the sunshine sensor saw "
     "another light.",
     "Check the panel's values and its picture; take it again in the light that the sensor sees.",
 )
 PANEL_ONCE = flag(
-    "panel_once",
     "The panel was taken at one time only: drift during the flight is not known. An assumed one is in the "
     "uncertainty.",
     "Take the panel before and after the flight.",
 )
 PANEL_TIMES_DOUBTFUL = flag(
-    "panel_times_doubtful",
     "The times of the panel captures cannot all be right, or do not belong to one flight; `detail` names the "
     "reason. Where they contradict each other K is the mean of the captures, with their whole difference in "
     "the uncertainty.",
     "Set the camera's clock before the first panel capture; fit each day alone.",
 )
 PANEL_ONLY = flag(
-    "panel_only",
     "The sunshine sensor was not used: the result holds for the light of the panel's capture alone.",
     "Fit with the sunshine sensor if the light changed.",
     *("calibration", "measurement"),
 )
-BAND_MISSING = flag(
-    "band_missing", "A panel capture lacks a band that other captures have.", "Upload the missing file."
-)
+BAND_MISSING = flag("A panel capture lacks a band that other captures have.", "Upload the missing file.")
 SUNSHINE_SERIAL_UNKNOWN = flag(
-    "sunshine_serial_unknown",
     "A file names no sunshine sensor: that it is the calibration's is assumed, not checked.",
     "Check that the same sunshine sensor was connected.",
     *("calibration", "measurement"),
 )
 # of a frame's verdict
 PANEL_WEAK = reason(
-    "panel_weak",
     "fail",
     "The panel's signal is less than three standard errors above black, or is not a number.",
     "Take it again in better light.",
 )
 PANEL_UNKNOWN = reason(
-    "panel_unknown",
     "warn",
     "The campaign's panel is not registered with a reflectance in this band. The fit takes that "
     "of the file, which the certificate names as missing; without it the band is left out.",
@@ -194,14 +165,12 @@ PANEL_UNKNOWN = reason(
     "certificate",
 )
 SUNSHINE_UNUSABLE = reason(
-    "sunshine_unusable",
     "warn",
     "The file has no valid reading of a sunshine sensor; `detail` gives the reason.",
     "Such a frame can only be used with `normalisation: panel_only`.",
 )
 # of a measurement
 LIGHT_CHANGED = flag(
-    "light_changed",
     "The sunshine sensor shows less than 0.7 or more than 1.4 times the light of the panel's "
     "captures. The reading divides the change out. Where the diffuse fraction was assumed for the "
     "tilt, the sky may have had any.",
@@ -209,94 +178,79 @@ LIGHT_CHANGED = flag(
     "measurement",
 )
 OUTSIDE_PANEL_TIMES = flag(
-    "outside_panel_times",
     "The frame was not taken between two panel captures, or a time is not known: K of the "
     "nearest, or the mean, was used. `drift` grows with the time to the nearest.",
     "Take the panel before and after the flight.",
     "measurement",
 )
 REFLECTANCE_OUT_OF_RANGE = flag(
-    "reflectance_out_of_range",
     "A reflectance is below 0 or above 1; it was not clipped.",
     "Check for noise in dark areas, glint, other light, or a wrong panel value.",
     "measurement",
 )
 SENSOR_MODEL_DIFFERS = flag(
-    "sensor_model_differs",
     "The file's sensor model is not the calibration's: other firmware, or another camera.",
     "Take the panel again with this firmware.",
     "measurement",
 )
 # of what gives no result
 SENSOR_MODEL_UNUSABLE = error(
-    "sensor_model_unusable",
     "The bands of this camera are not read, or the file does not state how its sensor or lens "
     "responds, or states what no sensor does; `detail` names it.",
     "Upload the file as the camera wrote it.",
     *("file", "request"),
 )
 PANEL_ANGLE_TOO_LARGE = error(
-    "panel_angle_too_large",
     "The angle of incidence is above 60 degrees, where one degree changes the result by more than 3 %.",
     "Level the panel, or wait for a higher sun.",
 )
 SUNSHINE_MISSING = error(
-    "sunshine_missing",
     "There is no valid sunshine reading; `detail` gives the reason.",
     "Fit with `normalisation: panel_only`, whose K holds for one light, or take the frames again with the "
     "sensor connected.",
 )
 WRONG_SUNSHINE_SENSOR = error(
-    "wrong_sunshine_sensor",
     "The frames are of several sunshine sensors, or of another one than the version's.",
     "Leave the frames of the others out, or take the panel with this pair.",
 )
 BAND_NOT_CALIBRATED = error(
-    "band_not_calibrated",
     "The calibration has no K for the frame's band, or a band that an index needs is missing.",
     "Take the panel in that band, with its reflectance, or upload the capture's other files.",
 )
 ALIGNMENT_NOT_REFINED = flag(
-    "alignment_not_refined",
     "The bands were aligned by the lens data of their files alone: too few edges agree, as on "
     "water, on bare ground, and close to a scene with depth. 5 pixels are assumed to remain.",
     "Use captures of structured ground from flight height, or a region that is even around its border.",
     "measurement",
 )
 FORMULA_INVALID = error(
-    "formula_invalid",
     "The formula of an index cannot be used; `detail` names the part, or the bands that there are.",
     "Write bands, numbers, + - * / ** and parentheses.",
 )
 RADIANCE_UNKNOWN = error(
-    "radiance_unknown",
     "The file states no absolute calibration of its sensor, from which its radiance would follow.",
     "Ask for the reflectance. Cameras of MicaSense state a `RadiometricCalibration`.",
 )
 RADIANCE_UNCERTAINTY_UNKNOWN = flag(
-    "radiance_uncertainty_unknown",
     "The radiance follows from the manufacturer's calibration, whose uncertainty the file does not state: "
     "the uncertainty is that of the pixels' noise alone.",
     "Compare it with a radiance standard.",
     "measurement",
 )
 INDEX_UNDEFINED = error(
-    "index_undefined",
     "The index is not defined for the region's reflectances: a divisor is zero, or below zero for a named "
     "index.",
     "Draw the region on something that reflects.",
 )
 BANDS_NOT_ALIGNED = error(
-    "bands_not_aligned",
     "The files cannot be aligned: they are not bands of one capture, or do not state "
     "`RigRelatives` and too few edges agree between them.",
     "Align them with photogrammetry software and compute the index there.",
 )
 HEIGHT_UNUSABLE = error(
-    "height_unusable",
     "The height above the ground is stated twice, or the ground does not lie below the file's altitude.",
     "State either `height_above_ground_m`, or `ground_altitude_m` in the height system of the file's "
     "altitude.",
 )
 
-FINDINGS = declared(globals())
+FINDINGS = declare(globals())

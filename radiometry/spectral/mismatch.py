@@ -9,20 +9,13 @@ from statistics import median
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings import error, flag
+from radiometry.findings import declare, error, flag
 from radiometry.records import Record
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
-SPECTRUM_INVALID = error(
-    "spectrum_invalid",
-    "A lamp or a camera response is neither a name of the library nor a table that can be read.",
-    "Send a name of the library, or at least 10 lines of rising wavelength from 400 to 700 nm and "
-    "value (R, G and B of a response).",
-)
 SPECTRAL_MISMATCH_UNKNOWN = flag(
-    "spectral_mismatch_unknown",
     "The spectrum of the calibration's lamp, of the measured light, or the camera's response is not known: "
     "its effect is assumed.",
     "State what the detail names: `lamp` or `lamp_kind` and `camera_response` with the campaign "
@@ -30,6 +23,13 @@ SPECTRAL_MISMATCH_UNKNOWN = flag(
     "`spectral_mismatch_u_rel`.",
     "measurement",
 )
+SPECTRUM_INVALID = error(
+    "A lamp or a camera response is neither a name of the library nor a table that can be read.",
+    "Send a name of the library, or at least 10 lines of rising wavelength from 400 to 700 nm and "
+    "value (R, G and B of a response).",
+)
+FINDINGS = declare(globals())
+
 OBSERVER = "V"
 CHANNELS = ("R", "G", "B")
 _FIRST_NM, _LAST_NM, _STEP_NM = 380, 780, 5

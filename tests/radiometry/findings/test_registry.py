@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from radiometry.findings import Finding, flag
+from radiometry.findings import Finding, declare, flag
 from radiometry.findings.grouping import Occurrence, group_findings
 from radiometry.findings.shared import RENDERED, ROI_EMPTY
 from radiometry.methods.findings import FINDINGS, collect_findings
@@ -70,7 +70,7 @@ def _declares(path: str, call: ast.Call) -> bool:
 
 def test_a_code_declared_twice_is_refused():
     with pytest.raises(ValueError, match="declared twice: rendered"):
-        collect_findings((RENDERED,), (flag("rendered", "Another.", "Nothing."),))
+        collect_findings((RENDERED,), declare({"RENDERED": flag("Another.", "Nothing.")}))
 
 
 def test_an_entry_is_its_code():

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from radiometry.drawing.figure import Axis, Figure, Mark, Plot, Series
-from radiometry.findings import InputRejected, Raised, flag, shared
+from radiometry.findings import InputRejected, Raised, declare, flag, shared
 from radiometry.fitting.evidence import CoefficientValue, Exclusion, Extracted, FrameEvidence
 from radiometry.frame.roi import Window, mask
 from radiometry.frame.statistics import compute_statistics, measure_signal
@@ -18,9 +18,8 @@ from radiometry.specification.roles import FLAT
 
 __all__ = ["SPEC"]
 
-BRIGHTNESS_ONCE: Final = flag(
-    "brightness_once", "Only one frame has this ISO value.", "Take more frames.", "calibration"
-)
+BRIGHTNESS_ONCE = flag("Only one frame has this ISO value.", "Take more frames.", "calibration")
+FINDINGS: Final = declare(globals())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,7 +164,7 @@ SPEC: Final = MethodSpec(
     params=Params,
     result=Fit,
     coefficients=(CoefficientKind(name="brightness_dn", label="Brightness", units=("DN",)),),
-    findings=(BRIGHTNESS_ONCE,),
+    findings=FINDINGS,
     extract=extract,
     missing=missing,
     judge=judge,
