@@ -89,43 +89,39 @@ def test_the_console_commands_check_and_show_the_schema(tmp_path):
     assert (code, "stilb-server migrate" in said + also) == (255, True)
 
 
-def test_kinds_of_campaigns_are_kept_and_no_other_is_taken(empty):
-    migrate(empty)
-    add_versions(empty, 1)
+def test_kinds_of_campaigns_are_kept_and_no_other_is_taken(database):
+    add_versions(database, 1)
     renamed = "UPDATE campaign SET kind = :kind"
-    with empty.engine.begin() as connection:
+    with database.engine.begin() as connection:
         connection.execute(text(renamed), {"kind": "measurement"})
-    downgrade(empty, "0031")
-    migrate(empty)
-    with empty.engine.connect() as connection:
+    downgrade(database, "0031")
+    migrate(database)
+    with database.engine.connect() as connection:
         assert connection.scalar(text("SELECT kind FROM campaign")) == "measurement"
-    with pytest.raises(IntegrityError), empty.engine.begin() as connection:
+    with pytest.raises(IntegrityError), database.engine.begin() as connection:
         connection.execute(text(renamed), {"kind": "other"})
 
 
-def test_up_down_and_up_again(empty):
-    migrate(empty)
-    downgrade(empty, "base")
-    assert set(inspect(empty.engine).get_table_names()) <= {"alembic_version"}
-    migrate(empty)
-    assert "publication" in inspect(empty.engine).get_table_names()
+def test_up_down_and_up_again(database):
+    downgrade(database, "base")
+    assert set(inspect(database.engine).get_table_names()) <= {"alembic_version"}
+    migrate(database)
+    assert "publication" in inspect(database.engine).get_table_names()
 
 
-def test_each_step_down_leaves_the_one_before(empty):
-    migrate(empty)
-    downgrade(empty, "-1")
-    migrate(empty)
-    with empty.engine.connect() as connection:
+def test_each_step_down_leaves_the_one_before(database):
+    downgrade(database, "-1")
+    migrate(database)
+    with database.engine.connect() as connection:
         assert MigrationContext.configure(connection).get_current_revision() is not None
 
 
-def test_a_newer_database_is_refused_and_left_alone(empty):
-    migrate(empty)
-    with empty.engine.begin() as connection:
+def test_a_newer_database_is_refused_and_left_alone(database):
+    with database.engine.begin() as connection:
         connection.execute(text("UPDATE alembic_version SET version_num = '9999'"))
     with pytest.raises(NewerSchema, match="9999"):
-        migrate(empty)
-    with empty.engine.connect() as connection:
+        migrate(database)
+    with database.engine.connect() as connection:
         assert connection.scalar(text("SELECT version_num FROM alembic_version")) == "9999"
 
 
@@ -146,17 +142,16 @@ def test_several_that_start_at_once_migrate_and_make_the_first_key_once(postgres
         assert list(threads.map(start, range(4))) == [1] * 4
 
 
-def test_ready_rows_are_written_for_what_was_published_before(empty):
-    migrate(empty)
-    first, second = add_versions(empty, 2)
-    with empty.writing("test") as session:
+def test_ready_rows_are_written_for_what_was_published_before(database):
+    first, second = add_versions(database, 2)
+    with database.writing("test") as session:
         for version, month in ((first, 1), (second, 3)):
             start = datetime(2026, month, 1, tzinfo=UTC)
             calibration = session.get_one(Calibration, version)
             publish(session, calibration, valid_from=start, valid_to=None, reason="r")
 
     def read():
-        with empty.reading() as session:
+        with database.reading() as session:
             return [
                 session.execute(select(table.__table__).order_by(table.publication_id)).all()
                 for table in (ReadyRow, ReadyAnswer, ReadyCells)
@@ -164,6 +159,6 @@ def test_ready_rows_are_written_for_what_was_published_before(empty):
 
     rows = read()
     assert [len(each) for each in rows] == [3, 3, 3]
-    downgrade(empty, "0013")
-    migrate(empty)
+    downgrade(database, "0013")
+    migrate(database)
     assert read() == rows
