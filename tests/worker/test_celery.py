@@ -1,5 +1,6 @@
 """A worker as Celery runs it: what its tools show, and how a job ends that is stopped, revoked or lost."""
 
+import itertools
 import os
 import signal
 import sys
@@ -23,13 +24,27 @@ from tests.support.waiting import wait_for
 QUICK = {"STILB_SWEEP_INTERVAL_S": "0.2", "STILB_WORKER_THREADS": "1"}
 
 
-@pytest.fixture
-def house(migrated_sqlite, tmp_path):
-    (tmp_path / "stilb.sqlite").write_bytes(migrated_sqlite.read_bytes())
-    database = Database(f"sqlite:///{tmp_path / 'stilb.sqlite'}")
-    with House(database, tmp_path) as built:
+@contextmanager
+def furnished(migrated_sqlite, folder):
+    (folder / "stilb.sqlite").write_bytes(migrated_sqlite.read_bytes())
+    database = Database(f"sqlite:///{folder / 'stilb.sqlite'}")
+    with House(database, folder) as built:
         yield built
     database.dispose()
+
+
+@pytest.fixture
+def house(migrated_sqlite, tmp_path):
+    with furnished(migrated_sqlite, tmp_path) as built:
+        yield built
+
+
+@pytest.fixture(scope="module")
+def worker(migrated_sqlite, tmp_path_factory):
+    """One for the tests that leave it as it is; a lost job's lease has a minute left."""
+    folder = tmp_path_factory.mktemp("celery")
+    with furnished(migrated_sqlite, folder) as built, working(built, STILB_LEASE_S="60") as begun:
+        yield begun
 
 
 class Worker:
@@ -42,6 +57,7 @@ class Worker:
         self.broker = broker
         self.valkey = valkey
         self.celery = celery
+        self._seeds = itertools.count()
 
     def inspect(self, what):
         (found,) = getattr(self.celery.control.inspect(timeout=20, limit=1), what)().values()
@@ -65,11 +81,10 @@ class Worker:
                 with suppress(ProcessLookupError):
                     os.kill(pid, signal.SIGCONT)
 
-    def upload(self, **changes):
-        """Send a frame; the id of its job."""
-        return self.house.upload(self.house.campaign(), self.house.frame_bytes(**changes), role="dark")[
-            "job_id"
-        ]
+    def upload(self):
+        """Send a frame that nobody has read yet; the id of its job."""
+        content = self.house.frame_bytes(seed=next(self._seeds))
+        return self.house.upload(self.house.campaign(), content, role="dark")["job_id"]
 
     def job(self, job_id):
         with self.house.database.reading() as session:
@@ -102,35 +117,36 @@ def working(house, *options, **settings):
                 process.wait()
 
 
-def test_the_tools_of_celery_see_the_work(house):
-    with working(house) as worker:
-        with worker.decoders_stopped():
-            job_id = worker.upload()
-            running = worker.wait_for_job(job_id, "running")
-            (active,) = worker.inspect("active")
-            assert (active["id"], active["name"]) == (job_id, "stilb.extract")
-            assert active["args"] == [running.subject_id]
-            assert running.holder.endswith(f":{active['worker_pid']}")
-        worker.wait_for_job(job_id, "succeeded")
-        assert {queue["name"] for queue in worker.inspect("active_queues")} == set(QUEUES)
-        tasks = ["cancel", "extract", "fit", "look", "measure", "review"]
-        assert sorted(worker.inspect("registered")) == [f"stilb.{task}" for task in tasks]
-        wait_for(lambda: worker.inspect("stats")["total"].get("stilb.extract") == 1)
-        (printed,) = (each for each in read_blocks("docs/operations.md") if "inspect" in each)
-        told = type_in(house.folder, f"cd {ROOT}\n{printed}", STILB_BROKER_URL=worker.celery.conf.broker_url)
-        assert "pong" in told
-        assert "stilb.extract" in told
+def test_the_tools_of_celery_see_the_work(worker):
+    with worker.decoders_stopped():
+        job_id = worker.upload()
+        running = worker.wait_for_job(job_id, "running")
+        (active,) = worker.inspect("active")
+        assert (active["id"], active["name"]) == (job_id, "stilb.extract")
+        assert active["args"] == [running.subject_id]
+        assert running.holder.endswith(f":{active['worker_pid']}")
+    worker.wait_for_job(job_id, "succeeded")
+    assert {queue["name"] for queue in worker.inspect("active_queues")} == set(QUEUES)
+    tasks = ["cancel", "extract", "fit", "look", "measure", "review"]
+    assert sorted(worker.inspect("registered")) == [f"stilb.{task}" for task in tasks]
+    wait_for(lambda: worker.inspect("stats")["total"].get("stilb.extract"))
+    (printed,) = (each for each in read_blocks("docs/operations.md") if "inspect" in each)
+    told = type_in(
+        worker.house.folder, f"cd {ROOT}\n{printed}", STILB_BROKER_URL=worker.celery.conf.broker_url
+    )
+    assert "pong" in told
+    assert "stilb.extract" in told
 
 
 def test_a_worker_grows_and_shrinks_with_its_work(house):
     with working(house, "--autoscale", "3,1") as worker, worker.decoders_stopped():
-        for seed in range(3):
-            worker.upload(seed=seed)
+        for _ in range(3):
+            worker.upload()
         wait_for(lambda: len(worker.inspect("active")) == 3)
 
 
-def test_a_revoked_job_has_failed_and_may_be_tried_again(house):
-    with working(house) as worker, worker.decoders_stopped():
+def test_a_revoked_job_has_failed_and_may_be_tried_again(worker):
+    with worker.decoders_stopped():
         job_id = worker.upload()
         worker.wait_for_job(job_id, "running")
         worker.celery.control.revoke(job_id, terminate=True)
@@ -144,16 +160,14 @@ def test_a_job_beyond_its_time_limit_is_lost_with_its_process(house):
         wait_for(lambda: worker.job(job_id).lost == 1, seen=worker.log.read_text)
 
 
-def test_the_job_of_a_killed_pool_process_begins_again_at_once(house):
-    """Its lease has a minute left."""
-    with working(house, STILB_LEASE_S="60") as worker:
-        with worker.decoders_stopped():
-            job_id = worker.upload()
-            worker.wait_for_job(job_id, "running")
-            (pid,), _ = worker.pool()
-            os.kill(pid, signal.SIGKILL)
-            wait_for(lambda: worker.job(job_id).lost == 1, timeout_s=30)
-        assert worker.wait_for_job(job_id, *FINAL_STATES).state == "succeeded"
+def test_the_job_of_a_killed_pool_process_begins_again_at_once(worker):
+    with worker.decoders_stopped():
+        job_id = worker.upload()
+        worker.wait_for_job(job_id, "running")
+        (pid,), _ = worker.pool()
+        os.kill(pid, signal.SIGKILL)
+        wait_for(lambda: worker.job(job_id).lost == 1, timeout_s=30)
+    assert worker.wait_for_job(job_id, *FINAL_STATES).state == "succeeded"
 
 
 def test_a_stop_waits_for_the_job_that_runs(house):
@@ -193,7 +207,7 @@ def test_a_broker_that_froze_while_a_job_ended_is_connected_anew(house):
     """The job's acknowledgement timed out; Celery alone would hold its place for ever."""
     with working(house) as worker:
         with worker.decoders_stopped():
-            first, second = worker.upload(seed=1), worker.upload(seed=2)
+            first, second = worker.upload(), worker.upload()
             worker.wait_for_job(first, "running")
             worker.valkey.send_signal(signal.SIGSTOP)
         worker.wait_for_job(first, "succeeded")
