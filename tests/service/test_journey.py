@@ -108,17 +108,6 @@ def test_the_same_fit_again_is_the_same_version(house, staged):
     assert (other["version"], other["id"] == first["id"]) == (2, False)
 
 
-def test_a_point_left_out_by_hand_says_who_and_why(house, staged):
-    campaign = staged(upload_campaign)
-    frames = house.get(f"/v1/campaigns/{campaign['id']}/frames", limit=1000)["items"]
-    light = next(f for f in frames if f["role"] == "light")
-    house.work()
-    version = calibrate(house, campaign, exclude=[{"frame_id": light["id"], "reason": "a moth"}])
-    point = next(p for p in version["points"] if p["frame_id"] == light["id"])
-    assert point["used"] is False
-    assert "a moth" in point["left_out"]
-
-
 def test_points_and_plot_of_a_version(house, staged, monkeypatch):
     version = staged(calibrated_campaign)
     answer = house.http.get(f"/v1/calibrations/{version['id']}/points.csv")

@@ -68,10 +68,7 @@ def test_a_p4_multispectral_is_read_shown_fitted_and_measured(sqlite_house, camp
     for row in version["coefficients"]:
         assert (row["unit"], row["value"]) == ("s", pytest.approx(0.5 / CENTRE[row["band"]], rel=3e-4))
     body = {"frame_id": frames["nir"]["id"], "calibration_id": version["id"]}
-    job = house.post("/v1/measurements", body, status=202)
-    house.work()
-    measured = house.get(f"/v1/jobs/{job['id']}")["result"]["measurement_id"]
-    found = house.get(f"/v1/measurements/{measured}")
+    found = house.measure(**body)
     assert found["mean"]["value"] == pytest.approx(0.5, rel=1e-9)
     # this camera states light without a unit, and a signal without a scale
     assert found["reflected"]["i_ss_basis"] == "oriented"
@@ -82,14 +79,10 @@ def test_a_p4_multispectral_is_read_shown_fitted_and_measured(sqlite_house, camp
     ]:
         refused = house.http.post("/v1/measurements", json=body | more)
         assert (refused.status_code, refused.json()["code"]) == (422, code)
-    job = house.post(
-        "/v1/measurements", body | {"products": ["bands"], "ground_altitude_m": 143.26}, status=202
-    )
-    house.work()
-    measured = house.get(f"/v1/jobs/{job['id']}")["result"]["measurement_id"]
-    place = house.get(f"/v1/measurements/{measured}")["place"]
+    mapped = house.measure(**body, products=["bands"], ground_altitude_m=143.26)
+    place = mapped["place"]
     assert (place["form"], place["height_above_ground_m"]) == ("affine", pytest.approx(60.0))
-    content = house.http.get(f"/v1/measurements/{measured}/map.tif").content
+    content = house.http.get(f"/v1/measurements/{mapped['id']}/map.tif").content
     with tifffile.TiffFile(io.BytesIO(content)) as file:
         keys = file.pages[0].geotiff_tags
         told = json.loads(file.pages[0].description)["place"]
@@ -97,7 +90,7 @@ def test_a_p4_multispectral_is_read_shown_fitted_and_measured(sqlite_house, camp
     matrix = keys["ModelTransformation"]
     assert [matrix[0][3], matrix[1][3]] == place["transform"][::3]
     assert told == place
-    item = house.get(f"/v1/measurements/{measured}/stac.json")
+    item = house.get(f"/v1/measurements/{mapped['id']}/stac.json")
     assert item["geometry"]["coordinates"][0][:0:-1] == place["corners"]
     a, b, c, d, e, f = place["transform"]
     shown = item["assets"]["map"]
@@ -113,23 +106,15 @@ def test_a_p4_multispectral_is_read_shown_fitted_and_measured(sqlite_house, camp
 
 def test_a_stated_zone_levels_the_light_of_a_p4(sqlite_house, campaign, frames):
     house, path = sqlite_house, f"/v1/campaigns/{campaign['id']}"
-
-    def work(job):
-        house.work()
-        return house.get(f"/v1/jobs/{job['id']}")["result"]
-
     house.http.put(f"{path}/roi", json=REGION)
     house.work()
     light = {}
     for zone in ("", "America/Chicago"):
         assert house.http.patch(path, json={"time_zone": zone}).status_code == 200
-        fitted = work(house.post(f"{path}/calibrations", {}, status=202))["calibration_id"]
-        told = [each["code"] for each in house.get(f"/v1/calibrations/{fitted}")["findings"]]
+        version = house.fit(campaign)
+        told = [each["code"] for each in version["findings"]]
         assert ("tilt_not_correctable" in told) is not bool(zone)
-        body = {"frame_id": frames["nir"]["id"], "calibration_id": fitted}
-        made = house.get(
-            f"/v1/measurements/{work(house.post('/v1/measurements', body, status=202))['measurement_id']}"
-        )
+        made = house.measure(frame_id=frames["nir"]["id"], calibration_id=version["id"])
         assert made["mean"]["value"] == pytest.approx(0.5, rel=1e-9)
         light[zone] = made["reflected"]["i_ss_basis"]
     assert light == {"": "oriented", "America/Chicago": "levelled"}
