@@ -108,9 +108,6 @@ tables: $(VENV)/dev  ## write the tables of parameters and coefficients in docs/
 api: $(VENV)/dev  ## the difference of the HTTP interface from the last release; what breaks clients fails it
 	@PYTHONPATH=. python docs/api.py
 
-findings: $(VENV)/dev  ## write what flags, reasons and errors mean into docs/
-	@python -m docs.findings
-
 architecture: $(VENV)/dev  ## draw the rooms and their table in docs/architecture.md from the imports
 	@python docs/architecture.py
 

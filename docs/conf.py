@@ -52,8 +52,8 @@ def _leave_out_inner(*event: object) -> bool | None:
     return True if inner and "Parameters\n" not in (shown.__doc__ or "") else None
 
 
-def _list_findings(_app: Sphinx, _page: str, source: list[str]) -> None:
-    source[0] = expand_entries(source[0])
+def _list_findings(_app: Sphinx, page: str, source: list[str]) -> None:
+    source[0] = expand_entries(source[0], page)
 
 
 def setup(app: Sphinx) -> None:

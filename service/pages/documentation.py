@@ -180,7 +180,7 @@ def get_manual_page(
     name: Annotated[str, InPath(pattern="^[a-z-]+$")], request: Request, context: UsesContext
 ) -> Response:
     """A page of the manual; to that of errors the `type` of every problem points."""
-    text = expand_entries(_file(f"{name}.md").read_text(encoding="utf-8"))
+    text = expand_entries(_file(f"{name}.md").read_text(encoding="utf-8"), name)
     return _page(request, context, _title(text), render_markdown(text))
 
 

@@ -34,7 +34,6 @@ def test_a_seventh_method_is_one_package_and_one_name(tmp_path):
     pages = [f"tests/docs/test_{name}.py" for name in ("tables", "docs")]
     for words in (
         ["docs/tables.py"],  # what `make tables` runs: it writes what is derived
-        ["-m", "docs.findings"],
         ["-m", "tests.seventh.steps"],
         # the list of pages in README is written by hand
         ["-m", "pytest", "-q", "--noconftest", "-p", "no:cacheprovider", *pages, "-k", "not reached"],
