@@ -18,11 +18,11 @@ def later(sentence: str = "") -> Any:  # noqa: ANN401  a field takes its annotat
 
 @dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(field, about))
 class Record:
-    """Base of frozen dataclasses whose fields are given by name."""
+    """Base of frozen dataclasses; fields are given by name, unless a class says `kw_only=False`."""
 
     if TYPE_CHECKING:
         __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
 
-    def __init_subclass__(cls) -> None:
+    def __init_subclass__(cls, *, kw_only: bool = True) -> None:
         super().__init_subclass__()
-        dataclass(frozen=True, kw_only=True)(cls)
+        dataclass(frozen=True, kw_only=kw_only)(cls)

@@ -1,7 +1,6 @@
 """Views of calibration boards through known lenses, of one camera or of several that are mounted together."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import cv2
@@ -137,8 +136,7 @@ def _look_up(board: Board, x_mm: NDArray[np.float64], y_mm: NDArray[np.float64])
 Vector = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Mounted:
+class Mounted(Record, kw_only=False):
     """Camera of a rig: X_camera = R X_reference + t, as a Rodrigues vector and t [mm], (6,)."""
 
     model: CameraModel

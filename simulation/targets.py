@@ -132,8 +132,7 @@ def true_mtf(frequency: Plane, *, blur: str, blur_px: float) -> Plane:
     return np.asarray(np.exp(-2.0 * (np.pi * blur_px * frequency) ** 2), np.float64)
 
 
-@dataclass(frozen=True)
-class Chart:
+class Chart(Record, kw_only=False):
     """Edges and stars in their boxes, half bright beside them.
 
     ``magnified`` : scale of a colour about the middle of the frame, where it is not 1; of edges alone

@@ -1,9 +1,10 @@
 """Comparison of two versions of the same JSON, leaf by leaf: the same, the same to rounding, or different."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from math import inf, sqrt
 from typing import Any, Final, Literal
+
+from radiometry.records import Record
 
 Agreement = Literal["same", "rounding", "different"]
 
@@ -22,8 +23,7 @@ _U: Final = "standard_uncertainty"
 _QUANTITY: Final = frozenset({"value", _U, "expanded_uncertainty"})
 
 
-@dataclass(frozen=True)
-class Row:
+class Row(Record, kw_only=False):
     """One quantity, as the certificate has it and as it was recomputed.
 
     ``scale``: of a number its standard uncertainty where one is stated, else the largest of its column,

@@ -75,12 +75,10 @@ def compare_quantities(old: Quantity, new: Quantity, *, common_u_rel: float = 0.
         squares = new.standard_uncertainty**2 + (slope * old.standard_uncertainty) ** 2
         squares -= 2.0 * slope * covariance
         change = Quantity(
-            value=100.0 * difference / old.value,
-            standard_uncertainty=100.0 * math.sqrt(max(0.0, squares)) / abs(old.value),
-            unit=PERCENT,
+            100.0 * difference / old.value, 100.0 * math.sqrt(max(0.0, squares)) / abs(old.value), PERCENT
         )
     return Comparison(
-        difference=Quantity(value=difference, standard_uncertainty=u, unit=new.unit),
+        difference=Quantity(difference, u, new.unit),
         change=change,
         in_standard_uncertainties=abs(difference) / u if u > 0.0 else None,
     )
@@ -190,12 +188,12 @@ def compare_measured(old: Budgeted, new: Budgeted, *, common: Collection[str]) -
         slope = new.value / old.value
         of_old = {source: slope * effect for source, effect in old.effects.items()}
         change = Quantity(
-            value=100.0 * difference / old.value,
-            standard_uncertainty=100.0 * _spread(of_old, new.effects, common) / abs(old.value),
-            unit=PERCENT,
+            100.0 * difference / old.value,
+            100.0 * _spread(of_old, new.effects, common) / abs(old.value),
+            PERCENT,
         )
     return Comparison(
-        difference=Quantity(value=difference, standard_uncertainty=u, unit=new.unit),
+        difference=Quantity(difference, u, new.unit),
         change=change,
         in_standard_uncertainties=abs(difference) / u if u > 0.0 else None,
     )

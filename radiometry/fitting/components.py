@@ -6,7 +6,7 @@ points, not with its cube.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -72,8 +72,7 @@ def contribute(component: Component, weights: Matrix) -> Matrix:
     return component.gather(weights.T).T
 
 
-@dataclass(frozen=True)
-class Problem:
+class Problem(Record, kw_only=False):
     """A linear problem y = A theta + e."""
 
     design: Matrix  # Matrix A, (n, p)

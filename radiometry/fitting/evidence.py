@@ -69,7 +69,7 @@ def list_unknown_exclusions(exclude: Sequence[Exclusion], frames: Collection[str
     return [f"to be left out, but not of this campaign: {name_few('frame', unknown)}"] if unknown else []
 
 
-class Quantity(Record):
+class Quantity(Record, kw_only=False):
     """A reported quantity."""
 
     value: float = about("Estimate of the quantity.")

@@ -265,11 +265,11 @@ def _describe(
         error = DAYS_PER_YEAR * math.sqrt(line.covariance[1][1])
         value = DAYS_PER_YEAR * line.slope_per_day
         half = float(scipy.special.stdtrit(line.dof, 0.5 + CONFIDENCE / 2.0)) * error
-        slope = Quantity(value=value, standard_uncertainty=error, unit=f"{key.unit}/a")
+        slope = Quantity(value, error, f"{key.unit}/a")
         interval = (value - half, value + half)
         p_value = 2.0 * float(scipy.special.stdtr(line.dof, -abs(value) / error)) if error > 0.0 else None
         if factor is not None:
-            cost = Quantity(value=factor * value, standard_uncertainty=factor * error, unit=f"{unit}/a")
+            cost = Quantity(factor * value, factor * error, f"{unit}/a")
     return Drift(
         key=key,
         determinations=tuple(rows),
@@ -281,9 +281,7 @@ def _describe(
         tolerance=limit,
         recalibrate_by=date,
         why=why,
-        change=None
-        if change is None or change_error is None
-        else Quantity(value=change, standard_uncertainty=change_error, unit=key.unit),
+        change=None if change is None or change_error is None else Quantity(change, change_error, key.unit),
         verdict=verdict,
         said=say_stability(
             verdict, with_limit=accepted is not None, repeats=len({row.source.at for row in rows})
@@ -299,9 +297,7 @@ def _scatter(rows: Sequence[Determination], line: Line | None) -> Quantity | Non
         (row.value - line.at((row.source.at - line.origin) / timedelta(days=1))[0]) ** 2 for row in rows
     ]
     scatter = math.sqrt(sum(squares) / line.dof)
-    return Quantity(
-        value=scatter, standard_uncertainty=scatter / math.sqrt(2.0 * line.dof), unit=rows[0].key.unit
-    )
+    return Quantity(scatter, scatter / math.sqrt(2.0 * line.dof), rows[0].key.unit)
 
 
 _NAMED = "Serial number of the camera, and the number: yaw, pitch, roll, x, y or z."
@@ -430,17 +426,13 @@ def _compare(
 
     def state(value: float | None, u: float | None, per: str = "") -> Quantity | None:
         known = value is not None and u is not None
-        return Quantity(value=value, standard_uncertainty=u, unit=f"{unit}{per}") if known else None  # type: ignore[arg-type]
+        return Quantity(value, u, f"{unit}{per}") if known else None  # type: ignore[arg-type]
 
     return RigStability(
         camera=camera,
         name=name,
         sets=count,
-        mean=Quantity(
-            value=float(values.mean()),
-            standard_uncertainty=max(stated, (spread or 0.0) / math.sqrt(count)),
-            unit=unit,
-        ),
+        mean=Quantity(float(values.mean()), max(stated, (spread or 0.0) / math.sqrt(count)), unit),
         repeatability=state(spread, None if spread is None else spread / math.sqrt(2.0 * (count - 1))),
         slope=state(
             DAYS_PER_YEAR * line.slope_per_day if line else None,

@@ -120,11 +120,7 @@ def _judge_one_camera(
     key: Key, rows: Sequence[Determination], limit: Tolerance | None, without: tuple[str, ...]
 ) -> ParameterVerdict:
     """Describe one camera alone: there is nothing to compare it with."""
-    mean = Quantity(
-        value=float(np.mean([row.value for row in rows])),
-        standard_uncertainty=rows[-1].standard_uncertainty,
-        unit=key.unit,
-    )
+    mean = Quantity(float(np.mean([row.value for row in rows])), rows[-1].standard_uncertainty, key.unit)
     return ParameterVerdict(
         key=key,
         outcome="cannot_tell",
@@ -165,7 +161,7 @@ def _conclude(
         said=said,
         cameras=len(analysis.grouping.unit_names),
         repeats=len(rows),
-        mean=Quantity(value=effects.mean, standard_uncertainty=effects.mean_u, unit=key.unit),
+        mean=Quantity(effects.mean, effects.mean_u, key.unit),
         within_variance=within,
         between_variance=_variance(key, between, between_u) if known else None,
         dof=effects.dof,
@@ -234,7 +230,7 @@ def _list_effects(analysis: _Analysis) -> tuple[Effect, ...]:
                     Deviation(
                         label=level,
                         repeats=int(count),
-                        deviation=Quantity(value=value, standard_uncertainty=error, unit=analysis.key.unit),
+                        deviation=Quantity(value, error, analysis.key.unit),
                         cost=_convert(analysis.sensitivity, value, error),
                     )
                     for level, count, value, error in zip(
@@ -279,11 +275,11 @@ def _convert(sensitivity: Sensitivity | None, value: float, error: float) -> Qua
     if sensitivity is None:
         return None
     factor = sensitivity.factor
-    return Quantity(value=value * factor, standard_uncertainty=error * factor, unit=sensitivity.unit)
+    return Quantity(value * factor, error * factor, sensitivity.unit)
 
 
 def _variance(key: Key, value: float, error: float) -> Quantity:
-    return Quantity(value=value, standard_uncertainty=error, unit=f"({key.unit})^2" if key.unit else "")
+    return Quantity(value, error, f"({key.unit})^2" if key.unit else "")
 
 
 def judge_fleet(

@@ -1,7 +1,6 @@
 """Exposure of a frame, and the acceptance of a frame for a campaign."""
 
 import math
-from dataclasses import dataclass
 
 from radiometry.findings import InputRejected, files, shared
 from radiometry.frame import FrameHeader
@@ -127,8 +126,7 @@ class Acceptance(Record):
     flags: tuple[str, ...]  #: Codes of the flags that were raised
 
 
-@dataclass(frozen=True)
-class _Value:
+class _Value(Record, kw_only=False):
     number: float
     origin: str
 

@@ -5,7 +5,6 @@ import itertools
 import math
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +21,7 @@ _MACRO = re.compile(r"\s*(makePolygon|makeRectangle)\s*\(([^()]*)\)\s*(?:;\s*)?"
 _EDGE_SHIFT_PX = 1e-8
 
 
-@dataclass(frozen=True)
-class Polygon:
+class Polygon(Record, kw_only=False):
     """A simple polygon: x right, y down [px], origin at the visible area's top-left corner.
 
     Pixel (row, col) has its centre at (x, y) = (col + 0.5, row + 0.5). Polygons are

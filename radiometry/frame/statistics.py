@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,8 +50,7 @@ class Signal(Record):
     skew_dn: float = 0.0  # Mean less median [DN]
 
 
-@dataclass(frozen=True)
-class _Site:
+class _Site(Record, kw_only=False):
     """The samples of one CFA position or colour plane inside the region."""
 
     histogram: NDArray[np.intp]

@@ -7,7 +7,6 @@ standard errors to eight.
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
@@ -129,8 +128,7 @@ _DARK_PERCENTILE, _BRIGHT_PERCENTILE = 0.5, 99.5
 _PERCENTILE_SAMPLES: Final = 1 << 20
 
 
-@dataclass(frozen=True)
-class Grey:
+class Grey(Record, kw_only=False):
     """Grey picture in two forms, (row, col)."""
 
     coarse: NDArray[np.uint8]  # Picture in which a board is searched
@@ -281,8 +279,7 @@ class Linear(NamedTuple):
 Linearise = Callable[[int, Matrix, Matrix], Linear]  # `(block, shared, pose) -> Linear`
 
 
-@dataclass(frozen=True)
-class Minimum:
+class Minimum(Record, kw_only=False):
     """State with the least sum of squares."""
 
     shared: Matrix  # Shared parameters, and the pose of each block, (block, 6)
@@ -354,16 +351,14 @@ _ADVICE = (
 )
 
 
-@dataclass(frozen=True)
-class View:
+class View(Record, kw_only=False):
     """Corners of one picture."""
 
     points_mm: NDArray[np.float64]  # Corners on the board [mm], (corner, 3)
     seen_px: NDArray[np.float64]  # Corners in the picture [px], (corner, 2), row before col
 
 
-@dataclass(frozen=True)
-class Pose:
+class Pose(Record, kw_only=False):
     """Where a board is: Rodrigues vector and shift [mm], from the board's frame into the camera's."""
 
     rotation: NDArray[np.float64]
@@ -375,16 +370,14 @@ class Pose:
         return np.concatenate((self.rotation, self.shift))
 
 
-@dataclass(frozen=True)
-class FreeParameters:
+class FreeParameters(Record, kw_only=False):
     """Free parameters of the camera: its nine are `directions` times the free ones, or zero."""
 
     # Directions, (9, free); with square pixels fx and fy are one free parameter
     directions: NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Solution:
+class Solution(Record, kw_only=False):
     """Solution of the bundle adjustment."""
 
     camera: CameraModel

@@ -368,12 +368,8 @@ def _build(fitted: FittedViews, points: tuple[Point, ...], params: Params) -> Fi
     errors = dict(zip(PARAMETERS, np.sqrt(np.diag(solution.covariance)).tolist(), strict=True))
     middle_row, middle_col = camera.centre_px
     colours = _fit_colours(fitted)
-    offset_row = Quantity(
-        value=camera.cy_px - middle_row, standard_uncertainty=errors["cy_px"], unit=UNITS["cy_px"]
-    )
-    offset_col = Quantity(
-        value=camera.cx_px - middle_col, standard_uncertainty=errors["cx_px"], unit=UNITS["cx_px"]
-    )
+    offset_row = Quantity(camera.cy_px - middle_row, errors["cy_px"], UNITS["cy_px"])
+    offset_col = Quantity(camera.cx_px - middle_col, errors["cx_px"], UNITS["cx_px"])
     return Fit(
         model=MODEL,
         target=_features(fitted.used[0]).target,
@@ -452,20 +448,16 @@ def _measure_distance(solution: Solution, params: Params) -> Quantity | None:
     mm_per_px = params.pixel_pitch_um / 1000.0
     variance = float(solution.covariance[:2, :2].sum()) / 4.0
     return Quantity(
-        value=(solution.camera.fx_px + solution.camera.fy_px) / 2.0 * mm_per_px,
-        standard_uncertainty=math.sqrt(variance) * mm_per_px,
-        unit="mm",
+        (solution.camera.fx_px + solution.camera.fy_px) / 2.0 * mm_per_px,
+        math.sqrt(variance) * mm_per_px,
+        "mm",
     )
 
 
 def _scale(offset: Quantity, pixel_pitch_um: float | None) -> Quantity | None:
     if pixel_pitch_um is None:
         return None
-    return Quantity(
-        value=offset.value * pixel_pitch_um,
-        standard_uncertainty=offset.standard_uncertainty * pixel_pitch_um,
-        unit="um",
-    )
+    return Quantity(offset.value * pixel_pitch_um, offset.standard_uncertainty * pixel_pitch_um, "um")
 
 
 def _describe_points(

@@ -1,7 +1,6 @@
 """Corners in one picture, lateral colour, parameters and results of a fit, ready for JSON; their plots."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -57,8 +56,7 @@ class LateralColour(Record):
     curve: tuple[ColourPoint, ...] = about("Displacement against the radius.")
 
 
-@dataclass(frozen=True)
-class ColourView:
+class ColourView(Record, kw_only=False):
     """Corners of one picture, (corner, 2) row before col: places in the frame, and displacements [px]."""
 
     seen_px: Matrix
@@ -128,11 +126,7 @@ def fit_colour(views: Sequence[ColourView], camera: CameraModel, *, channel: str
     reached = max(float(np.linalg.norm(view.seen_px - principal, axis=1).max()) for view in views)
 
     def state(slopes: Matrix) -> Quantity:
-        return Quantity(
-            value=float(slopes @ values),
-            standard_uncertainty=float(np.sqrt(slopes @ covariance @ slopes)),
-            unit="px",
-        )
+        return Quantity(float(slopes @ values), float(np.sqrt(slopes @ covariance @ slopes)), "px")
 
     curve = [(radius, state(np.array([radius, radius**3, 0.0, 0.0]))) for radius in np.linspace(0, 1, POINTS)]
     return LateralColour(

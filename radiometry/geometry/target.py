@@ -1,7 +1,6 @@
 """The board, and the places of its corners in a picture."""
 
 import math
-from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
@@ -168,8 +167,7 @@ _SAMPLE_STOP: Final = (30, 0.1)
 FITTED_STOP: Final = (100, 1e-3)
 
 
-@dataclass(frozen=True)
-class Found:
+class Found(Record, kw_only=False):
     """Corners of a board in a picture."""
 
     indices: NDArray[np.int64]  # Indices of the corners on the board

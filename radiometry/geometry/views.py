@@ -3,7 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -28,6 +28,7 @@ from radiometry.geometry.camera import (
 )
 from radiometry.geometry.results import CHART, Features, FrameRow, Params
 from radiometry.geometry.target import locate_corners_mm
+from radiometry.records import Record
 
 # Whether rows, and columns, run the other way
 TURNS: Final = {
@@ -135,8 +136,7 @@ def turn(view: View, words: str, *, height_px: int, width_px: int) -> View:
     return replace(view, seen_px=np.where(TURNS[words], last - view.seen_px, view.seen_px))
 
 
-@dataclass(frozen=True)
-class Hidden:
+class Hidden(Record, kw_only=False):
     """Displacement that a turned picture would cause that is not found.
 
     ``number`` : of the view; ``words`` : of TURNS; ``shift_px`` : of the principal point, row and col
@@ -199,8 +199,7 @@ def measure_hidden(
 FEWEST_VIEWS: Final = 3  # Zhang's method needs three for a camera of five unknowns; a good one needs ten
 
 
-@dataclass(frozen=True)
-class Candidate:
+class Candidate(Record, kw_only=False):
     """Picture of a board; `left_out` is "" when it counts."""
 
     row: FrameRow
@@ -208,8 +207,7 @@ class Candidate:
     left_out: str
 
 
-@dataclass(frozen=True)
-class Rejected:
+class Rejected(Record, kw_only=False):
     """Picture that the fit rejected, with the reason, and the finding where it deserves a flag."""
 
     candidate: Candidate
@@ -217,8 +215,7 @@ class Rejected:
     finding: Finding | None = None
 
 
-@dataclass(frozen=True)
-class FittedViews:
+class FittedViews(Record, kw_only=False):
     """Views that were used, with their solution, and those that were rejected.
 
     ``hidden`` : what a rendered picture that is turned, and is not found, would do

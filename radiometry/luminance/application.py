@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,9 +89,7 @@ def apply_to_signal(
     u_above_dark = math.hypot(signal.standard_uncertainty_dn, coefficient.dark_signal_standard_uncertainty_dn)
     return AppliedLuminance(
         luminance_cd_m2=Quantity(
-            value=rhs * scale,
-            standard_uncertainty=math.hypot(*(effect.effect_cd_m2 for effect in effects)),
-            unit="cd/m2",
+            rhs * scale, math.hypot(*(effect.effect_cd_m2 for effect in effects)), "cd/m2"
         ),
         signal_dn=signal.value_dn,
         adjusted_signal_dn=adjusted,
@@ -201,8 +198,7 @@ def _flags(
     return raised
 
 
-@dataclass(frozen=True)
-class Conversion:
+class Conversion(Record, kw_only=False):
     """A frame's settings, what was calibrated of them, its luminance and luminance per X [cd/m2]."""
 
     settings: Settings
@@ -336,9 +332,7 @@ def change_luminance(
     held = (_k(each, exposure) for each in (before, after))
     squares = [(each.luminance_k_standard_uncertainty / abs(each.luminance_k)) ** 2 for each in held]
     u_rel = math.sqrt(max(0.0, math.fsum(squares) - 2.0 * common_u_rel**2))
-    change = Quantity(
-        value=100.0 * (ratio - 1.0), standard_uncertainty=100.0 * abs(ratio) * u_rel, unit=PERCENT
-    )
+    change = Quantity(100.0 * (ratio - 1.0), 100.0 * abs(ratio) * u_rel, PERCENT)
     return MeasuredChange(change=change, basis="k_ratio" if signal_dn is None else "signal", why=None)
 
 

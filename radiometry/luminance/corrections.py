@@ -230,9 +230,9 @@ def apply_corrections(applied: AppliedLuminance, corrections: Sequence[FieldCorr
         applied,
         effects=tuple(effects),
         luminance_cd_m2=Quantity(
-            value=scaled - sum(each.offset_cd_m2 for each in corrections),
-            standard_uncertainty=math.hypot(*(each.effect_cd_m2 for each in effects)),
-            unit=applied.luminance_cd_m2.unit,
+            scaled - sum(each.offset_cd_m2 for each in corrections),
+            math.hypot(*(each.effect_cd_m2 for each in effects)),
+            applied.luminance_cd_m2.unit,
         ),
     )
 

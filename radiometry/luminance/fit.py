@@ -28,7 +28,7 @@ from radiometry.luminance.results import Aperture, Coefficient, ErrorSplit, IsoF
 from radiometry.luminance.rows import Acceptance, CalibrationConditions, Model, Params, find_modulation
 
 _MOST_ITERATIONS, _TOLERANCE = 30, 0.01
-_NO_LENS = Quantity(value=1.0, standard_uncertainty=0.0, unit="1")
+_NO_LENS = Quantity(1.0, 0.0, "1")
 
 
 def fit_series(

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -235,8 +235,7 @@ def _green_sites(frame: Frame) -> list[tuple[slice, slice]]:
     ]
 
 
-@dataclass(frozen=True)
-class _Part:
+class _Part(Record, kw_only=False):
     """The pixels of one channel in a window, and their position in the frame."""
 
     channel: str

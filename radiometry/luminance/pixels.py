@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy
@@ -52,8 +52,7 @@ class PixelSignals(Record):
     percentiles: tuple[PixelSignal, ...]  # in the order of PERCENTILES
 
 
-@dataclass(frozen=True)
-class NoiseCurve:
+class NoiseCurve(Record, kw_only=False):
     """Variance of a pixel's noise at some levels, interpolated between them by straight lines."""
 
     levels_dn: NDArray[np.float64]

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -329,11 +329,10 @@ def _propagate(cells: Cells, value: float, gradient: Array, unit: str) -> Quanti
     apart = np.sum((gradient * cells.local_cd_m2) ** 2, axis=(1, 2))
     local = float(np.maximum(alike, apart).sum())
     u = math.sqrt(noise + float(shared @ shared) + local)
-    return Quantity(value=value, standard_uncertainty=u, unit=unit)
+    return Quantity(value, u, unit)
 
 
-@dataclass(frozen=True)
-class CalibratedCamera:
+class CalibratedCamera(Record, kw_only=False):
     """Exposure, coefficient, lens and corrections with which every region of a frame is measured."""
 
     exposure: Exposure
@@ -473,8 +472,4 @@ def illuminate(luminance: Quantity, reflectance: float | None) -> Quantity | Non
     if reflectance is None:
         return None
     factor = math.pi / reflectance
-    return Quantity(
-        value=luminance.value * factor,
-        standard_uncertainty=luminance.standard_uncertainty * factor,
-        unit="lx",
-    )
+    return Quantity(luminance.value * factor, luminance.standard_uncertainty * factor, "lx")

@@ -85,11 +85,7 @@ def find_linearity(
     relative_u = np.array([_mean_u_dn(level, gain_dn_per_e) for level in longest]) / y
     effect = np.sign(deviations) @ (np.eye(len(y)) - hat) / len(y)
     return Linearity(
-        error=Quantity(
-            value=float(np.mean(np.abs(deviations))),
-            standard_uncertainty=float(np.linalg.norm(effect * relative_u)),
-            unit="1",
-        ),
+        error=Quantity(float(np.mean(np.abs(deviations))), float(np.linalg.norm(effect * relative_u)), "1"),
         lowest_rel=float(deviations.min()),
         highest_rel=float(deviations.max()),
         slope_dn_per_s=float(a1),
@@ -163,11 +159,7 @@ def find_prnu(levels: Sequence[Level], *, saturation_signal_dn: float) -> tuple[
     pattern = Variance(value_dn2=lit.value_dn2 - dark.value_dn2, u_dn2=math.hypot(lit.u_dn2, dark.u_dn2))
     root = _root(pattern, unit="1")
     return (
-        Quantity(
-            value=root.value / level.light_dn,
-            standard_uncertainty=root.standard_uncertainty / level.light_dn,
-            unit="1",
-        ),
+        Quantity(root.value / level.light_dn, root.standard_uncertainty / level.light_dn, "1"),
         _is_resolved(pattern),
     )
 
@@ -179,7 +171,7 @@ def _root(variance: Variance, *, unit: str) -> Quantity:
         u = variance.u_dn2 / (2.0 * root)
     else:
         u = math.sqrt(max(0.0, variance.value_dn2) + variance.u_dn2) - root
-    return Quantity(value=root, standard_uncertainty=u, unit=unit)
+    return Quantity(root, u, unit)
 
 
 def _is_resolved(variance: Variance) -> bool:

@@ -331,10 +331,8 @@ def find_dark_current(stacks: Sequence[Stack]) -> DarkCurrent | None:
     ]
     growing = _fit_slope(variances, fewest=2)
     return DarkCurrent(
-        from_mean=Quantity(value=line[0], standard_uncertainty=line[1], unit="DN/s"),
-        from_variance=Quantity(value=growing[0], standard_uncertainty=growing[1], unit="DN2/s")
-        if growing
-        else None,
+        from_mean=Quantity(line[0], line[1], "DN/s"),
+        from_variance=Quantity(growing[0], growing[1], "DN2/s") if growing else None,
         dof=line[2],
     )
 
@@ -405,7 +403,7 @@ def propagate(
     restless = float(np.sum(own**2 / dofs)) if dofs is not None else 0.0
     dof = min(MOST_DOF, variance**2 / restless) if restless > 0.0 else MOST_DOF
     u = math.sqrt(max(0.0, variance))
-    return Quantity(value=float(figure(*values)), standard_uncertainty=u, unit=unit), dof
+    return Quantity(float(figure(*values)), u, unit), dof
 
 
 class DarkNoise(Record):
@@ -523,7 +521,5 @@ def _per_gain(quantity: Quantity, transfer: Transfer, *, power: int, unit: str) 
     per_e = transfer.gain_dn_per_e**power
     from_gain = power * quantity.value * transfer.gain_u / transfer.gain_dn_per_e
     return Quantity(
-        value=quantity.value / per_e,
-        standard_uncertainty=math.hypot(quantity.standard_uncertainty, from_gain) / per_e,
-        unit=unit,
+        quantity.value / per_e, math.hypot(quantity.standard_uncertainty, from_gain) / per_e, unit
     )

@@ -4,7 +4,7 @@ import itertools
 import math
 import statistics
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 from radiometry.findings import Raised
@@ -12,6 +12,7 @@ from radiometry.fitting.curve import coverage_factor
 from radiometry.fitting.evidence import BudgetEntry
 from radiometry.frame import EARLIEST_YEAR
 from radiometry.frame.multispectral import Multispectral, RadianceModel, SensorModel
+from radiometry.records import Record
 from radiometry.reflectance import codes, results
 from radiometry.reflectance.points import Candidate
 from radiometry.reflectance.results import BandFit, Coefficient, Knot, Normalisation, Params, Point
@@ -28,8 +29,7 @@ _STEEPEST_DEG = 80.0
 _RECTANGLE = 1.0 / math.sqrt(12.0)
 
 
-@dataclass(frozen=True)
-class PanelFrame:
+class PanelFrame(Record, kw_only=False):
     """K of one panel frame, and its errors that no other frame shares."""
 
     candidate: Candidate
@@ -44,16 +44,14 @@ class PanelFrame:
         return self.candidate.sunshine is not None and self.candidate.sunshine.is_single
 
 
-@dataclass(frozen=True)
-class Estimate:
+class Estimate(Record, kw_only=False):
     """A relative standard deviation and its degrees of freedom."""
 
     rel: float
     dof: float
 
 
-@dataclass(frozen=True)
-class Visit:
+class Visit(Record, kw_only=False):
     """A visit to the panel in one band: its errors of its own as relative variances of K.
 
     ``restless``: the squares of those that were estimated, each over its degrees of freedom.

@@ -127,7 +127,7 @@ def describe_pixels(
     """Return the statistics of a region's pixels by their names in a measurement."""
 
     def pixel(value: float, own: float = noise) -> Quantity:
-        return Quantity(value=value, standard_uncertainty=math.hypot(value * shared_rel, own), unit=unit)
+        return Quantity(value, math.hypot(value * shared_rel, own), unit)
 
     middle, *ranks = np.percentile(values, [50, *PERCENTILES]).tolist()
     return {
@@ -220,11 +220,7 @@ def measure_radiance(
     noise = estimate_noise(signal, inside)
     return MeasuredRadiance(
         radiance=features.band,
-        mean=Quantity(
-            value=features.i_sq,
-            standard_uncertainty=features.i_sq_standard_uncertainty,
-            unit=imaging.RADIANCE_UNIT,
-        ),
+        mean=Quantity(features.i_sq, features.i_sq_standard_uncertainty, imaging.RADIANCE_UNIT),
         **describe_pixels(signal[inside], noise=noise, shared_rel=0.0, unit=imaging.RADIANCE_UNIT),
         saturated_share=share,
         flags=tuple(flags),
@@ -324,7 +320,7 @@ def measure_index(
     ]
     return MeasuredIndex(
         index=formula.name,
-        value=Quantity(value=float(value), standard_uncertainty=math.sqrt(total), unit=REFLECTANCE_UNIT),
+        value=Quantity(float(value), math.sqrt(total), REFLECTANCE_UNIT),
         bands=tuple(bands),
         flags=(*raised, *flag_alignment(alignment)),
         formula=formula.text,

@@ -227,11 +227,7 @@ def apply_features(
     )
     return AppliedReflectance(
         band=features.band,
-        reflectance=Quantity(
-            value=value,
-            standard_uncertainty=math.hypot(*(effect.effect for effect in effects)),
-            unit=REFLECTANCE_UNIT,
-        ),
+        reflectance=Quantity(value, math.hypot(*(effect.effect for effect in effects)), REFLECTANCE_UNIT),
         i_sq=features.i_sq,
         i_ss=scale.i_ss,
         reflectance_k=scale.reflectance_k,
@@ -297,11 +293,7 @@ def change_reflectance(
     shares = [each.reflectance_k_standard_uncertainty / abs(each.reflectance_k) for each in both]
     ratio = factors[1] / factors[0]
     variance = shares[0] ** 2 + shares[1] ** 2 - 2.0 * common_u_rel**2
-    return Quantity(
-        value=100.0 * (ratio - 1.0),
-        standard_uncertainty=100.0 * abs(ratio) * math.sqrt(max(0.0, variance)),
-        unit=PERCENT,
-    )
+    return Quantity(100.0 * (ratio - 1.0), 100.0 * abs(ratio) * math.sqrt(max(0.0, variance)), PERCENT)
 
 
 def extract(

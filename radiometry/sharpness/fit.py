@@ -218,9 +218,7 @@ def _compare(positions: Sequence[PositionFit]) -> FalloffTable | None:
     corner_falloff = dof = None
     if corners:
         ratio = _divide(_average([coefficient.quantity for _, coefficient in corners]), middle)
-        corner_falloff = Quantity(
-            value=1.0 - ratio.value, standard_uncertainty=ratio.standard_uncertainty, unit="1"
-        )
+        corner_falloff = Quantity(1.0 - ratio.value, ratio.standard_uncertainty, "1")
         dof = _find_dof(centre, corners)
     return FalloffTable(
         kind=positions[0].kind,
@@ -257,17 +255,16 @@ def _find_dof(*groups: Sequence[tuple[PositionFit, Coefficient]]) -> float:
 def _average(quantities: Sequence[Quantity]) -> Quantity:
     count = len(quantities)
     return Quantity(
-        value=math.fsum(each.value for each in quantities) / count,
-        standard_uncertainty=math.sqrt(math.fsum(each.standard_uncertainty**2 for each in quantities))
-        / count,
-        unit=quantities[0].unit,
+        math.fsum(each.value for each in quantities) / count,
+        math.sqrt(math.fsum(each.standard_uncertainty**2 for each in quantities)) / count,
+        quantities[0].unit,
     )
 
 
 def _divide(upper: Quantity, lower: Quantity) -> Quantity:
     ratio = upper.value / lower.value
     u_rel = math.hypot(upper.standard_uncertainty / upper.value, lower.standard_uncertainty / lower.value)
-    return Quantity(value=ratio, standard_uncertainty=ratio * u_rel, unit="1")
+    return Quantity(ratio, ratio * u_rel, "1")
 
 
 LATERAL_COLOUR: Final = "lateral_colour_px"
@@ -339,10 +336,8 @@ def _compare_colours(
         f_number=f_number,
         radius_px=radius,
         radius_rel=radius / float(np.hypot(*half)),
-        shift=Quantity(value=value, standard_uncertainty=u, unit="px"),
-        radial=None
-        if near or cosine < _LEAST_COSINE
-        else Quantity(value=value / cosine, standard_uncertainty=u / cosine, unit="px"),
+        shift=Quantity(value, u, "px"),
+        radial=None if near or cosine < _LEAST_COSINE else Quantity(value / cosine, u / cosine, "px"),
         frames=len(pairs),
         effective_dof=min(freedom, evidence.MOST_DOF),
     )

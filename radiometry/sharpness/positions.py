@@ -255,7 +255,7 @@ def _coefficient(
     if not present or len(present) < len(estimates):
         return []
     value, u, repeatability, freedom = merge_estimates(present, dof=dof)
-    quantity = Quantity(value=value, standard_uncertainty=u, unit=unit)
+    quantity = Quantity(value, u, unit)
     dof = min(freedom, MOST_DOF)
     return [Coefficient(name=name, quantity=quantity, repeatability=repeatability, effective_dof=dof)]
 
@@ -282,7 +282,7 @@ def _merge_stars(stars: Sequence[StarResponse], params: Params) -> list[Coeffici
     for power in found:
         across_px = unresolved_diameter(power.quantity.value, cycles=stars[0].cycles)
         u = across_px * power.quantity.standard_uncertainty / power.quantity.value
-        quantity = Quantity(value=across_px, standard_uncertainty=u, unit="px")
+        quantity = Quantity(across_px, u, "px")
         diameter.append(replace(power, name="unresolved_diameter_px", quantity=quantity, repeatability=None))
     return [*found, *diameter, *_coefficient(MTF50, _CYCLES_PER_PIXEL, halves)]
 
@@ -313,9 +313,7 @@ def _scale(coefficient: Coefficient, name: str, unit: str, factor: float) -> Coe
     return replace(
         coefficient,
         name=name,
-        quantity=Quantity(
-            value=old.value * factor, standard_uncertainty=old.standard_uncertainty * factor, unit=unit
-        ),
+        quantity=Quantity(old.value * factor, old.standard_uncertainty * factor, unit),
         repeatability=None if scatter is None else scatter * factor,
     )
 

@@ -1,7 +1,6 @@
 """A region's linear signal, channel by channel, each on its own lattice of the sensor."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,8 +46,7 @@ class Plane(Record):
         return self.first_px[:, None] + self.pitch_px * np.arange(self.values.shape[1])
 
 
-@dataclass(frozen=True)
-class _Site:
+class _Site(Record, kw_only=False):
     """Samples of one CFA site or colour plane."""
 
     values: Matrix

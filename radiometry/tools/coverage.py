@@ -1,7 +1,6 @@
 """Ground coverage of a camera above level ground: near and far edge, sampling distance, footprint."""
 
 import math
-from dataclasses import dataclass
 
 from radiometry.records import Record, about
 
@@ -64,8 +63,7 @@ class Coverage(Record):
     horizon_in_view: bool = about("True if the upper edge looks above the ground.")
 
 
-@dataclass(frozen=True)
-class _Row:
+class _Row(Record, kw_only=False):
     """One image row on the ground: its position, and metres on the ground per millimetre of sensor."""
 
     ahead_m: float

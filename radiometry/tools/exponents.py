@@ -105,11 +105,7 @@ def fit_exponents(rows: Sequence[SeriesRow], *, dark_dn: float, white_level_dn: 
     covariance = variance * np.linalg.inv(design.T @ design)
     return ExponentFit(
         exponents={
-            name: Quantity(
-                value=float(theta[index]),
-                standard_uncertainty=math.sqrt(float(covariance[index, index])),
-                unit="1",
-            )
+            name: Quantity(float(theta[index]), math.sqrt(float(covariance[index, index])), "1")
             for index, name in enumerate(varied, start=1)
         },
         used=len(kept),

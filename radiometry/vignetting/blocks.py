@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -163,8 +162,7 @@ class Features(Record):
 FrameRow = FrameEvidence[Features]
 
 
-@dataclass(frozen=True)
-class _Channel:
+class _Channel(Record, kw_only=False):
     """Pixels of a channel: the plane of the picture, the index of its levels, the site."""
 
     name: str

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import MOST_DOF
 from radiometry.frame.packing import pack
+from radiometry.records import Record
 from radiometry.vignetting import codes, falloff
 from radiometry.vignetting.blocks import Grid
 from radiometry.vignetting.falloff import Blocks, Matrix, Solution
@@ -138,8 +139,7 @@ _SEEN_GRADIENT = 0.005
 CENTRE_DRIFT_U = 0.02  # By so much the centre differs from one f-number to the next, in half diagonals
 
 
-@dataclass(frozen=True)
-class FittedChannel:
+class FittedChannel(Record, kw_only=False):
     """One f-number and channel: the stored result, and the fits on which it rests."""
 
     fit: ChannelFit

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import scipy
@@ -127,8 +126,7 @@ class DarkError(Record):
 KNOWN = DarkError()
 
 
-@dataclass(frozen=True)
-class Blocks:
+class Blocks(Record, kw_only=False):
     """Light of one channel over the blocks of a grid, (row, col)."""
 
     grid: Grid  # Grid of blocks
@@ -145,8 +143,7 @@ class Blocks:
         return (self.rows.means - middle[0])[:, None] / radius, (self.cols.means - middle[1])[None] / radius
 
 
-@dataclass(frozen=True)
-class Prior:
+class Prior(Record, kw_only=False):
     """Knowledge of centre and plane of light before a fit."""
 
     # Centre from the frame's middle [R], and gradient of the light per half diagonal; (4,), row first
@@ -166,8 +163,7 @@ USUAL = UNKNOWN.replace(CENTRE, np.zeros(2), CENTRE_U**2 * np.eye(2))
 EVEN = USUAL.replace(LIGHT, np.zeros(2), 1e-12 * np.eye(2))  # Of light without a plane; for comparison only
 
 
-@dataclass(frozen=True)
-class Solution:
+class Solution(Record, kw_only=False):
     """Fitted falloff."""
 
     # A, k1, k2, k3, centre from the frame's middle [R], gradient of the light per half diagonal

@@ -301,15 +301,11 @@ def _list_quantities(coefficient: Coefficient) -> dict[str, evidence.Quantity]:
         "centre_col_px": (coefficient.centre_col_px, "px"),
     }
     quantities = {
-        name: evidence.Quantity(
-            value=value, standard_uncertainty=coefficient.covariance[index][index] ** 0.5, unit=unit
-        )
+        name: evidence.Quantity(value, coefficient.covariance[index][index] ** 0.5, unit)
         for index, (name, (value, unit)) in enumerate(values.items())
     }
     quantities["corner_falloff"] = evidence.Quantity(
-        value=coefficient.corner_falloff,
-        standard_uncertainty=coefficient.corner_falloff_standard_uncertainty,
-        unit="1",
+        coefficient.corner_falloff, coefficient.corner_falloff_standard_uncertainty, "1"
     )
     return quantities
 

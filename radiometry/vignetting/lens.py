@@ -4,7 +4,6 @@ import itertools
 import json
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -25,8 +24,7 @@ GREENS = ("G1", "G2")
 BAND_ROWS = 256
 
 
-@dataclass(frozen=True)
-class Share:
+class Share(Record, kw_only=False):
     """V at some places and its standard uncertainty, arrays of one shape; a signal over V is corrected."""
 
     share: Matrix  # V at each place
@@ -156,7 +154,7 @@ class LensShare(Record):
 
     @property
     def quantity(self) -> Quantity:
-        return Quantity(value=self.value, standard_uncertainty=self.standard_uncertainty, unit="1")
+        return Quantity(self.value, self.standard_uncertainty, "1")
 
 
 class Lens(Record):

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from radiometry.findings import Reason
 from radiometry.frame.packing import unpack
 from radiometry.frame.verdicts import inspect_black
+from radiometry.records import Record
 from radiometry.vignetting.blocks import ChannelBlocks, Features, FrameRow, Plane
 from radiometry.vignetting.falloff import Blocks, DarkError
 from radiometry.vignetting.results import DARK
@@ -105,8 +106,7 @@ MOST_CLIPPED_SHARE = 0.001
 _ROUNDING_VARIANCE = 1.0 / 12.0
 
 
-@dataclass(frozen=True)
-class ChannelLight:
+class ChannelLight(Record, kw_only=False):
     """One channel of a flat frame."""
 
     channel: str
@@ -121,8 +121,7 @@ class ChannelLight:
         return float(np.median(light)) / self.span_dn if light.size else 0.0
 
 
-@dataclass(frozen=True)
-class FlatLight:
+class FlatLight(Record, kw_only=False):
     """Flat frame less dark."""
 
     frame: str

@@ -3,7 +3,6 @@
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import scipy
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from radiometry.drawing.text import name_few
 from radiometry.findings import Finding, InputRejected, Raised, shared
+from radiometry.records import Record
 from radiometry.vignetting import codes
 from radiometry.vignetting.blocks import FrameRow, Plane
 from radiometry.vignetting.falloff import CENTRE, Blocks, Solution, solve_falloff
@@ -43,8 +43,7 @@ _RADIAL_DEGREE = 6
 _MOST_NAMED = 3
 
 
-@dataclass(frozen=True)
-class Quality:
+class Quality(Record, kw_only=False):
     """Result of the inspection of a flat frame."""
 
     left_out: str  # "" for one that can be used, else what to do
@@ -227,8 +226,7 @@ def describe_spots(spots: tuple[Spot, ...]) -> str:
     return f"Blocks that stand apart: {len(spots)}; {places}."
 
 
-@dataclass(frozen=True)
-class Candidate:
+class Candidate(Record, kw_only=False):
     """Flat frame that may be used."""
 
     row: FrameRow  # Evidence of the frame

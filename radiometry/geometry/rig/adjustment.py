@@ -3,7 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime, timedelta
 from typing import Final
 
@@ -134,14 +134,8 @@ def describe_pose(
     values, u = _compute(pose), np.sqrt(np.diag(spread))
     unit = np.array([1.0] * 3 + [1.0 / MM_PER_M] * 3)
     matrix = np.asarray(cv2.Rodrigues(pose[:3])[0], np.float64)
-    angles = [
-        Quantity(value=math.degrees(values[place]), standard_uncertainty=math.degrees(u[place]), unit="deg")
-        for place in range(3)
-    ]
-    places = [
-        Quantity(value=values[place] / MM_PER_M, standard_uncertainty=u[place] / MM_PER_M, unit="m")
-        for place in range(3, 6)
-    ]
+    angles = [Quantity(math.degrees(values[place]), math.degrees(u[place]), "deg") for place in range(3)]
+    places = [Quantity(values[place] / MM_PER_M, u[place] / MM_PER_M, "m") for place in range(3, 6)]
     axis_u = math.sqrt(float(np.linalg.eigvalsh(spread[6:, 6:])[-1]))
     stated = dict(zip(("yaw", "pitch", "roll", "x", "y", "z"), map(float, dofs[:6]), strict=True))
     boresight = math.atan2(math.hypot(matrix[2, 0], matrix[2, 1]), matrix[2, 2])
@@ -160,9 +154,7 @@ def describe_pose(
         yaw=angles[0],
         pitch=angles[1],
         roll=angles[2],
-        boresight=Quantity(
-            value=math.degrees(boresight), standard_uncertainty=math.degrees(axis_u), unit="deg"
-        ),
+        boresight=Quantity(math.degrees(boresight), math.degrees(axis_u), "deg"),
         x=places[0],
         y=places[1],
         z=places[2],
@@ -180,8 +172,7 @@ def _compute(pose: Matrix) -> Matrix:
 WITHIN_S: Final = 1.0  # EXIF times are whole seconds
 
 
-@dataclass(frozen=True)
-class BoardPicture:
+class BoardPicture(Record, kw_only=False):
     """Picture of a board by one camera of a rig."""
 
     frame: str
@@ -192,8 +183,7 @@ class BoardPicture:
     view: View  # Corners
 
 
-@dataclass(frozen=True)
-class Trigger:
+class Trigger(Record, kw_only=False):
     """Pictures that were taken together, one per camera."""
 
     name: str
@@ -342,8 +332,7 @@ POSE: Final = 6
 CAMERA: Final = len(PARAMETERS)
 
 
-@dataclass(frozen=True)
-class RigCamera:
+class RigCamera(Record, kw_only=False):
     """Calibrated camera of a rig."""
 
     serial: str

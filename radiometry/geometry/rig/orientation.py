@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -15,6 +15,7 @@ from radiometry.geometry.camera import Minimum, project, reduce
 from radiometry.geometry.rig import adjustment
 from radiometry.geometry.rig.adjustment import BoardPicture, Matrix, RigCamera, RigFit, RigPoint, Trigger
 from radiometry.geometry.views import make_view
+from radiometry.records import Record
 from radiometry.specification.exports import RigMember
 
 _POSE: Final = 6
@@ -22,8 +23,7 @@ _POSE: Final = 6
 _CLEAR_RATIO: Final = 4.0
 
 
-@dataclass(frozen=True)
-class Scatter:
+class Scatter(Record, kw_only=False):
     """Scale of the corners' noise, and scatter of a pose from trigger to trigger, per axis.
 
     ``significant`` : steps of triggers are more than four times as large as independent corners make them
