@@ -80,43 +80,13 @@ def project(
     rotation: NDArray[np.float64],
     shift: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Compute where points of a board appear.
-
-    Parameters
-    ----------
-    camera : CameraModel
-        Camera model.
-    points_mm : ndarray of float64
-        Points on the board [mm], (point, 3).
-    rotation : ndarray of float64
-        Rodrigues vector, (3,).
-    shift : ndarray of float64
-        Shift [mm], (3,).
-
-    Returns
-    -------
-    ndarray of float64
-        Places in the picture [px], (point, 2), row before col.
-    """
+    """Compute where points of a board [mm] appear: (point, 2) [px], row before col."""
     seen, _ = cv2.projectPoints(points_mm, rotation, shift, camera.matrix, camera.distortion)
     return np.asarray(seen, np.float64).reshape(-1, 2)[:, ::-1]
 
 
 def find_directions(camera: CameraModel, places_px: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Compute the directions that places in the picture see.
-
-    Parameters
-    ----------
-    camera : CameraModel
-        Camera model.
-    places_px : ndarray of float64
-        Places [px], (place, 2), row before col.
-
-    Returns
-    -------
-    ndarray of float64
-        Directions, (place, 2), x and y at unit distance.
-    """
+    """Compute the directions (x, y), at unit distance, that places (row, col) in the picture see."""
     seen = np.ascontiguousarray(places_px[:, ::-1]).reshape(-1, 1, 2)
     stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-12)
     ideal = cv2.undistortPoints(seen, camera.matrix, camera.distortion, criteria=stop)

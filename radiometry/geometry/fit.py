@@ -321,10 +321,6 @@ def fit_geometry(rows: Sequence[FrameRow], params: Params) -> Fit:
 
     The same input in any order gives the same result to the last bit. All numbers are finite; what does not
     exist is None.
-
-    Flags of the whole fit: coverage_poor, tilt_poor, few_views, corner_window_wide, reprojection_large,
-    pixels_not_square, distortion_folds, rendered. Flags per frame: view_outlier, view_mirrored,
-    mirror_not_excluded.
     """
     require_complete(missing(rows, params))
     candidates = collect_candidates(rows, params)

@@ -96,13 +96,7 @@ def _find_dictionary(name: str) -> "cv2.aruco.Dictionary":
 
 
 def make_charuco_board(target: Target) -> "cv2.aruco.CharucoBoard":
-    """Return OpenCV's form of a ChArUco board, in millimetres.
-
-    Parameters
-    ----------
-    target : Target
-        ChArUco board.
-    """
+    """Return OpenCV's form of a ChArUco board, in millimetres."""
     if target.marker_size_mm is None or target.dictionary is None:
         raise ValueError(f"no ChArUco board: {target}")
     board = cv2.aruco.CharucoBoard(
@@ -116,22 +110,8 @@ def make_charuco_board(target: Target) -> "cv2.aruco.CharucoBoard":
 
 
 def locate_corners_mm(target: Target, indices: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Compute where corners lie on the board.
+    """Compute where corners lie on the board [mm], (corner, 3): x along its rows, y down its columns, z = 0.
 
-    Parameters
-    ----------
-    target : Target
-        Board.
-    indices : ndarray of int64
-        Indices of the corners.
-
-    Returns
-    -------
-    ndarray of float64
-        Places [mm], (corner, 3), x along its rows, y down its columns, z = 0.
-
-    Notes
-    -----
     Corner i is in row i // corner_columns and column i % corner_columns; the first lies at the origin.
     Where the origin lies enters no parameter of the camera: it moves with the pose.
     """

@@ -19,11 +19,6 @@ SMALL_SHARE: Final = 0.05
 
 
 def judge_frames(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow]) -> dict[str, Verdict]:
-    """Return the verdict on each frame of a campaign.
-
-    Reasons, in addition to those of any frame: board_not_found (fail), board_blurred and board_small
-    (warn).
-    """
     reasons = inspect_frames([assume_whole_frame(frame) for frame in frames])
     for row in rows:
         if row.role == CHART and row.features is not None and row.frame in reasons:

@@ -242,11 +242,6 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
 
     The same input in any order gives the same result to the last bit. All numbers are finite; what does not
     exist is None.
-
-    Flags per ISO value and channel: pair_light_drift, dark_exposure_differs, dark_not_dark, dark_clipped,
-    no_photon_transfer, linearity_error_large, prnu_large, few_points, scatter_exceeds_uncertainty,
-    full_well_not_reached, read_noise_below_rounding, pattern_not_resolved, dark_current_compensated. Flag
-    of the whole fit: rendered.
     """
     require_complete(missing(rows, params))
     by_channel = collect_stacks(rows, params)

@@ -50,32 +50,9 @@ class FrameSize(Record):
 
 
 def evaluate_polynomial(lens: VignettingPolynomial, window: Window, *, size: FrameSize) -> Plane:
-    """Compute V(x/W, y/H) = sum c_n (x/W)^i_n (y/H)^j_n in a window.
+    """Compute V(x/W, y/H) = sum c_n (x/W)^i_n (y/H)^j_n in a window of a frame of W x H pixels.
 
-    Parameters
-    ----------
-    lens : VignettingPolynomial
-        Polynomial of the lens.
-    window : Window
-        Window of the frame.
-    size : FrameSize
-        Size of the whole frame.
-
-    Returns
-    -------
-    Plane
-        Relative illumination V, (row, col).
-
-    Raises
-    ------
-    InputRejected
-        `sensor_model_unusable` if V leaves 5 % to 200 %, so that it is not a lens's
-        polynomial.
-
-    Notes
-    -----
-    x is a pixel's column and y its row, counted from 0; W and H are the whole
-    frame's.
+    x is a pixel's column and y its row, counted from 0. What leaves 5 % to 200 % is not a lens's polynomial.
     """
     return _require_lens(_evaluate(lens, *_pixels(window), size=size))
 

@@ -125,20 +125,9 @@ def _enter(angle: float, index: float) -> float:
 
 
 def sun_angle_deg(sun: SunPosition, *, yaw_deg: float, pitch_deg: float, roll_deg: float) -> float:
-    """Compute the angle between a sensor's upward normal and the sun.
+    """Compute the angle between a sensor's upward normal and the sun [deg].
 
-    Parameters
-    ----------
-    sun : SunPosition
-        Position of the sun.
-    yaw_deg, pitch_deg, roll_deg : float
-        Attitude [deg]. It rotates the body (x forward, y right, z down) from
-        north-east-down: yaw, then pitch, then roll.
-
-    Returns
-    -------
-    float
-        Angle [deg].
+    The attitude rotates the body (x forward, y right, z down) from north-east-down: yaw, pitch, then roll.
     """
     yaw, pitch, roll = (math.radians(angle) for angle in (yaw_deg, pitch_deg, roll_deg))
     normal = (
@@ -159,32 +148,17 @@ def sun_angle_deg(sun: SunPosition, *, yaw_deg: float, pitch_deg: float, roll_de
 def level_factor(angle_deg: float, tilt: Tilt) -> float:
     """Compute the factor that converts a reading to the irradiance on a level surface.
 
-    Parameters
-    ----------
-    angle_deg : float
-        Angle between the sensor's normal and the sun [deg].
-    tilt : Tilt
-        Position of the sun, and assumptions.
-
-    Notes
-    -----
-    A reading is direct light times cosine times T plus diffuse light, which has no
-    direction here [1]_::
+    A reading is direct light times cosine times T plus diffuse light, which has no direction here [1]::
 
         reading = H ((1 - d) cos(a) T(a) / cos(z) + d)
 
-    H is the horizontal irradiance, d its diffuse fraction (d/(1 - d) = 1/5 as in
-    MicaSense's light sensor notes), a the angle to the sun, z the zenith angle. What
-    the diffuser loses of diffuse light is a constant, which K contains.
+    H is the horizontal irradiance, d its diffuse fraction (d/(1 - d) = 1/5 as in MicaSense's light sensor
+    notes), a the angle to the sun, z the zenith angle. What the diffuser loses of diffuse light is a
+    constant, which K contains. Limits: d is an assumption; part of the sky and the ground that a tilted
+    sensor sees is left out; the yaw comes from a compass beside motors. At a sun of 45 degrees each degree
+    of tilt towards it is 1.5 %.
 
-    Limits: the fraction d is an assumption; part of the sky and the ground that a
-    tilted sensor sees is left out; the attitude's yaw comes from a compass beside
-    motors. At a sun of 45 degrees each degree of tilt towards it is 1.5 %.
-
-    References
-    ----------
-    .. [1] J. A. Duffie, W. A. Beckman, Solar Engineering of Thermal Processes,
-           section 2.15 (isotropic sky)
+    [1] J. A. Duffie, W. A. Beckman, Solar Engineering of Thermal Processes, 2.15 (isotropic sky)
     """
     zenith_deg = 90.0 - tilt.sun.elevation_deg
     return 1.0 / _respond(angle_deg, zenith_deg, tilt.params, tilt.params.diffuse_share)

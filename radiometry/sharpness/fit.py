@@ -434,10 +434,6 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     """Merge the frames of every position, and compare the positions.
 
     The same input in any order gives the same result to the last bit.
-
-    Flags per position: lateral_colour_large, sharpness_once, sharpness_repeats_differ,
-    sharpening_suspected, edge_curved, sharpness_beyond_curve. Flag per frame: region_left_out. Flags of the
-    whole fit: rendered, sharpness_centre_missing.
     """
     evidence.require_complete(missing(rows, params))
     candidates = collect_candidates(rows, params)

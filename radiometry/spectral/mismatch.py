@@ -40,13 +40,7 @@ _MUST_COVER_NM = (400.0, 700.0)
 
 
 def list_lamps() -> tuple[str, ...]:
-    """Return the names of the lamps in the library.
-
-    Returns
-    -------
-    tuple of str
-        CIE names, such as "HP1" and "LED-B3".
-    """
+    """Return the CIE names of the lamps in the library, such as "HP1" and "LED-B3"."""
     return tuple(name for name in _read_library("lamps.csv") if name != OBSERVER)
 
 
@@ -73,57 +67,19 @@ def find_response(make: str, model: str) -> str | None:
 
 
 def read_observer() -> Vector:
-    """Return V, the luminous efficiency of the CIE 1924 photopic observer.
-
-    Returns
-    -------
-    ndarray of float64
-        Value at each wavelength of the grid: 380 to 780 nm, every 5 nm.
-    """
+    """Return V of the CIE 1924 photopic observer at 380 to 780 nm, every 5 nm."""
     return _read_library("lamps.csv")[OBSERVER]
 
 
 def read_lamp(text: str) -> Vector:
-    """Return the relative spectrum of a lamp.
-
-    Parameters
-    ----------
-    text : str
-        Name of the library, or a table with the columns wavelength [nm] and value.
-
-    Returns
-    -------
-    ndarray of float64
-        Value at each wavelength of the grid.
-
-    Raises
-    ------
-    InputRejected
-        `spectrum_invalid`.
-    """
+    """Return the relative spectrum of a lamp of the library, or of a table of wavelength [nm] and value."""
     if is_table(text):
         return _parse(text, 1)[:, 0]
     return _read_library("lamps.csv")[name_curve(text, list_lamps())]
 
 
 def read_response(text: str) -> Matrix:
-    """Return the relative spectral response of a camera.
-
-    Parameters
-    ----------
-    text : str
-        Name of the library, or a table with the columns wavelength [nm], R, G and B.
-
-    Returns
-    -------
-    ndarray of float64
-        Values at each wavelength of the grid, columns R, G and B.
-
-    Raises
-    ------
-    InputRejected
-        `spectrum_invalid`.
-    """
+    """Return a camera's response, columns R, G, B: of the library, or of a table that opens with the [nm]."""
     if is_table(text):
         return _parse(text, len(CHANNELS))
     name, table = name_curve(text, list_responses()), _read_library("responses.csv")

@@ -18,20 +18,7 @@ _RADII = 512
 
 
 def evaluate_curve(squared: Matrix, k: Sequence[float]) -> Matrix:
-    """Compute V where r^2 is known.
-
-    Parameters
-    ----------
-    squared : ndarray of float64
-        Values of r^2.
-    k : sequence of float
-        Coefficients k1, k2, k3.
-
-    Returns
-    -------
-    ndarray of float64
-        V, in the shape of `squared`.
-    """
+    """Compute V where r^2 is known, from k1, k2 and k3."""
     k1, k2, k3 = k
     return np.asarray(1.0 + squared * (k1 + squared * (k2 + squared * k3)))
 
@@ -60,20 +47,7 @@ def list_corners(height_px: int, width_px: int) -> list[tuple[float, float]]:
 def find_farthest_corner(
     height_px: int, width_px: int, *, centre_px: tuple[float, float]
 ) -> tuple[float, float]:
-    """Return the corner that is farthest from the centre; of equally far ones the first by row, then column.
-
-    Parameters
-    ----------
-    height_px, width_px : int
-        Size of the frame [px].
-    centre_px : tuple of float
-        Row and column of the centre [px].
-
-    Returns
-    -------
-    tuple of float
-        Row and column of the corner [px].
-    """
+    """Return the corner (row, col) farthest from the centre; of equally far ones the first."""
     return max(list_corners(height_px, width_px), key=lambda corner: math.dist(corner, centre_px))
 
 

@@ -214,11 +214,6 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
 
     The same input in any order gives the same result to the last bit. All numbers are finite; what does not
     exist is None.
-
-    Flags per frame: flat_left_out, weak_flat, dust. Flags per ISO value: dark_from_black_level,
-    dark_exposure_differs, dark_not_dark. Flags per f-number and channel: uneven_light, centre_uncertain,
-    light_not_turned, falloff_not_monotonic, falloff_grows, vignetting_misfit. Flag of the whole fit:
-    rendered.
     """
     evidence.require_complete(points.missing(rows, params))
     candidates = points.collect_candidates(rows, params)

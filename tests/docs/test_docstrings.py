@@ -11,8 +11,8 @@ ROOT = Path(__file__).parents[2]
 SCIENCE = ROOT / "radiometry"
 # what presents the science is no part of it: one line is enough there
 PRESENTING = ("checklist.py", "drawing", "findings", "methods", "specification")
-OTHERS = ("simulation", "store", "worker", "service", "verify", "demo")
-ROOMS = ("radiometry", "stilb", "bench", *OTHERS)
+CALLERS = ("store", "worker", "service")
+ROOMS = ("radiometry", "stilb", "bench", "simulation", "verify", "demo", *CALLERS)
 OPENINGS = frozenset(("Give", "Gives", "Say", "Tell", "Hold", "Holds", "Let", "Look", "Looks"))
 OPENINGS |= {"What", "Who", "Of", "Whether", "From"}
 INLINE = ("Takes", "Source:")
@@ -76,7 +76,7 @@ def find_faults(path: Path, source: str) -> Iterator[str]:
 
 
 def _find_section_faults(path: Path, tree: ast.Module) -> Iterator[str]:
-    """Sections are for the functions that other rooms import, and only there."""
+    """Sections are for the functions that the product's other rooms import, and only there."""
     presents = path.relative_to(SCIENCE).parts[0] in PRESENTING
     public = set() if presents else _list_imported().get(path, set())
     shown = {each for each in tree.body if isinstance(each, ast.FunctionDef) and each.name in public}
@@ -94,9 +94,9 @@ def _find_section_faults(path: Path, tree: ast.Module) -> Iterator[str]:
 
 @cache
 def _list_imported() -> dict[Path, set[str]]:
-    """Return the names that other rooms import from each module of the science."""
+    """Return the names that the product's other rooms import from each module of the science."""
     imported: dict[Path, set[str]] = {}
-    for path in (path for room in OTHERS for path in (ROOT / room).rglob("*.py")):
+    for path in (path for room in CALLERS for path in (ROOT / room).rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("radiometry"):
                 module = ROOT / node.module.replace(".", "/")

@@ -102,26 +102,13 @@ _STEPS: Final = np.array([1e-6] * 3 + [1e-3] * 3)
 def describe_pose(
     serial: str, pose: Matrix, parts: Sequence[tuple[Matrix, float]], *, triggers: int
 ) -> RelativePose:
-    """Return a camera's orientation with its angles.
+    """Return a camera's orientation with its angles, from its Rodrigues vector [rad] and translation [mm].
 
-    Parameters
-    ----------
-    serial : str
-        Serial number of the camera.
-    pose : ndarray of float64
-        Rodrigues vector [rad] and translation [mm], (6,).
-    parts : sequence of tuple of (ndarray of float64, float)
-        Covariances of independent causes, (6, 6), and their degrees of freedom; the last is of the cameras'
-        own uncertainties.
-    triggers : int
-        Number of triggers that were used.
-
-    Notes
-    -----
-    The camera's axes in the reference's frame are the columns of R' = Ry(yaw) Rx(pitch) Rz(roll): yaw turns
-    to the right, pitch upwards, roll clockwise. The uncertainty of the angle between the optical axes is
-    that of the axis in its least certain direction. Effective degrees of freedom are Welch and
-    Satterthwaite's (JCGM 100, G.4.1).
+    Covariances are of independent causes, each with its degrees of freedom; the last is of the cameras' own
+    uncertainties. The camera's axes in the reference's frame are the columns of R' = Ry(yaw) Rx(pitch)
+    Rz(roll): yaw turns to the right, pitch upwards, roll clockwise. The uncertainty of the angle between the
+    optical axes is that of the axis in its least certain direction. Effective degrees of freedom are Welch
+    and Satterthwaite's (JCGM 100, G.4.1).
     """
     covariance = np.sum([part for part, _ in parts], axis=0)
     slopes = np.column_stack(
