@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self
 from urllib.parse import quote
 
-from pydantic import Field, SecretStr, ValidationError, model_validator
-from pydantic_settings import BaseSettings, SettingsConfigDict
+from pydantic import BaseModel, ConfigDict, Field, SecretStr, ValidationError, model_validator
 
 from store.pulse import HANG_S
 
@@ -52,13 +51,13 @@ class SettingsWrong(Exception):  # noqa: N818 (it says what was found)
     """One line for each setting that cannot be used."""
 
 
-class Settings(BaseSettings):
+class Settings(BaseModel):
     """One field a setting: ``STILB_<FIELD>`` in the environment, its meaning in docs/settings.md.
 
     An address left empty stands for the embedded part: SQLite, the bundled Valkey, blobs in a folder.
     """
 
-    model_config = SettingsConfigDict(env_prefix="STILB_", extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True)
 
     data: Path = Path("stilb-data")
     host: str = "127.0.0.1"
@@ -148,11 +147,13 @@ def _read_all() -> Settings:
     given = {
         name.removeprefix(_PREFIX): value for name, value in os.environ.items() if name.startswith(_PREFIX)
     }
-    read: dict[str, Any] = {
-        field: _read(field.upper(), path, given)
-        for field in Settings.model_fields
-        if (path := given.get(f"{field.upper()}{_IN_FILE}"))
-    }
+    read: dict[str, Any] = {}
+    for field in Settings.model_fields:
+        name = field.upper()
+        if path := given.get(f"{name}{_IN_FILE}"):
+            read[field] = _read(name, path, given)
+        elif name in given:
+            read[field] = given[name]
     try:
         return Settings(**read)
     except ValidationError as error:

@@ -56,6 +56,7 @@ class Consumer(CeleryConsumer):  # type: ignore[misc]
 
         def look() -> None:
             nonlocal before
+            tend()
             qos = self.task_consumer.channel.qos
             known = {request.message.delivery_tag for request in tuple(state.reserved_requests)}
             orphans = set(qos._delivered) - set(qos._dirty) - known  # noqa: SLF001  nothing public tells

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from billiard.util import get_pdeathsig
-from celery import Task, bootsteps, signals
+from celery import Task, signals
 from celery.exceptions import Retry
 from sqlalchemy.exc import SQLAlchemyError
 
@@ -32,7 +32,6 @@ from worker.upkeep import Upkeep, look
 log = logging.getLogger("stilb.worker")
 
 NO_DECODER_EXIT = 71
-_TEND_EVERY_S = 1.0
 _FAREWELL_S = 3.0
 
 decoders = DecoderPool()
@@ -75,18 +74,6 @@ def tend() -> None:
     """Show that the parent's loop turns, and start the decoders' zygote again if it has died."""
     _pulse.beat()
     decoders.look_after()
-
-
-class Tending(bootsteps.StartStopStep):  # type: ignore[misc]
-    """Tends as long as the worker runs, also between two connections."""
-
-    requires = ("celery.worker.components:Timer",)
-
-    def start(self, worker: Any) -> None:  # noqa: ANN401  Celery's
-        worker.timer.call_repeatedly(_TEND_EVERY_S, tend)
-
-
-app.steps["worker"].add(Tending)
 
 
 def start_decoders(pool: DecoderPool, *, require: bool) -> dict[str, Any]:

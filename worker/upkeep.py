@@ -133,7 +133,10 @@ log = logging.getLogger(__name__)
 
 
 class Upkeep:
-    """A look every ``STILB_SWEEP_INTERVAL_S`` for what no message brings about; most find nothing."""
+    """A look every ``STILB_SWEEP_INTERVAL_S`` for what no message brings about; most find nothing.
+
+    The process that leads looks so often, the others a third as often.
+    """
 
     def __init__(self, context: Context, presence: Presence, *, lead: Callable[[], None]) -> None:
         """``lead`` begins, once, what one process of all workers is enough for."""
@@ -155,7 +158,9 @@ class Upkeep:
         self._ended.set()
 
     def _keep(self) -> None:
-        while not self._ended.wait(self._context.settings.sweep_interval_s):
+        settings = self._context.settings
+        pause_s = often_s = settings.sweep_interval_s
+        while not self._ended.wait(pause_s):
             try:
                 self.do_turn()
             except SchemaDiffers as error:
@@ -164,6 +169,7 @@ class Upkeep:
                 return
             except Exception:
                 log.exception("upkeep")
+            pause_s = often_s if self._leads else min(3 * often_s, max(often_s, settings.lease_s / 4))
 
     def do_turn(self) -> None:
         try:

@@ -1,7 +1,6 @@
 """The launcher's course: claim, check, start, tell, look after, stop."""
 
 import errno
-import http.client
 import os
 import socket
 import subprocess
@@ -107,9 +106,7 @@ def _run(settings: Settings, roster: Roster, signals: Signals, stack: ExitStack)
     if roster.serves:
         _wait("the service", lambda: _is_ready(settings.host, port), supervisor, signals)
     if roster.serves and not signals.stops:
-        host = _reachable(settings.host)
-        address = f"[{host}]" if ":" in host else host
-        print(f"ready http://{address}:{port} key {key}", flush=True)  # noqa: T201 (a contract with scripts)
+        print(f"ready http://{_name_address(settings.host, port)} key {key}", flush=True)  # noqa: T201 (a contract with scripts)
     while not signals.stops:
         signals.wait(supervisor.look_after())
     return Exit.STOPPED
@@ -147,14 +144,19 @@ def _wait(what: str, condition: Callable[[], bool], supervisor: Supervisor, sign
 
 
 def _is_ready(host: str, port: int) -> bool:
-    connection = http.client.HTTPConnection(_reachable(host), port, timeout=2.0)
+    # no library: this process outlives its question, and shall be small
+    asked = f"GET /readyz HTTP/1.1\r\nHost: {_name_address(host, port)}\r\nConnection: close\r\n\r\n"
     try:
-        connection.request("GET", "/readyz")
-        return connection.getresponse().status == http.client.OK
-    except (OSError, http.client.HTTPException):
+        with socket.create_connection((_reachable(host), port), timeout=2.0) as connection:
+            connection.sendall(asked.encode())
+            return connection.recv(64).startswith(b"HTTP/1.1 200 ")
+    except OSError:
         return False
-    finally:
-        connection.close()
+
+
+def _name_address(host: str, port: int) -> str:
+    found = _reachable(host)
+    return f"[{found}]:{port}" if ":" in found else f"{found}:{port}"
 
 
 def _reachable(host: str) -> str:

@@ -9,8 +9,6 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import Boolean, ColumnElement, Select, Text, bindparam, case, cast, select
-from sqlalchemy.dialects.postgresql.psycopg import PGDialect_psycopg
-from sqlalchemy.dialects.sqlite.pysqlite import SQLiteDialect_pysqlite
 from sqlalchemy.exc import OperationalError
 from sqlalchemy.orm import Session, aliased
 
@@ -61,9 +59,8 @@ class Lookups:
         self._database = database
         self._used_within = used_within
         self._line: asyncio.Task[Line] | None = None
-        sqlite = SQLiteDialect_pysqlite(paramstyle="named")
-        postgres = PGDialect_psycopg(paramstyle="numeric_dollar")  # type: ignore[no-untyped-call]
-        dialect = sqlite if database.is_sqlite else postgres
+        kind: Any = type(database.engine.dialect)
+        dialect = kind(paramstyle="named" if database.is_sqlite else "numeric_dollar")
         compiled = {name: _with_key(now=name == _NOW).compile(dialect=dialect) for name in (_NOW, _THEN)}
         self._statements = {name: each.string for name, each in compiled.items()}
         self._constants = {name: dict(each.params) for name, each in compiled.items()}
