@@ -64,9 +64,13 @@ class Finding(str):  # noqa: SLOT000  the decorator makes them
         found: Outcome = outcome or ("fail" if self.severity == "error" else self.severity)
         return Reason(code=self, outcome=found, detail=detail)
 
+    def reject(self, message: str) -> "InputRejected":
+        """Return the refusal in these words alone; the caller raises it."""
+        return InputRejected(self, message)
+
     def refuse(self, what_is_wrong: str) -> "InputRejected":
         """Return the refusal with the remedy; the caller raises it."""
-        return InputRejected(self, f"{what_is_wrong} {self.remedy}")
+        return self.reject(f"{what_is_wrong} {self.remedy}")
 
 
 def flag(sentence: str, remedy: str, where: Place = "calibration", *more: Place) -> Finding:

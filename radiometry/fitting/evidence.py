@@ -4,7 +4,7 @@ from collections.abc import Collection, Sequence
 from typing import Generic, TypeVar
 
 from radiometry.drawing.text import name_few
-from radiometry.findings import InputRejected, shared
+from radiometry.findings import shared
 from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon
@@ -61,7 +61,7 @@ class Exclusion(Record):
 
 def require_complete(lacking: Sequence[str]) -> None:
     if lacking:
-        raise InputRejected(shared.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
+        raise shared.FIT_INCOMPLETE.reject(f"The fit cannot start: {'; '.join(lacking)}.")
 
 
 def list_unknown_exclusions(exclude: Sequence[Exclusion], frames: Collection[str]) -> list[str]:

@@ -68,9 +68,8 @@ def require_plausible(settings: Settings) -> None:
     for name, (low, high) in PLAUSIBLE.items():
         value = getattr(settings, name)
         if not is_plausible(name, value):
-            raise InputRejected(
-                shared.EXPOSURE_IMPLAUSIBLE,
-                f"{name} = {value:g} is not a setting of a camera: it must lie between {low:g} and {high:g}.",
+            raise shared.EXPOSURE_IMPLAUSIBLE.reject(
+                f"{name} = {value:g} is not a setting of a camera: it must lie between {low:g} and {high:g}."
             )
 
 
@@ -202,10 +201,9 @@ def _refuse_pictures(header: FrameHeader, role: str) -> None:
     """Refuse a JPEG or PNG image wherever light is measured; a chart may be one."""
     picture = _PICTURES.get(header.container)
     if picture is not None and role != "chart":
-        raise InputRejected(
-            files.NOT_A_RAW_FILE,
+        raise files.NOT_A_RAW_FILE.reject(
             f"The file is a {picture} picture, in which the sensor's numbers are lost; only frames of the "
-            f"role chart may be pictures, this one's is {role}. Send the camera's raw file (DNG), or a TIFF.",
+            f"role chart may be pictures, this one's is {role}. Send the camera's raw file (DNG), or a TIFF."
         )
 
 
@@ -217,11 +215,10 @@ def _refuse_other_camera(header: FrameHeader, camera: Camera) -> None:
         ("make", header.make, camera.make),
     ):
         if _plain(stated) and _plain(stated) != _plain(registered):
-            raise InputRejected(
-                shared.WRONG_CAMERA,
+            raise shared.WRONG_CAMERA.reject(
                 f"This file was taken by another camera: its {word} is {_shown(stated)}, the campaign's "
                 f"camera is {camera.make} {camera.model}, serial number {camera.serial}. Upload the file to "
-                "its own campaign, or register the camera with the names that it writes into its files.",
+                "its own campaign, or register the camera with the names that it writes into its files."
             )
 
 
@@ -283,16 +280,14 @@ def _choose(name: str, candidates: list[tuple[float | None, str]]) -> _Value:
     word = _WORDS[name]
     if stated:
         low, high = PLAUSIBLE[name]
-        raise InputRejected(
-            shared.EXPOSURE_IMPLAUSIBLE,
+        raise shared.EXPOSURE_IMPLAUSIBLE.reject(
             f"The {word} of this frame cannot be right: {stated[0].number:g} ({_source(stated[0].origin)}). "
             f"It must lie between {low:g} and {high:g}. Upload the frame again with the {word} from your "
-            f"notes typed in ({name}).",
+            f"notes typed in ({name})."
         )
-    raise InputRejected(
-        shared.EXPOSURE_MISSING,
+    raise shared.EXPOSURE_MISSING.reject(
         f"The file does not say the {word} of this frame (it is missing or zero). Upload it again with the "
-        f"{word} from your notes typed in ({name}), or use the camera's original file.",
+        f"{word} from your notes typed in ({name}), or use the camera's original file."
     )
 
 

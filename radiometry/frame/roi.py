@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings import InputRejected, shared
+from radiometry.findings import shared
 from radiometry.records import Record
 
 MAX_POINTS = 1000
@@ -39,9 +39,7 @@ class Polygon(Record, kw_only=False):
         corners = _finite_points(points)
         area_px = _signed_area_px(np.array(corners))
         if np.linalg.matrix_rank(np.array(corners) - corners[0]) < 2:
-            raise InputRejected(
-                shared.ROI_INVALID, "The polygon encloses no area: its points lie on one line."
-            )
+            raise shared.ROI_INVALID.reject("The polygon encloses no area: its points lie on one line.")
         _refuse_self_intersection(np.array(corners))
         if area_px < 0.0:
             corners.reverse()
@@ -71,7 +69,7 @@ class Window(Record):
 def require_pixels(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return the pixels of a region, which must have some."""
     if not inside.any():
-        raise InputRejected(shared.ROI_EMPTY, "The region holds no pixel of this window of the frame.")
+        raise shared.ROI_EMPTY.reject("The region holds no pixel of this window of the frame.")
     return inside
 
 
@@ -90,24 +88,21 @@ def parse_imagej(text: str) -> Polygon:
     """
     call = _MACRO.fullmatch(text)
     if call is None:
-        raise InputRejected(
-            shared.ROI_INVALID,
+        raise shared.ROI_INVALID.reject(
             "The region is not an ImageJ call: paste a line such as makePolygon(10,10,90,10,90,60) "
-            "or makeRectangle(10,10,80,50).",
+            "or makeRectangle(10,10,80,50)."
         )
     name, arguments = call.groups()
     try:
         numbers = [float(word) for word in arguments.split(",")]
     except ValueError:
-        raise InputRejected(
-            shared.ROI_INVALID, f"{name} holds something that is not a number: {arguments.strip()[:80]!r}."
+        raise shared.ROI_INVALID.reject(
+            f"{name} holds something that is not a number: {arguments.strip()[:80]!r}."
         ) from None
     if name == "makeRectangle":
         return _rectangle(numbers)
     if len(numbers) % 2:
-        raise InputRejected(
-            shared.ROI_INVALID, f"makePolygon holds {len(numbers)} numbers: every x needs its y."
-        )
+        raise shared.ROI_INVALID.reject(f"makePolygon holds {len(numbers)} numbers: every x needs its y.")
     return Polygon.from_points(zip(numbers[::2], numbers[1::2], strict=True))
 
 
@@ -129,18 +124,17 @@ def bounding_window(polygon: Polygon, *, height_px: int, width_px: int) -> Windo
     """
     for x, y in polygon.points:
         if not (0.0 <= x <= width_px and 0.0 <= y <= height_px):
-            raise InputRejected(
-                shared.ROI_OUTSIDE_FRAME,
+            raise shared.ROI_OUTSIDE_FRAME.reject(
                 f"The polygon leaves the frame: its point ({x:g}, {y:g}) is outside the "
-                f"{width_px} x {height_px} pixels of the image.",
+                f"{width_px} x {height_px} pixels of the image."
             )
     xs, ys = zip(*polygon.points, strict=True)
     row0, row1 = math.ceil(min(ys) - 0.5), math.ceil(max(ys) - 0.5)
     col0, col1 = (math.floor(x + 0.5 + _EDGE_SHIFT_PX) for x in (min(xs), max(xs)))
     window = Window(row0=row0, col0=col0, height=row1 - row0, width=min(col1, width_px) - col0)
     if min(window.height, window.width) < 1 or not _toggles(polygon, window)[1::2].any():
-        raise InputRejected(
-            shared.ROI_EMPTY, "The polygon holds no pixel centre: draw it larger than a pixel each way."
+        raise shared.ROI_EMPTY.reject(
+            "The polygon holds no pixel centre: draw it larger than a pixel each way."
         )
     return window
 
@@ -205,13 +199,12 @@ def _edges_downwards(polygon: Polygon) -> tuple[NDArray[np.float64], ...]:
 
 def _rectangle(numbers: list[float]) -> Polygon:
     if len(numbers) != 4:
-        raise InputRejected(
-            shared.ROI_INVALID,
-            f"makeRectangle takes x, y, width and height: four numbers, not {len(numbers)}.",
+        raise shared.ROI_INVALID.reject(
+            f"makeRectangle takes x, y, width and height: four numbers, not {len(numbers)}."
         )
     x, y, width, height = numbers
     if not (width > 0 and height > 0):
-        raise InputRejected(shared.ROI_INVALID, "makeRectangle needs a width and a height above zero.")
+        raise shared.ROI_INVALID.reject("makeRectangle needs a width and a height above zero.")
     return Polygon.from_points([(x, y), (x + width, y), (x + width, y + height), (x, y + height)])
 
 
@@ -220,24 +213,22 @@ def _finite_points(points: Iterable[Sequence[float]]) -> list[tuple[float, float
     corners: list[tuple[float, float]] = []
     for number, point in enumerate(itertools.islice(points, MAX_POINTS + 1), start=1):
         if len(point) != 2:
-            raise InputRejected(shared.ROI_INVALID, f"Point {number} of the polygon is not a pair (x, y).")
+            raise shared.ROI_INVALID.reject(f"Point {number} of the polygon is not a pair (x, y).")
         x, y = float(point[0]) + 0.0, float(point[1]) + 0.0  # adding zero turns -0.0 into 0.0
         if not (abs(x) <= MAX_COORDINATE_PX and abs(y) <= MAX_COORDINATE_PX):
-            raise InputRejected(
-                shared.ROI_INVALID,
+            raise shared.ROI_INVALID.reject(
                 f"Point {number} of the polygon, ({x:g}, {y:g}), is not a finite position within "
-                f"{MAX_COORDINATE_PX:g} pixels.",
+                f"{MAX_COORDINATE_PX:g} pixels."
             )
         if number > MAX_POINTS:
-            raise InputRejected(shared.ROI_INVALID, f"The polygon has more than {MAX_POINTS} points.")
+            raise shared.ROI_INVALID.reject(f"The polygon has more than {MAX_POINTS} points.")
         if not corners or corners[-1] != (x, y):
             corners.append((x, y))
     if len(corners) > 1 and corners[-1] == corners[0]:
         corners.pop()
     if len(corners) < 3:
-        raise InputRejected(
-            shared.ROI_INVALID,
-            f"A polygon needs at least three different points; this one has {len(corners)}.",
+        raise shared.ROI_INVALID.reject(
+            f"A polygon needs at least three different points; this one has {len(corners)}."
         )
     return corners
 
@@ -266,8 +257,7 @@ def _refuse_self_intersection(corners: NDArray[np.float64]) -> None:
     found = np.argwhere((split & split.T) | touch)
     if found.size:
         x, y = corners[found[0][0]]
-        raise InputRejected(
-            shared.ROI_SELF_INTERSECTING,
+        raise shared.ROI_SELF_INTERSECTING.reject(
             f"The polygon crosses or touches itself at the edge that starts at ({x:g}, {y:g}): "
-            "draw its corners in order around the area.",
+            "draw its corners in order around the area."
         )

@@ -54,8 +54,7 @@ def inspect_black(mean_dn: float, *, black_level_dn: float, white_level_dn: floa
         f"Its mean is {share:.1%} of the span from black to white above the black level that the file states"
     )
     if share > LIT_SHARE:
-        detail = f"{said}: this frame saw light. {TAKE_AGAIN}"
-        return shared.DARK_NOT_DARK.reason(detail)
+        return shared.DARK_NOT_DARK.reason(f"{said}: this frame saw light. {TAKE_AGAIN}")
     detail = f"{said}. {TAKE_AGAIN} If it stays with the lens covered, the sensor is warm, the frame right."
     return shared.DARK_NOT_DARK.reason(detail, "warn")
 
@@ -186,8 +185,7 @@ def _inspect(frame: ReviewedFrame) -> list[Reason]:
     if frame.state == "refused":
         return [shared.REFUSED.reason(frame.refusal)]
     if frame.format is None:
-        detail = "This frame waits to be read: ask again in a few seconds."
-        return [shared.NOT_READ.reason(detail)]
+        return [shared.NOT_READ.reason("This frame waits to be read: ask again in a few seconds.")]
     if frame.left_out:
         return [shared.FRAME_LEFT_OUT.reason(frame.left_out)]
     reasons = [*_inspect_role(frame), *_inspect_region(frame, *frame.format[:2])]

@@ -12,7 +12,7 @@ from typing import Final, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings import InputRejected, shared
+from radiometry.findings import shared
 from radiometry.frame import Frame
 from radiometry.frame.opencv import cv2
 from radiometry.records import Record
@@ -179,10 +179,9 @@ def undistort_frame(frame: Frame, camera: CameraModel) -> Undistorted:
 
 def require_size(camera: CameraModel, *, height_px: int, width_px: int) -> None:
     if (height_px, width_px) != (camera.height_px, camera.width_px):
-        raise InputRejected(
-            shared.WRONG_CAMERA,
+        raise shared.WRONG_CAMERA.reject(
             f"The picture is {width_px} x {height_px} pixels, the calibration holds for "
-            f"{camera.width_px} x {camera.height_px}. Take a picture of the same size and crop.",
+            f"{camera.width_px} x {camera.height_px}. Take a picture of the same size and crop."
         )
 
 
@@ -400,7 +399,7 @@ def solve(
         found = minimise(linearise, values, np.array(poses), tolerance_rel=tolerance_rel)
         return _conclude(found, views, free, **size)
     except (cv2.error, np.linalg.LinAlgError, FloatingPointError) as error:
-        raise InputRejected(shared.FIT_FAILED, _ADVICE) from error
+        raise shared.FIT_FAILED.reject(_ADVICE) from error
 
 
 def linearise_view(
@@ -416,7 +415,7 @@ def linearise_view(
 def require_determined(solution: Solution) -> None:
     """Check that the principal distance of a camera is known to 10 %."""
     if solution.covariance[0, 0] > (_WORST_FOCAL_REL * solution.camera.fx_px) ** 2:
-        raise InputRejected(shared.FIT_FAILED, _ADVICE)
+        raise shared.FIT_FAILED.reject(_ADVICE)
 
 
 def find_pose(camera: CameraModel, view: View) -> Pose:
@@ -461,11 +460,11 @@ def _conclude(
     # where views do not hold a camera it runs away along with the boards' distances
     plausible = all(low < focal < high for focal in (camera.fx_px, camera.fy_px))
     if not plausible or not np.all(np.diag(total) > 0.0):
-        raise InputRejected(shared.FIT_FAILED, _ADVICE)
+        raise shared.FIT_FAILED.reject(_ADVICE)
     scale = np.sqrt(np.diag(total))
     scaled = total / np.outer(scale, scale)
     if not np.linalg.cond(scaled) < _WORST_CONDITION:
-        raise InputRejected(shared.FIT_FAILED, _ADVICE)
+        raise shared.FIT_FAILED.reject(_ADVICE)
     inverse = np.linalg.inv(scaled) / np.outer(scale, scale)
     covariance = free.directions @ inverse @ free.directions.T * found.cost / dof
     return Solution(

@@ -258,8 +258,7 @@ def _check_mirror(fitted: FittedViews) -> list[Raised]:
 def check_solution(solution: Solution, coverage: Coverage) -> list[Raised]:
     flags = _check_coverage(coverage) + _check_tilts(solution) + _check_model(solution.camera)
     if solution.rms_px > LARGEST_RMS_PX:
-        detail = f"Root mean square {solution.rms_px:.2f} px."
-        flags.append(codes.REPROJECTION_LARGE.at("", detail))
+        flags.append(codes.REPROJECTION_LARGE.at("", f"Root mean square {solution.rms_px:.2f} px."))
     return flags
 
 

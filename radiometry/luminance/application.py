@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings import InputRejected, Raised, shared
+from radiometry.findings import Raised, shared
 from radiometry.fitting import sources
 from radiometry.fitting.comparison import PERCENT, MeasuredChange
 from radiometry.fitting.evidence import Quantity
@@ -118,15 +118,13 @@ def foresee_k(coefficients: Sequence[Coefficient], *, iso: float) -> float:
 def require_alike(coefficient: Coefficient, *, corrected: bool) -> None:
     """Refuse K for a signal corrected for vignetting if K's was not, and the reverse."""
     if coefficient.vignetting is not None and not corrected:
-        raise InputRejected(
-            shared.VIGNETTING_NOT_CALIBRATED,
+        raise shared.VIGNETTING_NOT_CALIBRATED.reject(
             "This K holds for signals that are corrected for vignetting: measure with the vignetting version "
-            "that it was made with.",
+            "that it was made with."
         )
     if coefficient.vignetting is None and corrected:
-        raise InputRejected(
-            shared.VIGNETTING_NOT_CALIBRATED,
-            "This K was made without correcting vignetting, and holds for uncorrected signals alone.",
+        raise shared.VIGNETTING_NOT_CALIBRATED.reject(
+            "This K was made without correcting vignetting, and holds for uncorrected signals alone."
         )
 
 
@@ -136,20 +134,18 @@ def choose_coefficient(coefficients: Sequence[Coefficient], *, iso: float) -> Co
         if coefficient.iso == iso:
             return coefficient
     known = ", ".join(f"{coefficient.iso:g}" for coefficient in coefficients)
-    raise InputRejected(
-        codes.ISO_NOT_CALIBRATED,
+    raise codes.ISO_NOT_CALIBRATED.reject(
         f"The frame was taken at ISO {iso:g}; this calibration holds ISO {known}. "
-        "Every ISO value needs its own.",
+        "Every ISO value needs its own."
     )
 
 
 def luminance_per_dn(coefficient: Coefficient, exposure: Exposure) -> float:
     """Compute the slope of a luminance map: L = (N - D) * slope."""
     if coefficient.model != "proportional":
-        raise InputRejected(
-            shared.FIT_FAILED,
+        raise shared.FIT_FAILED.reject(
             "A map, or glare_share, needs a calibration with the proportional model; this one is "
-            f"{coefficient.model}.",
+            f"{coefficient.model}."
         )
     settings = exposure.on_basis(coefficient.exposure_basis)
     k = (find_aperture(coefficient, settings) or coefficient).luminance_k
@@ -159,10 +155,9 @@ def luminance_per_dn(coefficient: Coefficient, exposure: Exposure) -> float:
 def _invert(coefficient: Coefficient, adjusted_dn: float) -> float:
     rhs = sources.invert(coefficient.model, coefficient.parameters, adjusted_dn)
     if not math.isfinite(rhs):
-        raise InputRejected(
-            shared.FIT_FAILED,
+        raise shared.FIT_FAILED.reject(
             f"The {coefficient.model} model of this calibration has no luminance for a signal of "
-            f"{adjusted_dn:g} DN above dark.",
+            f"{adjusted_dn:g} DN above dark."
         )
     return rhs
 
@@ -180,8 +175,7 @@ def _flags(
         (codes.OUTSIDE_SIGNALS, adjusted_dn, coefficient.signal_range_dn, " DN above dark"),
     ):
         if not low <= value <= high:
-            detail = f"{value:g}{unit}; calibrated: {low:g} to {high:g}{unit}."
-            raised.append(flag.at("", detail))
+            raised.append(flag.at("", f"{value:g}{unit}; calibrated: {low:g} to {high:g}{unit}."))
         elif (
             flag is codes.OUTSIDE_F_NUMBERS
             and coefficient.apertures
@@ -190,8 +184,7 @@ def _flags(
             known = ", ".join(f"{aperture.f_number:g}" for aperture in coefficient.apertures)
             raised.append(codes.F_NUMBER_NOT_CALIBRATED.at("", f"{value:g}; calibrated: {known}."))
     if signal.saturated_share > MOST_SATURATED_SHARE:
-        detail = f"{signal.saturated_share:.2%} of the samples."
-        raised.append(shared.SATURATED.at("", detail))
+        raised.append(shared.SATURATED.at("", f"{signal.saturated_share:.2%} of the samples."))
     if adjusted_dn < DETECTION_ERRORS * u_adjusted_dn:
         detail = f"{adjusted_dn:.3g} DN above dark, standard uncertainty {u_adjusted_dn:.3g} DN."
         raised.append(shared.BELOW_DETECTION.at("", detail))

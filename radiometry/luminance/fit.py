@@ -7,7 +7,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from radiometry.findings import InputRejected, shared
+from radiometry.findings import shared
 from radiometry.fitting import sources
 from radiometry.fitting.components import Vector
 from radiometry.fitting.curve import (
@@ -90,10 +90,9 @@ def fit_coefficient(
     """Fit the requested model; the meter's calibration is added to u(K) at the end."""
     fit = fit_curve(curve or learn_lamp(_curve(series, params)), model=params.model)
     if fit is None:
-        raise InputRejected(
-            shared.FIT_FAILED,
+        raise shared.FIT_FAILED.reject(
             f"The fit of the {params.model} model to the points of ISO {series.iso:g} did not converge: "
-            "look at them for a reading or a unit that is wrong, or choose the proportional model.",
+            "look at them for a reading or a unit that is wrong, or choose the proportional model."
         )
     return report_coefficient(series, params, fit, calibration_u_rel), fit
 

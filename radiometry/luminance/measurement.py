@@ -342,8 +342,7 @@ def find_flags(
 
 def _find_falloff(frame: Frame, measured: Sequence[Corners], calibrated: Sequence[Polygon]) -> list[Raised]:
     """Return the flags of an uncorrected measurement: K holds where it was fitted, and how far that is."""
-    detail = "Vignetting was corrected with: none."
-    flags = [codes.NO_VIGNETTING_CORRECTION.at("", detail)]
+    flags = [codes.NO_VIGNETTING_CORRECTION.at("", "Vignetting was corrected with: none.")]
     # how far a corner lies beyond the nearest bounding box of the calibration's regions
     corners = itertools.chain.from_iterable(measured)
     distance = (

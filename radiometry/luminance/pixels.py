@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from radiometry.findings import InputRejected, Raised, shared
+from radiometry.findings import Raised, shared
 from radiometry.fitting.sources import shows_scatter
 from radiometry.frame import Frame
 from radiometry.frame.roi import Polygon, mask
@@ -84,9 +84,7 @@ def order_pixels(
     sums, parts = signal or sum_signal(frame, channel=channel)
     inside = mask(polygon, frame.window) & find_measured(frame, channel=channel)
     if not inside.any():
-        raise InputRejected(
-            shared.ROI_EMPTY, f"The region holds no {channel} pixel of the frame: draw it larger."
-        )
+        raise shared.ROI_EMPTY.reject(f"The region holds no {channel} pixel of the frame: draw it larger.")
     noise = estimate_pixel_noise(sums, inside, parts=parts, lag=4 if channel == GREY else 2)
     if lens is None:
         values = sums[inside]

@@ -213,8 +213,7 @@ def check_dark(series: IsoSeries) -> list[Raised]:
         return [shared.DARK_FROM_BLACK_LEVEL.at(where, detail)]
     raised: list[Raised] = []
     if len(dark_times_s) < FEW_DARK_FRAMES:
-        detail = f"Dark frames: {len(dark_times_s)}."
-        raised.append(codes.DARK_FROM_FEW_FRAMES.at(where, detail))
+        raised.append(codes.DARK_FROM_FEW_FRAMES.at(where, f"Dark frames: {len(dark_times_s)}."))
     weakest_signal_dn = min(c.above_dark_dn for c in series.used)
     if dark.frame_spread_dn > _VARIATION_REL * weakest_signal_dn:
         detail = f"Spread {dark.frame_spread_dn:.3g} DN, weakest signal {weakest_signal_dn:.4g} DN."

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from radiometry.drawing.text import name_few, sort_naturally
-from radiometry.findings import InputRejected, shared
+from radiometry.findings import shared
 from radiometry.fitting.evidence import list_unknown_exclusions
 from radiometry.luminance import codes
 from radiometry.luminance.corrections import compute_flicker
@@ -70,10 +70,9 @@ def require_shares(rows: Sequence[FrameRow], params: Params) -> None:
     light = [row for row in rows if row.role == "light" and row.statistics and row.frame not in excluded]
     lacking = [row.frame for row in light if row.lens_share is None]
     if params.vignetting is not None and lacking:
-        raise InputRejected(
-            shared.VIGNETTING_NOT_CALIBRATED,
+        raise shared.VIGNETTING_NOT_CALIBRATED.reject(
             f"The fit corrects vignetting. No V of the region: {name_few('frame', lacking)}. Give them the "
-            "vignetting version.",
+            "vignetting version."
         )
 
 

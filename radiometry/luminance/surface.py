@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings import InputRejected, Raised, shared
+from radiometry.findings import Raised, shared
 from radiometry.fitting.evidence import FieldCorrection, Quantity
 from radiometry.fitting.sources import FLICKER
 from radiometry.frame import Frame
@@ -110,8 +110,8 @@ def outline(grid: Grid) -> Polygon:
 def lay_lattice(grid: Grid) -> Array:
     """Compute the images of the lattice points between the cells of a grid."""
     if not (1 <= grid.rows <= MAX_CELLS_A_SIDE and 1 <= grid.columns <= MAX_CELLS_A_SIDE):
-        raise InputRejected(
-            codes.GRID_INVALID, f"A grid has 1 to {MAX_CELLS_A_SIDE} rows and as many columns of cells."
+        raise codes.GRID_INVALID.reject(
+            f"A grid has 1 to {MAX_CELLS_A_SIDE} rows and as many columns of cells."
         )
     _require_convex(grid.corners)
     h = find_homography(grid.corners)
@@ -130,15 +130,14 @@ def _require_convex(corners: Sequence[tuple[float, float]]) -> None:
     """Refuse corners that cannot be the image of a rectangle in front of the camera."""
     points = np.array(corners, np.float64)
     if points.shape != (4, 2) or not np.all(np.abs(points) <= MAX_COORDINATE_PX):
-        raise InputRejected(codes.GRID_INVALID, "A grid has four corners [x, y] in pixels.")
+        raise codes.GRID_INVALID.reject("A grid has four corners [x, y] in pixels.")
     edges = np.roll(points, -1, axis=0) - points
     following = np.roll(edges, -1, axis=0)
     turns = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
     if not (np.all(turns > 0) or np.all(turns < 0)):
-        raise InputRejected(
-            codes.GRID_INVALID,
+        raise codes.GRID_INVALID.reject(
             "The grid's corners are not those of a surface seen in perspective: give them in order around it "
-            "(top-left, top-right, bottom-right, bottom-left), no three on one line.",
+            "(top-left, top-right, bottom-right, bottom-left), no three on one line."
         )
 
 
@@ -163,8 +162,7 @@ def check_grid(grid: Grid, *, height_px: int, width_px: int) -> tuple[Raised, ..
         flags.append(codes.GRID_MIRRORED.at("grid", detail))
     width = _measure_narrowest(points)
     if width < LEAST_CELL_PX:
-        detail = f"The narrowest cell is {width:.1f} px wide."
-        flags.append(codes.CELLS_SMALL.at("grid", detail))
+        flags.append(codes.CELLS_SMALL.at("grid", f"The narrowest cell is {width:.1f} px wide."))
     return tuple(flags)
 
 
@@ -392,9 +390,8 @@ class CalibratedCamera(Record, kw_only=False):
 def _require_green(statistics: tuple[ChannelStatistics, ...], frame: Frame) -> None:
     """Refuse a cell without green pixels, which would be measured with another colour than was calibrated."""
     if "G" in frame.cfa and not any(row.channel in _GREENS for row in statistics):
-        raise InputRejected(
-            codes.GRID_INVALID,
-            "A cell of the grid holds no green pixel: take fewer rows or columns, or fly lower.",
+        raise codes.GRID_INVALID.reject(
+            "A cell of the grid holds no green pixel: take fewer rows or columns, or fly lower."
         )
 
 

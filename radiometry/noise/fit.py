@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 
 from radiometry.drawing.text import name_few
-from radiometry.findings import Finding, InputRejected, Raised, shared
+from radiometry.findings import Finding, Raised, shared
 from radiometry.fitting.evidence import (
     MOST_DOF,
     CoefficientValue,
@@ -248,10 +248,9 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     fitted = [each for stacks in by_channel.values() if (each := fit_channel(stacks, params))]
     if not any(each.transfer for each in fitted):
         reasons = dict.fromkeys(level.left_out for each in fitted for level in each.fit.levels)
-        raise InputRejected(
-            shared.FIT_FAILED,
+        raise shared.FIT_FAILED.reject(
             "No channel's noise grows with its signal over three levels or more, so there is no system gain. "
-            f"Left out: {'; '.join(reason for reason in reasons if reason) or 'nothing'}.",
+            f"Left out: {'; '.join(reason for reason in reasons if reason) or 'nothing'}."
         )
     stacks = [stack for group in by_channel.values() for stack in group]
     return Fit(

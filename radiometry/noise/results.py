@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from radiometry.drawing.figure import Axis, Figure, Mark, Plot, Series
 from radiometry.drawing.text import write_exposure
-from radiometry.findings import InputRejected, Raised, shared
+from radiometry.findings import Raised, shared
 from radiometry.fitting.evidence import Exclusion, Extracted, FrameEvidence, Quantity, Region
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.packing import Packed, pack
@@ -87,10 +87,9 @@ def _find_square(cells: NDArray[np.bool_]) -> tuple[int, int, int]:
             row, col = ((middle - side) // 2 for middle in middles)
             if cells[row : row + side, col : col + side].all():
                 return row, col, side
-    raise InputRejected(
-        shared.ROI_EMPTY,
+    raise shared.ROI_EMPTY.reject(
         f"The region holds no square of {SMALLEST_SIDE} x {SMALLEST_SIDE} samples of every channel in its "
-        "middle: draw it larger.",
+        "middle: draw it larger."
     )
 
 

@@ -258,10 +258,9 @@ def move_region(
             held.tolist()
         )
     except InputRejected as refusal:
-        raise InputRejected(
-            shared.ROI_OUTSIDE_FRAME,
+        raise shared.ROI_OUTSIDE_FRAME.reject(
             "The other band of this capture looks a little aside, and does not see this region. "
-            "Draw it nearer to the middle of the frame.",
+            "Draw it nearer to the middle of the frame."
         ) from refusal
 
 
@@ -368,10 +367,9 @@ def require_lens_data(lens: RigGeometry | None, *, turned: bool = True) -> RigGe
     elif whole and lens is not None:
         whole = lens.focal_length_px is not None and lens.focal_length_px > 0.0 and len(lens.distortion) == 5
     if not whole or lens is None:
-        raise InputRejected(
-            codes.BANDS_NOT_ALIGNED,
+        raise codes.BANDS_NOT_ALIGNED.reject(
             "A file of this capture does not state how its band lies against the others (RigRelatives), and "
             "too few edges agree between the bands to find it: an index would compare different places. "
-            "Align them with photogrammetry software and compute the index there.",
+            "Align them with photogrammetry software and compute the index there."
         )
     return lens

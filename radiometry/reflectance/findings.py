@@ -52,8 +52,7 @@ def check_frame(header: FrameHeader, *, where: str = "") -> list[Raised]:
     if at is not None and not has_set_clock(at):
         raised.append(codes.CLOCK_NOT_SET.at(where, f"{at:%Y-%m-%d}."))
     if band.sensor_model is not None and band.sensor_model.a > _NEWER_SCALE:
-        detail = f"A = {band.sensor_model.a:g}."
-        raised.append(codes.SENSOR_MODEL_SCALE.at(where, detail))
+        raised.append(codes.SENSOR_MODEL_SCALE.at(where, f"A = {band.sensor_model.a:g}."))
     black_dn = sum(header.black_level_dn) / len(header.black_level_dn)
     used_dn = find_black_dn(band, header.black_level_dn)
     if header.black_level_origin == "tag" and abs(used_dn - black_dn) > _BLACK_TOLERANCE_REL * min(
@@ -75,15 +74,12 @@ def check_candidates(candidates: Sequence[points.Candidate]) -> list[Raised]:
         if not each.left_out:
             raised += check_frame(each.row.header, where=where)
             if not each.row.header.serial:
-                detail = "No serial number."
-                raised.append(shared.SERIAL_UNKNOWN.at(where, detail))
+                raised.append(shared.SERIAL_UNKNOWN.at(where, "No serial number."))
             if each.sunshine and not each.band.sunshine_serial:
-                detail = "No serial number."
-                raised.append(codes.SUNSHINE_SERIAL_UNKNOWN.at(where, detail))
+                raised.append(codes.SUNSHINE_SERIAL_UNKNOWN.at(where, "No serial number."))
     used = [each for each in candidates if not each.left_out]
     if used and not any(points.list_named(each.row) for each in used):
-        detail = f"Frames: {len(used)}."
-        raised.append(codes.PANEL_NOT_IDENTIFIED.at("", detail))
+        raised.append(codes.PANEL_NOT_IDENTIFIED.at("", f"Frames: {len(used)}."))
     return [*raised, *points.sunshine_flags(candidates), *_find_missing_bands(candidates)]
 
 
@@ -110,15 +106,13 @@ def check_fit(fit: BandFit, used: Sequence[points.Candidate]) -> list[Raised]:
         raised.append(codes.PANEL_UNEVEN.at(where, detail))
     panels = [each.panel for each in used if each.panel is not None]
     if any(panel.from_file for panel in panels):
-        detail = f"Reflectance {fit.coefficient.panel_reflectance:g}."
-        raised.append(codes.PANEL_FROM_FILE.at(where, detail))
+        raised.append(codes.PANEL_FROM_FILE.at(where, f"Reflectance {fit.coefficient.panel_reflectance:g}."))
     oldest = max(panels, key=lambda panel: panel.age_days)
     if oldest.age_days > points.OLD_DAYS:
         detail = f"Measured on {oldest.measured_on[0]}, {oldest.age_days / 365.25:.1f} years from the frames."
         raised.append(codes.PANEL_OLD.at(where, detail))
     if not any(panel.states_uncertainty for panel in panels):
-        detail = "State it with the panel."
-        raised.append(codes.PANEL_UNCERTAINTY_MISSING.at(where, detail))
+        raised.append(codes.PANEL_UNCERTAINTY_MISSING.at(where, "State it with the panel."))
     k = fit.coefficient.reflectance_k
     if fit.coefficient.reflectance_k_unit == "sr" and not 1.0 / _PLAUSIBLE < k / math.pi < _PLAUSIBLE:
         raised.append(codes.IMPLAUSIBLE_REFLECTANCE_K.at(where, f"K is {k:.3g} sr, pi is expected."))

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
-from radiometry.findings import InputRejected
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure, Settings
 from radiometry.frame.multispectral import (
@@ -81,10 +80,9 @@ def _illuminate(band: Multispectral, x: Plane, y: Plane, *, size: FrameSize) -> 
             return _evaluate_radial(band.radial_vignetting, x, y)
         if band.radial_gain is not None:
             return 1.0 / _evaluate_radial(band.radial_gain, x, y)
-    raise InputRejected(
-        codes.SENSOR_MODEL_UNUSABLE,
+    raise codes.SENSOR_MODEL_UNUSABLE.reject(
         f"The file of band {band.band_name} has no readable vignetting polynomial. Use the camera's original "
-        "file and its newest firmware.",
+        "file and its newest firmware."
     )
 
 
@@ -118,10 +116,9 @@ def _sum_powers(base: Plane, coefficients: Plane, shape: tuple[int, ...]) -> Pla
 def _require_lens(share: Plane) -> Plane:
     darkest, brightest = float(share.min()), float(share.max())
     if not (darkest >= _DARKEST_SHARE and brightest <= _BRIGHTEST_SHARE):
-        raise InputRejected(
-            codes.SENSOR_MODEL_UNUSABLE,
+        raise codes.SENSOR_MODEL_UNUSABLE.reject(
             f"The file's vignetting polynomial gives a relative illumination of {darkest:.3g} to "
-            f"{brightest:.3g}: it is not a lens's. Use the camera's original file.",
+            f"{brightest:.3g}: it is not a lens's. Use the camera's original file."
         )
     return share
 
@@ -135,10 +132,9 @@ def scale_to_irradiance(signal_dn: Plane, *, model: SensorModel, settings: Setti
     """
     response = model.a * settings.exposure_time_s * settings.iso + model.c
     if not response > 0.0:
-        raise InputRejected(
-            codes.SENSOR_MODEL_UNUSABLE,
+        raise codes.SENSOR_MODEL_UNUSABLE.reject(
             f"The file's SensorModel {model.a:g}, {model.b:g}, {model.c:g} has no positive response at "
-            f"{settings.exposure_time_s:g} s and ISO {settings.iso:g}. Use the camera's original file.",
+            f"{settings.exposure_time_s:g} s and ISO {settings.iso:g}. Use the camera's original file."
         )
     return signal_dn * (settings.f_number**2 / response)
 
@@ -158,10 +154,9 @@ def scale_to_radiance(signal: Plane, *, model: RadianceModel, settings: Settings
     row = np.arange(row0, row0 + signal.shape[0])
     exposure_s = time_s + model.a2 * row - model.a3 * time_s * row
     if not exposure_s.min() > 0.0:
-        raise InputRejected(
-            codes.SENSOR_MODEL_UNUSABLE,
+        raise codes.SENSOR_MODEL_UNUSABLE.reject(
             "The file's RadiometricCalibration leaves rows of the image without exposure. "
-            "Use the camera's original file.",
+            "Use the camera's original file."
         )
     gain = settings.iso / _ISO_PER_GAIN
     return signal * (model.a1 / gain) / exposure_s[:, None]
@@ -179,10 +174,9 @@ def scale_to_rate(signal: Plane, *, model: GainModel) -> Plane:
     apart, and K takes it up.
     """
     if not min(model.gain, model.exposure_time_s, model.adjustment) > 0.0:
-        raise InputRejected(
-            codes.SENSOR_MODEL_UNUSABLE,
+        raise codes.SENSOR_MODEL_UNUSABLE.reject(
             f"The file's SensorGain {model.gain:g}, ExposureTime {model.exposure_time_s * 1e6:g} us and "
-            f"SensorGainAdjustment {model.adjustment:g} are no camera's. Use the camera's original file.",
+            f"SensorGainAdjustment {model.adjustment:g} are no camera's. Use the camera's original file."
         )
     return signal * (model.adjustment / (model.gain * model.exposure_time_s))
 
@@ -192,20 +186,18 @@ def require_band(header: FrameHeader) -> Multispectral:
     band = header.multispectral
     if band is None:
         name = " ".join(filter(None, (header.make, header.model))) or "of an unknown make"
-        raise InputRejected(
-            codes.SENSOR_MODEL_UNUSABLE,
+        raise codes.SENSOR_MODEL_UNUSABLE.reject(
             f"The camera {name} does not say which band the file holds nor how its sensor responds. "
             f"Reflectance works with original files of {'; '.join(CAMERAS.values())}. If the camera is one "
-            "of these, the file's XMP was lost or damaged: upload the file that the camera wrote.",
+            "of these, the file's XMP was lost or damaged: upload the file that the camera wrote."
         )
     if band.kind is not None:
-        raise InputRejected(codes.SENSOR_MODEL_UNUSABLE, describe_kind(band))
+        raise codes.SENSOR_MODEL_UNUSABLE.reject(describe_kind(band))
     if band.problem is not None or band.response is None:
         what = band.problem or "its response is missing"
-        raise InputRejected(
-            codes.SENSOR_MODEL_UNUSABLE,
+        raise codes.SENSOR_MODEL_UNUSABLE.reject(
             f"The file of band {band.band_name} has no readable sensor model or lens: {what}. Use the "
-            "camera's original file and its newest firmware.",
+            "camera's original file and its newest firmware."
         )
     return band
 
@@ -224,11 +216,10 @@ def inspect_band(header: FrameHeader, settings: Settings) -> None:
     scaled = _scale(np.ones((header.height_px, 1)), band.response, settings, row0=0)
     black_dn, white_dn = find_black_dn(band, header.black_level_dn), min(header.white_level_dn)
     if not (np.isfinite(scaled).all() and 0.0 <= black_dn < white_dn):
-        raise InputRejected(
-            codes.SENSOR_MODEL_UNUSABLE,
+        raise codes.SENSOR_MODEL_UNUSABLE.reject(
             f"Band {band.band_name} has a black level of {black_dn:g} DN below a white level of "
             f"{white_dn:g} DN, and its response gives {float(scaled[0, 0]):g} for one: that is no sensor's. "
-            "Use the camera's original file.",
+            "Use the camera's original file."
         )
 
 

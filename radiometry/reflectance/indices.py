@@ -67,10 +67,9 @@ def read_formula(text: str, *, known: Collection[str] | None = None) -> Formula:
 
 
 def _refuse(what: str) -> InputRejected:
-    return InputRejected(
-        codes.FORMULA_INVALID,
+    return codes.FORMULA_INVALID.reject(
         f"{what} Use one of {', '.join(NAMED_INDICES)}, or write bands, numbers, + - * / ** and parentheses: "
-        "(nir - red) / (nir + red).",
+        "(nir - red) / (nir + red)."
     )
 
 
@@ -255,10 +254,9 @@ def require_capture(one: FrameHeader, other: FrameHeader) -> None:
 
 
 def _refuse_capture() -> InputRejected:
-    return InputRejected(
-        codes.BANDS_NOT_ALIGNED,
+    return codes.BANDS_NOT_ALIGNED.reject(
         "The two files are not bands of one capture (their capture ids, cameras or sizes differ): the camera "
-        "had moved between them.",
+        "had moved between them."
     )
 
 

@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings import InputRejected, Raised, shared
+from radiometry.findings import Raised, shared
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
@@ -288,10 +288,9 @@ def measure_index(
     value, slopes = compute(formula, values)
     if np.isnan(value):
         told = ", ".join(f"{band} {float(reflectance):.4g}" for band, reflectance in values.items())
-        raise InputRejected(
-            codes.INDEX_UNDEFINED,
+        raise codes.INDEX_UNDEFINED.reject(
             f"{formula.name.upper()} does not exist here: with the reflectances {told} a divisor is not "
-            "above zero. Draw the region on something that reflects.",
+            "above zero. Draw the region on something that reflects."
         )
     effects = {
         each.band: {

@@ -104,8 +104,7 @@ def find_scale_of_frame(
             flags.append(codes.LIGHT_CHANGED.at("", detail))
             sunshine = _doubt_sky(sunshine, band)
     else:
-        detail = "Its light was not compared with this frame's."
-        flags.append(codes.PANEL_ONLY.at("", detail))
+        flags.append(codes.PANEL_ONLY.at("", "Its light was not compared with this frame's."))
     k = evaluate_k(coefficient, at_s=read_clock_s(header))
     if k.outside_s != 0.0:
         flags.append(codes.OUTSIDE_PANEL_TIMES.at("", _describe_outside(k)))
@@ -143,10 +142,9 @@ def choose_coefficient(coefficients: Sequence[Coefficient], *, band: str) -> Coe
         if coefficient.band == band:
             return coefficient
     known = ", ".join(sorted(coefficient.band for coefficient in coefficients))
-    raise InputRejected(
-        codes.BAND_NOT_CALIBRATED,
+    raise codes.BAND_NOT_CALIBRATED.reject(
         f"The frame shows band {band}; this calibration holds {known}. Every band needs a panel frame of "
-        "its own and the panel's reflectance in it.",
+        "its own and the panel's reflectance in it."
     )
 
 
@@ -202,10 +200,9 @@ def _compare(stated: str | None, calibrated: str | None, what: str, code: Findin
     if not stated or not calibrated:
         return False
     if stated.casefold() != calibrated.casefold():
-        raise InputRejected(
-            code,
+        raise code.reject(
             f"The frame's {what} is {stated}, this calibration was made with {calibrated}. K belongs to one "
-            "camera and one sunshine sensor: take a panel capture with this pair.",
+            "camera and one sunshine sensor: take a panel capture with this pair."
         )
     return True
 
@@ -258,8 +255,7 @@ def _check_features(features: imaging.Features, value: float, noise: float) -> l
     if share > points.MOST_SATURATED_SHARE:
         raised.append(shared.SATURATED.at("", f"{share:.2%} of the samples."))
     if value < 3.0 * noise:
-        detail = f"Reflectance {value:.3g}, pixel noise {noise:.3g}."
-        raised.append(shared.BELOW_DETECTION.at("", detail))
+        raised.append(shared.BELOW_DETECTION.at("", f"Reflectance {value:.3g}, pixel noise {noise:.3g}."))
     if not 0.0 <= value <= 1.0:
         raised.append(codes.REFLECTANCE_OUT_OF_RANGE.at("", f"{value:.4g}."))
     return raised
@@ -428,8 +424,7 @@ def _require_one_pair(used: Sequence[points.Candidate], params: Params) -> None:
         ),
     ):
         if len(found) > 1:
-            raise InputRejected(
-                code,
+            raise code.reject(
                 f"The panel frames are of several {what}: {', '.join(sorted(found))}. K belongs to one "
-                "camera and one sunshine sensor: leave the others' frames out.",
+                "camera and one sunshine sensor: leave the others' frames out."
             )

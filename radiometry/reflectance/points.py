@@ -235,11 +235,10 @@ def list_bands_without_reflectance(
 def require_flat_angle(angle_deg: float) -> None:
     """Refuse an angle at which neither the cosine nor the panel's reflectance is reliable."""
     if angle_deg > STEEPEST_ANGLE_DEG:
-        raise InputRejected(
-            codes.PANEL_ANGLE_TOO_LARGE,
+        raise codes.PANEL_ANGLE_TOO_LARGE.reject(
             f"The angle of incidence is {angle_deg:g} degrees; above {STEEPEST_ANGLE_DEG:g} a panel is no "
             "longer diffuse and a degree changes the result by more than 3 %. Level the panel, or wait for "
-            "a higher sun.",
+            "a higher sun."
         )
 
 

@@ -102,10 +102,9 @@ class Tilt(Record):
 def require_high_sun(sun: SunPosition) -> None:
     """Refuse a sun under 10 degrees: there the correction is mostly the attitude's error."""
     if sun.elevation_deg < LOWEST_SUN_DEG:
-        raise InputRejected(
-            codes.TILT_NOT_CORRECTABLE,
+        raise codes.TILT_NOT_CORRECTABLE.reject(
             f"The sun stands at {sun.elevation_deg:.1f} degrees: under {LOWEST_SUN_DEG:g} the tilt of the "
-            "sunshine sensor cannot be corrected. Fly when it is higher.",
+            "sunshine sensor cannot be corrected. Fly when it is higher."
         )
 
 
@@ -228,7 +227,7 @@ def find_tilt(header: FrameHeader, params: TiltParams | None) -> Tilt | None:
             if placed and header.taken_at and _lacks_zone(header)
             else "The file does not state when and where it was taken (no GPS fix)"
         )
-        raise InputRejected(codes.TILT_NOT_CORRECTABLE, f"{cause}: the position of the sun is not known.")
+        raise codes.TILT_NOT_CORRECTABLE.reject(f"{cause}: the position of the sun is not known.")
     require_high_sun(sun)
     return Tilt(sun=sun, params=params)
 

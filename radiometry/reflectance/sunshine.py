@@ -222,9 +222,7 @@ def _read(
 def angle_to_sun(record: SunshineRecord | SunshineIrradiance, tilt: Tilt) -> float:
     """Return the angle between a sensor's normal and the sun [deg]."""
     if record.yaw_deg is None or record.pitch_deg is None or record.roll_deg is None:
-        raise InputRejected(
-            codes.TILT_NOT_CORRECTABLE, "The sunshine readings do not state how the sensor hung."
-        )
+        raise codes.TILT_NOT_CORRECTABLE.reject("The sunshine readings do not state how the sensor hung.")
     return sun_angle_deg(
         tilt.sun, yaw_deg=record.yaw_deg, pitch_deg=record.pitch_deg, roll_deg=record.roll_deg
     )
@@ -280,8 +278,8 @@ def measure_sunshine(
     if band.irradiance is not None:
         return _take_irradiance(band.irradiance, choice=choice, tilt=tilt, where=where)
     if band.counts is None:
-        raise InputRejected(
-            codes.SUNSHINE_MISSING, _advise(f"There is no sunshine reading: {band.sunshine_missing}.")
+        raise codes.SUNSHINE_MISSING.reject(
+            _advise(f"There is no sunshine reading: {band.sunshine_missing}.")
         )
     scales = measure_scales(band.counts.gains, ratio)
     readings = list_readings(band.counts, scales, tilt=tilt)
@@ -295,8 +293,8 @@ def measure_sunshine(
     valid = [reading for reading in readings if reading.i_ss is not None]
     if not valid:
         reasons = ", ".join(sorted(set(left_out))) or "the list is empty"
-        raise InputRejected(
-            codes.SUNSHINE_MISSING, _advise(f"None of {len(readings)} sunshine readings is valid: {reasons}.")
+        raise codes.SUNSHINE_MISSING.reject(
+            _advise(f"None of {len(readings)} sunshine readings is valid: {reasons}.")
         )
     chosen = valid
     if choice != "mean":
@@ -357,11 +355,9 @@ def _flag_counts(counts: SunshineCounts, left_out: tuple[str, ...], total: int, 
         detail = f"{len(left_out)} of {total}: {', '.join(sorted(set(left_out)))}."
         raised.append(codes.SUNSHINE_READINGS_LEFT_OUT.at(where, detail))
     if any(record.gain_index is None for record in counts.records):
-        detail = f"Records of {counts.record_bytes} bytes."
-        raised.append(codes.SUNSHINE_GAIN_ASSUMED.at(where, detail))
+        raised.append(codes.SUNSHINE_GAIN_ASSUMED.at(where, f"Records of {counts.record_bytes} bytes."))
     elif len(measure_gains(counts.gains)) == 1:
-        detail = f"Rows in the table: {len(counts.gains)}."
-        raised.append(codes.SUNSHINE_GAIN_TABLE_MISSING.at(where, detail))
+        raised.append(codes.SUNSHINE_GAIN_TABLE_MISSING.at(where, f"Rows in the table: {len(counts.gains)}."))
     return raised
 
 
@@ -373,9 +369,7 @@ def _take_irradiance(
     if tilt is not None and basis == "oriented":
         angle_deg = angle_to_sun(reading, tilt)
         if angle_deg > FURTHEST_FROM_SUN_DEG:
-            raise InputRejected(
-                codes.SUNSHINE_MISSING, _advise("The only reading was turned away from the sun.")
-            )
+            raise codes.SUNSHINE_MISSING.reject(_advise("The only reading was turned away from the sun."))
         factor, basis = level_factor(angle_deg, tilt), "levelled"
     flags = [codes.SUNSHINE_SINGLE_READING.at(where, "Readings: 1.")]
     if reading.unit_origin in _GENERATIONS:
@@ -425,7 +419,7 @@ def measure_light(
     """
     band = header.multispectral
     if band is None:
-        raise InputRejected(codes.SUNSHINE_MISSING, "The file is not a multispectral camera's.")
+        raise codes.SUNSHINE_MISSING.reject("The file is not a multispectral camera's.")
     assumed, sun = params or TiltParams(), locate_sun_of(header)
     if sun is not None:
         assumed = replace(assumed, diffuse_share=_find_share(band, sun, assumed))

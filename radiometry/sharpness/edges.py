@@ -6,7 +6,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings import InputRejected
 from radiometry.sharpness import codes
 from radiometry.sharpness.profile import (
     BINS_PER_PIXEL,
@@ -164,38 +163,34 @@ def _require_signal(plane: Plane) -> tuple[float, float]:
     """Refuse what no edge can be found in; give the contrast, and the noise relative to the step."""
     lines, samples = plane.values.shape
     if lines < FEWEST_LINES or samples * plane.pitch_px < 2.0 * LEAST_REACH_PX + 4.0 or samples < 10:
-        raise InputRejected(
-            codes.EDGE_TOO_SHORT,
+        raise codes.EDGE_TOO_SHORT.reject(
             f"The region holds {lines} lines of {samples} samples of channel {plane.channel}: at least "
             f"{FEWEST_LINES} lines and {2.0 * LEAST_REACH_PX + 4.0:g} pixels across the edge are needed. "
-            "Draw it larger.",
+            "Draw it larger."
         )
     if plane.clipped_share > MOST_CLIPPED_SHARE:
-        raise InputRejected(
-            codes.CHART_CLIPPED,
+        raise codes.CHART_CLIPPED.reject(
             f"{plane.clipped_share:.2%} of channel {plane.channel} in the region is at white or at zero, "
             "more than "
-            f"{MOST_CLIPPED_SHARE:.1%}: a clipped edge looks sharper than it is. Change the exposure.",
+            f"{MOST_CLIPPED_SHARE:.1%}: a clipped edge looks sharper than it is. Change the exposure."
         )
     side = max(3, samples // 5)
     ends = plane.values[:, :side], plane.values[:, -side:]
     low, high = sorted(float(end.mean()) for end in ends)
     contrast = (high - low) / (high + low) if high + low > 0.0 else 0.0
     if contrast < LEAST_CONTRAST:
-        raise InputRejected(
-            codes.CHART_CONTRAST_TOO_LOW,
+        raise codes.CHART_CONTRAST_TOO_LOW.reject(
             f"Contrast {contrast:.1%} in channel {plane.channel}, less than {LEAST_CONTRAST:.0%}: the "
             "region shows no edge "
-            "from one side to the other, or a faint one. Draw it so that the edge runs through its middle.",
+            "from one side to the other, or a faint one. Draw it so that the edge runs through its middle."
         )
     bends = [end[:, 2:] - 2.0 * end[:, 1:-1] + end[:, :-2] for end in ends]
     noise = math.sqrt(sum(float(np.mean(bend**2)) for bend in bends) / 12.0) / (high - low)
     if noise > MOST_NOISE_REL:
-        raise InputRejected(
-            codes.EDGE_TOO_NOISY,
+        raise codes.EDGE_TOO_NOISY.reject(
             f"A pixel's noise is {noise:.1%} of the edge's step in channel {plane.channel}, more than "
             f"{MOST_NOISE_REL:.0%}: "
-            "take it at a lower ISO, with more light, or with a chart of more contrast.",
+            "take it at a lower ISO, with more light, or with a chart of more contrast."
         )
     return contrast, noise
 
@@ -203,36 +198,32 @@ def _require_signal(plane: Plane) -> tuple[float, float]:
 def _require_edge(plane: Plane, edge: Edge) -> tuple[float, float]:
     """Refuse an edge that is none, lies badly or ends too soon; give the range that all lines reach [px]."""
     if edge.residual_px > _MOST_RESIDUAL_PX:
-        raise InputRejected(
-            codes.EDGE_NOT_FOUND,
+        raise codes.EDGE_NOT_FOUND.reject(
             f"Places of the edge scatter by {edge.residual_px:.1f} px about a smooth line: the region "
             "holds more than one "
-            "edge, or none. Draw it about a single edge.",
+            "edge, or none. Draw it about a single edge."
         )
     angle_deg = math.degrees(math.atan(abs(edge.slope)))
     if not ANGLES_DEG[0] <= angle_deg <= ANGLES_DEG[1]:
-        raise InputRejected(
-            codes.EDGE_ANGLE_UNSUITABLE,
+        raise codes.EDGE_ANGLE_UNSUITABLE.reject(
             f"The edge leans {angle_deg:.1f} degrees from the pixel rows or columns: between "
             f"{ANGLES_DEG[0]:g} and "
-            f"{ANGLES_DEG[1]:g} are needed, 5 are best. Turn the chart or the camera.",
+            f"{ANGLES_DEG[1]:g} are needed, 5 are best. Turn the chart or the camera."
         )
     places = edge.curve(plane.line_px)
     last_px = plane.first_px + plane.pitch_px * (plane.values.shape[1] - 1)
     low, high = float(np.max(plane.first_px - places)), float(np.min(last_px - places))
     if min(-low, high) < LEAST_REACH_PX:
-        raise InputRejected(
-            codes.EDGE_NOT_FOUND,
+        raise codes.EDGE_NOT_FOUND.reject(
             f"The edge comes within {min(-low, high):.1f} px of the region's side: it must keep "
             f"{LEAST_REACH_PX:g} px away "
-            "on every line. Draw the region wider across the edge, or shorter along it.",
+            "on every line. Draw the region wider across the edge, or shorter along it."
         )
     periods = plane.line_px.size * _line_step(plane) * abs(edge.slope) / plane.pitch_px
     if periods < FEWEST_PERIODS:
-        raise InputRejected(
-            codes.EDGE_TOO_SHORT,
+        raise codes.EDGE_TOO_SHORT.reject(
             f"Along the region the edge moves by {periods:.1f} samples of channel {plane.channel}: "
-            f"{FEWEST_PERIODS:g} are needed. Draw the region longer, or lean the edge more.",
+            f"{FEWEST_PERIODS:g} are needed. Draw the region longer, or lean the edge more."
         )
     return low, high
 
@@ -246,9 +237,8 @@ def _require_phases(plane: Plane, edge: Edge) -> None:
     places = np.sort(np.mod(plane.first_px - edge.curve(plane.line_px), plane.pitch_px))
     gap_px = float(np.max(np.diff(places, append=places[0] + plane.pitch_px)))
     if gap_px > _WIDEST_GAP_PX:
-        raise InputRejected(
-            codes.EDGE_ANGLE_UNSUITABLE,
+        raise codes.EDGE_ANGLE_UNSUITABLE.reject(
             f"At a slope of {abs(edge.slope):.3f} the edge passes the samples of channel {plane.channel} at "
             f"the same places again and again: {gap_px:.2f} px between them stay unseen. Turn the chart by a "
-            "degree or two, or draw the region longer.",
+            "degree or two, or draw the region longer."
         )

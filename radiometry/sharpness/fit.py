@@ -176,7 +176,7 @@ def _explain(found: Sequence[RegionResponse]) -> InputRejected:
     first = next(refusal for region in found for refusal in region.refused)
     where = f"Region {found[0].name}: " if found[0].name else ""
     entry = next(each for each in (*codes.FINDINGS, *shared.FINDINGS) if each == first.code)
-    return InputRejected(entry, f"{where}{first.message}")
+    return entry.reject(f"{where}{first.message}")
 
 
 CENTRE_RADIUS_REL = 0.25
@@ -439,7 +439,7 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     candidates = collect_candidates(rows, params)
     used = [each for each in candidates if not each.left_out]
     if not used:
-        raise InputRejected(shared.FIT_INCOMPLETE, "No edge or star of the chart frames can be used.")
+        raise shared.FIT_INCOMPLETE.reject("No edge or star of the chart frames can be used.")
     colours = measure_colours(used)
     positions = tuple(
         merge_position(list(group), params) for _, group in itertools.groupby(used, key=lambda each: each.key)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings import InputRejected, shared
+from radiometry.findings import shared
 from radiometry.frame import Frame
 from radiometry.frame.roi import Window
 from radiometry.frame.statistics import GREY
@@ -92,8 +92,8 @@ def _read_sites(frame: Frame, window: Window, tone: Tone | None) -> dict[str, li
     row0, col0 = window.row0 - frame.row0, window.col0 - frame.col0
     samples = frame.samples_dn[max(row0, 0) : row0 + window.height, max(col0, 0) : col0 + window.width]
     if samples.shape[:2] != (window.height, window.width):
-        raise InputRejected(
-            shared.ROI_OUTSIDE_FRAME, "A region leaves the part of the frame that was read: draw it inside."
+        raise shared.ROI_OUTSIDE_FRAME.reject(
+            "A region leaves the part of the frame that was read: draw it inside."
         )
     black, white = frame.black_level_dn, frame.white_level_dn
 

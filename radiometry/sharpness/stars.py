@@ -6,7 +6,6 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from radiometry.findings import InputRejected
 from radiometry.sharpness import codes
 from radiometry.sharpness.edges import MOST_CLIPPED_SHARE
 from radiometry.sharpness.results import Contrasts, StarResponse
@@ -105,18 +104,16 @@ def measure_star(plane: Plane, *, cycles: int, centre: tuple[float, float], radi
     reference = slice(outer, outer + _REFERENCE_RINGS)
     strength = float(mean[reference].mean())
     if float(explained[reference].mean()) < _LEAST_EXPLAINED:
-        raise InputRejected(
-            codes.STAR_NOT_FOUND,
+        raise codes.STAR_NOT_FOUND.reject(
             f"A star of {cycles} cycles explains {float(explained[reference].mean()):.0%} of what channel "
             f"{plane.channel} "
             "shows about the centre: another number of cycles, a star seen at a slant, or no star. Correct "
-            "the target.",
+            "the target."
         )
     if strength < LEAST_MODULATION:
-        raise InputRejected(
-            codes.CHART_CONTRAST_TOO_LOW,
+        raise codes.CHART_CONTRAST_TOO_LOW.reject(
             f"The star's contrast is {strength:.1%} in channel {plane.channel}, less than "
-            f"{LEAST_MODULATION:.0%}.",
+            f"{LEAST_MODULATION:.0%}."
         )
     modulation = np.sqrt(np.maximum(0.0, square[outer:]))
     bases = modulation[:_REFERENCE_RINGS].mean(axis=0)
@@ -185,9 +182,8 @@ def _fit_fundamental(angle: Vector, signal: Vector, cycles: int) -> tuple[float,
     design = np.column_stack((np.ones(angle.size), np.cos(cycles * angle), np.sin(cycles * angle)))
     moments = design.T @ design
     if angle.size < 6 or np.linalg.cond(moments) > 1e8:
-        raise InputRejected(
-            codes.STAR_TOO_SMALL,
-            "A ring of the star holds too few samples in one direction: fill more of the frame.",
+        raise codes.STAR_TOO_SMALL.reject(
+            "A ring of the star holds too few samples in one direction: fill more of the frame."
         )
     inverse = np.linalg.inv(moments)
     base, cosine, sine = inverse @ (design.T @ signal)
@@ -203,21 +199,19 @@ def _fit_fundamental(angle: Vector, signal: Vector, cycles: int) -> tuple[float,
 
 def _require_unclipped(plane: Plane) -> None:
     if plane.clipped_share > MOST_CLIPPED_SHARE:
-        raise InputRejected(
-            codes.CHART_CLIPPED,
+        raise codes.CHART_CLIPPED.reject(
             f"{plane.clipped_share:.2%} of channel {plane.channel} in the region is at white or at zero, "
             "more than "
-            f"{MOST_CLIPPED_SHARE:.1%}. Change the exposure, or draw the region closer about the star.",
+            f"{MOST_CLIPPED_SHARE:.1%}. Change the exposure, or draw the region closer about the star."
         )
 
 
 def _require_span(outer_px: float, inner_px: float, channel: str) -> None:
     """Refuse a star that does not reach well below the Nyquist frequency: nothing to compare with."""
     if outer_px < LEAST_SPAN * inner_px:
-        raise InputRejected(
-            codes.STAR_TOO_SMALL,
+        raise codes.STAR_TOO_SMALL.reject(
             f"The star reaches {outer_px:.0f} px from its centre; channel {channel} carries its spokes "
             "only from "
             f"{inner_px:.0f} px on, and {LEAST_SPAN:g} times that is needed. Go closer, or take a star of "
-            "fewer cycles.",
+            "fewer cycles."
         )

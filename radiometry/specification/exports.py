@@ -9,7 +9,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings import InputRejected, interface
+from radiometry.findings import interface
 from radiometry.fitting.evidence import Quantity
 from radiometry.records import Record
 from radiometry.specification.certificate import CertificateText
@@ -213,5 +213,5 @@ def _text(text: str) -> str:
     """Escape text, without characters that XML cannot hold."""
     if FORBIDDEN_IN_XML.search(text):
         detail = f"{text!r} holds characters that XML cannot: type the name again."
-        raise InputRejected(interface.VALIDATION_FAILED, detail)
+        raise interface.VALIDATION_FAILED.reject(detail)
     return escape(text)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings import InputRejected, Raised, shared
+from radiometry.findings import Raised, shared
 from radiometry.fitting.evidence import Quantity
 from radiometry.fitting.sources import IMPLAUSIBLE_SCATTER_REL
 from radiometry.records import Record, about
@@ -89,7 +89,7 @@ def fit_exponents(rows: Sequence[SeriesRow], *, dark_dn: float, white_level_dn: 
     """
     kept, left_out = _cut(rows, dark_dn=dark_dn, white_level_dn=white_level_dn)
     if not kept:
-        raise InputRejected(shared.FIT_INCOMPLETE, f"No row can be used. {_explain(left_out)}")
+        raise shared.FIT_INCOMPLETE.reject(f"No row can be used. {_explain(left_out)}")
     logs = {name: np.log([getattr(row, name) for row, _ in kept]) for name in SETTINGS}
     varied = [name for name in SETTINGS if np.ptp(logs[name]) > SMALLEST_STEP]
     _require_enough(len(kept), varied, left_out)
@@ -140,17 +140,15 @@ def _cut(
 
 def _require_enough(count: int, varied: Sequence[str], left_out: Sequence[LeftOut]) -> None:
     if not varied:
-        raise InputRejected(
-            shared.FIT_INCOMPLETE,
+        raise shared.FIT_INCOMPLETE.reject(
             f"No setting varies among the usable rows ({count}): vary exposure time, f-number or ISO. "
-            f"{_explain(left_out)}",
+            f"{_explain(left_out)}"
         )
     needed = len(varied) + 2
     if count < needed:
-        raise InputRejected(
-            shared.FIT_INCOMPLETE,
+        raise shared.FIT_INCOMPLETE.reject(
             f"Usable rows: {count}. {len(varied)} exponents with their standard errors need at least "
-            f"{needed}. {_explain(left_out)}",
+            f"{needed}. {_explain(left_out)}"
         )
 
 
@@ -164,8 +162,7 @@ def _require_independent(columns: NDArray[np.float64], varied: Sequence[str]) ->
     """Refuse settings that change only together, whose effects on the signal cannot be separated."""
     spread = columns / np.linalg.norm(columns, axis=0)
     if np.linalg.cond(spread) > _LARGEST_CONDITION:
-        raise InputRejected(
-            shared.FIT_INCOMPLETE,
+        raise shared.FIT_INCOMPLETE.reject(
             f"{' and '.join(varied)} vary only together: their exponents cannot be told apart. Add rows in "
-            "which one of them changes alone.",
+            "which one of them changes alone."
         )

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings import InputRejected, shared
+from radiometry.findings import shared
 from radiometry.frame import FrameHeader
 from radiometry.frame.multispectral import Multispectral
 from radiometry.frame.opencv import cv2
@@ -287,10 +287,9 @@ def blur_of_file(
     """
     turns = compute_turns(read_attitudes(header.multispectral))
     if not turns:
-        raise InputRejected(
-            shared.ATTITUDE_MISSING,
+        raise shared.ATTITUDE_MISSING.reject(
             "The file carries no two records of yaw, pitch and roll with their times: how fast the camera "
-            "turned is not known. Enter the rotation rate instead.",
+            "turned is not known. Enter the rotation rate instead."
         )
     at_us = header.multispectral.exposed_at_us if header.multispectral else None
     turn, basis = _choose(turns, None if at_us is None else at_us * 1e-6, exposure_time_s)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings import InputRejected, shared
+from radiometry.findings import shared
 from radiometry.fitting.evidence import Extracted, FrameEvidence, Region
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.packing import Packed, pack
@@ -186,10 +186,9 @@ def extract_features(frame: Frame, regions: Sequence[Region], *, header: FrameHe
         _average_blocks(channel, frame, samples, known, grid) for channel in _list_channels(frame.cfa, band)
     ]
     if not any(counts.any() for _, counts in blocks):
-        raise InputRejected(
-            shared.ROI_EMPTY,
+        raise shared.ROI_EMPTY.reject(
             f"The region holds no whole block of {grid.block_px} x {grid.block_px} pixels: draw it larger, "
-            "or leave it out, so that the whole frame counts.",
+            "or leave it out, so that the whole frame counts."
         )
     features = Features(grid=grid, cfa=frame.cfa, channels=tuple(averaged for averaged, _ in blocks))
     return Extracted(statistics=compute_statistics(frame, inside), features=features)

@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from radiometry.findings import InputRejected, shared
+from radiometry.findings import shared
 from radiometry.fitting.evidence import MOST_DOF
 from radiometry.frame.packing import pack
 from radiometry.records import Record
@@ -89,10 +89,9 @@ def merge_flats(flats: Sequence[Blocks]) -> tuple[Blocks, list[Plane2]]:
     """
     everywhere = np.all([np.isfinite(flat.standard_error) for flat in flats], axis=0)
     if not everywhere.any():
-        raise InputRejected(
-            codes.FLAT_UNUSABLE,
+        raise codes.FLAT_UNUSABLE.reject(
             "The flat frames of one f-number have no part of the picture in common: leave their regions out, "
-            "so that the whole frame counts.",
+            "so that the whole frame counts."
         )
     merged = _average_flats(flats, everywhere)
     if len(flats) == 1:
@@ -308,11 +307,10 @@ def _build(
         radius_px=grid.half_diagonal_px,
     )
     if not float(share) > DARKEST_SHARE or solution.level <= 0.0:
-        raise InputRejected(
-            shared.FIT_FAILED,
+        raise shared.FIT_FAILED.reject(
             f"At f/{f_number:g}, channel {channel}, {float(share):.1%} of the light is left in the farthest "
             "corner: that is the edge of the image circle, not a falloff. Give the flats a region without "
-            "the dark corners.",
+            "the dark corners."
         )
     of_curve = float(falloff.propagate(slopes, covariance))
     coefficient = Coefficient(

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from radiometry.findings import InputRejected, Raised, shared
+from radiometry.findings import Raised, shared
 from radiometry.fitting import evidence
 from radiometry.frame.statistics import CHANNELS
 from radiometry.frame.verdicts import flag_assumed_black, flag_not_dark, flag_rendered
@@ -220,7 +220,7 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     used = [candidate for candidate in candidates if not candidate.left_out]
     if not used:
         reasons = "; ".join(f"{each.row.frame}: {each.left_out}" for each in candidates)
-        raise InputRejected(codes.FLAT_UNUSABLE, f"No flat frame can be used. {reasons}.")
+        raise codes.FLAT_UNUSABLE.reject(f"No flat frame can be used. {reasons}.")
     points.require_one_lens(candidates)
     fitted = _fit_all(candidates, params)
     return Fit(

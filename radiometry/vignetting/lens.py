@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings import InputRejected, shared
+from radiometry.findings import shared
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame.packing import unpack
 from radiometry.frame.roi import Polygon, Window, bounding_window, mask
@@ -65,16 +65,14 @@ def bracket(
     own = sorted((each for each in coefficients if each.channel == channel), key=lambda each: each.f_number)
     if not own:
         known = ", ".join(dict.fromkeys(each.channel for each in coefficients)) or "none"
-        raise InputRejected(
-            shared.VIGNETTING_NOT_CALIBRATED,
+        raise shared.VIGNETTING_NOT_CALIBRATED.reject(
             f"The vignetting calibration has no channel {channel}; it has {known}. Calibrate with flats of "
-            "the same kind of frame.",
+            "the same kind of frame."
         )
     if not own[0].f_number <= f_number <= own[-1].f_number:
-        raise InputRejected(
-            shared.VIGNETTING_NOT_CALIBRATED,
+        raise shared.VIGNETTING_NOT_CALIBRATED.reject(
             f"f/{f_number:g} is outside the calibrated range, f/{own[0].f_number:g} to "
-            f"f/{own[-1].f_number:g}: nothing is extrapolated. Take flats at f/{f_number:g}.",
+            f"f/{own[-1].f_number:g}: nothing is extrapolated. Take flats at f/{f_number:g}."
         )
     for each in own:
         if each.f_number == f_number:
@@ -91,10 +89,9 @@ def require_format(coefficients: Sequence[Coefficient], *, height_px: int, width
     sizes = {(each.height_px, each.width_px) for each in coefficients}
     if sizes != {(height_px, width_px)}:
         known = ", ".join(f"{width} x {height}" for height, width in sorted(sizes)) or "no"
-        raise InputRejected(
-            shared.VIGNETTING_NOT_CALIBRATED,
+        raise shared.VIGNETTING_NOT_CALIBRATED.reject(
             f"The frame is {width_px} x {height_px} pixels, the vignetting was calibrated with {known}: "
-            "another crop or binning. Set the camera as for the flats.",
+            "another crop or binning. Set the camera as for the flats."
         )
 
 
@@ -358,9 +355,8 @@ def find_fit(fits: Sequence[ChannelFit], *, f_number: float, channel: str) -> Ch
         if (fit.coefficient.f_number, fit.coefficient.channel) == (f_number, channel):
             return fit
     known = ", ".join(f"f/{each.coefficient.f_number:g} {each.coefficient.channel}" for each in fits)
-    raise InputRejected(
-        shared.VIGNETTING_NOT_CALIBRATED,
-        f"No flat was fitted at f/{f_number:g}, channel {channel}; there are {known}. Ask for one of these.",
+    raise shared.VIGNETTING_NOT_CALIBRATED.reject(
+        f"No flat was fitted at f/{f_number:g}, channel {channel}; there are {known}. Ask for one of these."
     )
 
 

@@ -9,7 +9,7 @@ import scipy
 from numpy.typing import NDArray
 
 from radiometry.drawing.text import name_few
-from radiometry.findings import Finding, InputRejected, Raised, shared
+from radiometry.findings import Finding, Raised, shared
 from radiometry.records import Record
 from radiometry.vignetting import codes
 from radiometry.vignetting.blocks import FrameRow, Plane
@@ -308,10 +308,9 @@ def require_one_lens(candidates: Sequence[Candidate]) -> None:
         for header in (candidate.row.header for candidate in candidates if not candidate.left_out)
     }
     if len(lenses) > 1:
-        raise InputRejected(
-            codes.FLAT_UNUSABLE,
+        raise codes.FLAT_UNUSABLE.reject(
             f"The flat frames are of several lenses: {', '.join(sorted(lenses))}. A falloff belongs to one "
-            "lens: exclude the frames of the others.",
+            "lens: exclude the frames of the others."
         )
 
 

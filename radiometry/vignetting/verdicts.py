@@ -35,8 +35,7 @@ def judge(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], params: Par
 
 def _inspect_flat(quality: Quality) -> list[Reason]:
     if quality.problem:
-        detail = f"{quality.left_out[0].upper()}{quality.left_out[1:]}."
-        return [quality.problem.reason(detail)]
+        return [quality.problem.reason(f"{quality.left_out[0].upper()}{quality.left_out[1:]}.")]
     found = []
     if quality.is_uneven:
         detail = (
