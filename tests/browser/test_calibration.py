@@ -10,7 +10,7 @@ from playwright.sync_api import expect
 from radiometry.methods import METHODS, get_method
 from service.calibrations.fits import NewCalibration, read_request
 from store.codec import decode, drop_absent
-from tests.support.browser import DIALOG, PICTURES, check_access, look, settle, sign_in
+from tests.support.browser import DIALOG, PICTURES, Held, check_access, look, settle, sign_in
 from tests.support.campaigns import ISOS, LEVELS, SETTINGS
 
 USED = len(ISOS) * len(LEVELS) * len(SETTINGS)
@@ -170,18 +170,13 @@ def test_a_point_is_left_out_with_a_reason_and_the_version_before_stays(shown, n
     shown.get_by_role("button", name="Show all").click()
     expect(shown.get_by_role("checkbox", name=f"Choose {found['frame']}")).to_be_checked()
     # on a slow line a reason is written before the parameters are there
-    held = []
-
-    def hold(route):
-        held.append(route)
-
-    shown.route("**/calibrations?method=*", hold, times=1)
+    parameters = Held(shown, "**/calibrations?method=*", times=1)
     chosen.get_by_role("button", name="Exclude and refit").click()
     dialog = shown.get_by_role("dialog")
     check_access(shown)
     dialog.get_by_label("Reason for exclusion").fill("somebody walked through the light")
     dialog.get_by_role("button", name="Refit").click()
-    held.pop().continue_()
+    parameters.release().continue_()
     shown.wait_for_url(re.compile(f"/calibrations/(?!{night.version.id})"))
     settle(shown)
     shown.get_by_role("button", name="Show all").click()
@@ -227,23 +222,17 @@ def test_a_refit_asks_for_every_parameter_of_its_version(night_page, night):
     The form is sent before the versions are there that it offers, and one question after the job has no
     answer.
     """
-    bodies, lenses, lost = [], [], []
+    bodies = []
 
     def start(route):
         bodies.append(route.request.post_data_json)
         route.fulfill(json={"id": "job_1"}, status=202)
 
-    def never(route):
-        lost.append(route)
-
-    def later(route):
-        lenses.append(route)
-
     job = {"id": "job_1", "state": "succeeded", "result": {"calibration_id": "cal_1"}}
     night_page.route("**/v1/campaigns/cmp_1/calibrations", start)
     night_page.route("**/v1/jobs/job_1", lambda route: route.fulfill(json=job))
-    night_page.route("**/v1/jobs/job_1", never, times=1)
-    night_page.route("**/v1/cameras/cam_1/calibrations?**", later)
+    lost = Held(night_page, "**/v1/jobs/job_1", times=1)
+    lenses = Held(night_page, "**/v1/cameras/cam_1/calibrations?**")
     night_page.add_init_script(IMPATIENT)
     night_page.goto(f"/calibrations/{night.version.id}")
     settle(night_page)
@@ -261,10 +250,8 @@ def test_a_refit_asks_for_every_parameter_of_its_version(night_page, night):
             assert not re.search(r"[{}]|\[object|\b[a-z]+_[a-z]+\b", said), said
             night_page.evaluate(REFIT, version | {"parameters": drop_absent(stored), "points": []})
             dialog.get_by_role("button", name="Refit").click()
-            while len(lenses) < len({each.version_of for each in parameters} - {""}):
-                night_page.wait_for_timeout(20)
-            while lenses:
-                lenses.pop().fulfill(json={"items": [LENS]})
+            for _ in {each.version_of for each in parameters} - {""}:
+                lenses.release().fulfill(json={"items": [LENS]})
             expect(dialog).to_have_count(0)
             asked = read_request(NewCalibration(bodies.pop()), spec).read_parameters(spec)
             named = {
@@ -287,19 +274,14 @@ def test_what_publishing_changes_is_seen_before_it_is_decided(night_page, night)
     check_access(night_page)
     look(night_page, "calibration-publish")
     # what was asked for another date, and comes later, is not shown over it
-    held = []
-
-    def hold(route):
-        held.append(route)
-
-    night_page.route("**/impact?at=2026-05-01*", hold)
+    earlier = Held(night_page, "**/impact?at=2026-05-01*")
     dialog.get_by_label("In force from (UTC)").fill("2026-05-01T00:00")
     dialog.get_by_label("Reason").click()
     dialog.get_by_label("In force from (UTC)").fill("2025-01-01T00:00")
     dialog.get_by_label("Reason").click()
     expect(dialog).to_contain_text("Nothing is in force then")
     with night_page.expect_response("**/impact?at=2026-05-01*"):
-        held.pop().continue_()
+        earlier.release().continue_()
     night_page.evaluate("() => new Promise((done) => setTimeout(done, 200))")
     expect(dialog).to_contain_text("Nothing is in force then")
     dialog.get_by_label("Until (UTC)").fill("2025-02-01T00:00")

@@ -11,7 +11,7 @@ from sqlalchemy import select
 from store.tables import Blob, FrameRow
 from store.tables.base import new_id
 from tests.service.test_found_panels import state_panel
-from tests.support.browser import DIALOG, check_access, look, settle, sign_in, visit
+from tests.support.browser import DIALOG, Held, check_access, look, settle, sign_in, visit
 from tests.support.data import data_file
 from tests.support.fieldwork import write_campaign
 from tests.support.frames import write_frame
@@ -191,18 +191,12 @@ def test_frames_are_walked_moved_left_out_and_restored_by_keys_alone(page, team,
     dialog.get_by_role("button", name="Fit").click()
     # pressed while the next frame loads, released when it has been drawn
     second = page.locator(".grid .cell").nth(1).get_attribute("data-id")
-    held = []
-
-    def hold(route):
-        held.append(route)
-
-    page.route(f"**/v1/frames/{second}", hold)
+    held = Held(page, f"**/v1/frames/{second}")
     page.keyboard.press("ArrowRight")
     expect(dialog).to_contain_text("2 of 6")
     dialog.get_by_role("button", name="Withdraw").hover()
     page.mouse.down()
-    for route in held:
-        route.continue_()
+    held.release().continue_()
     page.unroute_all()
     settle(page)
     page.mouse.up()
@@ -423,20 +417,17 @@ def test_the_first_rows_do_not_wait_for_a_thousand(page, team, service, tmp_path
         ).json()
     service.wait_for_jobs([sent["id"]])
     multiply(service.database, sent["id"], 1000)
-    held, pictures = [], []
+    pictures = []
     page.on("request", lambda request: "thumbnail" in request.url and pictures.append(request))
-
-    def hold(route):
-        held.append(route)
-
     rest = re.compile(r"/grid\?.*limit=2000")
-    page.route(rest, hold)
+    held = Held(page, rest)
     page.goto(f"/campaigns/{campaign.id}")
     # all but the first page is held back
     expect(page.get_by_role("button", name=re.compile(r"^frame-2\.DNG"))).to_be_visible()
+    first = held.release()
     page.route(rest, lambda route: route.continue_())
-    for route in held:
-        route.continue_()
+    for each in (first, *held):
+        each.continue_()
     expect(page.locator("#frames-note")).to_have_text("1000 of this campaign", timeout=30_000)
     # repeats of one cell are a count until they are asked for
     expect(page.locator(".grid .cell")).to_have_count(3)

@@ -12,7 +12,7 @@ import tifffile
 from PIL import Image
 from playwright.sync_api import expect
 
-from tests.support.browser import check_access, look, settle
+from tests.support.browser import Held, check_access, look, settle
 from tests.support.nightwork import SHAPE
 from worker.maps.picture import make_colours
 
@@ -333,7 +333,7 @@ def test_all_frames_of_a_night_are_measured_once_a_region_is_drawn(night_page, n
 
 def test_what_was_chosen_last_is_measured_on_a_slow_line_too(night_page, night):
     """Answers come late and in another order; nobody waits for them before they go on."""
-    held, sent = {}, []
+    sent = []
     june = night.field[1].id
 
     def give_june_a_region(route):
@@ -342,16 +342,13 @@ def test_what_was_chosen_last_is_measured_on_a_slow_line_too(night_page, night):
             each["roi_id"] = "roi_june" if each["id"] == june else None
         route.fulfill(json=frames)
 
-    def hold(route):
-        held[route.request.url] = route
-
     def refuse(route):
         sent.append(route.request.post_data_json)
         route.abort()
 
     night_page.route(f"**/campaigns/{night.measured_id}/frames*", give_june_a_region)
-    night_page.route(f"**/campaigns/{night.campaign_id}/frames*", hold)
-    night_page.route(f"**/frames/{june}/roi", hold)
+    frames = Held(night_page, f"**/campaigns/{night.campaign_id}/frames*")
+    region = Held(night_page, f"**/frames/{june}/roi")
     night_page.route("**/v1/measurements", refuse)
     night_page.goto(f"/measurements/new?frame={night.field[0].id}")
     settle(night_page)
@@ -360,21 +357,17 @@ def test_what_was_chosen_last_is_measured_on_a_slow_line_too(night_page, night):
     campaign.select_option(night.measured_id)
     frame = night_page.get_by_label("Frame", exact=True)
     expect(frame.get_by_role("option")).to_have_count(3)
-    (late,) = held.values()
+    late = frames.release()
     with night_page.expect_response(late.request.url):
         late.fulfill(json={"items": [], "next": None})
     night_page.evaluate("() => new Promise((done) => setTimeout(done, 200))")
     expect(frame.get_by_role("option")).to_have_count(3)
     expect(night_page.get_by_text("No field frames")).to_have_count(0)
 
-    held.clear()
     frame.select_option(june)
     night_page.get_by_role("button", name="Measure").click()
     own = [[40, 24], [120, 24], [120, 90]]
-    while not held:
-        night_page.wait_for_timeout(20)
-    (region,) = held.values()
-    region.fulfill(json={"id": "roi_june", "polygon": own})
+    region.release().fulfill(json={"id": "roi_june", "polygon": own})
     expect(night_page.get_by_role("alert")).to_contain_text("No connection")
     assert [each["frame_id"] for each in sent] == [june]
     # the region of the frame itself

@@ -1,6 +1,7 @@
 """A browser that looks at the pages as people do: its console is quiet, its pictures are kept, axe asked."""
 
 import os
+import re
 import shutil
 import subprocess
 from contextlib import contextmanager
@@ -10,7 +11,7 @@ from pathlib import Path
 from axe_playwright_python.sync_playwright import Axe
 from PIL import Image
 from playwright._impl._driver import compute_driver_executable
-from playwright.sync_api import Browser, BrowserContext, Locator, Page, Playwright, Response, expect
+from playwright.sync_api import Browser, BrowserContext, Locator, Page, Playwright, Response, Route, expect
 
 WIDTHS = {"desktop": (1440, 900), "phone": (390, 844)}
 CHROMIUM = (
@@ -105,6 +106,20 @@ MISDRAWN = """parts => parts
 def settle(page: Page) -> None:
     """Wait until nothing on the page says that it loads."""
     expect(page.locator("[aria-busy=true]")).to_have_count(0)
+
+
+class Held(list[Route]):
+    """Requests that are held back, in the order in which they were made."""
+
+    def __init__(self, page: Page, address: str | re.Pattern[str], **times: int):
+        self._page = page
+        page.route(address, lambda route: self.append(route), **times)  # noqa: PLW0108 (its handlers keep marks)
+
+    def release(self) -> Route:
+        """Wait for the next one, which the test then answers."""
+        while not self:
+            self._page.wait_for_timeout(20)
+        return self.pop(0)
 
 
 def look(page: Page, name: str, folder: Path | None = None) -> None:
