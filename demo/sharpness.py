@@ -16,11 +16,7 @@ _EDGES = {
     "bottom-left": (1.00, 6.0),
     "bottom-right": (0.92, 8.0),
 }
-_SHORT = {
-    "mtf50_cycles_per_pixel": "mtf50",
-    "edge_rise_10_90_px": "edge rise",
-    "lsf_fwhm_px": "lsf fwhm",
-}
+_SHORT = {"mtf50_cycles_per_pixel": "mtf50", "edge_rise_10_90_px": "edge rise", "lsf_fwhm_px": "lsf fwhm"}
 _FRAMES = 4
 _STUDIO = change(
     CHART_STUDIO,

@@ -64,11 +64,7 @@ def _corner(camera: Camera, plane: Plane) -> float:
 
 
 def _export(
-    stage: Stage,
-    calibration: stilb.Calibration,
-    camera: Camera,
-    f_number: float,
-    falloff: stilb.Coefficient,
+    stage: Stage, calibration: stilb.Calibration, camera: Camera, f_number: float, falloff: stilb.Coefficient
 ) -> list[Finding]:
     """Save the forms of other programs; the correction map corrects the farthest corner to 1."""
     share = _corner(camera, camera.share(f_number))

@@ -103,11 +103,7 @@ def _read(
             window = bounding_window(around, height_px=header.height_px, width_px=header.width_px)
             pixels = decoders.read_window(path, (window.row0, window.col0, window.height, window.width))
         extracted = methods.get_method(certificate["method"]).extract(
-            pixels,
-            _parts(region),
-            header=header,
-            exposure=exposure,
-            target=_target(certificate),
+            pixels, _parts(region), header=header, exposure=exposure, target=_target(certificate)
         )
         row = _make_row(stated, certificate, header, exposure, extracted, around)
     except (InputRejected, DecoderCrashed) as refusal:

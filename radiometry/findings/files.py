@@ -12,8 +12,7 @@ NOT_A_RAW_FILE = _refusal(
     "Send the camera's raw file (DNG) or a TIFF; for the role `chart` also a JPEG or PNG.",
 )
 TRUNCATED = _refusal(
-    "The file ends before its image does.",
-    "Copy it from the camera's card again and compare the file sizes.",
+    "The file ends before its image does.", "Copy it from the camera's card again and compare the file sizes."
 )
 SIZE_MISMATCH = _refusal(
     "The sizes that the file states do not agree with its content.",
@@ -32,8 +31,7 @@ FRAME_TOO_LARGE = _refusal(
     "Send a single frame as the camera wrote it.",
 )
 FRAME_TOO_SMALL = _refusal(
-    "Fewer than 16 pixels a side.",
-    "Send a whole frame as the camera wrote it, not a thumbnail.",
+    "Fewer than 16 pixels a side.", "Send a whole frame as the camera wrote it, not a thumbnail."
 )
 LINEAR_RAW = _refusal(
     "A converter interpolated the colours: the sensor's mosaic is no longer in the file.",
@@ -44,8 +42,7 @@ LOSSY_DNG = _refusal(
     "Set the camera or the converter to lossless or uncompressed DNG and send that.",
 )
 UNSUPPORTED_COMPRESSION = _refusal(
-    "The image uses a compression that is not read.",
-    "Convert it to an uncompressed or lossless JPEG DNG.",
+    "The image uses a compression that is not read.", "Convert it to an uncompressed or lossless JPEG DNG."
 )
 UNSUPPORTED_LAYOUT = _refusal(
     "The image is not a single Bayer or grey mosaic of samples.",

@@ -83,9 +83,7 @@ HOST_NOT_ALLOWED = _refusal(
     "Ask its operator for the right one (`STILB_ALLOWED_HOSTS`).",
 )
 CONFLICT = _refusal(
-    409,
-    "It contradicts what is recorded, such as a name that is taken.",
-    "Change what `detail` names.",
+    409, "It contradicts what is recorded, such as a name that is taken.", "Change what `detail` names."
 )
 CHANGED_MEANWHILE = _refusal(
     409,
@@ -93,9 +91,7 @@ CHANGED_MEANWHILE = _refusal(
     "Look at the frame as it is now, and repeat the change if it is still wanted.",
 )
 IDEMPOTENCY_KEY_REUSED = _refusal(
-    422,
-    "This `Idempotency-Key` came with another request before.",
-    "Make a new key for each new request.",
+    422, "This `Idempotency-Key` came with another request before.", "Make a new key for each new request."
 )
 INTERNAL_ERROR = Finding(
     "",
@@ -147,9 +143,7 @@ PRECONDITION_FAILED = _refusal(
     "only as you saw them.",
 )
 UPLOAD_VERSION = _refusal(
-    412,
-    "The request does not speak tus 1.0.0 (`Tus-Resumable: 1.0.0`).",
-    "Use a client of tus.",
+    412, "The request does not speak tus 1.0.0 (`Tus-Resumable: 1.0.0`).", "Use a client of tus."
 )
 RANGE_OUTSIDE = _refusal(
     416,
@@ -173,10 +167,7 @@ TOO_MANY_UPLOADS = _refusal(
     retryable=True,
 )
 STORAGE_FULL = _refusal(
-    507,
-    "No space is left for the file. Nothing was kept.",
-    "Ask the operator to free space.",
-    retryable=True,
+    507, "No space is left for the file. Nothing was kept.", "Ask the operator to free space.", retryable=True
 )
 STORAGE_UNAVAILABLE = _refusal(503, "The file store does not answer.", "Try again.", retryable=True)
 STORED_FILE_DAMAGED = Finding(
@@ -190,10 +181,7 @@ STORED_FILE_DAMAGED = Finding(
     500,
 )
 DATABASE_UNAVAILABLE = _refusal(
-    503,
-    "The database does not answer.",
-    "Try again after `Retry-After`.",
-    retryable=True,
+    503, "The database does not answer.", "Try again after `Retry-After`.", retryable=True
 )
 SCHEMA_MISMATCH = _refusal(
     503,
@@ -249,9 +237,7 @@ RIG_DIFFERS = _refusal(
     "Send another name: a rig whose cameras were exchanged is another rig.",
 )
 METHOD_MISMATCH = _refusal(
-    409,
-    "It belongs to another method than the one asked for.",
-    "Name one of the same method.",
+    409, "It belongs to another method than the one asked for.", "Name one of the same method."
 )
 CHECKLIST_SIGNED = _refusal(
     409,

@@ -15,8 +15,7 @@ STATISTICS_FROM_TABLE = flag(
     *("frame", "calibration", "measurement"),
 )
 PIXELS_MISSING = error(
-    "The frame is a row of a table, which has no pixels to measure.",
-    "Send the camera's raw file.",
+    "The frame is a row of a table, which has no pixels to measure.", "Send the camera's raw file."
 )
 EXPOSURE_NOT_MANUAL = reason(
     "warn",
@@ -95,8 +94,7 @@ ROI_INVALID = error(
     "Send three or more corners, or one ImageJ call.",
 )
 ROI_SELF_INTERSECTING = error(
-    "The polygon crosses or touches itself.",
-    "Draw its corners in order around the area.",
+    "The polygon crosses or touches itself.", "Draw its corners in order around the area."
 )
 ROI_EMPTY = error(
     "No pixel's centre lies in the region, or it is too small for the method.",
@@ -110,9 +108,7 @@ ROI_OUTSIDE_FRAME = error(
 )
 # of a frame in its campaign, before its statistics are looked at
 NOT_READ = reason(
-    "pending",
-    "The file has arrived and is stored; it has not been read yet.",
-    "Ask again in a few seconds.",
+    "pending", "The file has arrived and is stored; it has not been read yet.", "Ask again in a few seconds."
 )
 NO_REGION = reason(
     "pending",
@@ -187,8 +183,7 @@ DARK_NOT_DARK = reason(
 )
 # of a fit
 FEW_POINTS = flag(
-    "Fewer than six points are left for an ISO value.",
-    "Check why points were left out, and add frames.",
+    "Fewer than six points are left for an ISO value.", "Check why points were left out, and add frames."
 )
 SCATTER_EXCEEDS_UNCERTAINTY = flag(
     "Points scatter more than their stated uncertainties explain; the uncertainty includes the scatter "

@@ -55,9 +55,7 @@ BOARD_BLURRED = reason(
     "Hold still, and use more light and a shorter time.",
 )
 BOARD_SMALL = reason(
-    "warn",
-    "The board spans less than 5 % of the frame.",
-    "Come closer, or use a larger board.",
+    "warn", "The board spans less than 5 % of the frame.", "Come closer, or use a larger board."
 )
 
 

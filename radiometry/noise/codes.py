@@ -33,8 +33,7 @@ PRNU_LARGE = flag(
     "Photograph an even surface out of focus, or draw the region where it is even.",
 )
 PATTERN_NOT_RESOLVED = flag(
-    "DSNU or PRNU is less than two of its standard errors, as variances.",
-    "Add frames of one setting.",
+    "DSNU or PRNU is less than two of its standard errors, as variances.", "Add frames of one setting."
 )
 DARK_CURRENT_COMPENSATED = flag(
     "The dark noise grows faster with time than the dark signal: the camera subtracts its dark current.",

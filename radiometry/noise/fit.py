@@ -5,12 +5,7 @@ from collections.abc import Sequence
 
 from radiometry.drawing.text import name_few
 from radiometry.findings import Finding, Raised, shared
-from radiometry.fitting.evidence import (
-    MOST_DOF,
-    CoefficientValue,
-    Quantity,
-    require_complete,
-)
+from radiometry.fitting.evidence import MOST_DOF, CoefficientValue, Quantity, require_complete
 from radiometry.frame.statistics import CHANNELS
 from radiometry.frame.verdicts import flag_assumed_black, flag_rendered, name_not_dark
 from radiometry.noise import codes, results

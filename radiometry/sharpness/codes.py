@@ -27,8 +27,7 @@ SHARPNESS_CENTRE_MISSING = flag(
     "Add a position in the middle of the frame.",
 )
 REGION_LEFT_OUT = flag(
-    "A channel of a region cannot be used, and was left out.",
-    "`detail` names the channel and the reason.",
+    "A channel of a region cannot be used, and was left out.", "`detail` names the channel and the reason."
 )
 CHART_UNUSABLE = reason(
     "warn",
