@@ -18,7 +18,6 @@ from verify.data import (
     Unusable,
     is_address,
     is_measurement,
-    is_rig,
     open_export,
     read_certificate,
     read_folder,
@@ -27,7 +26,6 @@ from verify.data import (
 from verify.measurement import verify_measurement
 from verify.recompute import recompute
 from verify.report import conclude, name_libraries, name_unseen, tabulate
-from verify.rig import verify_rig
 from worker.decode.pool import DecoderKilled, DecoderPool, DecoderUnavailable
 
 
@@ -57,8 +55,6 @@ def _verify(place: str, data_place: str, key: str, console: Console) -> int:
         def tell(done: int, total: int) -> None:
             status.update(f"reading the frames: {done} of {total}")
 
-        if is_rig(certificate):
-            return _report(certificate, verify_rig(certificate, data_place, key, decoders, tell), console)
         with open_export(data_place, key, certificate["calibration_id"]) as folder:
             data = read_folder(folder)
             rows = check(certificate, data, recompute(certificate, data, decoders, tell))

@@ -58,11 +58,9 @@ def read_certificate(place: str, key: str) -> Node:
                 return _checked(client.certificate(calibration_id, amendment=amendment), place)
             case ["v1", "measurements", measurement_id, *_]:
                 return _checked(client.measurement_record(measurement_id), place)
-            case ["v1", "rigs", rig_id, *_]:
-                return _checked(client.rig_certificate(rig_id), place)
     raise Unusable(
-        f"{place} is not the address of a certificate (.../v1/calibrations/<id>/certificate.json), of a "
-        "measurement (.../v1/measurements/<id>) or of a rig (.../v1/rigs/<id>)"
+        f"{place} is not the address of a certificate (.../v1/calibrations/<id>/certificate.json) "
+        "or of a measurement (.../v1/measurements/<id>)"
     )
 
 
@@ -80,11 +78,6 @@ def open_export(place: str, key: str, of: str, *, measured: bool = False) -> Ite
 def is_measurement(certificate: Node) -> bool:
     """Return True if what was read is the record of a measurement."""
     return "calibration" in certificate
-
-
-def is_rig(certificate: Node) -> bool:
-    """Return True if what was read is the certificate of a rig."""
-    return "rig_id" in certificate
 
 
 def is_address(place: str) -> bool:

@@ -12,7 +12,7 @@ from rich.table import Table
 from radiometry.findings import shared
 from radiometry.methods import get_method
 from verify.compare import Agreement, Row
-from verify.data import Node, is_measurement, is_rig
+from verify.data import Node, is_measurement
 
 _HEADLINES = {
     "luminance_k": "K",
@@ -22,7 +22,7 @@ _HEADLINES = {
     "effective_dof": "dof",
     "dark_signal_dn": "D",
 }
-_HELD_FOR = ("camera", "iso", "f_number", "band", "channel")
+_HELD_FOR = ("iso", "f_number", "band", "channel")
 _MOST_IN_GROUP = 12
 _OF_MEASUREMENT = tuple(
     f"{name}.{part}" for name in ("mean", "value") for part in ("value", "standard_uncertainty")
@@ -64,14 +64,12 @@ def tabulate(certificate: Node, rows: list[Row]) -> Table:
 def _list_headlines(certificate: Node, rows: list[Row]) -> Iterator[tuple[str, Row]]:
     """The results by name: of luminance per ISO value, of other methods every coefficient with u."""
     # the whole certificate is compared with the data's copy too, under the same names
-    figures = {
-        row.quantity: row for row in rows if row.group in ("iso_fits", "coefficients", "rig coefficients")
-    }
+    figures = {row.quantity: row for row in rows if row.group in ("iso_fits", "coefficients")}
     if is_measurement(certificate):
         means = {row.quantity: row for row in rows if row.group == "result"}
         yield from ((name, means[name]) for name in _OF_MEASUREMENT if name in means)
         return
-    if not is_rig(certificate) and get_method(certificate["method"]).certificate.layout == "curve":
+    if get_method(certificate["method"]).certificate.layout == "curve":
         for index, fit in enumerate(certificate["result"]["iso_fits"]):
             for name, symbol in _HEADLINES.items():
                 row = figures.get(f"iso_fits[{index}].coefficient.{name}")

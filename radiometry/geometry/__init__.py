@@ -60,23 +60,6 @@ _CERTIFICATE: Final = CertificateText(
     "enters. Distances depend on the stated square size and pixel pitch.",
 )
 
-_RIG_CERTIFICATE: Final = CertificateText(
-    procedure="Orientation of each camera against the reference, from pictures of one board taken together; "
-    "poses of cameras and boards fitted by least squares over all corners, each camera as its certificate "
-    "states it",
-    equation="X_camera = R X_reference + t; the camera's axes in the reference's frame are "
-    "Ry(yaw) Rx(pitch) Rz(roll), (x, y, z) is its centre there; x right, y down, z forward",
-    headlines=frozenset({"yaw", "pitch", "roll", "boresight", "x", "y", "z"}),
-    columns=(
-        Column(name="camera", head="camera", form="text", share=1.6),
-        certificate.FRAME,
-        Column(name="trigger", head="trigger", form="text", share=1.6),
-        Column(name="rms_px", head="rms [px]"),
-    ),
-    traceability="Angles depend on the board's shape, not on its size; no external standard enters. x, y "
-    "and z are in the scale of the board's squares as stated: 0.1 % in a square is 0.1 % in each of them.",
-)
-
 SPEC: Final = MethodSpec(
     name="geometry",
     label="Geometry",
@@ -121,7 +104,6 @@ SPEC: Final = MethodSpec(
         orient=orient_members,
         count_shared=count_shared,
         list_quantities=list_quantities,
-        certificate=_RIG_CERTIFICATE,
         exports=RIG_EXPORTS,
     ),
     application=PictureApplication(

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from radiometry.findings import interface
 from radiometry.fitting.evidence import Quantity
 from radiometry.records import Record
-from radiometry.specification.certificate import CertificateText
 
 
 class ExportOption(Record):
@@ -97,7 +96,6 @@ class RigSpec(Record):
     count_shared: Callable[[RigMember, RigMember], int]
     # `(orientation) -> mapping` from (camera, name) to Quantity, what is compared between sets
     list_quantities: Callable[[Any], Mapping[tuple[str, str], Quantity]]
-    certificate: CertificateText
     exports: tuple[RigExport, ...]  # Forms in which other programs read an orientation
 
 

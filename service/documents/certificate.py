@@ -41,11 +41,11 @@ from store.queries.calibration_record import CalibrationRecord, state_budgets, s
 from store.queries.organisations import Person, name_laboratory
 from store.tables import Calibration
 
-RELATES = (
+_RELATES = (
     "This certificate relates only to the item named on it, in the state in which it was calibrated, and "
     "within the range of validity stated."
 )
-EXPANDED = (
+_EXPANDED = (
     "Each expanded uncertainty is the standard uncertainty multiplied by the coverage factor k, which is "
     "taken from the t distribution with the effective degrees of freedom for a coverage probability of "
     "about 95 %. Uncertainties are evaluated according to JCGM 100:2008."
@@ -64,7 +64,7 @@ _RELATIVE = (
     "the error of the meter's scale is unknown, so that no expanded uncertainty of K is stated. What a meter "
     "certificate would give is stated under Flags."
 )
-WHOLE = "This certificate may be reproduced only in full."
+_WHOLE = "This certificate may be reproduced only in full."
 
 
 def amend(amends: Amended, reason: str) -> str:
@@ -81,13 +81,13 @@ def list_statements(
     """Return the statements that the laboratory makes with every certificate of a method."""
     corrected = f"The signals were corrected for vignetting with {vignetting}."
     return [
-        RELATES,
-        EXPANDED,
+        _RELATES,
+        _EXPANDED,
         *spec.certificate.statements,
         *spec.certificate.state(parameters, result),
         *([_UNCORRECTED if vignetting == "none" else corrected] if spec.corrected_by else []),
         _SUFFICE,
-        WHOLE,
+        _WHOLE,
     ]
 
 

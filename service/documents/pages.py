@@ -26,7 +26,7 @@ from service.documents.sheets import (
     write_json,
 )
 
-LEGEND = (
+_LEGEND = (
     "u: standard uncertainty. U = k u: expanded uncertainty. k: coverage factor (95 %). dof: effective "
     "degrees of freedom, printed up to 1000."
 )
@@ -44,7 +44,7 @@ def list_notes(certificate: Node) -> list[str]:
     """Return the sentences below the table of the first page."""
     return [
         f"{certificate['procedure']}. {certificate['equation']}.",
-        LEGEND,
+        _LEGEND,
         certificate["traceability"],
     ]
 
@@ -61,7 +61,7 @@ def list_sections(certificate: Node, preview: str) -> list[Node]:
         section("Region", region_blocks(certificate, preview)),
         *_frames(certificate),
         section(
-            "Points of the fit", [tabulate_points(spec.certificate.columns, certificate["result"]["points"])]
+            "Points of the fit", [_tabulate_points(spec.certificate.columns, certificate["result"]["points"])]
         ),
     ]
 
@@ -218,7 +218,7 @@ def _frame_table(frames: list[Node]) -> Node:
     return table(head, rows, align="lrrrlh", widths=[2.4, 0.8, 0.5, 0.8, 2.2, 3])
 
 
-def tabulate_points(columns: Sequence[Column], points: list[Node]) -> Node:
+def _tabulate_points(columns: Sequence[Column], points: list[Node]) -> Node:
     """Return a table of points, used or not."""
     if not points:
         return flow("None.")
@@ -247,16 +247,10 @@ STAMPS = {
     "superseded": "Superseded",
     "published": "",
 }
-_LEGEND = (
+_LEGEND_OF_K = (
     "u(K): standard uncertainty. U(K): expanded uncertainty. k: coverage factor (95 %). dof: degrees of "
     "freedom."
 )
-
-
-def front_matter(certificate: Node, state: str) -> Node:
-    """Return what stands at the head of every certificate, and the JSON that goes with it."""
-    same = {name: certificate[name] for name in ("title", "number", "created_at", "laboratory")}
-    return same | {"attached": write_json(certificate), "stamp": STAMPS[state]}
 
 
 def find_state(certificate: Node) -> str:
@@ -268,14 +262,17 @@ def find_state(certificate: Node) -> str:
 def lay_out(certificate: Node, preview: str) -> Node:
     """Return everything that the template sets. ``preview`` : an SVG of a frame with the region, or ""."""
     is_curve = get_method(certificate["method"]).certificate.layout == "curve"
-    return front_matter(certificate, find_state(certificate)) | {
+    return {
+        **{name: certificate[name] for name in ("title", "number", "created_at", "laboratory")},
+        "attached": write_json(certificate),
+        "stamp": STAMPS[find_state(certificate)],
         "item": _item(certificate),
-        "work": list_work(certificate),
+        "work": _list_work(certificate),
         "results": _summary(certificate) if is_curve else summarise(certificate),
         "summary": _sentences(certificate) if is_curve else list_notes(certificate),
         "authority": _authority(certificate),
         "gaps": [gap["message"] for gap in certificate["gaps"]],
-        "flags": [list_flag(flag) for flag in certificate["flags"]],
+        "flags": [[flag["where"] or "all", flag["meaning"], flag["detail"]] for flag in certificate["flags"]],
         "sections": [
             *(
                 [*result_sections(certificate), *evidence_sections(certificate, preview)]
@@ -283,7 +280,7 @@ def lay_out(certificate: Node, preview: str) -> Node:
                 else list_sections(certificate, preview)
             ),
             *([_checklist(certificate)] if certificate["checklist"]["items"] else []),
-            list_software(certificate, [["calibration", certificate["calibration_id"]]]),
+            _list_software(certificate),
         ],
         "statements": certificate["statements"],
     }
@@ -304,7 +301,7 @@ def _item(certificate: Node) -> list[list[str]]:
     return rows
 
 
-def list_work(certificate: Node) -> list[list[str]]:
+def _list_work(certificate: Node) -> list[list[str]]:
     """Return where, when, for whom and by whom."""
     work = certificate["work"]
     days = sorted({work[name] for name in ("first_day", "last_day") if name in work})
@@ -351,7 +348,7 @@ def _sentences(certificate: Node) -> list[str]:
     models = sorted({fit["coefficient"]["model"] for fit in result["iso_fits"]})
     return [
         f"{certificate['procedure']}. Model: {', '.join(models)}. {certificate['equation']}.",
-        f"{_LEGEND} Verdict against a tolerance of {percent(result['tolerance_rel'])} of L.",
+        f"{_LEGEND_OF_K} Verdict against a tolerance of {percent(result['tolerance_rel'])} of L.",
         certificate["traceability"],
     ]
 
@@ -388,10 +385,6 @@ def _name(person: Node | None, unnamed: str) -> str:
     return f"{person['name']}, {person['role']}" if person else unnamed
 
 
-def list_flag(flag: Node) -> list[str]:
-    return [flag["where"] or "all", flag["meaning"], flag["detail"]]
-
-
 def _checklist(certificate: Node) -> Node:
     checklist = certificate["checklist"]
     rows, last = [], None
@@ -412,11 +405,13 @@ def _checklist(certificate: Node) -> Node:
     return section("Checklist of the procedure", [lines, flow(signed)])
 
 
-def list_software(certificate: Node, identifiers: list[list[str]]) -> Node:
-    """Return the section of the software, with the identifiers of what was calibrated."""
+def _list_software(certificate: Node) -> Node:
     words = {"stilb": "fit code version", "release": "stilb"}
     rows = [
         [words.get(name, name), str(version)] for name, version in sorted(certificate["software"].items())
     ]
-    rows += [*identifiers, ["content SHA-256", certificate["content_sha256"]]]
+    rows += [
+        ["calibration", certificate["calibration_id"]],
+        ["content SHA-256", certificate["content_sha256"]],
+    ]
     return section("Software and identifiers", [facts(rows)])

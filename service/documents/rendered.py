@@ -26,7 +26,7 @@ def order_certificate(certificate: dict[str, Any], preview: str) -> Order:
 
 
 def order_sheets(sheets: dict[str, Any]) -> Order:
-    """Order what `lay_out_rig` or `lay_out_report` returns, on paper."""
+    """Order what `lay_out_report` returns, on paper."""
     return {"kind": "sheets", "sheets": sheets}
 
 

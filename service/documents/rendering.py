@@ -35,7 +35,7 @@ def start_threads() -> None:
 
 
 def typeset(sheets: dict[str, Any]) -> bytes:
-    """Set the sheets of `lay_out`, `lay_out_rig` or `lay_out_report`."""
+    """Set the sheets of `lay_out` or `lay_out_report`."""
     try:
         return _set(sheets, _STANDARD)
     except typst.TypstError:

@@ -89,7 +89,8 @@ async def get_certificate(
     def send() -> Response:
         if issued is not None:
             return _send_issued(request, context, issued, issued.json_sha256, "application/json", {})
-        return send_certificate_json(request, _derive(context, calibration_id)[0])
+        certificate, _ = _derive(context, calibration_id)
+        return _answer(request, write_json(certificate).encode(), "application/json")
 
     return await run_in_threadpool(send)
 
@@ -148,11 +149,6 @@ async def get_certificate_dcc(
         return _answer(request, dcc, "application/xml")
 
     return await run_in_threadpool(send)
-
-
-def send_certificate_json(request: Request, certificate: Node) -> Response:
-    """Send a certificate as JSON, with an ETag of its content."""
-    return _answer(request, write_json(certificate).encode(), "application/json")
 
 
 async def send_pdf(request: Request, context: Context, order: Callable[[], tuple[str, Order]]) -> Response:

@@ -1,29 +1,17 @@
-"""Rigs of cameras, how they are oriented against each other, and the certificate of that."""
+"""Rigs of cameras, and how they are oriented against each other."""
 
-import hashlib
-import json
 from collections.abc import Callable, Sequence
-from datetime import datetime
 from typing import Annotated, Any, get_args, get_type_hints
 
 from fastapi import Query, Request, Response
 from pydantic import BaseModel, Field, model_validator
 from sqlalchemy.orm import Session
 
-from radiometry.drawing.text import in_step, write_unit
 from radiometry.findings import InputRejected, interface
-from radiometry.fitting import evidence
 from radiometry.fleet.determinations import LeftOut
 from radiometry.fleet.drift import RigStability, RigVersion, compare_sets, group_sets
-from radiometry.methods.findings import FINDINGS
 from radiometry.specification.exports import RigExport
-from service.calibrations.schemas import Gap, VersionLeftOut
-from service.documents.certificate import EXPANDED, RELATES, WHOLE, build_certificate
-from service.documents.pages import LEGEND, front_matter, list_flag, list_software, list_work, tabulate_points
-from service.documents.rendered import Order, order_sheets
-from service.documents.routes import send_certificate_json, send_pdf
-from service.documents.schemas import FlagInWords, Item, Laboratory, Work
-from service.documents.sheets import Node, facts, plain, section, stamp, table
+from service.calibrations.schemas import VersionLeftOut
 from service.http.answers import problems, sends_file
 from service.http.auth import Calibrator, Caller, Reader
 from service.http.changes import Reply, Writes
@@ -44,7 +32,6 @@ from service.http.operations import Router
 from service.http.paging import Listing, Page, page_own
 from service.http.problems import Problem, invalid
 from store.codec import encode
-from store.queries.calibration_record import CalibrationRecord, read_calibration_record, state_orientation
 from store.queries.fleet import METHOD, SPEC, find_or_add_rig, list_cameras, list_versions, read_member
 from store.tables import Calibration, Camera, Rig
 
@@ -115,193 +102,6 @@ class RigFile(Answer):
     convention: str
     cameras: list[dict[str, Any]]
     orientations: list[dict[str, Any]]
-
-
-class CertifiedCamera(Answer):
-    """The version of a camera that the orientation takes as it is, with the number of its certificate."""
-
-    item: Item
-    certificate: str
-    calibration_id: str
-    version: int
-    content_sha256: str
-    state: str
-
-
-class CertifiedPose(Answer, restates=evidence.Quantity, fields="value standard_uncertainty unit"):
-    """A quantity of a camera's orientation with its expanded uncertainty U = k u."""
-
-    camera: str
-    name: str
-    expanded_uncertainty: float
-    coverage_factor: float
-    effective_dof: float
-
-
-class RigCertificateAnswer(Answer):
-    """The orientation of a rig from one set, as it is handed out."""
-
-    schema_version: int
-    title: str
-    number: str
-    rig_id: str
-    rig: str
-    content_sha256: str = Field(description="Of the cameras' versions and the orientation.")
-    procedure: str
-    equation: str
-    laboratory: Laboratory
-    work: Work = Field(description="The reference's campaign.")
-    cameras: list[CertifiedCamera] = Field(description="The reference first.")
-    state: str = Field(description="The worst of the cameras' versions.")
-    traceability: str
-    at: Instant
-    orientation: OrientationAnswer
-    coefficients: list[CertifiedPose]
-    stability: list[RigStabilityAnswer]
-    flags: list[FlagInWords]
-    software: dict[str, Any]
-    created_at: Instant = Field(description="Of the newest version that it was made from.")
-    statements: list[str]
-    gaps: list[Gap] = Field(description="What ISO/IEC 17025, 7.8, asks for and a camera's certificate lacks.")
-
-
-SCHEMA_VERSION = 1
-_SUFFICE = (
-    "The certificates of the cameras and the triggers of the pictures listed here are sufficient to "
-    "recompute every value."
-)
-_WORST = ("revoked", "draft", "superseded", "published")
-
-
-def build_rig_certificate(
-    rig: Rig,
-    records: Sequence[CalibrationRecord],
-    at: datetime,
-    orientation: Any,  # noqa: ANN401  SPEC.result
-    stability: Sequence[Any],
-) -> RigCertificateAnswer:
-    """Build the whole document from one set, the reference's record first, with the items that it lacks."""
-    cameras = [build_certificate(record) for record in records]
-    states = [record.status.state for record in records]
-    answer = OrientationAnswer.restate(orientation)
-    content = {"cameras": [each.content_sha256 for each in cameras], "orientation": answer.dump()}
-    sha256 = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
-    gaps = {(gap.code, gap.message): gap for each in cameras for gap in each.gaps}
-    return RigCertificateAnswer(
-        schema_version=SCHEMA_VERSION,
-        title="Certificate of orientation",
-        number=f"{rig.name}-rig-{sha256[:8]}",
-        rig_id=rig.id,
-        rig=rig.name,
-        content_sha256=sha256,
-        procedure=SPEC.certificate.procedure,
-        equation=SPEC.certificate.equation,
-        laboratory=cameras[0].laboratory,
-        work=cameras[0].work,
-        cameras=[
-            CertifiedCamera.restate(each, certificate=each.number, state=state)
-            for each, state in zip(cameras, states, strict=True)
-        ],
-        state=min(states, key=_WORST.index),
-        traceability=SPEC.certificate.traceability,
-        at=at,
-        orientation=answer,
-        coefficients=[CertifiedPose(**each) for each in state_orientation(orientation)],
-        stability=[RigStabilityAnswer.restate(each) for each in stability],
-        flags=[FlagInWords.restate(each, meaning=FINDINGS[each.flag].sentence) for each in orientation.flags],
-        software=cameras[0].software,
-        created_at=max(each.created_at for each in cameras),
-        statements=[RELATES, EXPANDED, _SUFFICE, WHOLE],
-        gaps=list(gaps.values()),
-    )
-
-
-def lay_out_rig(certificate: Node) -> Node:
-    orientation = certificate["orientation"]
-    return front_matter(certificate, certificate["state"]) | {
-        "item": [
-            ["Rig", certificate["rig"]],
-            ["Reference", orientation["reference"]],
-            ["Cameras", str(len(certificate["cameras"]))],
-        ],
-        "work": list_work(certificate),
-        "results": _tabulate(certificate["coefficients"]),
-        "summary": [
-            f"{certificate['procedure']}. {certificate['equation']}.",
-            LEGEND,
-            certificate["traceability"],
-        ],
-        "authority": [
-            ["State", f"{certificate['state']}: as the versions of the cameras are"],
-            ["Calculated", f"from versions of {stamp(certificate['created_at'])} and before"],
-        ],
-        "gaps": [gap["message"] for gap in certificate["gaps"]],
-        "flags": [list_flag(flag) for flag in certificate["flags"]],
-        "sections": [
-            section("Cameras", [_cameras(certificate["cameras"])]),
-            section("Result", [facts(_scalars(orientation))]),
-            section("Repeats and drift", [_stability(certificate["stability"])]),
-            section("Pictures", [tabulate_points(SPEC.certificate.columns, orientation["points"])]),
-            list_software(certificate, [["rig", certificate["rig_id"]]]),
-        ],
-        "statements": certificate["statements"],
-    }
-
-
-def _tabulate(rows: list[Node]) -> Node:
-    printed = []
-    for row in rows:
-        value, u = in_step(row["value"], row["standard_uncertainty"])
-        expanded = in_step(row["value"], row["expanded_uncertainty"])[1]
-        dof = plain(row["effective_dof"], 3) if row["effective_dof"] <= 1000.0 else ""
-        k = f"{row['coverage_factor']:.2f}"
-        printed.append([row["camera"], row["name"], value, u, expanded, k, dof, write_unit(row["unit"])])
-    head = ["camera", "quantity", "value", "u", "U", "k", "dof", "unit"]
-    return table(head, printed, align="llrrrrrl", widths=[2.2, 1.4, 1.4, 1, 1, 0.6, 0.6, 0.6])
-
-
-def _cameras(cameras: list[Node]) -> Node:
-    rows = [
-        [
-            f"{each['item']['make']} {each['item']['model']}",
-            each["item"]["serial"],
-            each["certificate"],
-            each["state"],
-            each["content_sha256"],
-        ]
-        for each in cameras
-    ]
-    head = ["camera", "serial number", "certificate", "state", "content SHA-256"]
-    return table(head, rows, align="llllh", widths=[1.6, 1.8, 2.4, 1, 3])
-
-
-def _scalars(orientation: Node) -> list[list[str]]:
-    found = {name: each for name, each in orientation.items() if isinstance(each, int | float | str)}
-    return [
-        [name.replace("_", " "), each if isinstance(each, str) else plain(each)]
-        for name, each in found.items()
-    ]
-
-
-def _stability(rows: list[Node]) -> Node:
-    def state(row: Node, name: str) -> str:
-        if name not in row:
-            return "-"
-        value, u = in_step(row[name]["value"], row[name]["standard_uncertainty"])
-        return f"{value} ± {u} {write_unit(row[name]['unit'])}"
-
-    printed = [
-        [
-            row["camera"],
-            row["name"],
-            str(row["sets"]),
-            *(state(row, name) for name in ("mean", "repeatability", "change")),
-            row["verdict"].replace("_", " "),
-        ]
-        for row in rows
-    ]
-    head = ["camera", "quantity", "sets", "mean", "repeatability", "change", "verdict"]
-    return table(head, printed, align="llrrrrl", widths=[1.6, 0.9, 0.5, 2, 2, 2, 1.1])
 
 
 router = Router(prefix="/v1/rigs", tags=["rigs"])
@@ -412,51 +212,6 @@ def get_rig_orientation(
         stability=_compare(found, judging),
         left_out=why,
     ).respond()
-
-
-@router.get("/{rig_id}/certificate.json", response_model=RigCertificateAnswer, responses=problems(404))
-def get_rig_certificate(
-    rig_id: Id,
-    request: Request,
-    caller: Reader,
-    context: UsesContext,
-    judging: Judging,
-) -> Response:
-    """The orientation of the newest set, with what a laboratory hands out with it.
-
-    It rests on the versions of the cameras, whose certificates it names; its state is the worst of theirs.
-    """
-    return send_certificate_json(request, _certify(rig_id, caller, context, judging))
-
-
-@router.get("/{rig_id}/certificate.pdf", response_class=Response, responses=sends_file("application/pdf"))
-async def get_rig_certificate_pdf(
-    rig_id: Id,
-    request: Request,
-    caller: Reader,
-    context: UsesContext,
-    judging: Judging,
-) -> Response:
-    """The certificate of a rig on paper (PDF/A-3), with its certificate.json attached."""
-
-    def order() -> tuple[str, Order]:
-        certificate = _certify(rig_id, caller, context, judging)
-        return certificate["number"], order_sheets(lay_out_rig(certificate))
-
-    return await send_pdf(request, context, order)
-
-
-def _certify(rig_id: str, caller: Caller, context: UsesContext, judging: _Judged) -> dict[str, Any]:
-    rig, found, _ = _orient_sets(rig_id, caller, context, judging.calibration_id)
-    members, orientation = _newest(found)
-    with context.database.reading() as session:
-        versions = [owned(session, Calibration, each.version, caller) for each in members]
-        records = [
-            read_calibration_record(session, each, context.reviews.find(session, each.campaign_id).record)
-            for each in versions
-        ]
-        answer = build_rig_certificate(rig, records, members[0].at, orientation, _compare(found, judging))
-    return answer.dump()
 
 
 _Oriented = Sequence[tuple[tuple[RigVersion, ...], Any]]

@@ -399,7 +399,7 @@ def rig(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Save it; the name says as what: opencv.yaml, rig.json or certificate.pdf.",
+            help="Save it; the name says as what: opencv.yaml or rig.json.",
         ),
     ] = None,
 ) -> None:

@@ -93,16 +93,7 @@ class Rigs(Equipment):
         query = {"tolerance_deg": tolerance_deg, "tolerance_m": tolerance_m}
         return self._get(address("rigs", rig_id, "orientation"), query)
 
-    def rig_certificate(self, rig_id: str) -> dict[str, Any]:
-        """The certificate of the newest orientation, as it is answered."""
-        return self._get(address("rigs", rig_id, "certificate.json"))
-
     def save_rig(self, rig_id: str, path: PathLike) -> Path:
-        """Save the newest orientation as the file's name says.
-
-        For another program `opencv.yaml` or `rig.json`; `certificate.pdf` and `certificate.json` too.
-        """
+        """Save the newest orientation as the file's name says: `opencv.yaml` or `rig.json`."""
         path = Path(path)
-        folder = () if path.stem == "certificate" else ("exports",)
-        where = address("rigs", rig_id, *folder, path.name)
-        return self._save(path, where)
+        return self._save(path, address("rigs", rig_id, "exports", path.name))

@@ -250,18 +250,3 @@ def state_budgets(method: str, result: Json) -> list[Json]:
         {**budget.holds_for, "lines": [drop_absent(encode(line)) for line in budget.lines]}
         for budget in spec.list_budgets(decode(spec.result, result))
     ]
-
-
-def state_orientation(orientation: Any) -> list[Json]:  # noqa: ANN401  of a rig
-    """Return each quantity of the orientation of a rig's cameras with its expanded uncertainty."""
-    rows = []
-    for pose in orientation.poses:
-        for name, dof in pose.effective_dof.items():
-            quantity, factor = encode(getattr(pose, name)), coverage_factor(dof)
-            expanded = {
-                "expanded_uncertainty": factor * quantity["standard_uncertainty"],
-                "coverage_factor": factor,
-                "effective_dof": dof,
-            }
-            rows.append({**quantity, "camera": pose.camera, "name": name, **expanded})
-    return rows

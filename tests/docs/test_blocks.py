@@ -21,7 +21,6 @@ RUN = {
     "docs/measuring.md": "tests/flow/test_printed.py",
     "docs/operations.md": "tests/store/test_backup_check.py tests/worker/test_celery.py",
     "docs/reflectance.md": "tests/flow/test_demos.py",
-    "docs/rigs.md": "tests/service/test_rigs.py",
     "docs/tools.md": "tests/flow/test_printed.py",
     # targets of make, which tests/docs/test_docs.py compares with the Makefile
     "CONTRIBUTING.md": "tests/docs/test_docs.py",

@@ -1,28 +1,17 @@
 """A rig over HTTP: registered, photographed in front of one board, oriented, exported and compared."""
 
-import io
-import json
-
 import cv2
 import numpy as np
-import pypdf
 import pytest
 import yaml
 
-from radiometry.fitting.curve import coverage_factor
 from simulation.boards import draw_boards
-from stilb.export import export
-from tests.support.certificates import InHouse
-from tests.support.house import KEY
-from tests.support.live import serving
-from tests.support.printed import link_checkout, read_blocks, type_in
 from tests.support.rigs import BOARD, RIG, photograph
-from tests.verify.changing import nudge, run
 
 pytestmark = pytest.mark.either_database
 
 
-def test_a_rig_is_oriented_from_pictures_taken_together(house, tmp_path, capsys):
+def test_a_rig_is_oriented_from_pictures_taken_together(house):
     cameras = [house.camera(serial=f"R{number}") for number in range(2)]
     body = {"name": "null ", "camera_ids": [camera["id"] for camera in cameras]}
     rig = house.post("/v1/rigs", body)
@@ -64,58 +53,8 @@ def test_a_rig_is_oriented_from_pictures_taken_together(house, tmp_path, capsys)
     exported = house.get(f"{path}/exports/rig.json")
     assert [each["serial"] for each in exported["cameras"]] == ["R0", "R1"]
 
-    check_certificate(house, path, pose)
     check_given_versions(house, path, made)
-    check_recomputed(house, path, made, tmp_path, capsys)
-    check_printed(house, rig, made, tmp_path / "checkout")
     check_wrong_scene(house, path, made)
-
-
-def check_certificate(house, path, pose):
-    certificate = house.get(f"{path}/certificate.json")
-    assert [each["item"]["serial"] for each in certificate["cameras"]] == ["R0", "R1"]
-    assert (certificate["state"], certificate["orientation"]["poses"]) == ("published", [pose])
-    rows = {each["name"]: each for each in certificate["coefficients"]}
-    assert rows.keys() == {"yaw", "pitch", "roll", "boresight", "x", "y", "z"}
-    for name, row in rows.items():
-        assert row["coverage_factor"] == coverage_factor(pose["effective_dof"][name]) > 1.95
-        assert row["expanded_uncertainty"] == row["coverage_factor"] * pose[name]["standard_uncertainty"]
-    assert "laboratory_address_missing" in {each["code"] for each in certificate["gaps"]}
-    again = house.http.get(f"{path}/certificate.json")
-    tag = {"If-None-Match": again.headers["etag"]}
-    assert house.http.get(f"{path}/certificate.json", headers=tag).status_code == 304
-    pdf = house.http.get(f"{path}/certificate.pdf").content
-    reader = pypdf.PdfReader(io.BytesIO(pdf))
-    assert json.loads(reader.attachments["certificate.json"][0]) == house.get(f"{path}/certificate.json")
-    text = "".join(page.extract_text() for page in reader.pages)
-    assert certificate["number"] in text
-    assert "Certificate of orientation" in text
-    assert {"R0-geometry-1", "R1-geometry-1", "boresight"} <= set(text.split())
-
-
-def check_recomputed(house, path, made, folder, capsys):
-    """From an export per camera: a last digit is rounding, a changed angle is found, nothing else differs."""
-    for _, version in made:
-        export(InHouse(house), version, folder / version, None)
-    certificate = house.get(f"{path}/certificate.json")
-    nudge(("orientation", "poses", 0, "rotation", 0), 1e-12)(certificate)
-    nudge(("coefficients", 0, "value"))(certificate)
-    (folder / "certificate.json").write_text(json.dumps(certificate))
-    code, said = run(capsys, folder)
-    assert code == 1
-    assert " 1 of " in said
-
-
-def check_printed(house, rig, made, folder):
-    """The commands of docs/rigs.md, with the line of each camera once for both."""
-    folder.mkdir()
-    link_checkout(folder)
-    exported, *others = "".join(read_blocks("docs/rigs.md")).splitlines()
-    each = "; ".join(f'CAL="{version}"; {exported.partition("#")[0]}' for _, version in made)
-    with serving(house) as live:
-        address = {"STILB": live.url, "STILB_URL": live.url, "KEY": KEY, "STILB_KEY": KEY, "RIG": rig["id"]}
-        told = type_in(folder, "\n".join([each, *others]), **address)
-    assert told.count("the same to the last bit") == 2
 
 
 def check_given_versions(house, path, made):
