@@ -502,7 +502,6 @@ class MeasureDetails(TypedDict, total=False):
     lamp_kind: str
     mains_frequency_hz: float
     lamp_modulation: float
-    flicker_modulation: float  # older name of lamp_modulation
     glare_share: float
     height_above_ground_m: float  # of a band: places its map on level ground
     ground_altitude_m: float  # in its place, in the height system of the file's altitude

@@ -259,11 +259,6 @@ RECALL_OUTDATED = _refusal(
     "The cause of a recall now finds other versions than when it was reviewed. Nothing was revoked.",
     "Propose the recall again and review it.",
 )
-PURGE_OUTDATED = _refusal(
-    409,
-    "The former name of `recall_outdated`, answered only under the deprecated address `/v1/purges`.",
-    "Propose the recall again and review it.",
-)
 NO_CALIBRATION_IN_FORCE = _refusal(
     404,
     "No published version holds at that time for that camera, method and configuration; `detail` states what "

@@ -33,7 +33,6 @@ from service.http.middleware import (
     Addresses,
     Compression,
     ContentDigests,
-    Deprecations,
     Heads,
     OverriddenMethods,
     SecurityHeaders,
@@ -62,8 +61,8 @@ from store.database import (
 from store.software import read_version
 
 _SHOWN = [
-    *("Content-Disposition", "Content-Range", "Deprecation", "ETag", "Link", "Preference-Applied"),
-    *("Retry-After", "Sunset", "X-Request-ID"),
+    *("Content-Disposition", "Content-Range", "ETag", "Link", "Preference-Applied"),
+    *("Retry-After", "X-Request-ID"),
 ]
 """Headers of answers that a page of another origin may read: those that its requests go by."""
 
@@ -87,7 +86,6 @@ def build_app(context: Context) -> FastAPI:
     app.add_middleware(Compression)
     _let_dashboards_read(app, context.settings.cors_origins)
     app.add_middleware(Heads)
-    app.add_middleware(Deprecations)
     app.add_middleware(OverriddenMethods)
     app.add_middleware(KnownHosts)
     app.add_middleware(SecurityHeaders)

@@ -160,9 +160,8 @@ def install(app: FastAPI) -> None:
         return _answer(problem_body(422, error.code, error.message))
 
     @app.exception_handler(Conflict)
-    async def conflict(request: Request, error: Conflict) -> JSONResponse:
-        code = request.scope.get("state", {}).get("old_codes", {}).get(error.code, error.code)
-        return _answer(problem_body(409, code, error.message))
+    async def conflict(_request: Request, error: Conflict) -> JSONResponse:
+        return _answer(problem_body(409, error.code, error.message))
 
     @app.exception_handler(QuotaExceeded)
     async def quota(_request: Request, error: QuotaExceeded) -> JSONResponse:

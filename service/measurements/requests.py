@@ -80,15 +80,6 @@ CONDITIONS = {each.name: each for spec in METHODS for each in spec.conditions}
 class MeasurementOptions(create_model("Conditions", __base__=Form, **make_fields(CONDITIONS.values()))):  # type: ignore[misc]
     """How to measure; what is left out is taken from the frame, its campaign and what is in force."""
 
-    flicker_modulation: Annotated[
-        Number | None,
-        Field(
-            ge=0,
-            le=1,
-            description="Older name of `lamp_modulation`.",
-            json_schema_extra={"deprecated": True},
-        ),
-    ] = None
     calibration_id: Annotated[
         Text | None, Field(description="Else the version in force when the frame was taken.")
     ] = None

@@ -269,7 +269,6 @@ def get_measurement_picture(
 
 
 def _read_asked(body: MeasurementOptions) -> Asked:
-    older = {} if body.flicker_modulation is None else {"lamp_modulation": body.flicker_modulation}
     grid, lanes = read_grid(body.grid) if body.grid is not None else (None, None)
     return Asked(
         polygon=read_roi(body.roi).polygon if body.roi is not None else None,
@@ -280,7 +279,7 @@ def _read_asked(body: MeasurementOptions) -> Asked:
         index=body.index,
         quantity=body.quantity,
         frame_ids=tuple(body.list_frames()) if isinstance(body, NewMeasurement) and body.frame_ids else None,
-        conditions=older | body.model_dump(include=set(CONDITIONS), exclude_unset=True),
+        conditions=body.model_dump(include=set(CONDITIONS), exclude_unset=True),
         products=tuple(body.products or ()),
         allow=tuple(dict.fromkeys(body.allow or ())),
     )

@@ -79,7 +79,7 @@ def field_frame(house, campaign, luminance=20.0, f_number=2.0, name="field.DNG")
 
 def measure(house, frame, version, **asked):
     # as in the laboratory: of what was calibrated
-    field = {"spectral_mismatch_u_rel": 0.0, "flicker_modulation": 0.0}
+    field = {"spectral_mismatch_u_rel": 0.0, "lamp_modulation": 0.0}
     body = {"frame_id": frame["id"], "calibration_id": version["id"]} | field | asked
     return house.measure(**body)
 

@@ -236,11 +236,10 @@ def test_the_light_of_a_campaign_counts_unless_the_request_states_another(house)
     assert other["conditions_origin"] == {"lamp_kind": "request"}
     assert line["values"]["mains_frequency_hz"] == [50.0, 60.0]
     assert any("`lamp_kind`" in sentence for sentence in other["to_do_better"])
-    # the supply alone changes the line; the older name of a depth still counts
-    for depth in ("lamp_modulation", "flicker_modulation"):
-        own, line = flicker(mains_frequency_hz=47, **{depth: 0.3})
-        assert own["conditions_origin"]["lamp_modulation"] == "request"
-        assert (line["values"]["mains_frequency_hz"], line["values"]["modulation"]) == (47.0, [0.3, 0.3])
+    # the supply alone changes the line
+    own, line = flicker(mains_frequency_hz=47, lamp_modulation=0.3)
+    assert own["conditions_origin"]["lamp_modulation"] == "request"
+    assert (line["values"]["mains_frequency_hz"], line["values"]["modulation"]) == (47.0, [0.3, 0.3])
     direct = measure(house, frame, mains_frequency_hz=0)
     assert "flicker" not in {each["source"] for each in direct["corrections"]}
     assert house.post("/v1/measurements", {"frame_id": frame["id"], "lamp_kind": "candle"}, status=422)

@@ -48,7 +48,7 @@ NUMBERS_WITHOUT_UNIT = {
     *("u_constant", "u_pixel"),  # of a map, whose unit stands beside them
     *("common_uncertainty", "own_uncertainty", "low", "high", "smallest", "largest", "level"),  # likewise
     *("min_to_max", "share", "unknown_share"),
-    *("lamp_modulation", "flicker_modulation", "glare_share", "factor"),
+    *("lamp_modulation", "glare_share", "factor"),
     "limit",  # of a tolerance, whose unit stands beside it
     *("u_o", "average_to_min", "max_to_min", "index_value", "effective_dof"),
 }
@@ -101,11 +101,6 @@ def test_the_first_requests_may_all_come_at_once(built_app):
 
     with ThreadPoolExecutor(4) as pool:
         assert len({id(document) for document in pool.map(ask, range(4))}) == 1
-
-
-def test_deprecated_operations_state_since_when(operations):
-    for name, operation in operations:
-        assert operation.get("deprecated", False) == ("x-deprecated-since" in operation), name
 
 
 def test_every_route_has_an_id_of_its_own_and_a_summary(operations):
