@@ -18,7 +18,7 @@ from store.codec import decode_exposure, read_applied
 from store.database import Conflict
 from store.measuring.comparison import MeterCalibration, compare_meters, compare_panels, touch_band
 from store.measuring.version import list_corrected
-from store.publications import InForce, revoke
+from store.publications import InForce, list_held, revoke
 from store.queries.calibrations import VersionStatus, coefficients_of, read_version_statuses
 from store.queries.frame_times import FrameClocks, FrameTime
 from store.tables import (
@@ -30,7 +30,6 @@ from store.tables import (
     FrameRow,
     Measurement,
     Meter,
-    Publication,
     Reading,
     Recall,
     Slot,
@@ -159,16 +158,12 @@ def _measured_with(session: Session, calibration: Calibration) -> list[tuple[Mea
 
 def _list_open(session: Session, calibration: Calibration) -> list[InForce]:
     """Every validity that stands in the slot of a version, in the order of time."""
-    configuration = json.dumps(calibration.configuration, sort_keys=True)
-    rows = session.execute(
-        select(Calibration, Publication)
-        .join(Publication, Publication.calibration_id == Calibration.id)
-        .join(Slot, Slot.id == Publication.slot_id)
-        .where(Slot.camera_id == calibration.camera_id, Slot.method == calibration.method)
-        .where(Slot.configuration == configuration, Publication.known_to.is_(None))
-        .order_by(Publication.valid_from)
+    return list_held(
+        session,
+        Slot.camera_id == calibration.camera_id,
+        Slot.method == calibration.method,
+        Slot.configuration == json.dumps(calibration.configuration, sort_keys=True),
     )
-    return [InForce(calibration=row[0], publication=row[1]) for row in rows]
 
 
 def _compare_references(

@@ -90,48 +90,23 @@ def revoke(session: Session, calibration: Calibration, *, reason: str, by: str) 
     session.flush()
 
 
-def in_force(
-    session: Session,
-    *,
-    camera_id: str,
-    method: str,
-    at: datetime,
-    known_at: datetime | None = None,
-) -> list[InForce]:
-    """The versions that hold at ``at`` as known at ``known_at``, one a configuration."""
-    known: ColumnElement[bool]
-    if known_at is None:
-        known = Publication.known_to.is_(None)
-    else:
-        known = (Publication.known_from <= known_at) & (
-            Publication.known_to.is_(None) | (Publication.known_to > known_at)
-        )
+def list_held(session: Session, *where: ColumnElement[bool]) -> list[InForce]:
+    """The validities that stand, by configuration and time."""
     rows = session.execute(
         select(Calibration, Publication)
         .join(Publication, Publication.calibration_id == Calibration.id)
         .join(Slot, Slot.id == Publication.slot_id)
-        .where(Slot.camera_id == camera_id, Slot.method == method)
-        .where(Publication.valid_from <= at)
-        .where(Publication.valid_to.is_(None) | (Publication.valid_to > at))
-        .where(known)
-        .order_by(Slot.configuration)
-    )
-    return [InForce(calibration=calibration, publication=publication) for calibration, publication in rows]
-
-
-def list_between(
-    session: Session, *, camera_id: str, method: str, earliest: datetime, latest: datetime
-) -> list[InForce]:
-    """The versions that hold at any time from ``earliest`` to ``latest``, by configuration and time."""
-    rows = session.execute(
-        select(Calibration, Publication)
-        .join(Publication, Publication.calibration_id == Calibration.id)
-        .join(Slot, Slot.id == Publication.slot_id)
-        .where(Slot.camera_id == camera_id, Slot.method == method, Publication.known_to.is_(None))
-        .where(overlaps(earliest, latest))
+        .where(Publication.known_to.is_(None), *where)
         .order_by(Slot.configuration, Publication.valid_from)
     )
     return [InForce(calibration=calibration, publication=publication) for calibration, publication in rows]
+
+
+def in_force(
+    session: Session, *, camera_id: str, method: str, at: datetime, until: datetime | None = None
+) -> list[InForce]:
+    """The versions that hold at a time, or at any time until another, by configuration and time."""
+    return list_held(session, Slot.camera_id == camera_id, Slot.method == method, overlaps(at, until or at))
 
 
 def overlaps(earliest: datetime, latest: datetime) -> ColumnElement[bool]:

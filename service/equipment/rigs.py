@@ -32,7 +32,8 @@ from service.http.operations import Router
 from service.http.paging import Listing, Page, page_own
 from service.http.problems import Problem, invalid
 from store.codec import encode
-from store.queries.fleet import METHOD, SPEC, find_or_add_rig, list_cameras, list_versions, read_member
+from store.queries.fleet import METHOD, SPEC, list_cameras, list_versions, read_member
+from store.queries.organisations import find_or_add
 from store.tables import Calibration, Camera, Rig
 
 _PARTS = get_type_hints(SPEC.result)
@@ -157,9 +158,7 @@ def create_rig(body: NewRig, caller: Calibrator, writing: Writes) -> Response:
         if len(set(serials)) < len(serials):
             message = "two cameras have one serial number, so that an answer could not tell them apart"
             raise invalid([{"type": "rig", "loc": ("body", "camera_ids"), "msg": message}])
-        rig, new = find_or_add_rig(
-            session, caller.organisation_id, name=body.name, camera_ids=body.camera_ids
-        )
+        rig, new = find_or_add(session, Rig, caller.organisation_id, body.model_dump(), by=("name",))
         if rig.camera_ids != body.camera_ids:
             raise Problem(
                 interface.RIG_DIFFERS,

@@ -12,18 +12,3 @@ from store.blobs.proof import (
     prove_file,
 )
 from store.blobs.spool import Blobs, BlobWriter
-
-__all__ = [
-    "BlobDamaged",
-    "BlobMissing",
-    "BlobWriter",
-    "Blobs",
-    "Damage",
-    "LocalBlobs",
-    "StorageFull",
-    "StorageUnavailable",
-    "StoredBlob",
-    "StoredFile",
-    "blobs_from_url",
-    "prove_file",
-]

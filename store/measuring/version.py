@@ -16,7 +16,7 @@ from radiometry.methods import METHODS, get_method
 from radiometry.specification.application import Correction, SurfaceApplication
 from store.codec import decode, encode, read_applied
 from store.database import Conflict
-from store.publications import InForce, in_force, list_between, overlaps
+from store.publications import InForce, in_force, overlaps
 from store.queries.evidence import Evidence
 from store.queries.frame_times import (
     FrameTime,
@@ -89,12 +89,12 @@ def _find_in_force(session: Session, frame: FrameRow, campaign: Campaign) -> tup
         raise refuse_timeless(frame.filename, stated, wanted="calibration")
     found = [
         held
-        for held in list_between(
+        for held in in_force(
             session,
             camera_id=campaign.camera_id,
             method=campaign.method,
-            earliest=taken.earliest,
-            latest=taken.latest,
+            at=taken.earliest,
+            until=taken.latest,
         )
         if _fits(held.calibration.configuration, frame)
     ]

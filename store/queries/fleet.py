@@ -114,19 +114,6 @@ def _key(row: CoefficientRow) -> Key:
 METHOD, SPEC = next((each.name, each.rig) for each in METHODS if each.rig)
 
 
-def find_or_add_rig(
-    session: Session, organisation_id: str, *, name: str, camera_ids: Sequence[str]
-) -> tuple[Rig, bool]:
-    """The rig of this name, and whether it is new; its cameras never change."""
-    found = session.scalar(select(Rig).where(Rig.organisation_id == organisation_id, Rig.name == name))
-    if found is not None:
-        return found, False
-    rig = Rig(organisation_id=organisation_id, name=name, camera_ids=list(camera_ids))
-    session.add(rig)
-    session.flush()
-    return rig, True
-
-
 def list_cameras(session: Session, rig: Rig) -> list[Camera]:
     """The cameras of a rig, the reference first."""
     return [session.get_one(Camera, camera_id) for camera_id in rig.camera_ids]

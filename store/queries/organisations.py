@@ -5,12 +5,12 @@ import secrets
 from collections.abc import Collection
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from sqlalchemy import ColumnElement, Select, and_, not_, select, update
 from sqlalchemy.orm import Session
 
-from store.tables import ApiKey, Camera, Meter, Organisation, Panel, WebSession
+from store.tables import ApiKey, Base, Camera, Meter, Organisation, Panel, WebSession
 from store.tables.base import utc_now
 
 UNNAMED: Final = "an unnamed person"
@@ -173,66 +173,45 @@ def _hash(secret: str) -> str:
     return hashlib.sha256(secret.encode("utf-8", "surrogatepass")).hexdigest()
 
 
-_SENSOR = ("pixel_pitch_um", "sensor_width_mm")
+Row = TypeVar("Row", bound=Base)
+
+
+def find_or_add(
+    session: Session, table: type[Row], organisation_id: str, values: dict[str, Any], *, by: Collection[str]
+) -> tuple[Row, bool]:
+    """The organisation's row with these values in the columns ``by``, and whether it is new."""
+    same = {name: values[name] for name in by}
+    found = session.scalar(select(table).filter_by(organisation_id=organisation_id, **same))
+    if found is not None:
+        return found, False
+    row = table(organisation_id=organisation_id, **values)
+    session.add(row)
+    session.flush()
+    return row, True
 
 
 def find_or_add_camera(session: Session, organisation_id: str, values: dict[str, Any]) -> tuple[Camera, bool]:
-    """The camera of this make, model and serial, and whether it is new."""
-    found = session.scalar(
-        select(Camera).where(
-            Camera.organisation_id == organisation_id,
-            Camera.make == values["make"],
-            Camera.model == values["model"],
-            Camera.serial == values["serial"],
-        )
-    )
-    if found is not None:
-        for name in _SENSOR:
-            if getattr(found, name) is None:
-                setattr(found, name, values.get(name))
-        session.flush()
-        return found, False
-    camera = Camera(organisation_id=organisation_id, **values)
-    session.add(camera)
+    """The camera of this make, model and serial; what is stated of a known one's sensor fills its gaps."""
+    by = ("make", "model", "serial")
+    camera, is_new = find_or_add(session, Camera, organisation_id, values, by=by)
+    for name in ("pixel_pitch_um", "sensor_width_mm"):
+        if getattr(camera, name) is None:
+            setattr(camera, name, values.get(name))
     session.flush()
-    return camera, True
+    return camera, is_new
 
 
 def find_or_add_meter(session: Session, organisation_id: str, values: dict[str, Any]) -> tuple[Meter, bool]:
-    """The meter of this kind, make, model and serial, and whether it is new; a certificate is taken over."""
-    found = session.scalar(
-        select(Meter).where(
-            Meter.organisation_id == organisation_id,
-            Meter.kind == values["kind"],
-            Meter.make == values["make"],
-            Meter.model == values["model"],
-            Meter.serial == values["serial"],
-        )
-    )
-    if found is None:
-        found = Meter(organisation_id=organisation_id, **values)
-        session.add(found)
-        session.flush()
-        return found, True
+    """The meter of this kind, make, model and serial; a certificate is taken over."""
+    by = ("kind", "make", "model", "serial")
+    meter, is_new = find_or_add(session, Meter, organisation_id, values, by=by)
     for name, value in values.items():
         if name.startswith("certificate_"):
-            setattr(found, name, value)
+            setattr(meter, name, value)
     session.flush()
-    return found, False
+    return meter, is_new
 
 
 def find_or_add_panel(session: Session, organisation_id: str, values: dict[str, Any]) -> tuple[Panel, bool]:
-    """The panel of this serial as measured on this day, and whether it is new; its figures never change."""
-    found = session.scalar(
-        select(Panel).where(
-            Panel.organisation_id == organisation_id,
-            Panel.serial == values["serial"],
-            Panel.measured_on == values["measured_on"],
-        )
-    )
-    if found is not None:
-        return found, False
-    panel = Panel(organisation_id=organisation_id, **values)
-    session.add(panel)
-    session.flush()
-    return panel, True
+    """The panel of this serial as measured on this day; its figures never change."""
+    return find_or_add(session, Panel, organisation_id, values, by=("serial", "measured_on"))

@@ -5,7 +5,7 @@ from datetime import datetime
 from sqlalchemy import BigInteger, CheckConstraint, Index, String, text
 from sqlalchemy.orm import Mapped, mapped_column
 
-from store.tables.base import Base, Json, UtcDateTime, utc_now
+from store.tables.base import Base, Json, UtcDateTime, index_some, utc_now
 
 IN_SERIES = text("subject_type IN ('camera', 'measurement', 'publication', 'revocation')")
 """What a series shows changes with one of these; the condition as the index has it."""
@@ -18,14 +18,7 @@ class AuditEntry(Base):
     __table_args__ = (
         Index("ix_audit_entry_subject", "subject_id", "seq"),
         Index("ix_audit_entry_organisation", "organisation_id", "seq"),
-        Index(
-            "ix_audit_entry_series",
-            "organisation_id",
-            "subject_type",
-            "seq",
-            sqlite_where=IN_SERIES,
-            postgresql_where=IN_SERIES,
-        ),
+        index_some("ix_audit_entry_series", "organisation_id", "subject_type", "seq", where=IN_SERIES),
     )
 
     seq: Mapped[int] = mapped_column(

@@ -3,39 +3,14 @@
 import secrets
 import time
 from datetime import UTC, datetime
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
-from sqlalchemy import JSON, DateTime, Dialect, MetaData, String
+from sqlalchemy import JSON, DateTime, Dialect, Index, MetaData, String, TextClause
 from sqlalchemy.orm import DeclarativeBase
 from sqlalchemy.types import TypeDecorator
 
-Prefix = Literal[
-    "org",
-    "key",
-    "cam",
-    "met",
-    "pnl",
-    "cmp",
-    "roi",
-    "rdg",
-    "frm",
-    "ext",
-    "job",
-    "cal",
-    "pub",
-    "msr",
-    "prg",
-    "prt",
-    "ses",
-    "rig",
-    "man",
-    "whk",
-    "dlv",
-    "crp",
-]
 
-
-def new_id(prefix: Prefix) -> str:
+def new_id(prefix: str) -> str:
     """An opaque id that sorts by its time of birth, so that a list has a stable order and a cursor."""
     return f"{prefix}_{time.time_ns() // 1000:014x}{secrets.token_hex(8)}"
 
@@ -83,6 +58,11 @@ class Base(DeclarativeBase):
         list[Any]: JSON,
         str: String,
     }
+
+
+def index_some(name: str, *columns: str, where: TextClause) -> Index:
+    """Return an index of the rows for which a condition holds."""
+    return Index(name, *columns, sqlite_where=where, postgresql_where=where)
 
 
 class Audited:

@@ -5,7 +5,7 @@ from datetime import datetime
 from sqlalchemy import CheckConstraint, ForeignKey, Index, String, UniqueConstraint, text
 from sqlalchemy.orm import Mapped, mapped_column
 
-from store.tables.base import Audited, AuditedTogether, Base, Json, UtcDateTime, new_id, utc_now
+from store.tables.base import Audited, AuditedTogether, Base, Json, UtcDateTime, index_some, new_id, utc_now
 
 
 class Calibration(Audited, Base):
@@ -82,11 +82,10 @@ class Publication(Audited, Base):
         CheckConstraint("known_to IS NULL OR known_from <= known_to", "knowledge_ordered"),
         Index("ix_publication_slot_id", "slot_id"),
         Index("ix_publication_calibration_id", "calibration_id"),
-        Index(
+        index_some(
             "ix_publication_in_force",
             "calibration_id",
-            sqlite_where=text("known_to IS NULL AND superseded_by IS NULL"),
-            postgresql_where=text("known_to IS NULL AND superseded_by IS NULL"),
+            where=text("known_to IS NULL AND superseded_by IS NULL"),
         ),
     )
 
@@ -168,22 +167,13 @@ class Measurement(Audited, Base):
     created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
 
 
-_KNOWN_NOW = text("known_to IS NULL")
-
-
 class ReadyRow(Base):
     """A publication with what a look-up and a series ask it for, one row for each."""
 
     __tablename__ = "ready"
     __table_args__ = (
         Index("ix_ready_slot_id_valid_from", "slot_id", "valid_from"),
-        Index(
-            "ix_ready_slot_id_now",
-            "slot_id",
-            "valid_from",
-            sqlite_where=_KNOWN_NOW,
-            postgresql_where=_KNOWN_NOW,
-        ),
+        index_some("ix_ready_slot_id_now", "slot_id", "valid_from", where=text("known_to IS NULL")),
         Index("ix_ready_series", "organisation_id", "camera_id", "valid_from", "method", "publication_id"),
     )
 

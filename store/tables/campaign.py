@@ -7,7 +7,7 @@ from sqlalchemy import BigInteger, CheckConstraint, ForeignKey, Index, String, U
 from sqlalchemy.orm import Mapped, mapped_column
 
 from store.blobs.proof import Damage
-from store.tables.base import Audited, AuditedTogether, Base, Json, UtcDateTime, new_id, utc_now
+from store.tables.base import Audited, AuditedTogether, Base, Json, UtcDateTime, index_some, new_id, utc_now
 
 
 class Campaign(Audited, Base):
@@ -112,12 +112,7 @@ class Blob(Base):
         CheckConstraint("size_bytes >= 0", "size_not_negative"),
         CheckConstraint("damage IN ('damaged', 'missing')", "damage_known"),
         Index("ix_blob_proven_at", "proven_at"),
-        Index(
-            "ix_blob_damage",
-            "damage",
-            sqlite_where=text("damage IS NOT NULL"),
-            postgresql_where=text("damage IS NOT NULL"),
-        ),
+        index_some("ix_blob_damage", "damage", where=text("damage IS NOT NULL")),
     )
 
     sha256: Mapped[str] = mapped_column(String(64), primary_key=True)
@@ -145,13 +140,7 @@ class FrameRow(Audited, Base):
         Index("ix_frame_sha256", "sha256"),
         Index("ix_frame_campaign_id_id", "campaign_id", "id"),
         Index("ix_frame_counted", "campaign_id", "state", "withdrawn_at"),
-        Index(
-            "ix_frame_not_extracted",
-            "state",
-            "refusal_code",
-            sqlite_where=text("state <> 'extracted'"),
-            postgresql_where=text("state <> 'extracted'"),
-        ),
+        index_some("ix_frame_not_extracted", "state", "refusal_code", where=text("state <> 'extracted'")),
     )
 
     id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("frm"))
@@ -249,20 +238,12 @@ class Crop(Base):
     created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
 
 
-_IS_STALE = "kept_revision < revision"
-
-
 class CampaignReview(Base):
     """List of what a campaign still lacks, and the revision of the campaign that it was computed from."""
 
     __tablename__ = "campaign_review"
     __table_args__ = (
-        Index(
-            "ix_campaign_review_stale",
-            "not_before",
-            sqlite_where=text(_IS_STALE),
-            postgresql_where=text(_IS_STALE),
-        ),
+        index_some("ix_campaign_review_stale", "not_before", where=text("kept_revision < revision")),
     )
 
     campaign_id: Mapped[str] = mapped_column(ForeignKey("campaign.id"), primary_key=True)

@@ -5,14 +5,14 @@ from datetime import datetime
 from sqlalchemy import CheckConstraint, ForeignKey, Index, text
 from sqlalchemy.orm import Mapped, mapped_column
 
-from store.tables.base import Base, Json, UtcDateTime, new_id, utc_now
+from store.tables.base import Base, Json, UtcDateTime, index_some, new_id, utc_now
 from store.tracing import present_request_id, present_traceparent
 
 KINDS = ("extract", "fit", "measure")
 
-_QUEUED = "state = 'queued'"
-_SENT = "state = 'queued' AND sent_at IS NOT NULL"
-_READING = "kind = 'extract' AND state IN ('queued', 'running')"
+_QUEUED = text("state = 'queued'")
+_SENT = text("state = 'queued' AND sent_at IS NOT NULL")
+_READING = text("kind = 'extract' AND state IN ('queued', 'running')")
 
 
 class Job(Base):
@@ -30,30 +30,10 @@ class Job(Base):
         Index("ix_job_organisation_id_id", "organisation_id", "id"),
         Index("ix_job_organisation_id_state_id", "organisation_id", "state", "id"),
         Index("ix_job_subject_id", "subject_id"),
-        Index(
-            "ix_job_state_due_at",
-            "state",
-            "due_at",
-            sqlite_where=text(_QUEUED),
-            postgresql_where=text(_QUEUED),
-        ),
-        Index(
-            "ix_job_state_waits_for",
-            "state",
-            "waits_for",
-            sqlite_where=text(_QUEUED),
-            postgresql_where=text(_QUEUED),
-        ),
-        Index(
-            "ix_job_lane_sent_at", "lane", "sent_at", sqlite_where=text(_SENT), postgresql_where=text(_SENT)
-        ),
-        Index(
-            "ix_job_reading",
-            "organisation_id",
-            "subject_id",
-            sqlite_where=text(_READING),
-            postgresql_where=text(_READING),
-        ),
+        index_some("ix_job_state_due_at", "state", "due_at", where=_QUEUED),
+        index_some("ix_job_state_waits_for", "state", "waits_for", where=_QUEUED),
+        index_some("ix_job_lane_sent_at", "lane", "sent_at", where=_SENT),
+        index_some("ix_job_reading", "organisation_id", "subject_id", where=_READING),
     )
 
     id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("job"))

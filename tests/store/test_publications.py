@@ -12,7 +12,7 @@ from store.publications import in_force, publish, revoke
 from store.queries.calibrations import read_version_statuses
 from store.tables import Calibration, Publication
 from store.tables.base import utc_now
-from tests.support.versions import add_versions
+from tests.support.versions import add_versions, find_held
 
 JAN, MAR, JUN, SEP = (datetime(2026, month, 1, tzinfo=UTC) for month in (1, 3, 6, 9))
 TICK = timedelta(microseconds=1)
@@ -32,7 +32,10 @@ def held(database, version_id, at, known_at=None):
     """The version number in force, None where there is none."""
     with database.reading() as session:
         camera_id = session.get_one(Calibration, version_id).camera_id
-        found = in_force(session, camera_id=camera_id, method="luminance", at=at, known_at=known_at)
+        if known_at is not None:
+            found = find_held(session, camera_id, at, known_at)
+        else:
+            found = in_force(session, camera_id=camera_id, method="luminance", at=at)
     assert len(found) <= 1
     return found[0].calibration.version if found else None
 

@@ -27,7 +27,7 @@ from store.database import Conflict
 from store.queries.calibrations import history, read_version_statuses
 from store.ready.lookups import find_ready
 from store.tables import Calibration, Camera, Campaign, CoefficientRow, Organisation, Publication, Revocation
-from tests.support.versions import bare_version
+from tests.support.versions import bare_version, find_held
 
 # the decisions are the same code on both; what PostgreSQL does otherwise, it does within a few hundred steps
 STEPS = {"sqlite": 1_000, "postgresql": 300}
@@ -167,9 +167,7 @@ class World:
         self.model.say(slot, event)
 
     def look_up(self, session, camera_id, at, known_at):
-        found = publications.in_force(
-            session, camera_id=camera_id, method="luminance", at=at, known_at=known_at
-        )
+        found = find_held(session, camera_id, at, known_at)
         got = {
             (camera_id, LENSES.index(held.calibration.configuration)): held.calibration.id for held in found
         }

@@ -2,8 +2,11 @@
 
 from dataclasses import replace
 
+from sqlalchemy import select
+
 from store.codec import encode
-from store.tables import Calibration, Camera, Campaign, Organisation
+from store.publications import InForce, overlaps
+from store.tables import Calibration, Camera, Campaign, Organisation, Publication, Slot
 from tests.radiometry.coefficients import COEFFICIENT
 
 
@@ -47,3 +50,18 @@ def add_versions(database, count: int) -> list[str]:
         session.add_all(versions)
         session.flush()
         return [version.id for version in versions]
+
+
+def find_held(session, camera_id, at, known_at):
+    """What held at a time as known at another, by the plain words of the tables."""
+    known = (Publication.known_from <= known_at) & (
+        Publication.known_to.is_(None) | (Publication.known_to > known_at)
+    )
+    rows = session.execute(
+        select(Calibration, Publication)
+        .join(Publication, Publication.calibration_id == Calibration.id)
+        .join(Slot, Slot.id == Publication.slot_id)
+        .where(Slot.camera_id == camera_id, Slot.method == "luminance", known, overlaps(at, at))
+        .order_by(Slot.configuration)
+    )
+    return [InForce(calibration=row[0], publication=row[1]) for row in rows]
