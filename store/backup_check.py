@@ -11,13 +11,13 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from sqlalchemy import or_, select
 from sqlalchemy.exc import SQLAlchemyError
 
+from radiometry.records import Record
 from store.audit_check import check_audit, check_rows
 from store.blobs import BlobDamaged, Blobs, StorageUnavailable, blobs_from_url
 from store.database import Database, require_own_schema
@@ -28,8 +28,7 @@ _DATABASE: Final = "stilb.sqlite"
 _MOST_LINES: Final = 50
 
 
-@dataclass(frozen=True, kw_only=True)
-class Proven:
+class Proven(Record):
     """Proof of a backup: files and bytes that are whole, and the faults in sentences."""
 
     files: int = 0

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from importlib.metadata import version as package_version
 from typing import Any
@@ -11,6 +11,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry import methods
+from radiometry.records import Record
 from radiometry.specification.parameters import list_parameters
 from radiometry.spectral.mismatch import find_response
 from store.codec import decode, encode
@@ -71,8 +72,7 @@ def list_missing(campaign: Campaign, evidence: Evidence, params: Any) -> list[st
     ]
 
 
-@dataclass(frozen=True, kw_only=True)
-class NewVersion:
+class NewVersion(Record):
     """A version that is not written yet: all of it but its id and number, which others may take meanwhile."""
 
     columns: dict[str, Any]

@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
@@ -13,6 +12,7 @@ from radiometry.findings import interface
 from radiometry.fitting.comparison import Comparison, MeasuredChange, compare_quantities
 from radiometry.fitting.evidence import Quantity
 from radiometry.methods import METHODS, get_method
+from radiometry.records import Record
 from radiometry.specification.application import BandApplication, SurfaceApplication
 from store.codec import decode_exposure, read_applied
 from store.database import Conflict
@@ -37,8 +37,7 @@ from store.tables import (
 from store.tables.base import utc_now
 
 
-@dataclass(frozen=True, kw_only=True)
-class Touched:
+class Touched(Record):
     """A measurement made with a version, and what another would make of it."""
 
     measurement: Measurement
@@ -48,8 +47,7 @@ class Touched:
     why: str | None
 
 
-@dataclass(frozen=True, kw_only=True)
-class CoefficientChange:
+class CoefficientChange(Record):
     """A coefficient of two versions. ``comparison`` : None where their units differ."""
 
     old: CoefficientRow
@@ -57,8 +55,7 @@ class CoefficientChange:
     comparison: Comparison | None
 
 
-@dataclass(frozen=True, kw_only=True)
-class Impact:
+class Impact(Record):
     """A version against the one in force.
 
     ``meter_calibration`` : whether the error of what both depend on, meters or panel, is the same in both
@@ -220,8 +217,7 @@ def _flags(calibration: Calibration) -> set[tuple[str, str]]:
 _ENGRAVED = ("kind", "make", "model", "serial")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Condemned:
+class Condemned(Record):
     """A version found by a recall, its status, and the measurements made with it."""
 
     calibration: Calibration

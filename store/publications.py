@@ -2,13 +2,13 @@
 
 import json
 from collections.abc import Collection
-from dataclasses import dataclass
 from datetime import datetime, timedelta
 
 from sqlalchemy import ColumnElement, func, select
 from sqlalchemy.orm import Session
 
 from radiometry.findings import interface, shared
+from radiometry.records import Record
 from store.blobs import StoredBlob
 from store.database import Conflict
 from store.files import keep_blobs
@@ -17,8 +17,7 @@ from store.tables import Calibration, IssuedCertificate, Publication, Revocation
 from store.tables.base import Json, utc_now
 
 
-@dataclass(frozen=True, kw_only=True)
-class InForce:
+class InForce(Record):
     """The version that holds at a time, and the row that says so."""
 
     calibration: Calibration
@@ -208,8 +207,7 @@ def _give_way(session: Session, older: Publication, newer: Publication) -> list[
     return rows
 
 
-@dataclass(frozen=True, kw_only=True)
-class PrintedCertificate:
+class PrintedCertificate(Record):
     """A certificate whose files are stored, and of which no row says so yet."""
 
     amendment: int

@@ -8,7 +8,6 @@ import threading
 import time
 from collections import Counter, defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from datetime import datetime, timedelta
 from functools import cache, partial
 from pathlib import Path
@@ -24,6 +23,7 @@ from radiometry.findings.grouping import FindingGroup, Occurrence, group_finding
 from radiometry.frame.roi import Polygon
 from radiometry.frame.verdicts import ReviewedFrame, Verdict, conclude, inspect_frame
 from radiometry.methods.findings import FINDINGS
+from radiometry.records import Record
 from radiometry.specification.roles import FIELD, Gap
 from store.codec import decode, encode
 from store.database import Database, summarise
@@ -44,8 +44,7 @@ from store.tables import Campaign, CampaignReview, FrameRow, FrameVerdict, Roi
 from store.tables.base import utc_now
 
 
-@dataclass(frozen=True, kw_only=True)
-class Assessment:
+class Assessment(Record):
     """All that is kept of a campaign.
 
     ``missing``: what any fit needs; ``advice``: what a good one does; ``verdicts``: by the frame's id;

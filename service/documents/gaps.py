@@ -1,19 +1,18 @@
 """Items of ISO/IEC 17025:2017, 7.8, that a calibration certificate lacks."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from radiometry.findings import Finding, interface
 from radiometry.methods import get_method
 from radiometry.methods.findings import FINDINGS
+from radiometry.records import Record
 from service.documents.schemas import CertificateAnswer, UsedMeter
 from store.queries.organisations import UNNAMED_LABORATORY
 
 _MOST_NAMED = 3
 
 
-@dataclass(frozen=True, kw_only=True)
-class Found:
+class Found(Record):
     """A missing item: its code, and a message that says what is missing and how to add it."""
 
     code: Finding

@@ -5,13 +5,13 @@ are named by no row.
 """
 
 import logging
-from dataclasses import dataclass
 from typing import Final
 
 from sqlalchemy.exc import IntegrityError, SQLAlchemyError
 from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
+from radiometry.records import Record
 from service.calibrations.schemas import Gap, NewPublication
 from service.documents import rendered as kept
 from service.documents.certificate import build_certificate, list_published
@@ -43,8 +43,7 @@ _LOOK_AGAIN_S: Final = 3600.0
 _REST_S: Final = 1.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class Prepared:
+class Prepared(Record):
     """A certificate that is stored, and what it lacks of what ISO/IEC 17025 asks for."""
 
     printed: PrintedCertificate

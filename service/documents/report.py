@@ -2,7 +2,6 @@
 
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
 from fastapi import Request, Response
@@ -12,6 +11,7 @@ from radiometry.drawing.text import in_step, write_exposure, write_unit
 from radiometry.findings import interface
 from radiometry.methods import get_method
 from radiometry.methods.findings import FINDINGS
+from radiometry.records import Record
 from radiometry.specification.application import SurfaceApplication
 from service.documents.rendered import Order, order_sheets
 from service.documents.routes import send_pdf
@@ -55,8 +55,7 @@ _MOST_FRAMES: Final = 4
 _LONGEST: Final = 120  # letters of what people type
 
 
-@dataclass(frozen=True, kw_only=True)
-class Reported:
+class Reported(Record):
     """Statements of a report beside the measurement's answer.
 
     ``picture`` : an SVG of the map, or of the preview if there is no map; "" without either

@@ -11,6 +11,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import ClientDisconnect
 
 from radiometry.findings import interface
+from radiometry.records import Record
 from service.http.context import Context
 from service.http.counts import name_address
 from service.http.models import rfc3339
@@ -36,8 +37,7 @@ _SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 _bearer = HTTPBearer(auto_error=False, scheme_name="key", description="A key of your organisation.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Caller:
+class Caller(Record):
     key_id: str
     organisation_id: str
     scopes: frozenset[str]

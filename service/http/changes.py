@@ -5,7 +5,7 @@ The commit happens here, before the answer exists: never in a dependency, which 
 
 import hashlib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Annotated, TypeVar
 
 from fastapi import Depends, Header, Request
@@ -14,6 +14,7 @@ from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
+from radiometry.records import Record
 from service.http.auth import Caller
 from service.http.context import Context, get_context
 from service.http.models import Answer, Text
@@ -28,8 +29,7 @@ REPLAYED = "Idempotent-Replayed"
 Item = TypeVar("Item")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Reply:
+class Reply(Record):
     """Answer of a change, and the jobs that it left for the workers."""
 
     status: int

@@ -1,12 +1,12 @@
 """Resources that a request needs, built once in main and passed down."""
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated
 
 from anyio import CapacityLimiter
 from fastapi import Depends, Request
 
+from radiometry.records import Record
 from service.http.batches import Together
 from service.http.connections import Hosts
 from service.http.counts import STEP, Attempts, Rates, Uses
@@ -24,8 +24,7 @@ from store.reviews import Reviews
 from store.settings import Settings
 
 
-@dataclass(frozen=True, kw_only=True)
-class Context:
+class Context(Record):
     settings: Settings
     database: Database
     blobs: Blobs

@@ -4,7 +4,7 @@ import csv
 import io
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 from itertools import islice
 from typing import Any, Final, TypeVar
@@ -13,6 +13,7 @@ from fastapi import Request
 from pydantic import ValidationError
 
 from radiometry.findings import interface
+from radiometry.records import Record
 from service.http.models import Form
 from service.http.operations import NUMBER, read_apart, read_document, refuse_load
 from service.http.problems import Problem, invalid, located
@@ -99,8 +100,7 @@ _MOST_COLUMNS: Final = 200
 _GROUPED = re.compile(r"\d{1,3}(,\d{3})+")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Kind:
+class Kind(Record):
     """Content of a table. ``numbers``: columns whose cells are numbers; ``most``: rows it may have.
 
     ``usual`` : what a row says that says nothing of it

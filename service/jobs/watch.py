@@ -12,6 +12,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from starlette.concurrency import run_in_threadpool
 
 from radiometry.findings import interface
+from radiometry.records import Record
 from service.http.problems import Problem
 from store.database import Database
 from store.jobs import FINAL_STATES
@@ -28,8 +29,7 @@ MOST_STREAMS: Final = 20
 Kind = Literal["job", "campaign"]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Event:
+class Event(Record):
     """The state of what is followed. Its id is the state's: who has seen it is not sent it again."""
 
     kind: str

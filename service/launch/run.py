@@ -7,9 +7,9 @@ import subprocess
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from functools import partial
 
+from radiometry.records import Record
 from service.launch import valkey
 from service.launch.folder import Exit, Refusal, claimed, has_room, report
 from service.launch.key import bootstrap_key
@@ -38,8 +38,7 @@ def free_port(host: str, port: int) -> int:
 READY_WITHIN_S = 120.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class Roster:
+class Roster(Record):
     """Processes to run: commands once and to their end, then parts, which run until the launcher stops."""
 
     before: Sequence[Sequence[str]]

@@ -15,6 +15,7 @@ from pathlib import Path
 from types import FrameType, TracebackType
 from typing import BinaryIO, Protocol, Self
 
+from radiometry.records import Record
 from service.launch.folder import has_room
 from service.launch.lifeline import die_with_parent
 from store.pulse import read_beat
@@ -93,8 +94,7 @@ class Process(Protocol):
     def terminate(self) -> None: ...
 
 
-@dataclass(frozen=True, kw_only=True)
-class Part:
+class Part(Record):
     """A process that has to run."""
 
     name: str
@@ -113,8 +113,7 @@ class Part:
     """It touches the file in STILB_PULSE while its work goes on, and is killed when it does not."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Patience:
+class Patience(Record):
     """How long a part may do nothing, and how long it may be stopped amid a writing transaction [s]."""
 
     hang_s: float

@@ -6,7 +6,7 @@ import math
 import zlib
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
@@ -20,6 +20,7 @@ from radiometry.frame import roi
 from radiometry.frame.roi import Polygon
 from radiometry.maps import COVERAGE, PixelUncertainty, find_likeness, read_uncertainty
 from radiometry.methods import get_method
+from radiometry.records import Record
 from radiometry.specification.application import PictureApplication, SurfaceApplication
 from service.http.auth import Caller
 from service.http.context import Context
@@ -36,8 +37,7 @@ MOST_VALUES = 250_000
 Values = NDArray[np.float32]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Window:
+class Window(Record):
     """Rows [top, bottom) and columns [left, right) of a map."""
 
     top: int
@@ -46,8 +46,7 @@ class Window:
     right: int
 
 
-@dataclass(frozen=True, kw_only=True)
-class Layout:
+class Layout(Record):
     """Where the tiles of a map lie in its file."""
 
     height_px: int
@@ -300,8 +299,7 @@ REGIONS_VIGNETTING: Final = (
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class OpenMap:
+class OpenMap(Record):
     """A measurement's map, ready to be read."""
 
     row: Measurement

@@ -6,7 +6,7 @@ import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import accumulate, chain, product
 from pathlib import Path
 from threading import Lock
@@ -23,6 +23,7 @@ from sqlalchemy.orm import Session
 
 from radiometry.findings import Finding as Entry
 from radiometry.findings import interface
+from radiometry.records import Record
 from service.frames.schemas import State as FrameState
 from service.jobs.schemas import State as JobState
 from store.blobs import Blobs, Damage, StorageFull, StorageUnavailable
@@ -46,8 +47,7 @@ _WRITE_WITHIN_S = 10.0
 _NOBODY = ""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Finding:
+class Finding(Record):
     """Result of one check, or that it has not come back."""
 
     name: str
@@ -57,8 +57,7 @@ class Finding:
     """How long the present look has taken, where that is longer than it should."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Report:
+class Report(Record):
     findings: list[Finding]
     parts: list[Part]
     damaged_files: int

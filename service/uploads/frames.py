@@ -20,6 +20,7 @@ from starlette.concurrency import run_in_threadpool
 
 from radiometry.findings import Finding, interface
 from radiometry.frame.verdicts import Verdict
+from radiometry.records import Record
 from service.campaigns.schemas import NewRoi
 from service.frames.schemas import FrameAnswer, StatisticsRow, Upload
 from service.http.auth import Caller
@@ -88,8 +89,7 @@ _MOST_PARTS = 100
 _REPR_DIGEST = re.compile(r"sha-256=:([A-Za-z0-9+/=]+):")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Received:
+class Received(Record):
     blob: StoredBlob
     filename: str | None
     """Of the multipart part, where it was one."""

@@ -5,7 +5,6 @@ import base64
 import hashlib
 import re
 import time
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from email.utils import format_datetime
 from typing import Annotated, Final
@@ -16,6 +15,7 @@ from pydantic.config import JsonDict
 from starlette.concurrency import run_in_threadpool
 
 from radiometry.findings import interface
+from radiometry.records import Record
 from service.frames.schemas import Upload
 from service.http.models import Sha256, Text
 from service.http.problems import Problem, invalid, located, not_found
@@ -31,8 +31,7 @@ _COUNT: Final = r"^[0-9]{1,15}$"
 _COUNTED: Final[JsonDict] = {"pattern": _COUNT}
 
 
-@dataclass(frozen=True, kw_only=True)
-class UploadHeaders:
+class UploadHeaders(Record):
     """Statements of a request in headers; what is absent is None."""
 
     tus_version: Annotated[str | None, Header(alias="Tus-Resumable", description="`1.0.0`, of tus.")] = None

@@ -14,11 +14,12 @@ import struct
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from io import FileIO
 from pathlib import Path
 from typing import Final, Self
 
+from radiometry.records import Record
 from store.blobs.spool import disk_errors_named, sync_folder
 from store.settings import Settings
 
@@ -47,8 +48,7 @@ class FactsTooLong(Exception):  # noqa: N818  it says what was found
     """More was said of the file than its head holds."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Facts:
+class Facts(Record):
     """Statements about a file, made before its first byte."""
 
     organisation_id: str

@@ -1,7 +1,6 @@
 """Two measurements, or the references of two versions, and which errors are the same in both."""
 
 import math
-from dataclasses import dataclass
 from itertools import chain
 from typing import Any, Final, Literal
 
@@ -18,6 +17,7 @@ from radiometry.fitting.comparison import (
 )
 from radiometry.frame.exposure import Exposure
 from radiometry.methods import get_method
+from radiometry.records import Record
 from radiometry.specification.application import BandApplication, SurfaceApplication
 from radiometry.spectral.mismatch import DEFAULT_U_REL, SPECTRAL_MISMATCH_UNKNOWN, find_confusion
 from radiometry.spectral.mismatch import SOURCE as SPECTRUM
@@ -111,8 +111,7 @@ SURE: Final = 2.0
 """Standard uncertainties of a difference from which on it is significant."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Side:
+class Side(Record):
     """A measurement with its frame and the version that it was made with."""
 
     measurement: Measurement
@@ -154,8 +153,7 @@ class Side:
         return surface["cells"] if surface else None
 
 
-@dataclass(frozen=True, kw_only=True)
-class MeasurementComparison:
+class MeasurementComparison(Record):
     """A comparison of two measurements."""
 
     mean: Comparison

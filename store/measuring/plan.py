@@ -1,7 +1,7 @@
 """Plan of a measurement for the worker, made from a frame and a request."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from sqlalchemy import select
@@ -12,6 +12,7 @@ from radiometry.frame.grid import Grid, LaneGrid, describe_lanes
 from radiometry.frame.proof import Proof
 from radiometry.frame.roi import Polygon, bounding_window
 from radiometry.methods import METHODS, get_method
+from radiometry.records import Record
 from radiometry.specification.application import BandApplication, PictureApplication, SurfaceApplication
 from radiometry.specification.parameters import list_parameters
 from store.codec import decode, decode_exposure, decode_header, encode, read_applied
@@ -123,8 +124,7 @@ def require_repeat(repeat: FrameRow, frame: FrameRow) -> None:
         )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Asked:
+class Asked(Record):
     """Statements of a request; None where it leaves the choice to what is recorded."""
 
     polygon: Polygon | None = None

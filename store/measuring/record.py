@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version as package_version
 from typing import Any
@@ -11,6 +10,7 @@ from sqlalchemy import insert, select
 from sqlalchemy.orm import Session
 
 from radiometry.frame.roi import Polygon
+from radiometry.records import Record
 from store.blobs import StoredBlob
 from store.files import keep_blob
 from store.ready.rows import make_measured
@@ -21,8 +21,7 @@ from store.tables.base import new_id
 RESULT_SCHEMA = 1
 
 
-@dataclass(frozen=True, kw_only=True)
-class Products:
+class Products(Record):
     """The map's two blobs."""
 
     tif: StoredBlob

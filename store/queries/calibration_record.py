@@ -3,7 +3,6 @@
 import math
 from collections import defaultdict
 from collections.abc import Iterable
-from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
@@ -13,6 +12,7 @@ from sqlalchemy.orm import Session
 from radiometry.fitting.curve import coverage_factor
 from radiometry.frame.statistics import ChannelStatistics
 from radiometry.methods import get_method
+from radiometry.records import Record
 from radiometry.specification.application import FoundBy
 from store.codec import decode, drop_absent, encode
 from store.queries.calibrations import (
@@ -45,16 +45,14 @@ from store.tables import (
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class MeterAsUsed:
+class MeterAsUsed(Record):
     """A meter with the certificate that it had when the version was made, whatever it has now."""
 
     row: Meter
     certificate: dict[str, Any]
 
 
-@dataclass(frozen=True, kw_only=True)
-class FrameAsUsed:
+class FrameAsUsed(Record):
     """Columns of a frame that a certificate states."""
 
     id: str
@@ -71,8 +69,7 @@ class FrameAsUsed:
     """Of the panel that the frame shows, as its code states it."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class CalibrationRecord:
+class CalibrationRecord(Record):
     """``readings``: of each reading in the version's inputs, the row it was; None where no row fits.
 
     ``coefficients``: in the version's order. ``frames``: by content hash. ``names``: of every key, the

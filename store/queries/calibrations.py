@@ -1,7 +1,7 @@
 """Versions: how each stands, what was decided of it, and when it was and may be in force."""
 
 from collections import defaultdict
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from datetime import UTC, datetime, timedelta
 from typing import Literal
 
@@ -9,6 +9,7 @@ from sqlalchemy import Select, func, or_, select
 from sqlalchemy.orm import Session
 
 from radiometry.methods import get_method
+from radiometry.records import Record, about
 from store.queries.frame_times import find_time, read_zones
 from store.tables import (
     AuditEntry,
@@ -25,8 +26,7 @@ from store.tables import (
 State = Literal["draft", "published", "superseded", "revoked"]
 
 
-@dataclass(frozen=True, kw_only=True)
-class VersionStatus:
+class VersionStatus(Record):
     """Decisions about a version since it was made."""
 
     state: State
@@ -135,24 +135,22 @@ def next_version(session: Session, camera_id: str, method: str) -> int:
     return (last or 0) + 1
 
 
-@dataclass(frozen=True, kw_only=True)
-class Act:
+class Act(Record):
     """One publishing of a version: by whom, when, and what was said."""
 
     by: str
     publication: Publication
 
 
-@dataclass(frozen=True, kw_only=True)
-class Decision:
+class Decision(Record):
     """One decision about a version."""
 
     act: Literal["made", "published", "revoked"]
     calibration: Calibration
     at: datetime
-    by: str = field(metadata={"description": "The id of the key."})
+    by: str = about("The id of the key.")
     reason: str | None = None
-    valid_from: datetime | None = field(default=None, metadata={"description": "As it was published."})
+    valid_from: datetime | None = about("As it was published.", default=None)
     valid_to: datetime | None = None
 
 
@@ -204,8 +202,7 @@ def list_decisions(session: Session, camera_id: str) -> list[Decision]:
     return sorted(found, key=lambda each: (each.at, each.calibration.id), reverse=True)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Lifetime:
+class Lifetime(Record):
     """A published version as known at a time."""
 
     calibration: Calibration

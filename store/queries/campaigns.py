@@ -4,7 +4,7 @@ import hashlib
 import json
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import UTC
 from typing import Any, Final
 
@@ -14,6 +14,7 @@ from sqlalchemy.orm import Session
 from radiometry.findings import shared
 from radiometry.fitting.evidence import Region
 from radiometry.frame.roi import Polygon
+from radiometry.records import Record, about
 from store import jobs
 from store.queries.frame_times import find_time, read_zones
 from store.queries.frames import extractor_of, region_ids
@@ -40,12 +41,11 @@ _FEW = 500
 """Jobs that are read at once to find those of one campaign."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Counts:
+class Counts(Record):
     """How many frames and readings a campaign has."""
 
-    received: int = field(metadata={"description": "All frames of the campaign."})
-    being_read: int = field(metadata={"description": "Frames with a job that waits or runs."})
+    received: int = about("All frames of the campaign.")
+    being_read: int = about("Frames with a job that waits or runs.")
     extracted: int
     refused: int
     readings: int
@@ -94,8 +94,7 @@ def count_being_read(session: Session, campaign: Campaign) -> int:
     return session.scalar(select(func.count()).where(FrameRow.campaign_id == campaign.id, busy)) or 0
 
 
-@dataclass(frozen=True, kw_only=True)
-class Drawing:
+class Drawing(Record):
     """A region as it was drawn: one polygon, or several parts with names and the rectangle around them."""
 
     polygon: Polygon

@@ -4,7 +4,6 @@ import hashlib
 import json
 from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
 
@@ -15,6 +14,7 @@ from radiometry.checklist import ITEMS, Facts, Finding, FrameFacts, IsoFacts, It
 from radiometry.findings import shared
 from radiometry.frame import FrameHeader
 from radiometry.methods import get_method
+from radiometry.records import Record, about
 from store.queries.evidence import Evidence
 from store.tables import (
     AuditEntry,
@@ -36,24 +36,20 @@ BY_ITSELF = "stilb"
 KEYS = frozenset(item.key for item in ITEMS)
 
 
-@dataclass(frozen=True, kw_only=True)
-class ChecklistItem:
+class ChecklistItem(Record):
     """A line of the checklist as it stands."""
 
     key: str
     section: str
     text: str
-    done_by: str | None = field(
-        metadata={"description": 'A key\'s id; "stilb" for what follows from the record. Absent while open.'}
-    )
+    done_by: str | None = about('A key\'s id; "stilb" for what follows from the record. Absent while open.')
     done_at: datetime | None
-    evidence: str | None = field(metadata={"description": "The sentence from which it follows."})
-    missing: str | None = field(metadata={"description": "What the record still lacks for it."})
-    note: str | None = field(metadata={"description": "What was written beside it."})
+    evidence: str | None = about("The sentence from which it follows.")
+    missing: str | None = about("What the record still lacks for it.")
+    note: str | None = about("What was written beside it.")
 
 
-@dataclass(frozen=True, kw_only=True)
-class RecordState:
+class RecordState(Record):
     """State of a campaign by its record: of each item, and since when each part is as it is."""
 
     findings: dict[str, Finding]

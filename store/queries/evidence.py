@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import date
 from functools import partial
 from typing import Any
@@ -16,6 +16,7 @@ from radiometry.fitting.evidence import Exclusion, FrameEvidence
 from radiometry.frame import FrameHeader
 from radiometry.frame.multispectral import name_panel
 from radiometry.methods import get_method
+from radiometry.records import Record
 from radiometry.specification.method import MethodSpec
 from store.queries.frame_times import Zones, find_offset, read_zones
 from store.queries.frames import (
@@ -34,8 +35,7 @@ _ENGRAVED = ("kind", "make", "model", "serial")
 _CERTIFICATE = ("number", "laboratory", "issued_on", "due_on", "expanded_uncertainty_rel", "coverage_factor")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Reference:
+class Reference(Record):
     """``readings``: as the method's fit wants them; ``sources``: by kind, each as engraved and certified."""
 
     readings: list[Any]
@@ -81,8 +81,7 @@ def list_panels(frame: FrameColumns) -> list[str]:
     return [serial for serial in stated if serial]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Offer:
+class Offer(Record):
     """The panel that a campaign's frames name, where it is not the campaign's."""
 
     serial: str
@@ -185,8 +184,7 @@ def _describe_meter(meter: Meter) -> dict[str, Any]:
     return {**engraved, **({"certificate": certificate} if certificate else {})}
 
 
-@dataclass(frozen=True, kw_only=True)
-class Evidence:
+class Evidence(Record):
     """Rows for the fit. ``names``: frame id to the fit's name of it; the others: by that name."""
 
     frames: list[Any]

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone, tzinfo
 from functools import cache
 from typing import Any
@@ -13,6 +13,7 @@ from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected, shared
 from radiometry.frame import FrameHeader, has_set_clock, writes_utc
+from radiometry.records import Record
 from store.codec import decode_header
 from store.tables import Campaign, FrameRow, Organisation
 
@@ -50,8 +51,7 @@ def _read_zone(name: str) -> tzinfo:
     return timezone(_read_offset(offset)) if offset else ZoneInfo(name)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Zones:
+class Zones(Record):
     """Time zones stated for the clock of a camera; absent where none is."""
 
     campaign: str | None = None
@@ -62,8 +62,7 @@ class Zones:
         return self.campaign or self.organisation
 
 
-@dataclass(frozen=True, kw_only=True)
-class FrameTime:
+class FrameTime(Record):
     """The instants at which a frame may have been taken: one, unless the offset of its clock is unknown."""
 
     stated: str

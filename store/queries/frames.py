@@ -19,6 +19,7 @@ from radiometry.frame.proof import Proof
 from radiometry.frame.roi import Polygon
 from radiometry.frame.statistics import ChannelStatistics
 from radiometry.frame.verdicts import Keeping
+from radiometry.records import Record
 from radiometry.specification.roles import FIELD
 from store import jobs
 from store.blobs import StoredBlob
@@ -76,8 +77,7 @@ class Sized(Protocol):
     def size_px(self) -> tuple[int, int] | None: ...
 
 
-@dataclass(frozen=True, kw_only=True)
-class NewFrame:
+class NewFrame(Record):
     """A frame as it was uploaded: what the field team says of it."""
 
     blob: StoredBlob

@@ -2,11 +2,11 @@
 
 from collections import Counter
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 
 from sqlalchemy import ColumnElement, func, or_, select, text
 from sqlalchemy.orm import InstrumentedAttribute, Session
 
+from radiometry.records import Record
 from store.files import count_damaged, find_proof_age_s
 from store.jobs import GIVEN_UP, PREVIEW_LANE
 from store.jobs.processes import Part, list_parts
@@ -18,8 +18,7 @@ MOST_COUNTED = 2000
 """Jobs of a state are counted up to here: a summary of 100,000 jobs costs what one of a few thousand does."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Queue:
+class Queue(Record):
     counts: dict[str, int]
     """By state, at most `MOST_COUNTED` of each."""
     more: list[str]
@@ -46,8 +45,7 @@ def summarise_queue(session: Session, organisation_id: str, states: Sequence[str
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Cause:
+class Cause(Record):
     """Jobs that failed for one reason: of one state, kind, error code and campaign."""
 
     count: int
@@ -131,8 +129,7 @@ def oldest_wait_s(session: Session, organisation_id: str | None = None) -> float
 _BEGUN = ("running", *GIVEN_UP)
 
 
-@dataclass(frozen=True, kw_only=True)
-class QueueCounts:
+class QueueCounts(Record):
     """Counts of what is under way, by its indexes."""
 
     jobs: dict[str, int]
@@ -164,8 +161,7 @@ class QueueCounts:
         return [part for part in self.parts if part.state == "working"]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Totals:
+class Totals(Record):
     """Counts of everything, over all organisations; counting jobs takes time in proportion to them."""
 
     jobs: dict[str, int]

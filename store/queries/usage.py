@@ -8,7 +8,6 @@ An upload in pieces takes the room of its frame when it begins, and is refused t
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import timedelta
 from typing import Final, Literal
 
@@ -16,6 +15,7 @@ from sqlalchemy import func, select, update
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
+from radiometry.records import Record
 from store.blobs.partials import Facts, Partials
 from store.settings import Settings
 from store.tables import Blob, Campaign, FrameRow, Job, Organisation, Usage
@@ -36,8 +36,7 @@ class QuotaExceeded(Exception):  # noqa: N818  it says what was found
         self.used = used
 
 
-@dataclass(frozen=True, kw_only=True)
-class Quotas:
+class Quotas(Record):
     """The most that an organisation may use; 0 is no limit."""
 
     stored_bytes: int
@@ -57,8 +56,7 @@ class Quotas:
         )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Used:
+class Used(Record):
     """Usage of an organisation."""
 
     stored_bytes: int
