@@ -58,14 +58,7 @@ class NewCalibration(RootModel[dict[str, Any]]):
 
 
 def read_request(body: NewCalibration, spec: MethodSpec) -> FitRequest:
-    """Return a request, read by the form of the campaign's method.
-
-    Raises
-    ------
-    Problem
-        422 that names each parameter that is unknown, or one of another method, or has a value that is
-        not allowed.
-    """
+    """Read a request by the form of the campaign's method; name each parameter that is not one of it."""
     try:
         return FORMS[spec.name].model_validate(body.root)
     except ValidationError as error:
@@ -165,15 +158,7 @@ FORMS = {spec.name: _make_form(spec) for spec in methods.METHODS}
 
 
 def describe_requests() -> tuple[dict[str, Any], dict[str, Any]]:
-    """Describe the body of a request to fit.
-
-    Returns
-    -------
-    schemas : dict
-        JSON schemas of the methods' forms and of their parts, by component name.
-    body : dict
-        The schema of any of them.
-    """
+    """Return the schemas of the methods' forms and their parts by name, and the schema of any of them."""
     _, document = models_json_schema(
         [(form, "validation") for form in FORMS.values()], ref_template="#/components/schemas/{model}"
     )

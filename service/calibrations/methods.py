@@ -124,16 +124,7 @@ def describe_methods() -> MethodsAnswer:
 
 
 def describe_versions() -> tuple[dict[str, Node], dict[str, Node]]:
-    """Describe what the versions of each method hold.
-
-    Returns
-    -------
-    schemas : dict
-        JSON schemas by component name, such as LuminanceParams and LuminanceFit.
-    properties : dict
-        Schemas of the properties `parameters`, `diagnostics` and `points` of a version, each one of the
-        methods' schemas.
-    """
+    """Return the schemas of what versions hold, by name, and those of their properties of each method."""
     schemas: dict[str, Node] = {}
     properties: dict[str, list[Node]] = {"parameters": [], "diagnostics": [], "points": []}
     for spec in METHODS:

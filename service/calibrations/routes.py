@@ -38,6 +38,7 @@ from service.http.operations import Router
 from service.http.paging import Page, Paging, UsesPaging
 from service.http.problems import Problem, invalid, located
 from service.http.tables import write_csv
+from service.jobs.routes import reply_queued
 from service.jobs.schemas import JobAnswer
 from store import jobs, publications
 from store.codec import encode
@@ -102,9 +103,7 @@ def start_calibration(campaign_id: Id, body: NewCalibration, caller: Calibrator,
             by=caller.key_id,
             parameters=encode(params),
         )
-        session.flush()
-        location = {"Location": f"/v1/jobs/{job.id}"}
-        return Reply(status=202, body=JobAnswer.of(job), headers=location, jobs=[job])
+        return reply_queued(session, job)
 
     try:
         return writing.run(caller, change)

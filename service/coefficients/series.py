@@ -107,7 +107,7 @@ else:
 
 
 class MeasurementSeriesAnswer(Answer):
-    """One row a measurement; the columns are those of measurements.csv."""
+    """One row a measurement; the columns are those of its CSV."""
 
     rows: list[MeasurementSeriesRow]
     next: str | None = _NEXT

@@ -4,7 +4,7 @@ import base64
 import hashlib
 import io
 import logging
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from typing import Annotated, Final, Self
 
@@ -18,12 +18,10 @@ from sqlalchemy.orm import Session
 from radiometry.findings import InputRejected, shared
 from radiometry.frame.grid import describe_lanes
 from radiometry.frame.roi import Polygon, bounding_window
-from radiometry.frame.verdicts import Verdict
 from radiometry.methods import get_method
 from radiometry.specification.application import SurfaceApplication
 from service.campaigns.schemas import Point
 from service.frames.routes import require_header, require_preview
-from service.frames.schemas import VerdictAnswer
 from service.http.answers import (
     UNCHANGED,
     immutable_headers,
@@ -39,6 +37,7 @@ from service.http.context import Context, UsesContext
 from service.http.lookup import Id, owned
 from service.http.models import WHOLE, Answer, FindingGroupAnswer, Form, Number, group_flags
 from service.http.operations import Router
+from service.jobs.routes import reply_queued
 from service.jobs.schemas import JobAnswer
 from service.measurements.requests import NewGrid, read_grid
 from service.measurements.schemas import FlagAnswer
@@ -70,27 +69,15 @@ def tag_of(preview_sha256: str | None, region_id: str | None) -> str | None:
     return hashlib.sha256(f"{_DRAWING} {preview_sha256} {region_id}".encode()).hexdigest()[:8]
 
 
-def draw_thumbnail(preview: bytes, frame_width_px: int, roi: Roi | None, side_px: int = WIDEST_PX) -> bytes:
-    """Draw a preview of ours again, at most 320 px wide and high and 40 kB, as PNG.
-
-    Parameters
-    ----------
-    preview : bytes
-        The frame's grey preview.
-    frame_width_px : int
-        Width of the frame, in whose pixels the region is.
-    roi : Roi or None
-        Region to outline.
-    side_px : int
-        Longest side of the picture.
-    """
-    grey, outlines = _reduce(preview, frame_width_px, roi, side_px)
+def draw_thumbnail(preview: bytes, frame_width_px: int, roi: Roi | None) -> bytes:
+    """Draw a preview of ours again, at most 320 px wide and high and 40 kB, as PNG."""
+    grey, outlines = _reduce(preview, frame_width_px, roi)
     return _take_small(_encode_greys(grey, levels, outlines) for levels in _GREYS)
 
 
 def draw_light_thumbnail(small_preview: bytes, frame_width_px: int, roi: Roi | None) -> bytes:
     """Draw a small preview with the region as WebP, at most 40 kB: a fifth of the PNG, for many at once."""
-    grey, outlines = _reduce(small_preview, frame_width_px, roi, WIDEST_PX)
+    grey, outlines = _reduce(small_preview, frame_width_px, roi)
     picture = grey.convert("RGB")
     draw = ImageDraw.Draw(picture)
     for points in outlines:
@@ -99,13 +86,11 @@ def draw_light_thumbnail(small_preview: bytes, frame_width_px: int, roi: Roi | N
     return _take_small(_encode_lossy(picture, quality) for quality in _QUALITIES)
 
 
-def _reduce(
-    preview: bytes, frame_width_px: int, roi: Roi | None, side_px: int
-) -> tuple[Image.Image, _Outlines]:
+def _reduce(preview: bytes, frame_width_px: int, roi: Roi | None) -> tuple[Image.Image, _Outlines]:
     """Return the small grey picture, and the region's outlines in its pixels."""
     with Image.open(io.BytesIO(preview)) as opened:
         grey = opened.convert("L")
-    grey.thumbnail((side_px, side_px), reducing_gap=2.0)
+    grey.thumbnail((WIDEST_PX, WIDEST_PX), reducing_gap=2.0)
     scale = grey.width / frame_width_px
     outlines = [] if roi is None else [part["points"] for part in roi.parts or [{"points": roi.points}]]
     return grey, [[(x * scale, y * scale) for x, y in points] for points in outlines]
@@ -161,22 +146,6 @@ class GridLook(Answer):
     findings: list[FindingGroupAnswer] = Field(description="The flags, equal ones as one.")
 
 
-class FrameVerdict(VerdictAnswer):
-    frame_id: str
-
-
-class VerdictsAnswer(Answer):
-    items: list[FrameVerdict]
-
-    @classmethod
-    def of(cls, verdicts: Mapping[str, Verdict]) -> "VerdictsAnswer":
-        return cls(
-            items=[
-                FrameVerdict.restate(verdicts[frame_id], frame_id=frame_id) for frame_id in sorted(verdicts)
-            ]
-        )
-
-
 router = Router(prefix="/v1", tags=["frames"])
 
 
@@ -204,10 +173,7 @@ def look_at_region(frame_id: Id, body: NewLook, caller: Reader, writing: Writes)
             parameters={"polygon": [list(point) for point in polygon.points]},
             lane=jobs.PREVIEW_LANE,
         )
-        session.flush()
-        return Reply(
-            status=202, body=JobAnswer.of(job, frame), headers={"Location": f"/v1/jobs/{job.id}"}, jobs=[job]
-        )
+        return reply_queued(session, job, frame)
 
     return writing.run(caller, change)
 
@@ -237,37 +203,22 @@ def look_at_grid(frame_id: Id, body: NewGrid, caller: Reader, context: UsesConte
     ).respond()
 
 
-@router.get("/campaigns/{campaign_id}/verdicts", response_model=VerdictsAnswer, responses=problems(404))
-def list_verdicts(campaign_id: Id, caller: Reader, context: UsesContext) -> Response:
-    """The verdict on every frame of a campaign, in one answer: to be asked again while frames arrive."""
-    with context.database.reading() as session:
-        campaign = owned(session, Campaign, campaign_id, caller)
-        review = context.reviews.find(session, campaign.id, verdicts_of=None)
-        return VerdictsAnswer.of(review.verdicts).respond()
-
-
 @router.get(
     "/frames/{frame_id}/thumbnail.png", response_class=Response, responses=sends_stored_file("image/png")
 )
-def get_frame_thumbnail(
-    frame_id: Id,
-    request: Request,
-    caller: Reader,
-    context: UsesContext,
-    side_px: Annotated[int, Query(ge=32, le=WIDEST_PX, description="Longest side.")] = WIDEST_PX,
-) -> Response:
+def get_frame_thumbnail(frame_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
     """A picture for lists, at most 320 px wide and 40 kB, with the region that holds for the frame."""
     with context.database.reading() as session:
         frame = owned(session, FrameRow, frame_id, caller)
         roi = current_roi(session, frame, session.get_one(Campaign, frame.campaign_id))
     preview_sha256 = require_preview(frame)
-    tag = f"{tag_of(preview_sha256, roi.id if roi else None)}-{side_px}"
+    tag = f"{tag_of(preview_sha256, roi.id if roi else None)}-{WIDEST_PX}"
     headers = standing_headers(tag)
     unchanged = not_modified(request, tag, headers)
     if unchanged is not None:
         return unchanged
     _, pieces = context.files.open(preview_sha256)
-    png = draw_thumbnail(b"".join(pieces), (frame.header or {})["width_px"], roi, side_px)
+    png = draw_thumbnail(b"".join(pieces), (frame.header or {})["width_px"], roi)
     return Response(png, headers=headers, media_type="image/png")
 
 
@@ -336,10 +287,7 @@ def draw_crop(frame_id: Id, body: NewCrop, caller: Reader, writing: Writes) -> R
             parameters={"window": list(window), "low_dn": body.low_dn, "high_dn": body.high_dn},
             lane=jobs.PREVIEW_LANE,
         )
-        session.flush()
-        return Reply(
-            status=202, body=JobAnswer.of(job, frame), headers={"Location": f"/v1/jobs/{job.id}"}, jobs=[job]
-        )
+        return reply_queued(session, job, frame)
 
     return writing.run(caller, change)
 

@@ -1,6 +1,6 @@
 """Problems: every refusal of the service, as application/problem+json with a stable code (docs/errors.md)."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from json import JSONDecoder
 from typing import Any, Final
 
@@ -72,14 +72,14 @@ def describe(error: Mapping[str, Any]) -> list[dict[str, str]]:
     message = (
         _PATTERNS.get(error.get("ctx", {}).get("pattern"))
         or _WORDS.get(error["type"])
-        or _plain(error["msg"])
+        or _say_plainly(error["msg"])
     )
     if field == "body" and message == _OBJECT:
         message += ", sent with Content-Type: application/json"
     return [{"field": field, "message": message}]
 
 
-def _plain(message: str) -> str:
+def _say_plainly(message: str) -> str:
     message = message.replace(_ASIDE, "")
     for prefix in _PREFIXES:
         if message.startswith(prefix):
@@ -149,56 +149,37 @@ def not_found(what: str) -> Problem:
 
 def install(app: FastAPI) -> None:
     """Turn every exception that can reach the top into a problem."""
-    _install_storage(app)
 
-    @app.exception_handler(Problem)
-    async def problem(_request: Request, error: Problem) -> JSONResponse:
-        return answer(error)
+    def turn(kind: type[Exception], say: Callable[[Request, Any], JSONResponse]) -> None:
+        async def respond(request: Request, error: Exception) -> JSONResponse:
+            return say(request, error)
 
-    @app.exception_handler(InputRejected)
-    async def rejected(_request: Request, error: InputRejected) -> JSONResponse:
-        return _answer(problem_body(422, error.code, error.message))
+        app.add_exception_handler(kind, respond)
 
-    @app.exception_handler(Conflict)
-    async def conflict(_request: Request, error: Conflict) -> JSONResponse:
-        return _answer(problem_body(409, error.code, error.message))
-
-    @app.exception_handler(QuotaExceeded)
-    async def quota(_request: Request, error: QuotaExceeded) -> JSONResponse:
-        return answer(over_quota(error))
-
-    @app.exception_handler(RequestValidationError)
-    async def wrong_field(_request: Request, error: RequestValidationError) -> JSONResponse:
-        return answer(invalid(error.errors()))
-
-    @app.exception_handler(HTTPException)
-    async def http(request: Request, error: HTTPException) -> JSONResponse:
-        return answer(_of_the_framework(request, error))
-
-    @app.exception_handler(ClientDisconnect)
-    async def cut(_request: Request, _error: ClientDisconnect) -> JSONResponse:
-        detail = "The connection was lost before the end of the body."
-        return answer(Problem(interface.UPLOAD_INCOMPLETE, detail))
-
-    @app.exception_handler(Exception)
-    async def unexpected(_request: Request, _error: Exception) -> JSONResponse:
-        detail = "Internal error. It has been logged. Try again, and tell the operator if it persists."
-        return answer(Problem(interface.INTERNAL_ERROR, detail))
+    turn(Problem, lambda _, error: answer(error))
+    turn(InputRejected, lambda _, error: _answer(problem_body(422, error.code, error.message)))
+    turn(Conflict, lambda _, error: _answer(problem_body(409, error.code, error.message)))
+    turn(QuotaExceeded, lambda _, error: answer(over_quota(error)))
+    turn(RequestValidationError, lambda _, error: answer(invalid(error.errors())))
+    turn(HTTPException, lambda request, error: answer(_of_the_framework(request, error)))
+    turn(BlobDamaged, lambda _, error: answer(Problem(interface.STORED_FILE_DAMAGED, describe_damage(error))))
+    for kind, (code, detail) in _SAID.items():
+        turn(kind, lambda *_, code=code, detail=detail: answer(Problem(code, detail)))
 
 
-def _install_storage(app: FastAPI) -> None:
-    @app.exception_handler(BlobDamaged)
-    async def damaged(_request: Request, error: BlobDamaged) -> JSONResponse:
-        return answer(Problem(interface.STORED_FILE_DAMAGED, describe_damage(error)))
-
-    @app.exception_handler(StorageFull)
-    @app.exception_handler(StorageUnavailable)
-    async def storage(_request: Request, error: StorageFull | StorageUnavailable) -> JSONResponse:
-        if isinstance(error, StorageUnavailable):
-            return answer(
-                Problem(interface.STORAGE_UNAVAILABLE, "The file store does not answer. Try again.")
-            )
-        return answer(Problem(interface.STORAGE_FULL, "The service has no space left for this file."))
+_SAID: Final = {
+    ClientDisconnect: (
+        interface.UPLOAD_INCOMPLETE,
+        "The connection was lost before the end of the body.",
+    ),
+    StorageFull: (interface.STORAGE_FULL, "The service has no space left for this file."),
+    StorageUnavailable: (interface.STORAGE_UNAVAILABLE, "The file store does not answer. Try again."),
+    Exception: (
+        interface.INTERNAL_ERROR,
+        "Internal error. It has been logged. Try again, and tell the operator if it persists.",
+    ),
+}
+"""Of exceptions that say nothing to whoever asked."""
 
 
 def _of_the_framework(request: Request, error: HTTPException) -> Problem:

@@ -51,6 +51,13 @@ _LOGGED = 64
 _SCOPES: dict[str, Scope] = {"extract": "upload", "fit": "calibrate", "measure": "upload"}
 
 
+def reply_queued(session: Session, job: Job, frame: FrameRow | None = None) -> Reply:
+    """Reply to a request that has queued a job."""
+    session.flush()
+    location = {"Location": f"/v1/jobs/{job.id}"}
+    return Reply(status=202, body=JobAnswer.of(job, frame), headers=location, jobs=[job])
+
+
 @router.get("", response_model=Page[JobAnswer], responses=problems(404))
 def list_jobs(
     paging: UsesPaging,

@@ -6,12 +6,12 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from fastapi import Query, Request, Response
-from fastapi.responses import JSONResponse, StreamingResponse
+from fastapi.responses import JSONResponse
 from pydantic import Field
 
 from radiometry.findings import interface
 from radiometry.frame.grid import find_homography
-from service.coefficients.formats import describe_columns, gather, write_csv
+from service.coefficients.formats import describe_columns
 from service.coefficients.series import (
     MEDIA_TYPES,
     CellsAnswer,
@@ -32,7 +32,7 @@ from service.http.problems import Problem
 from service.http.tables import write_csv as write_table
 from service.measurements.routes import OfCalibration
 from store.ready.rows import COLUMNS, read_row
-from store.ready.series import Asked, MeasurementSeries, Page
+from store.ready.series import Asked, MeasurementSeries
 from store.tables import Campaign, Measurement
 
 Coordinates = Literal["pixel", "road_m"]
@@ -112,19 +112,6 @@ class GeoJson(JSONResponse):
 
 
 @router.get(
-    "/campaigns/{campaign_id}/measurements.csv",
-    response_class=Response,
-    responses={200: {"content": {"text/csv": {"schema": {"type": "string"}}}}, **problems(404)},
-)
-def get_campaign_measurements_csv(
-    campaign_id: Id, caller: Reader, context: UsesContext, calibration_id: OfCalibration = None
-) -> Response:
-    """Every measurement of a campaign, a line each, by the time at which its frame was taken."""
-    pages = _of_campaign(context, campaign_id, caller, calibration_id)
-    return StreamingResponse(gather(write_csv(pages, _COLUMNS)), media_type=MEDIA_TYPES["csv"])
-
-
-@router.get(
     "/campaigns/{campaign_id}/measurements.geojson",
     response_model=FeaturesAnswer,
     response_class=GeoJson,
@@ -134,7 +121,12 @@ def get_campaign_measurements_geojson(
     campaign_id: Id, caller: Reader, context: UsesContext, calibration_id: OfCalibration = None
 ) -> Response:
     """Every measurement of a campaign as a feature where its frame was taken, by that time."""
-    pages = _of_campaign(context, campaign_id, caller, calibration_id)
+    with context.database.reading() as session:
+        owned(session, Campaign, campaign_id, caller)
+    asked = Asked(
+        organisation_id=caller.organisation_id, campaign_id=campaign_id, calibration_id=calibration_id
+    )
+    pages = MeasurementSeries(context.database, asked).read(after=None, until=None)
     features = [_make_feature(row) for page in pages for row in csv.reader(page)]
     return GeoJson({"type": "FeatureCollection", "features": features})
 
@@ -204,17 +196,6 @@ def _require_grid(context: Context, measurement_id: str, caller: Caller) -> Meas
     if not row.parameters.get("grid") or not row.result.get("surface"):
         raise Problem(interface.NOT_FOUND, "This measurement has no cells: measure the frame with a `grid`.")
     return row
-
-
-def _of_campaign(
-    context: Context, campaign_id: str, caller: Caller, calibration_id: str | None
-) -> Iterator[Page]:
-    with context.database.reading() as session:
-        owned(session, Campaign, campaign_id, caller)
-    asked = Asked(
-        organisation_id=caller.organisation_id, campaign_id=campaign_id, calibration_id=calibration_id
-    )
-    return MeasurementSeries(context.database, asked).read(after=None, until=None)
 
 
 def _make_feature(cells: list[str]) -> dict[str, Any]:

@@ -27,6 +27,7 @@ from service.http.models import Answer, Text
 from service.http.operations import Router
 from service.http.paging import Page, UsesPaging
 from service.http.problems import Problem
+from service.jobs.routes import reply_queued
 from service.jobs.schemas import JobAnswer
 from service.measurements.requests import (
     CONDITIONS,
@@ -122,9 +123,7 @@ def start_measurement(body: NewMeasurement, caller: Uploader, writing: Writes) -
         frame, *_ = (owned(session, FrameRow, each, caller) for each in body.list_frames())
         asked, named = _read_asked(body), _named(session, body, caller)
         job = _enqueue(session, frame, asked, named, caller, Captures(session), lane="measure")
-        session.flush()
-        location = {"Location": f"/v1/jobs/{job.id}"}
-        return Reply(status=202, body=JobAnswer.of(job), headers=location, jobs=[job])
+        return reply_queued(session, job)
 
     return writing.run(caller, change)
 

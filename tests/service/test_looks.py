@@ -70,13 +70,6 @@ def test_a_frame_that_is_not_read_cannot_be_looked_at(house, campaign):
     assert (problem["code"], problem["retryable"]) == ("frame_not_read", True)
 
 
-def test_all_verdicts_come_in_one_answer(house, campaign, frame):
-    path = f"/v1/campaigns/{campaign['id']}"
-    (verdict,) = house.get(f"{path}/verdicts")["items"]
-    (listed,) = house.get(f"{path}/frames")["items"]
-    assert verdict == {"frame_id": frame["id"], **listed["verdict"]}
-
-
 @pytest.mark.usefixtures("frame")
 def test_a_brief_list_leaves_out_the_bulk_and_nothing_else(house, campaign):
     path = f"/v1/campaigns/{campaign['id']}/frames"

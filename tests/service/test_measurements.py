@@ -477,7 +477,7 @@ def test_a_whole_night_in_one_go(house):
     (left,) = started["not_measured"]
     assert (left["frame_id"], left["code"]) == (frames[2]["id"], "iso_not_calibrated")
     house.work()
-    answer = house.http.get(f"/v1/campaigns/{campaign['id']}/measurements.csv")
+    answer = house.http.get(f"/v1/series/measurements?campaign_id={campaign['id']}&format=csv")
     rows = list(csv.DictReader(io.StringIO(answer.text)))
     assert [row["filename"] for row in rows] == ["a.DNG", "b.DNG"]
     assert float(rows[0]["mean_cd_m2"]) == pytest.approx(20.0, rel=0.03)
@@ -564,7 +564,7 @@ def test_repeats_of_a_scene_are_one_measurement_with_less_noise(house):
     plane, *planes = (read_map(house, one) for one in (found, *alone))
     assert plane == pytest.approx(np.mean(planes, axis=0), rel=1e-6)
     assert average(house, ids[::-1], products=["map"])["id"] == found["id"]
-    rows = house.http.get(f"/v1/campaigns/{campaign['id']}/measurements.csv").text
+    rows = house.http.get(f"/v1/series/measurements?campaign_id={campaign['id']}&format=csv").text
     assert [row["frames"] for row in csv.DictReader(io.StringIO(rows))] == ["1"] * 4 + ["4"]
     longer = field_frame(house, campaign, name="long.DNG", exposure_time_s=0.04)
     for other, told in ((longer["id"], "different: exposure"), (ids[0], "one image")):

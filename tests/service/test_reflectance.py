@@ -253,7 +253,7 @@ def test_a_flight_is_one_request_and_each_frame_that_fails_is_named(house, conte
     (row,) = house.get("/v1/measurements", campaign_id=flight_id)["items"]
     assert row["region_origin"] == "whole_frame"
     assert row["pixels"] == 960 * 1280
-    lines = house.http.get(f"/v1/campaigns/{flight_id}/measurements.csv").text.splitlines()
+    lines = house.http.get(f"/v1/series/measurements?campaign_id={flight_id}&format=csv").text.splitlines()
     columns = dict(zip(lines[0].split(","), lines[1].split(","), strict=True))
     assert float(columns["mean_reflectance"]) == pytest.approx(row["mean"]["value"])
     assert [line["source"] for line in row["budget"] if line["source"] == "drift"] == ["drift"]

@@ -136,5 +136,5 @@ def test_a_picture_is_no_map_of_values_and_has_no_figure_to_compare(calibrated):
     assert house.get(f"/v1/measurements/{found['id']}/map.json", status=404)["code"] == "not_found"
     house.get(f"/v1/measurements/{found['id']}/comparison", status=422, old=found["id"])
     assert found["id"] in {row["id"] for row in house.get("/v1/measurements")["items"]}
-    lines = house.http.get(f"/v1/campaigns/{campaign['id']}/measurements.csv").text
+    lines = house.http.get(f"/v1/series/measurements?campaign_id={campaign['id']}&format=csv").text
     assert found["id"] in lines
