@@ -10,7 +10,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 SCIENCE = ROOT / "radiometry"
 # what presents the science is no part of it: one line is enough there
-PRESENTING = ("checklist.py", "drawing", "findings", "methods", "specification")
+PRESENTING = ("checklist.py", "drawing", "findings", "methods", "records.py", "specification")
 CALLERS = ("store", "worker", "service")
 ROOMS = ("radiometry", "stilb", "bench", "simulation", "verify", "demo", *CALLERS)
 OPENINGS = frozenset(("Give", "Gives", "Say", "Tell", "Hold", "Holds", "Let", "Look", "Looks"))
