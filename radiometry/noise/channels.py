@@ -28,22 +28,11 @@ from radiometry.records import Record
 FEWEST_LEVELS = 4  # Two parameters, and two degrees of freedom to see a bend with. EMVA 1288 asks for nine.
 
 
-class Deviation(Record):
-    """Deviation of one level from the line, relative to the line."""
-
-    level: Level
-    deviation_rel: float
-
-
 class Linearity(Record):
-    """Line of one scene and f-number, and the deviations from it."""
+    """Line of one scene and f-number, and the relative deviation of each level on which it rests."""
 
-    error: Quantity  # Mean of the absolute deviations LE, release 3.1
-    lowest_rel: float  # Extreme deviations, which release 3.0 calls LE_min and LE_max
-    highest_rel: float
-    slope_dn_per_s: float  # Slope [DN/s] and intercept [DN] of the line
-    offset_dn: float
-    deviations: tuple[Deviation, ...]  # Deviation of each level on which the line rests
+    figures: LinearityFigures
+    deviations: tuple[tuple[Level, float], ...]
 
 
 def find_linearity(
@@ -85,15 +74,15 @@ def find_linearity(
     relative_u = np.array([_mean_u_dn(level, gain_dn_per_e) for level in longest]) / y
     effect = np.sign(deviations) @ (np.eye(len(y)) - hat) / len(y)
     return Linearity(
-        error=Quantity(float(np.mean(np.abs(deviations))), float(np.linalg.norm(effect * relative_u)), "1"),
-        lowest_rel=float(deviations.min()),
-        highest_rel=float(deviations.max()),
-        slope_dn_per_s=float(a1),
-        offset_dn=float(a0),
-        deviations=tuple(
-            Deviation(level=level, deviation_rel=float(deviation))
-            for level, deviation in zip(longest, deviations, strict=True)
+        figures=LinearityFigures(
+            error_rel=Quantity(
+                float(np.mean(np.abs(deviations))), float(np.linalg.norm(effect * relative_u)), "1"
+            ),
+            lowest_rel=float(deviations.min()),
+            highest_rel=float(deviations.max()),
+            levels_used=len(longest),
         ),
+        deviations=tuple(zip(longest, deviations.tolist(), strict=True)),
     )
 
 
@@ -215,7 +204,7 @@ def fit_channel(stacks: Sequence[Stack], params: Params) -> FittedChannel | None
         dsnu_dn=dsnu[0],
         prnu_rel=prnu[0] if prnu else None,
         transfer=figures,
-        linearity=_show(linearity) if linearity else None,
+        linearity=linearity.figures if linearity else None,
         dark_current=find_dark_current_figures(current, transfer),
         levels=tuple(_describe(level, transfer, linearity, saturation, params) for level in levels),
         effective_dof=dofs
@@ -248,15 +237,6 @@ def _look_at_light(
     return linearity, find_prnu(levels, saturation_signal_dn=saturation.signal_dn)
 
 
-def _show(linearity: Linearity) -> LinearityFigures:
-    return LinearityFigures(
-        error_rel=linearity.error,
-        lowest_rel=linearity.lowest_rel,
-        highest_rel=linearity.highest_rel,
-        levels_used=len(linearity.deviations),
-    )
-
-
 def _describe(
     level: Level,
     transfer: Transfer | None,
@@ -282,7 +262,7 @@ def _describe(
         residual_dn2=excess - transfer.gain_dn_per_e * level.signal_dn
         if transfer and excess is not None
         else None,
-        deviation_rel=next((each.deviation_rel for each in deviations if each.level is level), None),
+        deviation_rel=next((deviation for each, deviation in deviations if each is level), None),
         left_out="" if used else level.left_out or _explain(level, saturation, params),
     )
 

@@ -162,7 +162,7 @@ class Features(Record):
 FrameRow = FrameEvidence[Features]
 
 
-class _Channel(Record, kw_only=False):
+class Channel(Record, kw_only=False):
     """Pixels of a channel: the plane of the picture, the index of its levels, the site."""
 
     name: str
@@ -183,7 +183,7 @@ def extract_features(frame: Frame, regions: Sequence[Region], *, header: FrameHe
     samples, known = _embed(frame, inside)
     band = header.multispectral.band if header.multispectral else GREY
     blocks = [
-        _average_blocks(channel, frame, samples, known, grid) for channel in _list_channels(frame.cfa, band)
+        _average_blocks(channel, frame, samples, known, grid) for channel in list_channels(frame.cfa, band)
     ]
     if not any(counts.any() for _, counts in blocks):
         raise shared.ROI_EMPTY.reject(
@@ -194,15 +194,15 @@ def extract_features(frame: Frame, regions: Sequence[Region], *, header: FrameHe
     return Extracted(statistics=compute_statistics(frame, inside), features=features)
 
 
-def _list_channels(cfa: str, band: str) -> list[_Channel]:
+def list_channels(cfa: str, band: str) -> list[Channel]:
     if cfa == "rgb":
         return [
-            _Channel(name, plane, plane, Site(row0=0, col0=0, step=1)) for plane, name in enumerate(_COLOURS)
+            Channel(name, plane, plane, Site(row0=0, col0=0, step=1)) for plane, name in enumerate(_COLOURS)
         ]
     if cfa == GREY:
-        return [_Channel(band, 0, 0, Site(row0=0, col0=0, step=1))]
+        return [Channel(band, 0, 0, Site(row0=0, col0=0, step=1))]
     return [
-        _Channel(name_site(cfa, index), 0, index, Site(row0=index // 2, col0=index % 2, step=2))
+        Channel(name_site(cfa, index), 0, index, Site(row0=index // 2, col0=index % 2, step=2))
         for index in range(4)
     ]
 
@@ -221,7 +221,7 @@ def _embed(frame: Frame, inside: NDArray[np.bool_]) -> tuple[NDArray[np.uint16],
 
 
 def _average_blocks(
-    channel: _Channel, frame: Frame, samples: NDArray[np.uint16], known: NDArray[np.bool_], grid: Grid
+    channel: Channel, frame: Frame, samples: NDArray[np.uint16], known: NDArray[np.bool_], grid: Grid
 ) -> tuple[ChannelBlocks, NDArray[np.int64]]:
     site = channel.site
     part = (slice(site.row0, None, site.step), slice(site.col0, None, site.step))

@@ -210,7 +210,7 @@ def _conclude(
     gradient, gradient_u = measure_gradient(solution, blocks)
     counted = np.isfinite(blocks.standard_error)
     corners = np.array(falloff.list_corners(blocks.grid.height_px, blocks.grid.width_px))
-    mean_corner = float(np.mean(1.0 - _share_at(coefficient, corners[:, 0], corners[:, 1])))
+    mean_corner = float(np.mean(1.0 - coefficient.evaluate(corners[:, 0], corners[:, 1])[0]))
     share = 1.0 - coefficient.corner_falloff
     certain, level, whole = (
         float(falloff.propagate(slopes, solution.find_covariance_of_lens(known=known))) ** 2
@@ -281,17 +281,6 @@ def _measure_misfit(solution: Solution, blocks: Blocks) -> float:
     counted = np.isfinite(blocks.standard_error)
     noise = np.mean((blocks.standard_error[counted] / solution.fitted[counted]) ** 2)
     return math.sqrt(max(0.0, float(np.mean(solution.residual[counted] ** 2) - noise)))
-
-
-def _share_at(coefficient: Coefficient, row_px: float | np.ndarray, col_px: float | np.ndarray) -> np.ndarray:
-    share, _ = falloff.evaluate_slopes(
-        np.asarray(row_px, np.float64),
-        np.asarray(col_px, np.float64),
-        coefficient.k,
-        centre_px=coefficient.centre_px,
-        radius_px=coefficient.radius_px,
-    )
-    return share
 
 
 def _build(

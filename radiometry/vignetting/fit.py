@@ -153,13 +153,7 @@ def find_rise(coefficient: Coefficient) -> tuple[float, float, float] | None:
     radii = falloff.sample_radii(farthest_radius(coefficient))
     rise, bottom, top = falloff.find_largest_rise(falloff.evaluate_curve(radii**2, coefficient.k))
     rows = coefficient.centre_row_px + coefficient.radius_px * radii[[bottom, top]]
-    _, slopes = falloff.evaluate_slopes(
-        rows,
-        np.array(coefficient.centre_col_px),
-        coefficient.k,
-        centre_px=coefficient.centre_px,
-        radius_px=coefficient.radius_px,
-    )
+    _, slopes = coefficient.evaluate(rows, np.array(coefficient.centre_col_px))
     by_k = slopes[:3, 1] - slopes[:3, 0]  # at given radii the centre does not enter
     error = math.hypot(
         float(falloff.propagate(by_k, np.array(coefficient.covariance)[:3, :3])), coefficient.model_u_rel

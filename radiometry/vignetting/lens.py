@@ -13,11 +13,10 @@ from radiometry.findings import shared
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame.packing import unpack
 from radiometry.frame.roi import Polygon, Window, bounding_window, mask
-from radiometry.frame.statistics import GREY, name_site
 from radiometry.records import Record
 from radiometry.specification import exports
-from radiometry.vignetting.blocks import Vector
-from radiometry.vignetting.falloff import Matrix, evaluate_curve, evaluate_slopes, propagate
+from radiometry.vignetting.blocks import Site, Vector, list_channels
+from radiometry.vignetting.falloff import Matrix, evaluate_curve, propagate
 from radiometry.vignetting.results import ChannelFit, Coefficient, Fit
 
 GREENS = ("G1", "G2")
@@ -54,7 +53,7 @@ def evaluate(
     """
     ends = []
     for coefficient, weight in bracket(coefficients, channel=channel, f_number=f_number):
-        value, slopes = evaluate_one(coefficient, np.asarray(row_px), np.asarray(col_px))
+        value, slopes = coefficient.evaluate(np.asarray(row_px), np.asarray(col_px))
         ends.append((weight, value, _total_u(coefficient, value, slopes)))
     return _interpolate(ends)
 
@@ -106,13 +105,6 @@ def list_windows(height_px: int, width_px: int) -> Iterator[Window]:
     """Return the bands of rows of a frame, so that a whole map needs little memory."""
     for row0 in range(0, height_px, BAND_ROWS):
         yield Window(row0=row0, col0=0, height=min(BAND_ROWS, height_px - row0), width=width_px)
-
-
-def evaluate_one(coefficient: Coefficient, row_px: Matrix, col_px: Matrix) -> tuple[Matrix, Matrix]:
-    """Compute V of one f-number and channel, and its derivatives by each of its parameters."""
-    return evaluate_slopes(
-        row_px, col_px, coefficient.k, centre_px=coefficient.centre_px, radius_px=coefficient.radius_px
-    )
 
 
 def _total_u(coefficient: Coefficient, value: Matrix, slopes: Matrix) -> Matrix:
@@ -183,7 +175,7 @@ class Lens(Record):
         row, col = np.array(float(row_px)), np.array(float(col_px))
 
         def resolve(channel: str) -> list[_End]:
-            found = [(each, w, *evaluate_one(each, row, col)) for each, w in self._bracket(channel)]
+            found = [(each, w, *each.evaluate(row, col)) for each, w in self._bracket(channel)]
             return [(each, weight, float(value), slopes) for each, weight, value, slopes in found]
 
         return _combine([resolve(channel) for channel in channels])
@@ -225,8 +217,8 @@ def average_curve(coefficient: Coefficient, polygon: Polygon) -> tuple[float, Ma
     for band in list_windows(whole.height, whole.width):
         window = Window(row0=whole.row0 + band.row0, col0=whole.col0, height=band.height, width=band.width)
         rows, cols = np.nonzero(mask(polygon, window))
-        value, slopes = evaluate_one(
-            coefficient, (rows + window.row0).astype(np.float64), (cols + window.col0).astype(np.float64)
+        value, slopes = coefficient.evaluate(
+            (rows + window.row0).astype(np.float64), (cols + window.col0).astype(np.float64)
         )
         total += float(value.sum())
         slopes_total += slopes.sum(axis=1)
@@ -251,9 +243,6 @@ def _combine(channels: Sequence[Sequence[_End]]) -> LensShare:
     return LensShare(value=value, effects=(*effects, model, between))
 
 
-_COLOURS = ("R", "G", "B")
-
-
 def compute_correction(
     coefficients: Sequence[Coefficient], *, cfa: str, f_number: float
 ) -> NDArray[np.float32]:
@@ -261,29 +250,20 @@ def compute_correction(
 
     The signal above dark is multiplied by it.
     """
-    height, width = coefficients[0].height_px, coefficients[0].width_px
-    lens = Lens(coefficients=tuple(coefficients), f_number=f_number)
-    if cfa == "rgb":
-        gains = np.empty((height, width, len(_COLOURS)), np.float32)
-        for plane, channel in enumerate(_COLOURS):
-            _fill(gains[..., plane], lens, channel, row0=0, col0=0, step=1)
-        return gains
-    gains = np.empty((height, width), np.float32)
-    if cfa == GREY:
-        _fill(gains, lens, coefficients[0].channel, row0=0, col0=0, step=1)
-        return gains
-    for index in range(4):
-        row0, col0 = divmod(index, 2)
-        _fill(gains[row0::2, col0::2], lens, name_site(cfa, index), row0=row0, col0=col0, step=2)
-    return gains
+    first, lens = coefficients[0], Lens(coefficients=tuple(coefficients), f_number=f_number)
+    gains = np.empty((first.height_px, first.width_px, 3 if cfa == "rgb" else 1), np.float32)
+    for each in list_channels(cfa, first.channel):
+        site = each.site
+        _fill(gains[site.row0 :: site.step, site.col0 :: site.step, each.plane], lens, each.name, site)
+    return gains if cfa == "rgb" else gains[..., 0]
 
 
-def _fill(gains: NDArray[np.float32], lens: Lens, channel: str, *, row0: int, col0: int, step: int) -> None:
+def _fill(gains: NDArray[np.float32], lens: Lens, channel: str, site: Site) -> None:
     """Write one channel's gains at its own pixels, a band of rows at a time."""
-    cols = np.arange(gains.shape[1]) * step + col0
+    cols = np.arange(gains.shape[1]) * site.step + site.col0
     for top in range(0, gains.shape[0], BAND_ROWS):
         band = gains[top : top + BAND_ROWS]
-        rows = (top + np.arange(band.shape[0])) * step + row0
+        rows = (top + np.arange(band.shape[0])) * site.step + site.row0
         np.divide(1.0, lens.compute_plane(rows, cols, channel=channel), out=band)
 
 

@@ -15,6 +15,7 @@ from radiometry.frame.packing import Packed, unpack
 from radiometry.records import Record, about
 from radiometry.specification.certificate import Budget, KeyFigure, choose_channel
 from radiometry.specification.parameters import check_parameters, parameter
+from radiometry.vignetting.falloff import Matrix, evaluate_slopes
 
 FLAT, DARK = "flat", "dark"
 
@@ -83,6 +84,10 @@ class Coefficient(Record):
     @property
     def centre_px(self) -> tuple[float, float]:
         return self.centre_row_px, self.centre_col_px
+
+    def evaluate(self, row_px: Matrix, col_px: Matrix) -> tuple[Matrix, Matrix]:
+        """Compute V at places, and its derivatives by each of its parameters."""
+        return evaluate_slopes(row_px, col_px, self.k, centre_px=self.centre_px, radius_px=self.radius_px)
 
 
 class Spot(Record):
