@@ -3,6 +3,7 @@
 import itertools
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Final, TypeVar
 
 import numpy as np
@@ -92,31 +93,18 @@ def _measure_region(
 ) -> RegionResponse:
     edges: list[EdgeResponse] = []
     stars: list[StarResponse] = []
-    refused: list[Refusal] = []
+    turned = target.kind == "slanted_edge" and _runs_along_rows(frame, window, tone)
+    planes = read_planes(frame, window, tone=tone, transposed=turned)
     if target.kind == "slanted_edge":
-        turned = _runs_along_rows(frame, window, tone)
-        planes = read_planes(frame, window, tone=tone, transposed=turned)
-        orientation = "horizontal" if turned else "vertical"
         rows = (window.row0, window.row0 + window.height - 1.0)
         cols = (window.col0, window.col0 + window.width - 1.0)
-        box = (*cols, *rows) if turned else (*rows, *cols)
-        for plane in planes:
-            _try(
-                edges,
-                refused,
-                plane,
-                lambda one: measure_edge(one, order=target.edge_order, orientation=orientation, box=box),
-            )
+        orientation, box = ("horizontal", (*cols, *rows)) if turned else ("vertical", (*rows, *cols))
+        edge = partial(measure_edge, order=target.edge_order, orientation=orientation, box=box)
+        refused = _try(edges, planes, edge)
     else:
-        planes = read_planes(frame, window, tone=tone, transposed=False)
         centre, radius_px = _find_star(frame, region, window, planes, target=target, tone=tone)
-        for plane in planes:
-            _try(
-                stars,
-                refused,
-                plane,
-                lambda one: measure_star(one, cycles=target.cycles, centre=centre, radius_px=radius_px),
-            )
+        star = partial(measure_star, cycles=target.cycles, centre=centre, radius_px=radius_px)
+        refused = _try(stars, planes, star)
     return RegionResponse(
         name=region.name,
         row_px=window.row0 + (window.height - 1) / 2.0,
@@ -127,11 +115,14 @@ def _measure_region(
     )
 
 
-def _try(found: list[R], refused: list[Refusal], plane: Plane, measure: Callable[[Plane], R]) -> None:
-    try:
-        found.append(measure(plane))
-    except InputRejected as refusal:
-        refused.append(Refusal(channel=plane.channel, code=str(refusal.code), message=refusal.message))
+def _try(found: list[R], planes: Sequence[Plane], measure: Callable[[Plane], R]) -> list[Refusal]:
+    refused = []
+    for plane in planes:
+        try:
+            found.append(measure(plane))
+        except InputRejected as refusal:
+            refused.append(Refusal(channel=plane.channel, code=str(refusal.code), message=refusal.message))
+    return refused
 
 
 def _runs_along_rows(frame: Frame, window: Window, tone: Tone | None) -> bool:
@@ -350,15 +341,15 @@ LARGEST_COLOUR_PX = 1.0
 _OVERSHOOT_ERRORS = 3.0
 
 
-def name_position(position: PositionFit) -> str:
+def name_position(name: str) -> str:
     """Return the place to which a flag applies."""
-    return f"position {position.position}" if position.position else ""
+    return f"position {name}" if name else ""
 
 
 def check_positions(positions: Sequence[PositionFit]) -> list[Raised]:
     raised: list[Raised] = []
     for each in positions:
-        where = name_position(each)
+        where = name_position(each.position)
         if each.frames == 1:
             raised.append(codes.SHARPNESS_ONCE.at(where, f"Channel {each.channel}: one frame."))
         halo = each.find("overshoot")
@@ -405,8 +396,7 @@ def _check_repeats(repeats: Sequence[Candidate], params: Params) -> list[Raised]
     if scatter <= SCATTER_RATIO * u or scatter <= 0.02 * mean:
         return []
     detail = f"Channel {repeats[0].channel}: from {min(values):.3f} to {max(values):.3f} cycles per pixel."
-    name = repeats[0].region.name
-    return [codes.SHARPNESS_REPEATS_DIFFER.at(f"position {name}" if name else "", detail)]
+    return [codes.SHARPNESS_REPEATS_DIFFER.at(name_position(repeats[0].region.name), detail)]
 
 
 def check_falloff(positions: Sequence[PositionFit], tables: Sequence[FalloffTable]) -> list[Raised]:
@@ -421,7 +411,7 @@ def check_colours(colours: Sequence[EdgeColour]) -> list[Raised]:
     """Check how far red and blue lie from green."""
     return [
         shared.LATERAL_COLOUR_LARGE.at(
-            f"position {each.position}" if each.position else "",
+            name_position(each.position),
             f"{each.channels} is {each.shift.value:+.2f} px along the edge's normal, {each.radius_px:.0f} px "
             f"from the middle of the frame (u {each.shift.standard_uncertainty:.2f} px).",
         )
@@ -460,52 +450,44 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
 
 
 def list_coefficients(fitted: Fit) -> tuple[CoefficientValue, ...]:
-    figures = [
-        CoefficientValue(
-            name=coefficient.name,
-            value=coefficient.quantity.value,
-            standard_uncertainty=coefficient.quantity.standard_uncertainty,
-            unit=coefficient.quantity.unit,
-            model=f"{each.kind}:{each.position}" if each.position else each.kind,
-            f_number=each.f_number,
-            channel=each.channel,
-            flags=_flags_at(fitted, name_position(each)),
-            effective_dof=coefficient.effective_dof,
+    def state(
+        name: str,
+        quantity: Quantity,
+        of: PositionFit | EdgeColour | FalloffTable,
+        channel: str,
+        dof: float | None,
+    ) -> CoefficientValue:
+        place = "" if isinstance(of, FalloffTable) else of.position
+        kind = "slanted_edge" if isinstance(of, EdgeColour) else of.kind
+        return CoefficientValue(
+            name=name,
+            value=quantity.value,
+            standard_uncertainty=quantity.standard_uncertainty,
+            unit=quantity.unit,
+            model=f"{kind}:{place}" if place else kind,
+            f_number=of.f_number,
+            channel=channel,
+            flags=_flags_at(fitted, name_position(place)),
+            effective_dof=dof,
         )
-        for each in fitted.positions
-        for coefficient in each.coefficients
-    ]
-    figures += [
-        CoefficientValue(
-            name=LATERAL_COLOUR,
-            value=each.radial.value,
-            standard_uncertainty=each.radial.standard_uncertainty,
-            unit=each.radial.unit,
-            model=f"slanted_edge:{each.position}" if each.position else "slanted_edge",
-            f_number=each.f_number,
-            channel=each.channels,
-            flags=_flags_at(fitted, f"position {each.position}" if each.position else ""),
-            effective_dof=each.effective_dof,
-        )
-        for each in fitted.lateral_colour or ()
-        if each.radial is not None
-    ]
-    figures += [
-        CoefficientValue(
-            name="corner_falloff",
-            value=table.corner_falloff.value,
-            standard_uncertainty=table.corner_falloff.standard_uncertainty,
-            unit=table.corner_falloff.unit,
-            model=table.kind,
-            f_number=table.f_number,
-            channel=table.channel,
-            flags=_flags_at(fitted, ""),
-            effective_dof=table.corner_falloff_dof,
-        )
-        for table in fitted.falloff
-        if table.corner_falloff is not None
-    ]
-    return tuple(figures)
+
+    return (
+        *(
+            state(each.name, each.quantity, of, of.channel, each.effective_dof)
+            for of in fitted.positions
+            for each in of.coefficients
+        ),
+        *(
+            state(LATERAL_COLOUR, of.radial, of, of.channels, of.effective_dof)
+            for of in fitted.lateral_colour or ()
+            if of.radial is not None
+        ),
+        *(
+            state("corner_falloff", of.corner_falloff, of, of.channel, of.corner_falloff_dof)
+            for of in fitted.falloff
+            if of.corner_falloff is not None
+        ),
+    )
 
 
 def _flags_at(fitted: Fit, where: str) -> tuple[str, ...]:
