@@ -67,6 +67,9 @@ class PixelUncertainty(Record):
 def find_likeness(cfa: str, channel: str) -> float:
     """Compute how much less a mean of a map's pixels averages than their number says.
 
+    The largest eigenvalue of the pixels' covariance over the variance of one pixel: the variance of an
+    equally weighted mean of any n different pixels is at most that variance times it, over n.
+
     Parameters
     ----------
     cfa : str
@@ -79,11 +82,6 @@ def find_likeness(cfa: str, channel: str) -> float:
     float
         2 where half of the pixels are means of their green neighbours; 64 / 9 where each is a mean of 3 x 3
         with the weights 1 2 1; else 1.
-
-    Notes
-    -----
-    The largest eigenvalue of the pixels' covariance over the variance of one pixel: the variance of an
-    equally weighted mean of any n different pixels is at most that variance times it, over n.
     """
     if cfa in _INDEPENDENT or len(cfa) != 4:
         return 1.0
@@ -225,6 +223,9 @@ def trace_isolines(
 ) -> tuple[Isoline, ...]:
     """Trace the lines along which a map has given values.
 
+    Between the centres of four squares the map is taken as bilinear; beside an unknown square no line is
+    drawn.
+
     Parameters
     ----------
     plane : ndarray of float
@@ -235,11 +236,6 @@ def trace_isolines(
         Side of a square [px].
     left_px, top_px : float
         Left upper corner of the first square in the map [px].
-
-    Notes
-    -----
-    Between the centres of four squares the map is taken as bilinear; beside an unknown square no line is
-    drawn.
     """
     import contourpy  # noqa: PLC0415  its library is loaded for this alone
 

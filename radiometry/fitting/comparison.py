@@ -38,6 +38,15 @@ class MeasuredChange(Record):
 def compare_quantities(old: Quantity, new: Quantity, *, common_u_rel: float = 0.0) -> Comparison:
     """Compare two values that may share one relative error, as two K by the same meter do.
 
+    From the law of propagation with the covariance m^2 new old [1]::
+
+        u(new - old)^2 = u_new^2 + u_old^2 - 2 new old m^2
+        u(new / old)^2 = (new / old)^2 ((u_new / new)^2 + (u_old / old)^2 - 2 m^2)
+
+    m scales both values alike: it cancels in the ratio, and in the difference up to m (new - old).
+
+    [1] JCGM 100:2008, 5.2.2, doi:10.59161/JCGM100-2008E
+
     Parameters
     ----------
     old, new : Quantity
@@ -50,20 +59,6 @@ def compare_quantities(old: Quantity, new: Quantity, *, common_u_rel: float = 0.
     -------
     Comparison
         Difference and relative change, each with its standard uncertainty.
-
-    Notes
-    -----
-    From the law of propagation with the covariance m^2 new old [1]_::
-
-        u(new - old)^2 = u_new^2 + u_old^2 - 2 new old m^2
-        u(new / old)^2 = (new / old)^2 ((u_new / new)^2 + (u_old / old)^2 - 2 m^2)
-
-    m scales both values alike: it cancels in the ratio, and in the difference up to
-    m (new - old).
-
-    References
-    ----------
-    .. [1] JCGM 100:2008, 5.2.2, doi:10.59161/JCGM100-2008E
     """
     covariance = common_u_rel**2 * new.value * old.value
     variance = new.standard_uncertainty**2 + old.standard_uncertainty**2 - 2.0 * covariance
@@ -104,6 +99,9 @@ class Budgeted(Record):
 def sign_effects(value: float, uncertainties: Mapping[str, float]) -> dict[str, float]:
     """Return the signed effects of a budget's uncertainties on a luminance.
 
+    All sources scale the value except dark and stray light, which are subtracted.
+    From L = (N - D) f^2 / (K t S): dL/dD < 0 for any L, the others have the sign of L.
+
     Parameters
     ----------
     value : float
@@ -115,11 +113,6 @@ def sign_effects(value: float, uncertainties: Mapping[str, float]) -> dict[str, 
     -------
     dict of str to float
         Signed effect by source.
-
-    Notes
-    -----
-    All sources scale the value except dark and stray light, which are subtracted.
-    From L = (N - D) f^2 / (K t S): dL/dD < 0 for any L, the others have the sign of L.
     """
     return {
         source: -u if source in SUBTRACTED else math.copysign(u, value) for source, u in uncertainties.items()
@@ -155,6 +148,16 @@ def scale_effects(mean: Budgeted, value: float, standard_uncertainty: float) -> 
 def compare_measured(old: Budgeted, new: Budgeted, *, common: Collection[str]) -> Comparison:
     """Compare two measured values of which some sources have the same error in both.
 
+    Correlated inputs are treated as independent effects [1]::
+
+        u(new - old)^2 = sum over common (e_new - e_old)^2 + sum over others (e_new^2 + e_old^2)
+        u(new / old)^2 = the same of e_new / old - e_old new / old^2
+
+    A common error that scales both values, as that of K, cancels in the ratio, and
+    in the difference up to its share of new - old.
+
+    [1] JCGM 100:2008, 5.2.2 and F.1.2.3, doi:10.59161/JCGM100-2008E
+
     Parameters
     ----------
     old, new : Budgeted
@@ -166,20 +169,6 @@ def compare_measured(old: Budgeted, new: Budgeted, *, common: Collection[str]) -
     -------
     Comparison
         Difference and relative change, each with its standard uncertainty.
-
-    Notes
-    -----
-    Correlated inputs are treated as independent effects [1]_::
-
-        u(new - old)^2 = sum over common (e_new - e_old)^2 + sum over others (e_new^2 + e_old^2)
-        u(new / old)^2 = the same of e_new / old - e_old new / old^2
-
-    A common error that scales both values, as that of K, cancels in the ratio, and
-    in the difference up to its share of new - old.
-
-    References
-    ----------
-    .. [1] JCGM 100:2008, 5.2.2 and F.1.2.3, doi:10.59161/JCGM100-2008E
     """
     difference = new.value - old.value
     u = _spread(old.effects, new.effects, common)

@@ -136,10 +136,9 @@ class Problem(Record, kw_only=False):
 class Factored:
     """The covariance V at given variances, by an orthogonal factorisation of the mixed model.
 
-    With R the diagonal of the points' own errors and z the scaled sensitivities of the
-    absorbed component, B^-1/2 = (I - phi q q') R^-1/2 in each group, q = z / |z| and
-    phi = 1 - 1 / sqrt(1 + v z'z). With the rows X = B^-1/2 [A, Z sqrt(v)] above a unit
-    matrix for the errors [1]::
+    With R the diagonal of the points' own errors and z the scaled sensitivities of the absorbed component,
+    B^-1/2 = (I - phi q q') R^-1/2 in each group, q = z / |z| and phi = 1 - 1 / sqrt(1 + v z'z). With the rows
+    X = B^-1/2 [A, Z sqrt(v)] above a unit matrix for the errors [1]::
 
         [X; 0 I] = Q T,      P = B^-1/2' (I - Q_1 Q_1') B^-1/2,      Q_1 the upper rows of Q
 

@@ -88,17 +88,15 @@ def fit_curve(curve: Curve, *, model: str) -> CurveFit | None:
         V_ik = (u(N_i)^2 [i=k] + u(D)^2) / (K^2 X_i X_k) + u_r^2 / m_s [same scene]
              + 4 u_f^2 [same f-number] + u_t^2 [same time] + u_s^2 [i=k]
 
-    u_f may be None if it is not known. It is then estimated together with u_r, from
-    the scatter between f-numbers, if there are at least three and the points separate
-    it from u_r; else it is `F_NUMBER_U_REL`. The error of each f-number is predicted
-    from the points in the same pass [4].
+    u_f may be None if it is not known. It is then estimated together with u_r, from the scatter between
+    f-numbers, if there are at least three and the points separate it from u_r; else it is `F_NUMBER_U_REL`.
+    The error of each f-number is predicted from the points in the same pass [4].
 
-    To V are added u(V_i) u(V_k) / (V_i V_k) [same f-number] where N was divided by the
-    vignetting V; u(N) and u(D) are then divided by V too. X has errors as well, so
-    V_ik depends on K and is updated until K converges. u_s enters only if the other
-    sources leave chi^2 / dof > 1; it and an u_r that is not given are estimated
-    together by REML [2]. If chi^2 / dof is still above 1, the testable variances
-    are multiplied by it (Birge [3]).
+    To V are added u(V_i) u(V_k) / (V_i V_k) [same f-number] where N was divided by the vignetting V; u(N) and
+    u(D) are then divided by V too. X has errors as well, so V_ik depends on K and is updated until K
+    converges. u_s enters only if the other sources leave chi^2 / dof > 1; it and an u_r that is not given are
+    estimated together by REML [2]. If chi^2 / dof is still above 1, the testable variances are multiplied by
+    it (Birge [3]).
 
     u_s, the scatter of each frame's own light (shutter, aperture, lamp), is left
     out if it is 0, and if the points cannot separate it from u_r, as with one frame
@@ -230,9 +228,8 @@ def _square(rows: gls.Rows) -> Matrix:
 def leave_scenes_out(fit: CurveFit, curve: Curve) -> list[float] | None:
     """Compute the error of the luminance of each point, predicted from the other scenes.
 
-    The covariance, and the linearisation of a model that is not linear in ln N, are
-    those of the whole curve; the parameters and the errors of the f-numbers are
-    fitted again.
+    The covariance, and the linearisation of a model that is not linear in ln N, are those of the whole curve;
+    the parameters and the errors of the f-numbers are fitted again.
     """
     theta = sources.to_theta(fit.model, fit.parameters)
     linear = linearise_curve(curve, fit.model, theta)
@@ -276,10 +273,9 @@ _TOLERANCE = 1e-3
 def weigh_points(curve: Curve, *, model: str) -> Curve:
     """Return the curve with a weight for the scatter of each point: 1 for most, near 0 for outliers.
 
-    The scatter between frames is taken to follow Student's t with nu = 4 degrees of
-    freedom instead of a normal distribution. With e_i the predicted error of a frame
-    and s^2 the variance that REML finds with the weights so far, each round of the EM
-    algorithm [1] sets::
+    The scatter between frames is taken to follow Student's t with nu = 4 degrees of freedom instead of a
+    normal distribution. With e_i the predicted error of a frame and s^2 the variance that REML finds with the
+    weights so far, each round of the EM algorithm [1] sets::
 
         w_i = (nu + 1) / (nu + e_i^2 / s^2)
 

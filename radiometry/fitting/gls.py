@@ -34,16 +34,14 @@ _UNHEARD = 1e-10
 def estimate_variances(problem: Problem, start: Sequence[float] | None = None) -> tuple[Vector, Matrix]:
     """Estimate the variances v_j >= 0 that are not given by restricted maximum likelihood.
 
-    The likelihood is that of the residuals of the design alone [1], [2]. With P =
-    V^-1 - V^-1 A (A' V^-1 A)^-1 A' V^-1 and Q_j = Z_j Z_j', the scores are zero at
-    the estimate::
+    The likelihood is that of the residuals of the design alone [1], [2]. With P = V^-1 - V^-1 A (A' V^-1
+    A)^-1 A' V^-1 and Q_j = Z_j Z_j', the scores are zero at the estimate::
 
         2 dl/dv_j = y'P Q_j P y - tr(P Q_j)
 
-    If a score is negative at v_j = 0, the other errors explain all the scatter and
-    v_j = 0. The steps are Newton's, or Fisher's where the likelihood is not concave,
-    and never lower it. The covariance of the estimates is the inverse of the
-    expected information, tr(P Q_i P Q_j) / 2.
+    If a score is negative at v_j = 0, the other errors explain all the scatter and v_j = 0. The steps are
+    Newton's, or Fisher's where the likelihood is not concave, and never lower it. The covariance of the
+    estimates is the inverse of the expected information, tr(P Q_i P Q_j) / 2.
 
     [1] S. R. Searle, G. Casella, C. E. McCulloch, Variance Components, Wiley 1992, chapter 6,
         doi:10.1002/9780470316856
@@ -218,9 +216,8 @@ def leave_groups_out(
 ) -> list[tuple[Vector, dict[str, Vector]]]:
     """Solve without each group of points in turn, all variances being known.
 
-    The points of different groups are independent given the other components'
-    errors: each group is reduced to a triangle once, and the triangles before and
-    after a group are those of the points without it.
+    The points of different groups are independent given the other components' errors: each group is reduced
+    to a triangle once, and the triangles before and after a group are those of the points without it.
     """
     known = list(components)
     absorbed = next(

@@ -330,6 +330,9 @@ def group_sets(
 ) -> tuple[tuple[tuple[RigVersion, ...], ...], tuple[LeftOut, ...]]:
     """Group versions by the triggers that their pictures share.
 
+    Each version of the reference takes, of every other camera, the version that shares most triggers with
+    it, of equally many the nearest in time: triggers of two days may have the same names.
+
     Parameters
     ----------
     cameras : sequence of sequence of RigVersion
@@ -341,11 +344,6 @@ def group_sets(
     -------
     tuple of (tuple of tuple of RigVersion, tuple of LeftOut)
         Sets in time, one version of each camera in each, and versions that are in none.
-
-    Notes
-    -----
-    Each version of the reference takes, of every other camera, the version that shares most triggers with
-    it, of equally many the nearest in time: triggers of two days may have the same names.
     """
     free = [list(each) for each in cameras[1:]]
     sets, why = [], []

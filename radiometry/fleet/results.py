@@ -45,12 +45,11 @@ def judge_deviations(deviations: Vector, standard_errors: Vector, *, dof: int, l
         shared      max_i P(t_v < (|d_i| - limit) / u_i) < alpha        every |delta_i| < limit
         per_camera  2 k min_i P(t_v > (|d_i| - limit) / u_i) < alpha    some |delta_i| > limit
 
-    The first is two one-sided tests of each camera [2]; all must pass, so that no correction for their
-    number is needed (intersection-union [1]): for any fleet in which a camera exceeds the tolerance, the
-    probability of "shared" is at most alpha. The second is Bonferroni's over k cameras and two sides: for a
-    fleet within the tolerance, the probability of "per_camera" is at most alpha. If neither passes:
-    cannot_tell. A difference that is certain and small does not make a fleet per_camera, as an F test alone
-    would.
+    The first is two one-sided tests of each camera [2]; all must pass, so that no correction for their number
+    is needed (intersection-union [1]): for any fleet in which a camera exceeds the tolerance, the probability
+    of "shared" is at most alpha. The second is Bonferroni's over k cameras and two sides: for a fleet within
+    the tolerance, the probability of "per_camera" is at most alpha. If neither passes: cannot_tell. A
+    difference that is certain and small does not make a fleet per_camera, as an F test alone would.
 
     [1] R. L. Berger, Technometrics 24, 295 (1982), doi:10.2307/1267823
     [2] D. J. Schuirmann, J. Pharmacokin. Biopharm. 15, 657 (1987), doi:10.1007/BF01068419
@@ -176,19 +175,6 @@ def main_unit(method: str) -> str:
 def find_sensitivity(method: str, key: Key, means: Mapping[str, float], *, mean: float) -> Sensitivity:
     """Find the effect of a difference of a parameter on the result.
 
-    Parameters
-    ----------
-    method : str
-        Name of the method.
-    key : Key
-        The parameter.
-    means : mapping of str to float
-        The fleet's mean of each parameter by name.
-    mean : float
-        The mean of this one.
-
-    Notes
-    -----
     To first order in the difference, from the models' own equations:
 
     - luminance_k, reflectance_k: L and R are inverse to K; for a camera whose K is d above the shared one,
@@ -201,6 +187,17 @@ def find_sensitivity(method: str, key: Key, means: Mapping[str, float], *, mean:
 
     Each is taken alone. k1..k3 of one fit compensate each other, so that their costs are upper limits; for
     vignetting, corner_falloff is decisive.
+
+    Parameters
+    ----------
+    method : str
+        Name of the method.
+    key : Key
+        The parameter.
+    means : mapping of str to float
+        The fleet's mean of each parameter by name.
+    mean : float
+        The mean of this one.
     """
     kinds = {each.name: each for each in get_method(method).coefficients}
     effect = kinds[key.name].effect if key.name in kinds else None

@@ -291,6 +291,17 @@ def judge_fleet(
 ) -> FleetVerdict:
     """Judge every parameter of the determinations, each on its own.
 
+    The model is fitted by `effects.fit_effects` and tested by `verdicts.judge_deviations`::
+
+        y_ij = mu + b_i + w_ij      camera i, repeat j, var(w) = within variance, numbers may be unbalanced
+
+    Assumptions: each repeat of a camera is a campaign of its own. Repeatability is the scatter between
+    campaigns, not the stated uncertainties, which include errors that all campaigns share, such as a meter's
+    calibration. An error that all cameras share moves their mean and no verdict. An error that one camera's
+    campaigns share with each other and not with those of the other cameras (a meter or a target of its own,
+    one day for all) counts as a property of that camera. Repeatability is the same for all cameras, and
+    nearly normal.
+
     Parameters
     ----------
     determinations : sequence of Determination
@@ -308,19 +319,6 @@ def judge_fleet(
     FleetVerdict
         Verdicts by key. Overall per_camera if any parameter is; shared if all that were judged are. Flags:
         repeats_exceed_uncertainty, repeats_of_one_day, body_and_lens_confounded.
-
-    Notes
-    -----
-    The model is fitted by `effects.fit_effects` and tested by `verdicts.judge_deviations`::
-
-        y_ij = mu + b_i + w_ij      camera i, repeat j, var(w) = within variance, numbers may be unbalanced
-
-    Assumptions: each repeat of a camera is a campaign of its own. Repeatability is the scatter between
-    campaigns, not the stated uncertainties, which include errors that all campaigns share, such as a meter's
-    calibration. An error that all cameras share moves their mean and no verdict. An error that one camera's
-    campaigns share with each other and not with those of the other cameras (a meter or a target of its own,
-    one day for all) counts as a property of that camera. Repeatability is the same for all cameras, and
-    nearly normal.
     """
     kept, left_out = keep_repeats(list(dict.fromkeys(row.source for row in determinations)))
     order = {source: position for position, source in enumerate(kept)}

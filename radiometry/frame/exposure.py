@@ -41,10 +41,9 @@ class Exposure(Record):
 
         A missing APEX value is replaced by the nominal one.
 
-        The basis matters: f/11 stands for 2^3.5 = 11.314, 5.5 % in L; 1/60 s for
-        1/64 s, 6.7 %. Nominal is the default: it is what a field team writes down.
-        A K that was fitted with nominal values and is applied with nominal values
-        contains the same error of a nominal value twice, in opposite directions.
+        The basis matters: f/11 stands for 2^3.5 = 11.314, 5.5 % in L; 1/60 s for 1/64 s, 6.7 %. Nominal is
+        the default: it is what a field team writes down. A K that was fitted with nominal values and is
+        applied with nominal values contains the same error of a nominal value twice, in opposite directions.
         """
         time_s, f_number = self.exposure_time_s, self.f_number
         if basis == "apex":
@@ -84,8 +83,7 @@ def compute_rhs(settings: Settings, *, luminance_cd_m2: float) -> float:
 def expect_luminance_k(*, black_level_dn: float, white_level_dn: float) -> float:
     """Compute the luminance K of a camera whose ISO value is rated by saturation.
 
-    ISO 12232 [1] rates S so that the sensor saturates at H = 78 / S; with H = 0.65
-    t L / f^2 this is X = 120.
+    ISO 12232 [1] rates S so that the sensor saturates at H = 78 / S; with H = 0.65 t L / f^2 this is X = 120.
 
     [1] ISO 12232:2019, saturation-based speed
     """
@@ -140,6 +138,10 @@ def accept_frame(
 ) -> Acceptance:
     """Accept a frame for a role in a campaign, or refuse it.
 
+    Each of the three exposure values is the first plausible one of the file's
+    nominal value, the file's APEX value, and the entered value. Zero in a file
+    means "not written". An entered value never replaces that of the file.
+
     Parameters
     ----------
     header : FrameHeader
@@ -157,22 +159,14 @@ def accept_frame(
     -------
     Acceptance
         Exposure and flags: `rendered`, `statistics_from_table`, `exposure_not_manual`, `serial_unknown`,
-        `black_level_assumed`, `exposure_from_apex`, `exposure_supplied`,
-        `supplied_exposure_ignored`.
+        `black_level_assumed`, `exposure_from_apex`, `exposure_supplied`, `supplied_exposure_ignored`.
 
     Raises
     ------
     InputRejected
-        `not_a_raw_file` for a JPEG or PNG image, unless it shows a chart.
-        `wrong_camera` if the file names another make, model or serial number.
-        `exposure_missing` or `exposure_implausible` if a value is needed and not
-        available; a chart needs none.
-
-    Notes
-    -----
-    Each of the three exposure values is the first plausible one of the file's
-    nominal value, the file's APEX value, and the entered value. Zero in a file
-    means "not written". An entered value never replaces that of the file.
+        `not_a_raw_file` for a JPEG or PNG image, unless it shows a chart. `wrong_camera` if the file names
+        another make, model or serial number. `exposure_missing` or `exposure_implausible` if a value is
+        needed and not available; a chart needs none.
     """
     _refuse_pictures(header, role)
     _refuse_other_camera(header, camera)

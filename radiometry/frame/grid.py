@@ -70,20 +70,15 @@ def find_homography(corners: Sequence[tuple[float, float]]) -> Matrix:
 def lay_lanes(lanes: LaneGrid) -> Grid:
     """Return the grid of the field between two luminaires, three rows of cells a lane.
 
+    The points of EN 13201-3 are D = S / N apart along a lane and a third of its width across, the outermost
+    half of that from the field's edges: they are the centres of the cells.
+
+    [1] EN 13201-3:2015, Road lighting, Part 3: Calculation of performance, field of calculation of luminance.
+
     Parameters
     ----------
     lanes : LaneGrid
         Lanes and the marked rectangle.
-
-    Notes
-    -----
-    The points of EN 13201-3 are D = S / N apart along a lane and a third of its width across, the outermost
-    half of that from the field's edges: they are the centres of the cells.
-
-    References
-    ----------
-    .. [1] EN 13201-3:2015, Road lighting, Part 3: Calculation of performance, field
-           of calculation of luminance.
     """
     corners = lanes.corners
     if lanes.spacing_m != lanes.length_m:

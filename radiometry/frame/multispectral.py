@@ -185,8 +185,7 @@ CAMERAS: Final = {
 class SensorModel(Record):
     """Response of a Sequoia band, p = (A eps gamma + C) I / f^2 + B.
 
-    Here eps is the exposure time [s], gamma the ISO value, and I the irradiance in
-    an arbitrary unit.
+    Here eps is the exposure time [s], gamma the ISO value, and I the irradiance in an arbitrary unit.
     """
 
     a: float  #: Coefficients A, B and C

@@ -153,8 +153,7 @@ class WholenessCheck:
     def _begins_amid_a_row(self, row0: int, row_end: int) -> bool:
         """Return True if a neighbouring row is lit up to where the damage begins, or from where it ends.
 
-        Only called for a row beyond which nothing is lit either: any other one has
-        a whole row beside it.
+        Only called for a row beyond which nothing is lit either: any other one has a whole row beside it.
         """
         lit = self._width - self._zeros
         before, after = row0 - 1, row_end

@@ -24,9 +24,8 @@ _EDGE_SHIFT_PX = 1e-8
 class Polygon(Record, kw_only=False):
     """A simple polygon: x right, y down [px], origin at the visible area's top-left corner.
 
-    Pixel (row, col) has its centre at (x, y) = (col + 0.5, row + 0.5). Polygons are
-    made by `Polygon.from_points` or `parse_imagej`, which refuse what is not a
-    simple polygon.
+    Pixel (row, col) has its centre at (x, y) = (col + 0.5, row + 0.5). Polygons are made by
+    `Polygon.from_points` or `parse_imagej`, which refuse what is not a simple polygon.
     """
 
     #: Corners (x, y) [px], from the smallest (x, y) and clockwise on the screen, in whichever order they were
@@ -119,8 +118,7 @@ def bounding_window(polygon: Polygon, *, height_px: int, width_px: int) -> Windo
     Raises
     ------
     InputRejected
-        `roi_outside_frame` if a corner is outside the frame, `roi_empty` if no
-        pixel centre lies inside.
+        `roi_outside_frame` if a corner is outside the frame, `roi_empty` if no pixel centre lies inside.
     """
     for x, y in polygon.points:
         if not (0.0 <= x <= width_px and 0.0 <= y <= height_px):
@@ -142,6 +140,12 @@ def bounding_window(polygon: Polygon, *, height_px: int, width_px: int) -> Windo
 def mask(polygon: Polygon, window: Window) -> NDArray[np.bool_]:
     """Return the pixels of a window that belong to a polygon.
 
+    A pixel belongs to the polygon if its centre does (even-odd rule along each row). Of centres exactly on an
+    edge, those on a right or upper edge belong and those on a left or lower edge do not. This is ImageJ's
+    rule [1], so polygons that share an edge share no pixel and miss none.
+
+    [1] ImageJ, ij.process.PolygonFiller
+
     Parameters
     ----------
     polygon : Polygon
@@ -152,19 +156,7 @@ def mask(polygon: Polygon, window: Window) -> NDArray[np.bool_]:
     Returns
     -------
     ndarray of bool
-        True for the pixels of the region, (row, col) with the window's height and
-        width.
-
-    Notes
-    -----
-    A pixel belongs to the polygon if its centre does (even-odd rule along each
-    row). Of centres exactly on an edge, those on a right or upper edge belong and
-    those on a left or lower edge do not. This is ImageJ's rule [1]_, so polygons
-    that share an edge share no pixel and miss none.
-
-    References
-    ----------
-    .. [1] ImageJ, ij.process.PolygonFiller
+        True for the pixels of the region, (row, col) with the window's height and width.
     """
     runs = _toggles(polygon, window)
     inside = np.arange(runs.size) % 2 == 1

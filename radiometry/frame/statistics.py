@@ -61,6 +61,9 @@ class _Site(Record, kw_only=False):
 def compute_statistics(frame: Frame, inside: NDArray[np.bool_]) -> tuple[ChannelStatistics, ...]:
     """Compute the statistics of a region per channel.
 
+    All values follow from integer histograms: they are exact, and the same in whatever order the samples
+    come. The CFA position of a sample is that in the visible area: a window may start with any of the four.
+
     Parameters
     ----------
     frame : Frame
@@ -72,12 +75,6 @@ def compute_statistics(frame: Frame, inside: NDArray[np.bool_]) -> tuple[Channel
     -------
     tuple of ChannelStatistics
         One row per channel that the region touches, then `grey`.
-
-    Notes
-    -----
-    All values follow from integer histograms: they are exact, and the same in
-    whatever order the samples come. The CFA position of a sample is that in the
-    visible area: a window may start with any of the four.
     """
     sites = [site for site in _read_sites(frame, inside) if site[1].histogram.any()]
     everything = _merge([site for _, site in sites])
@@ -116,6 +113,19 @@ def select_rows(statistics: Sequence[ChannelStatistics], *, channel: str) -> lis
 def measure_signal(statistics: Sequence[ChannelStatistics], *, channel: str = "green") -> Signal:
     """Compute the signal of a region: the mean over both greens, or over one channel.
 
+    Green is closest to the eye's V(lambda); if the image has no green, grey is used. Both greens have equal
+    weight however many samples each has, so that a row more or less at the region's rim changes nothing.
+
+    The standard uncertainty per channel is, with s the noise before rounding [2]::
+
+        u^2 = std^2 / n + exp(-4 pi^2 s^2) / 12        s^2 = max(0, std^2 - 1/12)
+
+    The second term is the error of rounding to whole DN that noise does not average
+    out [1]: 1/12 without noise, nothing from 1 DN of noise on.
+
+    [1] B. Widrow, I. Kollar, Quantization Noise, Cambridge 2008, chapter 4, doi:10.1017/CBO9780511754661
+    [2] W. F. Sheppard, Proc. London Math. Soc. 29, 353 (1898), doi:10.1112/plms/s1-29.1.353
+
     Parameters
     ----------
     statistics : sequence of ChannelStatistics
@@ -127,26 +137,6 @@ def measure_signal(statistics: Sequence[ChannelStatistics], *, channel: str = "g
     -------
     Signal
         Mean and its standard uncertainty.
-
-    Notes
-    -----
-    Green is closest to the eye's V(lambda); if the image has no green, grey is
-    used. Both greens have equal weight however many samples each has, so that a row
-    more or less at the region's rim changes nothing.
-
-    The standard uncertainty per channel is, with s the noise before rounding [2]_::
-
-        u^2 = std^2 / n + exp(-4 pi^2 s^2) / 12        s^2 = max(0, std^2 - 1/12)
-
-    The second term is the error of rounding to whole DN that noise does not average
-    out [1]_: 1/12 without noise, nothing from 1 DN of noise on.
-
-    References
-    ----------
-    .. [1] B. Widrow, I. Kollar, Quantization Noise, Cambridge 2008, chapter 4,
-           doi:10.1017/CBO9780511754661
-    .. [2] W. F. Sheppard, Proc. London Math. Soc. 29, 353 (1898),
-           doi:10.1112/plms/s1-29.1.353
     """
     rows = select_rows(statistics, channel=channel)
     count = len(rows)
@@ -360,8 +350,7 @@ def find_clipped(frame: Frame, inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
     Returns
     -------
     ndarray of bool
-        Of the window, (row, col). A pixel of a colour image is clipped if one of its
-        planes is.
+        Of the window, (row, col). A pixel of a colour image is clipped if one of its planes is.
     """
     clipped = np.zeros_like(inside)
     for _, samples, within, (part, white_dn) in _planes(frame, inside):

@@ -126,8 +126,7 @@ def conclude(reasons: Iterable[Reason]) -> Verdict:
     Returns
     -------
     Verdict
-        Verdict with the gravest reason first; equally grave reasons keep their
-        order.
+        Verdict with the gravest reason first; equally grave reasons keep their order.
     """
     ordered = tuple(sorted(reasons, key=lambda reason: _RANKS[reason.outcome]))
     return Verdict(outcome=ordered[0].outcome if ordered else "pass", reasons=ordered)

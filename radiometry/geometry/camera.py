@@ -164,8 +164,7 @@ def undistort_frame(frame: Frame, camera: CameraModel) -> Undistorted:
     """Compute the undistorted picture of a whole frame.
 
     A rendered colour picture keeps its planes. A mosaic becomes one grey plane, in which the four sites of
-    its pattern weigh a quarter each around every pixel: the picture in which the calibration places
-    corners.
+    its pattern weigh a quarter each around every pixel: the picture in which the calibration places corners.
     """
     planes: tuple[str, ...] = ("grey",)
     if frame.cfa == "rgb":
@@ -188,10 +187,9 @@ def require_size(camera: CameraModel, *, height_px: int, width_px: int) -> None:
 def undistort(samples: NDArray[_Sample], camera: CameraModel) -> tuple[NDArray[_Sample], NDArray[np.bool_]]:
     """Compute the undistorted picture; size, scale and principal point stay the camera's.
 
-    result(row, col) = samples where the model shows the direction ((col - cx)/fx, (row - cy)/fy), by
-    bilinear interpolation. What lies outside of the picture is 0 (NaN in float32) and False in the second
-    result: a pixel counts as inside when its four neighbours are. Nothing is cropped and nothing is made
-    up.
+    result(row, col) = samples where the model shows the direction ((col - cx)/fx, (row - cy)/fy), by bilinear
+    interpolation. What lies outside of the picture is 0 (NaN in float32) and False in the second result: a
+    pixel counts as inside when its four neighbours are. Nothing is cropped and nothing is made up.
     """
     height, width = samples.shape[:2]
     require_size(camera, height_px=height, width_px=width)
@@ -378,8 +376,7 @@ def solve(
     """Find the camera and the poses by least squares over all corners.
 
     S = sum |seen - model|^2 is minimised by Levenberg and Marquardt's steps with the poses eliminated
-    (Schur's complement), from Zhang's closed form [1]. With n corners and p parameters that are free in
-    all::
+    (Schur's complement), from Zhang's closed form [1]. With n corners and p parameters that are free in all::
 
         rms = sqrt(S / n),   covariance = S / (2 n - p) (J^T J)^-1
 

@@ -275,9 +275,8 @@ def _find_positions(
 ) -> tuple[Grid, Grid]:
     """Return where (x, y) [px] band `of` sees what `onto` sees at x, y, or a position beside the image.
 
-    A file may state any number, and resampling at a position that is not finite
-    reads outside the memory: what is not finite, or behind the lens, is put beside
-    the image.
+    A file may state any number, and resampling at a position that is not finite reads outside the memory:
+    what is not finite, or behind the lens, is put beside the image.
     """
     a, b, c, d, e, f = matrix
     x, y = a * x + b * y + c, d * x + e * y + f

@@ -30,9 +30,8 @@ class Edge(Record):
 def locate_edge(plane: Plane, *, order: int) -> Edge:
     """Find the edge on each line as the centroid of the windowed derivative, and fit a polynomial [1] [2].
 
-    x_j = sum_k k w_jk d_jk / sum_k w_jk d_jk,  d the difference of neighbours, w a raised cosine that
-    reaches to the region's further side, 5 % at least: first about the region's middle, then about the
-    first fit.
+    x_j = sum_k k w_jk d_jk / sum_k w_jk d_jk,  d the difference of neighbours, w a raised cosine that reaches
+    to the region's further side, 5 % at least: first about the region's middle, then about the first fit.
 
     [1] ISO 12233:2023 annex D
     [2] P. D. Burns, sfrmat5

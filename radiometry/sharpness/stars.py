@@ -176,8 +176,7 @@ def _fit_rings(
 def _fit_fundamental(angle: Vector, signal: Vector, cycles: int) -> tuple[float, float, float]:
     """Fit a + b cos + c sin; return modulation squared, its variance, and share of variance explained.
 
-    The noise's part is subtracted from the square, so that without a star it is 0 on average, above or
-    below.
+    The noise's part is subtracted from the square, so that without a star it is 0 on average, above or below.
     """
     design = np.column_stack((np.ones(angle.size), np.cos(cycles * angle), np.sin(cycles * angle)))
     moments = design.T @ design

@@ -74,20 +74,8 @@ class _Row(Record, kw_only=False):
 def compute_coverage(view: View) -> Coverage:
     """Compute what a tilted or nadir camera sees of level ground.
 
-    Parameters
-    ----------
-    view : View
-        Camera position and dimensions.
-
-    Returns
-    -------
-    Coverage
-        Fields of view, edges, sampling distances and footprint.
-
-    Notes
-    -----
     For a row at v on the sensor (up, away from the ground's near side), with tilt
-    a, height h and focal length c [1]_, [2]_::
+    a, height h and focal length c [1], [2]::
 
         ahead = h (c sin a + v cos a) / (c cos a - v sin a)
         across, per length on the sensor = h / (c cos a - v sin a)        exact in every point of a row
@@ -98,11 +86,19 @@ def compute_coverage(view: View) -> Coverage:
     both are h s_p / c in the whole image. Where c cos a <= v sin a the row looks at
     the horizon or above it, and no value is computed for it.
 
-    References
+    [1] G. Grenzdoerffer, F. Niemeyer, F. Schmidt, Development of four vision camera system for a micro-UAV,
+    ISPRS 2012, section 2
+    [2] K. Kraus, Photogrammetry, section 5 (equations of a central projection)
+
+    Parameters
     ----------
-    .. [1] G. Grenzdoerffer, F. Niemeyer, F. Schmidt, Development of four vision
-           camera system for a micro-UAV, ISPRS 2012, section 2
-    .. [2] K. Kraus, Photogrammetry, section 5 (equations of a central projection)
+    view : View
+        Camera position and dimensions.
+
+    Returns
+    -------
+    Coverage
+        Fields of view, edges, sampling distances and footprint.
     """
     half = view.sensor_height_mm / 2
     near, centre, far = _find_row(view, -half), _find_row(view, 0.0), _find_row(view, half)

@@ -56,6 +56,13 @@ class ExponentFit(Record):
 def fit_exponents(rows: Sequence[SeriesRow], *, dark_dn: float, white_level_dn: float) -> ExponentFit:
     """Fit signal = A t^a N^b S^s by ordinary least squares of logarithms.
 
+    The uncertainties are from the scatter of the residuals, with n - p degrees of freedom::
+
+        ln(signal - dark) = ln A + a ln t + b ln N + s ln S
+
+    A linear sensor behind an ideal lens has a = 1, b = -2, s = 1. Rows below 1/256 or above 95 % of the span
+    from dark to white are not used, and are listed in `left_out`.
+
     Parameters
     ----------
     rows : sequence of SeriesRow
@@ -75,17 +82,6 @@ def fit_exponents(rows: Sequence[SeriesRow], *, dark_dn: float, white_level_dn: 
     InputRejected
         `fit_incomplete` if no setting varies among the remaining rows, two vary
         only together, or too few rows remain.
-
-    Notes
-    -----
-    The uncertainties are from the scatter of the residuals, with n - p degrees of
-    freedom::
-
-        ln(signal - dark) = ln A + a ln t + b ln N + s ln S
-
-    A linear sensor behind an ideal lens has a = 1, b = -2, s = 1. Rows below 1/256
-    or above 95 % of the span from dark to white are not used, and are listed in
-    `left_out`.
     """
     kept, left_out = _cut(rows, dark_dn=dark_dn, white_level_dn=white_level_dn)
     if not kept:

@@ -69,20 +69,8 @@ class Motion(Record):
 def compute_motion(case: MotionCase) -> Motion:
     """Compute the image motion of one case.
 
-    Parameters
-    ----------
-    case : MotionCase
-        Lens, exposure and motion.
-
-    Returns
-    -------
-    Motion
-        Motion on the ground and in pixels, and the limits.
-
-    Notes
-    -----
     With s_p the pixel pitch, c the focal length, h the distance, t the exposure
-    time and alpha in radian [1]_::
+    time and alpha in radian [1]::
 
         GSD = h s_p / c                       forward    u_th = v t / GSD                              (1)
         alpha = omega t,   b = alpha h        rotation   PD = alpha c / s_p                            (2)
@@ -92,10 +80,18 @@ def compute_motion(case: MotionCase) -> Motion:
     PD grows by 1 / cos^2 d in its direction. The source prints PD = (s_p / c) r,
     which is the GSD at r, not a displacement; its table 3 follows (2).
 
-    References
+    [1] G. Grenzdoerffer, F. Niemeyer, F. Schmidt, Development of four vision camera system for a micro-UAV,
+    ISPRS 2012, equations 1 to 6, table 3
+
+    Parameters
     ----------
-    .. [1] G. Grenzdoerffer, F. Niemeyer, F. Schmidt, Development of four vision
-           camera system for a micro-UAV, ISPRS 2012, equations 1 to 6, table 3
+    case : MotionCase
+        Lens, exposure and motion.
+
+    Returns
+    -------
+    Motion
+        Motion on the ground and in pixels, and the limits.
     """
     gsd_m = case.distance_m * _pixel_angle(case)
     angle = rotation_blur = forward_blur = None
@@ -133,8 +129,7 @@ def tolerable_rate_deg_s(case: MotionCase, exposure_time_s: float) -> float:
     Returns
     -------
     float
-        Rotation rate omega = s_p u / (c t) [deg/s], as in figure 7 of reference 1
-        of `compute_motion`.
+        Rotation rate omega = s_p u / (c t) [deg/s], as in figure 7 of reference 1 of `compute_motion`.
     """
     return math.degrees(_pixel_angle(case) * case.limit_px / exposure_time_s)
 
@@ -213,6 +208,12 @@ def read_attitudes(multispectral: Multispectral | None) -> tuple[Attitude, ...]:
 def compute_turns(attitudes: Sequence[Attitude]) -> tuple[Turn, ...]:
     """Compute the rotation rates between successive records.
 
+    In the body's axes, with R = Rz(yaw) Ry(pitch) Rx(roll)::
+
+        rate = log(R_i^T R_{i+1}) / (t_{i+1} - t_i)
+
+    Differences of the angles themselves would jump at 360 degrees, and are not the rates of a tilted body.
+
     Parameters
     ----------
     attitudes : sequence of Attitude
@@ -222,15 +223,6 @@ def compute_turns(attitudes: Sequence[Attitude]) -> tuple[Turn, ...]:
     -------
     tuple of Turn
         One rotation per pair of successive records.
-
-    Notes
-    -----
-    In the body's axes, with R = Rz(yaw) Ry(pitch) Rx(roll)::
-
-        rate = log(R_i^T R_{i+1}) / (t_{i+1} - t_i)
-
-    Differences of the angles themselves would jump at 360 degrees, and are not the
-    rates of a tilted body.
     """
     turns = []
     for first, second in itertools.pairwise(attitudes):
@@ -254,6 +246,13 @@ def blur_of_file(
 ) -> FrameBlur:
     """Compute the blur of one frame from the attitudes that its own file records.
 
+    With c the focal length and s_p the pixel pitch::
+
+        centre = (c / s_p) hypot(roll, pitch) t,    corner = centre + r_corner |yaw| t
+
+    Both are theoretical motions (the practical one is half), to first order in the image's angles. Records
+    some tenths of a second apart show the slow part of the rotation only and do not include vibration.
+
     Parameters
     ----------
     header : FrameHeader
@@ -274,16 +273,6 @@ def blur_of_file(
     ------
     InputRejected
         `attitude_missing` if there are fewer than two records.
-
-    Notes
-    -----
-    With c the focal length and s_p the pixel pitch::
-
-        centre = (c / s_p) hypot(roll, pitch) t,    corner = centre + r_corner |yaw| t
-
-    Both are theoretical motions (the practical one is half), to first order in the
-    image's angles. Records some tenths of a second apart show the slow part of the
-    rotation only and do not include vibration.
     """
     turns = compute_turns(read_attitudes(header.multispectral))
     if not turns:

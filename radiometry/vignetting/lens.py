@@ -203,9 +203,8 @@ def average_over_polygon(
     A uniform surface's mean signal is divided by it.
 
     u^2 = sum over channels of J C J' / m^2 + (model term)^2 + (interpolation term)^2, J the mean of V's
-    slopes over the region, since the parameters' errors are shared by all of its pixels. The model's and
-    the interpolation's error are taken as alike in the whole region and in all channels: they do not
-    average out.
+    slopes over the region, since the parameters' errors are shared by all of its pixels. The model's and the
+    interpolation's error are taken as alike in the whole region and in all channels: they do not average out.
     """
     return Lens(coefficients=tuple(coefficients), f_number=f_number).over(polygon, channels=channels).quantity
 
