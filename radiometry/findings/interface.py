@@ -279,9 +279,8 @@ REGIONS_DIFFER = _refusal(
 
 # of jobs
 TEMPORARILY_UNAVAILABLE = _failure(
-    "Something that the job needs did not serve: `waits_for` is `blobs` (the file store), "
-    "`database` or `decoder`. The job is tried again at its `next_attempt_at` or sooner; after a "
-    "day it is `failed`.",
+    "Something that the job needs did not serve: `waits_for` is `blobs` (the file store), `database` or "
+    "`decoder`. The job is tried again at its `next_attempt_at` or sooner; after a day it is `failed`.",
     "Retry a failed job (`stilb retry --state failed --code temporarily_unavailable`) when the cause is "
     "gone.",
     retryable=True,

@@ -50,9 +50,8 @@ HORIZONTAL_IRRADIANCE_LEFT_OUT = flag(
     *("calibration", "measurement"),
 )
 TILT_NOT_CORRECTABLE = flag(
-    "The reading of the sunshine sensor was not converted to a level surface: the file lacks "
-    "position, time, its zone or attitude, or the sun is under 10 degrees. The tilt is in the "
-    "uncertainty.",
+    "The reading of the sunshine sensor was not converted to a level surface: the file lacks position, time, "
+    "its zone or attitude, or the sun is under 10 degrees. The tilt is in the uncertainty.",
     "Wait for the GPS fix, fly when the sun is higher, and state the campaign's time zone.",
     *("calibration", "measurement"),
 )
@@ -124,9 +123,8 @@ PANEL_DRIFT = flag(
     "Check for haze, a tilted sensor or a dirty panel. A frame far from both captures is less certain.",
 )
 IMPLAUSIBLE_REFLECTANCE_K = flag(
-    "K is more than 1.5 times off pi: radiance and irradiance in absolute units give R = pi L / "
-    "E. The panel was shaded, its reflectance or a unit is wrong, or the sunshine sensor saw "
-    "another light.",
+    "K is more than 1.5 times off pi: radiance and irradiance in absolute units give R = pi L / E. The panel "
+    "was shaded, its reflectance or a unit is wrong, or the sunshine sensor saw another light.",
     "Check the panel's values and its picture; take it again in the light that the sensor sees.",
 )
 PANEL_ONCE = flag(

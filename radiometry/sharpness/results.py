@@ -300,8 +300,7 @@ class EdgeColour(Record):
     )
     radial: Quantity | None = about(
         "Radial displacement of which `shift` is the part along the normal, positive is outwards; None "
-        "within a tenth of the half diagonal, and where the normal is more than 60 degrees off the "
-        "radius."
+        "within a tenth of the half diagonal, and where the normal is more than 60 degrees off the radius."
     )
     frames: int = about("Number of frames.")
     effective_dof: float = about("Effective degrees of freedom of both.")
