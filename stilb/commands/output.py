@@ -18,7 +18,7 @@ from rich.console import Console, RenderableType
 
 from stilb.client import Client
 from stilb.field.files import ROLES
-from stilb.field.template import read_methods
+from stilb.field.template import list_choices, read_methods
 from stilb.login import Login, choose_login, read_login
 from stilb.method import DEFAULT_METHOD
 from stilb.problem import Problem, Unclear
@@ -240,8 +240,7 @@ def complete_method(incomplete: str) -> list[str]:
 
 def complete_model(incomplete: str) -> list[str]:
     """Return the models of the default method's fit."""
-    (model,) = [each for each in read_methods()[DEFAULT_METHOD]["parameters"] if each["name"] == "model"]
-    return [each["value"] for each in model["choices"] if each["value"].startswith(incomplete)]
+    return [model for model in list_choices(DEFAULT_METHOD, "model") if model.startswith(incomplete)]
 
 
 def complete_campaign(incomplete: str) -> list[str]:

@@ -18,9 +18,10 @@ from typing import Any, BinaryIO, Final
 import exifread
 
 from stilb.client import Client
+from stilb.field.template import read_methods
 from stilb.upload import FrameDetails
 
-ROLES = ("light", "dark", "flat", "panel", "chart", "field")
+ROLES = tuple(dict.fromkeys(role["name"] for method in read_methods().values() for role in method["roles"]))
 RAW_SUFFIXES = frozenset(
     {".dng", ".tif", ".tiff", ".nef", ".cr2", ".cr3", ".arw", ".raf", ".rw2", ".orf", ".pef", ".srw"}
 )

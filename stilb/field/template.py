@@ -10,6 +10,8 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
+from stilb.method import DEFAULT_METHOD
+
 _TEXT = """\
 # One campaign: one camera, one method. Then: stilb campaign run {folder}
 
@@ -83,17 +85,21 @@ _PARTS = """\
 """
 
 
-LAMP_HELP = (
-    "Kind of lamp: incandescent, led (steady driver), led_ripple (simple or unknown driver), "
-    "led_phase_dimmed, sodium or metal_halide."
-)
-
-
 @cache
 def read_methods() -> Mapping[str, Mapping[str, Any]]:
     """Return the methods by name, each as `GET /v1/methods` describes it."""
     text = files("stilb.field").joinpath("methods.json").read_text(encoding="utf-8")
     return {each["name"]: each for each in json.loads(text)["items"]}
+
+
+def list_choices(method: str, parameter: str) -> dict[str, str]:
+    """Return the values that a parameter of a fit may have, each with its label."""
+    (found,) = [each for each in read_methods()[method]["parameters"] if each["name"] == parameter]
+    return {choice["value"]: choice["label"] for choice in found["choices"]}
+
+
+_LAMPS = [f"{kind} ({label})" for kind, label in list_choices(DEFAULT_METHOD, "lamp_kind").items()]
+LAMP_HELP = f"Kind of lamp: {', '.join(_LAMPS)}."
 
 
 def write_template(
