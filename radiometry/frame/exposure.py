@@ -5,6 +5,7 @@ import math
 from radiometry.findings import InputRejected, files, shared
 from radiometry.frame import FrameHeader
 from radiometry.records import Record
+from radiometry.specification.roles import CHART
 
 # Wider than any camera, narrower than nonsense. The shortest electronic shutters reach 1/32000 s, stacked
 # exposures last an hour; lenses run from f/0.7 to f/64, pinholes to f/300; ISO from 1 to a few million.
@@ -92,9 +93,6 @@ def expect_luminance_k(*, black_level_dn: float, white_level_dn: float) -> float
 
 # Made for the eye by a camera or a converter: a tone curve, and nothing of the sensor's numbers.
 _PICTURES = {"jpeg": "JPEG", "png": "PNG"}
-# A chart is measured for its geometry and sharpness: its exposure enters no equation.
-ROLES_WITH_EXPOSURE = frozenset({"light", "dark", "flat", "panel", "field"})
-ROLES = ROLES_WITH_EXPOSURE | {"chart"}
 
 _WORDS = {"exposure_time_s": "exposure time", "f_number": "f-number", "iso": "ISO value"}
 _SUPPLIED_TOLERANCE_REL = 0.10
@@ -170,11 +168,13 @@ def accept_frame(
     """
     _refuse_pictures(header, role)
     _refuse_other_camera(header, camera)
-    flags = _header_flags(header, manual_required=manual_exposure and role in ROLES_WITH_EXPOSURE)
+    # a chart is measured for its geometry and sharpness: its exposure enters no equation
+    needs_exposure = role != CHART.name
+    flags = _header_flags(header, manual_required=manual_exposure and needs_exposure)
     try:
         found = _find_exposure(header, supplied)
     except InputRejected:
-        if role in ROLES_WITH_EXPOSURE:
+        if needs_exposure:
             raise
         return Acceptance(exposure=None, flags=tuple(flags))
     flags += _exposure_flags(found, supplied)
@@ -194,7 +194,7 @@ def accept_frame(
 def _refuse_pictures(header: FrameHeader, role: str) -> None:
     """Refuse a JPEG or PNG image wherever light is measured; a chart may be one."""
     picture = _PICTURES.get(header.container)
-    if picture is not None and role != "chart":
+    if picture is not None and role != CHART.name:
         raise files.NOT_A_RAW_FILE.reject(
             f"The file is a {picture} picture, in which the sensor's numbers are lost; only frames of the "
             f"role chart may be pictures, this one's is {role}. Send the camera's raw file (DNG), or a TIFF."

@@ -13,7 +13,6 @@ from service.calibrations.schemas import (
     Gap,
     LifetimeAnswer,
     NewPublication,
-    State,
     ValidityAnswer,
 )
 from service.documents.issuing import build_issued, gather
@@ -28,7 +27,7 @@ from service.http.paging import Page, UsesPaging
 from store import impact as recalls
 from store.impact import CoefficientChange, Condemned, Impact, Touched, assess, find_in_force
 from store.publications import InForce
-from store.queries.calibrations import Decision, VersionStatus, list_decisions, list_lifetimes
+from store.queries.calibrations import Decision, VersionState, VersionStatus, list_decisions, list_lifetimes
 from store.queries.organisations import name_people
 from store.tables import Calibration, Camera, CoefficientRow, Meter, Recall
 from store.tables.base import utc_now
@@ -192,7 +191,7 @@ class CondemnedVersion(
 ):
     calibration_id: str
     camera: str = Field(description="Make, model and serial number.")
-    state: State
+    state: VersionState
     in_force: bool = Field(
         description="Whether it is in force for any time, as known now: `valid_from` to `valid_to`."
     )

@@ -24,7 +24,6 @@ from service.calibrations.schemas import (
     IssuedAnswer,
     NewPublication,
     NewRevocation,
-    State,
     SuggestedValidity,
 )
 from service.documents.issuing import prepare
@@ -47,6 +46,7 @@ from store.impact import list_touched
 from store.measuring.version import choose_falloff
 from store.publications import keep_issued, list_issued
 from store.queries.calibrations import (
+    VersionState,
     coefficients_of,
     history,
     list_flight,
@@ -147,7 +147,7 @@ def list_camera_calibrations(
     caller: Reader,
     context: UsesContext,
     method: Annotated[str | None, Query()] = None,
-    state: Annotated[State | None, Query()] = None,
+    state: Annotated[VersionState | None, Query()] = None,
 ) -> Response:
     """A camera's history, newest first."""
     with context.database.reading() as session:

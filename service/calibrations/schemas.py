@@ -35,7 +35,6 @@ SCOPE_MEANING = (
     "`traceable`, or `relative_only`: the standard uncertainty lacks the error of the reference's scale, and "
     "holds for ratios alone. Absent where the method checks no certificate of a reference."
 )
-State = Literal["draft", "published", "superseded", "revoked"]
 
 
 class PersonAnswer(Answer, restates=Person):

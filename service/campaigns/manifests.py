@@ -11,7 +11,6 @@ from sqlalchemy import Row, select
 from sqlalchemy.exc import IntegrityError
 
 from radiometry.findings import interface
-from service.frames.schemas import State
 from service.http.answers import problems
 from service.http.auth import Caller, Uploader, get_caller, require
 from service.http.changes import IdempotencyKey
@@ -25,6 +24,7 @@ from store.queries.campaigns import find_manifest, read_stored, write_canonical
 from store.software import read_version
 from store.tables import Campaign, Manifest, SigningKey
 from store.tables.base import utc_now
+from store.tables.campaign import FrameState
 
 MOST_FILES = 20_000
 
@@ -82,7 +82,7 @@ class ReceivedFile(Answer):
         description="When the service last hashed all of the bytes and found this SHA-256: as they "
         "arrived, or as it read them back since."
     )
-    state: State = Field(description="`refused`: stored, but not usable as a frame.")
+    state: FrameState = Field(description="`refused`: stored, but not usable as a frame.")
     refusal_code: str | None = None
     withdrawn_at: Instant | None = Field(default=None, description="Stored, but withdrawn from the campaign.")
     same_as: str | None = Field(

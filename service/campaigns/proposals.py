@@ -18,7 +18,6 @@ from radiometry.methods import METHODS, get_method
 from radiometry.specification.application import PictureApplication
 from radiometry.specification.method import MethodSpec
 from radiometry.specification.roles import CHART, DARK, FIELD, Role
-from service.campaigns.schemas import Kind
 from service.http.answers import problems
 from service.http.auth import Caller, Uploader
 from service.http.changes import IdempotencyKey
@@ -29,6 +28,7 @@ from service.http.operations import Router
 from store.publications import in_force
 from store.tables import Camera, Campaign, FrameRow
 from store.tables.base import utc_now
+from store.tables.campaign import CampaignKind
 
 _PAUSE_S: Final = 60.0
 """A pause this long starts a scene, if it is also _PAUSES times the median pause."""
@@ -221,7 +221,7 @@ class CardAsked(Form):
         default=None, description="A campaign that the frames are added to: its scenes go on."
     )
     method: Method | None = Field(default=None, description="Left out: the method that suits the frames.")
-    kind: Kind | None = None
+    kind: CampaignKind | None = None
 
 
 class PlacedFrame(Answer):
@@ -234,7 +234,7 @@ class CardProposal(Answer):
     """Method and kind of campaign that the frames of a card suit, and role and scene of each, as asked."""
 
     method: Method
-    kind: Kind
+    kind: CampaignKind
     calibration_method: Method = Field(description="The method that the frames suit for a calibration.")
     measurement_method: Method | None = Field(
         default=None, description="The method that they suit for a night of measurements."

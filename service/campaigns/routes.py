@@ -16,7 +16,6 @@ from service.campaigns.schemas import (
     CampaignAnswer,
     CampaignChange,
     CampaignDetails,
-    Kind,
     NewCampaign,
     NewRoi,
     RoiAnswer,
@@ -57,6 +56,7 @@ from store.queries.organisations import find_or_add_panel
 from store.reviews import Assessment, assess
 from store.tables import Calibration, Camera, Campaign, ChecklistSignature, FrameRow, Panel, Roi
 from store.tables.base import utc_now
+from store.tables.campaign import CampaignKind
 
 
 class ItemChange(Form):
@@ -161,7 +161,7 @@ class CampaignListing(Listing):
     project_number: Text | None = None
     camera_id: Text | None = None
     method: Text | None = None
-    kind: Kind | None = None
+    kind: CampaignKind | None = None
 
 
 @router.get("", response_model=Page[CampaignAnswer], responses=problems())

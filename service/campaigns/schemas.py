@@ -34,11 +34,11 @@ from service.http.models import (
 )
 from store.queries.campaigns import Counts
 from store.tables import Campaign, Reading, Roi
+from store.tables.campaign import CampaignKind
 
 Role = FrameRole
 Coordinate = Annotated[Number, Field(ge=-1e6, le=1e6)]
 Point = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
-Kind = Literal["calibration", "measurement"]
 Reflectance = Annotated[Number, Field(gt=0, le=1)]
 
 
@@ -50,7 +50,7 @@ class CampaignDetails(create_model("Stated", __base__=Form, **make_fields(STATED
     """Details of a campaign: stated when it begins, or corrected later."""
 
     kind: Annotated[
-        Kind | None,
+        CampaignKind | None,
         Field(
             description="`calibration` unless stated. `measurement`: a night of measurements, whose frames "
             "are all field frames; no fit uses them. A campaign with other frames, or with versions, cannot "
@@ -170,7 +170,7 @@ class CampaignAnswer(
     f"ended_at time_zone lens comments {' '.join(STATED)} archived_at panel_id target roi_id created_at",
 ):
     method: Method
-    kind: Kind
+    kind: CampaignKind
     frames: FrameCounts | None = None
     readings: int | None = None
     measured: int | None = Field(

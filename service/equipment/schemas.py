@@ -19,6 +19,7 @@ from service.http.models import (
 )
 from store.queries.evidence import Offer
 from store.tables import Camera, Meter, Panel
+from store.tables.organisation import MeterKind
 
 
 class Lens(Form, Answer):
@@ -102,7 +103,7 @@ class Certificate(Form, Answer):
 
 
 class NewMeter(Form):
-    kind: Literal["luminance", "illuminance", "sunshine"] = Field(
+    kind: MeterKind = Field(
         description="What it measures: cd/m², lx, or the irradiance beside a multispectral camera."
     )
     make: Text = Field(description="Manufacturer of the meter.")

@@ -18,12 +18,12 @@ from store.codec import decode_header
 from store.queries.evidence import list_panels
 from store.queries.frames import FrameColumns
 from store.tables import Blob, Extraction, FrameRow
+from store.tables.campaign import FrameState
 
 _measure_light = next(spec.measure_light for spec in METHODS if spec.measure_light)
 _REASONS = [each.code for each in FINDINGS.values() if "verdict" in each.where]
 ReasonCode = TypeAliasType("ReasonCode", Annotated[str, WithJsonSchema({"type": "string", "enum": _REASONS})])
 MOST_FRAMES = 1000
-State = Literal["received", "read", "extracted", "refused"]
 
 
 class Upload(Form):
@@ -180,7 +180,7 @@ class FrameAnswer(Answer):
         default=None, description="Of the panel that the frame shows, by its code in the image or the file."
     )
     supplied: dict[str, float] | None = None
-    state: State
+    state: FrameState
     camera: CameraAsRead | None = None
     exposure_time_s: float | None = None
     f_number: float | None = None

@@ -27,11 +27,9 @@ from service.jobs.schemas import (
     JobAnswer,
     JobCauseAnswer,
     JobCausesAnswer,
-    Kind,
     QueueAnswer,
     RetriedAnswer,
     RetriedJobs,
-    State,
 )
 from service.jobs.watch import Event
 from service.jobs.watch import Kind as Watched
@@ -41,6 +39,7 @@ from store.jobs import FINAL_STATES
 from store.queries.jobs import frames_of, list_causes, select_given_up, select_makers, summarise_queue
 from store.queries.usage import add_jobs
 from store.tables import Calibration, Campaign, FrameRow, Job, Measurement, Organisation
+from store.tables.job import JobKind, JobState
 
 router = Router(prefix="/v1/jobs", tags=["jobs"])
 
@@ -63,8 +62,8 @@ def list_jobs(
     paging: UsesPaging,
     caller: Reader,
     context: UsesContext,
-    state: Annotated[State | None, Query()] = None,
-    kind: Annotated[Kind | None, Query()] = None,
+    state: Annotated[JobState | None, Query()] = None,
+    kind: Annotated[JobKind | None, Query()] = None,
     dismissed: Annotated[bool | None, Query(description="Only those that were, or were not.")] = None,
     subject: Annotated[
         Text | None,
@@ -90,7 +89,7 @@ def list_jobs(
 def get_queue(caller: Reader, context: UsesContext) -> Response:
     """The jobs of your organisation by state, counted up to a bound, and how long the oldest has waited."""
     with context.database.reading() as session:
-        return QueueAnswer.of(summarise_queue(session, caller.organisation_id, get_args(State))).respond()
+        return QueueAnswer.of(summarise_queue(session, caller.organisation_id, get_args(JobState))).respond()
 
 
 @router.get("/causes", response_model=JobCausesAnswer, responses=problems())

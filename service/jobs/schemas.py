@@ -8,9 +8,7 @@ from service.http.models import Answer, Flag, Form, Instant, ProblemAnswer, Text
 from service.http.problems import problem_body
 from store.queries.jobs import MOST_COUNTED, Queue
 from store.tables import FrameRow, Job
-
-State = Literal["queued", "running", "succeeded", "failed", "quarantined"]
-Kind = Literal["extract", "fit", "measure"]
+from store.tables.job import JobKind, JobState
 
 
 class JobAnswer(
@@ -18,7 +16,7 @@ class JobAnswer(
     restates=Job,
     fields="id kind subject_id state progress attempt result created_at finished_at dismissed_at",
 ):
-    state: State
+    state: JobState
     progress: float = Field(ge=0, le=1)
     error: ProblemAnswer | None = None
     filename: str | None = Field(default=None, description="Of the frame that it works on, where it is one.")
@@ -47,7 +45,7 @@ class RetriedJobs(Form):
     """Which jobs are tried again: those that all of this holds for."""
 
     state: Literal["failed", "quarantined"]
-    kind: Kind | None = None
+    kind: JobKind | None = None
     code: Text | None = Field(default=None, description="The code of the error that they ended with.")
     campaign_id: Text | None = Field(default=None, description="Jobs on this campaign and its frames.")
 
@@ -83,7 +81,7 @@ class QueueAnswer(Answer):
     succeeded: int
     failed: int
     quarantined: int
-    more: list[State] = Field(
+    more: list[JobState] = Field(
         description=f"States with more jobs than their number states: each is counted up to {MOST_COUNTED}."
     )
     oldest_wait_s: float = Field(ge=0, description="How long the job that waits longest has been due.")

@@ -14,7 +14,7 @@ from radiometry.methods.findings import FINDINGS
 from radiometry.specification.method import Scope
 from service.calibrations.schemas import SCOPE_MEANING
 from service.http.models import Answer, FindingGroupAnswer, Instant, Quantity, group_flags
-from store.queries.calibrations import VersionStatus
+from store.queries.calibrations import VersionState, VersionStatus
 from store.ready.rows import list_passed
 from store.tables import Calibration, FrameRow, Measurement
 
@@ -23,7 +23,7 @@ class CalibrationUsed(Answer):
     id: str
     version: int
     why: str
-    state: Literal["draft", "published", "superseded", "revoked"] = Field(description="As it stands now.")
+    state: VersionState = Field(description="As it stands now.")
     superseded_by: str | None = None
     revoked_reason: str | None = None
 

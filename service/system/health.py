@@ -24,8 +24,6 @@ from sqlalchemy.orm import Session
 from radiometry.findings import Finding as Entry
 from radiometry.findings import interface
 from radiometry.records import Record
-from service.frames.schemas import State as FrameState
-from service.jobs.schemas import State as JobState
 from store.blobs import Blobs, Damage, StorageFull, StorageUnavailable
 from store.database import Database, SchemaDiffers, require_own_schema
 from store.files import count_damaged
@@ -35,6 +33,8 @@ from store.jobs.processes import State as PartState
 from store.queries.jobs import QueueCounts, Totals, count_queue, count_totals
 from store.software import read_version
 from store.tables import PartRow
+from store.tables.campaign import FrameState
+from store.tables.job import JobState
 
 ANSWER_WITHIN_S = 1.5
 _SILENT_AFTER_S = 2.5

@@ -14,7 +14,7 @@ from starlette.concurrency import run_in_threadpool
 
 from radiometry.findings import interface
 from service.campaigns.schemas import Role
-from service.frames.schemas import State, Upload
+from service.frames.schemas import Upload
 from service.http.answers import problems
 from service.http.auth import Caller, Uploader
 from service.http.changes import IdempotencyKey, Writing
@@ -44,6 +44,7 @@ from store.queries.campaigns import find_known, find_known_anywhere, read_sizes
 from store.queries.jobs import find_reading_jobs
 from store.queries.organisations import find_key, find_key_by_id
 from store.tables import Campaign, FrameRow
+from store.tables.campaign import FrameState
 
 MOST_HASHES = 1000
 
@@ -58,7 +59,7 @@ class KnownFrame(Answer, restates=FrameRow, fields="sha256 filename scene campai
     frame_id: str
     job_id: str | None = Field(default=None, description="The newest job that reads it.")
     role: Role
-    state: State = Field(description="A refused one may be sent again: it is then read again.")
+    state: FrameState = Field(description="A refused one may be sent again: it is then read again.")
 
 
 class KnownAnswer(Answer):

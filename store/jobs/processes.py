@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from functools import partial
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, get_args
 
 from sqlalchemy import ColumnElement, CursorResult, delete, insert, or_, select, update
 from sqlalchemy.exc import IntegrityError, SQLAlchemyError
@@ -22,7 +22,7 @@ from store.blobs.partials import Partials
 from store.database import Database, SchemaDiffers, summarise
 from store.tables import PartRow
 from store.tables.base import utc_now
-from store.tables.job import KINDS
+from store.tables.job import JobKind
 
 BOUNDS_S: Final = (0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0, 60.0, 300.0, 1800.0)
 
@@ -31,7 +31,7 @@ class Durations:
     """Jobs of one process by kind: how many took at most each bound, beyond the last, and their sum [s]."""
 
     def __init__(self) -> None:
-        self.found = {kind: [0.0] * (len(BOUNDS_S) + 2) for kind in KINDS}
+        self.found = {kind: [0.0] * (len(BOUNDS_S) + 2) for kind in get_args(JobKind)}
 
     def observe(self, kind: str, seconds: float) -> None:
         self.found[kind][bisect_left(BOUNDS_S, seconds)] += 1

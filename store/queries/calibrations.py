@@ -23,13 +23,13 @@ from store.tables import (
     Slot,
 )
 
-State = Literal["draft", "published", "superseded", "revoked"]
+VersionState = Literal["draft", "published", "superseded", "revoked"]
 
 
 class VersionStatus(Record):
     """Decisions about a version since it was made."""
 
-    state: State
+    state: VersionState
     valid_from: datetime | None = None
     valid_to: datetime | None = None
     superseded_by: str | None = None
@@ -76,7 +76,7 @@ def _find_status(rows: list[Publication], revocation: Revocation | None) -> Vers
         return VersionStatus(state="draft")
     in_force = [row for row in rows if row.known_to is None]
     superseded_by = next((row.superseded_by for row in reversed(rows) if row.superseded_by), None)
-    state: State = "published" if any(row.superseded_by is None for row in in_force) else "superseded"
+    state: VersionState = "published" if any(row.superseded_by is None for row in in_force) else "superseded"
     if not in_force:
         return VersionStatus(state=state, superseded_by=superseded_by)
     ends = [row.valid_to for row in in_force]

@@ -3,9 +3,9 @@
 import secrets
 import time
 from datetime import UTC, datetime
-from typing import Any, ClassVar
+from typing import Any, ClassVar, get_args
 
-from sqlalchemy import JSON, DateTime, Dialect, Index, MetaData, String, TextClause
+from sqlalchemy import JSON, CheckConstraint, DateTime, Dialect, Index, MetaData, String, TextClause
 from sqlalchemy.orm import DeclarativeBase
 from sqlalchemy.types import TypeDecorator
 
@@ -63,6 +63,11 @@ class Base(DeclarativeBase):
 def index_some(name: str, *columns: str, where: TextClause) -> Index:
     """Return an index of the rows for which a condition holds."""
     return Index(name, *columns, sqlite_where=where, postgresql_where=where)
+
+
+def one_of(column: str, values: Any) -> CheckConstraint:  # noqa: ANN401  a Literal
+    """Check that a column has one of the values of a Literal."""
+    return CheckConstraint(f"{column} IN {get_args(values)}", f"{column}_known")
 
 
 class Audited:

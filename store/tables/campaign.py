@@ -1,13 +1,27 @@
 """Field work: campaigns, regions, readings, frames, statistics, checklists, and what is kept of them."""
 
 from datetime import datetime
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 from sqlalchemy import BigInteger, CheckConstraint, ForeignKey, Index, String, UniqueConstraint, text
 from sqlalchemy.orm import Mapped, mapped_column
 
+from radiometry.specification.roles import ROLES
 from store.blobs.proof import Damage
-from store.tables.base import Audited, AuditedTogether, Base, Json, UtcDateTime, index_some, new_id, utc_now
+from store.tables.base import (
+    Audited,
+    AuditedTogether,
+    Base,
+    Json,
+    UtcDateTime,
+    index_some,
+    new_id,
+    one_of,
+    utc_now,
+)
+
+CampaignKind = Literal["calibration", "measurement"]
+FrameState = Literal["received", "read", "extracted", "refused"]
 
 
 class Campaign(Audited, Base):
@@ -15,7 +29,7 @@ class Campaign(Audited, Base):
 
     __tablename__ = "campaign"
     __table_args__ = (
-        CheckConstraint("kind IN ('calibration', 'measurement')", "kind_known"),
+        one_of("kind", CampaignKind),
         CheckConstraint("surface_reflectance > 0 AND surface_reflectance <= 1", "surface_reflectance_share"),
     )
 
@@ -133,8 +147,8 @@ class FrameRow(Audited, Base):
     __audit_digests__: ClassVar[frozenset[str]] = frozenset({"header", "proof"})
     __table_args__ = (
         UniqueConstraint("campaign_id", "sha256"),
-        CheckConstraint("role IN ('light', 'dark', 'flat', 'panel', 'chart', 'field')", "role_known"),
-        CheckConstraint("state IN ('received', 'read', 'extracted', 'refused')", "state_known"),
+        one_of("role", Literal[tuple(role.name for role in ROLES)]),
+        one_of("state", FrameState),
         CheckConstraint("(state = 'refused') = (refusal_code IS NOT NULL)", "refused_says_why"),
         CheckConstraint("exposure_time_s > 0 AND f_number > 0 AND iso > 0", "exposure_positive"),
         Index("ix_frame_sha256", "sha256"),

@@ -1,14 +1,16 @@
 """Jobs, whose rows are the authority on work, the turns of queues, and the processes that run."""
 
 from datetime import datetime
+from typing import Literal
 
 from sqlalchemy import CheckConstraint, ForeignKey, Index, text
 from sqlalchemy.orm import Mapped, mapped_column
 
-from store.tables.base import Base, Json, UtcDateTime, index_some, new_id, utc_now
+from store.tables.base import Base, Json, UtcDateTime, index_some, new_id, one_of, utc_now
 from store.tracing import present_request_id, present_traceparent
 
-KINDS = ("extract", "fit", "measure")
+JobKind = Literal["extract", "fit", "measure"]
+JobState = Literal["queued", "running", "succeeded", "failed", "quarantined"]
 
 _QUEUED = text("state = 'queued'")
 _SENT = text("state = 'queued' AND sent_at IS NOT NULL")
@@ -20,10 +22,8 @@ class Job(Base):
 
     __tablename__ = "job"
     __table_args__ = (
-        CheckConstraint(f"kind IN {KINDS}", "kind_known"),
-        CheckConstraint(
-            "state IN ('queued', 'running', 'succeeded', 'failed', 'quarantined')", "state_known"
-        ),
+        one_of("kind", JobKind),
+        one_of("state", JobState),
         CheckConstraint("progress BETWEEN 0 AND 1", "progress_share"),
         CheckConstraint("(state = 'running') = (lease_until IS NOT NULL)", "running_has_lease"),
         Index("ix_job_state_lane_organisation_id_due_at", "state", "lane", "organisation_id", "due_at"),
@@ -92,7 +92,7 @@ class PartRow(Base):
     """One run of one process. Not audited: it records that somebody is there, and nobody's decision."""
 
     __tablename__ = "part"
-    __table_args__ = (CheckConstraint("kind IN ('service', 'worker', 'sweeper')", "kind_known"),)
+    __table_args__ = (one_of("kind", Literal["service", "worker", "sweeper"]),)
 
     id: Mapped[str] = mapped_column(primary_key=True)
     kind: Mapped[str]

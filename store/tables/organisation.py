@@ -1,13 +1,14 @@
 """Organisations, their keys and usage, what they calibrate and against what."""
 
 from datetime import date, datetime
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 from sqlalchemy import BigInteger, CheckConstraint, ForeignKey, String, UniqueConstraint
 from sqlalchemy.orm import Mapped, mapped_column
 
-from store.tables.base import Audited, Base, Json, UtcDateTime, new_id, utc_now
+from store.tables.base import Audited, Base, Json, UtcDateTime, new_id, one_of, utc_now
 
+MeterKind = Literal["luminance", "illuminance", "sunshine"]
 _WHO = "Who uses the key, as certificates name who fitted and who approved."
 
 
@@ -120,7 +121,7 @@ class Meter(Audited, Base):
     __tablename__ = "meter"
     __table_args__ = (
         UniqueConstraint("organisation_id", "kind", "make", "model", "serial"),
-        CheckConstraint("kind IN ('luminance', 'illuminance', 'sunshine')", "kind_known"),
+        one_of("kind", MeterKind),
         CheckConstraint(
             "certificate_expanded_uncertainty_rel > 0 AND certificate_expanded_uncertainty_rel < 1",
             "certificate_uncertainty_relative",
