@@ -1,4 +1,4 @@
-"""Messages between a decoder and who asks it, and its answers, which are checked as a stranger's are."""
+"""Messages between a decoder and who asks it."""
 
 import json
 import math
@@ -6,19 +6,9 @@ import os
 import select
 import struct
 import time
-from collections.abc import Iterator
-from dataclasses import asdict
 from typing import Any, Final
 
 import numpy as np
-from pydantic import TypeAdapter, ValidationError
-
-from radiometry.findings import InputRejected
-from radiometry.frame import Frame, FrameHeader
-from radiometry.frame.multispectral import CAMERAS
-from radiometry.frame.proof import Proof
-from radiometry.methods.findings import FINDINGS
-from worker.decode import limits
 
 _LENGTHS: Final = struct.Struct(">II")
 MAX_JSON_BYTES: Final = 1 << 20
@@ -90,106 +80,3 @@ def _finite(text: str) -> float:
     if not math.isfinite(value):
         raise ValueError(text)
     return value
-
-
-_HEADER: Final = TypeAdapter(FrameHeader)
-_PROOF: Final = TypeAdapter(Proof)
-_SITES: Final = {"RGGB": 4, "GBRG": 4, "BGGR": 4, "GRBG": 4, "grey": 1, "rgb": 3}
-_MAX_MESSAGE: Final = 1000
-
-
-def check_refusal(answer: dict[str, Any]) -> InputRejected:
-    refused = answer["refused"]
-    if not isinstance(refused, dict) or not isinstance(refused.get("message"), str):
-        raise BrokenMessageError("a refusal without a reason")
-    found = FINDINGS.get(str(refused.get("code")))
-    if found is None or found.severity != "error":
-        raise BrokenMessageError("a refusal with an unknown code")
-    return InputRejected(found, refused["message"][:_MAX_MESSAGE])
-
-
-def check_header(answer: dict[str, Any]) -> FrameHeader:
-    try:
-        header = _HEADER.validate_python(answer.get("header"))
-    except ValidationError as error:
-        raise BrokenMessageError("a header that is none") from error
-    texts = list(_texts(asdict(header)))
-    plausible = (
-        header.cfa in _SITES
-        and len(header.black_level_dn) == len(header.white_level_dn) == _SITES[header.cfa]
-        and 0 < header.width_px <= limits.MAX_SIDE_PX
-        and 0 < header.height_px <= limits.MAX_SIDE_PX
-        and header.width_px * header.height_px <= limits.MAX_FRAME_PX
-        and header.band_rows >= header.first_band_rows >= 1
-        and abs(header.latitude_deg or 0.0) <= 90
-        and abs(header.longitude_deg or 0.0) <= 180
-        and all(math.isfinite(level) for level in (*header.black_level_dn, *header.white_level_dn))
-        and (header.multispectral is None or header.multispectral.system in CAMERAS)
-        and all(len(text) <= limits.MAX_TEXT and text.isprintable() for text in texts)
-    )
-    if not plausible:
-        raise BrokenMessageError("a header that cannot be")
-    return header
-
-
-def _texts(value: object) -> Iterator[str]:
-    """Every text of a header, however deep."""
-    if isinstance(value, str):
-        yield value
-    elif isinstance(value, dict | tuple):
-        for part in value.values() if isinstance(value, dict) else value:
-            yield from _texts(part)
-
-
-def check_frame(answer: dict[str, Any], body: memoryview, window: tuple[int, int, int, int]) -> Frame:
-    """A frame of exactly the window that was asked for."""
-    told = answer.get("frame")
-    if not isinstance(told, dict) or told.get("cfa") not in _SITES:
-        raise BrokenMessageError("a frame that is none")
-    row0, col0, height, width = window
-    shape = (height, width, 3) if told["cfa"] == "rgb" else (height, width)
-    if len(body) != 2 * math.prod(shape) or [told.get("row0"), told.get("col0")] != [row0, col0]:
-        raise BrokenMessageError("a frame of another size than was asked for")
-    sites = _SITES[told["cfa"]]
-    return Frame(
-        samples_dn=np.frombuffer(body, np.uint16).reshape(shape),
-        row0=row0,
-        col0=col0,
-        height_px=_side(told.get("height_px")),
-        width_px=_side(told.get("width_px")),
-        cfa=told["cfa"],
-        black_level_dn=_levels(told.get("black_level_dn"), sites),
-        white_level_dn=_levels(told.get("white_level_dn"), sites),
-    )
-
-
-def check_preview(body: memoryview) -> bytes:
-    preview = bytes(body)
-    if not preview.startswith(b"\x89PNG\r\n\x1a\n"):
-        raise BrokenMessageError("a preview that is no PNG")
-    return preview
-
-
-def check_proof(answer: dict[str, Any]) -> Proof:
-    try:
-        proof = _PROOF.validate_python(answer.get("proof"))
-    except ValidationError as error:
-        raise BrokenMessageError("a proof that is none") from error
-    shares = (*proof.wholeness.zero_share, *proof.wholeness.below_share)
-    if not (all(0.0 <= share <= 1.0 for share in shares) and 0 <= proof.highest_dn < 1 << 16):
-        raise BrokenMessageError("a proof that cannot be")
-    return proof
-
-
-def _side(value: object) -> int:
-    if not isinstance(value, int) or not 0 < value <= limits.MAX_SIDE_PX:
-        raise BrokenMessageError("a frame without a size")
-    return value
-
-
-def _levels(values: object, sites: int) -> tuple[float, ...]:
-    if not isinstance(values, list) or len(values) != sites:
-        raise BrokenMessageError("levels for other sites")
-    if not all(isinstance(value, int | float) and math.isfinite(value) for value in values):
-        raise BrokenMessageError("levels that are no numbers")
-    return tuple(float(value) for value in values)

@@ -21,7 +21,7 @@ from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.proof import Proof
 from store.blobs import BlobDamaged, StoredFile
 from store.sandbox import Sandbox, build_command, build_environment
-from worker.decode import messages
+from worker.decode import answers, messages
 from worker.decode.limits import NOT_SHUT_IN, DecoderLimits
 
 _START_SECONDS: Final = 60.0
@@ -402,18 +402,18 @@ class _Decoder:
 
     def read_header(self) -> FrameHeader:
         answer, _ = self._ask({"do": "read_header"}, 0)
-        return self._checked("read_header", lambda: messages.check_header(answer))
+        return self._checked("read_header", lambda: answers.check_header(answer))
 
     def read_window(self, window: tuple[int, int, int, int]) -> Frame:
         _, _, height, width = window
         most = min(max(0, height) * max(0, width) * 6, messages.MAX_BODY_BYTES)
         answer, body = self._ask({"do": "read_window", "window": list(window)}, most)
-        return self._checked("read_window", lambda: messages.check_frame(answer, body, window))
+        return self._checked("read_window", lambda: answers.check_frame(answer, body, window))
 
     def inspect(self, longest_side_px: int) -> tuple[bytes, Proof]:
         request = {"do": "inspect", "longest_side_px": longest_side_px}
         answer, body = self._ask(request, _PREVIEW_BYTES)
-        return self._checked("inspect", lambda: (messages.check_preview(body), messages.check_proof(answer)))
+        return self._checked("inspect", lambda: (answers.check_preview(body), answers.check_proof(answer)))
 
     def has_open(self, file: Readable) -> bool:
         """Return True if the cell reads this file: the same proof of it, the same bytes under its path."""
@@ -469,7 +469,7 @@ class _Decoder:
     def _sorted(self, answer: dict[str, Any], stage: str) -> dict[str, Any]:
         """The answer if it is one; a refusal or a failure is raised."""
         if "refused" in answer:
-            raise self._checked(stage, lambda: messages.check_refusal(answer))
+            raise self._checked(stage, lambda: answers.check_refusal(answer))
         if "damaged" in answer and isinstance(self._file, StoredFile):
             raise BlobDamaged(self._file.blob.sha256)
         if "failed" in answer:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
-from worker.decode import messages, reader
+from worker.decode import answers, messages, reader
 from worker.decode.messages import BrokenMessageError
 
 
@@ -29,7 +29,7 @@ def pipe():
 
 def test_header_survives_the_way(header):
     told = json.loads(json.dumps(header))
-    assert asdict(messages.check_header({"header": told})) == header
+    assert asdict(answers.check_header({"header": told})) == header
 
 
 @pytest.mark.parametrize(
@@ -55,7 +55,7 @@ def test_header_survives_the_way(header):
 )
 def test_header_that_cannot_be(change, header):
     with pytest.raises(BrokenMessageError):
-        messages.check_header({"header": {**header, **change}})
+        answers.check_header({"header": {**header, **change}})
 
 
 FRAME = {
@@ -71,7 +71,7 @@ FRAME = {
 
 def test_frame_of_the_window_asked_for():
     body = bytearray(np.arange(6, dtype=np.uint16).tobytes())
-    frame = messages.check_frame({"frame": FRAME}, body, (2, 4, 2, 3))
+    frame = answers.check_frame({"frame": FRAME}, body, (2, 4, 2, 3))
     assert frame.samples_dn.tolist() == [[0, 1, 2], [3, 4, 5]]
     assert frame.black_level_dn == (1, 2, 3, 4)
 
@@ -90,13 +90,13 @@ def test_frame_of_the_window_asked_for():
 )
 def test_frame_of_another_shape(change, size):
     with pytest.raises(BrokenMessageError):
-        messages.check_frame({"frame": {**FRAME, **change}}, bytearray(size), (2, 4, 2, 3))
+        answers.check_frame({"frame": {**FRAME, **change}}, bytearray(size), (2, 4, 2, 3))
 
 
 @pytest.mark.parametrize("code", ["", "no_such_code", None, 7])
 def test_refusal_with_an_unknown_code(code):
     with pytest.raises(BrokenMessageError):
-        messages.check_refusal({"refused": {"code": code, "message": "so"}})
+        answers.check_refusal({"refused": {"code": code, "message": "so"}})
 
 
 @pytest.mark.parametrize(
