@@ -216,8 +216,9 @@ def find_port() -> int:
 
 
 def make_environment(data: Path) -> dict[str, str]:
-    """Return this environment without its STILB_ settings, and with a data folder."""
-    return {k: v for k, v in os.environ.items() if not k.startswith("STILB_")} | {"STILB_DATA": str(data)}
+    """Return this environment without its STILB_ settings, and with a data folder; code is kept compiled."""
+    left_out = ("STILB_", "PYTHONDONTWRITEBYTECODE")
+    return {k: v for k, v in os.environ.items() if not k.startswith(left_out)} | {"STILB_DATA": str(data)}
 
 
 @contextmanager

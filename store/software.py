@@ -1,10 +1,8 @@
 """Version of the product, of its schema, and of computations that may give another figure."""
 
 import sqlite3
-import tomllib
 from contextlib import closing
 from functools import cache
-from importlib import metadata
 from pathlib import Path
 
 FIT_CODE_VERSION = "0.1.6"
@@ -27,6 +25,10 @@ RENDERER = "render-3"
 @cache
 def read_version() -> str:
     """Return the version of the product: in `pyproject.toml` of a checkout, else of the installed package."""
+    # 2 MB, which the launcher does without
+    import tomllib  # noqa: PLC0415
+    from importlib import metadata  # noqa: PLC0415
+
     path = Path(__file__).parents[1] / "pyproject.toml"
     if path.is_file():
         return str(tomllib.loads(path.read_text(encoding="utf-8"))["project"]["version"])

@@ -75,15 +75,19 @@ class Context:
         return Files(self.database, self.blobs)
 
 
-def build_context(settings: Settings, decoders: DecoderPool) -> Context:
+def open_database(settings: Settings) -> Database:
+    return Database(
+        settings.effective_database_url,
+        answer_within_s=settings.database_timeout_s,
+        post=Post(settings.effective_broker_url),
+    )
+
+
+def build_context(settings: Settings, decoders: DecoderPool, database: Database | None = None) -> Context:
     """Open the world that the settings name."""
     return Context(
         settings=settings,
-        database=Database(
-            settings.effective_database_url,
-            answer_within_s=settings.database_timeout_s,
-            post=Post(settings.effective_broker_url),
-        ),
+        database=database or open_database(settings),
         blobs=blobs_from_url(settings.effective_blobs_url, settings.data),
         decoders=decoders,
     )

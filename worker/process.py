@@ -23,7 +23,7 @@ from store.pulse import Pulse
 from store.tracing import configure_tracing
 from worker.app import app, settings
 from worker.background import Renewal, Scrub
-from worker.context import build_context
+from worker.context import build_context, open_database
 from worker.decode.pieces import keep_memory, share_one_arena
 from worker.decode.pool import DecoderPool, DecoderUnavailable
 from worker.runner import run
@@ -37,7 +37,7 @@ _FAREWELL_S = 3.0
 decoders = DecoderPool()
 _pulse = Pulse(settings.pulse)
 _mine: dict[str, Any] = {}
-"""Of a pool process: its context, upkeep and presence."""
+"""Of a pool process: its context, upkeep and presence; of the parent: the database and the sandbox."""
 
 
 class JobFailed(Exception):  # noqa: N818  it is what happened
@@ -99,7 +99,8 @@ def log_our_way(**_: object) -> None:
 def prepare(**_: object) -> None:
     """Load and check in the parent what its forks share."""
     log_our_way()  # which Celery asks for later
-    database = Database(settings.effective_database_url, answer_within_s=settings.database_timeout_s)
+    # forks share what it has compiled by then, and none of its connections
+    _mine["database"] = database = open_database(settings)
     try:
         database.guard_schema()
         with database.reading() as session:  # prepares the tables once for all forks
@@ -127,7 +128,7 @@ def begin(**_: object) -> None:
     keep_memory()
     decoders.share()
     configure_tracing("worker")
-    context = build_context(settings, decoders)
+    context = build_context(settings, decoders, _mine["database"])
     presence = Presence(
         context.database,
         "worker",

@@ -53,10 +53,10 @@ def _launch(parts: str, before: str) -> int:
     # the stand-ins, of which there are many, start in a fifth of the time without them
     from service.launch.run import Roster, launch  # noqa: PLC0415
     from service.launch.supervisor import Part  # noqa: PLC0415
-    from store.settings import Settings  # noqa: PLC0415
+    from store.settings import read_settings  # noqa: PLC0415
 
     return launch(
-        Settings(),
+        read_settings(),
         Roster(
             before=[[*SELF, step] for step in before.split(",") if step],
             parts=[
