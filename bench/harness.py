@@ -47,6 +47,8 @@ class Scale:
     workers: int = 20
     job_s: float = 1.0
     """Three such jobs a worker in a round."""
+    card: int = 500
+    restarts: int = 7
     waiting_jobs: int = 20_000
     waits_s: float = 5.0
     """How long they wait without a worker, and as long again beside one that may take none."""

@@ -35,6 +35,7 @@ from store.tables.base import new_id
 from tests.support.postgres import PostgresServer
 
 _WITHIN_S = 300.0
+_NEWCOMER = "org_newcomer"
 
 
 class _Queue:
@@ -45,16 +46,23 @@ class _Queue:
         self._environment = make_environment(folder) | {"STILB_DATABASE_URL": database_url}
         self._log = stack.enter_context((folder / "log").open("wb"))
         unix_socket = folder / "valkey.sock"
-        command = valkey_command(valkey_binary(), folder, unix_socket)
-        broker = stack.enter_context(subprocess.Popen(command, stdout=self._log, stderr=self._log))
-        stack.callback(broker.terminate)
+        self._command = valkey_command(valkey_binary(), folder, unix_socket)
+        stack.callback(self.kill_broker)
         self.broker = stack.enter_context(redis.Redis(unix_socket_path=str(unix_socket)))
+        self.start_broker()
         post = Post(self._settings.effective_broker_url)
         self._database = Database(self._settings.effective_database_url, post=post)
         stack.callback(self._database.dispose)
         migrate(self._database)
         with self._database.writing("bench") as session:
-            session.add(Organisation(id="org_bench", name="bench"))
+            session.add_all([Organisation(id=each, name=each) for each in ("org_bench", _NEWCOMER)])
+
+    def start_broker(self) -> None:
+        self._server = subprocess.Popen(self._command, stdout=self._log, stderr=self._log)
+
+    def kill_broker(self) -> None:
+        self._server.kill()
+        self._server.wait()
 
     @contextmanager
     def working(self, processes: int, *, nodes: int = 1) -> Iterator[list[int]]:
@@ -66,14 +74,18 @@ class _Queue:
                 stack.enter_context(running([*words, f"{node}@bench"], self._environment, self._log)).pid
                 for node in range(nodes)
             ]
-            with make_celery(self._settings.effective_broker_url) as celery:
-                _wait_until(lambda: len(celery.control.ping(timeout=1) or []) == nodes)
+            # not of the pool of connections, which keeps those to a broker that was killed
+            celery = make_celery(self._settings.effective_broker_url)
+            with celery, celery.connection_for_write() as connection:
+                _wait_until(lambda: len(celery.control.ping(timeout=1, connection=connection) or []) == nodes)
             yield started
 
-    def add(self, count: int, *, lane: str = "fit", lasts_s: float = 0.0) -> None:
+    def add(
+        self, count: int, *, lane: str = "fit", lasts_s: float = 0.0, organisation: str = "org_bench"
+    ) -> None:
         """Queue jobs, whose messages are sent after the commit."""
         kind = "fit" if lane == "fit" else "extract"
-        row = {"organisation_id": "org_bench", "kind": kind, "lane": lane, "created_by": "bench"}
+        row = {"organisation_id": organisation, "kind": kind, "lane": lane, "created_by": "bench"}
         row |= {"parameters": {"lasts_s": lasts_s}}
         with self._database.writing("bench") as session:
             write_rows(session, {Job: (row | {"subject_id": new_id("cmp")} for _ in range(count))})
@@ -105,6 +117,7 @@ def run(scale: Scale, postgres: PostgresServer) -> list[bool]:
         rate = compare([scale.workers * spent for spent in one], together)
         return [
             judge("rate of all, to one's", rate, at_least=0.75 * scale.workers),
+            *_restart_broker(queue, scale),
             _wait_without_workers(queue, scale),
             *_wait_beside_a_worker(queue, scale, folder),
         ]
@@ -120,6 +133,29 @@ def _work_off(queue: _Queue, scale: Scale, *, processes: int, nodes: int) -> Sec
             _wait_until(lambda: not queue.count(Job.state.in_(("queued", "running"))))
             seconds.append(time.perf_counter() - began)
     return seconds
+
+
+def _restart_broker(queue: _Queue, scale: Scale) -> Iterator[bool]:
+    """Kill the broker for a second while two processes work; then another organisation adds one job."""
+    say(f"\n{scale.restarts} restarts of the broker amid {scale.card} jobs of 0.1 s, and one job behind them")
+    waits_s = []
+    done, newcomer = Job.state == "succeeded", Job.organisation_id == _NEWCOMER
+    with queue.working(2):
+        queue.clear()
+        queue.add(scale.card, lasts_s=0.1)
+        for _ in range(scale.restarts):
+            queue.kill_broker()
+            time.sleep(1.0)  # by which those that ran have ended
+            before, began = queue.count(done), time.perf_counter()
+            queue.start_broker()
+            _wait_until(lambda before=before: queue.count(done) > before)
+            waits_s.append(time.perf_counter() - began)
+        began = time.perf_counter()
+        queue.add(1, organisation=_NEWCOMER)
+        _wait_until(lambda: queue.count(newcomer & (Job.state != "queued")) > 0)
+        newcomer_s = time.perf_counter() - began
+    yield judge("from the broker's start to the next job's end, at most [s]", max(waits_s), at_most=10.0)
+    yield judge("until the newcomer's job begins [s]", newcomer_s, at_most=5.0)
 
 
 def _wait_without_workers(queue: _Queue, scale: Scale) -> bool:

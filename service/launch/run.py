@@ -148,7 +148,7 @@ def _is_ready(host: str, port: int) -> bool:
     try:
         with socket.create_connection((_reachable(host), port), timeout=2.0) as connection:
             connection.sendall(asked.encode())
-            return connection.recv(64).startswith(b"HTTP/1.1 200 ")
+            return connection.recv(64).partition(b" ")[2].startswith(b"200 ")
     except OSError:
         return False
 

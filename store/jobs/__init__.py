@@ -129,7 +129,8 @@ def begin(session: Session, job_id: str, *, lease_s: float) -> Claim | None:
     if job is None:
         return None
     queue = LANES[job.lane].queue
-    touch(session, queue)
+    if job.waits_for != Dependency.BLOBS:  # until it knows whether the file store serves, no other is sent
+        touch(session, queue)
     if job.state == "running" and _is_dead(job.holder):
         take_back(session, Job.id == job_id)
         session.refresh(job)

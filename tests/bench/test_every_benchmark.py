@@ -26,6 +26,8 @@ TINY = Scale(
     rests_s=0.1,
     workers=2,
     job_s=0.01,
+    card=20,
+    restarts=1,
     waiting_jobs=100,
     waits_s=0.2,
 )
@@ -47,7 +49,7 @@ def test_every_benchmark_runs_and_leaves_nothing_behind(short_folder, monkeypatc
     before = family(1)
     assert main(TINY) == 0
     told = capfd.readouterr().out
-    targets = 45
+    targets = 47
     assert told.count("target:") == targets
     assert f"{targets} targets, " in told
     assert list(short_folder.iterdir()) == []

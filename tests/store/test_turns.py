@@ -153,6 +153,13 @@ def test_a_store_that_is_away_holds_back_only_what_needs_it(database, post):
     assert len(post.waiting) == WINDOW
 
 
+def test_what_tries_the_store_again_begins_alone(database, post):
+    (organisation,) = organisations(database, 1)
+    add(database, organisation, waits_for=str(Dependency.BLOBS))
+    add(database, organisation, times=CARD)
+    assert [post.begin().attempt, post.waiting] == [1, []]
+
+
 def test_a_thousand_that_are_tried_later_are_in_nobodys_way(database, post):
     one, other = organisations(database, 2)
     add(database, one, times=1000, due_at=utc_now() + jobs.LONGEST_PAUSE / 2)
