@@ -29,6 +29,7 @@ def main(scale: Scale, *names: str) -> int:
         parts: dict[str, Callable[[], list[bool]]] = {
             "reading": lambda: reading.run(scale),
             "uploads": lambda: uploads.run(scale, postgres()),
+            "campaign": lambda: uploads.run_campaign(scale),
             "growth": lambda: growth.run(scale),
             "lookups": lambda: lookups.run(scale, postgres()),
             "workers": lambda: workers.run(scale, postgres()),

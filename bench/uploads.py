@@ -9,15 +9,17 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from pathlib import Path
 from random import Random
 from urllib.parse import urlsplit
 
 import httpx
+import numpy as np
 from tusclient.client import TusClient
 
 import stilb
-from bench.frames import create_campaign, make_mosaic, renew, write_copies
+from bench.frames import CAMERA, create_campaign, draw_roi, make_mosaic, renew, write_copies
 from bench.harness import (
     HEADERS,
     KEY,
@@ -36,6 +38,7 @@ from tests.support.postgres import PostgresServer
 from tests.support.proxy import Proxy
 
 _CLIENTS = 8
+_LEVELS = 6
 _FRAME_BYTES = 20_000
 _MIB = 1 << 20
 
@@ -119,6 +122,35 @@ def _upload_many(scale: Scale, service: Service) -> bool:
     one, together = seconds.values()
     rate = compare([_CLIENTS * spent for spent in one], together)
     return judge("rate of eight clients, to one client's", rate, at_least=3.0)
+
+
+def run_campaign(scale: Scale) -> list[bool]:
+    """Send frames of a whole campaign to all that `make up` runs, and wait for K."""
+    with tempfile.TemporaryDirectory(prefix="stilb-bench-") as name, ExitStack() as stack:
+        folder = Path(name)
+        team = stack.enter_context(stack.enter_context(Embedded(folder / "data")).team())
+        client, mosaic, black = team.client, make_mosaic(scale), int(CAMERA.sensor.black_level_dn)
+        campaign = create_campaign(client)
+        client.set_roi(campaign, polygon=draw_roi(scale).points)
+        paths, readings = [], []
+        for level in range(1, _LEVELS + 1):
+            share = np.float32(level / _LEVELS)
+            (path,) = write_copies(folder, (black + (mosaic - black) * share).astype(np.uint16))
+            paths.append(path.rename(folder / f"{level}.dng"))
+            readings.append({"scene": f"level-{level}", "quantity": "luminance", "value": 10.0 * level})
+        client.add_readings(campaign, [each | {"unit": "cd/m2"} for each in readings])
+        say(f"\n{scale.frames} frames of {paths[0].stat().st_size / 1e6:.1f} MB, until K")
+        began, frames = time.perf_counter(), []
+        for number in range(scale.frames):
+            renew(paths[number % _LEVELS], number)
+            scene = f"level-{number % _LEVELS + 1}"
+            frames.append(client.push(campaign, paths[number % _LEVELS], role="light", scene=scene))
+        sent_s = time.perf_counter() - began
+        for frame in frames:
+            client.wait(frame.job_id)
+        client.calibrate(campaign, model="proportional")
+        ratio = (time.perf_counter() - began) / sent_s
+        return [judge(f"until K, to the uploads ({sent_s:.1f} s)", ratio, at_most=1.3)]
 
 
 def send_by_client(team: Team, through: str, campaign: str, path: Path) -> None:

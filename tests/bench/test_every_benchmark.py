@@ -18,6 +18,7 @@ TINY = Scale(
     cols=640,
     rounds=2,
     uploads=2,
+    frames=6,
     grown=20,
     jobs=200,
     coefficients=(100, 200),
@@ -49,7 +50,7 @@ def test_every_benchmark_runs_and_leaves_nothing_behind(short_folder, monkeypatc
     before = family(1)
     assert main(TINY) == 0
     told = capfd.readouterr().out
-    targets = 47
+    targets = 48
     assert told.count("target:") == targets
     assert f"{targets} targets, " in told
     assert list(short_folder.iterdir()) == []
