@@ -1,6 +1,7 @@
 """Findings in frames, fits, measurements and requests: the form of an entry, and of each occurrence."""
 
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Literal, Self
 
 from radiometry.records import Record, about
@@ -78,9 +79,22 @@ def flag(sentence: str, remedy: str, where: Place = "calibration", *more: Place)
     return Finding("", "warn", (where, *more), sentence, remedy)
 
 
+def flag_measurement(sentence: str, remedy: str) -> Finding:
+    """Declare a flag of a measurement alone."""
+    return flag(sentence, remedy, "measurement")
+
+
+def flag_both(sentence: str, remedy: str) -> Finding:
+    """Declare a flag of a fit that holds for what is measured with it too."""
+    return flag(sentence, remedy, "calibration", "measurement")
+
+
 def reason(severity: Literal["warn", "pending", "fail"], sentence: str, remedy: str, *more: Place) -> Finding:
     """Declare a reason why a frame does not simply pass."""
     return Finding("", severity, ("verdict", *more), sentence, remedy)
+
+
+warn, fail = partial(reason, "warn"), partial(reason, "fail")
 
 
 def error(sentence: str, remedy: str, where: Place = "request", *more: Place) -> Finding:

@@ -1,10 +1,9 @@
 """Findings that no method owns: of frames, regions, readings of files, and of what several methods do."""
 
-from radiometry.findings import Finding, declare, error, flag, reason
+from radiometry.findings import Finding, declare, error, fail, flag, flag_both, flag_measurement, reason, warn
 
 # of a frame, when it is accepted
-RENDERED = reason(
-    "warn",
+RENDERED = warn(
     "The image is not raw: a tone curve has been applied between the light and the numbers.",
     "Send the camera's own raw file.",
     *("frame", "calibration", "measurement"),
@@ -17,8 +16,7 @@ STATISTICS_FROM_TABLE = flag(
 PIXELS_MISSING = error(
     "The frame is a row of a table, which has no pixels to measure.", "Send the camera's raw file."
 )
-EXPOSURE_NOT_MANUAL = reason(
-    "warn",
+EXPOSURE_NOT_MANUAL = warn(
     "The camera chose the exposure; the procedure asks for manual exposure.",
     "Set the exposure mode to manual and automatic ISO off, and take the frame again.",
     "frame",
@@ -65,8 +63,7 @@ IMAGE_PART_EMPTY = Finding(
     "A part of the image is empty, zeros or below black where a sensor shows noise: data is missing.",
     "Copy the file from the card again, or take the frame again.",
 )
-FRAME_LEFT_OUT = reason(
-    "warn",
+FRAME_LEFT_OUT = warn(
     "The method has no use for what this file shows, such as a thermal band; it is stored and left out.",
     "Nothing: the other files of the capture are used.",
     "frame",
@@ -120,49 +117,40 @@ NOT_EXTRACTED = reason(
     "The region is known; its statistics are not there yet.",
     "Ask again in a few seconds. A board is looked for once the campaign describes it.",
 )
-REFUSED = reason(
-    "fail",
+REFUSED = fail(
     "The file cannot be used; `detail` is the sentence of its `refusal`.",
     "Follow the entry of its code in the list of errors.",
 )
-ROI_UNFIT = reason(
-    "fail",
+ROI_UNFIT = fail(
     "The region leaves this frame, contains no pixel's centre, or is too small for what is measured in it.",
     "Draw it again, or give this frame a region of its own.",
 )
-FORMAT_DIFFERS = reason(
-    "fail",
+FORMAT_DIFFERS = fail(
     "Width, height or colour filter differ from those of most other frames.",
     "Set the camera as for the others and take it again.",
 )
-ROLE_UNUSED = reason(
-    "warn",
+ROLE_UNUSED = warn(
     "The campaign's fit does not use frames of this role.",
     "Correct the role of the frame, or upload the file to its own campaign.",
 )
 # of the signal in its region
-CLIPPED = reason(
-    "fail",
+CLIPPED = fail(
     "More than 0.1 % of the region's samples are saturated.",
     "Shorten the exposure time, close the aperture or lower the ISO value, and take the frame again.",
 )
-TOO_DARK = reason(
-    "fail",
+TOO_DARK = fail(
     "The signal is less than three standard errors above dark: the fit leaves the frame out.",
     "Take a longer time, a larger aperture or a brighter level.",
 )
-WEAK_SIGNAL = reason(
-    "warn",
+WEAK_SIGNAL = warn(
     "The signal is above dark, but too small to have much weight.",
     "Take a longer time, a larger aperture or a brighter level.",
 )
-UNEVEN = reason(
-    "fail",
+UNEVEN = fail(
     "The region is not one evenly lit surface.",
     "Check the preview: draw the region again, or even out the light.",
 )
-REDUNDANT = reason(
-    "fail",
+REDUNDANT = fail(
     "Another frame of the campaign has the same settings and scene, or the same samples.",
     "Use another aperture or another light level instead of a repeat.",
 )
@@ -175,8 +163,7 @@ DARK_FROM_BLACK_LEVEL = flag(
     "There is no dark frame of this ISO value: the black level that the file states was subtracted.",
     "Take three dark frames.",
 )
-DARK_NOT_DARK = reason(
-    "fail",
+DARK_NOT_DARK = fail(
     "A dark frame is brighter than others like it, or than the stated black level: light, or a warm sensor.",
     "Switch the lamp off, cover the lens and take it again.",
     "calibration",
@@ -190,11 +177,10 @@ SCATTER_EXCEEDS_UNCERTAINTY = flag(
     "found.",
     "Check the residuals for a frame, a reading or an aperture that differs from the others.",
 )
-SCATTER_IMPLAUSIBLE = flag(
+SCATTER_IMPLAUSIBLE = flag_both(
     "The points scatter by more than 5 %, which no meter and no shutter does.",
     "Check for surfaces of different colours, an offset (stray light, wrong dark signal), and "
     "frames or readings of a wrong scene.",
-    *("calibration", "measurement"),
 )
 FIT_INCOMPLETE = error(
     "The rows do not suffice for the result, for example because a reading was withdrawn meanwhile.",
@@ -210,25 +196,21 @@ VIGNETTING_NOT_CALIBRATED = error(
     "Take flats at that f-number, or use one within the range.",
 )
 # of a measurement
-SATURATED = flag(
+SATURATED = flag_measurement(
     "More than 0.1 % of the region's samples are saturated: the result is a lower bound.",
     "Take another frame at a quarter of the exposure time.",
-    "measurement",
 )
-BELOW_DETECTION = flag(
+BELOW_DETECTION = flag_measurement(
     "The signal is less than three standard errors above dark.",
     "Expose longer or open the aperture, or average several frames.",
-    "measurement",
 )
-CALIBRATION_NOT_PUBLISHED = flag(
+CALIBRATION_NOT_PUBLISHED = flag_measurement(
     "The measurement used a calibration version that has not been published.",
     "Have the version reviewed and published, or measure with the one in force.",
-    "measurement",
 )
-CALIBRATION_SUPERSEDED = flag(
+CALIBRATION_SUPERSEDED = flag_measurement(
     "The calibration version that the measurement used has been replaced since.",
     "Measure the frame again: another version is in force now.",
-    "measurement",
 )
 CALIBRATION_REVOKED = Finding(
     "",

@@ -1,6 +1,6 @@
 """Findings of the geometry method and of rigs."""
 
-from radiometry.findings import declare, error, flag, reason
+from radiometry.findings import declare, error, fail, flag, warn
 
 VIEW_OUTLIER = flag(
     "A view fits more than three times worse than the median view, and worse than 0.3 px; it was used.",
@@ -42,21 +42,17 @@ DISTORTION_FOLDS = flag(
     "The radial polynomial turns back inside the frame, which no lens does.",
     "Bring the board into the corners, or free fewer `radial_terms`.",
 )
-BOARD_NOT_FOUND = reason(
-    "fail",
+BOARD_NOT_FOUND = fail(
     "The board was not found: the fit leaves the frame out.",
     "Show all of a checkerboard with a white margin, sharp, flat and free of glare, and check the "
     "numbers of its inner corners.",
     "frame",
 )
-BOARD_BLURRED = reason(
-    "warn",
+BOARD_BLURRED = warn(
     "The edges of the board's squares rise (10 to 90 %) over more than 5 px: out of focus, or moved.",
     "Hold still, and use more light and a shorter time.",
 )
-BOARD_SMALL = reason(
-    "warn", "The board spans less than 5 % of the frame.", "Come closer, or use a larger board."
-)
+BOARD_SMALL = warn("The board spans less than 5 % of the frame.", "Come closer, or use a larger board.")
 
 
 RIG_INCOMPLETE = error(

@@ -1,6 +1,6 @@
 """Findings of the luminance method."""
 
-from radiometry.findings import declare, error, flag, reason
+from radiometry.findings import declare, error, fail, flag, flag_both, flag_measurement, reason, warn
 from radiometry.spectral import mismatch
 
 # of a fit
@@ -24,8 +24,7 @@ SEMILOG_MODEL = flag(
     "The semilogarithmic model was requested: it is wrong for a linear sensor.",
     "Use it only to reproduce an old report, and `proportional` to measure.",
 )
-LAMP_DRIFT = reason(
-    "warn",
+LAMP_DRIFT = warn(
     "The illuminance readings of a scene spread over more than 2 % of their mean.",
     "Let the lamp warm up, check its supply, and repeat the frames and readings of this light level.",
     "calibration",
@@ -43,11 +42,10 @@ GAIN_MAPS_DIFFER = flag(
     "Frames of one ISO value contain different gain maps, which are never applied.",
     "Use one firmware and one mode.",
 )
-OFFSET_SIGNIFICANT = flag(
+OFFSET_SIGNIFICANT = flag_both(
     "The affine model is better than the proportional one by more than 10 in AICc: the signal has an offset.",
     "Look for stray light, a wrong dark signal or a wrong black level, and take the frames again. "
     "Weak signals are wrong by about the offset.",
-    *("calibration", "measurement"),
 )
 OUTLIERS_DISCOUNTED = flag(
     "The robust fit gives frames less than a tenth of their weight, because they lie apart from all others.",
@@ -72,8 +70,7 @@ APEX_MISSING = flag(
     "Choose the basis `nominal`: the two do not mix.",
 )
 # of a frame's verdict
-SCENE_MISSING = reason(
-    "fail",
+SCENE_MISSING = fail(
     "The frame has no `scene`, so no meter reading can be assigned to it.",
     "`PATCH` the frame with its `scene`.",
 )
@@ -82,111 +79,93 @@ READING_MISSING = reason(
     "Its scene has no luminance reading: the fit leaves the frame out.",
     "Send the reading, or correct the name of the scene.",
 )
-NEARLY_CLIPPED = reason(
-    "warn",
+NEARLY_CLIPPED = warn(
     "The highlights of the region come within 5 % of white.",
     "Reduce the light so that they are at 80 % of the span from dark to white.",
 )
-SCENE_DOUBTFUL = reason(
-    "warn",
+SCENE_DOUBTFUL = warn(
     "The frame is more than 25 % brighter or darker than the median of its scene's frames at this ISO value.",
     "Correct the scene with `PATCH`; if it is right, something moved or the lamp changed: take it again.",
 )
 # of a measurement
-OUTSIDE_EXPOSURE_TIMES = flag(
+OUTSIDE_EXPOSURE_TIMES = flag_measurement(
     "The exposure time was not among those calibrated.",
     "Calibrate with this exposure time as well, dark frames included, or use one of the calibrated times.",
-    "measurement",
 )
-OUTSIDE_F_NUMBERS = flag(
+OUTSIDE_F_NUMBERS = flag_measurement(
     "The f-number is outside the calibrated range.",
     "Calibrate with this f-number as well, or use one within the range.",
-    "measurement",
 )
-F_NUMBER_NOT_CALIBRATED = flag(
+F_NUMBER_NOT_CALIBRATED = flag_measurement(
     "The f-number is within the calibrated range but was not calibrated: K of the ISO value is "
     "used, with the whole uncertainty of a nominal f-number.",
     "Calibrate with this f-number as well, or use a calibrated one.",
-    "measurement",
 )
-OUTSIDE_SIGNALS = flag(
+OUTSIDE_SIGNALS = flag_measurement(
     "The signal is outside the calibrated range, where linearity was not tested.",
     "Choose time and aperture so that it is inside, or calibrate light levels that reach it.",
-    "measurement",
 )
-NO_VIGNETTING_CORRECTION = flag(
+NO_VIGNETTING_CORRECTION = flag_measurement(
     "The light falloff of the lens is not corrected: K holds at the calibration's region.",
     "Fit K with a vignetting version from flat fields, or measure at the calibration's region.",
-    "measurement",
 )
-ROI_ELSEWHERE = flag(
+ROI_ELSEWHERE = flag_measurement(
     "The measured area reaches beyond the calibration's region, and vignetting is not corrected.",
     "Turn the camera until the surface is at the calibration's region, or calibrate with a region there.",
-    "measurement",
 )
-OBSERVER_DIFFERS = flag(
+OBSERVER_DIFFERS = flag_measurement(
     "The camera is above the road, not at the observer's position of EN 13201 or RP-8 (1.43° or less). On "
     "one simulated road U_o was 0.386 from above, and 0.427 (surface R1) or 0.266 (R4) for the driver: "
     "neither values nor ratios carry over. That road is dry; of a wet one EN 13201-2 asks a U_o of 0.15 "
     "instead of 0.40.",
     "For results according to EN 13201 or RP-8, measure from the observer's position with a luminance meter.",
-    "measurement",
 )
-FRAMES_DISAGREE = flag(
+FRAMES_DISAGREE = flag_measurement(
     "The averaged frames differ beyond their noise, and by 1 % or more: the light or the view changed.",
     "Keep the camera still and the light steady, avoid flicker, and take more frames; or measure "
     "them one by one.",
-    "measurement",
 )
-FLICKER_UNKNOWN = flag(
+FLICKER_UNKNOWN = flag_measurement(
     "The mains frequency is not stated, and the exposure is short against its period: the budget "
     "assumes 50 or 60 Hz, whichever errs more.",
     "State `mains_frequency_hz` and `lamp_kind` with the campaign or the measurement, or expose "
     "for a whole number of half periods, such as 1/50 s.",
-    "measurement",
 )
-STRAY_LIGHT_UNKNOWN = flag(
+STRAY_LIGHT_UNKNOWN = flag_measurement(
     "The glare of the lens is not known: minimum and U_o may be too large. The budget assumes up "
     "to 4 % of the frame's mean luminance.",
     "Photograph a black trap in a bright scene and state its luminance over that of the whole frame as "
     "`glare_share`.",
-    "measurement",
 )
-MIXED_SURFACE = flag(
+MIXED_SURFACE = flag_measurement(
     "Mean and median differ: the light changes steeply within the area, or it covers unlike "
     "parts, such as a road marking, a lamp or the light of a passing car.",
     "Look at the map, draw on one surface, take more cells, or measure a frame without traffic.",
-    "measurement",
 )
-MIXED_LIGHT = flag(
+MIXED_LIGHT = flag_measurement(
     "The raw colours of the cells differ: unlike lamps or surfaces lie side by side. The budget "
     "holds one spectral error, the same for all cells.",
     "Measure the part that each kind of lamp lights by itself, stating its `light_source`, and "
     "report no ratios between the parts.",
-    "measurement",
 )
-CORNERS_IMPLAUSIBLE = flag(
+CORNERS_IMPLAUSIBLE = flag_measurement(
     "No camera sees a rectangle of the stated sides with these corners.",
     "Check the order of the corners, of lanes the first two along them, and the lengths in metres.",
-    "measurement",
 )
-GRID_MIRRORED = flag(
+GRID_MIRRORED = flag_measurement(
     "The corners run counterclockwise: the cells are the surface's mirror image. Values and "
     "uniformities are not affected.",
     "Give the corners clockwise as the surface is seen from above.",
-    "measurement",
 )
-CELLS_SMALL = flag(
+CELLS_SMALL = flag_measurement(
     "Cells are narrower than 4 px: blur mixes neighbours, so that minimum and uniformity may be too large.",
     "Take fewer rows or columns, fly lower, or use a longer lens.",
-    "measurement",
 )
-DIFFUSE_ASSUMED = flag(
+DIFFUSE_ASSUMED = flag_measurement(
     "The illuminance takes the surface as matt and its reflectance as exact: its uncertainty is that of the "
     "luminance alone.",
     "Measure the reflectance of this dry surface, and add its relative uncertainty; of a wet or "
     "polished surface, measure the illuminance with a meter.",
-    "measurement",
 )
 ISO_NOT_CALIBRATED = error(
     "The frame was taken at an ISO value for which this calibration has no K; K is not interpolated.",

@@ -1,6 +1,6 @@
 """Findings of the noise method."""
 
-from radiometry.findings import declare, flag, reason
+from radiometry.findings import declare, fail, flag, warn
 
 PAIR_LIGHT_DRIFT = flag(
     "Frames of one setting differ by more than 1 % in their means: the light changed between them.",
@@ -39,13 +39,11 @@ DARK_CURRENT_COMPENSATED = flag(
     "The dark noise grows faster with time than the dark signal: the camera subtracts its dark current.",
     "Use the dark current from the variance.",
 )
-UNPAIRED = reason(
-    "warn",
+UNPAIRED = warn(
     "No other frame has its role, scene, ISO, exposure time and f-number: noise needs two equal frames.",
     "Take it again with the same settings.",
 )
-PAIR_DRIFT = reason(
-    "fail",
+PAIR_DRIFT = fail(
     "The light changed by more than 1 % between it and the other frames of its settings.",
     "Let the lamp warm up and take the frames one right after the other.",
 )

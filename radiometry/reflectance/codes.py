@@ -1,12 +1,11 @@
 """Findings of the reflectance method."""
 
-from radiometry.findings import Finding, declare, error, flag, reason
+from radiometry.findings import Finding, declare, error, fail, flag, flag_both, flag_measurement, warn
 
 # of a multispectral frame and its sunshine readings
-SUNSHINE_READINGS_LEFT_OUT = flag(
+SUNSHINE_READINGS_LEFT_OUT = flag_both(
     "Some sunshine readings are saturated, dark or of unknown gain; the others were used.",
     "`detail` counts them by reason.",
-    *("calibration", "measurement"),
 )
 SUNSHINE_SECOND_CHANNEL = flag(
     "No reading of the sunshine sensor's channel 0 is valid, mostly because all are saturated: channel 1 "
@@ -15,56 +14,47 @@ SUNSHINE_SECOND_CHANNEL = flag(
     "compare. The gain table alone is uncertain by 35 %.",
     *("calibration", "measurement", "frame", "verdict"),
 )
-SUNSHINE_GAIN_ASSUMED = flag(
+SUNSHINE_GAIN_ASSUMED = flag_both(
     "The sunshine records state no gain and no integration time: index 1 and 100 ms were assumed.",
     "Use firmware that records them: a change of gain during the flight is not visible.",
-    *("calibration", "measurement"),
 )
-SUNSHINE_GAIN_TABLE_MISSING = flag(
+SUNSHINE_GAIN_TABLE_MISSING = flag_both(
     "The file has no usable gain table: only readings at gain index 1 can be used.",
     "Check the firmware: version 1.7 at times writes no `IrradianceCalibrationMeasurement`.",
-    *("calibration", "measurement"),
 )
-SUNSHINE_SINGLE_READING = flag(
+SUNSHINE_SINGLE_READING = flag_both(
     "There is one sunshine reading, whose scatter is not known: 2.5 % was assumed, unless several frames of "
     "a panel visit show it.",
     "With a light sensor of MicaSense take three or more captures at each panel visit; otherwise "
     "use the mean of several readings.",
-    *("calibration", "measurement"),
 )
-SUNSHINE_TIME_UNKNOWN = flag(
+SUNSHINE_TIME_UNKNOWN = flag_both(
     "The reading nearest to the exposure was requested, and the time of exposure is not known: the last was "
     "used.",
     "Use the mean of the readings.",
-    *("calibration", "measurement"),
 )
-SUNSHINE_SCALE_ASSUMED = flag(
+SUNSHINE_SCALE_ASSUMED = flag_both(
     "The file does not state the unit of its irradiance: it was inferred from the light sensor's generation.",
     "Compare it with `panel_irradiance_w_m2_nm` of the version's points.",
-    *("calibration", "measurement"),
 )
-HORIZONTAL_IRRADIANCE_LEFT_OUT = flag(
+HORIZONTAL_IRRADIANCE_LEFT_OUT = flag_both(
     "The irradiance on a level surface that the file states is not trusted for this model and "
     "firmware: the irradiance as oriented was used.",
     "Update the camera's firmware.",
-    *("calibration", "measurement"),
 )
-TILT_NOT_CORRECTABLE = flag(
+TILT_NOT_CORRECTABLE = flag_both(
     "The reading of the sunshine sensor was not converted to a level surface: the file lacks position, time, "
     "its zone or attitude, or the sun is under 10 degrees. The tilt is in the uncertainty.",
     "Wait for the GPS fix, fly when the sun is higher, and state the campaign's time zone.",
-    *("calibration", "measurement"),
 )
-SUNSHINE_TILTED = flag(
+SUNSHINE_TILTED = flag_both(
     "The sunshine sensor was more than 3 degrees off level, and its reading was not converted. "
     "The tilt is in the uncertainty.",
     "Fit with `sunshine_surface: level`, from files with position and time.",
-    *("calibration", "measurement"),
 )
-INCIDENCE_ANGLE_DIFFERS = flag(
+INCIDENCE_ANGLE_DIFFERS = flag_measurement(
     "The angle of incidence stated for the measurement is not that of the fit.",
     "Leave the angle out unless the surface slopes against the panel.",
-    "measurement",
 )
 CLOCK_NOT_SET = flag(
     "The camera's clock was never set: the file's time lies before 2000. The position of the sun is not "
@@ -84,8 +74,7 @@ BLACK_LEVEL_DISAGREES = flag(
     *("frame", "calibration"),
 )
 # of a fit
-PANEL_UNEVEN = reason(
-    "warn",
+PANEL_UNEVEN = warn(
     "The signal changes by more than 3 % across the panel's region: a shadow, a reflection, or the panel's "
     "rim.",
     "Draw the region within the panel, or take the panel again in even light.",
@@ -138,58 +127,49 @@ PANEL_TIMES_DOUBTFUL = flag(
     "the uncertainty.",
     "Set the camera's clock before the first panel capture; fit each day alone.",
 )
-PANEL_ONLY = flag(
+PANEL_ONLY = flag_both(
     "The sunshine sensor was not used: the result holds for the light of the panel's capture alone.",
     "Fit with the sunshine sensor if the light changed.",
-    *("calibration", "measurement"),
 )
 BAND_MISSING = flag("A panel capture lacks a band that other captures have.", "Upload the missing file.")
-SUNSHINE_SERIAL_UNKNOWN = flag(
+SUNSHINE_SERIAL_UNKNOWN = flag_both(
     "A file names no sunshine sensor: that it is the calibration's is assumed, not checked.",
     "Check that the same sunshine sensor was connected.",
-    *("calibration", "measurement"),
 )
 # of a frame's verdict
-PANEL_WEAK = reason(
-    "fail",
+PANEL_WEAK = fail(
     "The panel's signal is less than three standard errors above black, or is not a number.",
     "Take it again in better light.",
 )
-PANEL_UNKNOWN = reason(
-    "warn",
+PANEL_UNKNOWN = warn(
     "The campaign's panel is not registered with a reflectance in this band. The fit takes that "
     "of the file, which the certificate names as missing; without it the band is left out.",
     "Register the panel with this band and name it in the campaign.",
     "certificate",
 )
-SUNSHINE_UNUSABLE = reason(
-    "warn",
+SUNSHINE_UNUSABLE = warn(
     "The file has no valid reading of a sunshine sensor; `detail` gives the reason.",
     "Such a frame can only be used with `normalisation: panel_only`.",
 )
 # of a measurement
-LIGHT_CHANGED = flag(
+LIGHT_CHANGED = flag_measurement(
     "The sunshine sensor shows less than 0.7 or more than 1.4 times the light of the panel's "
     "captures. The reading divides the change out. Where the diffuse fraction was assumed for the "
     "tilt, the sky may have had any.",
     "Take the panel in the light of the flight; measure again with a visit in that light.",
-    "measurement",
 )
-OUTSIDE_PANEL_TIMES = flag(
+OUTSIDE_PANEL_TIMES = flag_measurement(
     "The frame was not taken between two panel captures, or a time is not known: K of the "
     "nearest, or the mean, was used. `drift` grows with the time to the nearest.",
     "Take the panel before and after the flight.",
-    "measurement",
 )
-REFLECTANCE_OUT_OF_RANGE = flag(
+REFLECTANCE_OUT_OF_RANGE = flag_measurement(
     "A reflectance is below 0 or above 1; it was not clipped.",
     "Check for noise in dark areas, glint, other light, or a wrong panel value.",
-    "measurement",
 )
-SENSOR_MODEL_DIFFERS = flag(
+SENSOR_MODEL_DIFFERS = flag_measurement(
     "The file's sensor model is not the calibration's: other firmware, or another camera.",
     "Take the panel again with this firmware.",
-    "measurement",
 )
 # of what gives no result
 SENSOR_MODEL_UNUSABLE = error(
@@ -215,11 +195,10 @@ BAND_NOT_CALIBRATED = error(
     "The calibration has no K for the frame's band, or a band that an index needs is missing.",
     "Take the panel in that band, with its reflectance, or upload the capture's other files.",
 )
-ALIGNMENT_NOT_REFINED = flag(
+ALIGNMENT_NOT_REFINED = flag_measurement(
     "The bands were aligned by the lens data of their files alone: too few edges agree, as on "
     "water, on bare ground, and close to a scene with depth. 5 pixels are assumed to remain.",
     "Use captures of structured ground from flight height, or a region that is even around its border.",
-    "measurement",
 )
 FORMULA_INVALID = error(
     "The formula of an index cannot be used; `detail` names the part, or the bands that there are.",
@@ -229,11 +208,10 @@ RADIANCE_UNKNOWN = error(
     "The file states no absolute calibration of its sensor, from which its radiance would follow.",
     "Ask for the reflectance. Cameras of MicaSense state a `RadiometricCalibration`.",
 )
-RADIANCE_UNCERTAINTY_UNKNOWN = flag(
+RADIANCE_UNCERTAINTY_UNKNOWN = flag_measurement(
     "The radiance follows from the manufacturer's calibration, whose uncertainty the file does not state: "
     "the uncertainty is that of the pixels' noise alone.",
     "Compare it with a radiance standard.",
-    "measurement",
 )
 INDEX_UNDEFINED = error(
     "The index is not defined for the region's reflectances: a divisor is zero, or below zero for a named "

@@ -1,6 +1,6 @@
 """Findings of the sharpness method."""
 
-from radiometry.findings import declare, error, flag, reason
+from radiometry.findings import declare, error, flag, warn
 
 SHARPNESS_ONCE = flag(
     "A position was taken once: its repeatability is not known, and not in the uncertainty.",
@@ -29,13 +29,11 @@ SHARPNESS_CENTRE_MISSING = flag(
 REGION_LEFT_OUT = flag(
     "A channel of a region cannot be used, and was left out.", "`detail` names the channel and the reason."
 )
-CHART_UNUSABLE = reason(
-    "warn",
+CHART_UNUSABLE = warn(
     "A channel of a region shows no edge or star that can be measured.",
     "`detail` names the channel and the reason, in the words of the list of errors.",
 )
-BLURRED = reason(
-    "warn",
+BLURRED = warn(
     "It is less sharp than the best repeat of the same position, by a tenth and by three standard "
     "uncertainties.",
     "Take it again; exclude it from the fit if you saw why.",

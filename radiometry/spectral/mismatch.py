@@ -9,19 +9,18 @@ from statistics import median
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings import declare, error, flag
+from radiometry.findings import declare, error, flag_measurement
 from radiometry.records import Record
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
-SPECTRAL_MISMATCH_UNKNOWN = flag(
+SPECTRAL_MISMATCH_UNKNOWN = flag_measurement(
     "The spectrum of the calibration's lamp, of the measured light, or the camera's response is not known: "
     "its effect is assumed.",
     "State what the detail names: `lamp` or `lamp_kind` and `camera_response` with the campaign "
     "of the calibration, `light_source` or `lamp_kind` with the measurement or its campaign; or "
     "`spectral_mismatch_u_rel`.",
-    "measurement",
 )
 SPECTRUM_INVALID = error(
     "A lamp or a camera response is neither a name of the library nor a table that can be read.",

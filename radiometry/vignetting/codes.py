@@ -1,6 +1,6 @@
 """Findings of the vignetting method."""
 
-from radiometry.findings import declare, error, flag, reason
+from radiometry.findings import declare, error, fail, flag
 
 FLAT_LEFT_OUT = flag(
     "A flat frame was left out of the fit: clipped, uneven, weak or unlike the others.",
@@ -18,8 +18,7 @@ LIGHT_NOT_TURNED = flag(
     "The light did not turn in the frame when the camera was turned; the fit does not rely on the turns.",
     "Check `flats_turned_deg` and the order of the frames, and turn the camera, not the light or a diffuser.",
 )
-DUST = reason(
-    "fail",
+DUST = fail(
     "Small parts of a flat are darker or brighter than around them: the fit leaves those parts out.",
     "Clean the sensor, the filter or the target, move the camera between frames, and repeat.",
     "calibration",

@@ -15,6 +15,8 @@ from radiometry.findings.shared import RENDERED, ROI_EMPTY
 from radiometry.methods.findings import FINDINGS, collect_findings
 
 ROOT = Path(__file__).parents[3]
+DECLARING = {"flag", "flag_measurement", "flag_both", "reason", "warn", "fail", "error"}
+DECLARING |= {"_refusal", "_failure", "_gap"}
 DECLARED = re.compile(r"radiometry/(findings/\w+|\w+/codes)\.py")
 
 
@@ -63,9 +65,7 @@ def test_every_entry_is_declared_in_a_module_that_is_collected():
 def _declares(path: str, call: ast.Call) -> bool:
     """Return True if a call makes an entry; outside the registry there is to be none."""
     name = getattr(call.func, "id", "")
-    return name == "Finding" or (
-        name in {"flag", "reason", "error", "_refusal", "_failure", "_gap"} and path.startswith("radiometry")
-    )
+    return name == "Finding" or (name in DECLARING and path.startswith("radiometry"))
 
 
 def test_a_code_declared_twice_is_refused():
