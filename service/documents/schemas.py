@@ -117,26 +117,22 @@ class Region(Answer):
     parts: list[Any] | None = None
 
 
-class CertifiedCoefficient(Answer):
+class CertifiedCoefficient(
+    Answer,
+    restates=evidence.CoefficientValue,
+    fields="name value standard_uncertainty unit iso f_number channel model",
+):
     """A coefficient with its expanded uncertainty U = k u; what it does not depend on is absent.
 
     `effective_dof`: degrees of freedom from which k follows by the t distribution; absent where the method
     states none. What is `relative_only` has no U.
     """
 
-    name: str
-    value: float
-    standard_uncertainty: float
+    band: str | None = None
     uncertainty_scope: Scope | None = None
     expanded_uncertainty: float | None = None
     coverage_factor: float | None = None
     effective_dof: float | None = None
-    unit: str
-    iso: float | None = None
-    f_number: float | None = None
-    band: str | None = None
-    channel: str | None = None
-    model: str
     flags: list[str]
 
 

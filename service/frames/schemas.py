@@ -6,6 +6,7 @@ from pydantic import Field, WithJsonSchema
 from typing_extensions import TypeAliasType
 
 from radiometry.findings import InputRejected, Reason
+from radiometry.frame import FrameHeader
 from radiometry.frame.statistics import ChannelStatistics
 from radiometry.frame.verdicts import Verdict
 from radiometry.methods import METHODS
@@ -99,13 +100,8 @@ class FramesChanged(Answer):
     read_again: int
 
 
-class CameraAsRead(Answer):
-    make: str | None = None
-    model: str | None = None
-    serial: str | None = None
-    lens_make: str | None = None
-    lens_model: str | None = None
-    lens_serial: str | None = None
+class CameraAsRead(Answer, restates=FrameHeader, fields="make model serial lens_make lens_model lens_serial"):
+    pass
 
 
 class Refusal(Answer):
