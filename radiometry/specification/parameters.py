@@ -24,8 +24,8 @@ class Choice(Record):
 class Parameter(Record):
     """One parameter of a fit, as forms, documents and the command line show it."""
 
-    field: str = about("Its name in `Params`, in stored versions and in certificates.")
-    name: str = about("Its name in requests, the same as ``field`` but for two older names.")
+    field: str = about("Its name in the `parameters` of versions and in certificates.")
+    name: str = about("Its name in requests, the same as `field` but for two older names.")
     label: str
     description: str
     kind: Kind = about(

@@ -8,7 +8,7 @@ from typing import Any
 from fastapi import Request, Response
 from pydantic import Field, TypeAdapter
 
-from radiometry.findings import Finding, Place, Severity
+from radiometry.findings import Finding
 from radiometry.methods import METHODS
 from radiometry.methods.findings import FINDINGS
 from radiometry.specification.application import PictureApplication
@@ -33,16 +33,11 @@ class ChoiceAnswer(Answer, restates=Choice):
 class ParameterAnswer(Answer, restates=Parameter, without="kind suggest displaced_by"):
     """One parameter of a fit."""
 
-    name: str = Field(description="Its name in the request of a fit.")
-    field: str = Field(description="Its name in the `parameters` of a version.")
     type: Kind
-    unit: str = Field(description="1 for a fraction.")
     above_minimum: bool = Field(description="Whether the value must lie above the minimum, not at it.")
     default: Any = Field(default=None, description="Left out where there is none; see default_text.")
     default_text: str = Field(description="What the fit does without it, if it has no default.")
     example: Any = Field(default=None, description="A value that could be given, where there is no default.")
-    none_allowed: bool = Field(description='Whether "none" switches it off.')
-    version_of: str = Field(description="Of a version: the method that it is a version of.")
     suggestions: list[str] = Field(description="Of a text: names that it may have.")
     members: list["ParameterAnswer"] = Field(description="Of a group: its parameters.")
 
@@ -63,8 +58,6 @@ class RoleAnswer(Answer, restates=Role):
 
 class CoefficientKindAnswer(Answer, restates=CoefficientKind, without="effect"):
     """A coefficient that the method reports."""
-
-    units: list[str] = Field(description="Several if the unit depends on the camera or on a parameter.")
 
 
 class MethodGridAnswer(Answer, restates=Grid):
@@ -191,12 +184,6 @@ def list_methods(_caller: Reader) -> Response:
 
 class FindingAnswer(Answer, restates=Finding):
     """A finding that can occur in a frame, a fit or a measurement."""
-
-    code: str = Field(description="Stable: the `flag`, the `code` of a reason, or the `code` of a refusal.")
-    severity: Severity = Field(description='The gravest that an occurrence can have; "error": no result.')
-    where: list[Place] = Field(description="Where it can occur.")
-    status: int | None = Field(default=None, description="HTTP status where a request is refused.")
-    retryable: bool = Field(description="True if the same request may succeed later.")
 
 
 class FindingsAnswer(Answer):

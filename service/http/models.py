@@ -39,7 +39,6 @@ from pydantic.config import JsonDict
 from pydantic_core import PydanticCustomError
 from sqlalchemy.orm import Mapped
 
-from radiometry.findings import Severity
 from radiometry.findings.grouping import FindingGroup, Occurrence, group_findings
 from radiometry.fitting import evidence
 from radiometry.frame.multispectral import name_band
@@ -267,11 +266,9 @@ class ProblemAnswer(BaseModel):
     retryable: bool
 
 
-class FindingGroupAnswer(Answer, restates=FindingGroup, fields="code count sentence detail action"):
+class FindingGroupAnswer(Answer, restates=FindingGroup, without="values"):
     """Equal findings as one."""
 
-    severity: Severity
-    subjects: list[str] = Field(description='Where each of the first hundred was found; "" for the whole.')
     values: dict[str, Any] = Field(
         description="Numbers by name, a list each in the order of `subjects`; `detail` where what was found "
         "differs."
