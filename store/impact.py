@@ -132,12 +132,13 @@ def _touch(measurement: Measurement, frame: FrameRow, old: Calibration, new: Cal
         told = [spec.name for spec in METHODS if spec.reference is not None and spec.application]
         why = f"What changes is told for versions of {' and '.join(told)} only."
         return Touched(measurement=measurement, frame=frame, successor=new, change=None, why=why)
+    lens_share = application.summarise(measurement.result).figures["lens_share"]
     change = application.change(
         read_applied(old),
         read_applied(new),
         exposure=decode_exposure(frame.exposure),
         signal_dn=measurement.result.get("signal_dn"),
-        lens_share=(measurement.result.get("lens_share") or {}).get("value", 1.0),
+        lens_share=lens_share["value"] if lens_share else 1.0,
         common_u_rel=compare_meters(old, new)[1],
     )
     return Touched(measurement=measurement, frame=frame, successor=new, change=change, why=change.why)

@@ -111,6 +111,7 @@ SPEC: Final = MethodSpec(
         unit="DN",
         summarise=lambda result: Summary(
             signal="".join(result["undistorted"]["planes"]),
+            measured="undistorted picture",
             column=None,
             vignetting="none",
             figures={"undistorted": result["undistorted"]},

@@ -430,6 +430,7 @@ def summarise(result: Mapping[str, Any]) -> Summary:
     surface = result["surface"] or {}
     return Summary(
         signal=result["channel"],
+        measured="luminance",
         column="cd_m2",
         vignetting=result["vignetting"],
         figures={

@@ -367,13 +367,15 @@ def flag_alignment(alignment: Sequence[Alignment]) -> list[Raised]:
 def summarise(result: Mapping[str, Any]) -> Summary:
     """Return a stored result of a band, an index or a radiance in figures."""
     if "index" in result:
-        index = {"name": result["index"], "formula": result.get("formula") or None, "bands": result["bands"]}
-        return Summary(
-            signal=result["index"], column="index_value", figures={"mean": result["value"], "index": index}
-        )
+        name = result["index"]
+        index = {"name": name, "formula": result.get("formula") or None, "bands": result["bands"]}
+        figures = {"mean": result["value"], "index": index}
+        return Summary(signal=name, measured=name, column="index_value", figures=figures)
     region = {name: result[name] for name in ("pixels", "mean", "median", "saturated_share")}
     region |= {"min": result["smallest"], "max": result["largest"]}
     if "radiance" in result:
         band = result["radiance"]
-        return Summary(signal=band, column=None, figures={**region, "radiance": band})
-    return Summary(signal=result["band"], column="reflectance", figures={**region, "reflected": result})
+        figures = {**region, "radiance": band}
+        return Summary(signal=band, measured=f"radiance of {band}", column=None, figures=figures)
+    band, figures = result["band"], {**region, "reflected": result}
+    return Summary(signal=band, measured=band, column="reflectance", figures=figures)

@@ -46,6 +46,7 @@ class Summary(Record):
     """A stored result of a measurement in the words and figures that answers, series and comparisons need."""
 
     signal: str  # The channel, the band, the index or the planes
+    measured: str  # What was measured: only the same can be compared
     figures: Mapping[str, Any]  # By the names of the answer
     column: str | None  # What its columns in a series are named after; None has none
     vignetting: str = "file"  # What vignetting was corrected with

@@ -115,8 +115,9 @@ def contrast_measurements(
     """
     with context.database.reading() as session:
         before, after = _side(session, old, caller), _side(session, measurement_id, caller)
-        if before.quantity != after.quantity:
-            message = f"is of {before.quantity}, the other of {after.quantity}: compare like with like"
+        was, is_now = before.summary.measured, after.summary.measured
+        if was != is_now:
+            message = f"is of {was}, the other of {is_now}: compare like with like"
             raise invalid([{"type": "quantity", "loc": ("query", "old"), "msg": message}])
         found = compare_measurements(before, after, other_region=other_region, same_light=same_light)
         return ContrastAnswer.between(before, after, found).respond()

@@ -1,6 +1,7 @@
 """Two measurements, or the references of two versions, and which errors are the same in both."""
 
 import math
+from functools import cached_property
 from itertools import chain
 from typing import Any, Final, Literal
 
@@ -18,7 +19,7 @@ from radiometry.fitting.comparison import (
 from radiometry.frame.exposure import Exposure
 from radiometry.methods import get_method
 from radiometry.records import Record
-from radiometry.specification.application import BandApplication, SurfaceApplication
+from radiometry.specification.application import BandApplication, Summary, SurfaceApplication
 from radiometry.spectral.mismatch import DEFAULT_U_REL, SPECTRAL_MISMATCH_UNKNOWN, find_confusion
 from radiometry.spectral.mismatch import SOURCE as SPECTRUM
 from store.codec import decode_exposure, read_applied
@@ -122,20 +123,13 @@ class Side(Record):
     def result(self) -> dict[str, Any]:
         return self.measurement.result
 
-    @property
-    def quantity(self) -> str:
-        """Return what was measured: only the same can be compared."""
-        result = self.result
-        radiance = result.get("radiance")
-        return str(
-            result.get("index")
-            or result.get("band")
-            or (f"radiance of {radiance}" if radiance else self.measurement.method)
-        )
+    @cached_property
+    def summary(self) -> Summary:
+        return get_method(self.measurement.method).summarise(self.result)
 
     @property
     def mean(self) -> dict[str, Any]:
-        mean: dict[str, Any] = get_method(self.measurement.method).summarise(self.result).figures["mean"]
+        mean: dict[str, Any] = self.summary.figures["mean"]
         return mean
 
     @property
