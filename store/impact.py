@@ -16,7 +16,7 @@ from radiometry.records import Record
 from radiometry.specification.application import BandApplication, SurfaceApplication
 from store.codec import decode_exposure, read_applied
 from store.database import Conflict
-from store.measuring.comparison import MeterCalibration, compare_meters, compare_panels, touch_band
+from store.measuring.comparison import Reference, compare_meters, compare_panels, touch_band
 from store.measuring.version import list_corrected
 from store.publications import InForce, list_held, revoke
 from store.queries.calibrations import VersionStatus, coefficients_of, read_version_statuses
@@ -58,12 +58,11 @@ class CoefficientChange(Record):
 class Impact(Record):
     """A version against the one in force.
 
-    ``meter_calibration`` : whether the error of what both depend on, meters or panel, is the same in both
     ``flags_gained``, ``flags_lost`` : (flag, where)
     """
 
     against: InForce
-    meter_calibration: MeterCalibration
+    meter_calibration: Reference
     coefficients: list[CoefficientChange]
     isos_gained: list[float]
     isos_lost: list[float]
@@ -166,7 +165,7 @@ def _list_open(session: Session, calibration: Calibration) -> list[InForce]:
 
 def _compare_references(
     old: Calibration, new: Calibration
-) -> tuple[MeterCalibration, dict[tuple[str, str | None], float]]:
+) -> tuple[Reference, dict[tuple[str, str | None], float]]:
     """Compare the meters or panel of two versions; return the error that they share, by coefficient, band."""
     spec = get_method(old.method)
     name = spec.coefficients[0].name

@@ -26,6 +26,7 @@ from service.http.operations import Router
 from service.http.paging import Page, UsesPaging
 from store import impact as recalls
 from store.impact import CoefficientChange, Condemned, Impact, Touched, assess, find_in_force
+from store.measuring.comparison import Reference
 from store.publications import InForce
 from store.queries.calibrations import Decision, VersionState, VersionStatus, list_decisions, list_lifetimes
 from store.queries.organisations import name_people
@@ -117,7 +118,7 @@ class ImpactAnswer(Answer):
     against: VersionInForce | None = Field(
         default=None, description="What is in force at that time. Absent where nothing is."
     )
-    meter_calibration: Literal["common", "separate", "unknown"] | None = Field(
+    meter_calibration: Reference | None = Field(
         default=None,
         description="`common`: both versions use the same meter certificates, whose error cancels in the "
         "comparison and is left out of its uncertainty; `separate`: they do not, and it counts in both; "

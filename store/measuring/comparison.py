@@ -27,10 +27,11 @@ from store.database import Conflict
 from store.queries.frame_times import read_header
 from store.tables import Calibration, FrameRow, Measurement
 
-MeterCalibration = Literal["common", "separate", "unknown"]
+Reference = Literal["common", "separate", "unknown"]
+"""Whether the error of what two versions depend on, meters or panel, is the same in both."""
 
 
-def compare_meters(old: Calibration, new: Calibration) -> tuple[MeterCalibration, float]:
+def compare_meters(old: Calibration, new: Calibration) -> tuple[Reference, float]:
     """Compare the certificates of two versions; return the error that they share, relative to K."""
     if {get_method(each.method).reference for each in (old, new)} != {"meter"}:
         return "separate", 0.0
@@ -53,12 +54,10 @@ def _certificates(calibration: Calibration) -> set[tuple[str, ...]] | None:
     return {(m["make"], m["model"], m["serial"], m["certificate"]["number"]) for m in meters}
 
 
-PanelCalibration = Literal["common", "separate", "unknown"]
-
 _PANEL = "panel reflectance"
 
 
-def compare_panels(old: Calibration, new: Calibration) -> tuple[PanelCalibration, dict[str, float]]:
+def compare_panels(old: Calibration, new: Calibration) -> tuple[Reference, dict[str, float]]:
     """Compare the panels of two versions; return the error that they share, relative to K, by band."""
     before, after = _panels(old), _panels(new)
     if not before or not after:
