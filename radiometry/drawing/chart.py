@@ -94,11 +94,9 @@ class Scale(Record):
         return math.isfinite(value) and (value > 0.0 or not self.logarithmic)
 
 
-def span(
-    values: Iterable[float], *, logarithmic: bool = False, include: Sequence[float] = ()
-) -> tuple[float, float]:
+def span(values: Iterable[float], *, logarithmic: bool = False) -> tuple[float, float]:
     """Return limits with a margin around the values."""
-    known = [value for value in (*values, *include) if math.isfinite(value)]
+    known = [value for value in values if math.isfinite(value)]
     if logarithmic:
         known = [value for value in known if value > 0] or [1.0]
         return min(known) / 1.5, max(known) * 1.5

@@ -11,7 +11,7 @@ from radiometry.drawing.text import label_axis, sort_naturally, write_exposure, 
 from radiometry.fitting.sources import DARK_CURRENT, READING, SCATTER, predict
 from radiometry.luminance.results import IsoFit
 from radiometry.records import Record
-from radiometry.specification.certificate import CertificateText, KeyFigure
+from radiometry.specification.certificate import CertificateText, KeyFigure, of_coefficient
 
 Node = dict[str, Any]
 Rows = Callable[[], Sequence[Any]]
@@ -273,16 +273,7 @@ PLOTS: Final = (
 
 def list_key_figures(result: dict[str, Any]) -> tuple[KeyFigure, ...]:
     return tuple(
-        KeyFigure(
-            group=f"ISO {c['iso']:g}",
-            label="K",
-            value=c["luminance_k"],
-            standard_uncertainty=c["luminance_k_standard_uncertainty"],
-            unit=c["luminance_k_unit"],
-            expanded_uncertainty=c.get("expanded_uncertainty"),
-            coverage_factor=c.get("coverage_factor"),
-            passed=fit.get("passed"),
-        )
+        of_coefficient(_name(c), "K", c, "luminance_k", passed=fit.get("passed"))
         for fit in result["iso_fits"]
         for c in (fit["coefficient"],)
     )

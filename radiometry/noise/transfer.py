@@ -283,8 +283,6 @@ def _covariance(used: Sequence[Level], x: NDArray[np.float64], gain: float) -> N
     return covariance
 
 
-Vector = NDArray[np.float64]
-
 # Of the span from black to white, above the darkest frame of the same ISO and time: black levels wander by a
 # tenth of this
 ABOVE_OTHERS_SHARE = 0.001

@@ -13,7 +13,14 @@ from radiometry.drawing.text import label_axis, write_quantity, write_unit
 from radiometry.fitting.evidence import BudgetEntry
 from radiometry.frame.multispectral import label_band
 from radiometry.reflectance.results import HALF_HOUR_S, USUAL_DRIFT_REL, Fit, KAtTime, Knot, interpolate
-from radiometry.specification.certificate import FRAME, Budget, CertificateText, Column, KeyFigure
+from radiometry.specification.certificate import (
+    FRAME,
+    Budget,
+    CertificateText,
+    Column,
+    KeyFigure,
+    of_coefficient,
+)
 
 Node = dict[str, Any]
 
@@ -162,19 +169,8 @@ PLOTS: Final = (
 
 
 def list_key_figures(result: dict[str, Any]) -> tuple[KeyFigure, ...]:
-    return tuple(
-        KeyFigure(
-            group=c["band"],
-            label="Reflectance K",
-            value=c["reflectance_k"],
-            standard_uncertainty=c["reflectance_k_standard_uncertainty"],
-            unit=c["reflectance_k_unit"],
-            expanded_uncertainty=c.get("expanded_uncertainty"),
-            coverage_factor=c.get("coverage_factor"),
-        )
-        for fit in result["band_fits"]
-        for c in (fit["coefficient"],)
-    )
+    coefficients = (fit["coefficient"] for fit in result["band_fits"])
+    return tuple(of_coefficient(c["band"], "Reflectance K", c, "reflectance_k") for c in coefficients)
 
 
 class BudgetLine(BudgetEntry):

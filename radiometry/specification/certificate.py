@@ -89,21 +89,25 @@ class KeyFigure(Record):
     passed: bool | None = about("Verdict on it; None if there is none.", default=None)
 
 
-def of_quantity(
-    group: str, label: str, quantity: Mapping[str, Any] | None, *, percent: bool = False
-) -> tuple[KeyFigure, ...]:
+def of_quantity(group: str, label: str, quantity: Mapping[str, Any] | None) -> tuple[KeyFigure, ...]:
     """Return the figure of a stored quantity, nothing if there is none."""
     if quantity is None:
         return ()
-    scale = 100.0 if percent else 1.0
-    return (
-        KeyFigure(
-            group=group,
-            label=label,
-            value=scale * quantity["value"],
-            standard_uncertainty=scale * quantity["standard_uncertainty"],
-            unit="%" if percent else quantity["unit"],
-        ),
+    stated = {name: quantity[name] for name in ("value", "standard_uncertainty", "unit")}
+    return (KeyFigure(group=group, label=label, **stated),)
+
+
+def of_coefficient(group: str, label: str, stored: Mapping[str, Any], name: str, **more: Any) -> KeyFigure:  # noqa: ANN401  its other fields
+    """Return the figure of a stored coefficient that states its own expanded uncertainty."""
+    return KeyFigure(
+        group=group,
+        label=label,
+        value=stored[name],
+        standard_uncertainty=stored[f"{name}_standard_uncertainty"],
+        unit=stored[f"{name}_unit"],
+        expanded_uncertainty=stored.get("expanded_uncertainty"),
+        coverage_factor=stored.get("coverage_factor"),
+        **more,
     )
 
 
