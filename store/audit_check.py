@@ -264,18 +264,12 @@ class Head:
         return f"{self.seq}:{self.sha256}"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Fault:
+class Fault(Exception):  # noqa: N818  it says what was found
     """The first place where the chain breaks, and how."""
 
-    seq: int
-    what: str
-
-
-class _Broken(Exception):  # noqa: N818  it says what was found
     def __init__(self, seq: int, what: str) -> None:
         super().__init__(what)
-        self.fault = Fault(seq=seq, what=what)
+        self.seq, self.what = seq, what
 
 
 def check_audit(database: Database, noted: Head | None = None) -> tuple[Head, Fault | None]:
@@ -294,8 +288,8 @@ def check_audit(database: Database, noted: Head | None = None) -> tuple[Head, Fa
             trail.end(session)
             if noted is not None and noted.seq >= trail.last:
                 _compare(trail.head, noted)
-        except _Broken as broken:
-            return trail.head, broken.fault
+        except Fault as fault:
+            return trail.head, fault
         return head or trail.head, None
 
 
@@ -314,7 +308,7 @@ def check_chain(
         if after:
             sha256 = session.scalar(select(AuditEntry.sha256).where(own, AuditEntry.seq == after))
             if sha256 is None:
-                return last, Fault(seq=after, what=f"entry {after} is missing: deleted or moved"), True
+                raise Fault(after, f"entry {after} is missing: deleted or moved")  # noqa: TRY301
             last = last if after <= closed.seq else Head(seq=after, sha256=sha256)
         entries = _read(session, after, most + 1, own)
         for count, entry in enumerate(entries[:most], 1):
@@ -325,8 +319,8 @@ def check_chain(
             return replace(last, seq=after), None, False
         chain = session.get(AuditChain, name_chain(organisation_id), populate_existing=True)
         _compare_end(last, chain, "")
-    except _Broken as broken:
-        return last, broken.fault, True
+    except Fault as fault:
+        return last, fault, True
     return last, None, True
 
 
@@ -342,12 +336,9 @@ class _Trail:
     """How far the walk has come: in the common chain, and in that of each organisation."""
 
     def __init__(self, closed: AuditHead | None) -> None:
-        if closed is None:
-            self._closed = Head(seq=0, sha256=_FIRST)
-        else:
-            self._closed = Head(seq=closed.seq, sha256=closed.sha256)
         self._has_head = closed is not None
         self._common = Head(seq=0, sha256=_FIRST)
+        self._closed = Head(seq=closed.seq, sha256=closed.sha256) if closed else self._common
         self._chains: dict[str, Head] = {}
         self._entries = self.last = 0
 
@@ -366,7 +357,7 @@ class _Trail:
         if seq <= self._closed.seq:
             if seq != self._common.seq + 1:
                 missing = _name(self._common.seq + 1, seq - 1)
-                raise _Broken(self._common.seq + 1, f"{missing} missing: deleted, or moved elsewhere")
+                raise Fault(self._common.seq + 1, f"{missing} missing: deleted, or moved elsewhere")
             self._common = _follow(self._common, entry)
         else:
             self._end_common()
@@ -384,20 +375,15 @@ class _Trail:
             _compare_end(last, rows.get(name), f" of {name}" if name else "")
 
     def _end_common(self) -> None:
-        last = self._common
-        if not self._has_head:
-            raise _Broken(
-                last.seq + 1, "the head's row is missing: whether entries are missing cannot be told"
-            )
-        _compare_end(last, self._closed, "")
+        _compare_end(self._common, self._closed if self._has_head else None, "")
 
 
 def _follow(last: Head, entry: Mapping[str, Any], *, linked: bool = True) -> Head:
     seq = entry["seq"]
     if digest(entry) != entry["sha256"]:
-        raise _Broken(seq, f"entry {seq} does not have its hash: its content was edited, or it was moved")
+        raise Fault(seq, f"entry {seq} does not have its hash: its content was edited, or it was moved")
     if linked and entry["previous_sha256"] != last.sha256:
-        raise _Broken(
+        raise Fault(
             seq,
             f"entry {seq} does not continue entry {last.seq}: one of them was rewritten, inserted or moved, "
             "or one between them was deleted",
@@ -411,11 +397,11 @@ def _name(first: int, last: int) -> str:
 
 def _compare(last: Head, noted: Head) -> None:
     if noted.seq > last.seq:
-        raise _Broken(
+        raise Fault(
             last.seq + 1, f"the trail ends at entry {last.seq}, the noted head was entry {noted.seq}: cut off"
         )
     if noted != last:
-        raise _Broken(
+        raise Fault(
             noted.seq,
             f"entry {noted.seq} has another hash than the noted head: the trail up to it was rewritten",
         )
@@ -424,7 +410,7 @@ def _compare(last: Head, noted: Head) -> None:
 def _compare_end(last: Head, head: Head | AuditChain | None, whose: str) -> None:
     """Compare the end of a chain with what its head says."""
     if head is None:
-        raise _Broken(
+        raise Fault(
             last.seq + 1, f"the head's row{whose} is missing: whether entries are missing cannot be told"
         )
     if head.seq > last.seq:
@@ -433,11 +419,11 @@ def _compare_end(last: Head, head: Head | AuditChain | None, whose: str) -> None
             if whose
             else _name(last.seq + 1, head.seq)
         )
-        raise _Broken(last.seq + 1, f"{missing} missing: deleted at the end")
+        raise Fault(last.seq + 1, f"{missing} missing: deleted at the end")
     if head.seq < last.seq:
-        raise _Broken(last.seq, f"entry {last.seq}{whose} lies beyond the head: inserted at the end")
+        raise Fault(last.seq, f"entry {last.seq}{whose} lies beyond the head: inserted at the end")
     if head.sha256 != last.sha256:
-        raise _Broken(
+        raise Fault(
             last.seq, f"entry {last.seq}{whose} does not match the head: one of the two was rewritten"
         )
 
@@ -463,7 +449,7 @@ def _read(
         if limit > 1:
             return _read(session, after, limit // 2, *where)
         seq = (after or 0) + 1
-        raise _Broken(seq, f"entry {seq} cannot be read, it was edited: {error}") from error
+        raise Fault(seq, f"entry {seq} cannot be read, it was edited: {error}") from error
 
 
 def main(arguments: list[str] | None = None) -> int:

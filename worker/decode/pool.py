@@ -257,8 +257,6 @@ def _arguments(bounds: DecoderLimits) -> list[str]:
     ]
 
 
-__all__ = ["DecoderLimits", "DecoderPool", "DecoderUnavailable"]
-
 _PREVIEW_BYTES: Final = 64 << 20
 _PREVIEW_SIDE_PX: Final = 1600
 # What only the process itself, or a limit that it ran into, brings about.
@@ -278,27 +276,25 @@ Readable = Path | StoredFile
 """A file to decode: a stored one is proven where it is read, any other is taken as it is."""
 
 
-class DecoderCrashed(Exception):  # noqa: N818  it says what happened
+class _Ended(Exception):  # noqa: N818  it says what happened
+    words: str
+
+    def __init__(self, stage: str, reason: str) -> None:
+        self.stage, self.reason = stage, reason
+        self.message = self.words.format(f"while it read this file ({stage}: {reason})")
+        super().__init__(self.message)
+
+
+class DecoderCrashed(_Ended):
     """The decoding process ended while it read this file: the file is hostile, or a decoder is wrong."""
 
-    def __init__(self, stage: str, reason: str) -> None:
-        message = f"The decoder failed while it read this file ({stage}: {reason}). The file may be damaged."
-        super().__init__(message)
-        self.stage = stage
-        self.reason = reason
-        self.message = message
+    words = "The decoder failed {}. The file may be damaged."
 
 
-class DecoderKilled(Exception):  # noqa: N818  it says what happened
+class DecoderKilled(_Ended):
     """Somebody else ended the decoding process, perhaps the kernel, short of memory: no word on the file."""
 
-    def __init__(self, stage: str, reason: str) -> None:
-        message = (
-            f"The decoder was ended from outside while it read this file ({stage}: {reason}). "
-            "That says nothing about the file: try again."
-        )
-        super().__init__(message)
-        self.message = message
+    words = "The decoder was ended from outside {}. That says nothing about the file: try again."
 
 
 class DecoderPool:

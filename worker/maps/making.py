@@ -113,12 +113,12 @@ class Subject:
 
 @dataclass(frozen=True, kw_only=True)
 class Made:
-    """A map's picture as PNG, and how many of the map's pixels leave [0, 1] or are unknown."""
+    """A map's picture as PNG, and how many of its pixels leave [0, 1] or are unknown, if counted."""
 
     picture: bytes
-    below_zero: int
-    above_one: int
-    unknown: int
+    below_zero: int = 0
+    above_one: int = 0
+    unknown: int = 0
 
 
 def make_map(

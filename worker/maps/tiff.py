@@ -18,6 +18,7 @@ from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.opencv import cv2
 from radiometry.frame.place import Place
+from store.software import read_version
 from worker.decode import tags
 
 _ASCII, _BYTE, _SHORT, _LONG, _RATIONAL, _SRATIONAL = 2, 1, 3, 4, 5, 10
@@ -216,8 +217,8 @@ class MapFacts:
 
     header: FrameHeader
     exposure: Exposure | None
-    software: str
     description: dict[str, Any]
+    software: str = field(default_factory=lambda: f"stilb {read_version()}")
     packet: bytes = b""
     layers: tuple[Layer, ...] = ()
     place: Place | None = None
@@ -237,14 +238,9 @@ def write_tiff(path: Path, tiles: Iterable[bytes], facts: MapFacts) -> None:
             planarconfig="separate" if planes > 1 else None,
             extrasamples=["unspecified"] * (planes - 1),
             dtype=np.float32,
-            tile=(TILE_PX, TILE_PX),
-            compression=_DEFLATE,
             predictor=_FLOATING_POINT,
             photometric="minisblack",
-            description=json.dumps(facts.description | {"rounding_rel": ROUNDING_REL}, sort_keys=True),
-            software=facts.software,
-            metadata=None,
-            extratags=_tags(facts),
+            **_describe(facts, rounding_rel=ROUNDING_REL),
         )
     append_directories(path, header, facts.exposure)
 
@@ -256,16 +252,22 @@ def write_picture(path: Path, samples: Samples, facts: MapFacts) -> None:
     with tifffile.TiffWriter(path, byteorder="<") as file:
         file.write(
             samples,
-            tile=(TILE_PX, TILE_PX),
-            compression=_DEFLATE,
             predictor=True,
             photometric="rgb" if samples.ndim == 3 else "minisblack",
-            description=json.dumps(facts.description, sort_keys=True),
-            software=facts.software,
-            metadata=None,
-            extratags=_tags(facts),
+            **_describe(facts),
         )
     append_directories(path, facts.header, facts.exposure)
+
+
+def _describe(facts: MapFacts, **more: float) -> dict[str, Any]:
+    return {
+        "tile": (TILE_PX, TILE_PX),
+        "compression": _DEFLATE,
+        "description": json.dumps(facts.description | more, sort_keys=True),
+        "software": facts.software,
+        "metadata": None,
+        "extratags": _tags(facts),
+    }
 
 
 def _tags(facts: MapFacts) -> list[tuple[int | str, int, int, Any, bool]]:

@@ -1,10 +1,8 @@
 """Reflectance or radiance of a band, and of the bands of one capture on the pixels of the first."""
 
-import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,12 +14,11 @@ from radiometry.specification.application import BandApplication
 from store.codec import decode, drop_absent, encode, read_applied
 from store.measuring.plan import list_others
 from store.measuring.record import Products
-from store.software import read_version
 from worker.maps.making import Made, Subject, cut_strips, draw_map, make_map
 from worker.maps.packet import write_packet
 from worker.maps.picture import REFLECTANCE, Style
 from worker.maps.tiff import Layer, MapFacts, Plane
-from worker.measuring.task import Task, keep, keep_file
+from worker.measuring.task import Task
 
 
 def measure_band(task: Task, application: BandApplication) -> tuple[dict[str, Any], Products | None]:
@@ -104,7 +101,6 @@ def _map_band(task: Task, application: BandApplication) -> tuple[Made, Products]
     facts = MapFacts(
         header=header,
         exposure=exposure,
-        software=f"stilb {read_version()}",
         description=describe(
             task, application, quantity="radiance" if radiance else application.quantity, unit=unit
         ),
@@ -131,14 +127,9 @@ def _map_band(task: Task, application: BandApplication) -> tuple[Made, Products]
         report=lambda share: task.report(0.1 + 0.9 * share),
     )
     style = Style(unit=unit) if radiance else REFLECTANCE
-    with tempfile.TemporaryDirectory(prefix="stilb-map-") as folder:
-        target = Path(folder) / "map.tif"
-        made = make_map(task.decoders, subject, facts, target, style=style, caption=_caption(task))
-        return made, Products(tif=keep_file(task.blobs, target), png=keep(task.blobs, made.picture))
-
-
-def _caption(task: Task) -> str:
-    return f"{task.frame.filename}, calibration version {task.calibration.version}"
+    return task.make_products(
+        lambda target: make_map(task.decoders, subject, facts, target, style=style, caption=task.caption())
+    )
 
 
 def describe(task: Task, application: BandApplication, **more: Any) -> dict[str, Any]:  # noqa: ANN401
@@ -174,16 +165,14 @@ def draw_planes(
     facts = MapFacts(
         header=task.header,
         exposure=task.exposure,
-        software=f"stilb {read_version()}",
         description=description,
         packet=packet,
         layers=tuple(layers),
         place=find_place(task, application),
     )
-    with tempfile.TemporaryDirectory(prefix="stilb-map-") as folder:
-        target = Path(folder) / "map.tif"
-        made = draw_map(planes, facts, target, style=style, caption=_caption(task), counts=counts)
-        return made, Products(tif=keep_file(task.blobs, target), png=keep(task.blobs, made.picture))
+    return task.make_products(
+        lambda target: draw_map(planes, facts, target, style=style, caption=task.caption(), counts=counts)
+    )
 
 
 def apply_version(task: Task, application: BandApplication) -> Any:  # noqa: ANN401  the method's own
@@ -360,7 +349,7 @@ def _list_layers(capture: Capture, application: BandApplication) -> list[Layer]:
     for band, task in capture.tasks.items():
         found = task.header.multispectral
         assert found is not None  # noqa: S101  the plan refused files without one
-        radiance = task.parameters.get("quantity", application.quantity) != application.quantity
+        radiance = _is_radiance(task, application)
         said: dict[str, Any] = {"band": band, "frame_sha256": task.frame.sha256}
         if found.wavelength_nm is not None:
             said |= {"wavelength_nm": found.wavelength_nm}

@@ -1,7 +1,7 @@
 """Measurement of a lit surface in a frame, and the picture of one without the lens's distortion."""
 
 import io
-import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +17,12 @@ from store.codec import decode_exposure, encode, read_applied
 from store.measuring.plan import read_request
 from store.measuring.record import Products, read_regions
 from store.measuring.version import read_lens
-from store.software import read_version
 from worker.decode.pool import Readable
-from worker.maps.making import Subject, average_maps, cut_strips, make_map
+from worker.maps.making import Made, Subject, average_maps, cut_strips, make_map
 from worker.maps.packet import write_packet
 from worker.maps.picture import LUMINANCE
 from worker.maps.tiff import Layer, MapFacts, Samples, write_picture
-from worker.measuring.task import Task, keep, keep_file
+from worker.measuring.task import Task
 
 
 def measure_surface(task: Task, application: SurfaceApplication) -> tuple[dict[str, Any], Products | None]:
@@ -80,7 +79,6 @@ def _map(task: Task, application: SurfaceApplication, measured: Any) -> Products
     facts = MapFacts(
         header=task.header,
         exposure=task.exposure,
-        software=f"stilb {read_version()}",
         description=task.describe(
             quantity=application.quantity,
             unit=application.unit,
@@ -97,18 +95,12 @@ def _map(task: Task, application: SurfaceApplication, measured: Any) -> Products
         more = f" and {len(task.parameters['repeats'])} more"
         repeats = (make_subject(application, file, task.header, scale) for file in task.open_repeats())
         subject = average_maps(task.decoders, subject, repeats)
-    with tempfile.TemporaryDirectory(prefix="stilb-map-") as folder:
-        target = Path(folder) / "map.tif"
-        made = make_map(
-            task.decoders,
-            subject,
-            facts,
-            target,
-            style=LUMINANCE,
-            caption=f"{task.frame.filename}{more}, calibration version {task.calibration.version}",
+    _, products = task.make_products(
+        lambda target: make_map(
+            task.decoders, subject, facts, target, style=LUMINANCE, caption=task.caption(more)
         )
-        blobs = task.blobs
-        return Products(tif=keep_file(blobs, target), png=keep(blobs, made.picture))
+    )
+    return products
 
 
 _DARK_PERCENTILE, _BRIGHT_PERCENTILE = 0.5, 99.5
@@ -144,17 +136,15 @@ def undistort_picture(task: Task, application: PictureApplication) -> tuple[dict
     facts = MapFacts(
         header=header,
         exposure=decode_exposure(task.frame.exposure) if task.frame.exposure else None,
-        software=f"stilb {read_version()}",
         description=description,
         packet=write_packet(header),
     )
-    with tempfile.TemporaryDirectory(prefix="stilb-map-") as folder:
-        target = Path(folder) / "map.tif"
+
+    def write(target: Path) -> Made:
         write_picture(target, found.samples_dn, facts)
-        blobs = task.blobs
-        picture = draw_preview(found.samples_dn, linear=not header.rendered)
-        products = Products(tif=keep_file(blobs, target), png=keep(blobs, picture))
-    return {"undistorted": undistorted, "flags": []}, products
+        return Made(picture=draw_preview(found.samples_dn, linear=not header.rendered))
+
+    return {"undistorted": undistorted, "flags": []}, task.make_products(write)[1]
 
 
 def _read(task: Task) -> Frame:
@@ -163,17 +153,7 @@ def _read(task: Task) -> Frame:
         task.decoders.read_window(task.file, (top, 0, height, task.header.width_px))
         for top, height in cut_strips(task.header)
     ]
-    first = frames[0]
-    return Frame(
-        samples_dn=np.concatenate([frame.samples_dn for frame in frames]),
-        row0=0,
-        col0=0,
-        height_px=first.height_px,
-        width_px=first.width_px,
-        cfa=first.cfa,
-        black_level_dn=first.black_level_dn,
-        white_level_dn=first.white_level_dn,
-    )
+    return replace(frames[0], samples_dn=np.concatenate([frame.samples_dn for frame in frames]))
 
 
 def draw_preview(samples_dn: Samples, *, linear: bool) -> bytes:

@@ -1,5 +1,6 @@
 """Input of every method's measuring, and the products that it leaves."""
 
+import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -11,10 +12,12 @@ from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
 from store.blobs import Blobs, StoredBlob
 from store.codec import decode_exposure
+from store.measuring.record import Products
 from store.queries.frame_times import read_header
 from store.software import MEASURER, read_version
 from store.tables import Calibration, FrameRow
 from worker.decode.pool import DecoderPool, Readable
+from worker.maps.making import Made
 
 _COPY_BYTES = 1 << 20
 
@@ -55,6 +58,16 @@ class Task:
             with self.lend(repeat["frame_id"]) as (_, file), self.decoders.hold(file):
                 yield file
 
+    def caption(self, more: str = "") -> str:
+        return f"{self.frame.filename}{more}, calibration version {self.calibration.version}"
+
+    def make_products(self, write: Callable[[Path], Made]) -> tuple[Made, Products]:
+        """Keep the file that is written, and its picture."""
+        with tempfile.TemporaryDirectory(prefix="stilb-map-") as folder:
+            target = Path(folder) / "map.tif"
+            made = write(target)
+            return made, Products(tif=_keep_file(self.blobs, target), png=_keep(self.blobs, made.picture))
+
     def describe(self, **more: Any) -> dict[str, Any]:  # noqa: ANN401
         """Return ImageDescription, so that a map that has left its place still names what it is."""
         calibration, exposure = self.calibration, self.frame.exposure or {}
@@ -74,14 +87,14 @@ class Task:
         }
 
 
-def keep_file(blobs: Blobs, path: Path) -> StoredBlob:
+def _keep_file(blobs: Blobs, path: Path) -> StoredBlob:
     with blobs.writer() as writer, path.open("rb") as file:
         while piece := file.read(_COPY_BYTES):
             writer.write(piece)
         return writer.commit()
 
 
-def keep(blobs: Blobs, content: bytes) -> StoredBlob:
+def _keep(blobs: Blobs, content: bytes) -> StoredBlob:
     with blobs.writer() as writer:
         writer.write(content)
         return writer.commit()
