@@ -10,9 +10,8 @@ from pathlib import Path
 
 from service.launch.folder import Exit, report
 from service.launch.lifeline import follow_make
-from service.launch.run import Roster, launch
+from service.launch.run import Roster, launch, read_apart
 from service.launch.supervisor import Part
-from store.settings import read_settings
 from store.software import is_current
 
 # By the folder of this very installation: Celery would else look for `worker` where it is started.
@@ -33,17 +32,17 @@ ROSTER = Roster(
 
 
 def main() -> int:
-    settings = read_settings()
     follow_make()
+    settings = read_apart()
     roster = give_grace(ROSTER, settings.stop_grace_s)
     if names := set(sys.argv[1:]):
         parts = [part for part in roster.parts if part.name in names]
-        if len(parts) < len(names) or not settings.database_url:
+        if len(parts) < len(names) or settings.is_embedded:
             known = ", ".join(part.name for part in roster.parts)
             report(f"some parts of {known} alone need STILB_DATABASE_URL, where the others are")
             return Exit.CANNOT_START
         roster = replace(roster, parts=parts, serves=any(part.knows_key for part in parts))
-    if is_current(settings.effective_database_url):
+    if is_current(settings.database_url):
         # a process that would load most of stilb, to find that nothing is to be done
         roster = replace(roster, before=[])
     return launch(settings, roster)

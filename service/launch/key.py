@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Final
 
 from service.launch.folder import Refusal, close_to_others, report
-from store.settings import read_settings
 
 SHORTEST: Final = 32
 _FEWEST_DIFFERENT: Final = 6
@@ -65,6 +64,8 @@ def _write_whole(path: Path, text: str) -> None:
 
 def main() -> int:
     """Print the first key, for whoever starts the processes one by one."""
+    from store.settings import read_settings  # noqa: PLC0415  the launcher does without
+
     settings = read_settings()
     try:
         close_to_others(settings.data.absolute(), report)

@@ -2,12 +2,15 @@
 
 import errno
 import os
+import pickle
 import socket
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from functools import partial
+from pathlib import Path
 
 from radiometry.records import Record
 from service.launch import valkey
@@ -16,7 +19,6 @@ from service.launch.key import bootstrap_key
 from service.launch.lifeline import die_with_parent
 from service.launch.supervisor import GaveUp, Part, Patience, Signals, Supervisor
 from store.pulse import find_stopped_writer
-from store.settings import Settings
 
 
 def free_port(host: str, port: int) -> int:
@@ -35,6 +37,52 @@ def free_port(host: str, port: int) -> int:
         raise Refusal(f"port {port} on {host} {reason}; set another with STILB_PORT") from error
 
 
+class Wanted(Record):
+    """Settings of the launcher, in plain types."""
+
+    data: Path
+    key: str
+    host: str
+    port: int
+    broker_url: str
+    database_url: str
+    is_embedded: bool
+    """The database is, too."""
+    database_timeout_s: float
+    hang_s: float
+    stop_grace_s: float
+
+
+def read_apart() -> Wanted:
+    """Read the settings in a fork, and end as it does if they are wrong: of 20 MB the launcher keeps half."""
+    source, sink = os.pipe()
+    if not (pid := os.fork()):
+        from store.settings import read_settings  # noqa: PLC0415
+
+        given = read_settings()
+        wanted = Wanted(
+            key=given.key.get_secret_value(),
+            database_url=given.effective_database_url,
+            is_embedded=not given.database_url,
+            data=given.data,
+            host=given.host,
+            port=given.port,
+            broker_url=given.broker_url,
+            database_timeout_s=given.database_timeout_s,
+            hang_s=given.hang_s,
+            stop_grace_s=given.stop_grace_s,
+        )
+        os.write(sink, pickle.dumps(wanted))
+        os._exit(0)
+    os.close(sink)
+    with open(source, "rb") as told:  # noqa: PTH123  no path
+        content = told.read()
+    if code := os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]):
+        sys.exit(code)
+    read: Wanted = pickle.loads(content)  # noqa: S301  our own
+    return read
+
+
 READY_WITHIN_S = 120.0
 
 
@@ -47,7 +95,7 @@ class Roster(Record):
     """One of the parts answers at the port."""
 
 
-def launch(settings: Settings, roster: Roster) -> Exit:
+def launch(settings: Wanted, roster: Roster) -> Exit:
     """Run everything in the foreground until a signal; every obstacle is one line and an exit code."""
     try:
         with Signals() as signals, ExitStack() as stack:
@@ -64,10 +112,10 @@ def launch(settings: Settings, roster: Roster) -> Exit:
         return Exit.CANNOT_START
 
 
-def _run(settings: Settings, roster: Roster, signals: Signals, stack: ExitStack) -> Exit:
+def _run(settings: Wanted, roster: Roster, signals: Signals, stack: ExitStack) -> Exit:
     data = settings.data.absolute()
     lock = stack.enter_context(claimed(data, report))
-    key = bootstrap_key(data, settings.key.get_secret_value()) if roster.serves else ""
+    key = bootstrap_key(data, settings.key) if roster.serves else ""
     port = free_port(settings.host, settings.port) if roster.serves else settings.port
     decided = {"STILB_DATA": str(data), "STILB_HOST": settings.host, "STILB_PORT": str(port)}
     # nor a file of what is decided here, or by the supervisor: no part takes a setting in both forms
@@ -87,7 +135,7 @@ def _run(settings: Settings, roster: Roster, signals: Signals, stack: ExitStack)
             hang_s=settings.hang_s,
             # others wait longer for the lock
             lock_s=settings.database_timeout_s / 3,
-            find_stopped_writer=partial(find_stopped_writer, settings.effective_database_url),
+            find_stopped_writer=partial(find_stopped_writer, settings.database_url),
         ),
         report=report,
     )

@@ -51,12 +51,11 @@ def ready(process) -> tuple[str, str]:
 
 def _launch(parts: str, before: str) -> int:
     # the stand-ins, of which there are many, start in a fifth of the time without them
-    from service.launch.run import Roster, launch  # noqa: PLC0415
+    from service.launch.run import Roster, launch, read_apart  # noqa: PLC0415
     from service.launch.supervisor import Part  # noqa: PLC0415
-    from store.settings import read_settings  # noqa: PLC0415
 
     return launch(
-        read_settings(),
+        read_apart(),
         Roster(
             before=[[*SELF, step] for step in before.split(",") if step],
             parts=[
