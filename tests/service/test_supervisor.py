@@ -37,6 +37,8 @@ def children_named(process, name):
             command = Path(f"/proc/{pid}/cmdline").read_text().split("\0")
         except OSError:
             continue
+        if command[:-1] == process.args:
+            continue  # a fork that reads the settings
         if name in command or Path(command[0]).name == name:
             found.append(pid)
     return found
