@@ -12,20 +12,9 @@ from sqlalchemy import event, select, update
 from sqlalchemy.engine import Engine
 
 import stilb
+from bench import harness
 from bench.frames import CAMERA, copy_frame, review_all, send_frame, write_rows
-from bench.harness import (
-    KEY,
-    Scale,
-    Seconds,
-    Service,
-    Ways,
-    compare,
-    judge,
-    say,
-    serving,
-    show_times,
-    take_turns,
-)
+from bench.harness import Scale, Seconds, Service, judge, say
 from store.jobs import begin, take_back
 from store.jobs.queues import choose_messages, touch
 from store.queries.evidence import gather
@@ -42,7 +31,10 @@ _JOBS_OF_A_CAMPAIGN = 100
 
 def run(scale: Scale) -> list[bool]:
     """Measure one service, with a worker that is called where it is needed."""
-    with tempfile.TemporaryDirectory(prefix="stilb-bench-") as name, serving(Path(name) / "data") as service:
+    with (
+        tempfile.TemporaryDirectory(prefix="stilb-bench-") as name,
+        harness.serving(Path(name) / "data") as service,
+    ):
         settings = Settings(data=Path(name) / "data")
         worker = build_context(settings, DecoderPool())
         worker.database.post = None
@@ -92,10 +84,10 @@ def _grow(scale: Scale, service: Service, worker: Context, http: httpx.Client, f
     return verdicts
 
 
-def _judge(text: str, ways: Ways, *, rounds: int, at_most: float) -> bool:
-    few, many = take_turns(ways, rounds=rounds, warm_up=1).values()
-    show_times({f"{text}: few": few, f"{text}: many": many})
-    return judge(f"{text}: many to few", compare(many, few), at_most=at_most)
+def _judge(text: str, ways: harness.Ways, *, rounds: int, at_most: float) -> bool:
+    few, many = harness.take_turns(ways, rounds=rounds, warm_up=1).values()
+    harness.show_times({f"{text}: few": few, f"{text}: many": many})
+    return judge(f"{text}: many to few", harness.compare(many, few), at_most=at_most)
 
 
 def _count_statements(worker: Context, campaign_id: str) -> int:
@@ -114,7 +106,7 @@ def _count_statements(worker: Context, campaign_id: str) -> int:
 def _add_jobs(scale: Scale, service: Service, worker: Context, http: httpx.Client) -> list[bool]:
     """Measure with a hundred jobs, then with a thousand times as many; four in ten wait for a worker."""
     say(f"\n{scale.jobs:,} jobs and {scale.jobs // _JOBS_OF_A_CAMPAIGN:,} campaigns beside {_FEW_JOBS}")
-    with stilb.Client(service.url, KEY) as client:
+    with stilb.Client(service.url, harness.KEY) as client:
         camera = client.create_camera(CAMERA.body.make, CAMERA.body.model, CAMERA.body.serial).id
         campaign = client.create_campaign(camera).id
 
@@ -138,10 +130,12 @@ def _add_jobs(scale: Scale, service: Service, worker: Context, http: httpx.Clien
     measured: list[dict[str, Seconds]] = []
     for number in (_FEW_JOBS, scale.jobs - _FEW_JOBS):
         _fill(worker, camera, number)
-        measured.append(take_turns(ways, rounds=scale.rounds, warm_up=1))
+        measured.append(harness.take_turns(ways, rounds=scale.rounds, warm_up=1))
     few, many = measured
-    show_times(many)
-    return [judge(f"{name}: many to few", compare(many[name], few[name]), at_most=1.5) for name in ways]
+    harness.show_times(many)
+    return [
+        judge(f"{name}: many to few", harness.compare(many[name], few[name]), at_most=1.5) for name in ways
+    ]
 
 
 def _begin_next(worker: Context) -> None:

@@ -24,28 +24,9 @@ from fastapi import FastAPI
 from fastapi.responses import JSONResponse
 from sqlalchemy import text
 
+from bench import harness
 from bench.frames import CAMERA, write_rows
-from bench.harness import (
-    HEADERS,
-    KEY,
-    Scale,
-    Seconds,
-    Service,
-    await_answer,
-    compare,
-    find_port,
-    forget_peak,
-    judge,
-    make_environment,
-    read_cpu_s,
-    read_memory_mb,
-    running,
-    say,
-    serving,
-    show_times,
-    take_turns,
-    time_once,
-)
+from bench.harness import Scale, Seconds, Service, judge, say
 from store.database import Database
 from store.ready.rows import make_ready
 from store.tables import (
@@ -82,7 +63,7 @@ def _measure(scale: Scale, url: str | None) -> Iterator[bool]:
     say(f"\nlook-ups and series on {'PostgreSQL' if url else 'SQLite'}")
     with tempfile.TemporaryDirectory(prefix="stilb-bench-") as name, ExitStack() as opened:
         data = Path(name) / "data"
-        service = opened.enter_context(serving(data, url))
+        service = opened.enter_context(harness.serving(data, url))
         database = Database(url or f"sqlite:///{data / 'stilb.sqlite'}", answer_within_s=None)
         cameras: list[str] = []
         times: list[tuple[float, float]] = []
@@ -125,13 +106,13 @@ def _compare_lookups(
             f"{scale.lookups} times the coefficients in force": lambda: ask(service.url),
             f"{_SERIES} times the series of one camera": read_series,
         }
-        seconds = take_turns(ways, rounds=scale.rounds)
-    show_times(seconds)
+        seconds = harness.take_turns(ways, rounds=scale.rounds)
+    harness.show_times(seconds)
     bares, ours, series = seconds.values()
-    share = compare(bares, ours)
-    times.append((1 / share.median, compare(series, bares).median))
+    share = harness.compare(bares, ours)
+    times.append((1 / share.median, harness.compare(series, bares).median))
     yield judge("look-ups, share of the bare route", share, at_least=0.5)
-    slowest = compare(late[service.url], late[bare])
+    slowest = harness.compare(late[service.url], late[bare])
     yield judge("99 % of the look-ups, in those of the bare route", slowest, at_most=3.0)
 
 
@@ -141,7 +122,7 @@ def _ask(url: str, paths: Sequence[str], *, count: int) -> Seconds:
     Plain sockets: a client that takes longer than the service would be what is measured.
     """
     parts = urlsplit(url)
-    head = f" HTTP/1.1\r\nHost: {parts.netloc}\r\nAuthorization: Bearer {KEY}\r\n\r\n"
+    head = f" HTTP/1.1\r\nHost: {parts.netloc}\r\nAuthorization: Bearer {harness.KEY}\r\n\r\n"
     requests = itertools.cycle([f"GET {path}{head}".encode() for path in paths])
     seconds: Seconds = []
     began: dict[socket.socket, float] = {}
@@ -198,28 +179,28 @@ def _measure_series(scale: Scale, service: Service, lookup: str) -> Iterator[boo
 
         ways = {"json": lambda: json.dumps({"rows": rows}), "csv": write_csv}
         for name, write in ways.items():
-            before_mb = read_memory_mb(service.pid, "VmRSS")
-            forget_peak(service.pid)
+            before_mb = harness.read_memory_mb(service.pid, "VmRSS")
+            harness.forget_peak(service.pid)
             ours, plain = [], []
             for _ in range(scale.rounds):
-                before_s, began = read_cpu_s(service.pid), time.process_time()
+                before_s, began = harness.read_cpu_s(service.pid), time.process_time()
                 write()
                 plain.append(time.process_time() - began)
                 read(f"?format={name}")
-                ours.append(read_cpu_s(service.pid) - before_s)
-            more_mb = read_memory_mb(service.pid, "VmHWM") - before_mb
-            yield judge(f"CPU of {name}, in that of Python's own", compare(ours, plain), at_most=3.0)
+                ours.append(harness.read_cpu_s(service.pid) - before_s)
+            more_mb = harness.read_memory_mb(service.pid, "VmHWM") - before_mb
+            yield judge(f"CPU of {name}, in that of Python's own", harness.compare(ours, plain), at_most=3.0)
             yield judge(f"memory for {name} [MB]", more_mb, at_most=30.0)
 
         def look_up() -> None:
             other.get(lookup).raise_for_status()
 
-        alone = [time_once(look_up) for _ in range(100)]
+        alone = [harness.time_once(look_up) for _ in range(100)]
         reading = threading.Thread(target=read)
         reading.start()
-        beside = [time_once(look_up)]
+        beside = [harness.time_once(look_up)]
         while reading.is_alive():
-            beside.append(time_once(look_up))
+            beside.append(harness.time_once(look_up))
     slower = statistics.median(beside) / statistics.median(alone)
     yield judge("a look-up during the series, to alone", slower, at_most=3.0)
 
@@ -227,13 +208,18 @@ def _measure_series(scale: Scale, service: Service, lookup: str) -> Iterator[boo
 @contextmanager
 def _serving_bare(service: Service, address: str, data: Path) -> Iterator[str]:
     """Serve what the service answers there from memory: the least that can answer."""
-    answer, port = data / "bare.json", find_port()
-    answer.write_bytes(httpx.get(f"{service.url}{address}", headers=HEADERS).raise_for_status().content)
+    answer, port = data / "bare.json", harness.find_port()
+    answer.write_bytes(
+        httpx.get(f"{service.url}{address}", headers=harness.HEADERS).raise_for_status().content
+    )
     words = ["-m", "uvicorn", "--factory", "bench.lookups:make_bare", "--port", str(port), "--no-access-log"]
     log = data / "bare.log"
-    environment = make_environment(data) | {"BARE": str(answer), "PYTHONWARNINGS": "ignore"}
-    with log.open("wb") as file, running([*words, "--log-level", "error"], environment, file) as process:
-        await_answer(f"http://127.0.0.1:{port}{address}", process, log)
+    environment = harness.make_environment(data) | {"BARE": str(answer), "PYTHONWARNINGS": "ignore"}
+    with (
+        log.open("wb") as file,
+        harness.running([*words, "--log-level", "error"], environment, file) as process,
+    ):
+        harness.await_answer(f"http://127.0.0.1:{port}{address}", process, log)
         yield f"http://127.0.0.1:{port}"
 
 

@@ -19,19 +19,9 @@ import numpy as np
 from tusclient.client import TusClient
 
 import stilb
+from bench import harness
 from bench.frames import CAMERA, create_campaign, draw_roi, make_mosaic, renew, write_copies
-from bench.harness import (
-    HEADERS,
-    KEY,
-    Scale,
-    Service,
-    compare,
-    judge,
-    say,
-    serving,
-    show_times,
-    take_turns,
-)
+from bench.harness import Scale, Service, judge, say
 from tests.support.deployments import Deployment, Embedded
 from tests.support.fieldwork import Team
 from tests.support.postgres import PostgresServer
@@ -46,9 +36,9 @@ _MIB = 1 << 20
 def run(scale: Scale, postgres: PostgresServer) -> list[bool]:
     with tempfile.TemporaryDirectory(prefix="stilb-bench-") as name:
         folder = Path(name)
-        with serving(folder / "data") as service:
+        with harness.serving(folder / "data") as service:
             verdict = _upload_one(scale, service, folder)
-        with serving(folder / "other", postgres.new_database(), workers=2) as service:
+        with harness.serving(folder / "other", postgres.new_database(), workers=2) as service:
             return [verdict, _upload_many(scale, service)]
 
 
@@ -62,17 +52,17 @@ def _upload_one(scale: Scale, service: Service, folder: Path) -> bool:
         renew(path, next(fresh))
         copy.unlink(missing_ok=True)
 
-    with stilb.Client(service.url, KEY) as client, service.open_http() as sender:
+    with stilb.Client(service.url, harness.KEY) as client, service.open_http() as sender:
         campaign = create_campaign(client)
         ways: dict[str, Callable[[], object]] = {
             "through the service, streamed with httpx": lambda: _stream(sender, campaign, path),
             "with stilb.Client (it hashes first)": lambda: client.push(campaign, path, role="field"),
             "a script: read, SHA-256, write, fsync": lambda: _hash_and_sync(path, copy),
         }
-        seconds = take_turns(ways, rounds=scale.uploads, prepare=prepare)
-    show_times(seconds)
+        seconds = harness.take_turns(ways, rounds=scale.uploads, prepare=prepare)
+    harness.show_times(seconds)
     streamed, _, script = seconds.values()
-    return judge("the service, share of the script's rate", compare(script, streamed), at_least=0.5)
+    return judge("the service, share of the script's rate", harness.compare(script, streamed), at_least=0.5)
 
 
 def _stream(sender: httpx.Client, campaign: str, path: Path) -> None:
@@ -95,7 +85,7 @@ def _hash_and_sync(path: Path, copy: Path) -> str:
 
 def _upload_many(scale: Scale, service: Service) -> bool:
     say(f"\nframes of {_FRAME_BYTES / 1000:g} kB from {_CLIENTS} clients at once, on PostgreSQL")
-    with stilb.Client(service.url, KEY) as client:
+    with stilb.Client(service.url, harness.KEY) as client:
         campaigns = [create_campaign(client) for _ in range(_CLIENTS)]
 
     def send(campaign: str) -> None:
@@ -103,7 +93,7 @@ def _upload_many(scale: Scale, service: Service) -> bool:
         connection = http.client.HTTPConnection(urlsplit(service.url).netloc, timeout=300)
         for _ in range(scale.uploads):
             content = os.urandom(_FRAME_BYTES)
-            headers = HEADERS | {"X-Content-SHA256": hashlib.sha256(content).hexdigest()}
+            headers = harness.HEADERS | {"X-Content-SHA256": hashlib.sha256(content).hexdigest()}
             headers["Content-Type"] = "application/octet-stream"
             connection.request("POST", f"/v1/campaigns/{campaign}/frames?role=field", content, headers)
             answer = connection.getresponse()
@@ -117,10 +107,10 @@ def _upload_many(scale: Scale, service: Service) -> bool:
             "one client": lambda: send(campaigns[0]),
             "eight clients": lambda: list(threads.map(send, campaigns)),
         }
-        seconds = take_turns(ways, rounds=scale.rounds, warm_up=1)
-    show_times(seconds)
+        seconds = harness.take_turns(ways, rounds=scale.rounds, warm_up=1)
+    harness.show_times(seconds)
     one, together = seconds.values()
-    rate = compare([_CLIENTS * spent for spent in one], together)
+    rate = harness.compare([_CLIENTS * spent for spent in one], together)
     return judge("rate of eight clients, to one client's", rate, at_least=3.0)
 
 

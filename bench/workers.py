@@ -11,20 +11,9 @@ from pathlib import Path
 import redis
 from sqlalchemy import ColumnElement, delete, func, select
 
+from bench import harness
 from bench.frames import write_rows
-from bench.harness import (
-    Scale,
-    Seconds,
-    compare,
-    judge,
-    list_tree,
-    make_environment,
-    read_cpu_s,
-    read_shared_mb,
-    running,
-    say,
-    show_times,
-)
+from bench.harness import Scale, Seconds, judge, say
 from service.launch.valkey import valkey_binary, valkey_command
 from store.database import Database
 from store.jobs.queues import LANES, QUEUES, Post, make_celery, touch
@@ -43,7 +32,7 @@ class _Queue:
 
     def __init__(self, folder: Path, database_url: str, stack: ExitStack) -> None:
         self._settings = Settings(data=folder, database_url=database_url)
-        self._environment = make_environment(folder) | {"STILB_DATABASE_URL": database_url}
+        self._environment = harness.make_environment(folder) | {"STILB_DATABASE_URL": database_url}
         self._log = stack.enter_context((folder / "log").open("wb"))
         unix_socket = folder / "valkey.sock"
         self._command = valkey_command(valkey_binary(), folder, unix_socket)
@@ -71,7 +60,9 @@ class _Queue:
         words += ["-c", str(processes // nodes), "-n"]
         with ExitStack() as stack:
             started = [
-                stack.enter_context(running([*words, f"{node}@bench"], self._environment, self._log)).pid
+                stack.enter_context(
+                    harness.running([*words, f"{node}@bench"], self._environment, self._log)
+                ).pid
                 for node in range(nodes)
             ]
             # not of the pool of connections, which keeps those to a broker that was killed
@@ -113,8 +104,8 @@ def run(scale: Scale, postgres: PostgresServer) -> list[bool]:
         say(f"\njobs of {scale.job_s:g} s for one process and for {scale.workers}, on PostgreSQL")
         one = _work_off(queue, scale, processes=1, nodes=1)
         together = _work_off(queue, scale, processes=scale.workers, nodes=2)
-        show_times({"one": one, f"{scale.workers}": together})
-        rate = compare([scale.workers * spent for spent in one], together)
+        harness.show_times({"one": one, f"{scale.workers}": together})
+        rate = harness.compare([scale.workers * spent for spent in one], together)
         return [
             judge("rate of all, to one's", rate, at_least=0.75 * scale.workers),
             *_restart_broker(queue, scale),
@@ -182,10 +173,13 @@ def _wait_beside_a_worker(queue: _Queue, scale: Scale, folder: Path) -> Iterator
         queue.add(scale.waiting_jobs, lane="extract")
         _wait_until(lambda: queue.count(Job.waits_for.is_not(None)) > 0)
         time.sleep(min(1.0, scale.waits_s))
-        worker = list_tree(parent)
-        before_s, before = read_cpu_s(*worker), count_messages()
+        worker = harness.list_tree(parent)
+        before_s, before = harness.read_cpu_s(*worker), count_messages()
         time.sleep(scale.waits_s)
-        percent, sent = 100 * (read_cpu_s(*worker) - before_s) / scale.waits_s, count_messages() - before
+        percent, sent = (
+            100 * (harness.read_cpu_s(*worker) - before_s) / scale.waits_s,
+            count_messages() - before,
+        )
     yield judge("its CPU, % of a core", percent, at_most=1.0)
     yield judge("messages meanwhile", sent, at_most=5.0)
 
@@ -201,11 +195,11 @@ def run_start(scale: Scale) -> list[bool]:
                 seconds.append(time.perf_counter() - began)
                 if number == scale.starts:
                     time.sleep(min(8.0, scale.rests_s))
-                    tree = list_tree(pid)
-                    before_s = read_cpu_s(*tree)
+                    tree = harness.list_tree(pid)
+                    before_s = harness.read_cpu_s(*tree)
                     time.sleep(scale.rests_s)
-                    percent = 100 * (read_cpu_s(*tree) - before_s) / scale.rests_s
-                    memory_mb = sum(map(read_shared_mb, tree))
+                    percent = 100 * (harness.read_cpu_s(*tree) - before_s) / scale.rests_s
+                    memory_mb = sum(map(harness.read_shared_mb, tree))
     return [
         # the first makes the database
         judge(
@@ -218,8 +212,8 @@ def run_start(scale: Scale) -> list[bool]:
 
 @contextmanager
 def up(data: Path) -> Iterator[int]:
-    environment = make_environment(data) | {"STILB_PORT": "0"}
-    with running(["-m", "service.up"], environment, subprocess.PIPE) as launcher:
+    environment = harness.make_environment(data) | {"STILB_PORT": "0"}
+    with harness.running(["-m", "service.up"], environment, subprocess.PIPE) as launcher:
         if not (launcher.stdout and launcher.stdout.readline().startswith(b"ready")):
             raise RuntimeError("the service did not start")
         yield launcher.pid
