@@ -11,6 +11,7 @@ from stilb.commands.terminal import table
 from stilb.records import Job
 
 _SHOWN = 20
+KindChosen = Annotated[str | None, typer.Option(help="Kind of job, such as fit.")]
 
 
 @command
@@ -20,7 +21,7 @@ def jobs(
     state: Annotated[
         str | None, typer.Option(help="queued, running, succeeded, failed, quarantined.")
     ] = None,
-    kind: Annotated[str | None, typer.Option(help="extract, fit, measure.")] = None,
+    kind: KindChosen = None,
     limit: Annotated[int, typer.Option(min=1, help="Largest number of jobs.")] = _SHOWN,
     *,
     wait: Annotated[bool, typer.Option("--wait", help="Wait until the job ends.")] = False,
@@ -68,7 +69,7 @@ def events(
 def dismiss(
     output: Output,
     state: Annotated[str, typer.Option(help="failed, quarantined.")],
-    kind: Annotated[str | None, typer.Option(help="extract, fit, measure.")] = None,
+    kind: KindChosen = None,
     code: Annotated[str | None, typer.Option(help="Error code, such as not_a_raw_file.")] = None,
     campaign: CampaignChosen = None,
     *,
@@ -88,7 +89,7 @@ def retry(
         str | None, typer.Argument(metavar="[JOB]", help="One job; default: all that match.")
     ] = None,
     state: Annotated[str | None, typer.Option(help="failed, quarantined.")] = None,
-    kind: Annotated[str | None, typer.Option(help="extract, fit, measure.")] = None,
+    kind: KindChosen = None,
     code: Annotated[str | None, typer.Option(help="Error code, such as temporarily_unavailable.")] = None,
     campaign: CampaignChosen = None,
 ) -> None:

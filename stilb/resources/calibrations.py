@@ -101,9 +101,7 @@ class Calibrations(Campaigns, Jobs):
     def save_form(self, calibration_id: str, path: PathLike, **query: str | float) -> Path:
         """Save a version in the form that another program reads; the file's name says which.
 
-        Of vignetting `lensfun.xml`, `correction.tif`, `residuals.tif`; of geometry `opencv.yaml`,
-        `cameras.json`, `lensfun-distortion.xml`, `camera.json`.
-
+        They are the paths with ``/exports/`` of the service's OpenAPI document, such as `opencv.yaml`;
         ``query`` is what the form needs, such as ``f_number=2.8``.
         """
         path = Path(path)
