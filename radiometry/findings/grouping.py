@@ -77,6 +77,8 @@ _BY_SOURCE = {
     "ISO setting": "Calibrate at this very ISO setting: it is the largest source.",
     "vignetting": "Take more and brighter flat fields at this f-number: the correction of vignetting is the "
     "largest source.",
+    "scatter between frames": "Take several frames and measure their mean: shutter and aperture repeat no "
+    "better, and this is the largest source.",
     "spectral mismatch": "Calibrate under the very light that is measured, or send the measured spectra of "
     "both and the camera's response as tables: the spectral mismatch is the largest source.",
     "flicker": "Expose for a whole number of half periods of the mains, such as 1/50 s of 50 Hz: flicker is "

@@ -225,6 +225,8 @@ def list_source_effects(
         *(("f-number", effect) for effect in known[2]),
         ("ISO setting", 0.0),  # K was fitted at the same setting
         *(("vignetting", effect * scale) for effect in by_lens),
+        # of shutter, aperture and gain, which do not repeat: the same in all of one frame
+        *((sources.SCATTER, luminance * each) for each in [coefficient.frame_scatter_rel] if each),
     ]
     noise = Effect(
         source=NOISE, shared=False, effect_cd_m2=by_signal * signal.standard_uncertainty_dn / through * scale

@@ -197,7 +197,7 @@ def measure(
         )
         summed = add_signal(summed, sum_signal(each, channel=coefficient.channel))
     corrections, raised = _find_corrections(frame, whole, request, camera, frames=len(signals))
-    camera = replace(camera, corrections=corrections)
+    camera = replace(camera, corrections=corrections, coefficient=coefficient.average(len(signals)))
     region = camera.apply_to_region(signals)
     disagreement = flag_scatter([signal for signal, _ in signals], dark_signal_dn=coefficient.dark_signal_dn)
     scatter_rel = add_up(region.effects, source=SCATTER) / (abs(region.luminance_cd_m2.value) or 1.0)

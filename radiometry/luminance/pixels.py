@@ -202,7 +202,11 @@ def _variance(squares: NDArray[np.float64]) -> float:
 
 
 def average_signals(
-    signals: Sequence[Signal], *, dark_signal_dn: float, drift_rel: Values | None = None
+    signals: Sequence[Signal],
+    *,
+    dark_signal_dn: float,
+    expected_rel: float = 0.0,
+    drift_rel: Values | None = None,
 ) -> tuple[Signal, float]:
     """Average the signals of one region in repeated frames.
 
@@ -211,7 +215,7 @@ def average_signals(
 
         u^2 = sum(u_i^2) / n^2 + mean(r_i^2)
 
-    For the scatter see `evaluate_scatter`.
+    For the scatter beyond `expected_rel`, which another source has, see `evaluate_scatter`.
     """
     count = len(signals)
     if count == 1:
@@ -228,7 +232,7 @@ def average_signals(
         standard_uncertainty_dn=math.sqrt(float(noise.sum()) / count**2 + float(rounding.mean())),
         saturated_share=max(signal.saturated_share for signal in signals),
     )
-    return mean, evaluate_scatter(steady, noise)
+    return mean, evaluate_scatter(steady, noise + (expected_rel * steady.mean()) ** 2)
 
 
 def add_signal(summed: tuple[Sums, int] | None, signal: tuple[Sums, int]) -> tuple[Sums, int]:
@@ -260,7 +264,9 @@ def evaluate_scatter(values: Values, noise_variances: Values) -> float:
     return math.sqrt(max(0.0, observed - expected) / count)
 
 
-def find_drift(cells: Sequence[Sequence[Signal]], *, dark_signal_dn: float) -> tuple[Values, float]:
+def find_drift(
+    cells: Sequence[Sequence[Signal]], *, dark_signal_dn: float, expected_rel: float = 0.0
+) -> tuple[Values, float]:
     """Find how the light of all cells together differs between repeated frames."""
     values = np.array([[signal.value_dn for signal in cell] for cell in cells]) - dark_signal_dn
     own = [[signal.standard_uncertainty_dn**2 - signal.rounding_dn**2 for signal in cell] for cell in cells]
@@ -269,7 +275,7 @@ def find_drift(cells: Sequence[Sequence[Signal]], *, dark_signal_dn: float) -> t
         return np.zeros(values.shape[1]), 0.0
     totals = values.mean(axis=0) / mean
     noise = np.array(own).sum(axis=0) / (len(cells) * mean) ** 2
-    return totals - 1.0, evaluate_scatter(totals, noise)
+    return totals - 1.0, evaluate_scatter(totals, noise + expected_rel**2)
 
 
 def flag_scatter(signals: Sequence[Signal], *, dark_signal_dn: float) -> tuple[Raised, ...]:

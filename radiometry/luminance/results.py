@@ -76,7 +76,15 @@ class Coefficient(Record):
     dark_rate_dn_per_s: float | None = later("Growth of the dark signal with the exposure time.")
     dark_rate_standard_uncertainty_dn_per_s: float | None = later()
     errors: ErrorSplit | None = later("None for semilog, and for older versions.")
+    frame_scatter_rel: float | None = later(
+        "Relative standard deviation between frames of one light, which each later frame has too."
+    )
     apertures: tuple[Aperture, ...] | None = later("K at each f-number used, rising; None where `errors` is.")
+
+    def average(self, frames: int) -> "Coefficient":
+        """Return the coefficient for the mean of repeated frames: what each scatters by itself averages."""
+        scatter_rel = self.frame_scatter_rel
+        return replace(self, frame_scatter_rel=scatter_rel and scatter_rel / math.sqrt(frames))
 
     def at(self, time_s: float) -> "Coefficient":
         """Return the coefficient with the dark signal of an exposure time, on the calibration's basis."""

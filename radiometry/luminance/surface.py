@@ -342,6 +342,10 @@ class CalibratedCamera(Record, kw_only=False):
         applied = apply_to_signal(signal, exposure=self.exposure, coefficient=self.coefficient, share=share)
         return apply_corrections(applied, self.corrections)
 
+    def scatter_of_one(self, frames: int) -> float:
+        """Return the relative scatter of a frame, of which the coefficient has that of the frames' mean."""
+        return (self.coefficient.frame_scatter_rel or 0.0) * math.sqrt(frames)
+
     def read_signal(self, frame: Frame, polygon: Polygon, *, of_grid: bool = False) -> Read:
         """Return the signal of a region, and V if vignetting is corrected."""
         statistics = method.extract(frame, polygon)
@@ -369,6 +373,7 @@ class CalibratedCamera(Record, kw_only=False):
         signal, scatter_dn = average_signals(
             [signal for signal, _ in read],
             dark_signal_dn=self.coefficient.dark_signal_dn,
+            expected_rel=0.0 if drift else self.scatter_of_one(len(read)),
             drift_rel=drift[0] if drift else None,
         )
         # V depends on the place alone
@@ -413,7 +418,11 @@ def measure_surface(
     drift = None
     if len(frames) > 1:
         signals = [[signal for signal, _ in cell] for line in cells for cell in line]
-        drift = find_drift(signals, dark_signal_dn=camera.coefficient.dark_signal_dn)
+        drift = find_drift(
+            signals,
+            dark_signal_dn=camera.coefficient.dark_signal_dn,
+            expected_rel=camera.scatter_of_one(len(frames)),
+        )
     applied = [[camera.apply_to_region(cell, drift=drift) for cell in line] for line in cells]
     values = np.array([[one.luminance_cd_m2.value for one in line] for line in applied])
     displaced = displace_cells(grid, values)

@@ -17,6 +17,7 @@ from radiometry.frame.roi import Polygon
 from radiometry.luminance import method
 from radiometry.luminance.codes import ROI_ELSEWHERE
 from radiometry.luminance.measurement import Request, find_mixed_light, find_window, measure
+from radiometry.luminance.pixels import SCATTER
 from radiometry.luminance.rows import CalibrationConditions, FieldConditions
 from radiometry.spectral.mismatch import (
     compute_mismatch,
@@ -99,6 +100,30 @@ def test_the_budget_is_the_documented_sum():
     assert found.mean.standard_uncertainty == pytest.approx(
         math.hypot(found.shared_u_cd_m2, found.noise_u_cd_m2)
     )
+
+
+@pytest.mark.parametrize("count", [1, 4])
+def test_a_frame_has_the_scatter_that_its_calibration_measured(count):
+    """Budget by hand, and intervals that hold the truth in frames of a shutter that repeats to 2 %."""
+    coefficient = dataclasses.replace(
+        COEFFICIENT,
+        **dict.fromkeys(("exposure_time_u_rel", "f_number_u_rel", "meter_calibration_u_rel"), 0.0),
+    )
+    steady = measured(make_frame(noisy(1000.0)), coefficient=coefficient).mean
+    coefficient = dataclasses.replace(coefficient, frame_scatter_rel=0.02)
+    random, trials, held, repeats = np.random.default_rng(7), 120, [], []
+    for seed in range(trials):
+        shown = 1000.0 * random.normal(1.0, 0.02, count)
+        first, *others = (make_frame(noisy(each, seed=seed)) for each in shown)
+        found = measured(first, coefficient=coefficient, repeats=others)
+        (share,) = (each for each in found.budget if each.source == "scatter between frames")
+        assert share.standard_uncertainty_cd_m2 == pytest.approx(0.02 / math.sqrt(count) * found.mean.value)
+        held.append(abs(found.mean.value - steady.value) <= 1.96 * found.mean.standard_uncertainty)
+        repeats.append(sum(each.variance_share for each in found.budget if each.source == SCATTER) > 0.0)
+    # K's own error is none of this draw's, so that somewhat more are held
+    assert np.mean(held) >= 0.93
+    # what was expected is not counted again
+    assert np.mean(repeats) <= 0.5
 
 
 def test_the_shared_part_does_not_average_down_and_single_pixels_carry_their_noise():
