@@ -104,14 +104,16 @@ def main() -> int:
     gc.freeze()
     files = raise_file_limit()
     if settings.workers == 1:
-        _serve(app, settings, files, None)
+        _serve(app, settings, files, Pulse())
     # no process may use the connections of another
     context.database.dispose()
     listening = uvicorn.Config(app, host=settings.host, port=settings.port, log_config=None).bind_socket()
-    return serve_forked(settings, listening, lambda own, bound: _serve(app, own, files, bound))
+    return serve_forked(settings, lambda path: _serve(app, settings, files, Pulse(str(path)), listening))
 
 
-def _serve(app: FastAPI, settings: Settings, files: int, listening: socket | None) -> None:
+def _serve(
+    app: FastAPI, settings: Settings, files: int, pulse: Pulse, listening: socket | None = None
+) -> None:
     """Serve until a signal; the process ends with it."""
     context: Context = app.state.context
     connections = Connections(files=files, per_peer=settings.connections_per_peer)
@@ -138,7 +140,7 @@ def _serve(app: FastAPI, settings: Settings, files: int, listening: socket | Non
     presence = Presence(context.database, "service")
     vitals = Vitals(
         presence,
-        Pulse(settings.pulse),
+        pulse,
         hang_s=settings.hang_s,
         rates=context.rates,
         attempts=context.attempts,

@@ -25,6 +25,8 @@ from store.tables.base import utc_now
 log = logging.getLogger(__name__)
 
 _ACTOR: Final = "files"
+SCRUB_DAYS: Final = 30.0
+"""Each file is proven once in this time, whether it is read or not."""
 
 
 class Files:

@@ -15,7 +15,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-HANG_S = 60.0
+DATABASE_TIMEOUT_S: Final = 30.0
+SILENCES: Final = 2
+"""A process hangs if it makes no progress for so many times what it may wait for the database."""
+_PULSE: Final = "STILB_PULSE"
 UNHEALTHY_EXIT = 1
 _ANSWER_WITHIN_S = 4.0
 _LOOK_AGAIN_S = 6.0
@@ -23,10 +26,13 @@ _LOOK_AGAIN_S = 6.0
 
 
 class Pulse:
-    """Beats into a file, or nowhere; never fails, since a beat that cannot be written must end nobody."""
+    """Beats into a file, or nowhere; never fails, since a beat that cannot be written must end nobody.
 
-    def __init__(self, path: str) -> None:
-        self._path = path
+    Whoever watches a process names the file in its environment.
+    """
+
+    def __init__(self, path: str | None = None) -> None:
+        self._path = path = os.environ.get(_PULSE, "") if path is None else path
         if path:
             with suppress(OSError):
                 Path(path).write_text(f"{os.getpid()}\n", encoding="ascii")
@@ -46,6 +52,12 @@ def read_beat(path: Path) -> int | None:
         return path.stat().st_mtime_ns
     except OSError:
         return None
+
+
+def find_silence_s() -> float:
+    """Return for how long the pulse of this process has not beaten; 0 where nobody watches it."""
+    beat_ns = read_beat(Path(pulse)) if (pulse := os.environ.get(_PULSE)) else None
+    return (time.monotonic_ns() - beat_ns) / 1e9 if beat_ns else 0.0
 
 
 def end_hung(path: Path, *, hang_s: float, look_again_s: float = _LOOK_AGAIN_S) -> bool:
@@ -69,8 +81,9 @@ def _read(name: str) -> str:
 
 def main() -> int:
     """Check the process behind STILB_PULSE, and the address if one is given; one that hangs is killed."""
-    pulse = _read("STILB_PULSE")
-    if not pulse or end_hung(Path(pulse), hang_s=float(_read("STILB_HANG_S") or HANG_S)):
+    pulse = os.environ.get(_PULSE)
+    hang_s = SILENCES * float(_read("STILB_DATABASE_TIMEOUT_S") or DATABASE_TIMEOUT_S)
+    if not pulse or end_hung(Path(pulse), hang_s=hang_s):
         return UNHEALTHY_EXIT
     if sys.argv[1:]:
         from urllib.request import urlopen  # noqa: PLC0415  it takes longer than all the rest

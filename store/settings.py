@@ -12,7 +12,7 @@ from urllib.parse import quote
 
 from pydantic import BaseModel, ConfigDict, Field, SecretStr, ValidationError, model_validator
 
-from store.pulse import HANG_S
+from store.pulse import DATABASE_TIMEOUT_S, SILENCES
 
 if TYPE_CHECKING:
     from obstore.store import S3Config
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 _PREFIX = "STILB_"
 _IN_FILE = "_FILE"
-# of the command line, and of the tests
-_OTHERS = re.compile("URL|CHROMIUM|PICTURES|ILLUSTRATIONS|TEST_.*")
+# of the command line, of who watches a process, and of the tests
+_OTHERS = re.compile("URL|PULSE|CHROMIUM|PICTURES|ILLUSTRATIONS|TEST_.*")
 _CANNOT_START_EXIT = 2
 # of whole names, which begin alike
 _ALIKE = 0.7
@@ -70,10 +70,9 @@ class Settings(BaseModel):
     allowed_hosts: str = ""
     database_url: str = ""
     database_password: SecretStr = SecretStr("")
-    database_timeout_s: Seconds = 30.0
+    database_timeout_s: Seconds = DATABASE_TIMEOUT_S
     broker_url: str = ""
     blobs_url: str = ""
-    max_upload_bytes: int = Field(default=2 * 1024**3, gt=0)
     connections_per_peer: int = Field(default=512, ge=0)
     quota_bytes: int = Field(default=0, ge=0)
     quota_frames: int = Field(default=0, ge=0)
@@ -83,11 +82,6 @@ class Settings(BaseModel):
     stop_notice_s: Grace = 0.0
     worker_threads: int = Field(default=2, ge=1, le=64)
     lease_s: Seconds = 30.0
-    job_limit_s: Seconds = 3600.0
-    sweep_interval_s: Seconds = 2.0
-    scrub_days: float = Field(default=30.0, ge=0, le=36_500)
-    hang_s: Seconds = HANG_S
-    pulse: str = ""
     log: Literal["text", "json"] = "text"
     health_for: Literal["everybody", "operator"] = "everybody"
     decoder_sandbox: Literal["auto", "require"] = "auto"
@@ -106,19 +100,15 @@ class Settings(BaseModel):
         return self
 
     @model_validator(mode="after")
-    def _outlast_database(self) -> Self:
-        if self.hang_s <= self.database_timeout_s:
-            limits = (
-                f"{self.hang_s:g} s must be above STILB_DATABASE_TIMEOUT_S, {self.database_timeout_s:g} s"
-            )
-            raise ValueError(f"STILB_HANG_S: {limits}")
-        return self
-
-    @model_validator(mode="after")
     def _place_password(self) -> Self:
         if self.database_password.get_secret_value() and not re.match(r"[^:]+://[^:@/]+@", self.database_url):
             raise ValueError("STILB_DATABASE_PASSWORD needs a STILB_DATABASE_URL with a user and no password")
         return self
+
+    @property
+    def hang_s(self) -> float:
+        """How long a process may make no progress [s]: longer than it may wait for the database."""
+        return SILENCES * self.database_timeout_s
 
     @property
     def effective_broker_url(self) -> str:

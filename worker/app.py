@@ -10,7 +10,7 @@ app.conf.update(
     worker_concurrency=settings.worker_threads,
     worker_consumer="worker.consumer:Consumer",
     # a job that takes longer hangs: its process is killed, and it is lost as with its worker
-    task_time_limit=settings.job_limit_s,
+    task_time_limit=3600.0,
     # a process opens its connections before it says that it is up: by default 4 s
     worker_proc_alive_timeout=60.0,
     # how long the last words of a process that has died are waited for; by default 10 s

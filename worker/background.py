@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session, aliased
 from store import jobs
 from store.blobs import BlobDamaged
 from store.database import Database
-from store.files import Files
+from store.files import SCRUB_DAYS, Files
 from store.jobs.processes import repeat
 from store.queries.campaigns import RENEWAL_LANE, renew_extraction
 from store.queries.usage import add_jobs
@@ -92,29 +92,26 @@ _PROVEN_AT_ONCE: Final = 50
 
 
 class Scrub:
-    """Reads what was not proven for so many days."""
+    """Reads what was not proven for `SCRUB_DAYS`."""
 
     def __init__(
         self,
         database: Database,
         files: Files,
         *,
-        days: float,
         wait: Callable[[float], object] = time.sleep,
         leads: Callable[[Session], bool] = lambda _session: True,
     ) -> None:
         """``leads``: whether this process is the one of several that scrubs."""
         self._database = database
         self._files = files
-        self._days = days
         self._wait = wait
         self._leads = leads
         self._look_again_at = 0.0
 
     def start(self) -> None:
-        """Scrub in a thread that ends with the process; 0 days mean never."""
-        if self._days > 0:
-            repeat("scrub", self.do_round)
+        """Scrub in a thread that ends with the process."""
+        repeat("scrub", self.do_round)
 
     def do_round(self) -> float:
         """Prove what is due, and look again at what is damaged; return the pause until the next round [s]."""
@@ -139,7 +136,7 @@ class Scrub:
             return
 
     def _find_due(self) -> list[str]:
-        limit = utc_now() - timedelta(days=self._days)
+        limit = utc_now() - timedelta(days=SCRUB_DAYS)
         due = select(Blob.sha256).where(
             Blob.damage.is_(None), or_(Blob.proven_at < limit, Blob.digests.is_(None))
         )

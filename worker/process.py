@@ -35,7 +35,7 @@ NO_DECODER_EXIT = 71
 _FAREWELL_S = 3.0
 
 decoders = DecoderPool()
-_pulse = Pulse(settings.pulse)
+_pulse = Pulse()
 _mine: dict[str, Any] = {}
 """Of a pool process: its context, upkeep and presence; of the parent: the database and the sandbox."""
 
@@ -139,7 +139,7 @@ def begin(**_: object) -> None:
     def lead() -> None:
         sweep_floor(context.blobs, Partials.of(settings))
         Renewal(context.database, leads=presence.leads).start()
-        Scrub(context.database, context.files, days=settings.scrub_days, leads=presence.leads).start()
+        Scrub(context.database, context.files, leads=presence.leads).start()
 
     upkeep = Upkeep(context, presence, lead=lead)
     _mine.update(context=context, upkeep=upkeep, presence=presence)

@@ -12,7 +12,6 @@ import time
 from collections.abc import Callable
 from datetime import timedelta
 from functools import cache
-from pathlib import Path
 from typing import Final, NamedTuple
 
 from sqlalchemy import Select, bindparam, false, or_, select, true, update
@@ -33,13 +32,14 @@ from store.jobs.queues import (
     touch,
     unsend_lost,
 )
-from store.pulse import read_beat
+from store.pulse import find_silence_s
 from store.reviews import is_stale
 from store.tables import CampaignReview, Job
 from store.tables.base import UtcDateTime, utc_now
 from worker.context import Context
 from worker.runner import serves
 
+_LOOKS_A_LEASE: Final = 15
 _FURTHEST_DUE: Final = timedelta(minutes=5)
 """Further ahead than any pause before a job is tried again."""
 _LEASES_AHEAD: Final = 3
@@ -133,7 +133,7 @@ log = logging.getLogger(__name__)
 
 
 class Upkeep:
-    """A look every ``STILB_SWEEP_INTERVAL_S`` for what no message brings about; most find nothing.
+    """A look `_LOOKS_A_LEASE` times in a lease for what no message brings about; most find nothing.
 
     The process that leads looks so often, the others a third as often.
     """
@@ -158,8 +158,7 @@ class Upkeep:
         self._ended.set()
 
     def _keep(self) -> None:
-        settings = self._context.settings
-        pause_s = often_s = settings.sweep_interval_s
+        pause_s = often_s = self._context.settings.lease_s / _LOOKS_A_LEASE
         while not self._ended.wait(pause_s):
             try:
                 self.do_turn()
@@ -196,7 +195,8 @@ class Upkeep:
             # before others are looked at: what this process works on is not lost, however late it is
             context.leases.renew(context.database, lease_s)
             self._renewed_at = time.monotonic()
-        self._presence.beat(worked_s_ago=self._find_silence_s())
+        # the pulse is the parent's, which hands out the jobs
+        self._presence.beat(worked_s_ago=find_silence_s())
         with context.database.reading() as session:
             require_own_schema(session)
             found = look(session, lease_s=lease_s)
@@ -233,8 +233,3 @@ class Upkeep:
         if not away:
             with self._context.database.writing("sweeper") as session:
                 resume(session, Dependency.BLOBS)
-
-    def _find_silence_s(self) -> float:
-        """Return for how long the parent has not turned, which hands out the jobs; 0 where nothing tells."""
-        beat_ns = read_beat(Path(self._context.settings.pulse)) if self._context.settings.pulse else None
-        return (time.monotonic_ns() - beat_ns) / 1e9 if beat_ns else 0.0

@@ -106,8 +106,8 @@ INTERNAL_ERROR = Finding(
 # while files are sent
 UPLOAD_TOO_LARGE = _refusal(
     413,
-    "The file is larger than `STILB_MAX_UPLOAD_BYTES`, or the readings larger than 4 MiB.",
-    "Send less, or have the limit raised.",
+    "The file is larger than 2 GiB, or the readings larger than 4 MiB.",
+    "Send less.",
 )
 UPLOAD_INCOMPLETE = _refusal(
     400,

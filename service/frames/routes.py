@@ -76,7 +76,6 @@ async def upload_frame(
     received = await receive(
         request,
         context.blobs,
-        max_bytes=context.settings.max_upload_bytes,
         admit=lambda *file: admit(context, campaign_id, caller, *file, role=upload.role),
     )
     named = upload.model_copy(update={"filename": upload.filename or received.filename})

@@ -44,7 +44,7 @@ from store.tracing import fields, span
 _TO_END_S = 4.0
 """What a process needs to end once its own grace is over, less than this one is given."""
 
-Serve = Callable[[Settings, socket.socket], None]
+Serve = Callable[[Path], None]
 
 
 class Forked:
@@ -103,9 +103,9 @@ def _make_folder() -> str:
     return folder
 
 
-def serve_forked(settings: Settings, listening: socket.socket, serve: Serve) -> int:
-    """Keep so many processes at work until a signal comes; the exit code."""
-    pulse, pulses = Pulse(settings.pulse), Path(_make_folder())
+def serve_forked(settings: Settings, serve: Serve) -> int:
+    """Keep so many processes at work, each with a pulse, until a signal comes; the exit code."""
+    pulse, pulses = Pulse(), Path(_make_folder())
     supervisor = Supervisor(
         environment={},
         key="",
@@ -119,10 +119,9 @@ def serve_forked(settings: Settings, listening: socket.socket, serve: Serve) -> 
         try:
             for number in range(1, settings.workers + 1):
                 name = f"service-{number}"
-                own = settings.model_copy(update={"pulse": str(pulses / f"{name}.pulse")})
                 part = Part(
                     name=name,
-                    run=partial(Forked, partial(serve, own, listening)),
+                    run=partial(Forked, partial(serve, pulses / f"{name}.pulse")),
                     stop_within_s=settings.stop_grace_s + _TO_END_S,
                     has_pulse=True,
                 )

@@ -16,7 +16,7 @@ from service.http.models import Answer
 from service.http.operations import Router
 from service.http.problems import Problem
 from service.http.processes import stopping
-from store.files import count_damaged, find_proof_age_s
+from store.files import SCRUB_DAYS, count_damaged, find_proof_age_s
 from store.jobs.processes import Part
 from store.queries.jobs import count_queue
 from store.tables import Blob
@@ -143,7 +143,7 @@ def get_operator_health(caller: Admin, context: UsesContext) -> Response:
             files=session.scalar(select(func.count()).select_from(Blob)) or 0,
             damaged_files=sum(count_damaged(session).values()),
             oldest_proof_s=find_proof_age_s(session),
-            verified_within_s=context.settings.scrub_days * 86400,
+            verified_within_s=SCRUB_DAYS * 86400,
         ).respond()
 
 

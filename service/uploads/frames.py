@@ -99,7 +99,10 @@ Admit = Callable[[str | None, int], bool]
 """Raises where a file with this hash, of this size, may not be kept; False where only the hash will tell."""
 
 
-async def receive(request: Request, blobs: Blobs, *, max_bytes: int, admit: Admit) -> Received:
+MAX_FILE_BYTES: Final = 2 << 30
+
+
+async def receive(request: Request, blobs: Blobs, *, admit: Admit) -> Received:
     """Store the request's body, raw or the part ``file`` of a form; memory stays flat.
 
     Whatever goes wrong on the way leaves nothing behind: the writer removes what was not committed. ``admit``
@@ -108,13 +111,12 @@ async def receive(request: Request, blobs: Blobs, *, max_bytes: int, admit: Admi
     expected = _announced_sha256(request)
     text = request.headers.get("content-length", "")
     announced = int(text) if text.isdecimal() else 0
-    if announced > max_bytes:
-        raise _too_large(max_bytes)
+    require_size(announced)
     admitted = await run_in_threadpool(admit, expected, announced)
     with blobs.writer() as writer:
         form = _find_form(request, writer)
         take = writer.write if form is None else form.feed
-        rest = await _drain(request.stream(), take, max_bytes)
+        rest = await _drain(request.stream(), take)
 
         def finish() -> Received:
             take(rest)
@@ -137,7 +139,7 @@ def _find_form(request: Request, writer: BlobWriter) -> "_FilePart | None":
     return _FilePart(writer, options.get(b"boundary", b"")) if kind == b"multipart/form-data" else None
 
 
-async def _drain(chunks: AsyncIterator[bytes], take: Callable[[bytes], object], max_bytes: int) -> bytes:
+async def _drain(chunks: AsyncIterator[bytes], take: Callable[[bytes], object]) -> bytes:
     """Hand the chunks on in pieces of a megabyte, one while the next one arrives; return what remains."""
     waiting: list[bytes] = []
     size = total = 0
@@ -147,8 +149,7 @@ async def _drain(chunks: AsyncIterator[bytes], take: Callable[[bytes], object], 
             waiting.append(chunk)
             size += len(chunk)
             total += len(chunk)
-            if total > max_bytes:
-                raise _too_large(max_bytes)
+            require_size(total)
             if size >= _FLUSH_BYTES:
                 if taking:
                     await asyncio.shield(taking)
@@ -267,10 +268,10 @@ def _bad_form(why: str, code: Finding = interface.BAD_REQUEST) -> Problem:
     return Problem(code, f"The multipart form cannot be used: {why}.")
 
 
-def _too_large(max_bytes: int) -> Problem:
-    return Problem(
-        interface.UPLOAD_TOO_LARGE, f"A file may have at most {max_bytes} bytes (STILB_MAX_UPLOAD_BYTES)."
-    )
+def require_size(size_bytes: int) -> None:
+    """Refuse a file that is larger than any is taken."""
+    if size_bytes > MAX_FILE_BYTES:
+        raise Problem(interface.UPLOAD_TOO_LARGE, f"A file may have at most {MAX_FILE_BYTES} bytes.")
 
 
 _LONGEST_NAME: Final = 255

@@ -24,7 +24,7 @@ from service.http.models import Answer, Form, Sha256
 from service.http.operations import Router
 from service.http.problems import Problem, invalid, not_found
 from service.measurements.requests import read_region
-from service.uploads.frames import admit, keep_frame
+from service.uploads.frames import MAX_FILE_BYTES, admit, keep_frame
 from service.uploads.tus import (
     PIECE,
     TUS,
@@ -108,14 +108,14 @@ def _states(description: str) -> dict[str, Any]:
 
 
 @router.options("", status_code=204, response_class=Response, responses={204: _states("What is understood.")})
-def describe_uploads(context: UsesContext) -> Response:
+def describe_uploads() -> Response:
     """State which version and extensions of tus the service understands."""
     headers = {
         "Tus-Resumable": TUS,
         "Tus-Version": TUS,
         "Tus-Extension": "creation,creation-with-upload,checksum,expiration,termination",
         "Tus-Checksum-Algorithm": "sha256",
-        "Tus-Max-Size": str(context.settings.max_upload_bytes),
+        "Tus-Max-Size": str(MAX_FILE_BYTES),
     }
     return Response(status_code=204, headers=headers)
 
@@ -143,7 +143,7 @@ async def begin_upload(
     session that began it is over, as long as its key is in force.
     """
     check_protocol(headers)
-    size_bytes = read_length(headers.length, context.settings.max_upload_bytes)
+    size_bytes = read_length(headers.length)
     said = read_metadata(headers.metadata)
     frame = read_said(said)
     address, partial = await run_in_threadpool(

@@ -20,6 +20,7 @@ from service.frames.schemas import Upload
 from service.http.models import Sha256, Text
 from service.http.problems import Problem, invalid, located, not_found
 from service.measurements.requests import read_region
+from service.uploads.frames import require_size
 from store.blobs.partials import Claim, Facts, OtherOffset, Partial, Superseded
 
 TUS: Final = "1.0.0"
@@ -98,12 +99,9 @@ def read_count(text: str | None, name: str) -> int:
     return int(text)
 
 
-def read_length(length: str | None, most: int) -> int:
+def read_length(length: str | None) -> int:
     size_bytes = read_count(length, "Upload-Length")
-    if size_bytes > most:
-        raise Problem(
-            interface.UPLOAD_TOO_LARGE, f"A file may have at most {most} bytes (STILB_MAX_UPLOAD_BYTES)."
-        )
+    require_size(size_bytes)
     return size_bytes
 
 

@@ -172,9 +172,7 @@ def test_a_child_that_does_not_stay_alive_ends_all_and_names_its_log(tmp_path):
 
 
 def test_a_part_that_hangs_is_killed_and_started_again(tmp_path):
-    with launched(
-        tmp_path, parts=("serve", "beat", "hang"), STILB_HANG_S="1", STILB_DATABASE_TIMEOUT_S="0.5"
-    ) as process:
+    with launched(tmp_path, parts=("serve", "beat", "hang"), STILB_DATABASE_TIMEOUT_S="0.5") as process:
         ready(process)
         (hung,) = children_named(process, "hang")
         (beating,) = children_named(process, "beat")
@@ -193,7 +191,7 @@ def test_a_part_that_is_stopped_amid_a_transaction_is_killed_before_others_give_
     with closing(sqlite3.connect(tmp_path / "stilb.sqlite", timeout=wait_s)) as database:
         database.execute("PRAGMA journal_mode = WAL")
         database.execute("CREATE TABLE kept (number INTEGER)")
-        limits = {"STILB_HANG_S": "600", "STILB_DATABASE_TIMEOUT_S": str(wait_s)}
+        limits = {"STILB_DATABASE_TIMEOUT_S": str(wait_s)}
         with launched(tmp_path, parts=("serve", "lock"), **limits) as process:
             ready(process)
             (locking,) = children_named(process, "lock")
@@ -208,7 +206,7 @@ def test_a_part_that_is_stopped_amid_a_transaction_is_killed_before_others_give_
 
 def test_nobody_is_killed_for_the_time_in_which_everything_was_stopped(tmp_path):
     hang_s = 2.0
-    limits = {"STILB_HANG_S": str(hang_s), "STILB_DATABASE_TIMEOUT_S": "1"}
+    limits = {"STILB_DATABASE_TIMEOUT_S": str(hang_s / 2)}
     with launched(tmp_path, parts=("serve", "beat"), **limits) as process:
         ready(process)
         (beating,) = children_named(process, "beat")

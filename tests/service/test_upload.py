@@ -136,7 +136,7 @@ def test_an_announced_hash_that_does_not_fit_leaves_nothing(house, headers, stat
 @pytest.mark.parametrize("announced", [True, False])
 @pytest.mark.usefixtures("nothing_left")
 def test_a_file_above_the_limit_is_refused_and_leaves_nothing(house, announced, monkeypatch):
-    monkeypatch.setitem(house.settings.__dict__, "max_upload_bytes", 2000)
+    monkeypatch.setattr("service.uploads.frames.MAX_FILE_BYTES", 2000)
     answer = send(house, CONTENT if announced else iter([CONTENT[:1500], CONTENT[1500:]]))
     assert (answer.status_code, answer.json()["code"]) == (413, "upload_too_large")
     assert "2000 bytes" in answer.json()["detail"]

@@ -57,10 +57,11 @@ def test_what_hangs_is_killed_and_what_was_paused_is_not(tmp_path):
 
 
 def test_the_health_check_of_a_container(tmp_path):
-    said = {"STILB_PULSE": str(tmp_path / "pulse"), "STILB_HANG_S": "5"}
-    environment = {f"{name}_FILE": str(tmp_path / name) for name in said}
-    for name, value in said.items():
-        (tmp_path / name).write_text(f"{value}\n")
+    (tmp_path / "limit").write_text("2.5\n")
+    environment = {
+        "STILB_PULSE": str(tmp_path / "pulse"),
+        "STILB_DATABASE_TIMEOUT_S_FILE": str(tmp_path / "limit"),
+    }
 
     def check(*arguments):
         command = [sys.executable, "-m", "store.pulse", *arguments]

@@ -42,11 +42,6 @@ def test_a_value_out_of_range_is_named(refused):
     assert "STILB_STOP_GRACE_S: Input should be less than or equal to 86400" in told
 
 
-def test_a_wait_for_the_database_that_would_count_as_hanging_is_refused(refused):
-    told = refused(STILB_DATABASE_TIMEOUT_S="60")
-    assert told == "stilb: STILB_HANG_S: 60 s must be above STILB_DATABASE_TIMEOUT_S, 60 s\n"
-
-
 @pytest.mark.parametrize(
     ("name", "value", "line"),
     [

@@ -21,7 +21,7 @@ from tests.support.printed import read_blocks, type_in
 from tests.support.processes import children, command
 from tests.support.waiting import wait_for
 
-QUICK = {"STILB_SWEEP_INTERVAL_S": "0.2", "STILB_WORKER_THREADS": "1"}
+QUICK = {"STILB_LEASE_S": "3", "STILB_WORKER_THREADS": "1"}
 
 
 @contextmanager
@@ -155,7 +155,7 @@ def test_a_revoked_job_has_failed_and_may_be_tried_again(worker):
 
 
 def test_a_job_beyond_its_time_limit_is_lost_with_its_process(house):
-    with working(house, STILB_JOB_LIMIT_S="0.5", STILB_LEASE_S="2") as worker, worker.decoders_stopped():
+    with working(house, "--time-limit=0.5") as worker, worker.decoders_stopped():
         job_id = worker.upload()
         wait_for(lambda: worker.job(job_id).lost == 1, seen=worker.log.read_text)
 

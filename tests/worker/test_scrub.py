@@ -25,7 +25,7 @@ def frames(house):
 
 def make_scrub(house, waits=None):
     files = Files(house.database, house.blobs)
-    return Scrub(house.database, files, days=30, wait=(waits if waits is not None else []).append)
+    return Scrub(house.database, files, wait=(waits if waits is not None else []).append)
 
 
 def blob(house, sha256):
