@@ -107,9 +107,9 @@ class Database:
         else:
             from store.postgres import postgres_engine
 
-            self._writer = postgres_engine(self.url, answer_within_s=answer_within_s)
-            # each statement sees what is committed by then in a transaction too, and costs three more answers
-            self._reader = self._writer.execution_options(isolation_level="AUTOCOMMIT")
+            # in a transaction too a statement sees what is committed by then, and costs three more answers
+            self._reader = postgres_engine(self.url, answer_within_s=answer_within_s)
+            self._writer = self._reader.execution_options(isolation_level="READ COMMITTED")
 
     @contextmanager
     def reading_alone(self) -> Iterator[sqlite3.Cursor]:

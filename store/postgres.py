@@ -40,6 +40,9 @@ def postgres_engine(url: URL, *, answer_within_s: float | None) -> Engine:
         pool_size=10,
         max_overflow=30,
         pool_pre_ping=True,
+        # most connections are lent for reading, without a transaction
+        isolation_level="AUTOCOMMIT",
+        skip_autocommit_rollback=True,
         pool_timeout=min(10.0, limit_s or 10.0),
         connect_args=_network_limits(limit_s) | ({} if limit_s is None else _server_limits(url, limit_s)),
     )

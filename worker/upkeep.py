@@ -168,7 +168,7 @@ class Upkeep:
                 return
             except Exception:
                 log.exception("upkeep")
-            pause_s = often_s if self._leads else min(3 * often_s, max(often_s, settings.lease_s / 4))
+            pause_s = often_s if self._leads else 3 * often_s
 
     def do_turn(self) -> None:
         try:

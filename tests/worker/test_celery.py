@@ -96,13 +96,13 @@ class Worker:
 
 
 @contextmanager
-def working(house, *options, **settings):
+def working(house, *options, app="worker.app", **settings):
     log = house.folder / "worker.log"
     with short_folder() as folder, own_broker(folder) as (url, broker, valkey):
         environment = (
             os.environ | QUICK | {"STILB_DATA": str(house.folder), "STILB_BROKER_URL": url} | settings
         )
-        words = [sys.executable, "-m", "celery", "-A", "worker.app", "worker", "-Q", ",".join(QUEUES)]
+        words = [sys.executable, "-m", "celery", "-A", app, "worker", "-Q", ",".join(QUEUES)]
         with log.open("ab") as file:
             process = spawn([*words, *options], environment, stdout=file, stderr=file)
         house.database.post = Post(url)
@@ -155,7 +155,7 @@ def test_a_revoked_job_has_failed_and_may_be_tried_again(worker):
 
 
 def test_a_job_beyond_its_time_limit_is_lost_with_its_process(house):
-    with working(house, "--time-limit=0.5") as worker, worker.decoders_stopped():
+    with working(house, app="tests.worker.impatient") as worker, worker.decoders_stopped():
         job_id = worker.upload()
         wait_for(lambda: worker.job(job_id).lost == 1, seen=worker.log.read_text)
 
