@@ -111,7 +111,7 @@ class Subject:
     report: Callable[[float], None] | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Made:
     """A map's picture as PNG, and how many of its pixels leave [0, 1] or are unknown, if counted."""
 
@@ -129,12 +129,7 @@ def make_map(
 
 
 def _finish(reduction: Reduction, style: Style, caption: str) -> Made:
-    return Made(
-        picture=draw_picture(reduction.means(), caption, style),
-        below_zero=reduction.below_zero,
-        above_one=reduction.above_one,
-        unknown=reduction.unknown,
-    )
+    return Made(draw_picture(reduction.means(), caption, style), *reduction.odd.tolist())
 
 
 def write_map(decoders: DecoderPool, subject: Subject, facts: MapFacts, target: Path) -> Reduction:

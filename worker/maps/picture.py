@@ -81,9 +81,7 @@ class Part:
 
     first: int
     sums: NDArray[np.float32]
-    below_zero: int
-    above_one: int
-    unknown: int
+    odd: NDArray[np.int64]
 
 
 class Reduction:
@@ -98,31 +96,29 @@ class Reduction:
         self.shape = max(1, height_px // self.factor), max(1, width_px // self.factor)
         self._sums = np.zeros(self.shape, np.float64)
         self._counts = counts
-        self.below_zero = self.above_one = self.unknown = 0
+        self.odd = np.zeros(3, np.int64)
+        """Pixels below 0, above 1 and unknown."""
 
     def reduce(self, band: Plane, *, top: int) -> Part:
         """A band's own part; changes nothing, so that several threads may do it."""
         rows, cols = self.shape
-        odd = [0, 0, 0]
-        if self._counts:
-            odd = [int(np.count_nonzero(found)) for found in (band < 0.0, band > 1.0, np.isnan(band))]
+        looked = (band < 0.0, band > 1.0, np.isnan(band)) if self._counts else (0, 0, 0)
+        odd = np.array([np.count_nonzero(found) for found in looked])
         used = band[: max(0, rows * self.factor - top), : cols * self.factor]
         if not len(used):
-            return Part(rows, np.empty((0, cols), np.float32), *odd)
+            return Part(rows, np.empty((0, cols), np.float32), odd)
         if self.factor == 1:
-            return Part(top, used, *odd)
+            return Part(top, used, odd)
         # lines first: whole lines add up faster than the few pixels of a square
         lines = _add_lines(used, self.factor, skipped=top % self.factor)
         sums = lines[:, :: self.factor].copy()
         for offset in range(1, self.factor):
             sums += lines[:, offset :: self.factor]
-        return Part(top // self.factor, sums, *odd)
+        return Part(top // self.factor, sums, odd)
 
     def add(self, part: Part) -> None:
         self._sums[part.first : part.first + len(part.sums)] += part.sums
-        self.below_zero += part.below_zero
-        self.above_one += part.above_one
-        self.unknown += part.unknown
+        self.odd += part.odd
 
     def means(self) -> NDArray[np.float64]:
         """(row, col), in the map's unit, NaN where unknown."""
