@@ -6,21 +6,41 @@ Not for the zygote to import: what it has loaded is copied with each cell.
 import math
 from collections.abc import Iterator
 from dataclasses import asdict
-from typing import Any, Final
+from typing import Annotated, Any, Final, TypeVar
 
 import numpy as np
-from pydantic import TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
 from radiometry.findings import InputRejected
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.multispectral import CAMERAS
 from radiometry.frame.proof import Proof
 from radiometry.methods.findings import FINDINGS
+from radiometry.records import Record
 from worker.decode import limits
 from worker.decode.messages import BrokenMessageError
 
+_T = TypeVar("_T")
+_Place = Annotated[int, Field(strict=True)]
+_Side = Annotated[int, Field(strict=True, gt=0, le=limits.MAX_SIDE_PX)]
+_Level = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+
+
+class _Told(Record):
+    """A frame without its samples."""
+
+    row0: _Place
+    col0: _Place
+    height_px: _Side
+    width_px: _Side
+    cfa: str
+    black_level_dn: tuple[_Level, ...]
+    white_level_dn: tuple[_Level, ...]
+
+
 _HEADER: Final = TypeAdapter(FrameHeader)
 _PROOF: Final = TypeAdapter(Proof)
+_FRAME: Final = TypeAdapter(_Told)
 _SITES: Final = {"RGGB": 4, "GBRG": 4, "BGGR": 4, "GRBG": 4, "grey": 1, "rgb": 3}
 _MAX_MESSAGE: Final = 1000
 
@@ -36,10 +56,7 @@ def check_refusal(answer: dict[str, Any]) -> InputRejected:
 
 
 def check_header(answer: dict[str, Any]) -> FrameHeader:
-    try:
-        header = _HEADER.validate_python(answer.get("header"))
-    except ValidationError as error:
-        raise BrokenMessageError("a header that is none") from error
+    header = _validate(_HEADER, answer, "header")
     texts = list(_texts(asdict(header)))
     plausible = (
         header.cfa in _SITES
@@ -70,24 +87,14 @@ def _texts(value: object) -> Iterator[str]:
 
 def check_frame(answer: dict[str, Any], body: memoryview, window: tuple[int, int, int, int]) -> Frame:
     """A frame of exactly the window that was asked for."""
-    told = answer.get("frame")
-    if not isinstance(told, dict) or told.get("cfa") not in _SITES:
-        raise BrokenMessageError("a frame that is none")
-    row0, col0, height, width = window
-    shape = (height, width, 3) if told["cfa"] == "rgb" else (height, width)
-    if len(body) != 2 * math.prod(shape) or [told.get("row0"), told.get("col0")] != [row0, col0]:
+    told = _validate(_FRAME, answer, "frame")
+    sites, (row0, col0, height, width) = _SITES.get(told.cfa), window
+    shape = (height, width, 3) if told.cfa == "rgb" else (height, width)
+    if len(body) != 2 * math.prod(shape) or (told.row0, told.col0) != (row0, col0):
         raise BrokenMessageError("a frame of another size than was asked for")
-    sites = _SITES[told["cfa"]]
-    return Frame(
-        samples_dn=np.frombuffer(body, np.uint16).reshape(shape),
-        row0=row0,
-        col0=col0,
-        height_px=_side(told.get("height_px")),
-        width_px=_side(told.get("width_px")),
-        cfa=told["cfa"],
-        black_level_dn=_levels(told.get("black_level_dn"), sites),
-        white_level_dn=_levels(told.get("white_level_dn"), sites),
-    )
+    if not len(told.black_level_dn) == len(told.white_level_dn) == sites:
+        raise BrokenMessageError("levels for other sites")
+    return Frame(samples_dn=np.frombuffer(body, np.uint16).reshape(shape), **vars(told))
 
 
 def check_preview(body: memoryview) -> bytes:
@@ -98,25 +105,15 @@ def check_preview(body: memoryview) -> bytes:
 
 
 def check_proof(answer: dict[str, Any]) -> Proof:
-    try:
-        proof = _PROOF.validate_python(answer.get("proof"))
-    except ValidationError as error:
-        raise BrokenMessageError("a proof that is none") from error
+    proof = _validate(_PROOF, answer, "proof")
     shares = (*proof.wholeness.zero_share, *proof.wholeness.below_share)
     if not (all(0.0 <= share <= 1.0 for share in shares) and 0 <= proof.highest_dn < 1 << 16):
         raise BrokenMessageError("a proof that cannot be")
     return proof
 
 
-def _side(value: object) -> int:
-    if not isinstance(value, int) or not 0 < value <= limits.MAX_SIDE_PX:
-        raise BrokenMessageError("a frame without a size")
-    return value
-
-
-def _levels(values: object, sites: int) -> tuple[float, ...]:
-    if not isinstance(values, list) or len(values) != sites:
-        raise BrokenMessageError("levels for other sites")
-    if not all(isinstance(value, int | float) and math.isfinite(value) for value in values):
-        raise BrokenMessageError("levels that are no numbers")
-    return tuple(float(value) for value in values)
+def _validate(form: TypeAdapter[_T], answer: dict[str, Any], name: str) -> _T:
+    try:
+        return form.validate_python(answer.get(name))
+    except ValidationError as error:
+        raise BrokenMessageError(f"a {name} that is none") from error
