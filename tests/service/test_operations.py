@@ -24,15 +24,21 @@ from service.http.operations import list_calls
 from tests.support.hostile import JSON, Body, make_bodies, make_heads, make_own
 from tests.support.resumable import PIECE, TUS, begin_upload
 
-SMALL = make_bodies(STRANGER_BYTES - 1000)
-LARGE = make_bodies(MAX_BODY_BYTES - 1000)
 DOCUMENT = {"Content-Type": JSON}
 CPU_S, STALL_S, ANSWER_BYTES, MEMORY_MB = 0.3, 0.1, 64_000, 50.0
 
 
 @pytest.fixture(scope="module")
 def house(sqlite_house):
+    """What other tests have left in this process is not searched for garbage meanwhile."""
+    gc.collect()
+    gc.freeze()
     return sqlite_house
+
+
+@pytest.fixture(scope="module")
+def small():
+    return make_bodies(STRANGER_BYTES - 1000)
 
 
 @pytest.fixture(scope="module")
@@ -83,11 +89,7 @@ def ask(house, requests, *keys):
         with suppress(asyncio.CancelledError):
             await watching
 
-    # what other tests have left in this process is not searched for garbage meanwhile
-    gc.collect()
-    gc.freeze()
     house.http.portal.call(send_all)
-    gc.unfreeze()
     return answers
 
 
@@ -107,18 +109,18 @@ def check_cost(name, answer, cpu_s, stall_s):
     assert stall_s < STALL_S, (name, stall_s)
 
 
-def test_strangers_are_told_nothing_else(house, operations, monkeypatch):
+def test_strangers_are_told_nothing_else(house, operations, small, monkeypatch):
     monkeypatch.setattr(auth, "LATEST_S", 0.0)
     for name, answer, *cost in ask(
-        house, list_requests(operations, SMALL), None, "Bearer nobody", "Basic eA=="
+        house, list_requests(operations, small), None, "Bearer nobody", "Basic eA=="
     ):
         assert (answer.status_code, answer.json()["code"]) == (401, "unauthenticated"), name
         assert answer.headers["www-authenticate"] == "Bearer"
         check_cost(name, answer, *cost)
 
 
-def test_callers_are_told_what_is_wrong(house, operations):
-    requests = list_requests(operations, SMALL)
+def test_callers_are_told_what_is_wrong(house, operations, small):
+    requests = list_requests(operations, small)
     for name, answer, *cost in ask(house, requests, house.http.headers["authorization"]):
         assert answer.status_code < 500, name
         check_cost(name, answer, *cost)
@@ -133,7 +135,7 @@ def test_what_is_large_is_refused_at_little_cost(house):
     ]
     requests = [
         (name, ("POST", path, body))
-        for (name, body), other in zip(LARGE.items(), cycle(paths), strict=False)
+        for (name, body), other in zip(make_bodies(MAX_BODY_BYTES - 1000).items(), cycle(paths), strict=False)
         for path in ("/v1/tools/motion", other)
     ]
     requests += [("its own", (method, path, body)) for (method, path), body in make_own().items()]

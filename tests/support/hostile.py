@@ -5,7 +5,6 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import count, islice
 
-BOMB = gzip.compress(bytes(100 << 20))
 JSON = "application/json"
 TABLE = "text/csv"
 
@@ -75,12 +74,13 @@ def make_bodies(size: int) -> dict[str, Body]:
         "wrong readings": b"scene;quantity;value;unit\n" + b"a;b;c;d\n" * (size // 8),
         "a row without an end": b"scene;quantity;value;unit\n" + b"a;" * (size // 2),
     }
+    bomb = gzip.compress(bytes(100 << 20))
     part = b'--b\r\nContent-Disposition: form-data; name="a"\r\n\r\n\r\n'
     return {
         **{name: Body(content=content) for name, content in texts.items()},
         **{name: Body(content=content, kind=TABLE) for name, content in tables.items()},
-        "a packed bomb": Body(content=BOMB[:size], encoding="gzip"),
-        "a hidden bomb": Body(content=BOMB[:size]),
+        "a packed bomb": Body(content=bomb[:size], encoding="gzip"),
+        "a hidden bomb": Body(content=bomb[:size]),
         "many parts": Body(content=part * (size // len(part)), kind="multipart/form-data; boundary=b"),
         "less than announced": Body(content=b"{" * (size // 2), missing_bytes=size // 2),
     }
