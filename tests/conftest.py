@@ -178,6 +178,17 @@ def database_url(request, tmp_path):
     server.drop_database(url)
 
 
+@pytest.fixture(params=["sqlite", "postgresql"])
+def empty(request, tmp_path):
+    """A database without tables, on SQLite and on PostgreSQL."""
+    url = f"sqlite:///{tmp_path / 'empty.sqlite'}"
+    if request.param == "postgresql":
+        url = request.getfixturevalue("postgres").new_database()
+    opened = Database(url)
+    yield opened
+    opened.dispose()
+
+
 @pytest.fixture
 def database(database_url):
     opened = Database(database_url)

@@ -14,9 +14,8 @@ import pytest
 
 import stilb
 from stilb.commands.app import main
-from store.database import Database
 from tests.support.fieldwork import write_campaign
-from tests.support.house import House
+from tests.support.house import furnished
 from tests.support.live import serving
 
 
@@ -148,13 +147,8 @@ def client(service: StandIn) -> Iterator[stilb.Client]:
 @pytest.fixture(scope="session")
 def live(migrated_sqlite, tmp_path_factory):
     """The real service, over loopback."""
-    folder = tmp_path_factory.mktemp("live")
-    path = folder / "stilb.sqlite"
-    path.write_bytes(migrated_sqlite.read_bytes())
-    database = Database(f"sqlite:///{path}")
-    with House(database, folder) as house, serving(house) as served:
+    with furnished(migrated_sqlite, tmp_path_factory.mktemp("live")) as house, serving(house) as served:
         yield served
-    database.dispose()
 
 
 @pytest.fixture

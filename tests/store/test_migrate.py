@@ -24,16 +24,6 @@ from tests.support.compose import ROOT
 from tests.support.versions import add_versions
 
 
-@pytest.fixture(params=["sqlite", "postgresql"])
-def empty(request, tmp_path):
-    if request.param == "sqlite":
-        database = Database(f"sqlite:///{tmp_path / 'empty.sqlite'}")
-    else:
-        database = Database(request.getfixturevalue("postgres").new_database())
-    yield database
-    database.dispose()
-
-
 def downgrade(database, revision):
     config = alembic_config()
     with database.engine.connect() as connection, connection.begin():

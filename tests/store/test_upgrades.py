@@ -18,22 +18,11 @@ from store.audit_check import check_rows
 from store.audit_check import main as check_audit
 from store.blobs import blobs_from_url
 from store.codec import drop_absent
-from store.database import Database
 from store.migrate import migrate
 from tests.support.house import House
 
 RELEASES = Path(__file__).parent / "releases"
 CHANGES = re.findall(r"^## (\d+\.\d+\.\d+) ", Path("CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
-
-
-@pytest.fixture(params=["sqlite", "postgresql"])
-def empty(request, tmp_path):
-    url = f"sqlite:///{tmp_path / 'old.sqlite'}"
-    if request.param == "postgresql":
-        url = request.getfixturevalue("postgres").new_database()
-    database = Database(url)
-    yield database
-    database.dispose()
 
 
 JUDGED = {".flags", ".to_do_better", ".missing", ".advice"}

@@ -1,7 +1,7 @@
 """The service and the worker in the test's own process: HTTP without a socket, jobs when the test says so."""
 
 import atexit
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from unittest.mock import patch
 
@@ -145,3 +145,16 @@ class House:
 
     def frame_bytes(self, **changes) -> bytes:
         return write_frame(self.folder / "frame.dng", **changes).read_bytes()
+
+
+@contextmanager
+def furnished(template: Path, folder: Path):
+    """Open a house on a copy of a migrated SQLite database in the folder."""
+    path = folder / "stilb.sqlite"
+    path.write_bytes(template.read_bytes())
+    database = Database(f"sqlite:///{path}")
+    try:
+        with House(database, folder) as house:
+            yield house
+    finally:
+        database.dispose()

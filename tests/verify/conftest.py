@@ -7,20 +7,15 @@ import threading
 import pytest
 import uvicorn
 
-from store.database import Database
 from tests.support.certificates import complete_version, export_version
-from tests.support.house import House
+from tests.support.house import furnished
 
 
 @pytest.fixture(scope="session")
 def exported_once(migrated_sqlite, tmp_path_factory):
     folder = tmp_path_factory.mktemp("verify")
-    shutil.copy(migrated_sqlite, folder / "stilb.sqlite")
-    database = Database(f"sqlite:///{folder / 'stilb.sqlite'}")
-    with House(database, folder) as house:
-        export = export_version(house, complete_version(house), folder / "export")
-    database.dispose()
-    return export
+    with furnished(migrated_sqlite, folder) as house:
+        return export_version(house, complete_version(house), folder / "export")
 
 
 @pytest.fixture

@@ -13,11 +13,10 @@ import pytest
 
 from radiometry import methods
 from stilb.export import export_measurement, frame_path
-from store.database import Database
 from tests.support.campaigns import calibrate
 from tests.support.certificates import METER, InHouse, complete_version, export_version
 from tests.support.every_method import make_version, reflectance_campaign, register_panel
-from tests.support.house import House
+from tests.support.house import furnished
 from tests.support.measuring import measure
 from tests.verify.changing import change, nudge, run
 
@@ -43,10 +42,8 @@ def wide(monkeypatch):
 def exports(migrated_sqlite, tmp_path_factory):
     """Exports each method's version when a test first asks for it."""
     folder = tmp_path_factory.mktemp("every")
-    shutil.copy(migrated_sqlite, folder / "stilb.sqlite")
-    database = Database(f"sqlite:///{folder / 'stilb.sqlite'}")
     made = {}
-    with House(database, folder) as house:
+    with furnished(migrated_sqlite, folder) as house:
 
         def bring(method):
             if method not in made:
@@ -61,7 +58,6 @@ def exports(migrated_sqlite, tmp_path_factory):
             return made[method]
 
         yield bring
-    database.dispose()
 
 
 @pytest.mark.parametrize("method", CASES)

@@ -8,10 +8,9 @@ import pytest
 import tifffile
 
 from stilb.export import export_measurement, frame_path
-from store.database import Database
 from tests.support.certificates import InHouse, complete_version
 from tests.support.every_method import make_version
-from tests.support.house import KEY, House
+from tests.support.house import KEY, furnished
 from tests.support.measuring import field_frame
 from tests.verify.changing import nudge
 from verify.__main__ import main
@@ -33,9 +32,7 @@ def measure(house, version, *frames, **asked):
 def measured(migrated_sqlite, tmp_path_factory):
     """Exports a measurement with its map, of each method that measures."""
     folder = tmp_path_factory.mktemp("measured")
-    shutil.copy(migrated_sqlite, folder / "stilb.sqlite")
-    database = Database(f"sqlite:///{folder / 'stilb.sqlite'}")
-    with House(database, folder) as house:
+    with furnished(migrated_sqlite, folder) as house:
         for kind in KINDS:
             version = complete_version(house) if kind == "luminance" else make_version(house, kind)
             asked = {}
@@ -49,7 +46,6 @@ def measured(migrated_sqlite, tmp_path_factory):
                 export_measurement(
                     InHouse(house), measure(house, version, *pair, **asked), folder / "average"
                 )
-    database.dispose()
     return folder
 
 

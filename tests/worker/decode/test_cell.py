@@ -230,18 +230,16 @@ def test_a_cell_killed_from_outside_is_replaced_once(hostile, save):
     killer.join()
 
 
-def test_a_cell_killed_twice_says_nothing_about_its_file(hostile, save):
+@pytest.mark.parametrize(
+    ("ends_by", "times", "told"),
+    [(signal.SIGTERM, 2, DecoderKilled), (signal.SIGSEGV, 1, DecoderCrashed)],
+)
+def test_a_cell_killed_twice_says_nothing_of_its_file_and_one_that_crashes_once_does(
+    hostile, save, ends_by, times, told
+):
     spins = save(b"SPIN" + bytes(100), "spins")
-    killer = _kill_when_busy(hostile, signal.SIGTERM, times=2)
-    with pytest.raises(DecoderKilled, match="SIGTERM"):
-        hostile.read_header(spins)
-    killer.join()
-
-
-def test_a_cell_that_ends_by_its_own_fault_is_not_replaced(hostile, save):
-    spins = save(b"SPIN" + bytes(100), "spins")
-    killer = _kill_when_busy(hostile, signal.SIGSEGV)
-    with pytest.raises(DecoderCrashed, match="SIGSEGV"):
+    killer = _kill_when_busy(hostile, ends_by, times=times)
+    with pytest.raises(told, match=ends_by.name):
         hostile.read_header(spins)
     killer.join()
 
