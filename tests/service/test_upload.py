@@ -76,6 +76,7 @@ def test_the_name_of_the_part_is_the_name_of_the_file(house):
     assert named.json()["filename"] == "mine.DNG"
 
 
+@pytest.mark.either_database
 @pytest.mark.parametrize(
     ("body", "code", "detail"),
     [
@@ -115,6 +116,7 @@ def test_an_announced_hash_that_fits(house, headers):
     assert send(house, CONTENT, headers=headers).status_code == 201
 
 
+@pytest.mark.either_database
 @pytest.mark.parametrize(
     ("headers", "status", "code"),
     [
@@ -156,6 +158,7 @@ def test_an_empty_file_is_taken_and_refused_with_a_sentence(house):
     assert (preview["code"], preview["retryable"]) == ("preview_not_ready", False)
 
 
+@pytest.mark.either_database
 @pytest.mark.parametrize(
     ("name", "kept_as"),
     [
@@ -188,6 +191,7 @@ def test_a_hostile_name_of_a_part(house):
     assert send_form(house, form(("file", name, CONTENT))).json()["filename"] == "y" * 255
 
 
+@pytest.mark.either_database
 @pytest.mark.parametrize(
     ("query", "field"),
     [

@@ -347,7 +347,7 @@ def test_doctor_finds_a_service_well(command):
     assert list(checks) == ["ready", "version", "queue", "quarantine", "disk", "clock", "key"]
     assert (checks["ready"], checks["version"], checks["clock"], checks["key"]) == ("ok",) * 4
     assert ended.json["version"] == read_version()
-    assert abs(ended.json["clock_ahead_s"]) < 2
+    assert abs(ended.json["clock_ahead_s"]) < 60
 
 
 HEALTHY = stilb.Health(

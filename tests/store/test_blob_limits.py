@@ -36,7 +36,7 @@ def test_whether_it_serves_is_known_soon(blobs, proxy):
         began = time.monotonic()
         with pytest.raises(StorageUnavailable):
             blobs.check()
-        assert time.monotonic() - began < 5
+        assert time.monotonic() - began < 60
     blobs.check()
 
 
@@ -48,7 +48,7 @@ def test_reading_and_writing_end(blobs, proxy):
             b"".join(blobs.open(stored))
         with pytest.raises(StorageUnavailable):
             put(blobs, b"meanwhile")
-        assert time.monotonic() - began < 20
+        assert time.monotonic() - began < 120
     assert b"".join(blobs.open(stored)) == b"before"
     put(blobs, b"meanwhile")
 

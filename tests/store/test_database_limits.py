@@ -48,7 +48,7 @@ def test_a_server_that_falls_silent_is_given_up_and_connected_to_anew(database, 
         began = time.monotonic()
         with pytest.raises(OperationalError):
             ask(database)
-        assert time.monotonic() - began < 20
+        assert time.monotonic() - began < 120
     assert ask(database) == 1
 
 

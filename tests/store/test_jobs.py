@@ -232,7 +232,7 @@ def test_the_oldest_wait(database, organisation_id):
     with database.writing("test") as session:
         session.execute(update(Job).values(due_at=utc_now() - timedelta(seconds=90)))
     with database.reading() as session:
-        assert 90 <= oldest_wait_s(session) < 100
+        assert 90 <= oldest_wait_s(session) < 180
 
 
 def test_a_job_that_was_given_up_is_tried_again_as_if_new(database, job_id):
@@ -268,8 +268,8 @@ def test_the_oldest_wait_of_one_organisation_is_its_own(database, job_id, organi
             session, kind="fit", subject_id="cmp_1", organisation_id=other.id, by="test", parameters={}
         )
         session.execute(update(Job).where(Job.id == job_id).values(due_at=utc_now() - timedelta(seconds=90)))
-        assert 90 <= oldest_wait_s(session, organisation_id) < 100
-        assert oldest_wait_s(session, other.id) < 10
+        assert 90 <= oldest_wait_s(session, organisation_id) < 180
+        assert oldest_wait_s(session, other.id) < 60
 
 
 @pytest.mark.parametrize("few", [500, -1])
