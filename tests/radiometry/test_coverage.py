@@ -8,7 +8,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from radiometry.fitting.curve import fit_curve
 from radiometry.luminance import fit as luminance_fit
 from radiometry.luminance.fit import report_points
 from radiometry.luminance.points import collect_series
@@ -107,22 +106,3 @@ def test_the_interval_holds_the_truth_where_frames_scatter():
         grown.append(after.luminance_k_standard_uncertainty / before.luminance_k_standard_uncertainty)
     assert 0.92 <= np.mean(held) <= 0.98
     assert 0.95 < np.median(grown) < 1.1
-
-
-def test_treating_points_as_independent_claims_too_much():
-    """The same points with every error a point's own: u(K) is too small, the truth is lost."""
-    chosen = params(READINGS, given=True)
-    held, ratios = [], []
-    for seed in range(50):
-        series = series_of(seed, READINGS, chosen)
-        curve = luminance_fit._curve(series, chosen)
-        n = len(curve.rhs)
-        alone = dataclasses.replace(
-            curve, scenes=tuple(map(str, range(n))), f_numbers=tuple(range(n)), times_s=tuple(range(n))
-        )
-        shared, naive = (fit_curve(points, model="proportional") for points in (curve, alone))
-        u_naive = np.sqrt(naive.covariance[0, 0])
-        ratios.append(np.sqrt(shared.covariance[0, 0]) / u_naive)
-        held.append(abs(naive.parameters[0] - TRUE_K) <= 1.96 * u_naive)
-    assert np.median(ratios) > 1.8
-    assert np.mean(held) < 0.75

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from radiometry.findings import InputRejected
 from radiometry.fitting.evidence import Quantity
-from radiometry.frame import Frame
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.grid import Grid
 from radiometry.frame.roi import Polygon
@@ -29,6 +28,7 @@ from radiometry.luminance.measurement import Request, Vignetting, measure
 from radiometry.vignetting.lens import Lens
 from radiometry.vignetting.results import Coefficient
 from tests.radiometry.coefficients import COEFFICIENT
+from tests.radiometry.frames import frame_of
 from tests.radiometry.luminance.exact import PARAMS, READINGS, ROWS, K, fit
 
 SHAPE = (64, 96)
@@ -86,16 +86,7 @@ def shares_of(cfa):
 
 
 def make_frame(samples, cfa="RGGB", **changes):
-    whole = Frame(
-        samples_dn=np.clip(np.rint(samples), 0, 65535).astype(np.uint16),
-        row0=0,
-        col0=0,
-        height_px=SHAPE[0],
-        width_px=SHAPE[1],
-        cfa=cfa,
-        black_level_dn=(256.0,) * 4,
-        white_level_dn=(65535.0,) * 4,
-    )
+    whole = frame_of(samples, cfa=cfa, size=SHAPE, black=(256.0,) * 4, white=(65535.0,) * 4)
     return dataclasses.replace(whole, **changes)
 
 
@@ -206,21 +197,6 @@ def test_a_map_is_divided_pixel_by_pixel_and_by_strips(channel, cfa):
         frame, samples_dn=frame.samples_dn[top - RIM_PX : bottom + RIM_PX], row0=top - RIM_PX
     )
     assert np.array_equal(compute_map(strip, scale)[RIM_PX:-RIM_PX], whole[top:bottom])
-
-
-def test_the_transposed_frame_has_the_transposed_shares():
-    turned = Lens(
-        coefficients=tuple(
-            dataclasses.replace(
-                each, centre_row_px=CENTRE[1], centre_col_px=CENTRE[0], height_px=96, width_px=64
-            )
-            for each in LENS.coefficients
-        ),
-        f_number=4.0,
-    )
-    upright = compute_shares(make_frame(np.zeros(SHAPE), "grey"), LENS, channel="green")
-    flipped = make_frame(np.zeros(SHAPE).T, "grey", height_px=96, width_px=64)
-    assert np.array_equal(compute_shares(flipped, turned, channel="green"), upright.T)
 
 
 def test_the_signal_s_channels_by_pattern():

@@ -1,5 +1,6 @@
 """The specifications of the methods, and what luminance makes of frames and fits."""
 
+import math
 from dataclasses import fields, replace
 
 import numpy as np
@@ -7,10 +8,11 @@ import pytest
 
 from radiometry import methods
 from radiometry.fitting.evidence import Extracted, FrameEvidence, Region
-from radiometry.frame import Frame, Opcode
+from radiometry.frame import Opcode
 from radiometry.frame.roi import Polygon
 from radiometry.luminance import method as luminance
 from tests.radiometry.frame.test_acceptance import HEADER
+from tests.radiometry.frames import frame_of
 
 POLYGON = Polygon.from_points([(0, 0), (4, 0), (4, 4), (0, 4)])
 
@@ -34,17 +36,31 @@ def test_a_specification_is_complete(spec):
     assert isinstance(spec.find_gaps((), (), spec.params()), tuple)
 
 
+def list_wrong(parameter):
+    """What lies outside of the stated range, and what is no number."""
+    if parameter.choices:
+        yield "no such choice"
+    elif parameter.kind in {"number", "integer"}:
+        yield from (math.nan, math.inf)
+        if parameter.minimum is not None:
+            yield parameter.minimum - (not parameter.above_minimum)
+        if parameter.maximum is not None:
+            yield parameter.maximum + (not parameter.below_maximum)
+    elif parameter.kind == "interval":
+        yield (parameter.maximum, parameter.minimum)
+
+
+@pytest.mark.parametrize("spec", methods.METHODS, ids=lambda spec: spec.name)
+def test_no_parameter_takes_what_lies_outside_its_range(spec):
+    wrong = [(each.field, value) for each in spec.parameters for value in list_wrong(each)]
+    assert wrong
+    for field, value in wrong:
+        with pytest.raises(ValueError, match=f"{field} must (be|lie|hold)"):
+            spec.params(**{field: value})
+
+
 def test_extraction_is_forwarded():
-    frame = Frame(
-        samples_dn=np.arange(16, dtype=np.uint16).reshape(4, 4),
-        row0=0,
-        col0=0,
-        height_px=4,
-        width_px=4,
-        cfa="RGGB",
-        black_level_dn=(0.0,),
-        white_level_dn=(4095.0,),
-    )
+    frame = frame_of(np.arange(16).reshape(4, 4), black=0.0)
     extracted = methods.get_method("luminance").extract(
         frame, [Region(name="", polygon=POLYGON)], header=HEADER, exposure=None
     )

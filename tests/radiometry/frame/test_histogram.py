@@ -3,25 +3,14 @@
 import numpy as np
 import pytest
 
-from radiometry.frame import Frame
 from radiometry.frame.statistics import ClippedCell, compute_statistics, count_histogram, map_clipping
+from tests.radiometry.frames import frame_of
 
 WHITE = (100.0, 200.0, 150.0, 100.0)
 
 
 def frame(samples, *, row0=0, col0=0, cfa="RGGB", white=WHITE):
-    samples = np.asarray(samples, np.uint16)
-    height, width = samples.shape[:2]
-    return Frame(
-        samples_dn=samples,
-        row0=row0,
-        col0=col0,
-        height_px=row0 + height,
-        width_px=col0 + width,
-        cfa=cfa,
-        black_level_dn=(0.0,) * len(white),
-        white_level_dn=white,
-    )
+    return frame_of(samples, row0=row0, col0=col0, cfa=cfa, black=(0.0,) * len(white), white=white)
 
 
 def test_bins_are_shared_by_the_channels_and_hold_every_sample():

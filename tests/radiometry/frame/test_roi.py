@@ -81,18 +81,6 @@ def split(t, p):
     return parts if inside else [t]
 
 
-@given(polygons(eighths.map(lambda v: v + 0.03)))
-def test_transposing_the_polygon_transposes_the_mask(polygon):
-    """For corners off the half-pixel grid; a centre on an edge has one owner, which a mirror swaps."""
-    shift = 0.0041
-    points = [(x + shift * i, y + shift * i * i) for i, (x, y) in enumerate(polygon.points)]
-    try:
-        there, back = Polygon.from_points(points), Polygon.from_points([(y, x) for x, y in points])
-    except InputRejected:
-        return
-    np.testing.assert_array_equal(mask(there, FRAME).T, mask(back, FRAME))
-
-
 def test_imagej_example_of_centres_on_an_edge():
     """The hypotenuse of this triangle runs through five centres: a right edge, so they belong."""
     np.testing.assert_array_equal(

@@ -8,23 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from radiometry.frame import Frame
 from radiometry.frame.statistics import compute_statistics, measure_signal
+from tests.radiometry.frames import frame_of
 
 SITES = {"RGGB": "R G1 G2 B", "GRBG": "G1 R B G2", "GBRG": "G2 B R G1", "BGGR": "B G2 G1 R"}
 
 
 def frame(samples, *, cfa="RGGB", row0=0, col0=0, black=(0.0,), white=(4095.0,)):
-    return Frame(
-        samples_dn=np.asarray(samples, np.uint16),
-        row0=row0,
-        col0=col0,
-        height_px=100,
-        width_px=100,
-        cfa=cfa,
-        black_level_dn=black,
-        white_level_dn=white,
-    )
+    return frame_of(samples, cfa=cfa, row0=row0, col0=col0, size=(100, 100), black=black, white=white)
 
 
 def all_of(a_frame):

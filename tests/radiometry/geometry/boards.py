@@ -6,12 +6,12 @@ import cv2
 import numpy as np
 
 from radiometry.fitting.evidence import FrameEvidence, Region
-from radiometry.frame import Frame
 from radiometry.frame.roi import Polygon
 from radiometry.geometry.camera import CameraModel, project
 from radiometry.geometry.results import Features, Params, extract_features
 from radiometry.geometry.target import Target, locate_corners_mm, measure_spacing_px
 from simulation.boards import draw_poses, set_up
+from tests.radiometry.frames import frame_of
 
 BOARD = Target(kind="checkerboard", columns=9, rows=6, square_size_mm=25.0)
 CHARUCO = Target(
@@ -95,18 +95,9 @@ def make_frame(picture, *, cfa="grey", bits=12):
         for place, colour in enumerate(cfa):
             strength[place // 2 :: 2, place % 2 :: 2] = {"R": 0.5, "G": 1.0, "B": 0.6}[colour]
     white = float((1 << bits) - 1)
-    samples = np.clip(np.round(picture * strength), 0.0, white).astype(np.uint16)
-    sites = {"grey": 1, "rgb": 3}.get(cfa, 4)
-    return Frame(
-        samples_dn=np.repeat(samples[:, :, None], 3, axis=2) if cfa == "rgb" else samples,
-        row0=0,
-        col0=0,
-        height_px=picture.shape[0],
-        width_px=picture.shape[1],
-        cfa=cfa,
-        black_level_dn=(0.0,) * sites,
-        white_level_dn=(white,) * sites,
-    )
+    samples = picture * strength
+    samples = np.repeat(samples[:, :, None], 3, axis=2) if cfa == "rgb" else samples
+    return frame_of(samples, cfa=cfa, black=0.0, white=white, clipped=True)
 
 
 def whole(frame):
@@ -123,23 +114,14 @@ def extract(frame, *, target=BOARD, bits=8):
 
 def read_picture(path):
     picture = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
-    height, width = picture.shape
-    frame = Frame(
-        samples_dn=picture.astype(np.uint16),
-        row0=0,
-        col0=0,
-        height_px=height,
-        width_px=width,
-        cfa="grey",
-        black_level_dn=(0.0,),
-        white_level_dn=(255.0,),
-    )
-    found = extract(frame)
+    found = extract(frame_of(picture, cfa="grey", black=0.0, white=255.0))
     return FrameEvidence(
         frame=path.name,
         role="chart",
         scene=None,
-        header=make_header(dataclasses.replace(CAMERA, height_px=height, width_px=width), bits=8),
+        header=make_header(
+            dataclasses.replace(CAMERA, height_px=picture.shape[0], width_px=picture.shape[1]), bits=8
+        ),
         exposure=None,
         statistics=found.statistics,
         features=found.features,

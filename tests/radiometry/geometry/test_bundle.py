@@ -29,7 +29,6 @@ from tests.radiometry.geometry.boards import (
     errors,
     simulate,
     simulate_rows,
-    transpose,
     values,
 )
 
@@ -113,19 +112,6 @@ def test_what_is_not_free_is_zero_and_certain(simulated):
     assert set(fixed.values()) == {(0.0, 0.0)}
     assert values(fit)["fx_px"] == values(fit)["fy_px"]
     assert errors(fit)["fx_px"] == errors(fit)["fy_px"] > 0.0
-
-
-def test_the_transposed_pictures_give_the_transposed_camera(simulated):
-    here = fit_geometry(simulated, FREE)
-    there = fit_geometry([transpose(row) for row in simulated], FREE)
-    pairs = {"fx_px": "fy_px", "cx_px": "cy_px", "p1": "p2", "k1": "k1", "k2": "k2", "k3": "k3"}
-    for name, other in pairs.items():
-        assert values(there)[other] == pytest.approx(values(here)[name], rel=1e-7), name
-        assert values(there)[name] == pytest.approx(values(here)[other], rel=1e-7), name
-        assert errors(there)[other] == pytest.approx(errors(here)[name], rel=1e-6), name
-    assert there.rms_px == pytest.approx(here.rms_px, rel=1e-9)
-    assert there.coverage.counts == tuple(zip(*here.coverage.counts, strict=True))
-    assert there.offset_row.value == pytest.approx(here.offset_col.value, rel=1e-6)
 
 
 def test_the_size_of_the_board_enters_distances_alone(simulated):

@@ -5,10 +5,8 @@ import dataclasses
 import cv2
 import numpy as np
 import pytest
-from pydantic import TypeAdapter
 
 from radiometry.geometry.camera import CameraModel, make_grey, project
-from radiometry.geometry.results import Features
 from radiometry.geometry.target import Target, locate_corners_mm
 from simulation.boards import View, draw_poses, set_up
 from tests.radiometry.geometry.boards import BOARD, CHARUCO, extract, make_frame
@@ -156,13 +154,6 @@ def test_nothing_to_see(shape, target):
 def test_a_noise_is_no_board():
     noise = np.random.default_rng(1).uniform(0, 255, (120, 160))
     assert extract(make_frame(noise, bits=8)).features.not_found
-
-
-def test_features_survive_json(picture):
-    drawn, _ = picture
-    features = extract(make_frame(drawn, bits=8), target=BIG_BOARD).features
-    adapter = TypeAdapter(Features)
-    assert adapter.validate_json(adapter.dump_json(features)) == features
 
 
 def test_windows_keep_clear_of_neighbours(opencv_rows):

@@ -185,24 +185,6 @@ def test_a_lens_without_distortion_changes_nothing():
     assert inside[1:-1, 1:-1].all()
 
 
-def test_the_transposed_picture_is_undistorted_alike():
-    picture = make_picture(SMALL, np.float32)
-    turned = dataclasses.replace(
-        SMALL,
-        height_px=SMALL.width_px,
-        width_px=SMALL.height_px,
-        fx_px=SMALL.fy_px,
-        fy_px=SMALL.fx_px,
-        cx_px=SMALL.cy_px,
-        cy_px=SMALL.cx_px,
-        p1=SMALL.p2,
-        p2=SMALL.p1,
-    )
-    here, _ = undistort(picture, SMALL)
-    there, _ = undistort(np.ascontiguousarray(picture.T), turned)
-    np.testing.assert_allclose(there.T, here, atol=0.3)
-
-
 def test_a_picture_of_another_size_is_refused():
     with pytest.raises(
         InputRejected, match="160 x 120 pixels, the calibration holds for 640 x 480"

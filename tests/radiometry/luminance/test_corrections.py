@@ -6,7 +6,6 @@ import math
 import numpy as np
 import pytest
 
-from radiometry.frame import Frame
 from radiometry.frame.exposure import Exposure, Settings
 from radiometry.frame.grid import Grid
 from radiometry.frame.roi import Polygon
@@ -24,6 +23,7 @@ from radiometry.luminance.rows import CalibrationConditions, FieldConditions
 from radiometry.spectral.mismatch import compute_mismatch, estimate_u_rel, fit_colour_remedy
 from simulation.luminance import draw_field
 from tests.radiometry.coefficients import COEFFICIENT
+from tests.radiometry.frames import frame_of
 
 LAB = CalibrationConditions(
     lamp="A",
@@ -119,20 +119,6 @@ ROI = Polygon.from_points(CORNERS)
 PER_DN = 16 / (30 * 0.01 * 3200)
 
 
-def frame_of(samples):
-    height, width = samples.shape
-    return Frame(
-        samples_dn=np.clip(np.rint(samples), 0, 4095).astype(np.uint16),
-        row0=0,
-        col0=0,
-        height_px=height,
-        width_px=width,
-        cfa="RGGB",
-        black_level_dn=(256.0,) * 4,
-        white_level_dn=(4095.0,) * 4,
-    )
-
-
 def test_mean_cells_and_map_contain_the_same_corrections():
     samples = np.full((64, 96), 256.0 + 1000.0)
     samples[8:40, 8:24] = 256.0 + 200.0
@@ -140,7 +126,7 @@ def test_mean_cells_and_map_contain_the_same_corrections():
     request = Request(polygon=ROI, grid=Grid(corners=CORNERS, rows=1, columns=2), conditions=conditions)
     window = find_window(request, height_px=64, width_px=96)
     assert (window.height, window.width) == (64, 96)
-    frame = frame_of(samples)
+    frame = frame_of(samples, clipped=True)
     found = measure(frame, request, exposure=EXPOSURE, coefficients=(KNOWN,), calibrated=(ROI,))
     by_source = {each.source: each for each in found.corrections}
     factor = by_source["spectral mismatch"].factor * by_source["focus distance"].factor
@@ -198,7 +184,7 @@ def measure_night(random, told):
     per_dn = 16 * 60 / (30 * 3200)
     shown = night.show(SCENE, exposure_time_s=1 / 60, mains_frequency_hz=50.0)
     planes = np.take_along_axis(shown, SITES[..., None], axis=2)[..., 0] / per_dn
-    frame = frame_of(256.0 + planes + random.normal(0.0, 4.0, planes.shape))
+    frame = frame_of(256.0 + planes + random.normal(0.0, 4.0, planes.shape), clipped=True)
     lab = CalibrationConditions(
         lamp="A",
         camera_response=str(camera),

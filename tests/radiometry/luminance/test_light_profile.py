@@ -20,7 +20,8 @@ from radiometry.luminance.rows import (
 from radiometry.spectral.mismatch import list_responses, read_lamp, read_observer, read_response
 from store.codec import encode
 from tests.radiometry.coefficients import COEFFICIENT
-from tests.radiometry.luminance.test_corrections import CORNERS, ROI, frame_of
+from tests.radiometry.frames import frame_of
+from tests.radiometry.luminance.test_corrections import CORNERS, ROI
 
 AT_250 = Settings(exposure_time_s=1 / 250, f_number=4.0, iso=3200.0)
 
@@ -118,7 +119,7 @@ def test_profile_replaces_any_depth_and_ten_percent():
     us = []
     for stated, known in (({}, {}), ({"lamp_kind": "led", "mains_frequency_hz": 50.0}, {"lamp_kind": "led"})):
         found = measure(
-            frame_of(1256.0 + noise),
+            frame_of(1256.0 + noise, clipped=True),
             Request(
                 polygon=ROI,
                 grid=Grid(corners=CORNERS, rows=2, columns=2),

@@ -9,12 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radiometry.findings import InputRejected
-from radiometry.frame import Frame
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon
 from radiometry.luminance.maps import RIM_PX, MapScale, compute_map, find_map_scale
 from radiometry.luminance.pixels import PERCENTILES, estimate_pixel_noise, order_pixels
 from tests.radiometry.coefficients import COEFFICIENT
+from tests.radiometry.frames import frame_of
 
 SCALE = MapScale(slope_cd_m2_per_dn=0.004, dark_signal_dn=256.3, channel="green")
 GREY = dataclasses.replace(SCALE, channel="grey")
@@ -23,17 +23,7 @@ MIRRORED = {"RGGB": "RGGB", "BGGR": "BGGR", "GBRG": "GRBG", "GRBG": "GBRG"}
 
 
 def make_frame(samples, cfa="RGGB", white=4095.0, row0=0, col0=0):
-    sites = {"grey": 1, "rgb": 3}.get(cfa, 4)
-    return Frame(
-        samples_dn=np.asarray(samples, np.uint16),
-        row0=row0,
-        col0=col0,
-        height_px=1000,
-        width_px=1000,
-        cfa=cfa,
-        black_level_dn=(256.0,) * sites,
-        white_level_dn=(white,) * sites,
-    )
+    return frame_of(samples, cfa=cfa, white=white, row0=row0, col0=col0, size=(1000, 1000))
 
 
 def draw_samples(shape=(12, 17), top=4000, seed=1):

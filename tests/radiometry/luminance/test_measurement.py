@@ -10,7 +10,6 @@ from scipy.ndimage import gaussian_filter1d
 from radiometry.findings import InputRejected
 from radiometry.findings.grouping import advise
 from radiometry.findings.shared import SATURATED
-from radiometry.frame import Frame
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.grid import Grid
 from radiometry.frame.roi import Polygon
@@ -27,6 +26,7 @@ from radiometry.spectral.mismatch import (
     read_response,
 )
 from tests.radiometry.coefficients import COEFFICIENT
+from tests.radiometry.frames import frame_of
 
 EXPOSURE = Exposure(exposure_time_s=0.01, f_number=4.0, iso=3200.0)
 PER_DN = 16 / (30 * 0.01 * 3200)
@@ -35,17 +35,7 @@ ROI = Polygon.from_points(CORNERS)
 
 
 def make_frame(samples):
-    height, width = samples.shape
-    return Frame(
-        samples_dn=np.clip(np.rint(samples), 0, 4095).astype(np.uint16),
-        row0=0,
-        col0=0,
-        height_px=height,
-        width_px=width,
-        cfa="RGGB",
-        black_level_dn=(256.0,) * 4,
-        white_level_dn=(4095.0,) * 4,
-    )
+    return frame_of(samples, clipped=True)
 
 
 def noisy(signal_dn, *, noise_dn=4.0, seed=1, shape=(64, 96)):

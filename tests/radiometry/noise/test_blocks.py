@@ -1,34 +1,22 @@
 """The block of a frame: its place, its samples, what is refused, and that it survives JSON."""
 
-import json
-
 import numpy as np
 import pytest
-from pydantic import TypeAdapter
 
 from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import Region
-from radiometry.frame import Frame
 from radiometry.frame.packing import unpack
 from radiometry.frame.roi import Polygon
-from radiometry.noise.results import Features, extract_features
+from radiometry.noise.results import extract_features
 from simulation.targets import COUNTING_SENSOR
+from tests.radiometry.frames import frame_of
 
 HEADER = COUNTING_SENSOR.describe()
 
 
 def frame(samples, *, row0=0, col0=0, cfa="RGGB", whole=None):
-    height, width = whole or samples.shape[:2]
-    return Frame(
-        samples_dn=samples.astype(np.uint16),
-        row0=row0,
-        col0=col0,
-        height_px=height,
-        width_px=width,
-        cfa=cfa,
-        black_level_dn=(10.0, 20.0, 30.0, 40.0),
-        white_level_dn=(4000.0, 4001.0, 4002.0, 4003.0),
-    )
+    levels = {"black": (10.0, 20.0, 30.0, 40.0), "white": (4000.0, 4001.0, 4002.0, 4003.0)}
+    return frame_of(samples, row0=row0, col0=col0, cfa=cfa, size=whole, **levels)
 
 
 def rectangle(row0, col0, row1, col1):
@@ -121,13 +109,3 @@ def test_colour_planes_and_bands_have_their_names():
     found = blocks_of(frame(planes, cfa="rgb"), rectangle(0, 0, 40, 40))
     assert list(found) == ["R", "G", "B"]
     assert unpack(found["B"].samples_dn).max() == 7.0
-
-
-def test_features_survive_json():
-    rng = np.random.default_rng(3)
-    features = extract_features(
-        frame(rng.integers(0, 65535, (64, 64))), [rectangle(0, 0, 64, 64)], header=HEADER
-    ).features
-    adapter = TypeAdapter(Features)
-    text = json.dumps(adapter.dump_python(features, mode="json"))
-    assert adapter.validate_python(json.loads(text)) == features

@@ -1,18 +1,15 @@
 """The fit of noise: known sensors are recovered within what the fit says of itself."""
 
 import dataclasses
-import json
 import math
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pydantic import TypeAdapter
 
 from radiometry.noise import fit as noise
 from radiometry.noise.fit import list_coefficients
-from radiometry.noise.results import Fit
 from simulation.camera import change
 from simulation.targets import COUNTING_SENSOR, find_variance_maximum
 from tests.radiometry.noise.series import PARAMS, SMALL, TIMES, agrees, make_row, only, shoot, take
@@ -100,12 +97,6 @@ def test_the_answer_does_not_depend_on_the_order(rich):
     shuffled = list(rows)
     np.random.default_rng(9).shuffle(shuffled)
     assert noise.fit(shuffled, PARAMS) == fit
-
-
-def test_the_fit_survives_json(rich):
-    adapter = TypeAdapter(Fit)
-    text = json.dumps(adapter.dump_python(rich[2], mode="json"), allow_nan=False)
-    assert adapter.validate_python(json.loads(text)) == rich[2]
 
 
 def test_the_snr_follows_the_photon_transfer(rich):

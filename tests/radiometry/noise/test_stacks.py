@@ -5,27 +5,18 @@ import dataclasses
 import numpy as np
 import pytest
 
-from radiometry.frame import Frame
 from radiometry.frame.exposure import Exposure, Settings
 from radiometry.noise.stacks import make_stacks
 from simulation.camera import Taken, change
 from simulation.targets import COUNTING_SENSOR
+from tests.radiometry.frames import frame_of
 from tests.radiometry.noise.series import make_row
 
 SENSOR = change(COUNTING_SENSOR, height_px=32, width_px=32, black_level_dn=0.0)
 
 
 def row(samples, name, *, role="flat", time_s=1.0, **changes):
-    picture = Frame(
-        samples_dn=np.asarray(samples, np.uint16),
-        row0=0,
-        col0=0,
-        height_px=32,
-        width_px=32,
-        cfa="grey",
-        black_level_dn=(0.0,),
-        white_level_dn=(SENSOR.sensor.white_level_dn,),
-    )
+    picture = frame_of(samples, cfa="grey", black=0.0, white=float(SENSOR.sensor.white_level_dn))
     settings = Settings(exposure_time_s=time_s, f_number=4.0, iso=100.0)
     taken = Taken(
         name=name,

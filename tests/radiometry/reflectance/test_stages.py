@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radiometry.findings import InputRejected
-from radiometry.frame import Frame
 from radiometry.frame.exposure import Exposure, Settings
 from radiometry.frame.multispectral import (
     Multispectral,
@@ -31,6 +30,7 @@ from radiometry.reflectance.imaging import (
 )
 from simulation.camera import change
 from simulation.sequoia import LENS, capture
+from tests.radiometry.frames import frame_of
 from tests.radiometry.reflectance.captures import CAMERA, make_header, seeded
 
 SETTINGS = Settings(exposure_time_s=0.003, f_number=2.2, iso=206.0)
@@ -149,16 +149,7 @@ def make_micasense():
         radiance_model=RadianceModel(a1=1.5e-4, a2=1.2e-7, a3=1.4e-6),
         radial_vignetting=RadialVignetting(centre_x_px=82.0, centre_y_px=55.0, coefficients=(-1e-4, 1e-6)),
     )
-    frame = Frame(
-        samples_dn=samples,
-        row0=0,
-        col0=0,
-        height_px=120,
-        width_px=160,
-        cfa="grey",
-        black_level_dn=(4800.0,),
-        white_level_dn=(65520.0,),
-    )
+    frame = frame_of(samples, cfa="grey", size=(120, 160), black=4800.0, white=65520.0)
     return make_header(band), frame, Exposure(exposure_time_s=0.001, f_number=2.8, iso=100.0)
 
 

@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 
 from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import Region
-from radiometry.frame import Frame
 from radiometry.frame.roi import Polygon
 from radiometry.sharpness import codes as sharpness_codes
 from radiometry.sharpness.profile import find_crossing, list_frequencies
 from radiometry.sharpness.results import Target
 from simulation.camera import change
 from simulation.targets import CHART_STUDIO, true_mtf
+from tests.radiometry.frames import frame_of
 from tests.radiometry.sharpness.shots import (
     EDGES,
     SMALL,
@@ -45,16 +45,7 @@ def reference(real_data):
     """The picture as a frame, its region, and sfrmat5's curves by order: frequency, R, G, B, luminance."""
     samples = tifffile.imread(real_data / "edge" / "Test_edge1.tif").astype(np.uint16)
     height, width = samples.shape[:2]
-    frame = Frame(
-        samples_dn=samples,
-        row0=0,
-        col0=0,
-        height_px=height,
-        width_px=width,
-        cfa="rgb",
-        black_level_dn=(0.0,) * 3,
-        white_level_dn=(255.0,) * 3,
-    )
+    frame = frame_of(samples, cfa="rgb", black=0.0, white=255.0)
     polygon = Polygon.from_points([(0, 0), (width, 0), (width, height), (0, height)])
     curves = {
         order: np.loadtxt(
@@ -99,16 +90,6 @@ def test_the_published_mtf50_is_met_and_belongs_to_red(reference, order, publish
     assert (found["R"], found["luminance"]) == pytest.approx(ours, abs=5e-5)
     frequency, theirs = curves[order][:, 0], curves[order][:, [1, 4]].T
     assert [find_crossing(frequency, each, 0.5) for each in theirs] == pytest.approx(published, abs=1e-4)
-
-
-def test_the_reference_transposed_gives_the_same(reference):
-    frame, regions, _ = reference
-    turned = transpose(frame)
-    polygon = Polygon.from_points([(y, x) for x, y in regions[0].polygon.points])
-    (upright,) = extract(frame, regions).regions
-    (other,) = extract(turned, [Region(name="", polygon=polygon)]).regions
-    assert [numbers(each) for each in other.edges] == [numbers(each, turned=True) for each in upright.edges]
-    assert (other.row_px, other.col_px) == (upright.col_px, upright.row_px)
 
 
 # --- known blurs
@@ -329,13 +310,6 @@ def test_noise_does_not_move_the_mean(noisy):
         assert abs(np.mean(values) - truth) < 0.01 * truth + 3 * standard_error, name
     assert np.mean([each.noise_rel for each in noisy]) == pytest.approx(0.02, rel=0.05)
     assert noisy[0].contrast == pytest.approx(0.8, abs=0.005)
-
-
-def test_more_noise_is_more_uncertainty():
-    quiet = measure_only(edge(), camera=change(SMALL, read_noise_e=10.0))
-    loud = measure_only(edge(), camera=NOISY)
-    assert loud.mtf50.standard_uncertainty > 4 * quiet.mtf50.standard_uncertainty
-    assert np.mean(loud.mtf_u) > 4 * np.mean(quiet.mtf_u)
 
 
 # --- what is refused

@@ -4,14 +4,13 @@ import dataclasses
 
 import numpy as np
 import pytest
-from pydantic import TypeAdapter
 
 from radiometry.findings import InputRejected
 from radiometry.fitting.evidence import Region
 from radiometry.frame import Frame
 from radiometry.frame.packing import unpack
 from radiometry.frame.roi import Polygon
-from radiometry.vignetting.blocks import Features, Grid, Site, average_radial, extract_features
+from radiometry.vignetting.blocks import Grid, Site, average_radial, extract_features
 from simulation.camera import change, take
 from simulation.targets import FAST_LENS, plan_flat
 from tests.radiometry.vignetting.flats import SMALL, row, whole
@@ -117,12 +116,6 @@ def test_transposing_the_picture_transposes_the_blocks(header):
         for field in ("mean_dn", "noise_dn", "n", "clipped_share"):
             mine, theirs = unpack(getattr(one[name], field)), unpack(getattr(other[turned], field))
             np.testing.assert_allclose(mine, theirs.T, rtol=1e-6)
-
-
-def test_features_survive_json():
-    features = row(take(SMALL, plan_flat(SMALL, f_number=2.8), np.random.default_rng(1))).features
-    adapter = TypeAdapter(Features)
-    assert adapter.validate_json(adapter.dump_json(features)) == features
 
 
 def test_a_rendered_picture_has_three_planes():

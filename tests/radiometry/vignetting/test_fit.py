@@ -146,28 +146,6 @@ def test_exact_light_gives_exact_parameters_and_transposes(gradient, height, wid
     assert other.k == pytest.approx(found.k, abs=1e-4)
 
 
-def test_a_transposed_campaign_gives_the_transposed_fit():
-    """The same photons, turned over: rows become columns, G1 becomes G2."""
-    plan = plan_flats(SMALL, f_numbers=(1.4,), flats=1, darks=0)
-    shots = [take(SMALL, shot, np.random.default_rng(2)) for shot in plan]
-    (shot,) = shots
-    turned = dataclasses.replace(
-        shot,
-        frame=dataclasses.replace(
-            shot.frame, samples_dn=shot.frame.samples_dn.T.copy(), height_px=288, width_px=192
-        ),
-    )
-    one, other = (vignetting.fit([row(each)], NONE) for each in (shot, turned))
-    for mine, theirs in (("R", "R"), ("G1", "G2"), ("B", "B")):
-        a, b = of(one, 1.4, mine).coefficient, of(other, 1.4, theirs).coefficient
-        assert (a.centre_row_px, a.centre_col_px) == pytest.approx(
-            (b.centre_col_px, b.centre_row_px), abs=1e-3
-        )
-        assert a.k == pytest.approx(b.k, abs=1e-5)
-        assert a.corner_falloff == pytest.approx(b.corner_falloff, abs=1e-6)
-    assert of(one, 1.4).coefficient.centre_px == pytest.approx((88.0, 155.0), abs=1.0)
-
-
 def test_uneven_light_is_told_from_an_off_centre_lens():
     lens = change(LENS, falloffs={1.4: FALLOFFS[1.4]})
     uneven = vignetting.fit([flat(lens, 5, target=surface(gradient=(0.02, 0.03)))], NONE)
