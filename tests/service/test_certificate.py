@@ -396,13 +396,6 @@ def test_every_gap_is_found_by_its_rule_and_filled_alone(house, version):
         assert "/v1/" not in found.message, "people read it, on pages and on paper"
 
 
-def test_another_organisations_certificate_does_not_exist(house, version):
-    founded = house.post("/v1/organisations", {"name": "another"})
-    other = house.with_key(founded["key"]["secret"])
-    for form in ("json", "pdf"):
-        assert other.get(f"/v1/calibrations/{version['id']}/certificate.{form}").status_code == 404
-
-
 def test_an_organisation_is_changed_by_its_admins_only(house):
     key = house.post("/v1/keys", {"name": "team", "scopes": ["read", "publish"]})
     team = house.with_key(key["secret"])

@@ -80,9 +80,3 @@ def test_what_is_wrong_is_named_and_nothing_is_ticked(house, body, field, said):
     assert error["field"] == field
     assert said in error["message"]
     assert house.get(f"/v1/campaigns/{campaign['id']}/checklist")["done"] == 0
-
-
-def test_a_stranger_sees_no_checklist(house, stranger):
-    campaign = house.campaign()
-    assert stranger.get(f"/v1/campaigns/{campaign['id']}/checklist").status_code == 404
-    assert patch(stranger, campaign, {"signature": {"name": "X"}}).status_code == 404

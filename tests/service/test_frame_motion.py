@@ -67,13 +67,6 @@ def test_a_frame_without_attitudes_says_what_to_do(house):
     assert house.get(path, pixel_pitch_um=3.75, status=422)["errors"][0]["field"] == "query.focal_length_mm"
 
 
-def test_the_blur_of_another_organisations_frame_does_not_exist(house, stranger):
-    campaign = house.campaign()
-    frame = upload_with_attitudes(house, campaign, band="green")
-    for path in (f"frames/{frame['id']}", f"campaigns/{campaign['id']}"):
-        assert stranger.get(f"/v1/{path}/motion", params=OPTICS).status_code == 404
-
-
 def test_a_real_sequoia_in_the_air(house):
     path = data_file("sequoia/IMG_180413_080658_0000_GRE.TIF")
     header = house.worker.decoders.read_header(path)

@@ -178,10 +178,6 @@ def test_a_version_in_force_changes_nothing_against_itself(house, pair):
     assert {row["difference"]["value"] for row in found["coefficients"]} == {0.0}
 
 
-def test_a_stranger_learns_nothing(pair, stranger):
-    assert stranger.get(f"/v1/calibrations/{pair[0]['id']}/impact").status_code == 404
-
-
 def test_a_cameras_decisions_tell_who_did_what_when_and_why(house, pair):
     first, second = pair
     made = house.post("/v1/keys", {"name": "A. Meier", "scopes": ["read", "publish"]})
