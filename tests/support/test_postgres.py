@@ -35,26 +35,6 @@ def test_it_is_the_version_that_the_compose_file_runs(postgres_url):  # noqa: F8
     assert query(postgres_url, "SHOW server_version")[0][0].startswith("18.")
 
 
-def test_every_database_is_empty_and_its_own(postgres):  # noqa: F811
-    one, other = postgres.new_database(), postgres.new_database()
-    query(one, "CREATE TABLE mark (x int)")
-    assert query(other, "SELECT count(*) FROM pg_tables WHERE tablename = 'mark'") == [(0,)]
-    copy = postgres.new_database(like=one)
-    assert query(copy, "SELECT count(*) FROM mark") == [(0,)]
-
-
-def test_a_database_can_be_dropped_while_somebody_is_connected(postgres):  # noqa: F811
-    url = postgres.new_database()
-    engine = sqlalchemy.create_engine(url)
-    connection = engine.connect()
-    postgres.drop_database(url)
-    connection.invalidate()
-    connection.close()
-    engine.dispose()
-    with pytest.raises(sqlalchemy.exc.OperationalError, match="does not exist"):
-        query(url, "SELECT 1")
-
-
 def test_it_dies_with_a_killed_test_process():
     command = [sys.executable, "-c", START_AND_WAIT]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
