@@ -11,6 +11,8 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry import methods
+from radiometry.findings import shared
+from radiometry.findings.grouping import Cause
 from radiometry.records import Record
 from radiometry.specification.parameters import list_parameters
 from radiometry.spectral.mismatch import find_response
@@ -22,7 +24,9 @@ from store.software import FIT_CODE_VERSION, read_version
 from store.tables import Calibration, Camera, Campaign, CoefficientRow, Roi
 from store.tables.base import new_id
 
-_UNTOLD = "nobody has said what is photographed: describe the board in the campaign's target"
+_UNTOLD = Cause(
+    "nobody has said what is photographed: describe the board in the campaign's target", shared.TARGET_MISSING
+)
 
 _READ_AGAIN = "frames are read again, after an upgrade of stilb or a change of the target"
 
@@ -60,7 +64,8 @@ def list_missing(campaign: Campaign, evidence: Evidence, params: Any) -> list[st
     untold = [] if is_told(campaign) else [_UNTOLD]
     if evidence.outdated:
         # what else is missing is known once they are read
-        return [*untold, f"{len(evidence.outdated)} of {len(evidence.frames)} {_READ_AGAIN}"]
+        again = f"{len(evidence.outdated)} of {len(evidence.frames)} {_READ_AGAIN}"
+        return [*untold, Cause(again, shared.NOT_EXTRACTED)]
     return [
         *untold,
         *methods.get_method(campaign.method).missing(

@@ -19,7 +19,7 @@ from sqlalchemy.orm import Session
 
 from radiometry import methods
 from radiometry.findings import Reason, shared
-from radiometry.findings.grouping import FindingGroup, Occurrence, group_findings
+from radiometry.findings.grouping import Cause, FindingGroup, Occurrence, group_causes, group_findings
 from radiometry.frame.roi import Polygon
 from radiometry.frame.verdicts import ReviewedFrame, Verdict, conclude, inspect_frame
 from radiometry.methods.findings import FINDINGS
@@ -47,13 +47,13 @@ from store.tables.base import utc_now
 class Assessment(Record):
     """All that is kept of a campaign.
 
-    ``missing``: what any fit needs; ``advice``: what a good one does; ``verdicts``: by the frame's id;
+    ``missing``: what any fit needs; ``advice``: what a good one does, equal ones as one; ``verdicts``: by id;
     ``record``: what the checklist needs; ``gaps``: what to photograph next, by its place in the grid;
     ``findings``: reasons of the verdicts, and what holds for the campaign, equal ones as one.
     """
 
-    missing: list[str]
-    advice: list[str]
+    missing: Sequence[FindingGroup]
+    advice: Sequence[FindingGroup]
     verdicts: Mapping[str, Verdict]
     record: RecordState | None
     gaps: Sequence[Gap] = ()
@@ -69,11 +69,14 @@ def assess(session: Session, campaign: Campaign, memory: Memory | None = None) -
     every = fitted = gather(session, campaign, applied=True, frames=frames, memory=memory)
     if campaign.measures:
         unread = sum(row.state == "received" for row in frames)
-        waiting = [f"{unread} of {len(frames)} frames are not read yet"] if unread else []
+        waiting = [Cause(f"{unread} of {len(frames)} frames are not read yet", shared.NOT_READ)]
         verdicts = _judge(session, campaign, frames, every, make_params(session, campaign), memory)
         return Assessment(
-            missing=waiting if frames else ["no frame: send the frames of the night"],
-            advice=[],
+            missing=group_causes(
+                waiting[: bool(unread)] if frames else ["no frame: send the frames of the night"],
+                shared.FIT_INCOMPLETE,
+            ),
+            advice=(),
             verdicts=verdicts,
             findings=group_findings(_list_reasons(frames, verdicts)),
             record=None,
@@ -85,8 +88,10 @@ def assess(session: Session, campaign: Campaign, memory: Memory | None = None) -
     verdicts = _judge(session, campaign, frames, every, usable, memory)
     found = [*_list_lone_readings(frames, every), *_list_reasons(frames, verdicts)]
     return Assessment(
-        missing=list_missing(campaign, fitted, stated),
-        advice=[] if fitted.outdated else list(spec.plan(every.frames, every.readings, usable)),
+        missing=group_causes(list_missing(campaign, fitted, stated), shared.FIT_INCOMPLETE),
+        advice=group_causes(
+            () if fitted.outdated else spec.plan(every.frames, every.readings, usable), shared.COULD_IMPROVE
+        ),
         gaps=spec.find_gaps(every.frames, every.readings, usable),
         verdicts=verdicts,
         findings=group_findings(found),
@@ -289,8 +294,8 @@ def _find_kept(session: Session, campaign_id: str, verdicts_of: Collection[str] 
         chosen = FrameVerdict.frame_id.in_(verdicts_of)
     reasons = session.execute(select(FrameVerdict.frame_id, FrameVerdict.reasons).where(chosen))
     return Assessment(
-        missing=missing,
-        advice=advice,
+        missing=decode(tuple[FindingGroup, ...], missing or []),
+        advice=decode(tuple[FindingGroup, ...], advice or []),
         gaps=decode(tuple[Gap, ...], gaps or []),
         findings=decode(tuple[FindingGroup, ...], findings or []),
         record=decode(RecordState, checklist) if checklist else None,
@@ -325,10 +330,10 @@ def _encode_verdicts(verdicts: Mapping[str, Verdict]) -> dict[str, str]:
 def _encode(found: Assessment) -> dict[str, Any]:
     return {
         "kept_by": hash_code(),
-        "missing": found.missing,
-        "advice": found.advice,
-        "gaps": [encode(each) for each in found.gaps],
-        "findings": [encode(each) for each in found.findings],
+        **{
+            name: [encode(each) for each in getattr(found, name)]
+            for name in ("missing", "advice", "gaps", "findings")
+        },
         "checklist": encode(found.record) if found.record else None,
     }
 

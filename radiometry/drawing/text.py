@@ -86,6 +86,26 @@ def name_few(noun: str, names: Iterable[str], *, most: int = 3) -> str:
     return f"{noun}{'s' * (len(ordered) != 1)} {shown}"
 
 
+def name_range(noun: str, names: Iterable[str]) -> str:
+    """Return names that are numbered as ranges, "scenes 1 to 6 and 8"; others as `name_few` does."""
+    ordered = sort_naturally(names)
+    parts = [re.fullmatch(r"(.*?)(0|[1-9]\d{0,5})", name) for name in ordered]
+    numbers = [int(part[2]) for part in parts if part]
+    heads = {part[1] if part else "" for part in parts}
+    if len(ordered) < 2 or len(numbers) < len(ordered) or len(heads) > 1:
+        return name_few(noun, ordered)
+    head = heads.pop()
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and number == runs[-1][-1] + 1:
+            runs[-1].append(number)
+        else:
+            runs.append([number])
+    plain = "" if head.strip().lower() == noun else head
+    shown = [f"{plain}{run[0]}" + (f" to {plain}{run[-1]}" if len(run) > 1 else "") for run in runs]
+    return f"{noun}s {', '.join(shown[:-1])}{' and ' * (len(shown) > 1)}{shown[-1]}"
+
+
 def write_unit(unit: str) -> str:
     """Return a unit as print sets it, from the way in which it is typed."""
     return unit.replace("*", "·").replace("m2", "m²")

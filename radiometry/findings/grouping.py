@@ -1,10 +1,11 @@
 """Equal findings as one, and the advice that follows from them."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import field
-from typing import Any, Final
+from dataclasses import dataclass, field
+from typing import Any, Final, Self
 
-from radiometry.findings import Finding, Severity
+from radiometry.drawing.text import name_few, sort_naturally
+from radiometry.findings import Finding, Severity, shared
 from radiometry.records import Record, about
 
 MOST_SUBJECTS: Final = 100
@@ -37,6 +38,57 @@ class FindingGroup(Record):
         "What was found: the sentence of all occurrences if it is the same, else that of the finding."
     )
     action: str = about("What to do.")
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """Return what was found, each sentence once."""
+        return tuple(dict.fromkeys(self.values.get("detail", (self.detail,))))
+
+
+@dataclass(frozen=True, eq=False, repr=False, slots=True)
+class Cause(str):  # noqa: SLOT000  the decorator makes them
+    """Lack of a fit, or an improvement of it; as a string it is its sentence."""
+
+    sentence: str  #: With the names and the numbers
+    finding: Finding  #: Entry of the registry
+    subjects: tuple[str, ...] = ("",)  #: For example "scene level-4"; "" for the whole
+    values: Mapping[str, Any] = field(default_factory=dict)  #: The numbers of the sentence by name
+
+    def __new__(cls, sentence: str, *_: object) -> Self:
+        """Make the sentence the value of the string."""
+        return str.__new__(cls, sentence)
+
+
+def name_frames(what: str, frames: Collection[str], finding: Finding) -> Cause:
+    """Return what holds for these frames as one cause."""
+    subjects = tuple(f"frame {name}" for name in sort_naturally(frames))
+    return Cause(f"{what}: {name_few('frame', frames)}", finding, subjects)
+
+
+_WAITS: Final = (shared.NOT_READ, shared.NOT_EXTRACTED)
+"""What workers do by themselves."""
+
+
+def group_causes(sentences: Iterable[str], default: Finding) -> tuple[FindingGroup, ...]:
+    """Return causes as findings, those of one code as one; a sentence without a code has the default's.
+
+    The severity is the default's, or "pending" of what needs nobody.
+    """
+    groups: dict[str, list[Occurrence]] = {}
+    for each in sentences:
+        cause = each if isinstance(each, Cause) else Cause(each, default)
+        severity: Severity = "pending" if cause.finding in _WAITS else default.severity
+        groups.setdefault(each if cause.finding is default else cause.finding.code, []).extend(
+            Occurrence(
+                finding=cause.finding,
+                severity=severity,
+                subject=subject,
+                detail=str(each),
+                values=cause.values,
+            )
+            for subject in cause.subjects
+        )
+    return tuple(map(_join, groups.values()))
 
 
 def group_findings(occurrences: Iterable[Occurrence]) -> tuple[FindingGroup, ...]:

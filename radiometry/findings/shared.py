@@ -186,9 +186,19 @@ FIT_INCOMPLETE = error(
     "The rows do not suffice for the result, for example because a reading was withdrawn meanwhile.",
     "Add what `detail` names, then ask again.",
 )
+TARGET_MISSING = flag(
+    "What is photographed has not been described.",
+    "Describe it in the campaign's `target`.",
+    "campaign",
+)
+COULD_IMPROVE = flag(
+    "More or other frames, readings or statements would make the result better.",
+    "Add what `detail` names; a fit does not need it.",
+    "campaign",
+)
 FIT_FAILED = error(
     "The fit did not converge.",
-    "Check for a wrong reading or unit; of luminance, use the `proportional` model.",
+    "Check for a wrong reading or unit.",
 )
 VIGNETTING_NOT_CALIBRATED = error(
     "The vignetting calibration does not hold for an f-number outside the range of its flats, "

@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.drawing.text import name_few
-from radiometry.findings import Finding, InputRejected
+from radiometry.findings import Finding, InputRejected, shared
+from radiometry.findings.grouping import name_frames
 from radiometry.fitting.evidence import list_unknown_exclusions
 from radiometry.geometry import codes
 from radiometry.geometry.camera import (
@@ -232,11 +232,11 @@ def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] =
     found = list_unknown_exclusions(params.exclude, [*(row.frame for row in rows), *unread])
     unread = [name for name in unread if name not in excluded]
     if unread:
-        found.append(f"not read yet: {name_few('frame', unread)}")
+        found.append(name_frames("not read yet", unread, shared.NOT_READ))
     charts = [row for row in rows if row.role == CHART and row.frame not in excluded]
     unsearched = [row.frame for row in charts if row.features is None]
     if unsearched:
-        found.append(f"not searched for the board yet: {name_few('frame', unsearched)}")
+        found.append(name_frames("not searched for the board yet", unsearched, shared.NOT_EXTRACTED))
     waiting = len(unread) + len(unsearched)
     usable = sum(not candidate.left_out for candidate in collect_candidates(rows, params))
     if usable + waiting < FEWEST_VIEWS:

@@ -79,6 +79,11 @@ READING_MISSING = reason(
     "Its scene has no luminance reading: the fit leaves the frame out.",
     "Send the reading, or correct the name of the scene.",
 )
+READING_OFF = warn(
+    "A reading and the frames of its scene disagree; from a factor of two on, no fit begins.",
+    "Correct the reading or its unit, or leave out the frames of the scene.",
+    "campaign",
+)
 NEARLY_CLIPPED = warn(
     "The highlights of the region come within 5 % of white.",
     "Reduce the light so that they are at 80 % of the span from dark to white.",

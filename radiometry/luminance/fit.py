@@ -92,7 +92,7 @@ def fit_coefficient(
     if fit is None:
         raise shared.FIT_FAILED.reject(
             f"The fit of the {params.model} model to the points of ISO {series.iso:g} did not converge: "
-            "look at them for a reading or a unit that is wrong, or choose the proportional model."
+            "look at them for a reading or a unit that is wrong."
         )
     return report_coefficient(series, params, fit, calibration_u_rel), fit
 

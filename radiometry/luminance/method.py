@@ -33,7 +33,13 @@ from radiometry.luminance.scenes import (
     meter_calibration_u_rel,
     summarise_scenes,
 )
-from radiometry.luminance.suggestions import list_missing, list_unread_scenes, require_shares
+from radiometry.luminance.suggestions import (
+    list_doubted,
+    list_missing,
+    list_unread_scenes,
+    name_unread,
+    require_shares,
+)
 from radiometry.luminance.verdicts import inspect_darks
 from radiometry.spectral.mismatch import compute_f1_prime, describe_curve, list_lamps, list_responses
 
@@ -75,10 +81,13 @@ def missing(
 ) -> tuple[str, ...]:
     """List by name what the fit still lacks.
 
-    A scene without a reading is named although the other scenes may be enough: `fit` then leaves it out.
+    A scene without a reading is named although the other scenes may be enough: `fit` then leaves it out. A
+    reading that is off its frames by a factor of two is named too.
     """
-    lacking = list_missing(rows, readings, params, unread=unread)
-    return (*lacking, *list_unread_scenes(rows, readings, params))
+    awaited = list_unread_scenes(rows, readings, params)
+    lacking = list_missing(rows, readings, params, unread=unread, awaited=awaited)
+    doubted = list_doubted(rows, readings, params, gravely=True)
+    return (*lacking, *name_unread(awaited), *doubted)
 
 
 def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> Fit:

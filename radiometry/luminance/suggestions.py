@@ -4,17 +4,25 @@ import itertools
 import math
 import statistics as python_statistics
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
-from radiometry.drawing.text import name_few, sort_naturally
+from radiometry.drawing.text import name_few, name_range, sort_naturally
 from radiometry.findings import shared
+from radiometry.findings.grouping import Cause, name_frames
 from radiometry.fitting.evidence import list_unknown_exclusions
 from radiometry.luminance import codes
 from radiometry.luminance.corrections import compute_flicker
-from radiometry.luminance.points import FEW_POINTS, FEWEST_SCENES, IsoSeries, check_dark, collect_series
+from radiometry.luminance.points import (
+    FEW_POINTS,
+    FEWEST_SCENES,
+    IsoSeries,
+    check_dark,
+    collect_series,
+    is_saturated,
+)
 from radiometry.luminance.rows import FrameRow, Params, Reading, find_modulation
 from radiometry.luminance.scenes import check_reading_times, check_scenes, summarise_scenes
-from radiometry.luminance.verdicts import DOUBTFUL_REL, measure_brightness, show_time
+from radiometry.luminance.verdicts import find_doubted, measure_light, show_time
 from radiometry.specification.roles import Gap
 
 GOOD_SCENES = 5
@@ -37,25 +45,31 @@ _EVERY_CAMERA_S = 1e-3, 1.0
 
 
 def list_missing(
-    rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params, *, unread: Sequence[str] = ()
+    rows: Sequence[FrameRow],
+    readings: Sequence[Reading],
+    params: Params,
+    *,
+    unread: Sequence[str] = (),
+    awaited: Collection[str] = (),
 ) -> list[str]:
+    """List what the fit lacks; scenes whose reading is ``awaited`` are counted as if they had it."""
     excluded = {exclusion.frame for exclusion in params.exclude}
     found = list_unknown_exclusions(params.exclude, [*(row.frame for row in rows), *unread])
     wanted = [row for row in rows if row.frame not in excluded]
     waiting = {*unread} - excluded
     if waiting:
-        found.append(f"not read yet: {name_few('frame', waiting)}")
+        found.append(name_frames("not read yet", waiting, shared.NOT_READ))
     found += _list_unmeasured(wanted)
     light = [row for row in wanted if row.role == "light"]
     if sceneless := [row.frame for row in light if not row.scene]:
-        found.append(f"no scene: {name_few('frame', sceneless)}")
+        found.append(name_frames("no scene", sceneless, codes.SCENE_MISSING))
     if not light and not waiting:
         return [*found, "the campaign has no light frame"]
     if waiting:  # they may be of any ISO value
         return found
     unmeasured = {row.exposure.iso for row in light if not row.statistics}
     for series in collect_series(rows, readings, params):
-        usable = len({candidate.scene for candidate in series.used})
+        usable = len(_count_on(series, awaited))
         if usable < FEWEST_SCENES and series.iso not in unmeasured:
             found.append(
                 f"ISO {series.iso:g} has {usable} usable scene{'' if usable == 1 else 's'}, "
@@ -76,25 +90,60 @@ def require_shares(rows: Sequence[FrameRow], params: Params) -> None:
         )
 
 
-def list_unread_scenes(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> list[str]:
+def _count_on(series: IsoSeries, awaited: Collection[str]) -> set[str]:
+    """Return the scenes that count, and those that lack their reading alone."""
+    waiting = {c.scene for c in series.candidates if c.scene in awaited and not is_saturated(c.signal)}
+    return {candidate.scene for candidate in series.used} | waiting
+
+
+def list_unread_scenes(
+    rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params
+) -> tuple[str, ...]:
     """List the scenes that have light frames but no luminance reading."""
     excluded = {exclusion.frame for exclusion in params.exclude}
     read = {reading.scene for reading in readings if reading.quantity == "luminance"}
     shown = {row.scene for row in rows if row.role == "light" and row.scene and row.frame not in excluded}
-    return [f"no luminance reading: {name_few('scene', shown - read)}"] if shown - read else []
+    return tuple(sort_naturally(shown - read))
+
+
+def name_unread(scenes: Sequence[str]) -> list[Cause]:
+    if not scenes:
+        return []
+    lacks = f"{name_range('scene', scenes)} {'has' if len(scenes) == 1 else 'have'} no luminance reading"
+    return [Cause(lacks, codes.READING_MISSING, tuple(f"scene {scene}" for scene in scenes))]
+
+
+def list_doubted(
+    rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params, *, gravely: bool
+) -> list[Cause]:
+    """List the readings that their frames speak against: ``gravely``, or by less.
+
+    A tone curve changes the ratio of two levels: what may have one is never named gravely.
+    """
+    curved = {row.frame for row in rows if row.rendered or row.from_table}
+    return [
+        Cause(
+            f"{each.describe()}: check it, and its unit",
+            codes.READING_OFF,
+            (f"scene {each.scene}",),
+            {"reading_cd_m2": each.reading_cd_m2, "frames_cd_m2": each.frames_cd_m2},
+        )
+        for each in find_doubted(collect_series(rows, readings, params), readings)
+        if gravely == (each.is_grave and curved.isdisjoint(each.frames))
+    ]
 
 
 def _list_unmeasured(rows: Sequence[FrameRow]) -> list[str]:
     """List the frames without statistics, with whether they lack a region or wait for a worker."""
     regionless = [row.frame for row in rows if not row.statistics and not row.has_region]
     waiting = [row.frame for row in rows if not row.statistics and row.has_region]
-    found = []
+    found: list[str] = []
     if regionless and len(regionless) == len(rows):
-        found.append("the campaign has no region (ROI)")
+        found.append(Cause("the campaign has no region (ROI)", shared.NO_REGION))
     elif regionless:
-        found.append(f"no region (ROI): {name_few('frame', regionless)}")
+        found.append(name_frames("no region (ROI)", regionless, shared.NO_REGION))
     if waiting:
-        found.append(f"no statistics yet: {name_few('frame', waiting)}")
+        found.append(name_frames("no statistics yet", waiting, shared.NOT_EXTRACTED))
     return found
 
 
@@ -115,18 +164,28 @@ def plan(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) 
 
     Nothing here keeps a fit from starting: that is in `list_missing`.
     """
-    found = [
-        f"the readings of {far.where} do not belong to its frames. {far.detail} Correct the time, or read "
-        "and photograph it again"
+    found: list[str] = [
+        Cause(
+            f"the readings of {far.where} do not belong to its frames. {far.detail} Correct the time, or "
+            "read and photograph it again",
+            codes.READING_FAR_FROM_FRAMES,
+            (far.where,),
+        )
         for far in check_reading_times(rows, readings)
     ]
+    awaited = list_unread_scenes(rows, readings, params)
     light = {row.exposure.iso for row in rows if row.role == "light"}
     series = {one.iso: one for one in collect_series(rows, readings, params)}
     darks = {row.exposure.iso for row in rows if row.role == "dark"}
-    found += [f"no dark frames at ISO {iso:g}" for iso in sorted(light - darks)]
+    found += [
+        Cause(f"no dark frames at ISO {iso:g}", shared.DARK_FROM_BLACK_LEVEL, (f"iso {iso:g}",))
+        for iso in sorted(light - darks)
+    ]
     for one in series.values():
-        found += _plan_darks(one) + _plan_levels(one) + _plan_settings(one)
-        found += _plan_times(one, params) + _doubt_readings(one)
+        found += (
+            _plan_darks(one) + _plan_levels(one, awaited) + _plan_settings(one) + _plan_times(one, params)
+        )
+    found += list_doubted(rows, readings, params, gravely=False)
     if params.camera_response is not None and params.lamp is None and params.lamp_kind is None:
         found.append("the lamp is not stated: without it no spectral mismatch can be corrected")
     return (*found, *_plan_readings(rows, readings, params))
@@ -147,12 +206,14 @@ def _plan_darks(series: IsoSeries) -> list[str]:
     ]
 
 
-def _plan_levels(series: IsoSeries) -> list[str]:
+def _plan_levels(series: IsoSeries, awaited: Collection[str]) -> list[str]:
     """State how many light levels to add, and where: in the widest gap, or beyond the ends."""
     levels = sorted({c.luminance_cd_m2 for c in series.used if c.luminance_cd_m2 is not None})
-    scenes = len({candidate.scene for candidate in series.used})
+    scenes = len(_count_on(series, awaited))
     short = GOOD_SCENES - scenes
     where = f"ISO {series.iso:g}"
+    if scenes > len({candidate.scene for candidate in series.used}) and (short <= 0 or not levels):
+        return []  # where they lie is known once they are read
     if not levels:
         return [f"{where} has no usable level: add {short}"]
     narrow = levels[-1] / levels[0] < GOOD_SPAN
@@ -203,49 +264,37 @@ def _plan_times(series: IsoSeries, params: Params) -> list[str]:
     return found
 
 
-def _doubt_readings(series: IsoSeries) -> list[str]:
-    """Find the scenes whose frames and reading together disagree with the other scenes'."""
-    luminances = {c.scene: c.luminance_cd_m2 for c in series.candidates if c.luminance_cd_m2 is not None}
-    brightness = measure_brightness(series)
-    ks = {
-        scene: python_statistics.median(frames.values()) / luminances[scene]
-        for scene, frames in brightness.items()
-        if scene in luminances
-    }
-    if len(ks) < FEWEST_SCENES:
-        return []
-    usual = python_statistics.median(ks.values())
-    return [
-        f"the reading of scene {scene} is {usual / ks[scene]:.3g} times what its frames at ISO "
-        f"{series.iso:g} give: check it, and its unit"
-        for scene in sort_naturally(ks)
-        if not abs(math.log(ks[scene] / usual)) <= math.log1p(DOUBTFUL_REL)
-    ]
-
-
 def _plan_readings(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> list[str]:
     shown = {row.scene for row in rows if row.role == "light" and row.scene}
     here = [reading for reading in readings if reading.scene in shown]
     scenes = summarise_scenes(here, panel_rho=params.panel_rho)
-    found = []
+    found: list[str] = []
     if scenes and max(scene.readings for scene in scenes) == 1:
-        found.append("only one reading per scene: repeatability cannot be seen")
+        once = "only one reading per scene: repeatability cannot be seen"
+        found.append(Cause(once, codes.METER_REPEATABILITY_ESTIMATED))
     illuminances = [reading.scene for reading in here if reading.quantity == "illuminance"]
     if scenes and len(illuminances) == len(set(illuminances)):
-        found.append("no scene has two illuminance readings: a drifting lamp cannot be seen")
-    advice: dict[str, str] = {
+        drift = "no scene has two illuminance readings: a drifting lamp cannot be seen"
+        found.append(Cause(drift, codes.LAMP_DRIFT))
+    advice = {
         codes.LAMP_DRIFT: "the lamp drifted in {where}: repeat its frames and readings",
         codes.RHO_CROSS_CHECK: "luminance and illuminance of {where} disagree: check both readings and rho",
     }
-    found += [advice[raised.flag].format(where=raised.where) for raised in check_scenes(scenes)]
+    found += [
+        Cause(advice[code].format(where=raised.where), code, (raised.where,))
+        for raised in check_scenes(scenes)
+        for code in advice
+        if code == raised.flag
+    ]
     meters = sorted(
         {r.meter or "" for r in here if r.quantity == "luminance" and r.expanded_uncertainty_rel is None}
     )
     found += [
-        f"the meter {meter} has no certificate: its calibration uncertainty is not in that of K"
-        if meter
-        else "some luminance readings name no meter: its calibration uncertainty is not in that of K"
+        Cause(f"{who}: its calibration uncertainty is not in that of K", codes.METER_CERTIFICATE_MISSING)
         for meter in meters
+        for who in (
+            f"the meter {meter} has no certificate" if meter else "some luminance readings name no meter",
+        )
     ]
     return found
 
@@ -253,13 +302,14 @@ def _plan_readings(rows: Sequence[FrameRow], readings: Sequence[Reading], params
 def find_gaps(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> tuple[Gap, ...]:
     lit = [row for row in rows if row.role == "light" and row.scene]
     read = {each.scene: each.value for each in readings if each.quantity == "luminance"}
+    awaited = list_unread_scenes(rows, readings, params)
     shown = {(row.scene, row.exposure.iso, row.exposure.f_number) for row in lit}
     scenes = sort_naturally({row.scene for row in lit if row.scene} | read.keys())
     taken_s = [row.exposure.exposure_time_s for row in rows]
     common = Counter((iso, f_number) for _, iso, f_number in shown)
     series = collect_series(rows, readings, params)
     spans = {each.iso: min(c.span_dn for c in each.candidates) for each in series if each.candidates}
-    light = _measure_light(series)
+    light = measure_light(series)
     ks = [value / read[scene] for scene, value in light.items() if scene in read]
     if ks:
         light = {scene: python_statistics.median(ks) * value for scene, value in read.items()} | light
@@ -283,21 +333,12 @@ def find_gaps(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Par
         gaps.append(Gap(role="dark", at={"iso": iso, "f_number": f_number}, exposure_time_s=time_s))
     for one in series:
         levels = sorted({c.luminance_cd_m2 for c in one.used if c.luminance_cd_m2 is not None})
-        short = GOOD_SCENES - len({candidate.scene for candidate in one.used})
+        short = GOOD_SCENES - len(_count_on(one, awaited))
         if levels and short > 0:
             noun = "level" if short == 1 else "levels"
             text = f"{short} more {noun} {place_levels(levels)}"
             gaps.append(Gap(role="light", at={"iso": one.iso}, text=text))
     return tuple(gaps)
-
-
-def _measure_light(series: Sequence[IsoSeries]) -> dict[str, float]:
-    """Return K L of each scene, which is nearly the same at all ISO values [DN*m2/(cd*s) times cd/m2]."""
-    found: dict[str, list[float]] = {}
-    for one in series:
-        for scene, frames in measure_brightness(one).items():
-            found.setdefault(scene, []).extend(frames.values())
-    return {scene: python_statistics.median(values) for scene, values in found.items()}
 
 
 def _suggest_time(

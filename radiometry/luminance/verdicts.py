@@ -3,7 +3,7 @@
 import math
 import statistics as python_statistics
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from statistics import NormalDist
 
@@ -67,6 +67,9 @@ DOUBTFUL_REL = 0.25
 """Distance of a frame's brightness from the median of its scene. Markings of aperture and time err by up to
 5.6 % and 6.7 %, a lens that vignettes wide open by some more; a next light level lies further off."""
 
+_GRAVE = 2.0
+"""A reading that differs from its frames by this factor is a slip: of its point, its unit or its row."""
+
 LIKE_REL = 0.10
 """A scene that a doubtful frame would fit better agrees with it to what markings err."""
 
@@ -87,8 +90,13 @@ def judge(
     _add(reasons, darks, inspect_scenes(rows, readings, params), find_repeats(rows, params))
     if without := tuple(Exclusion(frame=each, reason="saw light", by="verdict") for each in sorted(unusable)):
         params = replace(params, exclude=params.exclude + without)
-    for series in points.collect_series(rows, readings, params):
+    every = points.collect_series(rows, readings, params)
+    for series in every:
         _add(reasons, *_inspect_series(series, rows, params, unusable=unusable))
+    for doubted in find_doubted(every, readings):
+        if doubted.is_grave:
+            reason = codes.READING_OFF.reason(f"{doubted.describe()}. {codes.READING_OFF.remedy}")
+            _add(reasons, {frame: [reason] for frame in doubted.frames})
     return {frame: verdicts.conclude(found) for frame, found in reasons.items()}
 
 
@@ -414,6 +422,62 @@ def _measure_one(candidate: Candidate) -> float | None:
     if lost or candidate.above_dark_dn < USEFUL_SHARE * candidate.span_dn:
         return None
     return candidate.above_dark_dn / _per_luminance(candidate)
+
+
+def measure_light(series: Sequence[IsoSeries]) -> dict[str, float]:
+    """Return K L of each scene, which is nearly the same at all ISO values [DN*m2/(cd*s) times cd/m2]."""
+    found: dict[str, list[float]] = {}
+    for one in series:
+        for scene, frames in measure_brightness(one).items():
+            found.setdefault(scene, []).extend(frames.values())
+    return {scene: python_statistics.median(values) for scene, values in found.items()}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Doubted:
+    """A luminance reading that the frames of its scene speak against."""
+
+    scene: str
+    reading_cd_m2: float
+    frames_cd_m2: float  # what they say, by the K of the other scenes
+    frames: tuple[str, ...]
+
+    @property
+    def is_grave(self) -> bool:
+        return not 1 / _GRAVE < self.reading_cd_m2 / self.frames_cd_m2 < _GRAVE
+
+    def describe(self) -> str:
+        said = f"{self.reading_cd_m2:.3g} cd/m2, its frames say {self.frames_cd_m2:.2g}"
+        return f"{name_few('scene', [self.scene])}: {said}"
+
+
+def find_doubted(series: Sequence[IsoSeries], readings: Sequence[Reading]) -> list[Doubted]:
+    """Find the readings that disagree with the ratio of signal and reading that most scenes have."""
+    light = measure_light(series)
+    read: dict[str, list[float]] = {}
+    for each in readings:
+        if each.quantity == "luminance" and each.scene in light:
+            read.setdefault(each.scene, []).append(each.value)
+    if len(read) < points.FEWEST_SCENES:
+        return []
+    usual = python_statistics.median(
+        light[scene] / python_statistics.median(values) for scene, values in read.items()
+    )
+    frames: dict[str, set[str]] = {}
+    for one in series:
+        for candidate in one.candidates:
+            frames.setdefault(candidate.scene, set()).add(candidate.frame)
+    return [
+        Doubted(
+            scene=scene,
+            reading_cd_m2=value,
+            frames_cd_m2=light[scene] / usual,
+            frames=tuple(sorted(frames[scene])),
+        )
+        for scene in sort_naturally(read)
+        for value in sorted(set(read[scene]))
+        if not abs(math.log(value * usual / light[scene])) <= math.log1p(DOUBTFUL_REL)
+    ]
 
 
 def expect_signals(series: IsoSeries, brightness: dict[str, dict[str, float]]) -> dict[str, float]:

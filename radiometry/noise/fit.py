@@ -3,8 +3,8 @@
 import math
 from collections.abc import Sequence
 
-from radiometry.drawing.text import name_few
 from radiometry.findings import Finding, Raised, shared
+from radiometry.findings.grouping import name_frames
 from radiometry.fitting.evidence import MOST_DOF, CoefficientValue, Quantity, require_complete
 from radiometry.frame.statistics import CHANNELS
 from radiometry.frame.verdicts import flag_assumed_black, flag_rendered, name_not_dark
@@ -26,9 +26,12 @@ def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] =
     excluded = {exclusion.frame for exclusion in params.exclude}
     here = [row for row in rows if row.frame not in excluded]
     waiting = [row.frame for row in here if row.features is None]
-    lacking = [
-        f"{what}: {name_few('frame', group)}"
-        for group, what in ((unread, "not read yet"), (waiting, "not extracted yet"))
+    lacking: list[str] = [
+        name_frames(what, group, finding)
+        for group, what, finding in (
+            (unread, "not read yet", shared.NOT_READ),
+            (waiting, "not extracted yet", shared.NOT_EXTRACTED),
+        )
         if group
     ]
     if lacking:

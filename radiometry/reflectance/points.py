@@ -7,8 +7,8 @@ from dataclasses import replace
 from datetime import date, datetime
 from typing import Final
 
-from radiometry.drawing.text import name_few
-from radiometry.findings import Finding, InputRejected, Raised, interface
+from radiometry.findings import Finding, InputRejected, Raised, interface, shared
+from radiometry.findings.grouping import Cause, name_frames
 from radiometry.fitting.evidence import list_unknown_exclusions
 from radiometry.frame import has_set_clock
 from radiometry.frame.multispectral import Multispectral, name_panel
@@ -198,12 +198,13 @@ def list_missing(
     excluded = {exclusion.frame for exclusion in params.exclude}
     found = list_unknown_exclusions(params.exclude, [*(row.frame for row in rows), *unread])
     panels = [row for row in rows if row.role == PANEL and row.frame not in excluded]
-    groups = {
-        "not read yet": {*unread} - excluded,
-        "no region on the panel": [row.frame for row in panels if not row.has_region],
-        "not extracted yet": [row.frame for row in panels if row.has_region and row.features is None],
-    }
-    found += [f"{what}: {name_few('frame', names)}" for what, names in groups.items() if names]
+    waiting = [row.frame for row in panels if row.has_region and row.features is None]
+    groups = (
+        ("not read yet", {*unread} - excluded, shared.NOT_READ),
+        ("no region on the panel", [row.frame for row in panels if not row.has_region], shared.NO_REGION),
+        ("not extracted yet", waiting, shared.NOT_EXTRACTED),
+    )
+    found += [name_frames(what, names, finding) for what, names, finding in groups if names]
     if not panels and not unread:
         found.append("the campaign has no panel frame")
     return [*found, *list_contradictions(readings, params)]
@@ -227,9 +228,9 @@ def list_bands_without_reflectance(
         return []
     if readings:
         named = f"panel {readings[0].panel} has no reflectance (band {unknown})"
-        return [f"{named}: register it with what it reflects there"]
+        return [Cause(f"{named}: register it with what it reflects there", codes.PANEL_UNKNOWN)]
     named = f"the panel's reflectance is not known (band {unknown})"
-    return [f"{named}: register the panel; where several are, name it (panel_id)"]
+    return [Cause(f"{named}: register the panel; where several are, name it (panel_id)", codes.PANEL_UNKNOWN)]
 
 
 def require_flat_angle(angle_deg: float) -> None:

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from radiometry.drawing.text import name_few
+from radiometry.findings import shared
+from radiometry.findings.grouping import name_frames
 from radiometry.fitting.evidence import MOST_DOF, Quantity
 from radiometry.fitting.sources import merge_variances
 from radiometry.records import Record
@@ -188,13 +189,13 @@ def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] =
     if not wanted and not unread:
         found.append("no chart frame that can be used: photograph edges or stars in role chart")
     if unread:
-        found.append(f"not read yet: {name_few('frame', unread)}")
+        found.append(name_frames("not read yet", unread, shared.NOT_READ))
     undrawn = [row.frame for row in wanted if row.features is None and not row.has_region]
     waiting = [row.frame for row in wanted if row.features is None and row.has_region]
     if undrawn:
-        found.append(f"no region: {name_few('frame', undrawn)}")
+        found.append(name_frames("no region", undrawn, shared.NO_REGION))
     if waiting:
-        found.append(f"not extracted yet: {name_few('frame', waiting)}")
+        found.append(name_frames("not extracted yet", waiting, shared.NOT_EXTRACTED))
     return tuple(found)
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from radiometry.drawing.text import name_few
 from radiometry.findings import Finding, Raised, shared
+from radiometry.findings.grouping import name_frames
 from radiometry.records import Record
 from radiometry.vignetting import codes
 from radiometry.vignetting.blocks import FrameRow, Plane
@@ -248,9 +249,12 @@ def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] =
     excluded = {exclusion.frame for exclusion in params.exclude}
     flats = [row for row in rows if row.role == FLAT and row.frame not in excluded]
     waiting = [row.frame for row in rows if row.features is None and row.frame not in excluded]
-    lacking = [
-        f"{what}: {name_few('frame', group)}"
-        for group, what in ((unread, "not read yet"), (waiting, "not extracted yet"))
+    lacking: list[str] = [
+        name_frames(what, group, finding)
+        for group, what, finding in (
+            (unread, "not read yet", shared.NOT_READ),
+            (waiting, "not extracted yet", shared.NOT_EXTRACTED),
+        )
         if group
     ]
     without = [row.frame for row in flats if row.exposure is None]

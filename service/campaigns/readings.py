@@ -7,6 +7,7 @@ from pydantic import Field, TypeAdapter
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from radiometry.findings import interface
 from service.campaigns.schemas import MOST_READINGS, NewReading, ReadingAnswer, ReadingsAnswer
 from service.http.answers import problems
 from service.http.auth import Calibrator, Reader
@@ -16,8 +17,9 @@ from service.http.lookup import Id, owned
 from service.http.models import Text
 from service.http.operations import Router
 from service.http.paging import Page, UsesPaging
-from service.http.problems import invalid
+from service.http.problems import Problem, invalid
 from service.http.tables import Kind, read_sheet, read_sheet_or_document, refuse_columns
+from store.queries.audit import name_last_actor
 from store.queries.campaigns import add_readings
 from store.tables import Campaign, Meter, Reading
 from store.tables.base import utc_now
@@ -72,7 +74,7 @@ async def _body(request: Request) -> list[NewReading] | NewReading:
     "/campaigns/{campaign_id}/readings",
     status_code=201,
     response_model=ReadingAnswer | ReadingsAnswer,
-    responses=problems(404),
+    responses=problems(404, 409),
     openapi_extra={"requestBody": {"required": True, "content": _CONTENT}},
 )
 def add_campaign_readings(
@@ -82,7 +84,10 @@ def add_campaign_readings(
     writing: Writes,
     meter_id: MeterIds = None,
 ) -> Response:
-    """Record what the meter said of a scene; values are kept as entered and in SI."""
+    """Record what the meter said of a scene; values are kept as entered and in SI.
+
+    A reading that `replaces` another one takes its place, and the other stays in the record, withdrawn.
+    """
     forms = [body] if isinstance(body, NewReading) else body
 
     def change(session: Session) -> Reply:
@@ -90,8 +95,13 @@ def add_campaign_readings(
         for named in {form.meter_id for form in forms if form.meter_id}:
             owned(session, Meter, named, caller)
         usual = _by_quantity([owned(session, Meter, each, caller) for each in meter_id or ()])
+        now = utc_now()
+        replaced = _find_replaced(session, campaign, forms)
         columns = [{"meter_id": usual.get(form.quantity)} | _columns(form) for form in forms]
-        rows = add_readings(session, campaign, columns)
+        rows = add_readings(session, campaign, [{"created_at": now} | each for each in columns])
+        for reading in replaced:
+            reading.withdrawn_at = now
+        session.flush()
         answers = [ReadingAnswer.of(row) for row in rows]
         one = isinstance(body, NewReading)
         return Reply(status=201, body=answers[0] if one else ReadingsAnswer(items=answers))
@@ -137,6 +147,32 @@ def restore_reading(reading_id: Id, caller: Calibrator, writing: Writes) -> Resp
         return Reply(status=200, body=ReadingAnswer.of(reading))
 
     return writing.run(caller, change)
+
+
+def _find_replaced(session: Session, campaign: Campaign, forms: list[NewReading]) -> list[Reading]:
+    """Return the readings that are replaced; refuse what another user has changed since it was seen."""
+    if all(form.replaces is None for form in forms):
+        return []
+    # two who type in one empty field at once: the second waits here, and finds the first one's reading
+    session.execute(select(Campaign.id).where(Campaign.id == campaign.id).with_for_update())
+    mine = select(Reading).where(Reading.campaign_id == campaign.id, Reading.withdrawn_at.is_(None))
+    standing = {each.id: each for each in session.scalars(mine.order_by(Reading.id))}
+    places = {(each.scene, each.quantity): each for each in standing.values()}
+    replaced = []
+    for form in forms:
+        place = (form.scene, form.quantity)
+        if form.replaces and form.replaces in standing:
+            replaced.append(standing[form.replaces])
+        elif form.replaces or (form.replaces == "" and place in places):
+            gone = session.get(Reading, form.replaces) if form.replaces else None
+            later = (each for each in standing.values() if gone and each.created_at == gone.withdrawn_at)
+            found = next(later, places.get(place))
+            who = name_last_actor(session, found.id if found else form.replaces or "")
+            by = f" by {who}" if who else ""
+            state = f"it is now {found.entered_value:g} {found.entered_unit}" if found else "it is withdrawn"
+            detail = f"The reading of {form.scene} was changed{by} meanwhile: {state}."
+            raise Problem(interface.CHANGED_MEANWHILE, detail)
+    return replaced
 
 
 def _columns(form: NewReading) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from sqlalchemy import select, true
 from sqlalchemy.orm import Session
 
 from radiometry import methods
-from radiometry.findings import interface
+from radiometry.findings import interface, shared
 from radiometry.frame.multispectral import name_panel
 from radiometry.specification.roles import FIELD
 from service.campaigns.schemas import (
@@ -315,10 +315,14 @@ def _read_target(method: str, said: dict[str, Any] | None) -> dict[str, Any] | N
 def _whole(session: Session, campaign: Campaign, readiness: Assessment) -> CampaignAnswer:
     counts = count(session, campaign)
     offer = find_offer(session, campaign)
+    lone = [each for each in readiness.findings if each.code == shared.READING_WITHOUT_FRAMES]
     return CampaignAnswer.restate(
         campaign,
-        readiness,
         frames=counts,
+        missing=[sentence for each in readiness.missing for sentence in each.sentences],
+        advice=[sentence for each in readiness.advice for sentence in each.sentences],
+        causes=[*readiness.missing, *lone, *readiness.advice],
+        findings=readiness.findings,
         readings=counts.readings,
         measured=count_measured(session, campaign) if campaign.measures else None,
         panel_offered=PanelOffered.restate(offer) if offer else None,

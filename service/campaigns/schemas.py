@@ -184,6 +184,11 @@ class CampaignAnswer(
         default=None, description="What a fit still needs, by name; of a night, what measuring needs."
     )
     advice: list[str] | None = Field(default=None, description="What would make a fit good, by name.")
+    causes: list[FindingGroupAnswer] | None = Field(
+        default=None,
+        description="The same as data, one a code: `error` keeps a fit from starting, `pending` ends by "
+        "itself, `warn` would improve it.",
+    )
     findings: list[FindingGroupAnswer] | None = Field(
         default=None, description="Reasons of the frames' verdicts, and what holds for the campaign."
     )
@@ -304,6 +309,15 @@ class NewReading(Form):
         default=None,
         description="When it was read, in UTC: shows whether the lamp drifted between reading and frames.",
     )
+    replaces: Annotated[
+        str | None,
+        Field(
+            max_length=200,
+            description="The id of the reading that this one corrects: that one is withdrawn in the moment "
+            'in which this one is recorded. "": it is the first of its scene and quantity. Where another '
+            "user was faster, nothing is recorded: 409 `changed_meanwhile`.",
+        ),
+    ] = None
 
     @model_validator(mode="after")
     def _unit_fits(self) -> "NewReading":

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Collection, Sequence
 
 from sqlalchemy import ColumnElement, func, or_, select, text
-from sqlalchemy.orm import InstrumentedAttribute, Session
+from sqlalchemy.orm import InstrumentedAttribute, Session, aliased
 
 from radiometry.records import Record
 from store.files import count_damaged, find_proof_age_s
@@ -53,7 +53,12 @@ class Cause(Record):
 
 
 def list_causes(session: Session, organisation_id: str) -> list[Cause]:
-    """List why the newest jobs were given up, unless dismissed; the most frequent cause first."""
+    """List why jobs were given up, unless dismissed or done since; the most frequent cause first."""
+    since = aliased(Job)
+    ended = since.state.in_((*GIVEN_UP, "succeeded"))
+    done_since = select(since.id).where(
+        since.subject_id == Job.subject_id, since.kind == Job.kind, since.id > Job.id, ended
+    )
     code = Job.error["code"].as_string()
     theirs = (Job.organisation_id == organisation_id) & Job.dismissed_at.is_(None)
     newest = [
@@ -63,7 +68,7 @@ def list_causes(session: Session, organisation_id: str) -> list[Cause]:
     groups = (
         select(func.count(), func.max(Job.id))
         .outerjoin(FrameRow, FrameRow.id == Job.subject_id)
-        .where(or_(*(Job.id.in_(select(each.subquery().c.id)) for each in newest)))
+        .where(or_(*(Job.id.in_(select(each.subquery().c.id)) for each in newest)), ~done_since.exists())
         .group_by(Job.state, Job.kind, code, func.coalesce(FrameRow.campaign_id, Job.subject_id))
     )
     counts = {row[1]: row[0] for row in session.execute(groups)}

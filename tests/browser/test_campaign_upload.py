@@ -128,3 +128,22 @@ def test_hashes_are_right_where_the_browser_has_none(page):
         sizes,
     )
     assert found == [hashlib.sha256(bytes((7 * i) % 256 for i in range(size))).hexdigest() for size in sizes]
+
+
+@pytest.mark.usefixtures("campaign")
+def test_what_is_on_its_way_is_not_called_missing(page, files):
+    before = page.get_by_role("region", name="Before the fit")
+    stages = page.get_by_role("list", name="Stages")
+    expect(before).to_contain_text("The campaign has no light frame")
+    held = []
+    page.route(UPLOADS, lambda route: held.append(route))  # noqa: PLW0108  it counts what a handler takes
+    choose(page, files[:1])
+    page.get_by_role("button", name="Send 1 file").click()
+    expect(stages).to_contain_text("waiting for frames")
+    expect(before).to_have_count(0)
+    while not held:
+        page.wait_for_timeout(20)
+    held[0].continue_()
+    expect(before.get_by_role("listitem").filter(has_text="needed")).to_contain_text(
+        "No scene: frame level-1-0"
+    )

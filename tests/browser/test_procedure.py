@@ -143,26 +143,28 @@ def draw_the_region(keys: Keyboard) -> None:
 def register_the_meter(keys: Keyboard) -> None:
     """Once for all campaigns; what its certificate states."""
     page = keys.page
-    readings = page.locator("section#readings")
-    keys.press(readings.get_by_role("button", name="Register a meter…"))
+    meter = page.get_by_label("Meter of typed readings")
+    keys.reach(meter)
+    meter.select_option("Register a meter…")
     dialog = page.get_by_role("dialog")
     check_access(page, DIALOG)
     for label, value in METER.items():
         keys.write(dialog.get_by_label(label, exact=True), value)
     illustrate(page, "meter", dialog)
     keys.press(dialog.get_by_role("button", name="Register"))
-    expect(readings.get_by_label("Meter", exact=True)).to_contain_text("30011942")
+    expect(meter).to_contain_text("30011942")
 
 
 def paste_the_readings(keys: Keyboard) -> None:
     page = keys.page
-    readings = page.locator("section#readings")
-    lines = readings.get_by_label("Lines")
-    keys.reach(lines, "Shift+Tab")
-    keys.write(lines, paste_readings())
-    expect(readings.get_by_text(f"{2 * len(LEVELS)} understood")).to_be_visible()
-    keys.press(readings.get_by_role("button", name="Add", exact=True))
-    expect(page.locator("#readings-note")).to_have_text(f"{2 * len(LEVELS)} readings of {len(LEVELS)} scenes")
+    keys.press(page.get_by_role("button", name="Paste readings…"))
+    dialog = page.get_by_role("dialog", name="Paste readings")
+    keys.write(dialog.get_by_label("Lines"), paste_readings())
+    expect(dialog.get_by_role("row")).to_have_count(2 * len(LEVELS) + 1)
+    keys.press(dialog.get_by_role("button", name="Store"))
+    expect(page.get_by_role("list", name="Stages")).to_contain_text(
+        f"{2 * len(LEVELS)} readings, {len(LEVELS)} scenes"
+    )
     expect(page.get_by_role("button", name=f"Passes {FRAMES}", exact=True)).to_be_visible(timeout=PATIENCE_MS)
     passed(page, "procedure-5-readings")
     # higher than the grid, or the header would lie across it

@@ -110,20 +110,22 @@ class Pages(Door):
         expect(page.get_by_text("The region is set")).to_be_visible()
 
     def type_readings(self, plan: Plan) -> None:
-        """Register each meter below the grid, and paste its lines; then sign the checklist."""
-        readings = self.page.locator("section#readings")
+        """Register each meter above the grid, and paste its lines; then sign the checklist."""
+        dialog = self.page.get_by_role("dialog", name="Paste readings")
+        known = self.page.get_by_label("Meter of typed readings")
         for meter in plan.meters:
-            readings.get_by_role("button", name="Register a meter…").click()
+            known.select_option("Register a meter…")
             self._register_meter(meter)
             lines = [each for each in plan.readings if each["quantity"] == meter["kind"]]
             if not lines:
                 continue
-            readings.get_by_label("Unit if none is given").select_option(lines[0]["unit"])
-            expect(readings.get_by_label("Meter", exact=True)).to_contain_text(meter["serial"])
+            self.page.get_by_label("Unit of typed readings").select_option(lines[0]["unit"])
+            expect(known.locator("option:checked")).to_contain_text(meter["serial"])
             text = "\n".join(f"{each['scene']}\t{each['value']}" for each in lines)
-            readings.get_by_label("Lines").fill(text)
-            readings.get_by_role("button", name="Add", exact=True).click()
-            expect(readings.get_by_label("Lines")).to_have_value("")
+            self.page.get_by_role("button", name="Paste readings…").click()
+            dialog.get_by_label("Lines").fill(text)
+            dialog.get_by_role("button", name="Store").click()
+            expect(dialog).to_have_count(0)
         self._sign_checklist(plan)
         self._see(plan, "4-readings")
 

@@ -1,8 +1,9 @@
 """Jobs over HTTP: what they are about, how many wait, and trying again."""
 
-from sqlalchemy import update
+from sqlalchemy import select, update
 
 from store.tables import Job
+from store.tables.base import new_id
 from tests.support.campaigns import published_campaign
 from tests.support.measuring import field_frame, measure
 from tests.support.resumable import PIECE, describe
@@ -179,6 +180,18 @@ def test_failures_are_grouped_by_cause_and_dismissed_until_they_are_tried_again(
     made = house.post("/v1/keys", {"name": "other", "scopes": ["read"]})
     with house.with_key(made["secret"]) as client:
         assert client.post("/v1/jobs/dismiss", json=chosen).json()["code"] == "scope_missing"
+
+
+def test_a_failure_that_was_done_since_is_no_cause(house):
+    campaign = house.campaign()
+    house.upload(campaign, b"none at all", role="light", filename="DJI_1.DNG")
+    house.work()
+    assert [each["count"] for each in house.get("/v1/jobs/causes")["items"]] == [1]
+    with house.database.writing("test") as session:
+        (job,) = session.scalars(select(Job))
+        kept = {name: getattr(job, name) for name in ("organisation_id", "kind", "lane", "subject_id")}
+        session.add(Job(id=new_id("job"), state="succeeded", **kept))
+    assert house.get("/v1/jobs/causes")["items"] == []
 
 
 def test_only_the_operator_sees_the_health_of_the_whole_service(house, stranger):

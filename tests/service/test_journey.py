@@ -95,7 +95,7 @@ def test_what_is_missing_is_said_by_name_before_a_fit(house):
     answer = house.post(f"/v1/campaigns/{campaign['id']}/calibrations", {}, status=422)
     assert not answer["retryable"]
     missing = house.get(f"/v1/campaigns/{campaign['id']}")["missing"]
-    assert "no luminance reading: scenes level-1, level-2, level-3 and 1 more" in missing
+    assert "scenes level-1 to level-4 have no luminance reading" in missing
     assert house.get("/v1/jobs", kind="fit")["items"] == []
 
 

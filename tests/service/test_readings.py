@@ -156,6 +156,38 @@ def test_a_withdrawn_reading_counts_no_more_and_stays_in_the_record(house):
     assert house.get(f"/v1/campaigns/{campaign['id']}")["readings"] == 0
 
 
+def values(house, path):
+    return [each["value"] for each in house.get(path)["items"] if "withdrawn_at" not in each]
+
+
+def test_a_reading_is_replaced_once_and_stays_in_the_record(house):
+    path = f"/v1/campaigns/{house.campaign()['id']}/readings"
+    mistyped = house.post(path, FIRST | {"value": 12.8, "replaces": ""})
+    right = house.post(path, FIRST | {"value": 1.28, "replaces": mistyped["id"]})
+    repeat = house.post(path, FIRST | {"value": 1.3})
+    assert values(house, path) == [1.28, 1.3]
+    (old,) = [each for each in house.get(path)["items"] if each["id"] == mistyped["id"]]
+    assert old["withdrawn_at"] == right["created_at"]
+    late = house.post(path, [FIRST | {"value": 1.2, "replaces": mistyped["id"]}, SECOND], status=409)
+    assert late["code"] == "changed_meanwhile"
+    assert "The reading of level-1 was changed by" in late["detail"]
+    assert "it is now 1.28 cd/m2" in late["detail"]
+    both = [FIRST | {"value": value, "replaces": each["id"]} for value, each in ((2.0, right), (2.1, repeat))]
+    assert [each["value"] for each in house.post(path, both)["items"]] == values(house, path) == [2.0, 2.1]
+
+
+def test_two_first_readings_of_a_scene_are_not_averaged(house):
+    path = f"/v1/campaigns/{house.campaign()['id']}/readings"
+    house.post(path, FIRST | {"value": 3.3, "replaces": ""})
+    house.post(path, SECOND | {"replaces": ""})
+    late = house.post(path, FIRST | {"value": 3.5, "replaces": ""}, status=409)
+    assert "it is now 3.3 cd/m2" in late["detail"]
+    assert values(house, path) == [3.3, 120.0]
+    gone = house.http.delete(f"/v1/readings/{house.get(path)['items'][0]['id']}").json()
+    late = house.post(path, FIRST | {"value": 3.5, "replaces": gone["id"]}, status=409)
+    assert "it is withdrawn" in late["detail"]
+
+
 def meter(house, kind, serial="1"):
     body = {"kind": kind, "make": "Gossen", "model": "M", "serial": serial + kind}
     return house.http.post("/v1/meters", json=body).json()["id"]

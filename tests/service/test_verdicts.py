@@ -204,10 +204,10 @@ def test_a_campaign_says_what_a_good_fit_lacks(house, campaign):
     path = f"/v1/campaigns/{campaign['id']}"
     house.post(f"{path}/readings", readings("level-3", factors=(1.0,)))
     found = house.get(path)
-    assert found["missing"] == ["no luminance reading: scene level-4"]
+    assert found["missing"] == ["scene level-4 has no luminance reading"]
     assert found["advice"] == [
         "no dark frames at ISO 3200",
-        "ISO 3200 has 3 usable levels: add 2 more down to 4 cd/m2 or up to 80 cd/m2",
+        "ISO 3200 has 4 usable levels: add 1 more down to 4 cd/m2 or up to 80 cd/m2",
         "one aperture only at ISO 3200 (f/2.8): its f-number error cannot average out",
         "no scene has two illuminance readings: a drifting lamp cannot be seen",
         "some luminance readings name no meter: its calibration uncertainty is not in that of K",

@@ -159,7 +159,10 @@ def scratch(house, campaign_id):
         for frame_id, verdict in state.verdicts.items()
     }
     grouped = [encode(each) for each in state.findings]
-    return state.missing, state.advice, ticks, found, grouped
+    missing, advice = (
+        [said for each in some for said in each.sentences] for some in (state.missing, state.advice)
+    )
+    return missing, advice, ticks, found, grouped
 
 
 def test_kept_reviews_equal_those_from_scratch(house):

@@ -1,7 +1,7 @@
 // Coefficients as the pages show them: what they hold for, and which of a series are in force.
 
 import { h } from "./dom.js";
-import { number, words } from "./format.js";
+import { isUsual, number, words } from "./format.js";
 import { METHODS, coefficientLabel, headlineOf } from "./methods.js";
 
 /** "ISO 3200, f/2.8, band 650": what a coefficient holds for. */
@@ -34,7 +34,7 @@ export function inForce(rows, at = new Date()) {
   for (const version of versions.values()) {
     const shares = version.rows.filter((row) => row.value && row.name === headlineOf(row.method)).map((row) => Math.abs(row.standard_uncertainty / row.value));
     version.largest = shares.length ? Math.max(...shares) : undefined;
-    version.flags = [...new Set(version.rows.flatMap((row) => row.flags.split(/[ ,;]+/).filter(Boolean)))];
+    version.flags = [...new Set(version.rows.flatMap((row) => row.flags.split(/[ ,;]+/).filter((flag) => flag && !isUsual(flag))))];
   }
   return [...versions.values()].sort((a, b) => rankOf(a) - rankOf(b) || a.version - b.version);
 }

@@ -117,9 +117,12 @@ export function exposureTime(seconds) {
 /** A code or a name of the API in words: "noise_high" is "noise high". */
 export const words = (name) => name.replaceAll("_", " ");
 
+/** What is raised of nearly every version, and is no fault. */
+export const isUsual = (flag) => flag === "meter_repeatability_estimated";
+
 /** A state as a coloured word; the colour never says it alone. */
 export function tag(word, kind = KINDS[word] ?? "") {
-  return h("span", { class: `tag ${kind}` }, stateWords(word));
+  return h("span", { class: `tag ${isUsual(word) ? "" : kind}` }, stateWords(word));
 }
 
 /** A state or a flag of the API as people name it. */

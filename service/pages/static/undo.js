@@ -4,16 +4,19 @@ import { toast } from "./dom.js";
 
 const steps = [];
 
+/** Keep the way back of something that the page shows where it was done. */
+export const remember = (undo) => steps.push(undo);
+
 /** Say that something was done, with the way back. */
 export function done(text, undo) {
-  steps.push(undo);
+  remember(undo);
   toast(text, { label: "Undo", key: "Z", action: () => take(undo) });
 }
 
 /** Undo what was done last. */
 export const undoLast = () => steps.length && take(steps.at(-1));
 
-async function take(undo) {
+export async function take(undo) {
   const at = steps.indexOf(undo);
   if (at < 0) return;
   steps.splice(at, 1);

@@ -6,7 +6,9 @@ import pytest
 
 from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import Exclusion
+from radiometry.luminance import codes
 from radiometry.luminance import method as luminance
+from radiometry.luminance.suggestions import plan
 from tests.radiometry.luminance.exact import (
     DARK,
     DARKS,
@@ -80,12 +82,11 @@ def test_nothing_is_missing():
             "no scene: frame new",
         ),
         (
-            ROWS,
-            READINGS[1:],
-            "ISO 3200 has 2 usable scenes, a fit needs 3: scene bright left out (",
+            tuple(row for row in ROWS if row.scene != "bright"),
+            READINGS,
+            "ISO 3200 has 2 usable scenes, a fit needs 3: photograph more light levels",
         ),
         (LIGHTS[:6], READINGS, "ISO 3200 has 2 usable scenes, a fit needs 3: photograph more light levels"),
-        (ROWS, [], "ISO 3200 has 0 usable scenes"),
     ],
 )
 def test_what_keeps_a_fit_from_starting_is_said_by_name(rows, readings, sentence):
@@ -104,19 +105,20 @@ def test_frames_that_are_still_measured_are_no_missing_light_levels():
 def test_a_scene_without_a_reading_is_named_and_does_not_stop_the_others():
     scenes = ("level-10", "level-2")
     rows = (*ROWS, *(dataclasses.replace(light("dim", 11.0, name=each), scene=each) for each in scenes))
-    assert luminance.missing(rows, READINGS, PARAMS) == ("no luminance reading: scenes level-2, level-10",)
+    (unread,) = luminance.missing(rows, READINGS, PARAMS)
+    assert unread == "scenes level-2 and level-10 have no luminance reading"
+    assert (unread.finding, unread.subjects) == (codes.READING_MISSING, ("scene level-2", "scene level-10"))
     assert fit(rows).passed
 
 
-def test_scenes_that_are_left_out_for_one_reason_are_one():
-    """As of a card whose scenes were proposed, and whose readings have other names."""
+def test_scenes_that_lack_readings_alone_are_one_cause():
+    """As of a card whose scenes were proposed, and whose readings have other names: no level is missing."""
     names = {scene: f"Scene {n}" for n, scene in enumerate(("bright", "middle", "dim"), start=1)}
     rows = [dataclasses.replace(row, scene=names.get(row.scene)) for row in ROWS]
-    left_out = "Scene 1, Scene 2, Scene 3 left out (its scene has no luminance reading)"
-    assert luminance.missing(rows, READINGS, PARAMS) == (
-        f"ISO 3200 has 0 usable scenes, a fit needs 3: {left_out}",
-        "no luminance reading: Scene 1, Scene 2, Scene 3",
-    )
+    assert luminance.missing(rows, READINGS, PARAMS) == ("scenes 1 to 3 have no luminance reading",)
+    assert not [each for each in plan(rows, READINGS, PARAMS) if "level" in each]
+    with pytest.raises(InputRejected, match="ISO 3200 has 0 usable scenes"):
+        luminance.fit(rows, READINGS, PARAMS)
 
 
 def test_a_scene_of_which_every_frame_is_excluded_needs_no_reading():

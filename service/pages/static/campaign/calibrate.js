@@ -6,7 +6,7 @@ import { ago, counted, number, quantity, tag } from "../format.js";
 import { followJob } from "../live.js";
 import { coefficientLabel, headlineOf } from "../methods.js";
 import { act, empty, load } from "../states.js";
-import { capital, missingCauses } from "./missing.js";
+import { readinessOf } from "./missing.js";
 import { parametersFold, statedPart, withManual } from "./parameters.js";
 
 export function calibrateSection(state) {
@@ -27,17 +27,18 @@ function starter(state, show) {
   const lacking = h("div");
   const button = h("button", { class: "primary", type: "submit" }, fitLabel(state.method));
   const draw = () => {
-    const count = missingCauses(state.campaign.missing).length;
-    fill(lacking, h("p", { class: "muted small" }, count ? h("a", { href: "#before" }, `${counted(count, "thing")} needed before the fit`) : "Nothing is missing."));
+    const { count, said } = readinessOf(state.campaign, state.sending);
+    fill(lacking, h("p", { class: "muted small" }, count ? h("a", { href: "#before" }, `${counted(count, "thing")} needed before the fit`) : said === "ready" ? "Nothing is missing." : "Frames are on their way."));
   };
-  state.on("campaign", draw);
+  for (const name of ["campaign", "sending"]) state.on(name, draw);
   draw();
   const start = async () => {
     fill(progress);
     const changed = Object.entries(stated.read()).filter(([name, value]) => value !== state.campaign[name]);
     if (changed.length) state.campaign = await patch(state.path, Object.fromEntries(changed));
     const begun = await post(`${state.path}/calibrations`, await parameters.read()).catch((error) => {
-      throw withMissing(error);
+      if (error.code === "campaign_incomplete") state.touch();
+      throw error;
     });
     const bar = h("progress", { max: 1, value: 0, "aria-label": "The fit" });
     const told = h("p", { class: "muted small" }, "Queued");
@@ -61,12 +62,6 @@ function starter(state, show) {
     h("p", { class: "actions" }, button),
     progress,
   );
-}
-
-function withMissing(error) {
-  const { missing } = error.body ?? {};
-  if (missing) error.message = `${missing.map(capital).join(". ")}.`;
-  return error;
 }
 
 function list(found) {

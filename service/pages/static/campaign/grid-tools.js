@@ -7,10 +7,10 @@ import { OUTCOMES, mark } from "../marks.js";
 import { bulkForm } from "./bulk.js";
 import { showKeys } from "./keys.js";
 import { askForMeter } from "./meters.js";
-import { readingTools } from "./scene.js";
+import { readingTools } from "./book.js";
 
 /** The buttons of the outcomes, the search and the tools; `view`, {outcome, text}, is what was chosen, `draw()` draws it. */
-export function toolsOf({ state, book, view, reads, draw, selectAll }) {
+export function toolsOf({ state, book, view, reads, draw, selectAll, paste }) {
   const outcomes = h("div", { class: "segments", role: "group", "aria-label": "Which frames" });
   function drawCounts() {
     const count = (outcome) => state.frames.filter((frame) => (outcome === "out" ? frame.left_out !== null : frame.left_out === null && frame.outcome === outcome)).length;
@@ -33,7 +33,7 @@ export function toolsOf({ state, book, view, reads, draw, selectAll }) {
     h("input", { type: "search", "aria-label": "Find a frame", placeholder: "Name, role or scene", value: view.text, oninput: (event) => ((view.text = event.target.value.trim()), draw()) }),
     may("calibrate") ? h("button", { type: "button", class: "quiet small-button", onclick: selectAll }, "Select all") : null,
     h("button", { type: "button", class: "quiet small-button", "aria-label": "Keys", onclick: showKeys }, h("kbd", {}, "?")),
-    reads && may("calibrate") ? readingTools(book, register) : null,
+    reads && may("calibrate") ? readingTools(book, register, paste) : null,
   );
   return { element, outcomes, drawCounts };
 }

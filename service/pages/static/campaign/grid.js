@@ -12,7 +12,7 @@ import { lettersOn, showKeys } from "./keys.js";
 import { layOut } from "./matrix.js";
 import { askWhere, leaveOut } from "./moves.js";
 import { CARDS, TALLER, phone, gridRows } from "./rows.js";
-import { ReadingBook } from "./scene.js";
+import { ReadingBook } from "./book.js";
 import { typing } from "./typing.js";
 import { walking } from "./walking.js";
 
@@ -48,7 +48,8 @@ export function gridSection(state) {
   const caption = h("p", { class: "caption" }, "Drag a picture to another row to move it. Arrow keys walk the grid, ", h("kbd", {}, "Enter"), " opens a frame, ", h("kbd", {}, "M"), " moves, ", h("kbd", {}, "X"), " leaves out, ", h("kbd", {}, "Z"), " undoes, ", h("kbd", {}, "?"), " shows all keys.");
 
   const { reads, isCompact, heightOf, drawHead, rowOf } = gridRows({ method, book, chosen, table, shown: () => ({ model, drawn }), choose: (ids) => choose(ids) });
-  const { element: tools, outcomes, drawCounts } = toolsOf({ state, book, view, reads, draw: () => draw(), selectAll: () => choose(model.order.map((frame) => frame.id)) });
+  const typed = typing({ body, book, lines: () => model.lines, bring: (line) => bring(line), leave: (line) => focusOn(line?.cells.find((cell) => cell?.frame)?.frame.id) });
+  const { element: tools, outcomes, drawCounts } = toolsOf({ state, paste: typed.paste, book, view, reads, draw: () => draw(), selectAll: () => choose(model.order.map((frame) => frame.id)) });
   const { element: bulk, drawBulk } = bulkOf({ state, chosen, clear: () => choose([...chosen], false), rest: () => body.querySelector("td > [tabindex='0']")?.focus() });
 
   const goBack = keepPlace(scroller);
@@ -61,7 +62,7 @@ export function gridSection(state) {
   function draw() {
     if (isPressed(outcomes)) return void requestAnimationFrame(draw);
     const some = state.frames.length + state.withdrawn.length + book.readings.length > 0;
-    fill(bare, some ? null : empty("No frames yet", may("upload") ? "Drop the camera’s files above, or send a folder with: stilb push." : "No frames have been sent."));
+    fill(bare, some ? null : empty("No frames yet", may("upload") ? "Drop the camera’s files above, or send a folder with: stilb push." : "No frames have been sent.", ...(reads && may("calibrate") ? [h("button", { type: "button", onclick: typed.paste }, "Paste readings…")] : [])));
     for (const part of [tools, scroller, caption]) part.hidden = !some;
     model = layOut({ method, frames: state.frames, withdrawn: state.withdrawn, readings: book.readings, gaps: state.gaps, across: phone.matches ? 3 : 6, perCard: phone.matches ? CARDS : 0, unfolded, shows, showsGaps: !view.text && ["", "gap"].includes(view.outcome) });
     pictures.arrange(model.order);
@@ -83,6 +84,7 @@ export function gridSection(state) {
       goBack();
       // at first: from then on the address follows what is opened
       if (!named) openNamed();
+      if (!named && location.hash === "#readings") typed.first();
       named = true;
     }
     byId("frames-note").textContent = state.frames.length ? `${number(state.frames.length, 6)}${state.complete ? "" : " and more"} of this campaign` : "";
@@ -182,11 +184,12 @@ export function gridSection(state) {
     else writeAddress({ frame: "" });
   };
   addEventListener("popstate", () => state.left || openNamed());
-  const typed = typing({ body, book, lines: () => model.lines, bring, leave: (line) => focusOn(line?.cells.find((cell) => cell?.frame)?.frame.id) });
 
   /** A line that is out of sight is drawn, so that it can be typed in. */
   function bring(line) {
-    if (scroller.scrollHeight > scroller.clientHeight + 1) scroller.scrollTop = offsets[model.lines.indexOf(line)];
+    const top = offsets[model.lines.indexOf(line)];
+    if (scroller.scrollHeight > scroller.clientHeight + 1) scroller.scrollTop = top;
+    else scrollBy(0, body.getBoundingClientRect().top + top - innerHeight / 2);
     update();
   }
 
@@ -255,10 +258,11 @@ export function gridSection(state) {
       seen = String(state.campaign.readings);
     });
   }
-  // "Enter readings", wherever it is offered, leads to the first scene without one
-  addEventListener("hashchange", () => {
-    const due = location.hash === "#readings" && body.querySelector("input.due");
-    if (due) due.focus();
+  // "Enter readings", wherever it is offered, leads to the first scene without one; also where the address is that already
+  document.addEventListener("click", (event) => {
+    if (state.left || !event.target.closest('a[href="#readings"]')) return;
+    event.preventDefault();
+    typed.first();
   });
   draw();
   state.book = book;

@@ -4,22 +4,11 @@ import { all } from "../api.js";
 import { byId, fill, h, may, table } from "../dom.js";
 import { day } from "../format.js";
 import { isNight, kindOf, labelOf } from "../methods.js";
-import { drawCompleteness, loadCompleteness } from "./completeness.js";
 import { empty, load } from "../states.js";
 
 const found = Promise.all([all("/v1/campaigns"), all("/v1/cameras")]).then(([campaigns, cameras]) => ({ campaigns: campaigns.reverse(), cameras: new Map(cameras.map((camera) => [camera.id, camera])) }));
 
 load(byId("campaigns"), () => found, ({ campaigns, cameras }) => (campaigns.length ? list(campaigns, cameras) : nothing()));
-load(
-  byId("completeness"),
-  async () => {
-    const { campaigns, cameras } = await found;
-    byId("completeness-section").hidden = !campaigns.some((each) => !each.archived_at);
-    return [await loadCompleteness(campaigns), cameras];
-  },
-  ([complete, cameras]) => drawCompleteness(complete, cameras),
-);
-
 function nothing() {
   const text = "A campaign contains the frames, the region and the meter readings of one calibration, or the frames of a measuring night.";
   return empty("No campaigns yet", text, may("calibrate") ? h("a", { class: "button primary", href: "/campaigns/new" }, "New campaign") : null);

@@ -6,7 +6,7 @@ import { counted, number } from "../format.js";
 import { mark } from "../marks.js";
 import { act } from "../states.js";
 import { countOwn } from "./holding.js";
-import { beforeTheFit, missingCauses } from "./missing.js";
+import { beforeTheFit, causesOf, readinessOf } from "./missing.js";
 import { refusedCauses } from "./refused.js";
 
 export function overview(state) {
@@ -14,11 +14,11 @@ export function overview(state) {
   const draw = () => {
     if (isPressed(element)) return void requestAnimationFrame(draw);
     const open = element.querySelector("details")?.open ?? false;
-    fill(element, stages(state), offer(state), beforeTheFit(state.campaign, state.method.measures ? "Before measuring" : "Before the fit", refusedCauses(state), (event) => act(event.target, async () => (await import("./panel.js")).choosePanel(state))));
+    fill(element, stages(state), offer(state), beforeTheFit(state.campaign, state.method.measures ? "Before measuring" : "Before the fit", { refused: refusedCauses(state), sending: state.sending, askForPanel: (event) => act(event.target, async () => (await import("./panel.js")).choosePanel(state)) }));
     element.querySelector("details")?.toggleAttribute("open", open);
   };
   state.on("campaign", draw);
-  for (const name of ["frames", "checklist", "fitted"]) state.on(name, draw);
+  for (const name of ["frames", "sending", "checklist", "fitted"]) state.on(name, draw);
   draw();
   return element;
 }
@@ -35,16 +35,16 @@ function stages(state) {
   const counts = countOutcomes(state);
   const received = Math.max(campaign.frames.received, state.frames.length);
   const told = [counts.pass && `${counts.pass} pass`, counts.warn && `${counts.warn} to check`, counts.fail && `${counts.fail} fail`, counts.pending && `${counts.pending} waiting`];
-  const lacks = (pattern) => [...campaign.missing, ...campaign.advice].some((sentence) => pattern.test(sentence));
-  const needed = missingCauses(campaign.missing).length;
+  const lacksReadings = causesOf(campaign).some(({ part }) => part === "readings");
+  const ready = readinessOf(campaign, state.sending);
   const list = state.checklist;
   const fitted = state.fitted?.length;
   return h("ol", { class: "stages", "aria-label": "Stages" }, [
     stage("frames", !received ? "gap" : counts.fail ? "bad" : counts.warn ? "warn" : counts.pending ? "wait" : "good", "Frames", [received ? `${number(received, 6)} received` : "none yet", ...told]),
     region(state),
-    method.reference === "meter" && !method.measures ? stage("readings", campaign.readings ? (lacks(/reading/) ? "warn" : "good") : "gap", "Readings", [campaign.readings ? `${counted(campaign.readings, "reading")}, ${counted(scenes.length, "scene")}` : "none yet"]) : null,
+    method.reference === "meter" && !method.measures ? stage("readings", campaign.readings ? (lacksReadings ? "warn" : "good") : "gap", "Readings", [campaign.readings ? `${counted(campaign.readings, "reading")}, ${counted(scenes.length, "scene")}` : "none yet"]) : null,
     method.has_checklist && !method.measures ? stage("checklist", list?.signature && !list.signature.changed ? "good" : "wait", "Checklist", [list?.signature ? (list.signature.changed ? "changed since it was signed" : "signed") : list ? `${list.done} of ${list.done + list.open} done` : "by section"]) : null,
-    method.measures ? stage("measure", "good", "Measured", [`${number(campaign.measured)} field frames`, "never used to calibrate"]) : stage("calibrate", fitted ? "good" : needed ? "warn" : "wait", "Fit", [fitted ? counted(fitted, "version") : needed ? `${needed} missing` : "ready"]),
+    method.measures ? stage("measure", "good", "Measured", [`${number(campaign.measured)} field frames`, "never used to calibrate"]) : stage("calibrate", fitted ? "good" : ready.count ? "warn" : "wait", "Fit", [fitted ? counted(fitted, "version") : ready.said]),
   ]);
 }
 

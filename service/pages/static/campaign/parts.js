@@ -5,7 +5,6 @@ import { checklistSection } from "./checklist.js";
 import { detailsPart } from "./details.js";
 import { inTimePart } from "./in-time.js";
 import { nightSection } from "./night.js";
-import { readingsSection } from "./readings.js";
 import { regionSection } from "./region.js";
 import { targetSection } from "./target.js";
 
@@ -16,7 +15,6 @@ export const PARTS = [
   ["in-time", inTimePart],
   ["target-form", targetSection],
   ["region-tool", regionSection],
-  ["reading-list", readingsSection],
   ["checklist-items", checklistSection],
   ["calibrate-tool", calibrateSection],
   ["night-tool", nightSection],

@@ -2,7 +2,7 @@
 
 import { fill, h, may } from "../dom.js";
 import { frameCell, gapCell, lookOf, pileCell } from "./cells.js";
-import { sceneHead } from "./scene.js";
+import { extraHeight, lookOfHead, sceneHead } from "./scene.js";
 
 /** Heights of a line [px], as in campaign.css: with a reading, without, compact, and on a phone. */
 const [READ_PX, LINE_PX, COMPACT_PX] = [112, 76, 56];
@@ -20,8 +20,9 @@ export function gridRows({ method, book, chosen, table, shown, choose }) {
 
   function heightOf(line) {
     const hasReading = reads && line.row.kind === "role" && line.row.value !== null && method.grid.rows === "scene";
-    if (phone.matches) return (line.first ? (hasReading ? PHONE.read : PHONE.head) : 0) + Math.ceil(line.cells.filter(Boolean).length / 3) * PHONE.cells + PHONE.between;
-    return line.first && hasReading ? READ_PX : isCompact() ? COMPACT_PX : LINE_PX;
+    const extra = line.first && hasReading ? extraHeight(book, line.row.value) : 0;
+    if (phone.matches) return extra + (line.first ? (hasReading ? PHONE.read : PHONE.head) : 0) + Math.ceil(line.cells.filter(Boolean).length / 3) * PHONE.cells + PHONE.between;
+    return line.first && hasReading ? READ_PX + extra : isCompact() ? COMPACT_PX : LINE_PX;
   }
 
   function drawHead() {
@@ -53,7 +54,7 @@ export function gridRows({ method, book, chosen, table, shown, choose }) {
     element.style.height = `${heightOf(line)}px`;
     element.setAttribute("aria-rowindex", index + 1 + head.children.length);
     row.line = line;
-    const headMark = JSON.stringify([line.row.label, line.first && reads ? [book.readings.filter((each) => each.scene === line.row.value), book.unit, book.meter_id, book.meters.length] : 0]);
+    const headMark = JSON.stringify([line.row.label, line.first && reads ? lookOfHead(book, line.row.value) : 0]);
     if (row.head !== headMark && !typedIn(element.firstChild)) {
       row.head = headMark;
       const typing = element.firstChild.contains(document.activeElement) && document.activeElement.matches("[data-reading]");

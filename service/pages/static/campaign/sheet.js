@@ -7,17 +7,19 @@ const NAMES = ["scene", "quantity", "value", "unit", "meter_id", "taken_at"];
 /** A comma before three digits may be a decimal one, or one of thousands: except behind a zero. */
 const AMBIGUOUS = /^[1-9]\d{0,2}(?=.*,)([.,]\d{3})+$/;
 const OTHER_NAMES = { "cd/m^2": "cd/m2", nit: "cd/m2", nits: "cd/m2", lux: "lx" };
-const WITH_UNIT = new RegExp(`^(.*?)\\s*\\[?(${[...Object.keys(UNITS), "cd/m²", ...Object.keys(OTHER_NAMES)].map((name) => name.replace("^", "\\^")).join("|")})?\\]?$`, "i");
+/** Written before a unit, it is a thousandth or a thousandfold. */
+const PREFIX = { m: 1e-3, k: 1e3 };
+const WITH_UNIT = new RegExp(`^(.*?)\\s*\\[?(?:([mk])?(${[...Object.keys(UNITS), "cd/m²", ...Object.keys(OTHER_NAMES)].map((name) => name.replace("^", "\\^")).join("|")}))?\\]?$`, "i");
 const ZONED = /(Z|[+-]\d\d:?\d\d)$/i;
 
 /** {rows: [{line, reading}], faults: [{line, text}]}; `unit` is that of lines that say none. */
-export function readSheet(text, { unit }) {
+export function readSheet(text, { unit, headless = false }) {
   const lines = text.split(/\r\n|\r|\n/).map((line, index) => ({ line: index + 1, text: line }));
   const filled = lines.filter((each) => each.text.trim());
   const separator = separatorOf(filled);
   let columns = ["scene", "value", "unit", "taken_at"];
   const first = filled[0] ? cellsOf(filled[0].text, separator).map((cell) => cell.toLowerCase()) : [];
-  const headed = first.includes("scene") || first.includes("value");
+  const headed = !headless && (first.includes("scene") || first.includes("value"));
   const result = { rows: [], faults: [] };
   if (headed) {
     columns = first;
@@ -63,12 +65,13 @@ function readLine(cells, columns, usual, separator) {
 
 /** {value, unit} of a reading as people type it, a unit behind it or not; `commas`: a comma is known to be a decimal one. */
 export function readReading(text, usual, { commas = false } = {}) {
-  const [, figure, unit] = WITH_UNIT.exec(text.trim());
+  const [, figure, prefix, unit] = WITH_UNIT.exec(text.trim());
   if (AMBIGUOUS.test(figure) && !commas) throw wrong(`“${figure}” is ambiguous (thousands separator or decimal comma): write ${figure.replaceAll(",", "")} or ${figure.replace(",", ".")}.`);
   const value = readNumber(figure);
   if (!Number.isFinite(value)) throw wrong(`“${text.trim()}” is not a number.`);
   if (!(value > 0)) throw wrong("A reading must be above 0.");
-  return { value, unit: unit ? unitOf(unit) : usual };
+  if (prefix && !(prefix in PREFIX)) throw wrong(`“${prefix}${unit}” is not a unit.`);
+  return { value: Number((value * (PREFIX[prefix] ?? 1)).toPrecision(15)), unit: unit ? unitOf(unit) : usual };
 }
 
 function unitOf(text) {

@@ -1,6 +1,6 @@
 // Readings typed and pasted in the heads of the grid's rows.
 
-import { act } from "../states.js";
+import { openPaste } from "./paste.js";
 
 const isRead = (line) => line.first && line.row.kind === "role" && line.row.value !== null;
 
@@ -8,6 +8,14 @@ const isRead = (line) => line.first && line.row.kind === "role" && line.row.valu
 export function typing({ body, book, lines, bring, leave }) {
   const scenesRead = () => lines().filter(isRead).map((line) => line.row.value);
   const fieldOf = (scene) => body.querySelector(`[data-reading="${CSS.escape(scene ?? "")}"]`);
+  const isDue = (scene) => !book.of(scene).some((each) => !each.withdrawn_at) && !fieldOf(scene)?.value;
+
+  function go(scene) {
+    const line = lines().find((each) => isRead(each) && each.row.value === scene);
+    if (!line) return;
+    if (!fieldOf(scene)) bring(line);
+    fieldOf(scene)?.focus();
+  }
 
   /** Cells of a spreadsheet go down the rows; one value is pasted as it is. */
   body.addEventListener("paste", (event) => {
@@ -15,7 +23,7 @@ export function typing({ body, book, lines, bring, leave }) {
     const { reading } = event.target.dataset;
     if (reading === undefined || !/[\n\r\t]./.test(text.trimEnd())) return;
     event.preventDefault();
-    act(event.target, () => book.pasted(text, scenesRead().slice(scenesRead().indexOf(reading))));
+    openPaste(book, scenesRead(), { text, from: reading });
   });
 
   /** Enter records a value and goes to the next scene without one. */
@@ -24,14 +32,17 @@ export function typing({ body, book, lines, bring, leave }) {
     if (event.key === "Escape") leave(lines().find((line) => line.row.value === scene));
     if (event.key !== "Enter") return;
     event.preventDefault();
-    const known = (name) => book.readings.some((each) => each.scene === name && !each.withdrawn_at);
     const scenes = scenesRead();
-    const following = [...scenes.slice(scenes.indexOf(scene) + 1), ...scenes].find((name) => name !== scene && !known(name));
+    const following = [...scenes.slice(scenes.indexOf(scene) + 1), ...scenes].find((name) => name !== scene && isDue(name));
     event.target.blur();
-    if (following === undefined) return;
-    if (!fieldOf(following)) bring(lines().find((line) => line.row.value === following));
-    fieldOf(following)?.focus();
+    if (following !== undefined) go(following);
   }
 
-  return { press, go: (line) => fieldOf(line?.row.value)?.focus() };
+  return {
+    press,
+    go: (line) => go(line?.row.value),
+    /** The first scene without a reading in the order of the rows, whatever of them is drawn; else the first one. */
+    first: () => go(scenesRead().find(isDue) ?? scenesRead()[0]),
+    paste: () => openPaste(book, scenesRead(), {}),
+  };
 }

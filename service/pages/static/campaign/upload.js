@@ -58,12 +58,20 @@ export function uploadSection(state) {
   const list = itemTable(state, queue);
   const head = h("div", { class: "upload-head" });
   const panel = h("div", { class: "upload-panel card", hidden: true }, head, patterns.element, list.element);
-  let waiting = false;
+  let [waiting, isSending] = [false, false];
+  const tellSending = async () => {
+    // the campaign knows of the last file before anything is called missing
+    if (!isSending) await state.touch();
+    state.sending = isSending;
+    state.tell("sending");
+  };
   const draw = () => {
     // a button that is at work ends it first
     if (isPressed(head) || head.querySelector("[aria-busy=true]")) return void requestAnimationFrame(draw);
     waiting = false;
     panel.hidden = queue.items.length === 0;
+    const sending = queue.items.some((item) => item.armed && OPEN.includes(item.state));
+    if (sending !== isSending) tellSending((isSending = sending));
     if (panel.hidden) return;
     fill(head, summary(state, queue, given));
     patterns.element.hidden = !queue.items.some((item) => !item.armed && !item.edited && EDITABLE.includes(item.state));

@@ -1,24 +1,22 @@
 // The first page: a card to start with, what needs somebody, campaigns in progress, and what is in force.
 
 import { all, get } from "../api.js";
-import { causeList, small, smallLink } from "../causes.js";
+import { causeFold, small, smallLink } from "../causes.js";
 import { byId, h, may, table } from "../dom.js";
 import { ago, number, span, stateWords } from "../format.js";
 import { askForMeter } from "../campaign/meters.js";
-import { missingCauses } from "../campaign/missing.js";
+import { causesOf } from "../campaign/missing.js";
 import { titleOf } from "../campaign/named.js";
 import { startCard } from "../card/card.js";
+import { groupBy } from "../groups.js";
 import { inForce } from "../coefficients.js";
 import { jobCause } from "../jobs/cause.js";
 import { mark } from "../marks.js";
 import { isNight, kindOf, labelOf, METHODS } from "../methods.js";
 import { empty, load } from "../states.js";
 
-const DAY_S = 86400;
-const OLD_S = 365 * DAY_S;
-const SOON_S = 60 * DAY_S;
-const AT_MOST = 6;
-const MOST_VERSIONS = 20;
+const [OLD_S, SOON_S] = [365 * 86400, 60 * 86400];
+const [AT_MOST, MOST_VERSIONS] = [6, 20];
 const RANKS = ["bad", "warn", "wait"];
 
 if (byId("card-drop")) startCard(byId("card-drop"), byId("card"), byId("start"));
@@ -31,8 +29,8 @@ const latest = latestCampaigns();
 load(byId("needs"), () => Promise.all([get("/v1/jobs/causes"), latest, cameras, series, all("/v1/meters"), campaigns]), ([{ items: failures }, works, bodies, { rows }, meters, every]) => {
   const causes = [...failures.map((cause) => jobCause(cause, every)), ...works.flatMap(workCauses), ...meters.flatMap(meterCauses), ...bodies.flatMap((camera) => cameraCauses(camera, rows))].sort((a, b) => RANKS.indexOf(a.mark) - RANKS.indexOf(b.mark));
   if (!causes.length) return every.length || bodies.length || !byId("card-drop") ? empty("Nothing needs you") : firstSteps();
-  const [shown, more] = [causes.slice(0, AT_MOST), causes.slice(AT_MOST)];
-  return [causeList(shown), more.length ? h("details", { class: "more" }, h("summary", {}, `${more.length} more`), causeList(more)) : null];
+  // one line a cause: its button leads to the first of several, then to the next
+  return causeFold([...groupBy(causes, ({ title }) => title).values()].map((some) => ({ ...some[0], where: some.map(({ where }) => where).join("; ") })));
 });
 
 load(byId("campaigns"), () => Promise.all([latest, cameras]), ([works, bodies]) => {
@@ -45,7 +43,7 @@ load(byId("campaigns"), () => Promise.all([latest, cameras]), ([works, bodies]) 
       { head: "Camera", cell: ({ campaign }) => `${camera(campaign)?.model ?? "–"} ${camera(campaign)?.serial ?? ""}` },
       { head: "Frames", class: "number", cell: ({ campaign: { frames } }) => number(frames.received, 6) },
       { head: "Progress", cell: ({ campaign: { frames }, versions }) => (versions.length ? "Draft fitted" : frames.received ? frames.being_read ? `${frames.received - frames.being_read} of ${frames.received} read` : `${frames.received} read` : "No frames yet") },
-      { head: "Missing", cell: ({ campaign }) => lackOf(missingCauses(campaign.missing)) },
+      { head: "Missing", cell: ({ campaign }) => lackOf(causesOf(campaign, "error")) },
       { head: "Created", class: "number", cell: ({ campaign }) => h("time", { datetime: campaign.created_at, title: campaign.created_at }, ago(campaign.created_at)) },
     ],
     begun.slice(0, AT_MOST),
@@ -92,16 +90,13 @@ async function latestCampaigns() {
 function workCauses({ campaign, versions, measured }) {
   const href = `/campaigns/${campaign.id}`;
   const named = titleOf(campaign);
-  const { received } = campaign.frames;
   const [draft] = versions.filter((each) => each.state === "draft");
   if (draft) return [{ mark: "wait", title: "A draft waits for publication", where: `${labelOf(campaign.method)}, ${named}, fitted ${ago(draft.created_at)}`, actions: [smallLink("Review", `/calibrations/${draft.id}`)] }];
   if (versions.length || measured) return [];
   const night = isNight(campaign);
-  // what a worker does by itself needs nobody
-  const lacking = missingCauses(campaign.missing).filter((cause) => cause.part);
-  if (!received) return [{ mark: "wait", title: night ? "A measuring night without frames" : "A campaign without frames", where: named, actions: [smallLink("Add frames", `${href}#frames`)] }];
-  if (!campaign.missing.length) return [{ mark: "wait", title: night ? "Frames of a night wait to be measured" : "A campaign is ready to fit", where: named, actions: [night ? smallLink("Measure", `${href}#measure`) : smallLink("Fit", `${href}#calibrate`)] }];
-  return lacking.map((cause) => ({ mark: "warn", title: cause.title, where: [named, cause.where].filter(Boolean).join(": "), actions: [smallLink(cause.button, `${href}#${cause.part}`)] }));
+  if (!campaign.frames.received) return [{ mark: "wait", title: night ? "A measuring night without frames" : "A campaign without frames", where: named, actions: [smallLink("Add frames", `${href}#frames`)] }];
+  if (!campaign.missing.length && !campaign.frames.being_read) return [{ mark: "wait", title: night ? "Frames of a night wait to be measured" : "A campaign is ready to fit", where: named, actions: [night ? smallLink("Measure", `${href}#measure`) : smallLink("Fit", `${href}#calibrate`)] }];
+  return causesOf(campaign, "error").map((cause) => ({ mark: "warn", title: cause.title, where: [named, cause.where].filter(Boolean).join(": "), actions: [smallLink(cause.button, `${href}#${cause.part}`)] }));
 }
 
 function meterCauses(meter) {

@@ -1,0 +1,150 @@
+// The readings of a campaign, the organisation's meters, and how a typed value is recorded.
+
+import { post, send } from "../api.js";
+import { fill, h } from "../dom.js";
+import { counted } from "../format.js";
+import { groupBy, inOrder } from "../groups.js";
+import { Turns } from "../live.js";
+import { done, remember } from "../undo.js";
+import { about, select } from "./forms.js";
+import { nameOfMeter } from "./meters.js";
+import { UNITS, readReading } from "./sheet.js";
+
+export const written = (unit) => unit.replace("m2", "m²");
+
+export class ReadingBook extends EventTarget {
+  constructor(state) {
+    super();
+    Object.assign(this, { state, readings: [], byScene: new Map(), meters: [], unit: "cd/m2", meter_id: "", now: false, turns: new Turns(), turn: Promise.resolve() });
+    /** By scene, what was typed last: {undo}, {same}, {repeats} or {mine, theirs}. */
+    this.told = new Map();
+  }
+
+  of(scene) {
+    return this.byScene.get(scene) ?? [];
+  }
+
+  /** The reading of a scene that its frames speak against: {reading, frames} in cd/m². */
+  doubtOf(scene) {
+    const { subjects, values } = this.state.campaign?.causes.find(({ code, severity }) => code === "reading_off" && severity === "error") ?? { subjects: [] };
+    const at = subjects.indexOf(`scene ${scene}`);
+    return at < 0 ? null : { reading: values.reading_cd_m2[at], frames: values.frames_cd_m2[at] };
+  }
+
+  draw() {
+    if (!this.state.left) this.dispatchEvent(new Event("change"));
+  }
+
+  tell(scene, said) {
+    if (said) this.told.set(scene, said);
+    else this.told.delete(scene);
+    this.draw();
+  }
+
+  meet(meters) {
+    this.meters = inOrder(meters, nameOfMeter);
+    const ofKind = meters.filter((each) => each.kind === UNITS[this.unit]);
+    // of several of a kind nobody but the reader of the meter knows which it was
+    this.meter_id ||= ofKind.length === 1 ? ofKind[0].id : "";
+    this.draw();
+  }
+
+  async refresh() {
+    const turn = this.turns.ask();
+    const readings = await this.state.readings();
+    if (this.turns.take(turn)) Object.assign(this, { readings, byScene: groupBy(readings, (each) => each.scene) });
+    this.draw();
+  }
+
+  /** What is typed in one field while an earlier value of it is on its way waits for that. */
+  inTurn(work) {
+    this.turn = this.turn.then(work, work);
+    return this.turn;
+  }
+
+  /**
+   * What was typed takes the place of the reading that was `seen` in its field: null where there was none, undefined for a repeat.
+   * Answers what was recorded; of a value that another user has changed meanwhile both are shown.
+   */
+  async put(scene, typed, seen) {
+    const text = typed.trim();
+    if (text === "") return null;
+    const read = readReading(text, seen?.entered_unit ?? this.unit);
+    if (seen && read.value === seen.entered_value && read.unit === seen.entered_unit) {
+      if (!this.told.get(scene)?.undo) this.tell(scene, { same: text });
+      return null;
+    }
+    this.told.delete(scene);
+    // a corrected figure was read with the same meter at the same time
+    const reading = this.withMeter({ scene, ...read, ...(seen ? { meter_id: seen.meter_id, taken_at: seen.taken_at } : {}) });
+    try {
+      const [made] = await this.record([{ ...reading, ...(seen === undefined ? {} : { replaces: seen?.id ?? "" }) }]);
+      const undo = () => (seen ? this.putBack(seen, made) : this.withdraw(made));
+      remember(undo);
+      this.tell(scene, { undo });
+      return made;
+    } catch (error) {
+      if (error.code !== "changed_meanwhile") throw error;
+      await this.refresh();
+      this.tell(scene, { mine: text, theirs: error.message });
+      return null;
+    }
+  }
+
+  /** An earlier reading takes the place of the one that had taken its own. */
+  async putBack({ scene, entered_value: value, entered_unit: unit, meter_id, taken_at, ...old }, made = this.of(scene).find((each) => each.created_at === old.withdrawn_at)) {
+    await this.record([{ ...this.withMeter({ scene, value, unit, meter_id, taken_at }), replaces: made.id }]);
+  }
+
+  withMeter({ scene, value, unit, meter_id: meter = this.meter_id, taken_at: taken = this.now ? new Date().toISOString() : "" }) {
+    const fits = this.meters.find((each) => each.id === meter)?.kind === UNITS[unit];
+    return { scene, quantity: UNITS[unit], value, unit, ...(meter && fits ? { meter_id: meter } : {}), ...(taken ? { taken_at: taken } : {}) };
+  }
+
+  async record(readings) {
+    const { items } = await post(`${this.state.path}/readings`, readings);
+    for (const { scene } of readings) this.told.delete(scene);
+    await this.change();
+    return items;
+  }
+
+  /** Record pasted readings together; they are withdrawn together, too, and what they replaced is back. */
+  async recordAll(readings) {
+    const replaced = readings.map(({ replaces }) => this.readings.find((each) => each.id === replaces));
+    const items = await this.record(readings);
+    done(`${counted(items.length, "reading")} recorded.`, async () => {
+      for (const [at, each] of items.entries()) await (replaced[at] ? this.putBack(replaced[at], each) : this.withdraw(each));
+    });
+  }
+
+  async change() {
+    await this.refresh();
+    this.state.touch();
+  }
+
+  async withdraw(reading) {
+    await send("DELETE", `/v1/readings/${reading.id}`);
+    this.told.delete(reading.scene);
+    await this.change();
+  }
+
+  async restore(reading) {
+    await post(`/v1/readings/${reading.id}/restore`);
+    await this.change();
+  }
+}
+
+/** How the values that are typed in the grid were read. */
+export function readingTools(book, registerMeter, paste) {
+  const unit = select(Object.keys(UNITS).map((name) => [name, written(name)]), { "aria-label": "Unit of typed readings", title: about("NewReading", "unit"), onchange: () => ((book.unit = unit.value), book.draw()) }, book.unit);
+  const meter = h("select", { "aria-label": "Meter of typed readings", title: about("NewReading", "meter_id"), onchange: async () => {
+    if (meter.value === "new") await registerMeter();
+    else book.meter_id = meter.value;
+    draw();
+  } });
+  const when = select([["", "time not recorded"], ["now", "read now"]], { "aria-label": "Time of typed readings", title: about("NewReading", "taken_at"), onchange: () => (book.now = when.value === "now") });
+  const draw = () => fill(meter, [["", "meter not recorded"], ...book.meters.map((each) => [each.id, nameOfMeter(each)]), ["new", "Register a meter…"]].map(([value, text]) => h("option", { value, selected: value === book.meter_id }, text)));
+  book.addEventListener("change", draw);
+  draw();
+  return h("p", { class: "reading-tools small" }, h("span", {}, "Typed readings:"), unit, meter, when, h("button", { type: "button", class: "small-button", onclick: paste }, "Paste readings…"));
+}

@@ -1,0 +1,213 @@
+"""Readings typed and pasted in the grid: what is stored is what was meant, at both widths."""
+
+import pytest
+from playwright.sync_api import expect
+
+from tests.service.test_points import HEAD
+from tests.support.browser import DIALOG, check_access, look, settle
+from tests.support.frames import write_frame
+
+MEANT = {
+    "Scene 1": 54.4,
+    "Scene 2": 23.1,
+    "Scene 3": 7.35,
+    "Scene 4": 2.94,
+    "Scene 5": 1.28,
+    "Scene 6": 0.56,
+}
+SETTINGS = [(f, iso) for iso in (3200, 12800) for f in (2.8, 4.0, 5.6)]
+WIDE = pytest.mark.parametrize("context", ["desktop", "phone"], indirect=True)
+
+
+def begin(service, team, levels=MEANT):
+    """A campaign of six scenes at six settings each, from a table: nothing has to be read."""
+    campaign = team.client.create_campaign(team.client.create_camera("DJI", "FC6520", "0K1XE8").id)
+    rows = []
+    for scene, level in levels.items():
+        for f, iso in SETTINGS:
+            time_s = 1200.0 * f**2 / (2.0 * iso * level)
+            rows.append(f"{scene}-{iso}-{f},4000,{1456},{1426},{1486},8.1,{scene},,{time_s:.6g},{f},{iso}")
+    rows += [
+        f"dark-{n}-{iso},4000,256,230,286,8.1,,yes,0.02,4,{iso}" for iso in (3200, 12800) for n in (1, 2, 3)
+    ]
+    lines = [f"{n},{row}" for n, row in enumerate(rows, start=1)]
+    with team.http() as http:
+        answer = http.post(
+            f"/v1/campaigns/{campaign.id}/points",
+            content="\n".join([HEAD, *lines]) + "\n",
+            params={"white_level_dn": 4095},
+            headers={"Content-Type": "text/csv"},
+        )
+        assert answer.status_code == 201, answer.text
+    service.wait_for_jobs([each["frame_id"] for each in answer.json()["items"]])
+    return campaign
+
+
+def stored(team, campaign):
+    """The readings that count, by scene."""
+    found = {}
+    for each in team.client.readings(campaign.id):
+        if not each.get("withdrawn_at"):
+            found.setdefault(each["scene"], []).append(each["value"])
+    return found
+
+
+def come(page, campaign):
+    page.goto(f"/campaigns/{campaign.id}")
+    settle(page)
+
+
+@WIDE
+def test_a_list_typed_from_the_top_lands_in_the_order_of_the_scenes(page, team, service):
+    campaign = begin(service, team)
+    come(page, campaign)
+    for n, value in enumerate(MEANT.values(), start=1):
+        if n in {1, 4}:  # the second time the address has the place already
+            page.get_by_role("link", name="Enter readings").click()
+        expect(page.get_by_label(f"Luminance of Scene {n} ")).to_be_focused()
+        page.keyboard.type(f"{value}")
+        page.keyboard.press("Enter")
+    expect(page.locator("#before .tag.warn")).to_have_count(0)
+    assert stored(team, campaign) == {scene: [value] for scene, value in MEANT.items()}
+
+
+def put(page, label, value):
+    """Type into a field of the grid, and leave it."""
+    field = page.get_by_label(label)
+    field.fill(value)
+    field.press("Enter")
+
+
+def head(page, scene):
+    return page.get_by_role("rowheader").filter(has_text=scene)
+
+
+def test_a_field_edits_one_reading_and_a_repeat_is_asked_for(page, team, service):
+    campaign = begin(service, team)
+    come(page, campaign)
+    one = head(page, "Scene 1")
+    put(page, "Luminance of Scene 1 ", "5,44")
+    expect(one).to_contain_text("1 reading")
+    put(page, "Luminance of Scene 1 ", "54.4")
+    expect(page.get_by_label("Luminance of Scene 1 ")).to_have_attribute("value", "54.4")
+    one.get_by_role("button", name="Undo").click()
+    expect(page.get_by_label("Luminance of Scene 1 ")).to_have_value("5.44")
+    one.get_by_role("button", name="Put back").click()
+    expect(page.get_by_label("Luminance of Scene 1 ")).to_have_value("54.4")
+    put(page, "Luminance of Scene 1 ", "54,40 cd/m²")
+    expect(one).to_contain_text("The same as now")
+    assert stored(team, campaign) == {"Scene 1": [54.4]}
+    one.get_by_role("button", name="+ repeat with").click()
+    expect(one).to_contain_text("mean 54.4, spread 0 %")
+    put(page, "Luminance of Scene 1 in cd/m², reading 2", "54.60")
+    expect(one).to_contain_text("mean 54.5")
+    one.get_by_role("button", name="+ repeat").click()
+    put(page, "Luminance of Scene 1 in cd/m², reading 3", "54 500 mcd/m2")
+    expect(page.get_by_label("Luminance of Scene 1 in cd/m², reading 3")).to_have_value("54.5")
+    assert stored(team, campaign) == {"Scene 1": [54.4, 54.6, 54.5]}
+    for wrong, told in {"1,280": "is ambiguous", "0": "must be above 0", "12 Mcd/m2": "not a unit"}.items():
+        put(page, "Luminance of Scene 2 ", wrong)
+        expect(page.get_by_role("alert").filter(has_text=told)).to_be_visible()
+        expect(page.get_by_label("Luminance of Scene 2 ")).to_have_value(wrong)
+    assert list(stored(team, campaign)) == ["Scene 1"]
+
+
+def test_two_people_who_type_one_reading_are_told_of_each_other(page, team, service):
+    campaign = begin(service, team)
+    come(page, campaign)
+    page.route("**/grid?*", lambda _: None)  # what the other does is not shown yet
+    team.client.add_readings(campaign.id, [reading("Scene 1", 3.3)])
+    put(page, "Luminance of Scene 1 ", "3.5")
+    told = page.get_by_role("alert").filter(has_text="Keep yours or theirs?")
+    expect(told).to_contain_text("The reading of Scene 1 was changed by")
+    assert stored(team, campaign) == {"Scene 1": [3.3]}
+    look(page, "typing-two-people")
+    told.get_by_role("button", name="Yours: 3.5").click()
+    expect(head(page, "Scene 1")).to_contain_text("Saved")
+    assert stored(team, campaign) == {"Scene 1": [3.5]}
+    (mine,) = [each for each in team.client.readings(campaign.id) if "withdrawn_at" not in each]
+    team.client.add_readings(campaign.id, [reading("Scene 1", 3.4) | {"replaces": mine["id"]}])
+    put(page, "Luminance of Scene 1 ", "3.6")
+    told.get_by_role("button", name="Both").click()
+    expect(head(page, "Scene 1")).to_contain_text("mean 3.5")
+    assert stored(team, campaign) == {"Scene 1": [3.4, 3.6]}
+    page.context.complaints.clear()
+
+
+def reading(scene, value):
+    return {"scene": scene, "quantity": "luminance", "value": value, "unit": "cd/m2"}
+
+
+@WIDE
+def test_a_reading_that_its_frames_speak_against_is_needed_before_the_fit(page, team, service, tmp_path):
+    campaign = push(service, team, tmp_path)
+    wrong = {**MEANT, "Scene 4": 29.4, "Scene 5": 12.8}
+    team.client.add_readings(campaign.id, [reading(*each) for each in wrong.items()])
+    come(page, campaign)
+    line = page.locator("#before").get_by_role("listitem").filter(has_text="needed")
+    expect(line).to_have_count(1)
+    expect(line).to_contain_text("Scene 4: 29.4 cd/m², its frames say 2.9")
+    expect(line).to_contain_text("Scene 5: 12.8 cd/m², its frames say 1.3")
+    expect(page.get_by_role("list", name="Stages")).to_contain_text("1 missing")
+    expect(page.locator(".cell.warn")).to_have_count(4)
+    look(page, "typing-off")
+    check_access(page)
+    page.get_by_role("button", name="Fit K").click()
+    expect(page.get_by_role("alert").filter(has_text="its frames say 1.3")).to_be_visible()
+    said = head(page, "Scene 5").get_by_role("alert")
+    expect(said).to_contain_text("10 times less")
+    said.get_by_role("button", name="Move point: 1.28").click()
+    put(page, "Luminance of Scene 4 ", "2.94")
+    expect(line).to_have_count(0)
+    assert stored(team, campaign) == {scene: [value] for scene, value in MEANT.items()}
+    page.context.complaints.clear()
+
+
+def push(service, team, folder):
+    """The same levels as raw frames, two of each."""
+    campaign = team.client.create_campaign(team.client.create_camera("DJI", "FC6520", "0K1XE8").id)
+    team.client.set_roi(campaign.id, polygon=[[8, 8], [88, 8], [88, 56], [8, 56]])
+    sent = []
+    for n, (scene, level) in enumerate(MEANT.items()):
+        for f in (4.0, 5.6):
+            time_s = 1200.0 * f**2 / (2.0 * 3200 * level)
+            path = folder / f"{n}-{f}.DNG"
+            write_frame(path, signal_dn=1200.0, seed=n, exposure_time_s=time_s, f_number=f, iso=3200)
+            sent.append(team.client.push(campaign.id, path, role="light", scene=scene))
+    path = write_frame(
+        folder / "dark.DNG", signal_dn=0.0, seed=99, exposure_time_s=0.02, f_number=4.0, iso=3200
+    )
+    sent.append(team.client.push(campaign.id, folder / "dark.DNG", role="dark"))
+    service.wait_for_jobs([each.id for each in sent])
+    return campaign
+
+
+@WIDE
+def test_a_pasted_column_is_held_against_the_frames_before_it_is_stored(page, team, service):
+    campaign = begin(service, team)
+    come(page, campaign)
+    page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    column = "\\r\\n".join(str(value).replace(".", ",") for value in MEANT.values())
+    page.evaluate(f"navigator.clipboard.writeText('{column}')")
+    page.get_by_label("Luminance of Scene 2 ").focus()
+    page.keyboard.press("ControlOrMeta+v")
+    dialog = page.get_by_role("dialog", name="Paste readings")
+    expect(dialog).to_contain_text("They fit the frames from Scene 1.")
+    expect(dialog.get_by_role("radio", name="One row up, from Scene 1")).to_be_checked()
+    expect(dialog.get_by_text("agrees", exact=True)).to_have_count(6)
+    look(page, "typing-paste")
+    check_access(page, DIALOG)
+    dialog.get_by_role("radio", name="As pasted, from Scene 2").check()
+    dialog.get_by_role("button", name="Store").click()
+    expect(dialog.get_by_role("alert").last).to_contain_text("Line 6: the scene is missing.")
+    dialog.get_by_role("radio", name="One row up").check()
+    dialog.get_by_role("button", name="Store").click()
+    expect(page.locator(".toast")).to_contain_text("6 readings recorded")
+    assert stored(team, campaign) == {scene: [value] for scene, value in MEANT.items()}
+    page.get_by_role("button", name="Paste readings…").click()
+    dialog.get_by_label("Lines").fill("Scene 1\t54,2\nScene 7\t1,0\nScene 2\t23,1")
+    expect(dialog).to_contain_text("no frames of Scene 7")
+    dialog.get_by_label("Lines").fill("Scene 1\t54,2\nScene 2\t23,1")
+    dialog.get_by_role("button", name="Store").click()
+    expect(page.locator(".toast").filter(has_text="1 reading recorded")).to_be_visible()
+    assert stored(team, campaign) == {**{scene: [value] for scene, value in MEANT.items()}, "Scene 1": [54.2]}
