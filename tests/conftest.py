@@ -191,7 +191,8 @@ def empty(request, tmp_path):
 
 @pytest.fixture
 def database(database_url):
-    opened = Database(database_url)
+    # a statement takes long on a busy machine; what is about that limit has a database of its own
+    opened = Database(database_url, answer_within_s=300.0)
     yield opened
     opened.dispose()
 
