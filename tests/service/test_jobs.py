@@ -189,7 +189,10 @@ def test_a_failure_that_was_done_since_is_no_cause(house):
     assert [each["count"] for each in house.get("/v1/jobs/causes")["items"]] == [1]
     with house.database.writing("test") as session:
         (job,) = session.scalars(select(Job))
-        kept = {name: getattr(job, name) for name in ("organisation_id", "kind", "lane", "subject_id")}
+        kept = {
+            name: getattr(job, name)
+            for name in ("organisation_id", "kind", "lane", "subject_id", "created_by")
+        }
         session.add(Job(id=new_id("job"), state="succeeded", **kept))
     assert house.get("/v1/jobs/causes")["items"] == []
 
