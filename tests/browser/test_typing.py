@@ -63,7 +63,7 @@ def test_a_list_typed_from_the_top_lands_in_the_order_of_the_scenes(page, team, 
     come(page, campaign)
     for n, value in enumerate(MEANT.values(), start=1):
         if n in {1, 4}:  # the second time the address has the place already
-            page.get_by_role("link", name="Enter readings").click()
+            page.get_by_role("link", name="Enter readings").first.click()
         expect(page.get_by_label(f"Luminance of Scene {n} ")).to_be_focused()
         page.keyboard.type(f"{value}")
         page.keyboard.press("Enter")
