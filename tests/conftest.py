@@ -158,7 +158,8 @@ def migrated_sqlite(tmp_path_factory):
 @pytest.fixture(scope="session")
 def migrated_postgres(postgres):  # noqa: F811
     url = postgres.new_database()
-    database = Database(url)
+    # a statement takes long on a busy machine; what is about that limit has a database of its own
+    database = Database(url, answer_within_s=300.0)
     migrate(database)
     database.dispose()
     return url
@@ -184,14 +185,13 @@ def empty(request, tmp_path):
     url = f"sqlite:///{tmp_path / 'empty.sqlite'}"
     if request.param == "postgresql":
         url = request.getfixturevalue("postgres").new_database()
-    opened = Database(url)
+    opened = Database(url, answer_within_s=300.0)
     yield opened
     opened.dispose()
 
 
 @pytest.fixture
 def database(database_url):
-    # a statement takes long on a busy machine; what is about that limit has a database of its own
     opened = Database(database_url, answer_within_s=300.0)
     yield opened
     opened.dispose()
