@@ -74,10 +74,10 @@ class Measurements(Jobs):
         suffix = path.suffix.lower()
         if suffix not in {".csv", ".geojson", ".json"}:
             raise Unclear(f"{path}: measurements are saved as .csv, .geojson or .json")
-        if suffix == ".json":
-            query = {"campaign_id": campaign_id, "format": "json"}
-            return self._save(path, address("series", "measurements"), query)
-        return self._save(path, address("campaigns", campaign_id, f"measurements{suffix}"))
+        if suffix == ".geojson":
+            return self._save(path, address("campaigns", campaign_id, "measurements.geojson"))
+        query = {"campaign_id": campaign_id, "format": suffix.removeprefix(".")}
+        return self._save(path, address("series", "measurements"), query)
 
     def measurement(self, measurement_id: str) -> Measurement:
         return Measurement.of(self._get(address("measurements", measurement_id)))

@@ -194,7 +194,7 @@ def find_or_add_camera(session: Session, organisation_id: str, values: dict[str,
     """The camera of this make, model and serial; what is stated of a known one's sensor fills its gaps."""
     by = ("make", "model", "serial")
     camera, is_new = find_or_add(session, Camera, organisation_id, values, by=by)
-    for name in ("pixel_pitch_um", "sensor_width_mm"):
+    for name in () if is_new else ("pixel_pitch_um", "sensor_width_mm"):
         if getattr(camera, name) is None:
             setattr(camera, name, values.get(name))
     session.flush()
@@ -205,7 +205,7 @@ def find_or_add_meter(session: Session, organisation_id: str, values: dict[str, 
     """The meter of this kind, make, model and serial; a certificate is taken over."""
     by = ("kind", "make", "model", "serial")
     meter, is_new = find_or_add(session, Meter, organisation_id, values, by=by)
-    for name, value in values.items():
+    for name, value in () if is_new else values.items():
         if name.startswith("certificate_"):
             setattr(meter, name, value)
     session.flush()

@@ -169,7 +169,7 @@ def lose_tab_and_line(context, page):
     context.set_offline(True)
     alert.get_by_role("button", name=re.compile("^Send the other")).click()
     expect(page.locator(".upload-head")).to_contain_text("No connection since")
-    page.get_by_role("button", name="Try again").click()
+    page.locator("#upload").get_by_role("button", name="Try again").click()
     left = page.get_by_role("table", name="Upload list").get_by_text("waiting for connection")
     told = page.locator(".upload-head").get_by_role("status")
     expect(told).to_have_text(re.compile("^Sending [0-9]+ of 10$"))

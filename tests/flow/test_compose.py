@@ -42,7 +42,7 @@ def test_it_runs_what_the_launcher_runs():
 def test_every_setting_exists_and_database_and_broker_are_not_embedded(name):
     environment = environment_of(name, OPERATOR, S3, TLS)
     ours = {key.removeprefix("STILB_").lower() for key in environment if key.startswith("STILB_")}
-    assert {name.removesuffix("_file") for name in ours} <= set(Settings.model_fields)
+    assert {name.removesuffix("_file") for name in ours} <= {*Settings.model_fields, "pulse"}
     assert {"data", "database_url", "broker_url"} <= ours
     assert ("blobs_url" in ours) == (name != "migrate")
 

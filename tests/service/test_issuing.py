@@ -53,7 +53,7 @@ def count(house, table):
 def revise(monkeypatch):
     """What a later release may do: fit, word and set otherwise."""
     monkeypatch.setattr("store.software.FIT_CODE_VERSION", "9.9.9")
-    monkeypatch.setattr("service.documents.certificate.RELATES", "Another sentence.")
+    monkeypatch.setattr("service.documents.certificate._RELATES", "Another sentence.")
     monkeypatch.setattr("service.documents.certificate.SCHEMA_VERSION", 2)
     monkeypatch.setattr("service.documents.rendered.RENDERER", "render-99")
     monkeypatch.setattr("service.documents.pages.STAMPS", dict.fromkeys(("draft", "published"), "Other"))

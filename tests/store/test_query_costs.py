@@ -34,15 +34,15 @@ def statements(database):
     def note(_connection, _cursor, statement, parameters, _context, _many):
         found.append((statement, parameters))
 
-    event.listen(database.engine, "before_cursor_execute", note)
-    if database.is_sqlite:
-        event.listen(database._reader, "before_cursor_execute", note)
+    # PostgreSQL's writer is its reader with another option
+    engines = [database._reader, database.engine] if database.is_sqlite else [database._reader]
+    for engine in engines:
+        event.listen(engine, "before_cursor_execute", note)
     try:
         yield found
     finally:
-        event.remove(database.engine, "before_cursor_execute", note)
-        if database.is_sqlite:
-            event.remove(database._reader, "before_cursor_execute", note)
+        for engine in engines:
+            event.remove(engine, "before_cursor_execute", note)
 
 
 @pytest.mark.parametrize("series", [CoefficientSeries, MeasurementSeries])

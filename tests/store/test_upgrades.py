@@ -130,7 +130,7 @@ def check_certificates(recorded, empty, tmp_path, request, monkeypatch):
         assert certificate["issued"]["at_upgrade"] is True
         assert certificate["result"] == recorded_result(recorded, published[0])
     monkeypatch.setattr("store.software.FIT_CODE_VERSION", "9.9.9")
-    monkeypatch.setattr("service.documents.certificate.RELATES", "Another sentence.")
+    monkeypatch.setattr("service.documents.certificate._RELATES", "Another sentence.")
     monkeypatch.setattr("service.documents.rendered.RENDERER", "render-99")
     with start() as house:
         assert Backlog(house.app.state.context).issue_next() == 3600.0
