@@ -2,8 +2,8 @@
 
 import { leave } from "./api.js";
 import { ask } from "./ask.js";
-import { wrong } from "./campaign/numbers.js";
 import { h } from "./dom.js";
+import { wrong } from "./states.js";
 
 let asked = null;
 let declined = false;

@@ -78,3 +78,6 @@ export async function act(button, action) {
     button.ariaDisabled = button.ariaBusy = null;
   }
 }
+
+/** An error that a person made, shown as one of the service's. */
+export const wrong = (message) => Object.assign(new Error(message), { title: "Not sent", code: "typed", retryable: false });

@@ -2,6 +2,7 @@
 
 import { h, prose } from "../dom.js";
 import { FIELDS } from "../fields.js";
+import { wrong } from "../states.js";
 
 let count = 0;
 
@@ -61,3 +62,24 @@ export function choices(name, options, onchange, chosen = options[0][0]) {
 /** What is filled in of a form's fields, by name. */
 export const filled = (form) =>
   Object.fromEntries([...new FormData(form)].filter(([, value]) => typeof value === "string" && value.trim() !== "").map(([name, value]) => [name, value.trim()]));
+
+const APART = /^[+-]?\d{1,3}([\s’']\d{3})+(?=[.,]|$)/;
+
+/** A number with a decimal point or comma, thousands apart by blanks; NaN for anything else, "1,234.5" too: nobody can tell what that is. */
+export function readNumber(text) {
+  const plain = text.trim().replace("−", "-").replace(APART, (whole) => whole.replace(/[\s’']/g, ""));
+  return /^[+-]?(\d+([.,]\d*)?|[.,]\d+)(e[+-]?\d+)?$/i.test(plain) ? Number(plain.replace(",", ".")) : NaN;
+}
+
+/** The number of a field, or undefined when it is empty; what is none is told in the field's own words. */
+export function numberOf(input, { integer = false } = {}) {
+  const text = input.value.trim();
+  input.removeAttribute("aria-invalid");
+  if (text === "") return undefined;
+  const value = readNumber(text);
+  if (Number.isFinite(value) && !(integer && !Number.isInteger(value))) return value;
+  input.setAttribute("aria-invalid", "true");
+  input.focus();
+  const label = input.labels?.[0]?.textContent ?? "This";
+  throw wrong(`${label}: “${text}” is not ${integer ? "a whole number" : "a number"}.`);
+}

@@ -7,12 +7,11 @@ import { pause } from "../live.js";
 import { mark } from "../marks.js";
 import { act, failed } from "../states.js";
 import { frameCell, kindOf, sayState } from "./cells.js";
-import { about, decimal, field, select } from "./forms.js";
+import { about, decimal, field, numberOf, select } from "./forms.js";
 import { holdingFor, originOf } from "./holding.js";
 import { lettersOn } from "./keys.js";
 import { lookPart } from "./look.js";
 import { askWhere, changeFrames, EXPOSURE, leaveOut, withdraw } from "./moves.js";
-import { numberOf } from "./numbers.js";
 import { isRead } from "./state.js";
 import { viewerPart } from "./viewer.js";
 

@@ -1,9 +1,8 @@
 // Import and export of ImageJ macro lines and .roi files.
 
 import { fill, h, may } from "../dom.js";
-import { act } from "../states.js";
+import { act, wrong } from "../states.js";
 import { readMacro, readRoi, writeMacro, writeRoi } from "./imagej.js";
-import { wrong } from "./numbers.js";
 
 export function imagejPart(editor, frameOf) {
   const text = h("textarea", { class: "mono", rows: "3", spellcheck: "false", "aria-label": "ImageJ macro", "aria-describedby": "imagej-hint", placeholder: "makePolygon(2200,1600,3100,1600,3100,2300,2200,2300);" });

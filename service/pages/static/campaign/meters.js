@@ -2,7 +2,8 @@
 
 import { post } from "../api.js";
 import { ask } from "../ask.js";
-import { readNumber, wrong } from "./numbers.js";
+import { wrong } from "../states.js";
+import { readNumber } from "./forms.js";
 
 export const nameOfMeter = (meter) => meter && `${meter.make} ${meter.model} ${meter.serial}`;
 

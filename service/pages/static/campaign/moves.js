@@ -6,7 +6,8 @@ import { counted } from "../format.js";
 import { groupBy } from "../groups.js";
 import { roleLabel, roleOptions } from "../methods.js";
 import { done } from "../undo.js";
-import { readNumber, wrong } from "./numbers.js";
+import { wrong } from "../states.js";
+import { readNumber } from "./forms.js";
 
 const name = (state, ids) => (ids.length === 1 ? state.byId.get(ids[0]).filename : counted(ids.length, "frame"));
 

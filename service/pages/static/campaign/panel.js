@@ -3,8 +3,8 @@
 import { all, patch, post } from "../api.js";
 import { ask } from "../ask.js";
 import { h } from "../dom.js";
-import { about, decimal, field, select } from "./forms.js";
-import { readNumber, wrong } from "./numbers.js";
+import { wrong } from "../states.js";
+import { about, decimal, field, readNumber, select } from "./forms.js";
 
 const NEW = "new";
 

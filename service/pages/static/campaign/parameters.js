@@ -3,10 +3,9 @@
 import { all } from "../api.js";
 import { h } from "../dom.js";
 import { day, stateWords } from "../format.js";
-import { load } from "../states.js";
-import { decimal, field, manualLink, select } from "./forms.js";
+import { load, wrong } from "../states.js";
+import { decimal, field, manualLink, numberOf, select } from "./forms.js";
 import { isFraction, unitOf } from "../parameter.js";
-import { numberOf, wrong } from "./numbers.js";
 
 const NONE = "none";
 const IN_FORCE = "in_force";

@@ -5,9 +5,9 @@ import { fill, h, table } from "../dom.js";
 import { number } from "../format.js";
 import { groupBy } from "../groups.js";
 import { mark } from "../marks.js";
+import { wrong } from "../states.js";
 import { written } from "./book.js";
 import { about, choices, field } from "./forms.js";
-import { wrong } from "./numbers.js";
 import { readSheet } from "./sheet.js";
 
 /** A reading agrees with its frames within this ratio; fewer are no column that could be a row off. */

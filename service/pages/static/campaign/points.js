@@ -4,7 +4,8 @@ import { ask } from "../ask.js";
 import { send } from "../api.js";
 import { toast } from "../dom.js";
 import { counted } from "../format.js";
-import { readNumber, wrong } from "./numbers.js";
+import { wrong } from "../states.js";
+import { readNumber } from "./forms.js";
 
 /** What a table does not state is asked for; each of its rows becomes a frame. */
 export async function addPoints(state, { file, name }) {

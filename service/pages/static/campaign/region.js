@@ -2,14 +2,13 @@
 
 import { get, put } from "../api.js";
 import { byId, fill, h, may, toast } from "../dom.js";
-import { act, empty } from "../states.js";
+import { act, empty, wrong } from "../states.js";
 import { RegionCanvas } from "./canvas.js";
 import { RegionEditor } from "./editor.js";
 import { select } from "./forms.js";
 import { adviceOn, countOwn, holdingFor, startsEmpty } from "./holding.js";
 import { imagejPart } from "./imagej-part.js";
 import { lookPart } from "./look.js";
-import { wrong } from "./numbers.js";
 import { faultOf } from "./polygon.js";
 
 const MOST_LISTED = 200;

@@ -1,6 +1,7 @@
 // Readings from the cells of a spreadsheet; every invalid line is reported.
 
-import { readNumber, wrong } from "./numbers.js";
+import { wrong } from "../states.js";
+import { readNumber } from "./forms.js";
 
 export const UNITS = { "cd/m2": "luminance", fL: "luminance", lx: "illuminance", fc: "illuminance" };
 const NAMES = ["scene", "quantity", "value", "unit", "meter_id", "taken_at"];

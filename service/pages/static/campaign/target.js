@@ -3,9 +3,8 @@
 import { patch } from "../api.js";
 import { fill, h, may } from "../dom.js";
 import { words } from "../format.js";
-import { act, empty } from "../states.js";
-import { choices, decimal, field, select } from "./forms.js";
-import { numberOf, wrong } from "./numbers.js";
+import { act, empty, wrong } from "../states.js";
+import { choices, decimal, field, numberOf, select } from "./forms.js";
 
 // where the manual has them
 const [BOARD, CHART] = ["/docs/geometry#the-target", "/docs/sharpness#photographing-the-target"];

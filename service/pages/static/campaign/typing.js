@@ -1,7 +1,5 @@
 // Readings typed and pasted in the heads of the grid's rows.
 
-import { openPaste } from "./paste.js";
-
 const isRead = (line) => line.first && line.row.kind === "role" && line.row.value !== null;
 
 /** `lines()` of the grid, `bring(line)` draws one that is out of sight, `leave(line)` goes to its first frame. */
@@ -17,13 +15,17 @@ export function typing({ body, book, lines, bring, leave }) {
     fieldOf(scene)?.focus();
   }
 
+  async function paste(given) {
+    (await import("./paste.js")).openPaste(book, scenesRead(), given);
+  }
+
   /** Cells of a spreadsheet go down the rows; one value is pasted as it is. */
   body.addEventListener("paste", (event) => {
     const text = event.clipboardData.getData("text/plain");
     const { reading } = event.target.dataset;
     if (reading === undefined || !/[\n\r\t]./.test(text.trimEnd())) return;
     event.preventDefault();
-    openPaste(book, scenesRead(), { text, from: reading });
+    paste({ text, from: reading });
   });
 
   /** Enter records a value and goes to the next scene without one. */
@@ -43,6 +45,6 @@ export function typing({ body, book, lines, bring, leave }) {
     go: (line) => go(line?.row.value),
     /** The first scene without a reading in the order of the rows, whatever of them is drawn; else the first one. */
     first: () => go(scenesRead().find(isDue) ?? scenesRead()[0]),
-    paste: () => openPaste(book, scenesRead(), {}),
+    paste: () => paste({}),
   };
 }

@@ -4,11 +4,11 @@ import { post } from "../api.js";
 import { fill, h } from "../dom.js";
 import { detailOf } from "../flags.js";
 import { number } from "../format.js";
-import { about, choices, decimal, field } from "../campaign/forms.js";
+import { about, choices, decimal, field, numberOf, readNumber } from "../campaign/forms.js";
 import { RegionCanvas } from "../campaign/canvas.js";
 import { RegionEditor } from "../campaign/editor.js";
-import { numberOf, readNumber, wrong } from "../campaign/numbers.js";
 import { faultOf } from "../campaign/polygon.js";
+import { wrong } from "../states.js";
 import { cellLines, laneGrid } from "./surface.js";
 
 const KINDS = [

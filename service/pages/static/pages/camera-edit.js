@@ -2,7 +2,8 @@
 
 import { get, patch, post } from "../api.js";
 import { ask } from "../ask.js";
-import { readNumber, wrong } from "../campaign/numbers.js";
+import { readNumber } from "../campaign/forms.js";
+import { wrong } from "../states.js";
 
 const TEXTS = [["make", "Make"], ["model", "Model"], ["serial", "Serial number"]];
 const LENS = [["make", "Lens make"], ["model", "Lens model"], ["serial", "Lens serial number"]];

@@ -5,8 +5,7 @@ import { byId, h, may, table } from "../dom.js";
 import { day, time } from "../format.js";
 import { inOrder } from "../groups.js";
 import { about, field } from "../campaign/forms.js";
-import { wrong } from "../campaign/numbers.js";
-import { act, empty, load } from "../states.js";
+import { act, empty, load, wrong } from "../states.js";
 
 const { method } = document.querySelector("main").dataset;
 const wanted = new URLSearchParams(location.search).get("campaign");

@@ -3,10 +3,9 @@
 import { send } from "../api.js";
 import { byId, fill, h, prose, table } from "../dom.js";
 import { number, quantity, tag } from "../format.js";
-import { field } from "../campaign/forms.js";
-import { numberOf, wrong } from "../campaign/numbers.js";
+import { field, numberOf } from "../campaign/forms.js";
 import { WRITTEN, headOf, titleOf } from "../names.js";
-import { act } from "../states.js";
+import { act, wrong } from "../states.js";
 import { TOOLS } from "../calculators.js";
 
 const { tool } = document.querySelector("main").dataset;
