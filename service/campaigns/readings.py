@@ -10,14 +10,14 @@ from sqlalchemy.orm import Session
 from radiometry.findings import interface
 from service.campaigns.schemas import MOST_READINGS, NewReading, ReadingAnswer, ReadingsAnswer
 from service.http.answers import problems
-from service.http.auth import Calibrator, Reader
+from service.http.auth import Calibrator, Caller, Reader
 from service.http.changes import Reply, Writes
 from service.http.context import UsesContext
 from service.http.lookup import Id, owned
 from service.http.models import Text
 from service.http.operations import Router
 from service.http.paging import Page, UsesPaging
-from service.http.problems import Problem, invalid
+from service.http.problems import Problem, invalid, not_found
 from service.http.tables import Kind, read_sheet, read_sheet_or_document, refuse_columns
 from store.queries.audit import name_last_actor
 from store.queries.campaigns import add_readings
@@ -96,7 +96,7 @@ def add_campaign_readings(
             owned(session, Meter, named, caller)
         usual = _by_quantity([owned(session, Meter, each, caller) for each in meter_id or ()])
         now = utc_now()
-        replaced = _find_replaced(session, campaign, forms)
+        replaced = _find_replaced(session, campaign, forms, caller)
         columns = [{"meter_id": usual.get(form.quantity)} | _columns(form) for form in forms]
         rows = add_readings(session, campaign, [{"created_at": now} | each for each in columns])
         for reading in replaced:
@@ -149,25 +149,29 @@ def restore_reading(reading_id: Id, caller: Calibrator, writing: Writes) -> Resp
     return writing.run(caller, change)
 
 
-def _find_replaced(session: Session, campaign: Campaign, forms: list[NewReading]) -> list[Reading]:
+def _find_replaced(
+    session: Session, campaign: Campaign, forms: list[NewReading], caller: Caller
+) -> list[Reading]:
     """Return the readings that are replaced; refuse what another user has changed since it was seen."""
     if all(form.replaces is None for form in forms):
         return []
     # two who type in one empty field at once: the second waits here, and finds the first one's reading
-    session.execute(select(Campaign.id).where(Campaign.id == campaign.id).with_for_update())
+    owned(session, Campaign, campaign.id, caller, for_update=True)
     mine = select(Reading).where(Reading.campaign_id == campaign.id, Reading.withdrawn_at.is_(None))
-    standing = {each.id: each for each in session.scalars(mine.order_by(Reading.id))}
-    places = {(each.scene, each.quantity): each for each in standing.values()}
-    replaced = []
+    standing = session.scalars(mine.order_by(Reading.id)).all()
+    places = {(each.scene, each.quantity): each for each in standing}
+    replaced: list[Reading] = []
     for form in forms:
+        seen = owned(session, Reading, form.replaces, caller) if form.replaces else None
+        if seen is not None and seen.campaign_id != campaign.id:
+            raise not_found("reading in this campaign")
         place = (form.scene, form.quantity)
-        if form.replaces and form.replaces in standing:
-            replaced.append(standing[form.replaces])
-        elif form.replaces or (form.replaces == "" and place in places):
-            gone = session.get(Reading, form.replaces) if form.replaces else None
-            later = (each for each in standing.values() if gone and each.created_at == gone.withdrawn_at)
+        if seen is not None and seen.withdrawn_at is None and seen not in replaced:
+            replaced.append(seen)
+        elif seen is not None or (form.replaces == "" and place in places):
+            later = (each for each in standing if seen and each.created_at == seen.withdrawn_at)
             found = next(later, places.get(place))
-            who = name_last_actor(session, found.id if found else form.replaces or "")
+            who = name_last_actor(session, (found or seen or campaign).id)
             by = f" by {who}" if who else ""
             state = f"it is now {found.entered_value:g} {found.entered_unit}" if found else "it is withdrawn"
             detail = f"The reading of {form.scene} was changed{by} meanwhile: {state}."

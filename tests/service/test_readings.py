@@ -188,6 +188,32 @@ def test_two_first_readings_of_a_scene_are_not_averaged(house):
     assert "it is withdrawn" in late["detail"]
 
 
+def test_only_a_reading_of_the_campaign_is_replaced(house, stranger):
+    """Not even who changed another one is told, whoever's it is."""
+    path = f"/v1/campaigns/{house.campaign()['id']}/readings"
+    own = house.post(path, FIRST)
+    other = f"/v1/campaigns/{house.campaign(place='elsewhere')['id']}/readings"
+    foreign = f"/v1/campaigns/{stranger_campaign(stranger)}/readings"
+    for asked, place, replaced in (
+        (house.http, path, "rdg_nothing"),
+        (house.http, path, "rdg_\0"),
+        (house.http, other, own["id"]),
+        (stranger, foreign, own["id"]),
+    ):
+        answer = asked.post(place, json=SECOND | {"replaces": replaced})
+        assert (answer.status_code, answer.json()["code"]) == (404, "not_found"), replaced
+        assert "changed" not in answer.text
+    twice = [FIRST | {"value": value, "replaces": own["id"]} for value in (1.0, 2.0)]
+    assert house.http.post(path, json=twice).status_code == 409
+    assert values(house, path) == [FIRST["value"]]
+
+
+def stranger_campaign(stranger):
+    camera = stranger.post("/v1/cameras", json={"make": "DJI", "model": "X", "serial": "1"}).json()["id"]
+    campaign = {"camera_id": camera, "method": "luminance"}
+    return stranger.post("/v1/campaigns", json=campaign).json()["id"]
+
+
 def meter(house, kind, serial="1"):
     body = {"kind": kind, "make": "Gossen", "model": "M", "serial": serial + kind}
     return house.http.post("/v1/meters", json=body).json()["id"]
