@@ -18,10 +18,9 @@ _OF_THE_SCIENCE = 422
 
 
 def expand_entries(text: str, page: str) -> str:
-    """Put what a code means under its heading, and the other codes of a page where it wants them."""
-    written = {found[1] for found in _HEADING.finditer(text)}
-    others = (code for code in sorted(FINDINGS) if _belongs(code, page) and code not in written)
-    text = text.replace("<!-- findings -->\n", "\n".join(f"## {code}\n" for code in others))
+    """Put what a code means under its heading, and every code of a page where it wants them."""
+    every = (f"## {code}\n" for code in sorted(FINDINGS) if _belongs(code, page))
+    text = text.replace("<!-- findings -->\n", "\n".join(every))
     return _HEADING.sub(lambda found: f"{found[0]}{_describe(found[1], page)}", text)
 
 

@@ -73,7 +73,21 @@ def test_every_code_has_its_heading_and_every_heading_its_code():
     assert entries("errors", 2) == sorted({*found_at("file", "request", "job"), *written_codes()})
     assert entries("flags", 2) == sorted(found_at("frame", "campaign", "calibration", "measurement", "fleet"))
     assert entries("on-site", 3) == sorted(found_at("verdict"))
-    assert {*entries("certificate", 2)} == found_at("certificate")
+    assert entries("certificate", 2) == sorted({*found_at("certificate")})
+
+
+def test_a_code_is_explained_under_its_heading_and_nothing_else_is_touched():
+    text = "# clipped\n\n## Of people\n\n### too_dark\nBy hand.\n"
+    means = "\n".join(
+        f"{FINDINGS[code].sentence}\n{FINDINGS[code].remedy}" for code in ("clipped", "too_dark")
+    )
+    expanded = expand_entries(text, "on-site")
+    assert {*means.splitlines()} <= {
+        line.removeprefix("Fail. ").removeprefix("Warn. ") for line in expanded.splitlines()
+    }
+    assert "## Of people\n\n### too_dark\n" in expanded
+    assert expanded.endswith("\n\nBy hand.\n")
+    assert expand_entries(text, "luminance") == text
 
 
 def test_every_setting_has_its_heading_and_every_heading_its_setting():
