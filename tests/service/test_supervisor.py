@@ -8,6 +8,7 @@ import sqlite3
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
 
@@ -15,6 +16,7 @@ import httpx
 import pytest
 import redis
 
+from service.launch.run import _is_ready
 from service.up import ROSTER, give_grace
 from tests.support.disks import filled, small_disk
 from tests.support.launcher import launched, ready
@@ -28,6 +30,15 @@ follow_make()
 print("up", flush=True)
 time.sleep(60)
 """
+
+
+@pytest.mark.parametrize(("status", "is_ready"), [(b"200 OK", True), (b"503 Service Unavailable", False)])
+def test_the_service_is_ready_when_it_says_so(status, is_ready):
+    with socket.create_server(("127.0.0.1", 0)) as server, ThreadPoolExecutor(1) as pool:
+        asked = pool.submit(_is_ready, *server.getsockname())
+        with server.accept()[0] as connection:
+            connection.sendall(b"HTTP/1.1 " + status + b"\r\n\r\n")
+            assert asked.result() is is_ready
 
 
 def children_named(process, name):

@@ -60,6 +60,10 @@ def test_an_address_of_another_kind_is_refused_without_what_it_holds(refused, na
     assert refused(**{f"STILB_{name}": value}) == f"stilb: STILB_{name}: {line}\n"
 
 
+def test_a_process_may_wait_for_the_database_and_not_count_as_hung():
+    assert Settings(database_timeout_s=60.0).hang_s > 60.0
+
+
 def test_a_secret_is_read_from_the_file_that_is_named(monkeypatch, tmp_path):
     secret = tmp_path / "key"
     secret.write_text("abc\n", encoding="utf-8")
