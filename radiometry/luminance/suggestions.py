@@ -11,6 +11,7 @@ from radiometry.findings import shared
 from radiometry.findings.grouping import Cause, name_frames
 from radiometry.fitting.evidence import list_unknown_exclusions
 from radiometry.luminance import codes
+from radiometry.luminance.brightness import find_doubted, measure_light
 from radiometry.luminance.corrections import compute_flicker
 from radiometry.luminance.points import (
     FEW_POINTS,
@@ -22,7 +23,7 @@ from radiometry.luminance.points import (
 )
 from radiometry.luminance.rows import FrameRow, Params, Reading, find_modulation
 from radiometry.luminance.scenes import check_reading_times, check_scenes, summarise_scenes
-from radiometry.luminance.verdicts import find_doubted, measure_light, show_time
+from radiometry.luminance.verdicts import show_time
 from radiometry.specification.roles import Gap
 
 GOOD_SCENES = 5

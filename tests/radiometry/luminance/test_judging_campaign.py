@@ -7,8 +7,9 @@ import pytest
 from radiometry.findings import shared
 from radiometry.fitting.evidence import Exclusion
 from radiometry.frame.statistics import measure_signal
+from radiometry.luminance.brightness import DOUBTFUL_REL
 from radiometry.luminance.points import estimate_dark
-from radiometry.luminance.verdicts import DOUBTFUL_REL, judge
+from radiometry.luminance.verdicts import judge
 from tests.radiometry.evidence import (
     DARK,
     DARKS,
