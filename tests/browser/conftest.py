@@ -15,10 +15,11 @@ from tests.support.nightwork import work_a_night
 
 
 def pytest_collection_modifyitems(items):
+    """A browser on a busy machine is asked twice; the summary shows what the first answer was."""
     here = [item for item in items if Path(__file__).parent in item.path.parents]
-    if here and (missing := find_missing()):
-        for item in here:
-            item.add_marker(pytest.mark.skip(reason=missing))
+    missing = find_missing() if here else ""
+    for item in here:
+        item.add_marker(pytest.mark.skip(reason=missing) if missing else pytest.mark.flaky(reruns=1))
 
 
 @pytest.hookimpl(wrapper=True)

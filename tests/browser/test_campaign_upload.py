@@ -39,8 +39,10 @@ def names_of(team, campaign):
 
 @pytest.mark.usefixtures("campaign")
 def test_a_button_that_is_pressed_while_the_list_changes_is_clicked(page, files):
+    # what is drawn above moves the button from under the mouse
+    expect(page.get_by_role("link", name="Add frames")).to_be_visible()
     choose(page, files[:1])
-    settle(page)  # what is drawn above moves the button from under the mouse
+    settle(page)
     page.get_by_role("button", name="Send 1 file").hover()
     page.mouse.down()
     choose(page, files[1:2])
