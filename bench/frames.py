@@ -135,7 +135,8 @@ def _read(row: Base) -> dict[str, Any]:
 
 
 def write_rows(session: Session, rows: Mapping[type[Base], Iterable[Mapping[str, Any]]]) -> None:
-    """Add rows by table, in the order of the tables."""
-    for table, of_table in rows.items():
-        if listed := list(of_table):
+    """Add rows by table, those that others refer to first."""
+    places = Base.metadata.sorted_tables
+    for table in sorted(rows, key=lambda each: places.index(each.__mapper__.local_table)):
+        if listed := list(rows[table]):
             session.execute(insert(table), listed)

@@ -5,17 +5,14 @@ import math
 import select
 import time
 from collections import deque
-from collections.abc import Callable, Generator, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Generator, Mapping
 from typing import Any, TypeVar
 
 import psycopg
 from psycopg.abc import PQGen
-from psycopg.pq import ConnStatus, ExecStatus, Format
-from psycopg.pq.abc import PGresult
 from sqlalchemy import URL, Engine, create_engine, event
-
-from store.database import ConnectionLost
+from sqlalchemy.dialects.postgresql.psycopg import PGDialect_psycopg
+from sqlalchemy.exc import DBAPIError
 
 Result = TypeVar("Result")
 
@@ -25,6 +22,10 @@ _TRUSTED_FOR_S = 5.0
 """How long after its last answer a connection is taken to live, unless its server has closed it."""
 _WORD_ON_THE_WAY_S = 2.0
 """By how much longer than the server's own limit an answer may take."""
+_PLAN_ONCE = "SET plan_cache_mode = force_generic_plan"
+"""Planning a statement again costs more than running it."""
+_MOST_ASKED = 8
+"""Statements of an event loop under way at once."""
 
 
 def postgres_engine(url: URL, *, answer_within_s: float | None) -> Engine:
@@ -44,7 +45,7 @@ def postgres_engine(url: URL, *, answer_within_s: float | None) -> Engine:
         isolation_level="AUTOCOMMIT",
         skip_autocommit_rollback=True,
         pool_timeout=min(10.0, limit_s or 10.0),
-        connect_args=_network_limits(limit_s) | ({} if limit_s is None else _server_limits(url, limit_s)),
+        connect_args=_limits(url, limit_s),
     )
     if limit_s is not None:
         silence_s = limit_s + _WORD_ON_THE_WAY_S
@@ -101,109 +102,71 @@ class _Connection(psycopg.Connection[Any]):
         return result
 
 
-def prepare(
-    connect: Callable[[], psycopg.Connection[Any]], statements: Mapping[str, str]
-) -> psycopg.Connection[Any]:
-    """Connect for a `Line`, which is then asked for these statements by name."""
-    with ExitStack() as failing:
+class _Asker(psycopg.AsyncConnection[Any]):
+    """The same for an event loop; whatever goes wrong closes it."""
+
+    silence_s: float
+
+    async def wait(
+        self,
+        gen: PQGen[Result],
+        interval: float = 0.1,
+        timeout: float | None = None,  # noqa: ASYNC109  the driver's own
+    ) -> Result:
         try:
-            connection = connect()
-            failing.callback(connection.close)
-            connection.autocommit = True
-            # planning a statement again costs more than running it
-            connection.execute("SET plan_cache_mode = force_generic_plan")
-            for name, statement in statements.items():
-                connection.execute(f"PREPARE {name} AS {statement}".encode())
-        except psycopg.Error as error:
-            raise ConnectionLost(str(error)) from error
-        failing.pop_all()
-    return connection
+            return await super().wait(_within(gen, self.silence_s), interval, timeout)
+        except _Silent:
+            self.pgconn.finish()
+            raise psycopg.InterfaceError(f"no answer within {self.silence_s:g} s") from None
+        except BaseException:
+            self.pgconn.finish()
+            raise
 
 
-class Line:
-    """A connection that an event loop asks for prepared statements: none waits for the answer to another."""
+class Asking:
+    """Connections that an event loop asks for rows, each statement a transaction, beside those of threads."""
 
-    def __init__(self, connection: psycopg.Connection[Any], *, answer_within_s: float) -> None:
-        self._connection, self._server = connection, connection.pgconn
+    def __init__(self, url: URL, *, answer_within_s: float) -> None:
         self._silence_s = answer_within_s + _WORD_ON_THE_WAY_S
-        self._open: deque[tuple[asyncio.Future[PGresult], float]] = deque()
-        self._last: PGresult | None = None
-        self._loop = asyncio.get_running_loop()
-        self._watch: asyncio.TimerHandle | None = None
-        self._server.nonblocking = 1
-        self._server.enter_pipeline_mode()
-        self._socket = self._server.socket
-        self._loop.add_reader(self._socket, self._read)
+        _, options = PGDialect_psycopg().create_connect_args(url)  # type: ignore[no-untyped-call]
+        self._options = options | _limits(url, answer_within_s) | {"autocommit": True}
+        self._idle: deque[psycopg.AsyncCursor[Any]] = deque()
+        self._loop: asyncio.AbstractEventLoop | None = None
 
-    @property
-    def closed(self) -> bool:
-        return self._connection.closed
-
-    async def ask(self, statement: bytes, values: Sequence[bytes | None]) -> list[tuple[bytes | None, ...]]:
-        """Return the rows in PostgreSQL's binary format; ``values`` as text. Raises `ConnectionLost`."""
-        answer: asyncio.Future[PGresult] = self._loop.create_future()
+    async def ask(self, statement: str, values: Mapping[str, Any]) -> list[tuple[Any, ...]]:
+        """Return the rows, by another connection where the server has closed one since its last use."""
+        if self._loop is not asyncio.get_running_loop():
+            self._loop, self._room = asyncio.get_running_loop(), asyncio.Semaphore(_MOST_ASKED)
         try:
-            self._server.send_query_prepared(statement, values, result_format=Format.BINARY)
-            self._server.pipeline_sync()
-            self._open.append((answer, self._loop.time()))
-            if self._server.flush():
-                self._loop.add_writer(self._socket, self._write)
+            async with self._room:
+                while self._idle:
+                    try:
+                        return await self._ask(self._idle.pop(), statement, values)
+                    except psycopg.errors.QueryCanceled:
+                        raise
+                    except psycopg.OperationalError:
+                        continue
+                return await self._ask(await self._connect(), statement, values)
         except psycopg.Error as error:
-            answer.cancel()
-            self._close(str(error))
-            raise ConnectionLost(str(error)) from error
-        if self._watch is None:
-            self._watch = self._loop.call_later(self._silence_s, self._end_silence)
-        found = await answer
-        columns = range(found.nfields)
-        return [tuple(found.get_value(row, column) for column in columns) for row in range(found.ntuples)]
+            raise DBAPIError.instance(statement, None, error, psycopg.Error) from error
 
-    def _close(self, why: str) -> None:
-        if not self._connection.closed:
-            self._loop.remove_reader(self._socket)
-            self._loop.remove_writer(self._socket)
-            self._connection.close()
-        while self._open:
-            answer, _ = self._open.popleft()
-            if not answer.done():
-                answer.set_exception(ConnectionLost(why))
+    async def _connect(self) -> psycopg.AsyncCursor[Any]:
+        connection = await _Asker.connect(**self._options)
+        connection.silence_s = self._silence_s
+        return await connection.execute(_PLAN_ONCE)
 
-    def _write(self) -> None:
-        try:
-            if not self._server.flush():
-                self._loop.remove_writer(self._socket)
-        except psycopg.Error as error:
-            self._close(str(error))
+    async def _ask(
+        self, cursor: psycopg.AsyncCursor[Any], statement: str, values: Mapping[str, Any]
+    ) -> list[tuple[Any, ...]]:
+        await cursor.execute(statement, values, prepare=True, binary=True)
+        rows = await cursor.fetchall()
+        self._idle.append(cursor)
+        return rows
 
-    def _read(self) -> None:
-        try:
-            self._server.consume_input()
-            while self._open and not self._server.is_busy():
-                result = self._server.get_result()
-                if result is None:
-                    if self._server.status != ConnStatus.OK:
-                        raise psycopg.OperationalError("the server has ended the connection")
-                    continue
-                if result.status != ExecStatus.PIPELINE_SYNC:
-                    self._last = result
-                    continue
-                assert self._last is not None  # noqa: S101  a statement is answered before its end
-                if self._last.status != ExecStatus.TUPLES_OK:
-                    raise psycopg.OperationalError(self._last.error_message.decode(errors="replace"))
-                answer, _ = self._open.popleft()
-                if not answer.done():
-                    answer.set_result(self._last)
-        except psycopg.Error as error:
-            self._close(str(error))
-
-    def _end_silence(self) -> None:
-        self._watch = None
-        if self._open:
-            left_s = self._open[0][1] + self._silence_s - self._loop.time()
-            if left_s <= 0:
-                self._close(f"no answer within {self._silence_s:g} s")
-            else:
-                self._watch = self._loop.call_later(left_s, self._end_silence)
+    def close(self) -> None:
+        while self._idle:
+            connection = self._idle.pop().connection  # a name keeps it: dropped while open, it complains
+            connection.pgconn.finish()
 
 
 class _Silent(Exception):  # noqa: N818  it is what happened
@@ -227,7 +190,7 @@ def _within(gen: PQGen[Result], limit_s: float) -> Generator[Any, Any, Result]:
         return result
 
 
-def _network_limits(limit_s: float | None) -> dict[str, Any]:
+def _limits(url: URL, limit_s: float | None) -> dict[str, Any]:
     return {
         "connect_timeout": math.ceil(min(_CONNECT_WITHIN_S, limit_s or _CONNECT_WITHIN_S)),
         "keepalives": 1,
@@ -235,11 +198,12 @@ def _network_limits(limit_s: float | None) -> dict[str, Any]:
         "keepalives_interval": 5,
         "keepalives_count": 3,
         "tcp_user_timeout": 20_000,
+        **_server_limits(url, limit_s),
     }
 
 
-def _server_limits(url: URL, limit_s: float) -> dict[str, str]:
-    if "options" in url.query:
+def _server_limits(url: URL, limit_s: float | None) -> dict[str, str]:
+    if limit_s is None or "options" in url.query:
         return {}  # the operator's own
     limits = {
         "statement_timeout": limit_s,

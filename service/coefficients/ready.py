@@ -3,26 +3,27 @@
 import hashlib
 import json
 import math
-from collections.abc import Sequence
-from functools import lru_cache, partial
+from collections.abc import Callable, Coroutine, Sequence
+from functools import lru_cache
 from typing import Any
 from urllib.parse import parse_qsl
 
 from fastapi import Request, Response
-from fastapi.routing import APIRoute
 from pydantic import ValidationError
 from pydantic_core import from_json, to_json
-from starlette.routing import BaseRoute, Match
-from starlette.types import ASGIApp, Receive, Scope, Send
 
 from radiometry.methods import get_method
 from radiometry.specification.application import SurfaceApplication
 from service.http.answers import not_modified, standing_headers
 from service.http.context import Context
+from service.http.counts import STEP
+from service.http.lookup import is_id
 from service.http.models import BandName, Form, Instant, Method, PositiveText, Text
-from service.http.operations import NUMBER
-from store.ready.lookups import Held
+from service.http.operations import NUMBER, Operation
+from store.queries.organisations import hash_secret
+from store.ready.lookups import Held, find_ready
 from store.ready.rows import key_of
+from store.tables.base import utc_now
 
 _SAME_F_NUMBER_REL = 1e-3
 _BEARER = "Bearer "
@@ -49,21 +50,17 @@ class Wanted(Form):
 def answer_held(request: Request, wanted: Wanted, held: Sequence[Held]) -> Response | None:
     """Answer with the coefficients that were asked for, or 304; None where no version has such a one."""
     chosen = wanted.chosen
-    tag, headers = _tag(wanted, held)
     if not chosen and all(each.whole for each in held):
-        content = b",".join(inner for each in held if (inner := (each.items or b"")[1:-1]))
+        content = b",".join(inner for each in held if (inner := each.items[1:-1]))
         body = b'{"items":[%b]}' % content if content else b""
     else:
         items = [item for each in held for item in _choose(wanted, chosen, each)]
         body = to_json({"items": items}) if items else b""
     if not body:
         return None
+    tag = _hash(tuple(each.etag for each in held), tuple(chosen.items()))
+    headers = standing_headers(tag)
     return not_modified(request, tag, headers) or Response(body, 200, headers, "application/json")
-
-
-def _tag(wanted: Wanted, held: Sequence[Held]) -> tuple[str, dict[str, str]]:
-    tag = _hash(tuple(each.etag for each in held), tuple(wanted.chosen.items()))
-    return tag, standing_headers(tag)
 
 
 @lru_cache(maxsize=4096)
@@ -77,7 +74,7 @@ def _choose(wanted: Wanted, chosen: dict[str, Any], held: Held) -> list[dict[str
     What is known both in general and at f-numbers is answered at the f-number asked for if it is known
     there, else in general.
     """
-    stored: list[dict[str, Any]] = from_json(held.items or b"[]")
+    stored: list[dict[str, Any]] = from_json(held.items)
     asked = {name: value for name, value in chosen.items() if name != "f_number"}
     items = [
         (place, item)
@@ -118,53 +115,43 @@ def _foresee(item: dict[str, Any], method: str, f_number: float, u: float) -> di
     }
 
 
-class ReadyAnswers(BaseRoute):
-    """Answers from the ready rows in one query, which also checks the key; all else goes the usual way.
+class AnswersReady(Operation):
+    """A look-up in one query, which also checks the key; what that does not answer goes the usual way.
 
-    The usual way is a route of the framework. It answers the same, and refuses what is to be refused; what
-    the framework does for any route takes longer than the query.
+    The usual way answers the same, and refuses what is to be refused; what the framework does for any route
+    takes longer than the query.
     """
 
-    def __init__(self, usual: APIRoute) -> None:
-        self._usual = usual
+    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
+        go_the_usual_way = super().get_route_handler()
 
-    def matches(self, scope: Scope) -> tuple[Match, Scope]:
-        if scope["type"] == "http" and scope["method"] == "GET" and "route" not in scope:
-            found = self._usual.path_regex.match(scope["path"])
-            if found:
-                return Match.FULL, {"route": self._usual, "path_params": found.groupdict()}
-        return Match.NONE, {}
+        async def look_up(request: Request) -> Response:
+            return await _answer_ready(request) or await go_the_usual_way(request)
 
-    async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
-        app: ASGIApp = await _answer_ready(Request(scope)) or scope["router"].app
-        await app(scope, receive, send)
+        return look_up
 
 
 async def _answer_ready(request: Request) -> Response | None:
     sent, camera_id = request.headers.get("authorization", ""), request.path_params["camera_id"]
     wanted = _read_query(request.scope["query_string"]) if sent.startswith(_BEARER) else None
-    if wanted is None or not (camera_id.isascii() and camera_id.isprintable()):
+    if wanted is None or not is_id(camera_id):
         return None
     context: Context = request.app.state.context
-    secret = sent.removeprefix(_BEARER)
-    find = partial(
-        context.lookups.find,
-        secret,
+    secret, now = sent.removeprefix(_BEARER), utc_now()
+    held = await find_ready(
+        context.database,
         camera_id=camera_id,
         method=wanted.method,
-        at=wanted.at,
+        at=wanted.at or now,
         known_at=wanted.known_at,
+        sha256=hash_secret(secret),
+        now=now,
+        used_after=now - STEP,
     )
-    named = request.headers.get("if-none-match", "*")
-    found = await find(tags_only=True) if named.strip() != "*" else None
-    answer = not_modified(request, *_tag(wanted, found.held)) if found else None
-    if answer is None:
-        found = await find(tags_only=False)
-        answer = answer_held(request, wanted, found.held) if found else None
-    if found is None or answer is None:
-        return None
-    context.attempts.trust(secret)
-    context.rates.take(found.organisation_id)
+    answer = answer_held(request, wanted, held)
+    if answer is not None:
+        context.attempts.trust(secret)
+        context.rates.take(held[0].organisation_id)
     return answer
 
 

@@ -7,16 +7,17 @@ from typing import Annotated
 from fastapi import Query, Request, Response
 from pydantic import Field
 from pydantic_core import from_json
+from starlette.concurrency import run_in_threadpool
 
 from radiometry.findings import interface
 from service.calibrations.schemas import CoefficientsAnswer
 from service.coefficients.formats import describe_columns
-from service.coefficients.ready import Wanted, answer_held
+from service.coefficients.ready import AnswersReady, Wanted, answer_held
 from service.coefficients.series import SeriesAnswer, SeriesQuery, SeriesRow, answer_series, sends_series
 from service.http.answers import UNCHANGED, problems
-from service.http.auth import Reader
-from service.http.context import UsesContext
-from service.http.lookup import Id, owned
+from service.http.auth import Caller, Reader
+from service.http.context import Context, UsesContext
+from service.http.lookup import Id, is_id, owned
 from service.http.models import Instant
 from service.http.operations import Router
 from service.http.problems import Problem
@@ -27,7 +28,7 @@ from store.tables import Camera
 from store.tables.base import utc_now
 
 router = Router(prefix="/v1", tags=["coefficients"])
-ready_router = Router(prefix="/v1", tags=["coefficients"])
+ready_router = Router(prefix="/v1", tags=["coefficients"], route_class=AnswersReady)
 
 
 @ready_router.get(
@@ -35,7 +36,7 @@ ready_router = Router(prefix="/v1", tags=["coefficients"])
     response_model=CoefficientsAnswer,
     responses={**UNCHANGED, **problems(404)},
 )
-def get_coefficients(
+async def get_coefficients(
     camera_id: Id,
     wanted: Annotated[Wanted, Query()],
     request: Request,
@@ -50,13 +51,26 @@ def get_coefficients(
     with what is in force: with `If-None-Match`, the answer is a 304 without a body until then.
     """
     at = wanted.at or utc_now()
-    with context.database.reading() as session:
-        owned(session, Camera, camera_id, caller)
-        held = find_ready(session, camera_id=camera_id, method=wanted.method, at=at, known_at=wanted.known_at)
+    held: tuple[Held, ...] = ()
+    if is_id(camera_id):
+        held = await find_ready(
+            context.database,
+            organisation_id=caller.organisation_id,
+            camera_id=camera_id,
+            method=wanted.method,
+            at=at,
+            known_at=wanted.known_at,
+        )
     answer = answer_held(request, wanted, held)
     if answer is None:
+        await run_in_threadpool(_require_camera, context, caller, camera_id)
         raise Problem(interface.NO_CALIBRATION_IN_FORCE, _explain_none(wanted, at, held))
     return answer
+
+
+def _require_camera(context: Context, caller: Caller, camera_id: str) -> None:
+    with context.database.reading() as session:
+        owned(session, Camera, camera_id, caller)
 
 
 class CoefficientSeriesQuery(SeriesQuery):
@@ -85,9 +99,7 @@ def _explain_none(wanted: Wanted, at: datetime, found: Sequence[Held]) -> str:
     if not found:
         return f"No {wanted.method} calibration of this camera is in force at {show_instant(at)}."
     versions = ", ".join(str(held.version) for held in found)
-    isos = sorted(
-        {item["iso"] for held in found for item in from_json(held.items or b"[]") if item.get("iso")}
-    )
+    isos = sorted({item["iso"] for held in found for item in from_json(held.items) if item.get("iso")})
     return (
         f"Version {versions} is in force at {show_instant(at)}, but has no such coefficient. "
         f"It was calibrated for ISO {', '.join(f'{iso:g}' for iso in isos)}."

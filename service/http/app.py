@@ -17,7 +17,6 @@ from service.calibrations import routes as calibrations
 from service.campaigns import grid, manifests, points, proposals, readings
 from service.campaigns import routes as campaigns
 from service.coefficients import routes as coefficients
-from service.coefficients.ready import ReadyAnswers
 from service.documents import report
 from service.documents import routes as certificates
 from service.equipment import rigs
@@ -108,9 +107,6 @@ PAGES: Final = (rendering.router, sign_in.router, documentation.router, cameras.
 
 
 def _include_routers(app: FastAPI) -> None:
-    for usual in coefficients.ready_router.routes:
-        if isinstance(usual, APIRoute):
-            app.router.routes.append(ReadyAnswers(usual))
     for router in (
         *(coefficients.ready_router, system.probes, manifests.keys_router),
         *(system.router, keys.router, keys.sessions_router),

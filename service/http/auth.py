@@ -11,14 +11,22 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import ClientDisconnect
 
 from radiometry.findings import interface
-from radiometry.records import Record
 from service.http.context import Context
-from service.http.counts import name_address
+from service.http.counts import STEP, is_unnoted, name_address
 from service.http.models import rfc3339
 from service.http.problems import Problem
 from service.http.signatures import CSRF_HEADER
-from store.queries.organisations import UNNAMED, Person, Who, find_ended_key, find_key, find_session_key
+from store.queries.organisations import (
+    UNNAMED,
+    Holder,
+    Person,
+    Who,
+    find_ended_key,
+    find_holder,
+    find_session_key,
+)
 from store.tables import ApiKey, Organisation
+from store.tables.base import utc_now
 
 Scope = Literal["read", "upload", "calibrate", "publish", "admin"]
 SCOPE_WORDS: dict[Scope, str] = {
@@ -37,16 +45,8 @@ _SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 _bearer = HTTPBearer(auto_error=False, scheme_name="key", description="A key of your organisation.")
 
 
-class Caller(Record):
-    key_id: str
-    organisation_id: str
-    scopes: frozenset[str]
-    operator: bool
-    """The key's organisation runs this service."""
-    key_name: str
-    person: Person | None
-    organisation_name: str
-    session_id: str | None
+class Caller(Holder):
+    session_id: str | None = None
     """Of the browser that asks; None for who sends the key itself."""
 
     @property
@@ -88,8 +88,10 @@ async def identify(request: Request) -> None:
     """
     request.state.caller = None
     try:
-        credentials = await _bearer(request)
-        request.state.caller = await run_in_threadpool(_find_caller, request, credentials)
+        if credentials := await _bearer(request):
+            request.state.caller = await _find_holder(request, credentials.credentials)
+        else:
+            request.state.caller = await run_in_threadpool(_find_signed_in, request)
     except Problem as problem:
         late_s = _count_refusal(request) if problem.code == interface.UNAUTHENTICATED else 0.0
         try:
@@ -122,19 +124,27 @@ async def _wait(request: Request, late_s: float) -> None:
                 pass
 
 
-def _find_caller(request: Request, credentials: HTTPAuthorizationCredentials | None) -> Caller:
-    """By the key that is sent; else by the session, which must prove that its own page asks for a change."""
+async def _find_holder(request: Request, secret: str) -> Caller:
+    """Return who asks by the key that is sent."""
     context: Context = request.app.state.context
-    if credentials is not None:
-        with context.database.reading() as session:
-            found = find_key(session, credentials.credentials)
-            ended = None if found else find_ended_key(session, credentials.credentials)
-        if found is None:
-            raise _unauthenticated(describe_refusal(ended))
-        context.attempts.trust(credentials.credentials)
-        context.uses.note(found[0])
-        context.rates.take(found[1].id)
-        return Caller.holding(*found)
+    found = await find_holder(context.database, secret, noted_since=utc_now() - STEP)
+    if found is None:
+        raise _unauthenticated(describe_refusal(await run_in_threadpool(_find_ended, context, secret)))
+    context.attempts.trust(secret)
+    if found.unnoted:
+        await run_in_threadpool(context.uses.note, ApiKey, found.key_id)
+    context.rates.take(found.organisation_id)
+    return Caller(**vars(found))
+
+
+def _find_ended(context: Context, secret: str) -> ApiKey | None:
+    with context.database.reading() as session:
+        return find_ended_key(session, secret)
+
+
+def _find_signed_in(request: Request) -> Caller:
+    """Return who asks by the session, which must prove that its own page asks for a change."""
+    context: Context = request.app.state.context
     caller = None if "authorization" in request.headers else find_session(request, context)
     if caller is None:
         raise _unauthenticated("Send a key: Authorization: Bearer <key>.")
@@ -154,8 +164,9 @@ def find_session(request: Request, context: Context) -> Caller | None:
     if found is None:
         return None
     row, key, organisation = found
-    context.uses.note(row)
-    context.uses.note(key)
+    for each in (row, key):
+        if is_unnoted(each):
+            context.uses.note(type(each), each.id)
     return Caller.holding(key, organisation, row.id)
 
 

@@ -9,7 +9,7 @@ from fastapi import Depends, Request
 from radiometry.records import Record
 from service.http.batches import Together
 from service.http.connections import Hosts
-from service.http.counts import STEP, Attempts, Rates, Uses
+from service.http.counts import Attempts, Rates, Uses
 from service.http.processes import Traffic
 from service.http.signatures import Sessions, Signer, read_seed
 from service.jobs.watch import JobWatch
@@ -19,7 +19,6 @@ from store.blobs.partials import Partials
 from store.database import Database
 from store.files import Files
 from store.queries.usage import Quotas
-from store.ready.lookups import Lookups
 from store.reviews import Reviews
 from store.settings import Settings
 
@@ -83,10 +82,6 @@ class Context(Record):
     @cached_property
     def signer(self) -> Signer:
         return Signer(read_seed(self.settings), self.database)
-
-    @cached_property
-    def lookups(self) -> Lookups:
-        return Lookups(self.database, used_within=STEP)
 
     @property
     def files(self) -> Files:

@@ -8,7 +8,7 @@ import time
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import astuple, dataclass
-from datetime import datetime, timedelta
+from datetime import timedelta
 from threading import Lock
 from typing import Any, Final
 
@@ -33,16 +33,16 @@ class Uses:
         self._lock = Lock()
         self._tried_at: dict[str, float] = {}
 
-    def note(self, row: ApiKey | WebSession) -> None:
-        """Write down that a key or a session is used just now, unless that is known well enough."""
+    def note(self, table: type[ApiKey | WebSession], row_id: str) -> None:
+        """Write down that a key or a session is used just now."""
         now = utc_now()
-        if not _is_old(row.last_used_at, now) or not self._may_try(row.id):
+        if not self._may_try(row_id):
             return
         try:
             with self._database.writing("service") as session:
-                note_use(session, row, now, unless_after=now - STEP)
+                note_use(session, table, row_id, now, unless_after=now - STEP)
         except SQLAlchemyError as error:
-            logging.getLogger(__name__).warning("when %s was used cannot be written: %s", row.id, error)
+            logging.getLogger(__name__).warning("when %s was used cannot be written: %s", row_id, error)
 
     def _may_try(self, row_id: str) -> bool:
         # a database that takes no writes must not make every request wait for it
@@ -56,8 +56,9 @@ class Uses:
         return True
 
 
-def _is_old(last_used_at: datetime | None, now: datetime) -> bool:
-    return last_used_at is None or last_used_at < now - STEP
+def is_unnoted(row: ApiKey | WebSession) -> bool:
+    """Return whether a use just now is to be written down."""
+    return row.last_used_at is None or row.last_used_at < utc_now() - STEP
 
 
 FREE: Final = 5

@@ -78,6 +78,11 @@ def find_owned(session: Session, tables: Sequence[type[Base]], row_id: str, call
     raise not_found(" or ".join(_WORDS[table] for table in tables))
 
 
+def is_id(text: str) -> bool:
+    """Return whether this may be an id: plain ASCII; PostgreSQL cannot even be asked for a NUL."""
+    return text.isascii() and text.isprintable()
+
+
 def _find(
     session: Session,
     table: type[Row],
@@ -87,9 +92,9 @@ def _find(
     for_update: bool = False,
     options: Sequence[ORMOption] = (),
 ) -> Row | None:
-    # ids are plain ASCII; PostgreSQL cannot even be asked for a NUL
-    is_id = row_id.isascii() and row_id.isprintable()
-    row = session.get(table, row_id, options=options, with_for_update=for_update or None) if is_id else None
+    row = None
+    if is_id(row_id):
+        row = session.get(table, row_id, options=options, with_for_update=for_update or None)
     if row is None or _organisation_of(session, row) != caller.organisation_id:
         return None
     return row

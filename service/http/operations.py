@@ -41,10 +41,10 @@ class Router(APIRouter):
     """The operations of one resource."""
 
     def __init__(self, *, prefix: str = "", tags: list[Any] | None = None, **options: Any) -> None:  # noqa: ANN401
-        super().__init__(prefix=prefix, tags=tags, route_class=_Operation, **options)
+        super().__init__(prefix=prefix, tags=tags, **{"route_class": Operation, **options})
 
 
-class _Operation(APIRoute):
+class Operation(APIRoute):
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         handle = super().get_route_handler()
         called = list(list_calls(self.dependant))

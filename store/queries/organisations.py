@@ -1,17 +1,20 @@
 """Organisations, their keys, their cameras, meters and panels."""
 
 import hashlib
+import json
 import secrets
 from collections.abc import Collection
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, Final, TypeVar
 
-from sqlalchemy import ColumnElement, Select, and_, not_, select, update
+from sqlalchemy import ColumnElement, Select, Text, and_, bindparam, cast, not_, select, update
 from sqlalchemy.orm import Session
 
+from radiometry.records import Record
+from store.database import Database
 from store.tables import ApiKey, Base, Camera, Meter, Organisation, Panel, WebSession
-from store.tables.base import utc_now
+from store.tables.base import UtcDateTime, utc_now
 
 UNNAMED: Final = "an unnamed person"
 """Whoever acted with a key that states no person, as documents name them."""
@@ -67,7 +70,7 @@ def create_key(
         person=person.name if person else None,
         role=person.role if person else None,
         scopes=scopes,
-        sha256=_hash(secret),
+        sha256=hash_secret(secret),
         expires_at=expires_at,
     )
     session.add(key)
@@ -77,8 +80,42 @@ def create_key(
 
 def find_key(session: Session, secret: str) -> tuple[ApiKey, Organisation] | None:
     """The key that is in force, and whose it is."""
-    row = session.execute(_keys().where(ApiKey.sha256 == _hash(secret), *_in_force())).first()
+    values = {"sha256": hash_secret(secret), "now": utc_now()}
+    row = session.execute(_keys().where(IS_HOLDERS), values).first()
     return (row[0], row[1]) if row else None
+
+
+class Holder(Record):
+    """A key that is in force, as a request asks with it."""
+
+    key_id: str
+    key_name: str
+    person: Person | None
+    scopes: frozenset[str]
+    organisation_id: str
+    organisation_name: str
+    operator: bool
+    unnoted: bool = False
+    """It was not used for so long that this use is to be written down."""
+
+
+async def find_holder(database: Database, secret: str, *, noted_since: datetime) -> Holder | None:
+    """The same without a session, as most requests begin with it."""
+    moments = {"now": utc_now(), "noted_since": noted_since}
+    rows = await database.ask(_HOLDER, {"sha256": hash_secret(secret), **moments})
+    if not rows:
+        return None
+    key_id, name, person, role, scopes, organisation_id, organisation_name, operator, unnoted = rows[0]
+    return Holder(
+        key_id=key_id,
+        key_name=name,
+        person=Person(person, role) if person and role else None,
+        scopes=frozenset(json.loads(scopes)),
+        organisation_id=organisation_id,
+        organisation_name=organisation_name,
+        operator=bool(operator),
+        unnoted=bool(unnoted),
+    )
 
 
 def find_key_by_id(session: Session, key_id: str) -> tuple[ApiKey, Organisation] | None:
@@ -106,7 +143,9 @@ def find_in_force(session: Session, callers: Collection[Who]) -> set[Who]:
 
 def find_ended_key(session: Session, secret: str) -> ApiKey | None:
     """The key that was revoked or has expired."""
-    return session.scalar(select(ApiKey).where(ApiKey.sha256 == _hash(secret), not_(and_(*_in_force()))))
+    return session.scalar(
+        select(ApiKey).where(ApiKey.sha256 == hash_secret(secret), not_(and_(*_in_force())))
+    )
 
 
 def has_other_admin(session: Session, key: ApiKey) -> bool:
@@ -138,13 +177,14 @@ def end_sessions(session: Session, key: ApiKey) -> None:
         row.ended_at = utc_now()
 
 
-def note_use(session: Session, row: ApiKey | WebSession, now: datetime, *, unless_after: datetime) -> None:
+def note_use(
+    session: Session, table: type[ApiKey | WebSession], row_id: str, now: datetime, *, unless_after: datetime
+) -> None:
     """Write down that a key or a session was used, unless another process has just done so."""
-    table = type(row)
     known = table.last_used_at.is_(None) | (table.last_used_at < unless_after)
     session.execute(
         update(table)
-        .where(table.id == row.id, known)
+        .where(table.id == row_id, known)
         .values(last_used_at=now)
         .execution_options(synchronize_session=False)
     )
@@ -157,7 +197,7 @@ def ensure_operator(session: Session, secret: str, scopes: list[str]) -> None:
         operator = Organisation(name=_FOUNDING_NAME, operator=True)
         session.add(operator)
         session.flush()
-    if session.scalar(select(ApiKey).where(ApiKey.sha256 == _hash(secret))) is None:
+    if session.scalar(select(ApiKey).where(ApiKey.sha256 == hash_secret(secret))) is None:
         create_key(session, organisation_id=operator.id, name="bootstrap", scopes=scopes, secret=secret)
 
 
@@ -169,7 +209,24 @@ def _in_force() -> tuple[ColumnElement[bool], ...]:
     return ApiKey.revoked_at.is_(None), ApiKey.expires_at.is_(None) | (ApiKey.expires_at > utc_now())
 
 
-def _hash(secret: str) -> str:
+IS_HOLDERS: Final = and_(
+    ApiKey.sha256 == bindparam("sha256"),
+    ApiKey.revoked_at.is_(None),
+    ApiKey.expires_at.is_(None) | (ApiKey.expires_at > bindparam("now", type_=UtcDateTime)),
+)
+"""The condition of the key that is in force `now`, by its `sha256`."""
+_HOLDER: Final = (
+    _keys()
+    .with_only_columns(
+        *(ApiKey.id, ApiKey.name, ApiKey.person, ApiKey.role, cast(ApiKey.scopes, Text)),
+        *(Organisation.id, Organisation.name, Organisation.operator),
+        ApiKey.last_used_at.is_(None) | (ApiKey.last_used_at < bindparam("noted_since", type_=UtcDateTime)),
+    )
+    .where(IS_HOLDERS)
+)
+
+
+def hash_secret(secret: str) -> str:
     return hashlib.sha256(secret.encode("utf-8", "surrogatepass")).hexdigest()
 
 

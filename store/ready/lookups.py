@@ -1,141 +1,54 @@
-"""Look-ups of what is in force: one query for the key and the ready answers, on a connection of its own."""
+"""Look-ups of what is in force."""
 
-import asyncio
-import hashlib
-import time
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
+from datetime import datetime
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from sqlalchemy import Boolean, ColumnElement, Select, Text, bindparam, case, cast, select
-from sqlalchemy.exc import OperationalError
-from sqlalchemy.orm import Session, aliased
+from sqlalchemy import ColumnElement, Select, Text, bindparam, cast, select
+from sqlalchemy.orm import aliased
 
-from store.database import ConnectionLost, Database
+from store.database import Database
+from store.queries.organisations import IS_HOLDERS
 from store.tables import ApiKey, ReadyAnswer, ReadyRow, Slot
-from store.tables.base import UtcDateTime, utc_now
-
-if TYPE_CHECKING:
-    from store.postgres import Line
-
-_NOW, _THEN = "ready_now", "ready_then"
-_AT_ONCE_S = 1.0
-"""A connection that fails sooner was closed since its last use; later, the database does not answer."""
+from store.tables.base import UtcDateTime
 
 
 @dataclass(frozen=True)
 class Held:
-    """The ready answer of one publication in force; without `items` where only tags were asked for."""
+    """The ready answer of one publication in force."""
 
+    organisation_id: str
     calibration_id: str
     etag: str
     foreseen: str | None
     version: int
     whole: bool
-    items: bytes | None
+    items: bytes
 
 
-@dataclass(frozen=True, kw_only=True)
-class Found:
-    """A key with the scope `read`, used lately, and what is in force; ``held`` is never empty."""
-
-    organisation_id: str
-    held: tuple[Held, ...]
-
-
-def find_ready(
-    session: Session, *, camera_id: str, method: str, at: datetime, known_at: datetime | None
+async def find_ready(
+    database: Database,
+    *,
+    camera_id: str,
+    method: str,
+    at: datetime,
+    known_at: datetime | None,
+    **who: str | datetime,
 ) -> tuple[Held, ...]:
-    """Return the ready answers of what holds at a time as known then, or last: one for each configuration."""
-    values = {"camera_id": camera_id, "method": method, "at": at, "known_at": known_at}
-    return tuple(Held(**row) for row in session.execute(_hold(now=known_at is None), values).mappings())
+    """Return the ready answers of what holds at a time as known then, or last: one for each configuration.
 
-
-class Lookups:
-    """Finds ready answers for whoever holds a key, in the event loop, without an ORM session."""
-
-    def __init__(self, database: Database, *, used_within: timedelta) -> None:
-        self._database = database
-        self._used_within = used_within
-        self._line: asyncio.Task[Line] | None = None
-        kind: Any = type(database.engine.dialect)
-        dialect = kind(paramstyle="named" if database.is_sqlite else "numeric_dollar")
-        compiled = {name: _with_key(now=name == _NOW).compile(dialect=dialect) for name in (_NOW, _THEN)}
-        self._statements = {name: each.string for name, each in compiled.items()}
-        self._constants = {name: dict(each.params) for name, each in compiled.items()}
-        self._orders = {name: getattr(each, "positiontup", None) or () for name, each in compiled.items()}
-
-    async def find(
-        self,
-        secret: str,
-        *,
-        camera_id: str,
-        method: str,
-        at: datetime | None,
-        known_at: datetime | None,
-        tags_only: bool,
-    ) -> Found | None:
-        """Return what is in force; None where nothing is, and wherever the usual way must say why."""
-        now = utc_now()
-        name = _NOW if known_at is None else _THEN
-        values: dict[str, Any] = self._constants[name] | {
-            "camera_id": camera_id,
-            "method": method,
-            "at": self._bind(at or now),
-            "sha256": hashlib.sha256(secret.encode("utf-8", "surrogatepass")).hexdigest(),
-            "now": self._bind(now),
-            "used_after": self._bind(now - self._used_within),
-            "tags_only": tags_only,
-        }
-        if known_at is not None:
-            values["known_at"] = self._bind(known_at)
-        began = time.monotonic()
-        try:
-            rows = self._fetch(name, values) if self._database.is_sqlite else await self._ask(name, values)
-        except ConnectionLost as error:
-            if time.monotonic() - began < _AT_ONCE_S:
-                return None
-            raise OperationalError(name, None, error) from error
-        if not rows or '"read"' not in rows[0][1]:
-            return None
-        return Found(organisation_id=rows[0][0], held=tuple(Held(*row[2:]) for row in rows))
-
-    def _bind(self, instant: datetime) -> str:
-        # in UTC for PostgreSQL too: it reads no offset from 16 hours on
-        utc = instant.astimezone(UTC)
-        return (utc.replace(tzinfo=None) if self._database.is_sqlite else utc).isoformat(" ", "microseconds")
-
-    def _fetch(self, name: str, values: dict[str, Any]) -> list[Any]:
-        with self._database.reading_alone() as cursor:
-            return cursor.execute(self._statements[name], values).fetchall()
-
-    async def _ask(self, name: str, values: dict[str, Any]) -> list[Any]:
-        line = await self._open_line()
-        rows = await line.ask(name.encode(), [str(values[each]).encode() for each in self._orders[name]])
-        return [
-            (
-                *(text and text.decode() for text in row[:5]),
-                int.from_bytes(row[5] or b""),
-                row[6] == b"\1",
-                row[7],
-            )
-            for row in rows
-        ]
-
-    async def _open_line(self) -> "Line":
-        opening = self._line
-        if (
-            opening is None
-            or opening.get_loop() is not asyncio.get_running_loop()
-            or (opening.done() and (opening.exception() or opening.result().closed))
-        ):
-            opening = self._line = asyncio.create_task(self._database.open_line(self._statements))
-        return await asyncio.shield(opening)
+    ``who``: `organisation_id`; or `sha256` of a key that was used since `used_after`, as most are, and may
+    read: then one statement checks it and finds the answers.
+    """
+    moments = {"at": at} if known_at is None else {"at": at, "known_at": known_at}
+    wanted = select_held(now=known_at is None, by_key="sha256" in who)
+    rows = await database.ask(wanted, {"camera_id": camera_id, "method": method, **moments, **who})
+    return tuple(Held(*row) for row in rows)
 
 
 @cache
-def _hold(*, now: bool) -> Select[Any]:
+def select_held(*, now: bool, by_key: bool) -> Select[Any]:
     """Select the ready answers: of each slot the last one to begin, as no two of a slot hold at once."""
     at = bindparam("at", type_=UtcDateTime)
     inner = aliased(ReadyRow)
@@ -152,12 +65,9 @@ def _hold(*, now: bool) -> Select[Any]:
         .scalar_subquery()
     )
     answer = ReadyAnswer
-    columns: list[Any] = [
-        *(ReadyRow.calibration_id, answer.etag, answer.foreseen, ReadyRow.version, answer.whole),
-        case((bindparam("tags_only", False, Boolean), None), else_=answer.items).label("items"),
-    ]
-    return (
-        select(*columns)
+    columns: list[Any] = [ReadyRow.organisation_id, ReadyRow.calibration_id, answer.etag, answer.foreseen]
+    held: Select[Any] = (
+        select(*columns, ReadyRow.version, answer.whole, answer.items)
         .select_from(Slot)
         .join(ReadyRow, ReadyRow.publication_id == last)
         .join(ReadyAnswer, ReadyAnswer.publication_id == ReadyRow.publication_id)
@@ -165,15 +75,10 @@ def _hold(*, now: bool) -> Select[Any]:
         .where(ReadyRow.valid_to.is_(None) | (ReadyRow.valid_to > at))
         .order_by(Slot.configuration)
     )
-
-
-def _with_key(*, now: bool) -> Select[Any]:
-    moment = bindparam("now", type_=UtcDateTime)
-    held = _hold(now=now)
+    if not by_key:
+        return held.where(ReadyRow.organisation_id == bindparam("organisation_id"))
     return (
-        held.with_only_columns(ApiKey.organisation_id, cast(ApiKey.scopes, Text), *held.selected_columns)
-        .join(ApiKey, ApiKey.organisation_id == ReadyRow.organisation_id)
-        .where(ApiKey.sha256 == bindparam("sha256"), ApiKey.revoked_at.is_(None))
-        .where(ApiKey.expires_at.is_(None) | (ApiKey.expires_at > moment))
+        held.join(ApiKey, ApiKey.organisation_id == ReadyRow.organisation_id)
+        .where(IS_HOLDERS, cast(ApiKey.scopes, Text).contains('"read"'))
         .where(ApiKey.last_used_at > bindparam("used_after", type_=UtcDateTime))
     )

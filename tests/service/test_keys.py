@@ -190,6 +190,7 @@ def test_a_use_is_written_once_in_ten_minutes_and_nowhere_else(house, monkeypatc
         assert first is not None
         later = utc_now() + timedelta(minutes=11)
         monkeypatch.setattr("service.http.counts.utc_now", lambda: later)
+        monkeypatch.setattr("service.http.auth.utc_now", lambda: later)
         house.app.state.context.__dict__.pop("uses")
         client.get("/v1/cameras")
     assert last_used() > first

@@ -6,14 +6,18 @@ import time
 from pathlib import Path
 
 import pytest
-from sqlalchemy import text
-from sqlalchemy.exc import OperationalError
+from sqlalchemy import Integer, bindparam, column, select, table, text
+from sqlalchemy.exc import DataError, InterfaceError, OperationalError, ProgrammingError
 
-from store.database import ConnectionLost, Database
+from store.database import Database
 from store.migrate import migrate
 from tests.support.proxy import Proxy
 
 LIMIT_S = 0.6
+_END_ALL = (
+    "SELECT pg_terminate_backend(pid) FROM pg_stat_activity "
+    "WHERE pid <> pg_backend_pid() AND datname = current_database()"
+)
 
 
 @pytest.fixture
@@ -60,32 +64,24 @@ def test_a_server_that_falls_silent_within_a_transaction(database, proxy):
     assert ask(database) == 1
 
 
-def test_line_answers_in_order_and_ends_with_what_fails(database, proxy):
-    async def ask_down_lines():
-        line = await database.open_line({"inverse": "SELECT 60 / $1::int"})
-        numbers = range(1, 31)
-        found = await asyncio.gather(*(line.ask(b"inverse", [b"%d" % number]) for number in numbers))
-        assert [int.from_bytes(rows[0][0]) for rows in found] == [60 // number for number in numbers]
-        open_too = asyncio.gather(
-            *(line.ask(b"inverse", [b"%d" % number]) for number in (0, 1)), return_exceptions=True
-        )
-        assert [type(each) for each in await open_too] == [ConnectionLost] * 2
-        assert line.closed
-        line = await database.open_line({"one": "SELECT 1"})
-        with proxy.being("silent"), pytest.raises(ConnectionLost, match="no answer within"):
-            await line.ask(b"one", [])
-        assert line.closed
+def test_what_an_event_loop_asks_ends_with_what_fails(database, proxy):
+    number = select(60 // bindparam("number", type_=Integer))
 
-    asyncio.run(ask_down_lines())
+    async def ask_all():
+        asked = (database.ask(number, {"number": each}) for each in range(1, 31))
+        assert [rows[0][0] for rows in await asyncio.gather(*asked)] == [60 // each for each in range(1, 31)]
+        with pytest.raises(DataError, match="division by zero"):
+            await database.ask(number, {"number": 0})
+        with database.reading() as session:
+            session.execute(text(_END_ALL))
+        assert await database.ask(number, {"number": 6}) == [(10,)]
+        with proxy.being("silent"), pytest.raises(InterfaceError, match="no answer within"):
+            await database.ask(number, {"number": 6})
+        assert await database.ask(number, {"number": 6}) == [(10,)]
+        with pytest.raises(ProgrammingError, match="nothing_there"):
+            await database.ask(select(table("nothing_there", column("x"))), {})
 
-
-def test_a_line_that_cannot_be_prepared_leaves_no_connection_open(database, monkeypatch):
-    opened = []
-    open_alone = database._open_alone
-    monkeypatch.setattr(database, "_open_alone", lambda: opened.append(open_alone()) or opened[-1])
-    with pytest.raises(ConnectionLost, match="nothing_there"):
-        asyncio.run(database.open_line({"missing": "SELECT 1 FROM nothing_there"}))
-    assert [connection.closed for connection in opened] == [True]
+    asyncio.run(ask_all())
 
 
 def test_a_server_that_never_answers_a_connection(database, proxy):

@@ -25,7 +25,7 @@ from service.coefficients.ready import Wanted, answer_held
 from store import publications
 from store.database import Conflict
 from store.queries.calibrations import history, read_version_statuses
-from store.ready.lookups import find_ready
+from store.ready.lookups import Held, select_held
 from store.tables import Calibration, Camera, Campaign, CoefficientRow, Organisation, Publication, Revocation
 from tests.support.versions import bare_version, find_held
 
@@ -173,7 +173,10 @@ class World:
         }
         assert len(got) == len(found)
         for known in (known_at, *([None] if known_at > self.now + timedelta(hours=1) else [])):
-            ready = find_ready(session, camera_id=camera_id, method="luminance", at=at, known_at=known)
+            asked = {"camera_id": camera_id, "method": "luminance", "at": at, "known_at": known}
+            asked["organisation_id"] = session.get_one(Camera, camera_id).organisation_id
+            rows = session.execute(select_held(now=known is None, by_key=False), asked)
+            ready = [Held(*row) for row in rows]
             assert [held.calibration_id for held in ready] == [held.calibration.id for held in found]
         self._check_answer(ready, found)
         slots = [slot for slot in self.slots if slot[0] == camera_id]
