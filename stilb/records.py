@@ -337,14 +337,6 @@ class CameraDetails(TypedDict, total=False):
     note: str
 
 
-class CameraChange(CameraDetails, total=False):
-    """Corrections of a camera."""
-
-    make: str
-    model: str
-    serial: str
-
-
 class Certificate(TypedDict):
     number: str
     laboratory: str

@@ -108,12 +108,6 @@ class Calibrations(Campaigns, Jobs):
         where = address("calibrations", calibration_id, "exports", path.name)
         return self._save(path, where, query)
 
-    def points_csv(self, calibration_id: str) -> str:
-        return self._text(address("calibrations", calibration_id, "points.csv"))
-
-    def plot_svg(self, calibration_id: str) -> str:
-        return self._text(address("calibrations", calibration_id, "plot.svg"))
-
 
 class Coefficients(Equipment):
     """Coefficients by camera and time."""

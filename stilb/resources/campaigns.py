@@ -16,7 +16,7 @@ from stilb.records import (
     TableSettings,
     as_text,
 )
-from stilb.transport import Call, Connection, address, without_none
+from stilb.transport import Call, Connection, address
 
 _POLL_S = 0.5
 
@@ -172,32 +172,6 @@ class Campaigns(Connection):
 
     def readings(self, campaign_id: str) -> Iterator[dict[str, Any]]:
         return self._items(address("campaigns", campaign_id, "readings"))
-
-    def change_frames(
-        self,
-        campaign_id: str,
-        frame_ids: Sequence[str],
-        *,
-        role: str | None = None,
-        scene: str | None = None,
-        left_out: bool | None = None,
-        reason: str | None = None,
-        withdrawn: bool | None = None,
-        expected: Mapping[str, Any] | None = None,
-    ) -> dict[str, Any]:
-        """Move frames to a role or scene, leave them out of every fit, withdraw or restore them.
-
-        With `expected`, such as `{"scene": "level-1"}`, none is changed where one is no longer so: a
-        `stilb.Problem` with the code `changed_meanwhile`.
-        """
-        said: dict[str, Any] = {"role": role, "scene": scene, "left_out": left_out, "reason": reason}
-        said |= {"withdrawn": withdrawn, "expected": dict(expected) if expected else None}
-        body = {"frame_ids": [*frame_ids], **without_none(said)}
-        return self._patch(address("campaigns", campaign_id, "frames"), body)
-
-    def restore_reading(self, reading_id: str) -> dict[str, Any]:
-        """Undo the withdrawal of a reading."""
-        return self._transport.json(Call(method="POST", path=address("readings", reading_id, "restore")))
 
     def withdraw_reading(self, reading_id: str) -> dict[str, Any]:
         """Withdraw a mistyped reading: no fit uses it any more, the record keeps it."""

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any, Unpack
 
 from stilb.problem import Problem, Unclear, missing
-from stilb.records import Camera, CameraChange, CameraDetails, Certificate, Meter, Panel, PanelBand, Rig
+from stilb.records import Camera, CameraDetails, Certificate, Meter, Panel, PanelBand, Rig
 from stilb.transport import Connection, PathLike, address, without_none
 
 
@@ -15,10 +15,6 @@ class Equipment(Connection):
     def create_camera(self, make: str, model: str, serial: str, **details: Unpack[CameraDetails]) -> Camera:
         body = {"make": make, "model": model, "serial": serial, **details}
         return Camera.of(self._post(address("cameras"), body))
-
-    def change_camera(self, camera_id: str, **details: Unpack[CameraChange]) -> Camera:
-        """Correct a camera. With other names the frames of its campaigns are checked again."""
-        return Camera.of(self._patch(address("cameras", camera_id), {**details}))
 
     def camera(self, camera_id: str) -> Camera:
         return Camera.of(self._get(address("cameras", camera_id)))

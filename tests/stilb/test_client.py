@@ -212,11 +212,9 @@ def test_the_series_of_a_dashboard(service, client):
     assert service.asked[0].query == {"camera_id": "cam-1", "from": "2025-01-01T00:00:00Z"}
 
 
-def test_points_and_plot_are_text(service, client):
-    service.will_answer(b"iso,x\n", headers={"Content-Type": "text/csv; charset=utf-8"})
-    service.will_answer(b"<svg/>", headers={"Content-Type": "image/svg+xml"})
-    assert client.points_csv("k-1") == "iso,x\n"
-    assert client.plot_svg("k-1") == "<svg/>"
+def test_a_certificate_for_programs_is_text(service, client):
+    service.will_answer("<dcc>µ</dcc>".encode(), headers={"Content-Type": "application/xml"})
+    assert client.certificate_dcc("k-1", country="DE") == "<dcc>µ</dcc>"
 
 
 def test_lists_of_a_camera_and_a_campaign(service, client):
