@@ -26,7 +26,7 @@ from service.http.lookup import owned
 from service.http.models import Answer, Form, FrameRole, Method, Number, Positive, Text
 from service.http.operations import Router
 from store.publications import in_force
-from store.tables import Camera, Campaign, FrameRow
+from store.tables import Blob, Camera, Campaign, FrameRow
 from store.tables.base import utc_now
 from store.tables.campaign import CampaignKind
 
@@ -37,6 +37,10 @@ _EXPOSURE_RATIO: Final = 4.0
 """A change of t S / f^2 by this factor starts a scene after two median pauses."""
 _DARK_SIGNAL: Final = 0.002
 """The centre of a dark frame is below this share of the range from black to white."""
+_MOST_CAMPAIGNS: Final = 50
+_MOST_FRAMES: Final = 10_000
+_Key = tuple[str, float | None, float]
+"""Name, size [B] and time [s] of a file."""
 _PICTURES: Final = (".jpg", ".jpeg", ".png", ".heic")
 # folders that cameras make (DCF: three digits and five characters), which name no scene
 _CAMERA_FOLDER: Final = re.compile(r"dcim|\d{3}\w{5}|\d{4}set|\d{3}|dji_\d+_.*", re.IGNORECASE)
@@ -47,6 +51,7 @@ class CardFrame:
     """A frame as its header states it; ``scene`` of one that its campaign has already."""
 
     name: str
+    size_bytes: float | None = None
     taken_s: float = 0.0
     exposure_time_s: float | None = None
     f_number: float | None = None
@@ -200,6 +205,9 @@ class FrameOfCard(Form):
     name: Annotated[str, Field(min_length=1, max_length=1000)] = Field(
         description='Path with "/", from the folder that was chosen.'
     )
+    size_bytes: Annotated[Number, Field(ge=0)] | None = Field(
+        default=None, description="To find files that a campaign holds already."
+    )
     taken_s: Number = Field(
         default=0.0, description="When it was taken, since 1970 [s]; a local time counts as UTC."
     )
@@ -228,6 +236,9 @@ class PlacedFrame(Answer):
     name: str
     role: FrameRole
     scene: str | None = None
+    campaign_id: str | None = Field(
+        default=None, description="The camera's campaign that holds a file of this name, size and time."
+    )
 
 
 class CardProposal(Answer):
@@ -260,6 +271,7 @@ def propose_frames(
             method, kind = campaign.method, campaign.kind
             there = _list_scenes(session, campaign)
         held = _list_held(session, body.camera_id, caller)
+        holders = _find_holders(session, body, caller)
     frames = [CardFrame(**each.model_dump()) for each in body.frames]
     best, night, looks_like_night = choose_methods(frames, held)
     if method is None:
@@ -273,7 +285,9 @@ def propose_frames(
         calibration_method=best.name,
         measurement_method=night.name if night else None,
         frames=[
-            PlacedFrame(name=asked.name, role=placed.role, scene=placed.scene)
+            PlacedFrame(
+                name=asked.name, role=placed.role, scene=placed.scene, campaign_id=holders.get(_key(asked))
+            )
             for asked, placed in zip(
                 frames, sort_card(frames, spec, night=night_asked, there=there), strict=True
             )
@@ -302,6 +316,34 @@ def _list_scenes(session: Session, campaign: Campaign) -> list[CardFrame]:
         for row in rows
         if row.taken_at is not None
     ]
+
+
+def _find_holders(session: Session, body: CardAsked, caller: Caller) -> dict[_Key, str]:
+    """Find the campaigns, newest first, that hold frames of the camera that this card has too."""
+    if body.camera_id is None:
+        return {}
+    camera = owned(session, Camera, body.camera_id, caller)
+    recent = select(Campaign.id).where(Campaign.camera_id == camera.id, Campaign.archived_at.is_(None))
+    rows = session.execute(
+        select(
+            FrameRow.filename, Blob.size_bytes, FrameRow.header["taken_at"].as_string(), FrameRow.campaign_id
+        )
+        .join(Blob, Blob.sha256 == FrameRow.sha256)
+        .where(
+            FrameRow.campaign_id.in_(recent.order_by(Campaign.id.desc()).limit(_MOST_CAMPAIGNS)),
+            FrameRow.withdrawn_at.is_(None),
+        )
+        .order_by(FrameRow.id)
+        .limit(_MOST_FRAMES)
+    )
+    return {
+        (name.rpartition("/")[2], size, _read_s(taken_at) // 1 if taken_at else 0.0): campaign
+        for name, size, taken_at, campaign in rows
+    }
+
+
+def _key(frame: CardFrame) -> _Key:
+    return frame.name.rpartition("/")[2], frame.size_bytes, frame.taken_s // 1
 
 
 def _read_s(taken_at: str) -> float:

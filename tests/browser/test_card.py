@@ -1,8 +1,11 @@
 """A card on the first page: what is proposed for it, and what is seen before anything is sent."""
 
+import re
 import zipfile
+from datetime import UTC, datetime, timedelta
 from urllib.parse import urlsplit
 
+import pytest
 from PIL import Image
 from playwright.sync_api import expect
 
@@ -92,6 +95,64 @@ def test_card_shows_cameras_scenes_checks_and_what_is_skipped(page, team):
     assert (third["campaign"], third["scenes"]) == (["night", "luminance"], [["field", None, 2]])
     assert (fourth["campaign"], fourth["scenes"]) == (["new", "sharpness"], [["chart", None, 3]])
     assert (fourth["skipped"], fourth["checks"]) == ([0, 1, 0, 0], [])
+
+
+def test_what_lies_beside_the_frames_that_are_meant_is_left_out(page):
+    """Another day, place or aim, and a file that is cut; dark frames stay with those nearest in time."""
+    night = [row(f"DJI_{n}.DNG", n / 10 + 5 * (n // 4), place=[52.5, 13.4], aim=[-90, 10]) for n in range(8)]
+    night[5]["header"]["aim"] = [-20, 10]
+    night[6]["header"]["cut"] = 4096
+    night.append(row("DJI_8.DNG", 30, signal=0.0, place=[52.5, 13.5]))
+    before = [row(f"DJI_1{n}.DNG", n - 2000) for n in range(3)]
+    elsewhere = [row(f"DJI_2{n}.DNG", n + 100, place=[52.6, 13.4]) for n in range(2)]
+    broken = row("DJI_30.DNG") | {"header": None, "fault": "The file ends before its header does."}
+    page.goto("/")
+    card = [*before, *night, *elsewhere, broken]
+    keep = "{ kept: new Set(choice.kept) }"
+    found, kept = page.evaluate(
+        PROPOSE.replace("}, choice)", f"}}, {keep})"),
+        [[(card, {}, {"kept": []}), (card, {}, {"kept": ["run DJI_10.DNG"]})], None],
+    )
+    assert found["scenes"] == [["light", "Scene 1", 4], ["light", "Scene 2", 2], ["dark", None, 1]]
+    assert [code for code, _ in found["checks"]] == ["cut", "other_day", "other_place", "other_aim"]
+    assert [scene[2] for scene in kept["scenes"]] == [3, 4, 2, 1]
+    assert [code for code, _ in kept["checks"]] == ["cut", "other_place", "other_aim"]
+
+
+@pytest.mark.parametrize("context", ["desktop", "phone"], indirect=True)
+def test_the_same_old_card_again_finds_its_campaign(page, team, service, tmp_path):
+    """With a frame of the day before and a file that was cut, which are marked before anything is sent."""
+    card = tmp_path / "DCIM"
+    at = datetime(2026, 5, 1, 20, 0, tzinfo=UTC)
+    for n in range(6):
+        write_frame(card / f"DJI_{n}.DNG", seed=n, taken_at=at + timedelta(minutes=n))
+    write_frame(card / "DJI_8.DNG", seed=8, taken_at=at - timedelta(days=1))
+    cut = write_frame(card / "DJI_9.DNG", seed=9, taken_at=at + timedelta(minutes=7))
+    cut.write_bytes(cut.read_bytes()[:-64])
+    drop(page, page.locator("#card-drop"), [card])
+    checks = page.get_by_role("region", name="Check before sending")
+    expect(checks.get_by_role("listitem").filter(has_text="DJI_9 is cut short")).to_be_visible()
+    other = checks.get_by_role("listitem").filter(has_text="1 frame of another day")
+    expect(other).to_contain_text("2026-04-30 20:00")
+    expect(page.locator("main")).to_contain_text("2026-05-01 20:00\N{EN DASH}20:05")
+    other.get_by_role("button", name="Include").click()
+    expect(page.locator(".foot-bar")).to_contain_text("7 frames")
+    assert "2026-04-30" in " ".join(page.locator(".lanes text").all_text_contents())
+    look(page, "card-another-day")
+    check_access(page)
+    page.get_by_role("button", name="Create campaign and send").click()
+    expect(page.get_by_text("7 of 7 received")).to_be_visible()
+    (campaign,) = team.client.campaigns()
+    assert campaign.raw["started_at"] == "2026-04-30T20:00:00Z"
+    service.wait_for_jobs([each.id for each in team.client.frames(campaign.id)])
+    page.goto("/")
+    drop(page, page.locator("#card-drop"), [card])
+    expect(page.get_by_role("radio", name="Add to")).to_be_checked()
+    expect(page.locator(".under")).to_contain_text("Already here: 6 of 6")
+    expect(page.get_by_role("heading", level=1)).to_have_text("6 frames, already here")
+    look(page, "card-again")
+    page.get_by_role("link", name="Open the campaign").click()
+    expect(page).to_have_url(re.compile(campaign.id))
 
 
 REGROUP = """async ([rows]) => {

@@ -4,6 +4,7 @@ import pytest
 
 from radiometry.methods import get_method
 from service.campaigns.proposals import CardFrame, choose_methods, natural, sort_card, split_scenes
+from tests.support.frames import write_frame
 
 
 def frame(name, minute=0.0, *, signal=0.3, exposure_time_s=0.01, **more):
@@ -104,6 +105,25 @@ def test_proposal_over_http(house, stranger):
     refused = house.post("/v1/proposals", {"frames": [{"name": "a.DNG", "f_number": 0}]}, status=422)
     assert "f_number" in refused["detail"]
     assert get_method(found["calibration_method"]).name == "luminance"
+
+
+def test_a_card_that_is_there_already_names_its_campaign(house):
+    """By name, size and time, of its camera alone."""
+    path = write_frame(house.folder / "DJI_1.DNG")
+    camera = house.post("/v1/cameras", {"make": "DJI", "model": "FC6520", "serial": "0K1XE8"})["id"]
+    campaign = house.post("/v1/campaigns", {"camera_id": camera, "method": "luminance"})
+    held = house.upload(campaign, path.read_bytes(), filename=path.name, role="light", scene="dusk")
+    house.work()
+    row = {"name": f"DCIM/{path.name}", "size_bytes": path.stat().st_size, "taken_s": 1777665600.25}
+    others = [row | {"size_bytes": 1}, row | {"taken_s": 0}, row | {"name": "DJI_2.DNG"}, {"name": "a"}]
+    asked = {"frames": [row, *others, row | {"taken_s": 1e300}], "camera_id": camera}
+    found = house.post("/v1/proposals", asked, status=200)["frames"]
+    assert [each.get("campaign_id") for each in found] == [campaign["id"], *[None] * 5]
+    found = house.post("/v1/proposals", {"frames": [row]}, status=200)["frames"]
+    assert "campaign_id" not in found[0]
+    answer = house.http.patch(f"/v1/frames/{held['id']}", json={"withdrawn": True})
+    assert answer.status_code == 200, answer.text
+    assert "campaign_id" not in house.post("/v1/proposals", asked, status=200)["frames"][0]
 
 
 def test_absurd_names_and_exposures_are_sorted_too():

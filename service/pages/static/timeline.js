@@ -16,6 +16,7 @@ const SHAPES = [
 ];
 const dark = (x, y) => svg("circle", { cx: x, cy: y, r: 4, class: "dark" });
 const readingMark = (x, y) => svg("path", { d: `M${x - 4} ${y - 4}l8 8m0-8l-8 8`, class: "reading-at" });
+const [PAUSE_MS, GAP] = [1800e3, 44]; // a pause this long, and longer than all between shorter ones, is drawn as a gap of so many px
 const STEPS_S = [1, 5, 15, 60, 300, 900, 3600, 14400, 86400];
 
 /**
@@ -29,15 +30,16 @@ export function timeline({ scenes, frames }, { checked = new Set(), readings = [
   if (!(last > first) || !frames.some((frame) => frame.header.taken)) return null;
   const width = innerWidth < 640 ? NARROW : WIDE;
   const isos = [...new Set(frames.map((frame) => frame.header.iso ?? 0))].sort((a, b) => a - b);
-  const x = (time) => LEFT + ((time - first) / (last - first)) * (width - 2 * LEFT);
-  const timeAt = (across) => first + ((across - LEFT) / (width - 2 * LEFT)) * (last - first);
+  const parts = partsOf(times, width);
+  const x = (time) => { const { from, to, at, wide } = parts.findLast((part) => time >= part.from) ?? parts[0]; return at + (to > from ? Math.min(1, (time - from) / (to - from)) * wide : wide / 2); };
+  const timeAt = (across) => { const { from, to, at, wide } = parts.findLast((part) => across >= part.at) ?? parts[0]; return from + Math.min(1, Math.max(0, (across - at) / wide)) * (to - from); };
   const timed = scenes.filter((scene) => scene.from).sort((a, b) => a.from - b.from);
   const names = placeNames(timed, { x, width });
   const top = 8 + NAME * (1 + Math.max(0, ...names.map((each) => each.row)));
   const row = (iso) => top + 12 + (isos.indexOf(iso ?? 0) * 42) / Math.max(1, isos.length - 1);
   const shape = (frame) => (frame.role === "dark" ? dark : SHAPES[Math.min(isos.indexOf(frame.header.iso ?? 0), SHAPES.length - 1)]);
   const bottom = top + LANE + (readings.length ? READINGS : 0) + 8;
-  const drawing = svg("svg", { class: "lanes", viewBox: `0 0 ${width} ${bottom + 22}`, role: regroup ? "group" : "img", "aria-label": `${counted(frames.length, "frame")}${readings.length ? ` and ${counted(readings.length, "reading")}` : ""} on a time axis from ${clock(first, 1)} to ${clock(last, 1)}` });
+  const drawing = svg("svg", { class: "lanes", viewBox: `0 0 ${width} ${bottom + (day(first) === day(last) ? 22 : 36)}`, role: regroup ? "group" : "img", "aria-label": `${counted(frames.length, "frame")}${readings.length ? ` and ${counted(readings.length, "reading")}` : ""} on a time axis from ${day(first)} ${clock(first, 1)} to ${clock(last, 1)}` });
   timed.forEach((scene, at) => {
     const { name, text, middle, row: above } = names[at];
     const [from, to] = [x(scene.from) - 9, x(scene.to) + 9];
@@ -59,13 +61,36 @@ export function timeline({ scenes, frames }, { checked = new Set(), readings = [
     drawnReading.append(svg("title", {}, text));
     drawing.append(drawnReading);
   }
-  drawing.append(svg("path", { class: "axis strong", d: `M${LEFT} ${bottom}H${width - LEFT}` }));
-  const step = 1000 * (STEPS_S.find((each) => (last - first) / 1000 / each <= width / 96) ?? STEPS_S.at(-1));
+  const dated = day(first) !== day(last);
   const mostTicks = Math.ceil(width / 64);
-  for (let at = Math.ceil(first / step) * step, ticks = 0; at <= last && ticks < mostTicks; at += step, ticks += 1) drawing.append(svg("path", { class: "axis strong", d: `M${x(at)} ${bottom}v4` }), svg("text", { x: x(at), y: bottom + 17, "text-anchor": "middle" }, clock(at, step)));
+  for (const { from, to, at, wide } of parts) {
+    drawing.append(svg("path", { class: "axis strong", d: `M${at} ${bottom}h${wide}` }));
+    const step = 1000 * (STEPS_S.find((each) => (to - from) / 1000 / each <= wide / 96) ?? STEPS_S.at(-1));
+    const ticks = Array.from({ length: mostTicks }, (_, count) => (Math.ceil(from / step) + count) * step).filter((time) => time <= to);
+    for (const [count, time] of (ticks.length ? ticks : [from]).entries()) drawing.append(svg("path", { class: "axis strong", d: `M${x(time)} ${bottom}v4` }), svg("text", { x: x(time), y: bottom + 17, "text-anchor": "middle" }, clock(time, step)), dated && !count ? svg("text", { x: at + wide / 2, y: bottom + 31, "text-anchor": "middle" }, day(time)) : "");
+  }
   if (regroup) for (const scene of timed.filter((each) => each.scene !== undefined)) drawing.append(...["Start", "End"].map((side) => edgeOf(scene, side, { x, top, timeAt, drawing, regroup, others: timed })));
   const key = isos.slice(0, SHAPES.length).map((iso, at) => h("li", {}, sample(SHAPES[at]), `ISO ${iso || "not stated"}${at === SHAPES.length - 1 && isos.length > SHAPES.length ? " and above" : ""}`));
   return h("div", { class: "card lanes-card" }, drawing, h("ul", { class: "key" }, key, frames.some((frame) => frame.role === "dark") ? h("li", {}, sample(dark), "Dark") : null, readings.length ? h("li", {}, sample(readingMark), "Meter reading") : null));
+}
+
+/** The axis in parts {from, to, at, wide} between long pauses, which would leave no room for the frames. */
+function partsOf(times, width) {
+  const ordered = [...times].sort((a, b) => a - b);
+  const pauses = ordered.slice(1).map((time, at) => ({ ends: time, long: time - ordered[at] })).sort((a, b) => a.long - b.long);
+  let between = 0;
+  const gaps = new Set();
+  for (const { ends, long } of pauses) if (long >= PAUSE_MS && long > between) gaps.add(ends);
+    else between += long;
+  const runs = ordered.reduce((found, time) => (found.length && !gaps.has(time) ? ((found.at(-1).to = time), found) : [...found, { from: time, to: time }]), []);
+  const room = width - 2 * LEFT - GAP * (runs.length - 1);
+  const least = Math.min(60, room / runs.length / 2);
+  let at = LEFT;
+  return runs.map(({ from, to }) => {
+    const wide = least + (room - least * runs.length) * (between ? (to - from) / runs.reduce((sum, run) => sum + run.to - run.from, 0) || 0 : 1 / runs.length);
+    at += wide + GAP;
+    return { from, to, at: at - wide - GAP, wide };
+  });
 }
 
 /**
@@ -145,4 +170,5 @@ export function bracketsOf(frames) {
 
 const byTime = (a, b) => a.header.taken - b.header.taken || natural(String(a.key), String(b.key));
 const sample = (draw) => svg("svg", { class: "m", viewBox: "0 0 12 12", "aria-hidden": "true" }, draw(6, 6));
+const day = (instant) => new Date(instant).toISOString().slice(0, 10);
 const clock = (instant, step) => new Date(instant).toISOString().slice(11, step < 60000 ? 19 : 16);

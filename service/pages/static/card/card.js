@@ -104,7 +104,8 @@ async function send({ found, choice, project }) {
   if (!id) {
     const { make, model, serial, lens } = camera;
     const cameraId = choice.registered || camera.known?.id || (await post("/v1/cameras", { make, model, serial, lens })).id;
-    const [from] = frames.filter((frame) => frame.header.zoned).map((frame) => frame.header.taken).sort((a, b) => a - b);
+    // a clock without a zone is most likely that of whoever sends
+    const [from] = frames.filter((frame) => frame.header.taken).map(({ header: { taken, zoned } }) => taken + (zoned ? 0 : 6e4 * new Date(taken).getTimezoneOffset())).sort((a, b) => a - b);
     const body = { camera_id: cameraId, method: campaign.method, ...(campaign.measures ? { kind: "measurement" } : {}), ...(project.number.trim() ? { project_number: project.number.trim() } : {}), ...(from ? { started_at: new Date(from).toISOString() } : {}) };
     // a second press after a lost answer must not make a second campaign
     id = (await post("/v1/campaigns", body, onceFor(choice, body))).id;

@@ -8,14 +8,15 @@ const MOST_SEGMENTS = 64;
 const [START, EXIF_SEGMENT, SCAN] = [0xd8, 0xe1, 0xda]; // of a JPEG
 const ROWS = 8; // of the centre, measured
 const SIZES = { 1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4 };
-const [SUB_IFDS, EXIF, XMP] = [330, 34665, 700];
+const [SUB_IFDS, EXIF, XMP, GPS] = [330, 34665, 700, 34853];
+const DATA = [[273, 279], [324, 325]]; // strips and tiles: where each begins, and its length
 const ISO_TAGS = [34855, 34866, 34867, 34865];
 const ASK_ELSEWHERE = 65535; // EXIF 2.3: the ISO does not fit, another tag states it
 const CFA = 32803;
 
 /**
- * {make, model, serial, lens, band, taken (ms; a local time is read as UTC), zoned, exposure_time_s, f_number, iso, image,
- * preview} of a TIFF, DNG or JPEG with EXIF; null for another file. What the file does not state is undefined.
+ * {make, model, serial, lens, band, taken (ms; a local time is read as UTC), zoned, place [latitude, longitude], aim (pitch and yaw of a
+ * gimbal), exposure_time_s, f_number, iso, image, preview, cut (bytes that its tables name and the file lacks)} of a TIFF, DNG or JPEG with EXIF; null for another file. What the file does not state is undefined.
  */
 export async function readHeader(file) {
   const bytes = new Bytes(file);
@@ -57,6 +58,8 @@ export async function readHeader(file) {
     serial: (await text(50735, 42033)) ?? packetText(xmp, "CameraSerialNumber"),
     lens: { make: await text(42035), model: await text(42036), serial: await text(42037) },
     band: packetText(xmp, "BandName"),
+    place: await placeOf(bytes, main),
+    aim: ["Pitch", "Yaw"].map((axis) => Number.parseFloat(packetText(xmp, `Gimbal${axis}Degree`))),
     ...timeOf(await text(36867), await text(37521), await text(36881)),
     exposure_time_s: (await positive(33434)) ?? (await apex(37377, -1)),
     f_number: (await positive(33437)) ?? (await apex(37378, 0.5)),
@@ -84,8 +87,12 @@ async function readJpeg(file, bytes) {
 async function picturesOf(bytes, main) {
   const parts = [main];
   for (const at of (await main.numbers(SUB_IFDS)).slice(0, MOST_DIRECTORIES)) parts.push(await readDirectory(bytes, at));
-  const found = {};
+  const found = { cut: 0 };
   for (const part of parts) {
+    for (const [begins, lengths] of DATA) {
+      const [at, size] = [await part.numbers(begins), await part.numbers(lengths)];
+      found.cut = at.reduce((most, each, index) => Math.max(most, each + (size[index] ?? 0) - bytes.file.size), found.cut);
+    }
     const one = async (tag, usual) => (await part.numbers(tag))[0] ?? usual;
     const [width, height, bits, compression, kind, strips, sizes] = [await one(256), await one(257), await one(258, 1), await one(259, 1), await one(262), await part.numbers(273), await part.numbers(279)];
     if (compression === 1 && bits === 16 && (kind === CFA || kind === 1) && strips.length && (await one(277, 1)) === 1) {
@@ -94,6 +101,15 @@ async function picturesOf(bytes, main) {
     } else if ([6, 7].includes(compression) && kind === 6 && strips.length === 1 && !(found.preview?.size < sizes[0])) found.preview = { at: strips[0], size: sizes[0] };
   }
   return found;
+}
+
+/** Degrees north and east. */
+async function placeOf(bytes, main) {
+  const [at] = await main.numbers(GPS);
+  const gps = at && (await readDirectory(bytes, at));
+  const degrees = async (tag, below) => (await gps.numbers(tag + 1)).reduce((sum, each, power) => sum + each / 60 ** power, 0) * ((await gps.text(tag)) === below ? -1 : 1);
+  const place = gps && [await degrees(1, "S"), await degrees(3, "W")];
+  return place?.every(Number.isFinite) && place.some(Boolean) ? place : undefined;
 }
 
 async function readDirectory(bytes, at) {

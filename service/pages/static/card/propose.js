@@ -12,6 +12,9 @@ export const LIMITS = {
   misplacedRatio: 2, // a frame this many times as bright as its scene
   sameBrightness: 1.3, // may belong to a scene that is as bright within this factor
   recentDays: 3, // campaigns of the camera that are offered
+  pause: 6 * 36e5, // frames after so long a pause [ms] are of another day
+  apart: 300, // frames this far [m] from those before are of another place
+  aside: 20, // a gimbal this far [°] from that of most frames has another aim
 };
 const CHART = "chart"; // the role whose frames may be pictures
 const DAY_MS = 864e5;
@@ -27,7 +30,7 @@ export const differs = (header, camera) => ["serial", "model", "make"].some((nam
 
 /**
  * rows: [{key, name, size, kind, header, centre}]; context: {methods, cameras, campaigns};
- * choice, what a person has changed: {camera, campaign, said: Map(key -> {role?, scene?}), leftOut: Set(key), kept: Set(check)};
+ * choice, what a person has changed: {camera, campaign, said: Map(key -> {role?, scene?}), leftOut: Set(key), kept: Set(check or aside)};
  * answers: what the service has proposed for this card so far.
  */
 export async function propose(rows, { methods, cameras = [], campaigns = [] }, choice = {}, answers = new Map()) {
@@ -38,17 +41,23 @@ export async function propose(rows, { methods, cameras = [], campaigns = [] }, c
   const bodies = [...groupBy([...raw, ...pictures], ({ header }) => [header.make, header.model, header.serial].map(plain).join("|")).values()]
     .map((frames) => describeCamera(frames, cameras))
     .sort((a, b) => b.frames.length - a.frames.length);
-  const camera = bodies.find((each) => each.key === choice.camera) ?? bodies[0] ?? null;
+  const body = bodies.find((each) => each.key === choice.camera) ?? bodies[0] ?? null;
+  const asides = body ? findAsides(body.frames, rows) : [];
+  const out = new Set(asides.filter((each) => !kept.has(each.key)).flatMap((each) => each.frames));
+  const meant = body?.frames.filter((frame) => !out.has(frame)) ?? [];
+  const camera = body && { ...body, frames: meant.length ? meant : body.frames };
   const ask = async (more) => {
-    const key = JSON.stringify([camera.key, more]);
+    const key = JSON.stringify([camera.key, camera.frames.length, [...kept], more]);
     if (!answers.has(key)) answers.set(key, await post("/v1/proposals", { frames: camera.frames.map(stateOf), ...(camera.known ? { camera_id: camera.known.id } : {}), ...more }));
     return answers.get(key);
   };
-  const offers = camera ? listOffers(camera, await ask({}), { methods: able, campaigns }) : [];
+  if (!camera?.frames.length) return { cameras: bodies, camera: null, skipped: splitSkipped(rows) };
+  const offers = listOffers(camera, await ask({}), { methods: able, campaigns });
   const campaign = offers.find((each) => each.key === choice.campaign) ?? offers.find((each) => each.proposed) ?? null;
   const method = campaign && methods.find((each) => each.name === campaign.method);
-  const frames = method ? assign(camera.frames, await ask(campaign.proposed ? {} : campaign.campaign ? { campaign_id: campaign.campaign.id } : { method: method.name, kind: campaign.measures ? "measurement" : "calibration" }), method, said) : [];
-  const sent = frames.filter((frame) => !leftOut.has(frame.key));
+  const frames = method ? assign(camera.frames, await ask(campaign.asked ? {} : campaign.campaign ? { campaign_id: campaign.campaign.id } : { method: method.name, kind: campaign.measures ? "measurement" : "calibration" }), method, said) : [];
+  const here = campaign?.campaign ? frames.filter((frame) => frame.held === campaign.campaign.id) : [];
+  const sent = frames.filter((frame) => !leftOut.has(frame.key) && !here.includes(frame));
   const rank = ({ role, scene }) => (scene === undefined ? 1 + (method.roles.findIndex((each) => each.name === role) + 1 || method.roles.length + 1) : 0);
   const scenes = [...groupBy(frames, (frame) => JSON.stringify([frame.role, frame.scene ?? ""])).values()].map(describeScene).sort((a, b) => rank(a) - rank(b) || (a.from ?? 0) - (b.from ?? 0) || natural(a.scene ?? "", b.scene ?? ""));
   const darks = sent.filter((frame) => frame.role === "dark");
@@ -61,17 +70,18 @@ export async function propose(rows, { methods, cameras = [], campaigns = [] }, c
     scenes,
     frames: sent,
     darks,
+    here,
     pictures: pictures.length > 0,
     skipped: splitSkipped(rows.filter((row) => !pictures.includes(row))),
-    checks: method ? listChecks(sent, darks, method, campaign).filter((check) => !kept.has(check.key)) : [],
+    checks: [...asides, ...(method ? listChecks(sent, darks, method, campaign) : [])].filter((check) => !kept.has(check.key)),
   };
 }
 
 /** A frame as the service is asked about it; an absurd value of its header is left out. */
-function stateOf({ name, header: { taken, exposure_time_s, f_number, iso, band }, centre }) {
+function stateOf({ name, size, header: { taken, exposure_time_s, f_number, iso, band }, centre }) {
   const positive = (value) => (value > 0 && value < 1e9 ? value : undefined);
   const finite = (value) => (Number.isFinite(value) ? value : undefined);
-  return { name: name.slice(-1000), taken_s: finite(taken / 1000), exposure_time_s: positive(exposure_time_s), f_number: positive(f_number), iso: positive(iso), band: band?.slice(0, 200), signal_share: finite(centre?.signal) };
+  return { name: name.slice(-1000), size_bytes: size, taken_s: finite(taken / 1000), exposure_time_s: positive(exposure_time_s), f_number: positive(f_number), iso: positive(iso), band: band?.slice(0, 200), signal_share: finite(centre?.signal) };
 }
 
 function describeCamera(frames, cameras) {
@@ -85,17 +95,58 @@ function describeCamera(frames, cameras) {
 
 function listOffers({ known, frames }, proposal, { methods, campaigns }) {
   const [from] = frames.map((frame) => frame.header.taken).filter(Boolean).sort((a, b) => a - b);
-  const near = campaigns.filter((each) => methods.some(({ name }) => name === each.method) && each.camera_id === known?.id && Math.abs(Date.parse(each.started_at ?? each.created_at) - (from ?? Date.now())) < LIMITS.recentDays * DAY_MS);
+  const holders = [...groupBy(proposal.frames.filter((each) => each.campaign_id), (each) => each.campaign_id)].sort(([, a], [, b]) => b.length - a.length).map(([id]) => id);
+  const near = campaigns.filter((each) => methods.some(({ name }) => name === each.method) && each.camera_id === known?.id && !holders.includes(each.id) && Math.abs(Date.parse(each.started_at ?? each.created_at) - (from ?? Date.now())) < LIMITS.recentDays * DAY_MS);
   const { calibration_method: best, measurement_method: night } = proposal;
+  const holding = holders.map((id) => campaigns.find((each) => each.id === id)).filter(Boolean);
+  const add = (each) => ({ key: each.id, kind: "add", method: each.method, campaign: each, measures: isNight(each), proposed: each === holding[0] });
   return [
-    { key: "new", kind: "new", method: best, proposed: !isNight(proposal) },
-    ...near.slice(-2).reverse().map((each) => ({ key: each.id, kind: "add", method: each.method, campaign: each, measures: isNight(each) })),
-    ...(night ? [{ key: "night", kind: "night", method: night, measures: true, proposed: isNight(proposal) }] : []),
+    ...holding.slice(0, 2).map(add),
+    { key: "new", kind: "new", method: best, proposed: !holding.length && !isNight(proposal), asked: !isNight(proposal) },
+    ...near.slice(-2).reverse().map(add),
+    ...(night ? [{ key: "night", kind: "night", method: night, measures: true, proposed: !holding.length && isNight(proposal), asked: isNight(proposal) }] : []),
     ...methods.filter((method) => method.name !== best).map((method) => ({ key: `new ${method.name}`, kind: "other", method: method.name })),
   ];
 }
 
-const isDark = (frame) => frame.centre !== undefined && frame.centre.signal < LIMITS.darkSignal;
+/**
+ * What lies on the card beside the frames that are meant, and is left out until a person keeps it: of another day or place (runs between
+ * long pauses and jumps, of which the longest is meant), of another aim, or cut short. Dark frames go with those nearest in time.
+ */
+function findAsides(frames, rows) {
+  const ordered = [...frames].sort(byTime);
+  const runs = [];
+  let before;
+  for (const frame of ordered.filter((each) => !isDark(each))) {
+    const paused = before && frame.header.taken - before.header.taken > LIMITS.pause;
+    const moved = before && distance(frame, before) > LIMITS.apart;
+    if (!before || paused || moved) runs.push([]);
+    runs.at(-1).push(frame);
+    before = moved || frame.header.place || !before ? frame : { ...frame, header: { ...frame.header, place: before.header.place } };
+  }
+  const away = (frame, run) => Math.min(...run.map((each) => Math.abs(each.header.taken - frame.header.taken)));
+  const meant = [...runs].sort((a, b) => b.length - a.length || b[0].header.taken - a[0].header.taken)[0] ?? [];
+  if (runs.length > 1) for (const dark of ordered.filter(isDark)) runs.reduce((near, run) => (away(dark, run) < away(dark, near) ? run : near)).push(dark);
+  const found = runs.filter((run) => run !== meant).map((run) => {
+    const other = Math.min(...run.map((frame) => away(frame, meant))) > LIMITS.pause;
+    return { key: `run ${run[0].key}`, code: other ? "other_day" : "other_place", mark: "gap", frames: run, distance_m: distance(run[0], meant[0]) };
+  });
+  // an aim is one of the place: that of a chart or a flat field changes from frame to frame
+  const aimed = meant.filter((frame) => frame.header.aim?.every(Number.isFinite) && !isDark(frame));
+  const usual = [0, 1].map((axis) => median(aimed.map((frame) => frame.header.aim[axis])));
+  const turned = ({ header: { aim } }) => Math.abs(aim[0] - usual[0]) > LIMITS.aside || (Math.abs(usual[0]) < 60 && Math.abs(((((aim[1] - usual[1]) % 360) + 540) % 360) - 180) > LIMITS.aside);
+  const astray = aimed.filter(turned);
+  if (astray.length && 3 * astray.length < aimed.length) found.push({ key: `aim ${astray.map((each) => each.key)}`, code: "other_aim", mark: "gap", frames: astray });
+  const cut = rows.filter((row) => row.kind === "raw" && (row.fault || (frames.includes(row) && row.header.cut > 0)));
+  return [...(cut.length ? [{ key: `cut ${cut.map((each) => each.key)}`, code: "cut", mark: "warn", frames: cut }] : []), ...found];
+}
+
+/** Metres between two frames; NaN where one has no place. */
+function distance({ header: { place: a } }, { header: { place: b } }) {
+  return a && b ? 111e3 * Math.hypot(a[0] - b[0], (a[1] - b[1]) * Math.cos((a[0] * Math.PI) / 180)) : NaN;
+}
+
+const isDark = (frame) => frame.centre?.signal < LIMITS.darkSignal;
 
 /** Role and scene of each frame: as a person has said, else as the service proposes. */
 function assign(frames, proposal, method, said) {
@@ -104,7 +155,7 @@ function assign(frames, proposal, method, said) {
     .map((frame, at) => {
       const proposed = proposal.frames[at];
       const { role = proposed.role, scene = proposed.scene ?? "" } = isNight(proposal) ? proposed : (said.get(frame.key) ?? {});
-      return { ...frame, role, scene: inScenes.has(role) ? scene : undefined };
+      return { ...frame, held: proposed.campaign_id, role, scene: inScenes.has(role) ? scene : undefined };
     })
     .sort(byTime);
 }

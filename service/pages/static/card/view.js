@@ -33,18 +33,22 @@ const names = (frames) => `${frames.slice(0, 5).map((frame) => shortName(frame.n
 const isosOf = (frames) => [...new Set(frames.map((frame) => frame.header.iso).filter(Boolean))].sort((a, b) => a - b);
 /** "2 ISO values"; nothing where no file states one. */
 export const isoValues = (frames) => { const { length } = isosOf(frames); return length ? counted(length, "ISO value") : ""; };
-const clock = (instant) => new Date(instant).toISOString().slice(11, 16);
+const stamp = (instant, from = 0, to = 16) => new Date(instant).toISOString().replace("T", " ").slice(from, to);
+/** "2026-05-01 21:10–21:14": a date once, if it is one. */
+const period = (from, to) => (stamp(from) === stamp(to) ? stamp(from) : `${stamp(from)}–${stamp(to, stamp(from, 0, 10) === stamp(to, 0, 10) ? 11 : 0)}`);
+const taken = (frames) => { const times = frames.map((frame) => frame.header?.taken).filter(Boolean); return times.length ? period(Math.min(...times), Math.max(...times)) : "no time"; };
 const between = (from, to, say) => (from === to ? say(from) : `${say(from)} to ${say(to)}`);
 
 function head({ found, rows, seconds }) {
   const inScenes = scenesOf(found).length;
   const title = list([counted(found.frames.length, "frame"), inScenes && counted(inScenes, "scene"), found.cameras.length > 1 ? `${found.cameras.length} cameras` : `one ${found.camera.known ? "known" : "new"} camera`]);
+  const there = found.here.length && !found.frames.length && `${counted(found.here.length, "frame")}, already here`;
   return h(
     "div",
     { class: "head" },
     h("nav", { class: "crumbs", "aria-label": "Breadcrumbs" }, h("a", { href: "/" }, "Start")),
-    h("div", { class: "head-row" }, h("h1", { tabindex: "-1" }, title)),
-    h("p", { class: "under" }, h("span", {}, `${counted(rows.length, "file")} read in ${number(seconds, 2)} s`), h("span", {}, "No frame has been sent")),
+    h("div", { class: "head-row" }, h("h1", { tabindex: "-1" }, there || title)),
+    h("p", { class: "under" }, h("span", {}, `${counted(rows.length, "file")} read in ${number(seconds, 2)} s`), h("span", {}, found.here.length ? `Already here: ${found.here.length} of ${found.here.length + found.frames.length}` : "No frame has been sent")),
   );
 }
 
@@ -115,6 +119,10 @@ function cameraChooser({ camera }, choice, tell) {
 }
 
 const SAID = {
+  other_day: ({ frames }) => [`${counted(frames.length, "frame")} of another day`, `${taken(frames)}. Left out.`],
+  other_place: ({ frames, distance_m }) => [`${counted(frames.length, "frame")} of another place`, `${taken(frames)}, ${distance_m > 0 ? `${number(distance_m, 2)} m away` : "elsewhere"}. Left out.`],
+  other_aim: ({ frames }) => [`${counted(frames.length, "frame")} with another aim`, `${taken(frames)}; the gimbal pointed more than ${LIMITS.aside}° away: ${names(frames)}. Left out.`],
+  cut: ({ frames }) => [frames.length === 1 ? `${shortName(frames[0].name)} is cut short` : `${frames.length} files are cut short`, `${frames[0].header ? `It lacks ${bytes(frames[0].header.cut)} that its own tables name` : frames[0].fault.replace(/\.$/, "")}${frames.length > 1 ? `; also ${names(frames.slice(1))}` : ""}. Left out: copy it from the card again.`],
   overexposed: ({ frames }) =>
     frames.length === 1
       ? [`${shortName(frames[0].name)} is overexposed`, `${percent(frames[0].centre.clipped)} of its centre is white (${list([frames[0].scene, frames[0].header.iso && `ISO ${frames[0].header.iso}`, exposureTime(frames[0].header.exposure_time_s)])}).`]
@@ -129,14 +137,16 @@ const SAID = {
 
 function checks({ found, choice }, tell) {
   if (!found.checks.length) return null;
-  const keep = (check) => small(check.code === "overexposed" ? "Send anyway" : "Keep", () => (choice.kept.add(check.key), tell.changed()), { quiet: true });
+  const keep = (check) => small(["overexposed", "cut"].includes(check.code) ? "Send anyway" : "Keep", () => (choice.kept.add(check.key), tell.changed()), { quiet: true });
+  const include = (check) => small("Include", () => (choice.kept.add(check.key), tell.changed()));
+  const asides = ["other_day", "other_place", "other_aim"];
   const mend = {
     overexposed: (check) => small("Leave out", () => (check.frames.forEach((frame) => choice.leftOut.add(frame.key)), tell.changed())),
     misplaced: (check) => small(`Move to ${check.scene}`, () => (move(choice, check.frames, { scene: check.scene }), tell.changed())),
   };
   const lines = found.checks.map((check) => {
     const [title, where] = SAID[check.code](check);
-    return { mark: check.mark, title, where, actions: [mend[check.code]?.(check), keep(check)].filter(Boolean) };
+    return { mark: check.mark, title, where, actions: asides.includes(check.code) ? [include(check)] : [mend[check.code]?.(check), check.code === "cut" && !check.frames.some((frame) => frame.header) ? null : keep(check)].filter(Boolean) };
   });
   return h("section", { class: "tight", "aria-labelledby": "check" }, h("div", { class: "section-head" }, h("h2", { id: "check" }, "Check before sending"), h("p", {}, "You can send now and fix these later")), causeList(lines));
 }
@@ -180,7 +190,7 @@ function sceneRow({ found, choice }, scene, at, checked, tell) {
     { role: "row" },
     h("td", { role: "cell", class: "pic" }, drawPicture(frames.find((frame) => !choice.leftOut.has(frame.key)) ?? frames[0])),
     cell("Scene", name),
-    cell("Taken", h("span", { class: "num" }, scene.from ? between(scene.from, scene.to, clock).replace(" to ", "–") : "–"), h("span", { class: "sub" }, scene.folder ? `${scene.folder}/` : "")),
+    cell("Taken", h("span", { class: "num" }, scene.from ? period(scene.from, scene.to) : "–"), h("span", { class: "sub" }, scene.folder ? `${scene.folder}/` : "")),
     cell("Frames", h("button", { type: "button", class: "link", "aria-label": `${counted(frames.length, "frame")} of scene ${here}: show`, onclick: () => showFrames(found, scene, choice, tell) }, String(frames.length - outs)), outs ? ` of ${frames.length}` : "", warned ? [" ", mark("warn", "A frame to check")] : null),
     cell("ISO", h("span", { class: "num small" }, scene.isos.join(", ") || "–")),
     cell("Exposure", h("span", { class: "num small" }, scene.exposures.length ? between(scene.exposures[0], scene.exposures.at(-1), exposureTime) : "–")),
@@ -207,7 +217,7 @@ function showFrames(found, scene, choice, tell) {
         "tr",
         {},
         h("th", { scope: "row" }, shortName(frame.name)),
-        h("td", { class: "num" }, frame.header.taken ? new Date(frame.header.taken).toISOString().slice(11, 19) : "–"),
+        h("td", { class: "num" }, frame.header.taken ? stamp(frame.header.taken, 0, 19) : "–"),
         h("td", { class: "num" }, list([exposureTime(frame.header.exposure_time_s), frame.header.f_number && `f/${number(frame.header.f_number, 3)}`, frame.header.iso && `ISO ${frame.header.iso}`])),
         h("td", {}, scene.scene === undefined ? "–" : select([...new Set([...names, fresh])].map((name) => [name, name]), { "aria-label": `Scene of ${shortName(frame.name)}`, onchange: (event) => move(choice, [frame], { scene: event.target.value }) }, sceneOf(frame))),
         h("td", {}, h("input", { type: "checkbox", checked: !choice.leftOut.has(frame.key), "aria-label": `Send ${shortName(frame.name)}`, onchange: (event) => (event.target.checked ? choice.leftOut.delete(frame.key) : choice.leftOut.add(frame.key)) })),
@@ -217,14 +227,14 @@ function showFrames(found, scene, choice, tell) {
   openDialog(dialog);
 }
 
-function cameraCard({ found: { camera, cameras, frames }, inForce }) {
+function cameraCard({ found: { camera, cameras }, inForce }) {
   const held = (inForce ?? []).filter((row) => row.camera_id === camera.known?.id).map((row) => `${labelOf(row.method)} version ${row.version}`);
   return h(
     "div",
     { class: "card" },
     h("p", { class: "panel-title" }, "Camera"),
     h("p", { class: "spread" }, h("strong", {}, nameOf(camera)), camera.known ? tag("known", "good") : tag("new", "live")),
-    h("p", { class: "small muted" }, cameras.length === 1 ? `All ${counted(frames.length, "header")} agree. ` : "", camera.known ? (held.length ? `In force: ${held.join(", ")}.` : "No version is in force.") : "It is registered with the campaign."),
+    h("p", { class: "small muted" }, cameras.length === 1 ? `All ${counted(camera.frames.length, "header")} agree. ` : "", camera.known ? (held.length ? `In force: ${held.join(", ")}.` : "No version is in force.") : "It is registered with the campaign."),
   );
 }
 
@@ -232,7 +242,7 @@ function campaignCard({ found, choice, project }, tell) {
   const { offers, campaign } = found;
   const text = {
     new: () => [`New ${labelOf(campaignOf("new").method).toLowerCase()} calibration`, list([scenesOf(found).length && counted(scenesOf(found).length, "scene"), isoValues(found.frames), found.darks.length && "dark frames"])],
-    add: (offer) => [`Add to ${titleOf(offer.campaign)}`, `${kindOf(offer.campaign)}, same camera, within ${LIMITS.recentDays} days`],
+    add: (offer) => [`Add to ${titleOf(offer.campaign)}`, [kindOf(offer.campaign), offer.proposed && found.here.length ? `already here: ${found.here.length} of ${found.here.length + found.frames.length}` : `same camera, within ${LIMITS.recentDays} days`].join(", ")],
     night: (offer) => ["Measuring night", `Field frames for ${labelOf(offer.method).toLowerCase()}; never used to calibrate`],
   };
   const campaignOf = (key) => offers.find((offer) => offer.key === key);
@@ -270,7 +280,7 @@ function foot({ found, choice }, tell) {
   return h(
     "div",
     { class: "foot-bar" },
-    h("p", {}, h("strong", {}, `${counted(found.frames.length, "frame")}, ${bytes(size)}`), h("span", { class: "muted" }, ` to ${adds ? titleOf(found.campaign.campaign) : "a new campaign"}${seconds > 5 ? ` · about ${span(seconds)} at ${LINK_MBIT} Mbit/s` : ""}`)),
-    h("p", { class: "actions" }, h("button", { type: "button", class: "quiet", onclick: tell.cancel }, "Cancel"), h("button", { type: "button", class: "primary", disabled: !ready, "data-keep": "send", onclick: (event) => tell.send(event.target) }, adds ? "Send" : "Create campaign and send")),
+    h("p", {}, h("strong", {}, found.frames.length || !found.here.length ? `${counted(found.frames.length, "frame")}, ${bytes(size)}` : "All frames are there"), h("span", { class: "muted" }, ` to ${adds ? titleOf(found.campaign.campaign) : "a new campaign"}${seconds > 5 ? ` · about ${span(seconds)} at ${LINK_MBIT} Mbit/s` : ""}`)),
+    h("p", { class: "actions" }, h("button", { type: "button", class: "quiet", onclick: tell.cancel }, "Cancel"), adds && found.here.length && !found.frames.length ? h("a", { class: "button primary", href: `/campaigns/${found.campaign.campaign.id}` }, "Open the campaign") : h("button", { type: "button", class: "primary", disabled: !ready, "data-keep": "send", onclick: (event) => tell.send(event.target) }, adds ? "Send" : "Create campaign and send")),
   );
 }
