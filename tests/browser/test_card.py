@@ -150,6 +150,7 @@ def test_the_same_old_card_again_finds_its_campaign(page, team, service, tmp_pat
     expect(page.get_by_role("radio", name="Add to")).to_be_checked()
     expect(page.locator(".under")).to_contain_text("Already here: 6 of 6")
     expect(page.get_by_role("heading", level=1)).to_have_text("6 frames, already here")
+    expect(page.locator(".foot-bar")).to_contain_text("All frames are there in Luminance")
     look(page, "card-again")
     page.get_by_role("link", name="Open the campaign").click()
     expect(page).to_have_url(re.compile(campaign.id))

@@ -280,7 +280,7 @@ function foot({ found, choice }, tell) {
   return h(
     "div",
     { class: "foot-bar" },
-    h("p", {}, h("strong", {}, found.frames.length || !found.here.length ? `${counted(found.frames.length, "frame")}, ${bytes(size)}` : "All frames are there"), h("span", { class: "muted" }, ` to ${adds ? titleOf(found.campaign.campaign) : "a new campaign"}${seconds > 5 ? ` · about ${span(seconds)} at ${LINK_MBIT} Mbit/s` : ""}`)),
+    h("p", {}, h("strong", {}, found.frames.length || !found.here.length ? `${counted(found.frames.length, "frame")}, ${bytes(size)}` : "All frames are there"), h("span", { class: "muted" }, ` ${found.frames.length || !found.here.length ? "to" : "in"} ${adds ? titleOf(found.campaign.campaign) : "a new campaign"}${seconds > 5 ? ` · about ${span(seconds)} at ${LINK_MBIT} Mbit/s` : ""}`)),
     h("p", { class: "actions" }, h("button", { type: "button", class: "quiet", onclick: tell.cancel }, "Cancel"), adds && found.here.length && !found.frames.length ? h("a", { class: "button primary", href: `/campaigns/${found.campaign.campaign.id}` }, "Open the campaign") : h("button", { type: "button", class: "primary", disabled: !ready, "data-keep": "send", onclick: (event) => tell.send(event.target) }, adds ? "Send" : "Create campaign and send")),
   );
 }
