@@ -2,9 +2,10 @@
 
 The falloff is fitted to flat fields, in place of the profiles of the "Four Vision" report, 3.3.2::
 
-    signal - dark = A V(r)          V(r) = 1 + k1 r^2 + k2 r^4 + k3 r^6
+    signal - dark = A V(r)          V(r) = 1 + k1 r^2 + k2 r^4 + k3 r^6 (+ k4 r^8 + k5 r^10)
 
-r = 1 at half of the frame's diagonal, from a fitted centre; dividing by V corrects.
+The terms in brackets enter where the flats ask for them. r = 1 at half of the frame's diagonal, from a
+fitted centre; dividing by V corrects.
 """
 
 from typing import Final
@@ -36,9 +37,10 @@ SPEC: Final = MethodSpec(
     several_regions=True,
     coefficients=(
         CoefficientKind(name="corner_falloff", label="Corner falloff", units=("1",), effect=_IN_CORNER),
-        CoefficientKind(name="k1", label="k1", units=("1",), effect=_IN_CORNER),
-        CoefficientKind(name="k2", label="k2", units=("1",), effect=_IN_CORNER),
-        CoefficientKind(name="k3", label="k3", units=("1",), effect=_IN_CORNER),
+        *(
+            CoefficientKind(name=name, label=name, units=("1",), effect=_IN_CORNER)
+            for name in ("k1", "k2", "k3", "k4", "k5")
+        ),
         CoefficientKind(name="centre_row_px", label="Centre row", units=("px",)),
         CoefficientKind(name="centre_col_px", label="Centre column", units=("px",)),
     ),
@@ -57,8 +59,8 @@ SPEC: Final = MethodSpec(
     certificate=CertificateText(
         procedure="Light falloff over the frame, one per f-number and channel, from frames of a uniform "
         "surface; centre and coefficients fitted by weighted least squares",
-        equation="(N - D) / A = 1 + k1 r² + k2 r⁴ + k3 r⁶, where r is the distance from the fitted centre in "
-        "units of half the frame's diagonal",
+        equation="(N - D) / A = 1 + k1 r² + k2 r⁴ + k3 r⁶ (+ k4 r⁸ + k5 r¹⁰ where the flats ask for them), "
+        "where r is the distance from the fitted centre in units of half the frame's diagonal",
         headlines=frozenset({"corner_falloff"}),
         columns=(
             certificate.FRAME,

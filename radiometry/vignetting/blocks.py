@@ -89,46 +89,32 @@ def _cut(first: int, step: int, size_px: int, block_px: int) -> Axis:
 
 
 def average_radial(
-    rows: Axis, cols: Axis, *, centre_row_px: float, centre_col_px: float, radius_px: float
+    rows: Axis, cols: Axis, *, centre_row_px: float, centre_col_px: float, radius_px: float, terms: int = 3
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Average r^2, r^4, r^6 and their slopes over the pixels of each block; exact, not at its centre.
+    """Average r^2, r^4 ... and their slopes over the pixels of each block; exact, not at its centre.
 
     r^2 = a^2 + b^2, a = (row - centre_row) / R, b = (col - centre_col) / R. Rows and columns of a block are
     independent, so that e.g. <r^4> = <a^4> + 2 <a^2> <b^2> + <b^4>: moments along each axis are enough.
     """
-    a = _moments(rows, centre_row_px, radius_px)
-    b = _moments(cols, centre_col_px, radius_px)
-    means = np.stack(
-        [
-            _outer(a[2], b[0]) + _outer(a[0], b[2]),
-            _outer(a[4], b[0]) + 2.0 * _outer(a[2], b[2]) + _outer(a[0], b[4]),
-            _outer(a[6], b[0]) + 3.0 * _outer(a[4], b[2]) + 3.0 * _outer(a[2], b[4]) + _outer(a[0], b[6]),
-        ]
-    )
-    return means, _slopes(a, b) / -radius_px, _slopes(b, a).transpose(0, 2, 1) / -radius_px
+    a = _moments(rows, centre_row_px, radius_px, 2 * terms)
+    b = _moments(cols, centre_col_px, radius_px, 2 * terms)
+    powers = range(1, terms + 1)
+    means = np.stack([_expand(a[::2], b[::2], power) for power in powers])
+    by_row = np.stack([2.0 * power * _expand(a[1::2], b[::2], power - 1) for power in powers])
+    by_col = np.stack([2.0 * power * _expand(a[::2], b[1::2], power - 1) for power in powers])
+    return means, by_row / -radius_px, by_col / -radius_px
 
 
-def _slopes(a: list[Vector], b: list[Vector]) -> NDArray[np.float64]:
-    """Average d r^2n / d a = 2 n a r^(2n-2) for n = 1, 2, 3; (3, along a, along b)."""
-    return np.stack(
-        [
-            2.0 * _outer(a[1], b[0]),
-            4.0 * (_outer(a[3], b[0]) + _outer(a[1], b[2])),
-            6.0 * (_outer(a[5], b[0]) + 2.0 * _outer(a[3], b[2]) + _outer(a[1], b[4])),
-        ]
+def _expand(a: Sequence[Vector], b: Sequence[Vector], power: int) -> Plane:
+    """Return (a^2 + b^2)^power from the moments of each axis, times a or b where they begin with it."""
+    return np.asarray(
+        sum(math.comb(power, n) * np.multiply.outer(a[n], b[power - n]) for n in range(power + 1))
     )
 
 
-def _moments(axis: Axis, centre_px: float, radius_px: float) -> list[Vector]:
-    scaled = (axis.positions - centre_px) / radius_px
-    powers = np.ones((7, scaled.size))
-    for power in range(1, 7):
-        np.multiply(powers[power - 1], scaled, out=powers[power])
-    return list(np.add.reduceat(powers, axis.starts, axis=1) / axis.counts)
-
-
-def _outer(a: Vector, b: Vector) -> Plane:
-    return np.asarray(np.multiply.outer(a, b))
+def _moments(axis: Axis, centre_px: float, radius_px: float, most: int) -> list[Vector]:
+    powers = np.vander((axis.positions - centre_px) / radius_px, most + 1, increasing=True)
+    return list(np.add.reduceat(powers, axis.starts).T / axis.counts)
 
 
 Samples = NDArray[np.float32]

@@ -13,7 +13,6 @@ from radiometry.fitting.evidence import MOST_DOF
 from radiometry.frame.packing import pack
 from radiometry.records import Record
 from radiometry.vignetting import codes, falloff
-from radiometry.vignetting.blocks import Grid
 from radiometry.vignetting.falloff import Blocks, Matrix, Solution
 from radiometry.vignetting.light import merge_dark_errors
 from radiometry.vignetting.points import measure_gradient
@@ -182,7 +181,9 @@ def fit_channel(
         spread = known.find_covariance()[falloff.CENTRE, falloff.CENTRE] + CENTRE_DRIFT_U**2 * np.eye(2)
         own = alone.find_covariance()[falloff.CENTRE, falloff.CENTRE]
         if not falloff.is_apart(alone.parameters[falloff.CENTRE] - centre, own + spread):
-            solution = falloff.solve_falloff(blocks, prior.replace(falloff.CENTRE, centre, spread))
+            prior = prior.replace(falloff.CENTRE, centre, spread)
+            solution = falloff.solve_falloff(blocks, prior, terms=len(alone.k))
+    solution = replace(solution, further=alone.further)
     fit = _conclude(solution, blocks, f_number=f_number, channel=channel, frames=len(flats))
     return FittedChannel(fit=fit, solution=solution, alone=alone, not_turned=not_turned)
 
@@ -200,18 +201,14 @@ def _conclude(
     # u(e/A), e the error of the dark level and A the light at the centre
     dark_u = math.hypot(blocks.dark.shared, blocks.dark.own)
     dark_u_rel = dark_u / abs(solution.level) if solution.level else 0.0
-    by_dark = np.zeros((5, 5))
-    by_dark[:3, :3] = dark_u_rel**2 * np.outer(solution.k, solution.k)
+    of_dark = np.append(solution.k, [0.0, 0.0]) * dark_u_rel
+    by_dark = np.outer(of_dark, of_dark)
     covariance = solution.find_covariance_of_lens() + by_dark
-    model_u_rel = _measure_misfit(solution, blocks)
-    coefficient, slopes = _build(
-        solution, covariance, blocks.grid, f_number=f_number, channel=channel, model_u_rel=model_u_rel
-    )
+    coefficient, slopes, corner_u = _build(solution, covariance, blocks, f_number=f_number, channel=channel)
     gradient, gradient_u = measure_gradient(solution, blocks)
     counted = np.isfinite(blocks.standard_error)
     corners = np.array(falloff.list_corners(blocks.grid.height_px, blocks.grid.width_px))
     mean_corner = float(np.mean(1.0 - coefficient.evaluate(corners[:, 0], corners[:, 1])[0]))
-    share = 1.0 - coefficient.corner_falloff
     certain, level, whole = (
         float(falloff.propagate(slopes, solution.find_covariance_of_lens(known=known))) ** 2
         for known in (4, 2, 0)
@@ -221,13 +218,12 @@ def _conclude(
         ("centre of the falloff", "B"): level - certain,
         ("plane of light", "A"): whole - level,
         ("dark level", "A"): float(falloff.propagate(slopes, by_dark)) ** 2,
-        ("shape of the curve", "A"): (model_u_rel * share) ** 2,
+        ("shape of the curve", "A"): corner_u**2,
     }
-    of_dark = {name: by_dark[index, index] for index, name in enumerate(("k1", "k2", "k3"))}
-    total = np.diag(covariance)[:3].tolist()
+    total = np.diag(covariance).tolist()
     freedom = {
         "corner_falloff": (variances["dark level", "A"], math.fsum(variances.values())),
-        **{name: (of_dark[name], each) for name, each in zip(of_dark, total, strict=True)},
+        **{f"k{n + 1}": (by_dark[n, n], total[n]) for n in range(len(solution.k))},
     }
     return ChannelFit(
         coefficient=coefficient,
@@ -272,21 +268,26 @@ def farthest_radius(coefficient: Coefficient) -> float:
 
 
 def _measure_misfit(solution: Solution, blocks: Blocks) -> float:
-    """Compute the relative scatter of the blocks beyond their noise; 0 where noise explains it.
+    """Compute by how much, relative, V departs from the blocks beyond their noise; 0 where noise explains it.
 
-    s^2 = mean(residual^2) - mean(u^2), where chi^2 / dof exceeds 1 by three of its own standard deviations.
+    s^2 = mean(residual^2) - mean(u^2), where chi^2 / dof exceeds 1 by three of its own standard deviations;
+    at least what a further term changes, rms over a disc.
     """
+    radii = falloff.sample_radii(1.0)
+    changed = solution.find_left(radii) / falloff.evaluate_curve(radii**2, solution.k)
+    left = math.sqrt(float(np.average(changed**2, weights=radii)))
     if solution.chi_squared / solution.dof <= 1.0 + _CHI_SQUARED_ERRORS * math.sqrt(2.0 / solution.dof):
-        return 0.0
+        return left
     counted = np.isfinite(blocks.standard_error)
     noise = np.mean((blocks.standard_error[counted] / solution.fitted[counted]) ** 2)
-    return math.sqrt(max(0.0, float(np.mean(solution.residual[counted] ** 2) - noise)))
+    return math.sqrt(max(left**2, float(np.mean(solution.residual[counted] ** 2) - noise)))
 
 
 def _build(
-    solution: Solution, covariance: Matrix, grid: Grid, *, f_number: float, channel: str, model_u_rel: float
-) -> tuple[Coefficient, Matrix]:
-    """Return the coefficient, and the derivatives of V at its farthest corner."""
+    solution: Solution, covariance: Matrix, blocks: Blocks, *, f_number: float, channel: str
+) -> tuple[Coefficient, Matrix, float]:
+    """Return the coefficient, the derivatives of V at its farthest corner, and the curve's own u there."""
+    grid = blocks.grid
     row, col = falloff.find_farthest_corner(grid.height_px, grid.width_px, centre_px=solution.centre_px)
     share, slopes = falloff.evaluate_slopes(
         np.array(row),
@@ -296,11 +297,18 @@ def _build(
         radius_px=grid.half_diagonal_px,
     )
     if not float(share) > DARKEST_SHARE or solution.level <= 0.0:
+        far = np.hypot(blocks.rows.means[:, None] - row, blocks.cols.means[None] - col)
+        near = np.unravel_index(np.where(np.isfinite(blocks.standard_error), far, np.inf).argmin(), far.shape)
+        seen = float(blocks.light[near]) / solution.level if solution.level > 0.0 else 0.0
         raise shared.FIT_FAILED.reject(
-            f"At f/{f_number:g}, channel {channel}, {float(share):.1%} of the light is left in the farthest "
-            "corner: that is the edge of the image circle, not a falloff. Give the flats a region without "
-            "the dark corners."
+            f"At f/{f_number:g}, channel {channel}, {seen:.1%} of the light is left in the block nearest to "
+            f"the farthest corner, where the curve has {float(share):.1%}: the edge of the image circle, or "
+            "a knee that no curve of five terms follows. Give the flats a region without the dark "
+            "corners."
         )
+    model_u_rel = _measure_misfit(solution, blocks)
+    farthest = math.dist((row, col), solution.centre_px) / grid.half_diagonal_px
+    corner_u = max(model_u_rel * float(share), float(solution.find_left(np.array([farthest]))[0]))
     of_curve = float(falloff.propagate(slopes, covariance))
     coefficient = Coefficient(
         f_number=f_number,
@@ -310,12 +318,10 @@ def _build(
         radius_px=grid.half_diagonal_px,
         centre_row_px=solution.centre_px[0],
         centre_col_px=solution.centre_px[1],
-        k1=solution.k[0],
-        k2=solution.k[1],
-        k3=solution.k[2],
+        **{f"k{n}": each for n, each in enumerate(solution.k, 1)},
         covariance=tuple(tuple(float(each) for each in line) for line in covariance),
         model_u_rel=model_u_rel,
         corner_falloff=1.0 - float(share),
-        corner_falloff_standard_uncertainty=math.hypot(of_curve, model_u_rel * float(share)),
+        corner_falloff_standard_uncertainty=math.hypot(of_curve, corner_u),
     )
-    return coefficient, slopes
+    return coefficient, slopes, corner_u

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import scipy
@@ -12,30 +13,28 @@ from radiometry.vignetting.blocks import Axis, Grid, Plane, Vector, average_radi
 
 Matrix = NDArray[np.float64]
 
-PARAMETERS = 5  # k1, k2, k3, centre row, centre column: the order of every covariance
+FEWEST_TERMS, MOST_TERMS = 3, 5  # Of V, in r^2, r^4 ...
 
 _RADII = 512
 
 
 def evaluate_curve(squared: Matrix, k: Sequence[float]) -> Matrix:
-    """Compute V where r^2 is known, from k1, k2 and k3."""
-    k1, k2, k3 = k
-    return np.asarray(1.0 + squared * (k1 + squared * (k2 + squared * k3)))
+    """Compute V where r^2 is known, from k1, k2 ..."""
+    return np.asarray(np.polynomial.polynomial.polyval(squared, [1.0, *k]))
 
 
 def evaluate_slopes(
     row_px: Matrix, col_px: Matrix, k: Sequence[float], *, centre_px: tuple[float, float], radius_px: float
 ) -> tuple[Matrix, Matrix]:
-    """Compute V and its derivatives by k1, k2, k3, centre row and centre column.
+    """Compute V and its derivatives by k1, k2 ..., centre row and centre column.
 
-    dV/dk_n = r^2n;  dV/dcentre_row = -(2 a / R) (k1 + 2 k2 r^2 + 3 k3 r^4), a = (row - centre_row) / R
+    dV/dk_n = r^2n;  dV/dcentre_row = -(2 a / R) (k1 + 2 k2 r^2 + ...), a = (row - centre_row) / R
     """
     a, b = (row_px - centre_px[0]) / radius_px, (col_px - centre_px[1]) / radius_px
     squared = a**2 + b**2
-    by_square = k[0] + squared * (2.0 * k[1] + squared * 3.0 * k[2])
-    slopes = np.stack(
-        [squared, squared**2, squared**3, -2.0 * a * by_square / radius_px, -2.0 * b * by_square / radius_px]
-    )
+    by_square = np.polynomial.polynomial.polyval(squared, [n * each for n, each in enumerate(k, 1)])
+    by_centre = [-2.0 * by_square * each / radius_px for each in (a, b)]
+    slopes = np.stack([*(squared**n for n in range(1, len(k) + 1)), *by_centre])
     return evaluate_curve(squared, k), slopes
 
 
@@ -71,7 +70,7 @@ def find_largest_rise(shares: Vector) -> tuple[float, int, int]:
 
 
 # Places of the centre and of the plane of light among the parameters of a fit
-CENTRE, LIGHT = slice(4, 6), slice(6, 8)
+CENTRE, LIGHT = slice(-4, -2), slice(-2, None)
 
 # Standard uncertainty of a centre before any fit, in half diagonals; the bodies of the "Four Vision" report
 # lie up to 0.13 from the middle
@@ -126,9 +125,8 @@ class Prior(Record, kw_only=False):
 
     def replace(self, part: slice, mean: Matrix, covariance: Matrix) -> "Prior":
         """Return the knowledge with another centre or plane."""
-        where = slice(part.start - 4, part.stop - 4)
         changed = self.mean.copy(), self.precision.copy()
-        changed[0][where], changed[1][where, where] = mean, np.linalg.inv(covariance)
+        changed[0][part], changed[1][part, part] = mean, np.linalg.inv(covariance)
         return Prior(*changed)
 
 
@@ -140,7 +138,7 @@ EVEN = USUAL.replace(LIGHT, np.zeros(2), 1e-12 * np.eye(2))  # Of light without 
 class Solution(Record, kw_only=False):
     """Fitted falloff."""
 
-    # A, k1, k2, k3, centre from the frame's middle [R], gradient of the light per half diagonal
+    # A, k1, k2 ..., centre from the frame's middle [R], gradient of the light per half diagonal
     parameters: Matrix
     information: Matrix  # Inverse of their covariance, Birge's ratio and what was known before included
     grid: Grid  # Grid of the blocks
@@ -148,6 +146,7 @@ class Solution(Record, kw_only=False):
     dof: int  # Degrees of freedom
     fitted: Plane  # Model per block
     residual: Plane  # (light - fitted) / fitted, 0 where it does not count
+    further: "Solution | None" = None  # With one term more, where the terms were chosen
 
     @property
     def level(self) -> float:
@@ -155,9 +154,8 @@ class Solution(Record, kw_only=False):
         return float(self.parameters[0])
 
     @property
-    def k(self) -> tuple[float, float, float]:
-        k1, k2, k3 = self.parameters[1:4].tolist()
-        return k1, k2, k3
+    def k(self) -> tuple[float, ...]:
+        return tuple(self.parameters[_CURVE].tolist())
 
     @property
     def centre_px(self) -> tuple[float, float]:
@@ -186,64 +184,106 @@ class Solution(Record, kw_only=False):
         return is_apart(self.parameters[LIGHT], self.gradient_covariance)
 
     def find_covariance(self, *, known: int = 0) -> Matrix:
-        free = 8 - known
-        covariance = np.zeros((8, 8))
+        free = self.parameters.size - known
+        covariance = np.zeros_like(self.information)
         covariance[:free, :free] = np.linalg.inv(self.information[:free, :free])
         return covariance
 
+    def find_left(self, radii: Vector) -> Vector:
+        """Return what a further term changes of V at radii, beyond what the noise explains."""
+        if self.further is None:
+            return np.zeros_like(radii)
+        (more, by_more), (less, by_less) = (
+            (each, each.find_variance(radii)) for each in (self.further, self)
+        )
+        change = evaluate_curve(radii**2, more.k) - evaluate_curve(radii**2, less.k)
+        return np.asarray(np.sqrt(np.maximum(0.0, change**2 - np.maximum(0.0, by_more - by_less))))
+
+    def find_variance(self, radii: Vector) -> Vector:
+        """Return the variance of V at radii from that of k1, k2 ..."""
+        powers = np.vander(radii**2, len(self.k) + 1, increasing=True)[:, 1:]
+        return np.asarray(np.einsum("ri,ij,rj->r", powers, self.find_covariance()[_CURVE, _CURVE], powers))
+
     def find_covariance_of_lens(self, *, known: int = 0) -> Matrix:
-        """Compute the covariance of k1, k2, k3, centre row and column [px]."""
-        scale = np.array([1.0, 1.0, 1.0, self.grid.half_diagonal_px, self.grid.half_diagonal_px])
-        part = slice(1, 1 + PARAMETERS)
-        return np.asarray(self.find_covariance(known=known)[part, part] * np.outer(scale, scale))
+        """Compute the covariance of k1, k2 ..., centre row and column [px]."""
+        scale = np.append(np.ones(len(self.k)), [self.grid.half_diagonal_px] * 2)
+        return np.asarray(self.find_covariance(known=known)[1:-2, 1:-2] * np.outer(scale, scale))
 
 
 _TOLERANCE = 1e-10
 _MOST_EVALUATIONS = 200
-_LEVEL = slice(0, 6)  # All parameters but the plane of light
+_CURVE = slice(1, -4)  # k1, k2 ... among the parameters of a fit
+_LEVEL = slice(0, -2)  # All parameters but the plane of light
+# Of AICc: by so much a further term has to fit better, so that one fit in a hundred has a term for nothing
+_EVIDENCE = 5.0
+_BLOCKS_PER_PARAMETER = 3
+_CALM = 0.01  # Of chi^2 a block: less says that there is no noise, and nothing of further terms
 
 
-def solve_falloff(blocks: Blocks, prior: Prior = USUAL) -> Solution:
-    """Fit A (1 + k1 <r^2> + k2 <r^4> + k3 <r^6>) (1 + g_row <a> + g_col <b>) to blocks.
+def solve_falloff(blocks: Blocks, prior: Prior = USUAL, *, terms: int | None = None) -> Solution:
+    """Fit A (1 + k1 <r^2> + k2 <r^4> + ...) (1 + g_row <a> + g_col <b>) to blocks.
 
     <> is the mean over a block's own pixels, a and b the distance from the frame's middle over R. With p
     the centre and the gradient, and P the precision of what is known of them::
 
-        minimise sum ((model - light) / u)^2 + (p - p0)' P (p - p0)
+        minimise S + (p - p0)' P (p - p0),    S = sum ((model - light) / u)^2
 
     by the method of Levenberg and Marquardt [1], here in MINPACK's implementation; where the fit is poor,
     also from a start without a plane. The plane is always fitted. Where the falloff is small, centre and
     plane can replace one another: what is known of the centre then decides, and the errors of both say so.
 
+    Terms that are not given are chosen, three to five, by AICc = n ln(S / n) + 2 q n / (n - q - 1) [2],
+    n blocks and q parameters; the solution has beside it the one with a further term.
+
     [1] Press et al., Numerical Recipes, 15.5
+    [2] K. P. Burnham, D. R. Anderson, Model Selection and Multimodel Inference, 2nd ed., 2.4
     """
-    model = _Model(blocks)
+    if terms is not None:
+        return _conclude(_Model(blocks, terms), _search(_Model(blocks, terms), prior), prior)
+    counted = int(np.isfinite(blocks.standard_error).sum())
+    most = min(MOST_TERMS, counted // _BLOCKS_PER_PARAMETER - 6)
+    if most < FEWEST_TERMS:
+        return solve_falloff(blocks, prior, terms=FEWEST_TERMS)
+    models = [_Model(blocks, count) for count in range(FEWEST_TERMS, most + 2)]
+    found = [_search(model, prior) for model in models]
+    scores = [model.find_aicc(p) + _EVIDENCE * model.terms for model, p in zip(models, found, strict=True)]
+    best = int(np.argmin(scores[:-1]))
+    solution, further = (_conclude(models[place], found[place], prior) for place in (best, best + 1))
+    return replace(solution, further=further)
+
+
+def _search(model: "_Model", prior: Prior) -> Matrix:
     found = _minimise(model, model.start(prior.mean), prior)
     if model.chi_squared(found) > model.light.size:
         # a plane may stand for a centre that is far from where the search began: find that one first
         level = _minimise(model, model.start(prior.mean), prior, free=_LEVEL)
         found = min(found, _minimise(model, level, prior), key=model.chi_squared)
+    return found
+
+
+def _conclude(model: "_Model", found: Matrix, prior: Prior) -> Solution:
     jacobian, residual, fitted = model.jacobian(found), model.residual(found), model.evaluate(found)
     chi_squared, dof = float(residual @ residual), max(1, residual.size - found.size)
     birge_squared = max(1.0, chi_squared / dof)
     information = jacobian.T @ jacobian / birge_squared
-    information[4:, 4:] += prior.precision
+    information[-4:, -4:] += prior.precision
     information[CENTRE, CENTRE] -= _find_spurious(model, found, information, prior) / birge_squared
     return Solution(
         parameters=found,
         information=information,
-        grid=blocks.grid,
+        grid=model.blocks.grid,
         chi_squared=chi_squared,
         dof=dof,
         fitted=fitted,
-        residual=np.where(model.counts, blocks.light / fitted - 1.0, 0.0),
+        residual=np.where(model.counts, model.blocks.light / fitted - 1.0, 0.0),
     )
 
 
 def _minimise(model: "_Model", start: Matrix, prior: Prior, free: slice = slice(None)) -> Matrix:
     """Find the parameters from a start, those that are not free staying as they are."""
     values, vectors = np.linalg.eigh(prior.precision)
-    known = np.column_stack([np.zeros((4, 4)), (vectors * np.sqrt(np.maximum(values, 0.0))).T])
+    root = (vectors * np.sqrt(np.maximum(values, 0.0))).T
+    known = np.column_stack([np.zeros((4, start.size - 4)), root])
 
     def fill(part: Matrix) -> Matrix:
         whole = start.copy()
@@ -252,7 +292,7 @@ def _minimise(model: "_Model", start: Matrix, prior: Prior, free: slice = slice(
 
     def residual(part: Matrix) -> Matrix:
         whole = fill(part)
-        return np.append(model.residual(whole), known[:, 4:] @ (whole[4:] - prior.mean))
+        return np.append(model.residual(whole), root @ (whole[-4:] - prior.mean))
 
     found = scipy.optimize.least_squares(
         residual,
@@ -279,42 +319,43 @@ def _find_spurious(model: "_Model", p: Matrix, information: Matrix, prior: Prior
 
     def inform(shift: Matrix) -> Matrix:
         moved = p.copy()
-        moved[1:4] += shift
+        moved[_CURVE] += shift
         jacobian = model.jacobian(moved)
         whole = jacobian.T @ jacobian
         whole[LIGHT, LIGHT] += prior.precision[2:, 2:]
-        others = np.delete(np.arange(8), np.arange(8)[CENTRE])
+        places = np.arange(p.size)
+        others = np.delete(places, places[CENTRE])
         cross = whole[CENTRE, others]
         return np.asarray(
             whole[CENTRE, CENTRE] - cross @ np.linalg.solve(whole[np.ix_(others, others)], cross.T)
         )
 
-    here = inform(np.zeros(3))
-    columns = np.linalg.cholesky(np.linalg.inv(information)[1:4, 1:4]).T
+    here = inform(np.zeros_like(p[_CURVE]))
+    columns = np.linalg.cholesky(np.linalg.inv(information)[_CURVE, _CURVE]).T
     excess = sum(inform(each) + inform(-each) - 2.0 * here for each in columns)
     values, vectors = np.linalg.eigh(here - excess)
     return np.asarray(here - (vectors * np.maximum(values, 0.0)) @ vectors.T)
 
 
 class _Model:
-    """The equation over the blocks that count: parameters A, k1, k2, k3, centre (in R), gradient."""
+    """The equation over the blocks that count: parameters A, k1, k2 ..., centre (in R), gradient."""
 
-    def __init__(self, blocks: Blocks) -> None:
-        self.blocks = blocks
+    def __init__(self, blocks: Blocks, terms: int) -> None:
+        self.blocks, self.terms = blocks, terms
         self.counts = np.isfinite(blocks.standard_error)
         self.weights = 1.0 / blocks.standard_error[self.counts]
         self.light = blocks.light[self.counts]
         self.plane = np.stack(np.broadcast_arrays(*blocks.places))
 
     def start(self, known: Matrix) -> Matrix:
-        means, _, _ = self._radial(np.append(np.zeros(4), known))
+        means, _, _ = self._radial(known)
         design = np.column_stack([np.ones_like(self.light), *(mean[self.counts] for mean in means)])
         scaled = np.linalg.lstsq(design * self.weights[:, None], self.light * self.weights, rcond=None)[0]
         return np.array([scaled[0], *(scaled[1:] / scaled[0]), *known])
 
     def evaluate(self, p: Matrix) -> Plane:
         means, _, _ = self._radial(p)
-        return np.asarray(p[0] * (1.0 + np.tensordot(p[1:4], means, 1)) * self._tilt(p))
+        return np.asarray(p[0] * (1.0 + np.tensordot(p[_CURVE], means, 1)) * self._tilt(p))
 
     def residual(self, p: Matrix) -> Matrix:
         return np.asarray((self.evaluate(p)[self.counts] - self.light) * self.weights)
@@ -322,11 +363,16 @@ class _Model:
     def chi_squared(self, p: Matrix) -> float:
         return float(np.sum(self.residual(p) ** 2))
 
+    def find_aicc(self, p: Matrix) -> float:
+        n, free = self.light.size, p.size
+        share = max(self.chi_squared(p) / n, _CALM)
+        return n * math.log(share) + 2.0 * free * n / (n - free - 1)
+
     def jacobian(self, p: Matrix) -> Matrix:
         means, by_row, by_col = self._radial(p)
         radius = self.blocks.grid.half_diagonal_px
-        share, tilt = 1.0 + np.tensordot(p[1:4], means, 1), self._tilt(p)
-        by_centre = [np.tensordot(p[1:4], slope, 1) * radius for slope in (by_row, by_col)]
+        share, tilt = 1.0 + np.tensordot(p[_CURVE], means, 1), self._tilt(p)
+        by_centre = [np.tensordot(p[_CURVE], slope, 1) * radius for slope in (by_row, by_col)]
         columns = [share * tilt, *(p[0] * part * tilt for part in (*means, *by_centre))]
         columns += [p[0] * share * direction for direction in self.plane]
         return np.column_stack([column[self.counts] * self.weights for column in columns])
@@ -343,4 +389,5 @@ class _Model:
             centre_row_px=float(row),
             centre_col_px=float(col),
             radius_px=grid.half_diagonal_px,
+            terms=self.terms,
         )

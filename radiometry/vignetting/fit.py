@@ -16,7 +16,15 @@ from radiometry.vignetting.blocks import FrameRow
 from radiometry.vignetting.channels import FittedChannel, farthest_radius, find_best, fit_channel
 from radiometry.vignetting.light import EXPOSURE_RATIO, find_not_dark
 from radiometry.vignetting.points import Candidate
-from radiometry.vignetting.results import DARK, EQUATION, Coefficient, Fit, Params, Threshold
+from radiometry.vignetting.results import (
+    DARK,
+    Coefficient,
+    Conventions,
+    Fit,
+    Params,
+    Threshold,
+    write_equation,
+)
 
 LIMITS = (0.02, 0.10)  # The falloffs about which the report asks
 
@@ -154,9 +162,9 @@ def find_rise(coefficient: Coefficient) -> tuple[float, float, float] | None:
     rise, bottom, top = falloff.find_largest_rise(falloff.evaluate_curve(radii**2, coefficient.k))
     rows = coefficient.centre_row_px + coefficient.radius_px * radii[[bottom, top]]
     _, slopes = coefficient.evaluate(rows, np.array(coefficient.centre_col_px))
-    by_k = slopes[:3, 1] - slopes[:3, 0]  # at given radii the centre does not enter
+    by_k = slopes[:-2, 1] - slopes[:-2, 0]  # at given radii the centre does not enter
     error = math.hypot(
-        float(falloff.propagate(by_k, np.array(coefficient.covariance)[:3, :3])), coefficient.model_u_rel
+        float(falloff.propagate(by_k, np.array(coefficient.covariance)[:-2, :-2])), coefficient.model_u_rel
     )
     if rise <= max(_RISE, _ERRORS * error):
         return None
@@ -178,7 +186,10 @@ def _check_centre(each: FittedChannel, fitted: Fitted) -> list[Raised]:
     apart = float(np.hypot(*offset))
     if apart <= _FAR_CENTRE * coefficient.radius_px:
         return []
-    along, covariances = offset / apart, (one.alone.find_covariance_of_lens()[3:, 3:] for one in (each, best))
+    along, covariances = (
+        offset / apart,
+        (one.alone.find_covariance_of_lens()[-2:, -2:] for one in (each, best)),
+    )
     error = math.hypot(*(math.sqrt(float(along @ covariance @ along)) for covariance in covariances))
     if apart <= _ERRORS * error:
         return []
@@ -225,6 +236,7 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
         thresholds=find_thresholds(fitted),
         points=points.describe_points(rows, candidates, params),
         flags=(*check_frames(candidates, rows, params), *check_fits(fitted)),
+        conventions=Conventions.of(max(len(each.fit.coefficient.k) for each in fitted)),
     )
 
 
@@ -268,7 +280,7 @@ def list_coefficients(fit: Fit) -> tuple[evidence.CoefficientValue, ...]:
             value=quantity.value,
             standard_uncertainty=quantity.standard_uncertainty,
             unit=quantity.unit,
-            model=EQUATION,
+            model=write_equation(len(coefficient.k)),
             f_number=coefficient.f_number,
             band=None if coefficient.channel in CHANNELS else coefficient.channel,
             channel=coefficient.channel,
@@ -283,9 +295,7 @@ def list_coefficients(fit: Fit) -> tuple[evidence.CoefficientValue, ...]:
 
 def _list_quantities(coefficient: Coefficient) -> dict[str, evidence.Quantity]:
     values = {
-        "k1": (coefficient.k1, "1"),
-        "k2": (coefficient.k2, "1"),
-        "k3": (coefficient.k3, "1"),
+        **{f"k{n}": (each, "1") for n, each in enumerate(coefficient.k, 1)},
         "centre_row_px": (coefficient.centre_row_px, "px"),
         "centre_col_px": (coefficient.centre_col_px, "px"),
     }

@@ -14,7 +14,7 @@ from radiometry.findings.grouping import name_frames
 from radiometry.records import Record
 from radiometry.vignetting import codes
 from radiometry.vignetting.blocks import FrameRow, Plane
-from radiometry.vignetting.falloff import CENTRE, Blocks, Solution, solve_falloff
+from radiometry.vignetting.falloff import CENTRE, FEWEST_TERMS, Blocks, Solution, solve_falloff
 from radiometry.vignetting.light import MOST_CLIPPED_SHARE, ChannelLight, FlatLight, leave_out, measure_light
 from radiometry.vignetting.results import DARK, FLAT, Params, Point, Spot
 
@@ -151,7 +151,7 @@ def _fit_without_spots(light: ChannelLight) -> tuple[Solution, NDArray[np.bool_]
     """Fit, leave out what stands apart from its surroundings, and fit again."""
     spots: NDArray[np.bool_] = np.zeros(light.blocks.light.shape, np.bool_)
     left = light
-    solution = solve_falloff(left.blocks)
+    solution = solve_falloff(left.blocks, terms=FEWEST_TERMS)
     for _ in range(_ROUNDS):
         known = np.isfinite(left.blocks.standard_error)
         found = _find_spots(solution, left.blocks, known)
@@ -159,7 +159,7 @@ def _fit_without_spots(light: ChannelLight) -> tuple[Solution, NDArray[np.bool_]
             break
         spots |= found
         left = leave_out(light, spots)
-        solution = solve_falloff(left.blocks)
+        solution = solve_falloff(left.blocks, terms=FEWEST_TERMS)
     return solution, spots
 
 

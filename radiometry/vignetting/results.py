@@ -12,10 +12,10 @@ from radiometry.drawing.text import write_quantity
 from radiometry.findings import Raised
 from radiometry.fitting.evidence import BudgetEntry, Exclusion
 from radiometry.frame.packing import Packed, unpack
-from radiometry.records import Record, about
+from radiometry.records import Record, about, later
 from radiometry.specification.certificate import Budget, KeyFigure, choose_channel
 from radiometry.specification.parameters import check_parameters, parameter
-from radiometry.vignetting.falloff import Matrix, evaluate_slopes
+from radiometry.vignetting.falloff import Matrix, evaluate_curve, evaluate_slopes
 
 FLAT, DARK = "flat", "dark"
 
@@ -40,24 +40,33 @@ class Params(Record):
         check_parameters(self)
 
 
-EQUATION = "signal above dark = even light * (1 + k1 r^2 + k2 r^4 + k3 r^6)"
+def write_equation(terms: int) -> str:
+    """Return the equation of a falloff of so many terms."""
+    powers = " + ".join(f"k{n} r^{2 * n}" for n in range(1, terms + 1))
+    return f"signal above dark = even light * (1 + {powers})"
 
 
 class Conventions(Record):
     """Conventions of the numbers, since programs differ: stored with every fit."""
 
-    equation: str = EQUATION
+    equation: str = write_equation(3)
     correction: Literal["divide"] = "divide"
     radius_unit: Literal["half_diagonal"] = "half_diagonal"
     pixel_origin: Literal["centre of the first pixel"] = "centre of the first pixel"
     corner: Literal["farthest from the centre"] = "farthest from the centre"
     covariance_of: tuple[str, ...] = ("k1", "k2", "k3", "centre_row_px", "centre_col_px")
 
+    @classmethod
+    def of(cls, terms: int) -> "Conventions":
+        """Return the conventions of falloffs with up to so many terms; the k of fewer are left out."""
+        names = *(f"k{n}" for n in range(1, terms + 1)), "centre_row_px", "centre_col_px"
+        return cls(equation=write_equation(terms), covariance_of=names)
+
 
 class Coefficient(Record):
     """Falloff of one f-number and channel: all that an application needs, in plain fields.
 
-    V = 1 + k1 r^2 + k2 r^4 + k3 r^6, r the distance from the centre over `radius_px`.
+    V = 1 + k1 r^2 + k2 r^4 + k3 r^6 + k4 r^8 + k5 r^10, r the distance from the centre over `radius_px`.
     """
 
     f_number: float
@@ -70,7 +79,11 @@ class Coefficient(Record):
     k1: float = about("Coefficients of the curve.")
     k2: float = about("Coefficients of the curve.")
     k3: float = about("Coefficients of the curve.")
-    covariance: tuple[tuple[float, ...], ...] = about("Covariance of k1, k2, k3, centre row, centre column.")
+    k4: float | None = later("Where the flats ask for it.")
+    k5: float | None = later("Where the flats ask for it.")
+    covariance: tuple[tuple[float, ...], ...] = about(
+        "Covariance of k1, k2, k3, those of k4 and k5 that were fitted, centre row, centre column."
+    )
     model_u_rel: float = about(
         "Relative departure of the flat from the curve beyond noise; alike at neighbouring places."
     )
@@ -78,8 +91,9 @@ class Coefficient(Record):
     corner_falloff_standard_uncertainty: float
 
     @property
-    def k(self) -> tuple[float, float, float]:
-        return self.k1, self.k2, self.k3
+    def k(self) -> tuple[float, ...]:
+        """The terms that were fitted."""
+        return tuple(k for k in (self.k1, self.k2, self.k3, self.k4, self.k5) if k is not None)
 
     @property
     def centre_px(self) -> tuple[float, float]:
@@ -263,9 +277,13 @@ def _build_surface(result: Node, _: Any) -> Iterator[Figure]:  # noqa: ANN401  n
         )
 
 
+def _list_terms(c: Node) -> list[float]:
+    return [c[f"k{n}"] for n in range(1, len(c["covariance"]) - 1)]
+
+
 def _share(c: Node, row: float, col: float) -> float:
     r2 = ((row - c["centre_row_px"]) ** 2 + (col - c["centre_col_px"]) ** 2) / c["radius_px"] ** 2
-    return float(1.0 + r2 * (c["k1"] + r2 * (c["k2"] + r2 * c["k3"])))
+    return float(evaluate_curve(np.array(r2), _list_terms(c)))
 
 
 def _build_falloff(result: Node, _: Any) -> Iterator[Figure]:  # noqa: ANN401
@@ -307,10 +325,10 @@ def _build_corner(result: Node, _: Any) -> Iterator[Figure]:  # noqa: ANN401
 
 
 def _evaluate(c: Node) -> Iterator[tuple[float, float, float]]:
-    """Yield (r, V, u(V)) along the radius, with u from the covariance of k1, k2, k3."""
-    covariance, terms = np.array(c["covariance"])[:3, :3], np.array([c["k1"], c["k2"], c["k3"]])
+    """Yield (r, V, u(V)) along the radius, with u from the covariance of k1, k2 ..."""
+    covariance, terms = np.array(c["covariance"])[:-2, :-2], np.array(_list_terms(c))
     for r in np.linspace(0.0, 1.0, 61):
-        powers = r ** np.array([2, 4, 6])
+        powers = r ** (2 * np.arange(1, terms.size + 1))
         variance = max(0.0, powers @ covariance @ powers)
         yield float(r), float(1.0 + powers @ terms), math.sqrt(variance)
 

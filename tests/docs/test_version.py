@@ -27,6 +27,6 @@ def test_installed_client_states_the_version_of_its_package(monkeypatch, tmp_pat
 
 def test_content_hashes_are_those_of_the_stored_versions():
     """A release keeps the fit code version as long as it fits as before."""
-    assert software.FIT_CODE_VERSION == "0.1.6"
-    expected = "ae7c1c749fa0cae05dcc9ea2dfebb3c1b8a4397a611cec893821e6eca0686be0"
+    assert software.FIT_CODE_VERSION == "0.1.7"
+    expected = "58a9860e8de7156b31912bd1c04895e7d8fdd951384cde5ecb131eeac0d95f66"
     assert hash_content({"frames": []}, {"model": "proportional"}) == expected

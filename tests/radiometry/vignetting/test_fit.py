@@ -200,7 +200,7 @@ def cover(f_numbers, plane, turns, *, runs=16):
         found_v = evaluate([fit.fit.coefficient], rows, cols, channel="g", f_number=f_number)
         squared = ((rows - centre[0]) ** 2 + (cols - centre[1]) ** 2) / radius**2
         off = np.abs(found_v.share - evaluate_curve(squared, FALLOFFS[f_number]))
-        errors = np.sqrt(np.diag(np.array(fit.fit.coefficient.covariance))[3:])
+        errors = np.sqrt(np.diag(np.array(fit.fit.coefficient.covariance))[-2:])
         at = np.abs(np.array(fit.fit.coefficient.centre_px) - centre)
         u = found_v.standard_uncertainty
         found.append((np.mean(u**2), np.mean(off < 2.0 * u), np.mean(at < 2.0 * errors)))
@@ -223,6 +223,37 @@ def test_a_plane_of_light_is_within_the_uncertainty_of_v(f_numbers, plane, turns
     assert of_v > 0.75
     assert of_centre > 0.75
     assert u < largest_u
+
+
+@pytest.mark.parametrize(
+    ("degrees", "terms", "largest"), [(20.0, 3, 0.001), (38.0, 5, 0.001), (42.0, 5, 0.002)]
+)
+def test_the_terms_of_a_wide_lens_are_chosen_and_the_corner_holds_cos4(degrees, terms, largest):
+    random, grid, covered = np.random.default_rng(4), grid_of(960, 1440), []
+    for _ in range(6):
+        exact = exact_blocks(grid, (0.0,) * 3, centre := grid.middle_px + 20.0 * random.standard_normal(2))
+        r, c = (np.arange(size)[:, None] for size in (960, 1440))
+        squared = ((r - centre[0]) ** 2 + (c.T - centre[1]) ** 2) / grid.half_diagonal_px**2
+        pixels = (1.0 + squared * np.tan(np.radians(degrees)) ** 2) ** -2
+        light = pixels.reshape(len(exact.light), grid.block_px, -1, grid.block_px).mean((1, 3))
+        noise = 3e-4 * np.sqrt(light)
+        noisy = light + noise * random.standard_normal(light.shape)
+        flat = dataclasses.replace(exact, light=noisy, standard_error=noise)
+        found = fit_channel([flat], f_number=2.0, channel="g").fit.coefficient
+        assert len(found.k) == terms
+        # the farthest pixel's centre, which is half a pixel from the corner: .0005 of V at most
+        off = abs(1.0 - found.corner_falloff - pixels.min())
+        covered.append(off < 2.0 * found.corner_falloff_standard_uncertainty + 5e-4)
+        assert off < largest + 5e-4
+    assert sum(covered) >= 5
+
+
+def test_a_knee_is_refused_by_the_light_that_it_leaves():
+    exact = exact_blocks(grid_of(960, 1440), (0.0,) * 3, (479.5, 719.5))
+    down, right = exact.places
+    knee = dataclasses.replace(exact, light=1.0 - 0.6 / (1.0 + np.exp((0.9 - np.hypot(down, right)) / 0.01)))
+    with pytest.raises(InputRejected, match=r"4\d\.\d% of the light is left in the block nearest"):
+        fit_channel([knee], f_number=2.0, channel="g")
 
 
 def test_light_that_turns_with_the_camera_is_found_out():
