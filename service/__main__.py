@@ -48,11 +48,13 @@ def found(database: Database, secret: str) -> None:
         recount_all(session)
 
 
-gc.disable()  # until everything is imported: collections took a quarter of that time and freed nothing
+_USUAL = gc.get_threshold()
+# Seldom until everything is imported: often costs a tenth of that time, never leaves 10 MB of holes.
+gc.set_threshold(20_000, 20, 20)
 
 
 gc.freeze()
-gc.enable()
+gc.set_threshold(*_USUAL)
 
 log = logging.getLogger("stilb.service")
 
