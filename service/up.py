@@ -6,7 +6,6 @@ and not imported.
 
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 from service.launch.folder import Exit, report
 from service.launch.lifeline import follow_make
@@ -14,11 +13,7 @@ from service.launch.run import Roster, launch, read_apart
 from service.launch.supervisor import Part
 from store.software import is_current
 
-# By the folder of this very installation: Celery would else look for `worker` where it is started.
-WORKER = [
-    *(sys.executable, "-m", "celery", "--workdir", str(Path(__file__).resolve().parents[1])),
-    *("-A", "worker.app", "worker", "-Q", "looks,frames,fits,maps"),
-]
+WORKER = [sys.executable, "-m", "worker", "-Q", "looks,frames,fits,maps"]
 # What a part needs to end once its own grace is over.
 _TO_END_S = 5.0
 

@@ -10,11 +10,11 @@ from redis.exceptions import ConnectionError as BrokerLost
 
 from worker.process import tend
 
-_LOOK_EVERY_S = 1.0
+_LOOK_EVERY_S = 2.0
 
 
 class Consumer(CeleryConsumer):  # type: ignore[misc]
-    """Connects anew when it holds a message for a second that no task has: its acknowledgement failed.
+    """Connects anew when it holds a message for two seconds that no task has: its acknowledgement failed.
 
     Celery only logs that, and such a message takes one of its places for ever: after a broker that froze,
     all of them. Nor does it wait longer than two seconds to connect again, by default up to thirty.

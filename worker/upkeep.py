@@ -39,7 +39,7 @@ from store.tables.base import UtcDateTime, utc_now
 from worker.context import Context
 from worker.runner import serves
 
-_LOOKS_A_LEASE: Final = 15
+_LOOKS_A_LEASE: Final = 10
 _FURTHEST_DUE: Final = timedelta(minutes=5)
 """Further ahead than any pause before a job is tried again."""
 _LEASES_AHEAD: Final = 3
@@ -87,7 +87,7 @@ class Look(NamedTuple):
 
 
 def look(session: Session, *, lease_s: float) -> Look:
-    """Return what is to be done; one statement, since each process of a worker asks every two seconds."""
+    """Return what is to be done; one statement, since each process of a worker asks every few seconds."""
     now = utc_now()
     instants = {
         "now": now,

@@ -32,9 +32,8 @@ def test_it_runs_what_the_launcher_runs():
     launched = {part.name: list(part.command) for part in ROSTER.parts}
     launched["migrate"], *others = (list(command) for command in ROSTER.before)
     assert others == []
-    python, module, celery, workdir, _, *words = launched["worker"]
-    assert workdir == "--workdir"
-    launched["worker"] = [python, module, celery, *words]
+    python, module, _, *options = launched["worker"]
+    launched["worker"] = [python, module, "celery", "-A", "worker.app", "worker", *options]
     assert {name: command_of(name) for name in OURS} == launched
 
 

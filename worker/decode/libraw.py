@@ -1,7 +1,6 @@
 """Files that only LibRaw can decode: other makers' raw files, and the DNG features not read natively."""
 
 import ctypes
-import importlib.metadata
 import io
 import math
 from collections.abc import Iterator
@@ -29,7 +28,7 @@ _FILLS: Final = (0x5A, 0xC3)
 
 
 def check_version() -> str:
-    version = importlib.metadata.version("rawpy")
+    version: str = rawpy.__version__  # type: ignore[attr-defined]
     if tuple(int(part) for part in version.split(".")[:2]) < _OLDEST_RAWPY:
         raise RuntimeError(f"rawpy {version} decodes DNG unsafely: 0.28 or newer is needed")
     return version

@@ -1,5 +1,7 @@
 """The three things that are asked of a file: its header, a window of its mosaic, a picture to draw on."""
 
+import json
+import operator
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final, NamedTuple, Self, TypeVar
@@ -7,7 +9,6 @@ from typing import Final, NamedTuple, Self, TypeVar
 import imagecodecs
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import TypeAdapter, ValidationError
 
 from radiometry.findings import InputRejected, files, shared
 from radiometry.frame import Frame, FrameHeader, TableRow
@@ -70,7 +71,8 @@ def _stretch(grey: NDArray[np.float32], black: float) -> NDArray[np.uint8]:
 
 MAGIC: Final = b'{"stilb_row": 1,'
 _MOST_BYTES: Final = 10_000
-_ROW: Final = TypeAdapter(TableRow)
+_STATED: Final = ("mean_dn", "min_dn", "max_dn", "white_level_dn")
+_IF_KNOWN: Final = ("std_dn", "black_level_dn")
 
 
 class TableFile:
@@ -81,12 +83,14 @@ class TableFile:
 
     def __init__(self, source: Source) -> None:
         try:
-            row = _ROW.validate_json(source[:_MOST_BYTES])
-        except ValidationError as error:
+            said = json.loads(bytes(source[:_MOST_BYTES]))
+            known = [name for name in _IF_KNOWN if said.get(name) is not None]
+            levels = {name: float(said[name]) for name in (*_STATED, *known)}
+            row = TableRow(pixels=operator.index(said["pixels"]), **levels)
+        except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
             raise files.SIZE_MISMATCH.refuse("The row of a table is not one that stilb wrote.") from error
         if not row.is_possible:
             raise files.SIZE_MISMATCH.refuse("No samples have the statistics of this row.")
-        known = row.black_level_dn is not None
         self.header = FrameHeader(
             container="table",
             decoder="stilb",
@@ -97,7 +101,7 @@ class TableFile:
             height_px=1,
             cfa="grey",
             black_level_dn=(row.black_level_dn or 0.0,),
-            black_level_origin="supplied" if known else "default",
+            black_level_origin="supplied" if "black_level_dn" in known else "default",
             white_level_dn=(row.white_level_dn,),
             white_level_origin="supplied",
             table=row,

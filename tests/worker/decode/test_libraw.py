@@ -63,6 +63,6 @@ def test_a_dark_frame_that_its_camera_clips_at_zero_is_read(tiff_ep):
 
 def test_an_unsafe_version_is_not_used(monkeypatch):
     assert libraw.check_version()
-    monkeypatch.setattr(libraw.importlib.metadata, "version", lambda _: "0.27.9")
+    monkeypatch.setattr(libraw.rawpy, "__version__", "0.27.9")
     with pytest.raises(RuntimeError, match=r"0\.28 or newer"):
         libraw.check_version()

@@ -34,6 +34,9 @@ def test_a_row_is_a_header_and_one_grey_pixel(tmp_path):
         {"std_dn": -1.0},
         {"black_level_dn": 4095.0},
         {"white_level_dn": "white"},
+        {"white_level_dn": 10**400},
+        {"white_level_dn": None},
+        {"std_dn": [9.0]},
     ],
 )
 def test_a_row_that_cannot_be_is_refused(tmp_path, changes):
