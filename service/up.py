@@ -11,7 +11,6 @@ from service.launch.folder import Exit, report
 from service.launch.lifeline import follow_make
 from service.launch.run import Roster, launch, read_apart
 from service.launch.supervisor import Part
-from store.software import is_current
 
 WORKER = [sys.executable, "-m", "worker", "-Q", "looks,frames,fits,maps"]
 # What a part needs to end once its own grace is over.
@@ -37,7 +36,7 @@ def main() -> int:
             report(f"some parts of {known} alone need STILB_DATABASE_URL, where the others are")
             return Exit.CANNOT_START
         roster = replace(roster, parts=parts, serves=any(part.knows_key for part in parts))
-    if is_current(settings.database_url):
+    if settings.is_current:
         # a process that would load most of stilb, to find that nothing is to be done
         roster = replace(roster, before=[])
     return launch(settings, roster)

@@ -10,7 +10,6 @@ from typing import Final
 
 from PIL import Image
 from sqlalchemy import func, select
-from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
@@ -20,7 +19,7 @@ from store.blobs import BlobDamaged, BlobMissing, Blobs, Damage, StorageUnavaila
 from store.database import Database
 from store.queries.usage import add_jobs
 from store.tables import Blob, Job, SmallPreview
-from store.tables.base import utc_now
+from store.tables.base import insert_or_not, utc_now
 
 log = logging.getLogger(__name__)
 
@@ -132,9 +131,8 @@ def keep_blobs(session: Session, blobs: Iterable[StoredBlob]) -> set[str]:
         {"sha256": sha256, "size_bytes": blob.size_bytes, "digests": blob.digests}
         for sha256, blob in sorted(stored.items())
     ]
-    insert = sqlite.insert if session.get_bind().dialect.name == "sqlite" else postgresql.insert
     # the same words however many there are: a list of values would be compiled each time
-    added = insert(Blob).on_conflict_do_nothing().returning(Blob.sha256)
+    added = insert_or_not(session, Blob).on_conflict_do_nothing().returning(Blob.sha256)
     new = {*session.connection().execute(added, rows).scalars()} if rows else set()
     if known := stored.keys() - new:
         locked = select(Blob).where(Blob.sha256.in_(known)).order_by(Blob.sha256).with_for_update()
@@ -211,6 +209,5 @@ def find_small_previews(session: Session, hashes: Collection[str]) -> dict[str, 
 
 def keep_small_previews(session: Session, pictures: Mapping[str, bytes]) -> None:
     """Keep pictures by the hash of their preview, unless somebody else has done so."""
-    insert = sqlite.insert if session.get_bind().dialect.name == "sqlite" else postgresql.insert
     rows = [{"preview_sha256": sha256, "webp": pictures[sha256]} for sha256 in sorted(pictures)]
-    session.execute(insert(SmallPreview).values(rows).on_conflict_do_nothing())
+    session.execute(insert_or_not(session, SmallPreview).values(rows).on_conflict_do_nothing())

@@ -4,9 +4,9 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from sqlalchemy import ColumnElement, insert, or_, select, update
-from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Session
 
+from store.tables.base import insert_or_not
 from store.tables.calibration import Calibration, Revocation
 from store.tables.campaign import Campaign, CampaignReview, Extraction, FrameChange, FrameRow, Reading
 from store.tables.organisation import Camera, Meter, Organisation, Panel
@@ -95,10 +95,9 @@ def raise_revisions(session: Session) -> None:
 
 def stamp_frames(session: Session, stamps: Sequence[tuple[str, str, int]]) -> None:
     """Keep id, campaign and revision of frames that have changed; the campaign's review is locked by now."""
-    upsert = sqlite.insert if session.get_bind().dialect.name == "sqlite" else postgresql.insert
     for first in range(0, len(stamps), _MOST_AT_ONCE):
         some = stamps[first : first + _MOST_AT_ONCE]
-        added = upsert(FrameChange)
+        added = insert_or_not(session, FrameChange)
         newer = {"campaign_id": added.excluded.campaign_id, "revision": added.excluded.revision}
         session.connection().execute(
             added.on_conflict_do_update(index_elements=[FrameChange.frame_id], set_=newer),

@@ -5,7 +5,6 @@ import re
 import secrets
 import sys
 from collections.abc import Iterator, Mapping
-from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self
 from urllib.parse import quote
@@ -168,6 +167,8 @@ def _misspelt(environment: Mapping[str, str]) -> Iterator[str]:
             # the same setting in two spellings could have two values
             yield f"{name}: write {meant}: its name is in capitals"
         else:
+            from difflib import get_close_matches  # noqa: PLC0415  1 MB that right settings do not need
+
             alike = get_close_matches(meant, known, n=1, cutoff=_ALIKE)
             nearest = f"did you mean {alike[0]}?" if alike else "docs/settings.md lists them."
             yield f"{name}: there is no such setting; {nearest}"

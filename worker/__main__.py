@@ -1,5 +1,10 @@
 """`python -m worker -Q ...`: Celery's command `worker` without its others, whose shells take 7 MB."""
 
+import sys
+
+# Celery's help does without colours then, and 2 MB less
+sys.modules["pygments"] = None  # type: ignore[assignment]
+
 from celery.bin.base import CLIContext
 from celery.bin.worker import worker
 

@@ -48,6 +48,8 @@ class Wanted(Record):
     database_url: str
     is_embedded: bool
     """The database is, too."""
+    is_current: bool
+    """It is known to need no migration."""
     database_timeout_s: float
     hang_s: float
     stop_grace_s: float
@@ -58,12 +60,14 @@ def read_apart() -> Wanted:
     source, sink = os.pipe()
     if not (pid := os.fork()):
         from store.settings import read_settings  # noqa: PLC0415
+        from store.software import is_current  # noqa: PLC0415
 
         given = read_settings()
         wanted = Wanted(
             key=given.key.get_secret_value(),
             database_url=given.effective_database_url,
             is_embedded=not given.database_url,
+            is_current=is_current(given.effective_database_url),
             data=given.data,
             host=given.host,
             port=given.port,

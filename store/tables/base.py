@@ -6,7 +6,8 @@ from datetime import UTC, datetime
 from typing import Any, ClassVar, get_args
 
 from sqlalchemy import JSON, CheckConstraint, DateTime, Dialect, Index, MetaData, String, TextClause
-from sqlalchemy.orm import DeclarativeBase
+from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.orm import DeclarativeBase, Session
 from sqlalchemy.types import TypeDecorator
 
 
@@ -17,6 +18,12 @@ def new_id(prefix: str) -> str:
 
 def utc_now() -> datetime:
     return datetime.now(UTC)
+
+
+def insert_or_not(session: Session, table: type) -> Any:  # noqa: ANN401  each database has its own
+    """The database's own `insert`, which knows ON CONFLICT."""
+    dialect = sqlite if session.get_bind().dialect.name == "sqlite" else postgresql
+    return dialect.insert(table)
 
 
 class UtcDateTime(TypeDecorator[datetime]):
