@@ -6,6 +6,7 @@ from typing import Any
 
 from celery.worker import state
 from celery.worker.consumer import Consumer as CeleryConsumer
+from celery.worker.loops import asynloop
 from redis.exceptions import ConnectionError as BrokerLost
 
 from worker.process import tend
@@ -43,6 +44,15 @@ class Consumer(CeleryConsumer):  # type: ignore[misc]
             callback=partial(wait, callback),
         )
         return super().ensure_connected(conn)
+
+    def loop(self, *arguments: Any) -> None:  # noqa: ANN401  Celery's
+        """Celery's loop, in which a job may end whose connection is half closed: kombu then finds None."""
+        try:
+            asynloop(*arguments)
+        except AttributeError as error:
+            if error.obj is not None:
+                raise
+            raise BrokerLost("a message could not be acknowledged") from error
 
     def on_connection_error_after_connected(self, exc: Exception) -> None:
         try:

@@ -20,6 +20,7 @@ from tests.support.house import furnished
 from tests.support.printed import read_blocks, type_in
 from tests.support.processes import children, command
 from tests.support.waiting import wait_for
+from worker import consumer
 
 QUICK = {"STILB_LEASE_S": "3", "STILB_WORKER_THREADS": "1"}
 
@@ -207,6 +208,20 @@ def test_a_broker_that_froze_while_a_job_ended_is_connected_anew(house):
             wait_for(lambda: "Couldn't ack" in worker.log.read_text(), timeout_s=30)
         worker.valkey.send_signal(signal.SIGCONT)
         assert worker.wait_for_job(second, "succeeded").attempt == 1
+
+
+def test_a_job_that_ends_once_its_connection_is_half_closed_connects_anew(worker, monkeypatch):
+    """Which ended the worker, in one of sixty restarts of the broker under load."""
+    with worker.celery.connection_for_write() as connection:
+        queue = connection.SimpleQueue("half closed")
+        queue.put({})
+        message = queue.get(timeout=5)
+        message.channel._disconnect_pools()
+        monkeypatch.setattr(connection.transport, "client", None)
+        monkeypatch.setattr(consumer, "asynloop", lambda *_: message.ack())
+        with pytest.raises(consumer.BrokerLost):
+            consumer.Consumer.loop(None)
+        monkeypatch.undo()
 
 
 def test_a_broker_that_goes_away_leaves_no_traceback(house):
