@@ -71,8 +71,7 @@ def cancel(job_id: str) -> None:
 
 
 def tend() -> None:
-    """Show that the parent's loop turns, and start the decoders' zygote again if it has died."""
-    _pulse.beat()
+    _pulse.beat()  # the parent's loop turns
     decoders.look_after()
 
 

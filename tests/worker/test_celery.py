@@ -212,16 +212,14 @@ def test_a_broker_that_froze_while_a_job_ended_is_connected_anew(house):
 
 def test_a_job_that_ends_once_its_connection_is_half_closed_connects_anew(worker, monkeypatch):
     """Which ended the worker, in one of sixty restarts of the broker under load."""
-    with worker.celery.connection_for_write() as connection:
-        queue = connection.SimpleQueue("half closed")
-        queue.put({})
+    with worker.celery.connection_for_write() as connection, monkeypatch.context() as patch:
+        (queue := connection.SimpleQueue("half closed")).put({})
         message = queue.get(timeout=5)
         message.channel._disconnect_pools()
-        monkeypatch.setattr(connection.transport, "client", None)
-        monkeypatch.setattr(consumer, "asynloop", lambda *_: message.ack())
+        patch.setattr(connection.transport, "client", None)
+        patch.setattr(consumer, "asynloop", lambda *_: message.ack())
         with pytest.raises(consumer.BrokerLost):
             consumer.Consumer.loop(None)
-        monkeypatch.undo()
 
 
 def test_a_broker_that_goes_away_leaves_no_traceback(house):

@@ -84,9 +84,9 @@ class TableFile:
     def __init__(self, source: Source) -> None:
         try:
             said = json.loads(bytes(source[:_MOST_BYTES]))
-            known = [name for name in _IF_KNOWN if said.get(name) is not None]
-            levels = {name: float(said[name]) for name in (*_STATED, *known)}
-            row = TableRow(pixels=operator.index(said["pixels"]), **levels)
+            stated = [*_STATED, *(name for name in _IF_KNOWN if said.get(name) is not None)]
+            pixels = operator.index(said["pixels"])
+            row = TableRow(pixels=pixels, **{name: float(said[name]) for name in stated})
         except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
             raise files.SIZE_MISMATCH.refuse("The row of a table is not one that stilb wrote.") from error
         if not row.is_possible:
@@ -101,7 +101,7 @@ class TableFile:
             height_px=1,
             cfa="grey",
             black_level_dn=(row.black_level_dn or 0.0,),
-            black_level_origin="supplied" if "black_level_dn" in known else "default",
+            black_level_origin="supplied" if "black_level_dn" in stated else "default",
             white_level_dn=(row.white_level_dn,),
             white_level_origin="supplied",
             table=row,
@@ -112,12 +112,10 @@ class TableFile:
         return self._pixel[row0 : row0 + height, col0 : col0 + width]
 
     def bands(self) -> Iterator[tuple[int, NDArray[np.uint16]]]:
-        """The only row."""
         yield 0, self._pixel
 
     def vouch(self) -> tuple[Voucher, tuple[PieceRun, ...]]:
-        """No pixel is there to be proved."""
-        return "length", ()
+        return "length", ()  # no pixel is there to be proved
 
     def black_level(self, *_window: int) -> tuple[float, ...]:
         return self.header.black_level_dn
