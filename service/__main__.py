@@ -13,27 +13,22 @@ from fastapi import FastAPI
 from sqlalchemy import func, select
 
 from service.documents.issuing import Backlog
+from service.http import auth, signatures
 from service.http.app import build_app
-from service.http.auth import SCOPES
 from service.http.connections import Connections, guarding, raise_file_limit
 from service.http.context import Context
 from service.http.processes import Server, Traffic, Vitals, serve_forked, share_metrics
-from service.http.signatures import read_seed, sessions_of
 from service.jobs.watch import JobWatch
-from service.launch.folder import Refusal, close_to_others, report
-from service.launch.key import refuse_weak_key
+from service.launch import folder, key
 from service.system.health import Health
-from store.blobs import blobs_from_url
-from store.blobs.partials import Partials
+from store import logs, tracing
+from store.blobs import blobs_from_url, partials
 from store.database import OTHER_SCHEMA_EXIT, Database, SchemaDiffers
 from store.jobs.processes import Presence, repeat, sweep_floor
 from store.jobs.queues import Post
-from store.logs import configure_logging
 from store.pulse import Pulse
-from store.queries.organisations import ensure_operator
-from store.queries.usage import recount_all
+from store.queries import organisations, usage
 from store.settings import Settings, read_settings
-from store.tracing import configure_tracing
 
 _TURN = 0x7374696C62
 
@@ -44,8 +39,8 @@ def found(database: Database, secret: str) -> None:
         if not database.is_sqlite:
             session.execute(select(func.pg_advisory_xact_lock(_TURN)))
         if secret:
-            ensure_operator(session, secret, list(SCOPES))
-        recount_all(session)
+            organisations.ensure_operator(session, secret, list(auth.SCOPES))
+        usage.recount_all(session)
 
 
 _USUAL = gc.get_threshold()
@@ -72,7 +67,7 @@ def build_context(settings: Settings) -> Context:
         database=database,
         blobs=blobs,
         watch=JobWatch(database),
-        sessions=sessions_of(settings),
+        sessions=signatures.sessions_of(settings),
         traffic=Traffic(),
         health=Health(database, blobs),
     )
@@ -80,16 +75,16 @@ def build_context(settings: Settings) -> Context:
 
 def main() -> int:
     settings = read_settings()
-    configure_logging(settings.log)
-    configure_tracing("service")
+    logs.configure_logging(settings.log)
+    tracing.configure_tracing("service")
     secret = settings.key.get_secret_value()
     try:
-        close_to_others(settings.data.absolute(), report)
+        folder.close_to_others(settings.data.absolute(), folder.report)
         if secret:
-            refuse_weak_key(secret, "STILB_KEY")
-        read_seed(settings)
-    except Refusal as refusal:
-        report(str(refusal))
+            key.refuse_weak_key(secret, "STILB_KEY")
+        signatures.read_seed(settings)
+    except folder.Refusal as refusal:
+        folder.report(str(refusal))
         return refusal.code
     if settings.workers > 1:
         share_metrics()
@@ -137,16 +132,10 @@ def _serve(
         grace_s=settings.stop_grace_s,
         notice_s=settings.stop_notice_s,
     )
-    sweep_floor(context.blobs, Partials.of(settings))
+    sweep_floor(context.blobs, partials.Partials.of(settings))
     repeat("certificates", Backlog(context).issue_next)
     presence = Presence(context.database, "service")
-    vitals = Vitals(
-        presence,
-        pulse,
-        hang_s=settings.hang_s,
-        rates=context.rates,
-        attempts=context.attempts,
-    )
+    vitals = Vitals(presence, pulse, hang_s=settings.hang_s, rates=context.rates, attempts=context.attempts)
     with asyncio.Runner(loop_factory=config.get_loop_factory()) as runner:
         runner.run(_keep_serving(server, vitals, presence, listening))
 

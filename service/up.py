@@ -7,16 +7,14 @@ and not imported.
 import sys
 from dataclasses import replace
 
-from service.launch.folder import Exit, report
-from service.launch.lifeline import follow_make
-from service.launch.run import Roster, launch, read_apart
+from service.launch import folder, lifeline, run
 from service.launch.supervisor import Part
 
 WORKER = [sys.executable, "-m", "worker", "-Q", "looks,frames,fits,maps"]
 # What a part needs to end once its own grace is over.
 _TO_END_S = 5.0
 
-ROSTER = Roster(
+ROSTER = run.Roster(
     before=[[sys.executable, "-m", "store.migrate"]],
     parts=[
         Part(name="service", command=[sys.executable, "-m", "service"], knows_key=True, has_pulse=True),
@@ -26,23 +24,23 @@ ROSTER = Roster(
 
 
 def main() -> int:
-    follow_make()
-    settings = read_apart()
+    lifeline.follow_make()
+    settings = run.read_apart()
     roster = give_grace(ROSTER, settings.stop_grace_s)
     if names := set(sys.argv[1:]):
         parts = [part for part in roster.parts if part.name in names]
         if len(parts) < len(names) or settings.is_embedded:
             known = ", ".join(part.name for part in roster.parts)
-            report(f"some parts of {known} alone need STILB_DATABASE_URL, where the others are")
-            return Exit.CANNOT_START
+            folder.report(f"some parts of {known} alone need STILB_DATABASE_URL, where the others are")
+            return folder.Exit.CANNOT_START
         roster = replace(roster, parts=parts, serves=any(part.knows_key for part in parts))
     if settings.is_current:
         # a process that would load most of stilb, to find that nothing is to be done
         roster = replace(roster, before=[])
-    return launch(settings, roster)
+    return run.launch(settings, roster)
 
 
-def give_grace(roster: Roster, grace_s: float) -> Roster:
+def give_grace(roster: run.Roster, grace_s: float) -> run.Roster:
     """Return the roster with as long a stop for every part as its own grace takes."""
     parts = [replace(part, stop_within_s=grace_s + _TO_END_S) for part in roster.parts]
     return replace(roster, parts=parts)

@@ -1,24 +1,19 @@
 """The client: one method a thing that a field team or a dashboard does."""
 
-from stilb.resources.calibrations import Calibrations, Coefficients
-from stilb.resources.campaigns import Campaigns
-from stilb.resources.equipment import Rigs
-from stilb.resources.frames import Frames, Receipts
-from stilb.resources.measurements import Maps, Measurements
-from stilb.resources.organisation import Organisation, System
+from stilb.resources import calibrations, campaigns, equipment, frames, measurements, organisation
 
 
 class Client(
-    Rigs,
-    Coefficients,
-    Calibrations,
-    Campaigns,
-    Frames,
-    Maps,
-    Measurements,
-    Organisation,
-    Receipts,
-    System,
+    equipment.Rigs,
+    calibrations.Coefficients,
+    calibrations.Calibrations,
+    campaigns.Campaigns,
+    frames.Frames,
+    measurements.Maps,
+    measurements.Measurements,
+    organisation.Organisation,
+    frames.Receipts,
+    organisation.System,
 ):
     """A connection to one calibration service, for one key. Use it as a context manager.
 

@@ -10,12 +10,9 @@ from pydantic import ConfigDict, Field, RootModel, create_model
 from radiometry.findings import interface
 from radiometry.methods import METHODS, get_method
 from radiometry.specification.exports import Export, ExportOption, ExportSubject, Picture
-from service.http.answers import UNCHANGED, immutable_headers, not_modified, problems, sends_file
-from service.http.auth import Reader
+from service.http import answers, auth, lookup, operations
 from service.http.context import UsesContext
-from service.http.lookup import Id, owned
 from service.http.models import Answer, Form, PositiveText, Quantity, Text
-from service.http.operations import Router
 from service.http.problems import Problem
 from store.fits import read_result
 from store.tables import Calibration, Camera
@@ -38,30 +35,27 @@ class OdmCameras(RootModel[dict[str, dict[str, float | str]]]):
     """Cameras by their name in OpenDroneMap: OpenSfM's model brown, lengths over the larger side."""
 
 
-router = Router(prefix="/v1/calibrations/{calibration_id}/exports", tags=["calibrations"])
+router = operations.Router(prefix="/v1/calibrations/{calibration_id}/exports", tags=["calibrations"])
 
-_ANSWERS = {
-    "get_camera_json": CameraFile,
-    "get_odm_cameras": OdmCameras,
-}
+_ANSWERS = {"get_camera_json": CameraFile, "get_odm_cameras": OdmCameras}
 
 
 def _add(method: str, export: Export) -> None:
     """Add the route of an export; its name is that of the operation."""
 
     def send(
-        calibration_id: Id,
+        calibration_id: lookup.Id,
         request: Request,
         query: Any,  # noqa: ANN401  a form of the export's options
-        caller: Reader,
+        caller: auth.Reader,
         context: UsesContext,
     ) -> Response:
         with context.database.reading() as session:
-            calibration = owned(session, Calibration, calibration_id, caller)
+            calibration = lookup.owned(session, Calibration, calibration_id, caller)
             camera = session.get_one(Camera, calibration.camera_id)
         _require(calibration, camera, method, export)
         tag = f"{calibration.content_sha256}-{export.filename}-{request.url.query}"
-        unchanged = not_modified(request, tag)
+        unchanged = answers.not_modified(request, tag)
         if unchanged is not None:
             return unchanged
         subject = ExportSubject(
@@ -75,7 +69,7 @@ def _add(method: str, export: Export) -> None:
         )
         written = export.write(read_result(calibration), subject, query.model_dump())
         content = _write_tiff(written) if isinstance(written, Picture) else written
-        return Response(content, headers=immutable_headers(tag), media_type=export.media_type)
+        return Response(content, headers=answers.immutable_headers(tag), media_type=export.media_type)
 
     answer = _ANSWERS.get(export.operation)
     form = create_model(
@@ -84,9 +78,9 @@ def _add(method: str, export: Export) -> None:
     send.__annotations__["query"] = Annotated[form, Query()]
     send.__name__, send.__doc__ = export.operation, export.description
     stated: dict[str, Any] = (
-        {"response_model": answer, "responses": {**UNCHANGED, **problems(404)}}
+        {"response_model": answer, "responses": {**answers.UNCHANGED, **answers.problems(404)}}
         if answer
-        else {"response_class": Response, "responses": sends_file(export.media_type)}
+        else {"response_class": Response, "responses": answers.sends_file(export.media_type)}
     )
     add: Callable[..., Any] = router.get(f"/{export.filename}", **stated)
     add(send)

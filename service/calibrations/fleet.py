@@ -6,17 +6,14 @@ from typing import Annotated
 from fastapi import Query, Response
 from pydantic import Field
 
+from radiometry.fleet import drift, results
 from radiometry.fleet.determinations import Determination, LeftOut, Source
-from radiometry.fleet.drift import Drift, judge_drift
-from radiometry.fleet.results import PERCENT, find_sensitivity, main_unit
 from radiometry.fleet.verdict import judge_fleet
 from service.calibrations.schemas import FleetVerdictAnswer, NewFleetVerdict, Parameter, VersionLeftOut
+from service.http import auth, lookup, operations
 from service.http.answers import problems
-from service.http.auth import Reader
 from service.http.context import UsesContext
-from service.http.lookup import Id, owned
 from service.http.models import Answer, Instant, Method, PositiveText
-from service.http.operations import Router
 from service.http.problems import Problem, invalid
 from service.tools.routes import stateless
 from store.queries.fleet import list_determinations
@@ -31,11 +28,11 @@ class Determined(Answer, restates=(Determination, Source), fields="at value stan
         return cls.restate(row, row.source, calibration_id=row.source.version)
 
 
-class ParameterDrift(Parameter, restates=Drift, without="key"):
+class ParameterDrift(Parameter, restates=drift.Drift, without="key"):
     determinations: list[Determined]
 
     @classmethod
-    def of(cls, row: Drift) -> "ParameterDrift":
+    def of(cls, row: drift.Drift) -> "ParameterDrift":
         return cls.restate(row, row.key, determinations=[Determined.of(each) for each in row.determinations])
 
 
@@ -48,7 +45,7 @@ class DriftAnswer(Answer):
 
     @classmethod
     def of(
-        cls, camera: Camera, method: Method, drifts: tuple[Drift, ...], left_out: tuple[LeftOut, ...]
+        cls, camera: Camera, method: Method, drifts: tuple[drift.Drift, ...], left_out: tuple[LeftOut, ...]
     ) -> "DriftAnswer":
         return cls.restate(
             camera_id=camera.id,
@@ -59,37 +56,34 @@ class DriftAnswer(Answer):
         )
 
 
-router = Router(prefix="/v1", tags=["fleet"])
+router = operations.Router(prefix="/v1", tags=["fleet"])
 
 
 @router.post(
     "/fleet/verdict", response_model=FleetVerdictAnswer, responses=problems(404), dependencies=stateless
 )
-def judge_cameras(body: NewFleetVerdict, caller: Reader, context: UsesContext) -> Response:
+def judge_cameras(body: NewFleetVerdict, caller: auth.Reader, context: UsesContext) -> Response:
     """Judge whether one set of coefficients serves several cameras of a model, and what sharing it costs.
 
     Each campaign with a published version that was not revoked is a repeat of its camera's calibration.
     """
     lenses = {named.calibration_id: named.serial for named in body.lenses or []}
     with context.database.reading() as session:
-        cameras = [owned(session, Camera, camera_id, caller) for camera_id in body.camera_ids]
+        cameras = [lookup.owned(session, Camera, camera_id, caller) for camera_id in body.camera_ids]
         _refuse_other_models(cameras)
         found = list_determinations(session, cameras, body.method, lenses)
     _refuse_unknown_versions(lenses, found)
     _refuse_tolerance(body, found)
     verdict = judge_fleet(
-        found,
-        method=body.method,
-        cameras=[camera.serial for camera in cameras],
-        tolerance=body.tolerance,
+        found, method=body.method, cameras=[camera.serial for camera in cameras], tolerance=body.tolerance
     )
     return FleetVerdictAnswer.of(body.method, cameras, found, verdict).respond()
 
 
 @router.get("/cameras/{camera_id}/drift", response_model=DriftAnswer, responses=problems(404))
 def get_drift(
-    camera_id: Id,
-    caller: Reader,
+    camera_id: lookup.Id,
+    caller: auth.Reader,
     context: UsesContext,
     method: Annotated[Method, Query()],
     tolerance: Annotated[
@@ -97,12 +91,12 @@ def get_drift(
     ] = None,
 ) -> Response:
     """How each coefficient of a camera changes from version to version, and when to calibrate it again."""
-    if tolerance is not None and main_unit(method) == PERCENT:
+    if tolerance is not None and results.main_unit(method) == results.PERCENT:
         _refuse_no_share("query.tolerance", tolerance)
     with context.database.reading() as session:
-        camera = owned(session, Camera, camera_id, caller)
+        camera = lookup.owned(session, Camera, camera_id, caller)
         found = list_determinations(session, [camera], method, {})
-    drifts, left_out = judge_drift(found, method=method, tolerance=tolerance)
+    drifts, left_out = drift.judge_drift(found, method=method, tolerance=tolerance)
     return DriftAnswer.of(camera, method, drifts, left_out).respond()
 
 
@@ -129,7 +123,7 @@ def _refuse_unknown_versions(lenses: dict[str, str], found: list[Determination])
 def _refuse_tolerance(body: NewFleetVerdict, found: list[Determination]) -> None:
     """A misspelt name would leave its parameter without a verdict; 4 for 4 % would accept everything."""
     if not isinstance(body.tolerance, dict):
-        if main_unit(body.method) == PERCENT:
+        if results.main_unit(body.method) == results.PERCENT:
             _refuse_no_share("body.tolerance", body.tolerance)
         return
     keys = {row.key.name: row.key for row in found}
@@ -137,7 +131,7 @@ def _refuse_tolerance(body: NewFleetVerdict, found: list[Determination]) -> None
         if name not in keys:
             known = ", ".join(sorted(keys)) or "none: nothing is published"
             raise _wrong(f"body.tolerance.{name}", f"there is no such parameter; there are {known}")
-        if find_sensitivity(body.method, keys[name], {}, mean=1.0).kind == "relative":
+        if results.find_sensitivity(body.method, keys[name], {}, mean=1.0).kind == "relative":
             _refuse_no_share(f"body.tolerance.{name}", tolerance)
 
 

@@ -8,21 +8,12 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry.fitting.comparison import Comparison
-from service.calibrations.schemas import (
-    CalibrationAnswer,
-    Gap,
-    LifetimeAnswer,
-    NewPublication,
-    ValidityAnswer,
-)
+from service.calibrations import schemas
 from service.documents.issuing import build_issued, gather
+from service.http import auth, changes, lookup, operations
 from service.http.answers import problems
-from service.http.auth import Publisher, Reader
-from service.http.changes import Reply, Writes
 from service.http.context import UsesContext
-from service.http.lookup import Id, owned
 from service.http.models import Answer, Form, Instant, LongText, Method, Quantity, Text
-from service.http.operations import Router
 from service.http.paging import Page, UsesPaging
 from store import impact as recalls
 from store.impact import CoefficientChange, Condemned, Impact, Touched, assess, find_in_force
@@ -80,13 +71,13 @@ class TouchedMeasurement(Answer):
         return cls.restate(change, row.frame.header or {}, row.frame, successor=successor, **said)
 
 
-class RevocationAnswer(CalibrationAnswer):
+class RevocationAnswer(schemas.CalibrationAnswer):
     """The version as it stands now, and the measurements that were made with it."""
 
     measurements: list[TouchedMeasurement]
 
     @classmethod
-    def revoked(cls, answer: CalibrationAnswer, touched: list[Touched]) -> "RevocationAnswer":
+    def revoked(cls, answer: schemas.CalibrationAnswer, touched: list[Touched]) -> "RevocationAnswer":
         return cls(**dict(answer), measurements=[TouchedMeasurement.of(row) for row in touched])
 
 
@@ -133,7 +124,7 @@ class ImpactAnswer(Answer):
     measurements: list[TouchedMeasurement] = Field(
         description="Made with the version in force; what this one would make of each."
     )
-    warnings: list[Gap] = Field(
+    warnings: list[schemas.Gap] = Field(
         default=[], description="What its certificate would lack, published with your key."
     )
 
@@ -246,20 +237,20 @@ class DecisionsAnswer(Answer):
     items: list[DecisionAnswer]
 
 
-router = Router(prefix="/v1", tags=["calibrations"])
+router = operations.Router(prefix="/v1", tags=["calibrations"])
 
 
 @router.get("/calibrations/{calibration_id}/impact", response_model=ImpactAnswer, responses=problems(404))
 def get_impact(
-    calibration_id: Id,
-    caller: Reader,
+    calibration_id: lookup.Id,
+    caller: auth.Reader,
     context: UsesContext,
     at: Annotated[Instant | None, Query(description="Compared with what is in force then; now.")] = None,
 ) -> Response:
     """Compare a version with the one in force: coefficients, flags, measurements."""
     instant = at or utc_now()
     with context.database.reading() as session:
-        calibration = owned(session, Calibration, calibration_id, caller)
+        calibration = lookup.owned(session, Calibration, calibration_id, caller)
         against, own = find_in_force(session, calibration, instant), f"version {calibration.version}"
         if against is None:
             said = f"Nothing is in force then: {own} would be the first for that time."
@@ -272,26 +263,26 @@ def get_impact(
             )
         found = assess(session, calibration, against) if against else None
         record = gather(context, session, calibration)
-        publication = NewPublication(valid_from=instant, reason=said)
+        publication = schemas.NewPublication(valid_from=instant, reason=said)
         answer = ImpactAnswer.of(calibration, instant, said, found)
         answer.warnings = build_issued(session, record, caller, publication).gaps
     return answer.respond()
 
 
 @router.get("/cameras/{camera_id}/decisions", response_model=DecisionsAnswer, responses=problems(404))
-def list_camera_decisions(camera_id: Id, caller: Reader, context: UsesContext) -> Response:
+def list_camera_decisions(camera_id: lookup.Id, caller: auth.Reader, context: UsesContext) -> Response:
     """List who made, published and revoked which version, when and why; newest first, all at once."""
     with context.database.reading() as session:
-        owned(session, Camera, camera_id, caller)
+        lookup.owned(session, Camera, camera_id, caller)
         found = list_decisions(session, camera_id)
         names = name_people(session, caller.organisation_id)
     return DecisionsAnswer(items=[DecisionAnswer.of(row, names) for row in found]).respond()
 
 
-@router.get("/cameras/{camera_id}/validity", response_model=ValidityAnswer, responses=problems(404))
+@router.get("/cameras/{camera_id}/validity", response_model=schemas.ValidityAnswer, responses=problems(404))
 def get_camera_validity(
-    camera_id: Id,
-    caller: Reader,
+    camera_id: lookup.Id,
+    caller: auth.Reader,
     context: UsesContext,
     method: Annotated[Method, Query()],
     known_at: Annotated[Instant | None, Query(description="As known at this time; now.")] = None,
@@ -303,33 +294,35 @@ def get_camera_validity(
     """
     known = known_at or utc_now()
     with context.database.reading() as session:
-        owned(session, Camera, camera_id, caller)
+        lookup.owned(session, Camera, camera_id, caller)
         found = list_lifetimes(session, camera_id, method, known)
         names = name_people(session, caller.organisation_id)
-    return ValidityAnswer(known_at=known, items=[LifetimeAnswer.of(row, names) for row in found]).respond()
+    return schemas.ValidityAnswer(
+        known_at=known, items=[schemas.LifetimeAnswer.of(row, names) for row in found]
+    ).respond()
 
 
-recalls_router = Router(prefix="/v1/recalls", tags=["recalls"])
+recalls_router = operations.Router(prefix="/v1/recalls", tags=["recalls"])
 
 
 @recalls_router.post("", status_code=201, response_model=PurgeAnswer, responses=problems(404))
-def propose_recall(body: NewPurge, caller: Publisher, writing: Writes) -> Response:
+def propose_recall(body: NewPurge, caller: auth.Publisher, writing: changes.Writes) -> Response:
     """Find every version made with a cause, for review. Nothing is revoked yet."""
 
-    def change(session: Session) -> Reply:
+    def change(session: Session) -> changes.Reply:
         if body.cause.meter_id is not None:
-            owned(session, Meter, body.cause.meter_id, caller)
+            lookup.owned(session, Meter, body.cause.meter_id, caller)
         recall = recalls.propose(
             session, caller.organisation_id, body.cause.named(), reason=body.reason, by=caller.key_id
         )
         location = {"Location": f"/v1/recalls/{recall.id}"}
-        return Reply(status=201, body=_whole(session, recall), headers=location)
+        return changes.Reply(status=201, body=_whole(session, recall), headers=location)
 
     return writing.run(caller, change)
 
 
 @recalls_router.get("", response_model=Page[PurgeAnswer], responses=problems())
-def list_recalls(paging: UsesPaging, caller: Reader, context: UsesContext) -> Response:
+def list_recalls(paging: UsesPaging, caller: auth.Reader, context: UsesContext) -> Response:
     """List the recalls of your organisation, newest first."""
     rows = select(Recall).where(Recall.organisation_id == caller.organisation_id)
     with context.database.reading() as session:
@@ -339,20 +332,20 @@ def list_recalls(paging: UsesPaging, caller: Reader, context: UsesContext) -> Re
 
 
 @recalls_router.get("/{recall_id}", response_model=PurgeAnswer, responses=problems(404))
-def get_recall(recall_id: Id, caller: Reader, context: UsesContext) -> Response:
+def get_recall(recall_id: lookup.Id, caller: auth.Reader, context: UsesContext) -> Response:
     """Return a recall with the current status of its versions, and the measurements that they affect."""
     with context.database.reading() as session:
-        return _whole(session, owned(session, Recall, recall_id, caller)).respond()
+        return _whole(session, lookup.owned(session, Recall, recall_id, caller)).respond()
 
 
 @recalls_router.post("/{recall_id}/confirm", response_model=PurgeAnswer, responses=problems(404, 409))
-def confirm_recall(recall_id: Id, caller: Publisher, writing: Writes) -> Response:
+def confirm_recall(recall_id: lookup.Id, caller: auth.Publisher, writing: changes.Writes) -> Response:
     """Revoke all versions of a recall in one step. Answers 409 if the cause now finds other versions."""
 
-    def change(session: Session) -> Reply:
-        recall = owned(session, Recall, recall_id, caller)
+    def change(session: Session) -> changes.Reply:
+        recall = lookup.owned(session, Recall, recall_id, caller)
         recalls.confirm(session, recall, by=caller.key_id)
-        return Reply(status=200, body=_whole(session, recall))
+        return changes.Reply(status=200, body=_whole(session, recall))
 
     return writing.run(caller, change)
 

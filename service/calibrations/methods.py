@@ -11,26 +11,21 @@ from pydantic import Field, TypeAdapter
 from radiometry.findings import Finding
 from radiometry.methods import METHODS
 from radiometry.methods.findings import FINDINGS
-from radiometry.specification.application import PictureApplication
-from radiometry.specification.certificate import CoefficientKind
-from radiometry.specification.method import MethodSpec
+from radiometry.specification import application, certificate, method
 from radiometry.specification.parameters import Choice, Kind, Parameter
 from radiometry.specification.roles import Grid, Role
 from service.calibrations.fits import FitRequest
-from service.http.answers import not_modified, problems, standing_headers
-from service.http.auth import Reader
-from service.http.models import Answer, FrameRole, Method
-from service.http.operations import Router
+from service.http import answers, auth, models, operations
 from store.codec import drop_absent
 
 Node = dict[str, Any]
 
 
-class ChoiceAnswer(Answer, restates=Choice):
+class ChoiceAnswer(models.Answer, restates=Choice):
     """One of the values that a parameter may have."""
 
 
-class ParameterAnswer(Answer, restates=Parameter, without="kind suggest displaced_by"):
+class ParameterAnswer(models.Answer, restates=Parameter, without="kind suggest displaced_by"):
     """One parameter of a fit."""
 
     type: Kind
@@ -49,30 +44,30 @@ class ParameterAnswer(Answer, restates=Parameter, without="kind suggest displace
         )
 
 
-class RoleAnswer(Answer, restates=Role):
+class RoleAnswer(models.Answer, restates=Role):
     """A role that frames of a campaign may have."""
 
-    name: FrameRole
+    name: models.FrameRole
     used_in_fit: bool
 
 
-class CoefficientKindAnswer(Answer, restates=CoefficientKind, without="effect"):
+class CoefficientKindAnswer(models.Answer, restates=certificate.CoefficientKind, without="effect"):
     """A coefficient that the method reports."""
 
 
-class MethodGridAnswer(Answer, restates=Grid):
+class MethodGridAnswer(models.Answer, restates=Grid):
     """Axes of the grid in which a campaign's frames are shown."""
 
 
 class MethodAnswer(
-    Answer,
-    restates=MethodSpec,
+    models.Answer,
+    restates=method.MethodSpec,
     fields="label description reference has_checklist whole_frame finds_region several_regions "
     "tolerance_unit",
 ):
     """A calibration method."""
 
-    name: Method
+    name: models.Method
     roles: list[RoleAnswer] = Field(description="The first is the role of a frame for which none is given.")
     needs_target: bool = Field(description="Whether the campaign describes what is photographed.")
     target_example: dict[str, Any] | None = None
@@ -89,9 +84,9 @@ class MethodAnswer(
     coefficients: list[CoefficientKindAnswer]
 
     @classmethod
-    def of(cls, spec: MethodSpec) -> "MethodAnswer":
+    def of(cls, spec: method.MethodSpec) -> "MethodAnswer":
         roles = [(role, True) for role in spec.roles] + [(role, False) for role in spec.applied_roles]
-        measured = None if isinstance(spec.application, PictureApplication) else spec.application
+        measured = None if isinstance(spec.application, application.PictureApplication) else spec.application
         return cls.restate(
             spec,
             roles=[RoleAnswer(**asdict(role), used_in_fit=used) for role, used in roles],
@@ -106,7 +101,7 @@ class MethodAnswer(
         )
 
 
-class MethodsAnswer(Answer):
+class MethodsAnswer(models.Answer):
     """Every method that this service knows."""
 
     items: list[MethodAnswer]
@@ -170,11 +165,11 @@ def _let_absent(schema: Node) -> None:
     schema["required"] = [name for name in schema.get("required", ()) if name not in optional]
 
 
-router = Router(prefix="/v1/methods", tags=["calibrations"])
+router = operations.Router(prefix="/v1/methods", tags=["calibrations"])
 
 
-@router.get("", response_model=MethodsAnswer, responses=problems())
-def list_methods(_caller: Reader) -> Response:
+@router.get("", response_model=MethodsAnswer, responses=answers.problems())
+def list_methods(_caller: auth.Reader) -> Response:
     """List the calibration methods with their roles, parameters and coefficients.
 
     The forms of the pages and of the command line are made from this answer.
@@ -182,11 +177,11 @@ def list_methods(_caller: Reader) -> Response:
     return describe_methods().respond()
 
 
-class FindingAnswer(Answer, restates=Finding):
+class FindingAnswer(models.Answer, restates=Finding):
     """A finding that can occur in a frame, a fit or a measurement."""
 
 
-class FindingsAnswer(Answer):
+class FindingsAnswer(models.Answer):
     """Every finding that this service knows."""
 
     items: list[FindingAnswer]
@@ -196,16 +191,16 @@ def describe_findings() -> FindingsAnswer:
     return FindingsAnswer(items=[FindingAnswer.model_validate(asdict(each)) for each in FINDINGS.values()])
 
 
-findings_router = Router(prefix="/v1/findings", tags=["calibrations"])
+findings_router = operations.Router(prefix="/v1/findings", tags=["calibrations"])
 
 
-@findings_router.get("", response_model=FindingsAnswer, responses=problems())
-def list_findings(request: Request, _caller: Reader) -> Response:
+@findings_router.get("", response_model=FindingsAnswer, responses=answers.problems())
+def list_findings(request: Request, _caller: auth.Reader) -> Response:
     """List the findings with severity, place, sentence and remedy.
 
     Flags, reasons of verdicts and refusals name a `code` of this list. It changes only with the release.
     """
     answer = describe_findings()
     tag = hashlib.sha256(answer.model_dump_json().encode()).hexdigest()
-    headers = standing_headers(tag)
-    return not_modified(request, tag, headers) or answer.respond(headers)
+    headers = answers.standing_headers(tag)
+    return answers.not_modified(request, tag, headers) or answer.respond(headers)

@@ -26,39 +26,26 @@ from service.calibrations.schemas import (
     NewRevocation,
     SuggestedValidity,
 )
-from service.documents.issuing import prepare
-from service.documents.rendered import find_rendered, name_source, order_plot, render_and_keep, write_order
+from service.documents import issuing, rendered
+from service.http import operations, tables
 from service.http.answers import immutable_headers, not_modified, problems, sends_file, standing_headers
 from service.http.auth import Calibrator, Caller, Publisher, Reader
 from service.http.changes import Reply, Writes
 from service.http.context import Context, UsesContext
 from service.http.lookup import Id, owned
-from service.http.operations import Router
 from service.http.paging import Page, Paging, UsesPaging
 from service.http.problems import Problem, invalid, located
-from service.http.tables import write_csv
 from service.jobs.routes import reply_queued
 from service.jobs.schemas import JobAnswer
-from store import jobs, publications
-from store.codec import encode
+from store import codec, impact, jobs, publications
 from store.fits import leave_out_doubtful, list_missing, make_params
-from store.impact import list_touched
 from store.measuring.version import choose_falloff
 from store.publications import keep_issued, list_issued
-from store.queries.calibrations import (
-    VersionState,
-    coefficients_of,
-    history,
-    list_flight,
-    read_version_statuses,
-    suggest_validity,
-)
-from store.queries.campaigns import count_being_read, hasten_renewal
+from store.queries import calibrations, campaigns, usage
 from store.queries.evidence import Evidence, gather
-from store.queries.usage import add_jobs
 from store.tables import Calibration, Camera, Campaign, Panel, Publication
 
-router = Router(prefix="/v1", tags=["calibrations"])
+router = operations.Router(prefix="/v1", tags=["calibrations"])
 
 _NARROW: Final = load_only(Calibration.organisation_id, Calibration.campaign_id, Calibration.method)
 
@@ -93,7 +80,7 @@ def start_calibration(campaign_id: Id, body: NewCalibration, caller: Calibrator,
         outdated[:] = evidence.outdated
         if missing:
             detail = "; ".join(missing[:5]) + (f"; and {len(missing) - 5} more" if len(missing) > 5 else "")
-            passing = bool(outdated or count_being_read(session, campaign))
+            passing = bool(outdated or campaigns.count_being_read(session, campaign))
             raise Problem(interface.CAMPAIGN_INCOMPLETE, detail, retryable=passing, missing=missing)
         job = jobs.enqueue(
             session,
@@ -101,7 +88,7 @@ def start_calibration(campaign_id: Id, body: NewCalibration, caller: Calibrator,
             subject_id=campaign.id,
             organisation_id=campaign.organisation_id,
             by=caller.key_id,
-            parameters=encode(params),
+            parameters=codec.encode(params),
         )
         return reply_queued(session, job)
 
@@ -116,20 +103,15 @@ def start_calibration(campaign_id: Id, body: NewCalibration, caller: Calibrator,
 def _hasten(context: Context, caller: Caller, campaign_id: str, outdated: Sequence[str]) -> None:
     with context.database.writing(caller.key_id, caller.organisation_id) as session:
         campaign = session.get_one(Campaign, campaign_id)
-        queued = hasten_renewal(session, campaign, outdated, by=caller.key_id)
-        add_jobs(session, len(queued), organisation_id=caller.organisation_id)
+        queued = campaigns.hasten_renewal(session, campaign, outdated, by=caller.key_id)
+        usage.add_jobs(session, len(queued), organisation_id=caller.organisation_id)
 
 
 @router.get(
-    "/campaigns/{campaign_id}/calibrations",
-    response_model=Page[CalibrationAnswer],
-    responses=problems(404),
+    "/campaigns/{campaign_id}/calibrations", response_model=Page[CalibrationAnswer], responses=problems(404)
 )
 def list_campaign_calibrations(
-    campaign_id: Id,
-    paging: UsesPaging,
-    caller: Reader,
-    context: UsesContext,
+    campaign_id: Id, paging: UsesPaging, caller: Reader, context: UsesContext
 ) -> Response:
     """The versions that were fitted from a campaign, newest first."""
     with context.database.reading() as session:
@@ -147,12 +129,12 @@ def list_camera_calibrations(
     caller: Reader,
     context: UsesContext,
     method: Annotated[str | None, Query()] = None,
-    state: Annotated[VersionState | None, Query()] = None,
+    state: Annotated[calibrations.VersionState | None, Query()] = None,
 ) -> Response:
     """A camera's history, newest first."""
     with context.database.reading() as session:
         owned(session, Camera, camera_id, caller)
-        rows = history(camera_id, method=method, state=state)
+        rows = calibrations.history(camera_id, method=method, state=state)
         return _page(session, paging, rows)
 
 
@@ -164,9 +146,7 @@ def get_calibration(calibration_id: Id, caller: Reader, context: UsesContext) ->
 
 
 @router.get(
-    "/calibrations/{calibration_id}/points.csv",
-    response_class=Response,
-    responses=sends_file("text/csv"),
+    "/calibrations/{calibration_id}/points.csv", response_class=Response, responses=sends_file("text/csv")
 )
 def get_points_csv(calibration_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
     """Every point of the fit, used or left out, a line each.
@@ -177,14 +157,12 @@ def get_points_csv(calibration_id: Id, request: Request, caller: Reader, context
         calibration = owned(session, Calibration, calibration_id, caller)
     tag = f"{calibration.content_sha256}-points"
     return not_modified(request, tag) or Response(
-        write_csv(calibration.result["points"]), headers=immutable_headers(tag), media_type="text/csv"
+        tables.write_csv(calibration.result["points"]), headers=immutable_headers(tag), media_type="text/csv"
     )
 
 
 @router.get(
-    "/calibrations/{calibration_id}/plot.svg",
-    response_class=Response,
-    responses=sends_file("image/svg+xml"),
+    "/calibrations/{calibration_id}/plot.svg", response_class=Response, responses=sends_file("image/svg+xml")
 )
 async def get_plot_svg(
     calibration_id: Id, request: Request, caller: Reader, context: UsesContext
@@ -201,15 +179,15 @@ async def get_plot_svg(
     def find() -> tuple[str, str, list[str], bytes | None]:
         with context.database.reading() as session:
             version = owned(session, Calibration, calibration_id, caller, options=[_NARROW])
-            flight = [at.isoformat() for at in list_flight(session, version)]
-        source = name_source(json.dumps(["plot", version.id, flight]).encode())
-        return version.method, source, flight, find_rendered(context, source)
+            flight = [at.isoformat() for at in calibrations.list_flight(session, version)]
+        source = rendered.name_source(json.dumps(["plot", version.id, flight]).encode())
+        return version.method, source, flight, rendered.find_rendered(context, source)
 
     def draw() -> bytes:
         with context.database.reading() as session:
             result = session.scalars(select(Calibration.result).where(Calibration.id == calibration_id)).one()
-        order = order_plot(method, result | {"flight": flight})
-        return render_and_keep(context, source, write_order(order))
+        order = rendered.order_plot(method, result | {"flight": flight})
+        return rendered.render_and_keep(context, source, rendered.write_order(order))
 
     method, source, flight, kept = await run_in_threadpool(find)
     svg = await to_thread.run_sync(draw, limiter=context.presses) if kept is None else kept
@@ -219,9 +197,7 @@ async def get_plot_svg(
 
 
 @router.post(
-    "/calibrations/{calibration_id}/publish",
-    response_model=CalibrationAnswer,
-    responses=problems(404, 409),
+    "/calibrations/{calibration_id}/publish", response_model=CalibrationAnswer, responses=problems(404, 409)
 )
 async def publish_calibration(
     calibration_id: Id, body: NewPublication, caller: Publisher, context: UsesContext, writing: Writes
@@ -236,11 +212,7 @@ async def publish_calibration(
     def change(session: Session) -> Reply:
         calibration = owned(session, Calibration, calibration_id, caller)
         publication = publications.publish(
-            session,
-            calibration,
-            valid_from=body.valid_from,
-            valid_to=body.valid_to,
-            reason=body.reason,
+            session, calibration, valid_from=body.valid_from, valid_to=body.valid_to, reason=body.reason
         )
         keep_issued(session, publication, prepared.printed)
         answer = _answer(session, calibration)
@@ -249,15 +221,13 @@ async def publish_calibration(
     if (earlier := await run_in_threadpool(writing.replay, caller)) is not None:
         return earlier
     prepared = await to_thread.run_sync(
-        prepare, context, calibration_id, caller, body, limiter=context.presses
+        issuing.prepare, context, calibration_id, caller, body, limiter=context.presses
     )
     return await run_in_threadpool(writing.run, caller, change)
 
 
 @router.post(
-    "/calibrations/{calibration_id}/revoke",
-    response_model=RevocationAnswer,
-    responses=problems(404),
+    "/calibrations/{calibration_id}/revoke", response_model=RevocationAnswer, responses=problems(404)
 )
 def revoke_calibration(
     calibration_id: Id, body: NewRevocation, caller: Publisher, writing: Writes
@@ -270,7 +240,7 @@ def revoke_calibration(
     def change(session: Session) -> Reply:
         calibration = owned(session, Calibration, calibration_id, caller)
         publications.revoke(session, calibration, reason=body.reason, by=caller.key_id)
-        touched = list_touched(session, calibration)
+        touched = impact.list_touched(session, calibration)
         return Reply(status=200, body=RevocationAnswer.revoked(_answer(session, calibration), touched))
 
     return writing.run(caller, change)
@@ -306,21 +276,24 @@ def _read_params(
 def _page(session: Session, paging: Paging, rows: Select[Any]) -> Response:
     def shape(found: list[Calibration]) -> list[CalibrationAnswer]:
         ids = [row.id for row in found]
-        status, coefficients = read_version_statuses(session, ids), coefficients_of(session, ids)
+        status, coefficients = (
+            calibrations.read_version_statuses(session, ids),
+            calibrations.coefficients_of(session, ids),
+        )
         return [CalibrationAnswer.of(row, status[row.id], coefficients[row.id], whole=False) for row in found]
 
     return paging.send(session, rows, shape, newest_first=True)
 
 
 def _answer(session: Session, calibration: Calibration) -> CalibrationAnswer:
-    status = read_version_statuses(session, [calibration.id])[calibration.id]
-    coefficients = coefficients_of(session, [calibration.id])[calibration.id]
+    status = calibrations.read_version_statuses(session, [calibration.id])[calibration.id]
+    coefficients = calibrations.coefficients_of(session, [calibration.id])[calibration.id]
     answer = CalibrationAnswer.of(calibration, status, coefficients, whole=True)
     answer.certificates = [
         IssuedAnswer.restate(each, reason=session.get_one(Publication, each.publication_id).reason)
         for each in list_issued(session, calibration.id)
     ]
     if status.state == "draft":
-        start, end = suggest_validity(session, calibration)
+        start, end = calibrations.suggest_validity(session, calibration)
         answer.suggested_validity = SuggestedValidity(valid_from=start, valid_to=end)
     return answer

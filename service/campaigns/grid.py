@@ -13,21 +13,15 @@ from sqlalchemy.orm import Session
 from radiometry.findings import interface
 from radiometry.frame.verdicts import Verdict
 from radiometry.specification.roles import Gap
-from service.frames.pictures import tag_of
-from service.frames.routes import apply_change
+from service.frames import pictures, routes
 from service.frames.schemas import ExpectedFrame, FramesChange, FramesChanged
+from service.http import auth, connections, models, operations, paging
 from service.http.answers import UNCHANGED, not_modified, problems, standing_headers
-from service.http.auth import Calibrator, Reader
 from service.http.changes import Reply, Writes
-from service.http.connections import absolute
 from service.http.context import Context, UsesContext
 from service.http.lookup import Id, owned
-from service.http.models import Answer, Text, rfc3339
-from service.http.operations import Router
-from service.http.paging import Cursor, read_key, write_cursor
 from service.http.problems import Problem, invalid
-from store.queries.audit import name_last_actor
-from store.queries.campaigns import read_grid
+from store.queries import audit, campaigns
 from store.reviews import hash_code
 from store.tables import Campaign, CampaignReview, FrameRow
 
@@ -37,7 +31,7 @@ _Numbers = Annotated[
 ]
 
 
-class GridColumns(Answer):
+class GridColumns(models.Answer):
     """One entry per frame in each column; null for what a frame does not have."""
 
     id: list[str]
@@ -75,13 +69,13 @@ class GridColumns(Answer):
     thumbnail: _Texts = Field(description="Changes with the frame's thumbnail; null while there is none.")
 
 
-class GapAnswer(Answer, restates=Gap, without="at"):
+class GapAnswer(models.Answer, restates=Gap, without="at"):
     """A frame to photograph next."""
 
     at: dict[str, Any] = Field(description="Values of the grid's axes, as far as they are known.")
 
 
-class CampaignGridAnswer(Answer):
+class CampaignGridAnswer(models.Answer):
     """A page of a campaign's grid."""
 
     frames: GridColumns
@@ -96,7 +90,7 @@ class CampaignGridAnswer(Answer):
     next: str | None = Field(json_schema_extra={"nullable_on_purpose": True})
 
 
-router = Router(prefix="/v1/campaigns/{campaign_id}", tags=["frames"])
+router = operations.Router(prefix="/v1/campaigns/{campaign_id}", tags=["frames"])
 
 _MOST_FRAMES = 5000
 
@@ -105,12 +99,12 @@ _MOST_FRAMES = 5000
 def get_campaign_grid(
     campaign_id: Id,
     request: Request,
-    caller: Reader,
+    caller: auth.Reader,
     context: UsesContext,
     limit: Annotated[int, Query(ge=1, le=_MOST_FRAMES)] = 1000,
-    cursor: Cursor = None,
+    cursor: paging.Cursor = None,
     since: Annotated[
-        Text | None,
+        models.Text | None,
         Query(description="The `since` of an earlier answer: the frames that have changed are enough."),
     ] = None,
 ) -> Response:
@@ -122,7 +116,7 @@ def get_campaign_grid(
     with context.database.reading() as session:
         owned(session, Campaign, campaign_id, caller)
         revision = select(CampaignReview.revision).where(CampaignReview.campaign_id == campaign_id)
-        after = "" if cursor is None else read_key(cursor, FrameRow.__tablename__)
+        after = "" if cursor is None else paging.read_key(cursor, FrameRow.__tablename__)
         tagged = f"{session.scalar(revision)}-{hash_code()}-{cursor or ''}-{limit}"
         tag = hashlib.sha256(tagged.encode()).hexdigest()
         headers = standing_headers(tag) | {"Vary": "Authorization"}
@@ -136,24 +130,24 @@ def get_campaign_grid(
         campaign = session.get_one(Campaign, campaign_id)
         reviewed = session.get_one(CampaignReview, campaign_id)
         known = _read_since(since, reviewed)
-        frames = read_grid(session, campaign, after=after, limit=limit + 1, since=known)
+        frames = campaigns.read_grid(session, campaign, after=after, limit=limit + 1, since=known)
         more, frames = len(frames) > limit, frames[:limit]
         review = context.reviews.find(session, campaign_id, verdicts_of=[frame["id"] for frame in frames])
-    place = write_cursor([FrameRow.__tablename__, frames[-1]["id"]]) if more else None
+    place = paging.write_cursor([FrameRow.__tablename__, frames[-1]["id"]]) if more else None
     following = request.url.include_query_params(cursor=place) if place else None
     answer = CampaignGridAnswer(
         frames=_shape(frames, review.verdicts),
         gaps=[] if cursor else [GapAnswer.restate(gap, at=dict(gap.at)) for gap in review.gaps],
         partial=known is not None,
         since=f"{reviewed.revision}-{hash_code()}" if not cursor and _is_kept(context, reviewed) else None,
-        next=absolute(request, f"{following.path}?{following.query}") if following else None,
+        next=connections.absolute(request, f"{following.path}?{following.query}") if following else None,
     )
     body = json.dumps(answer.dump() | {"next": answer.next}, separators=(",", ":")).encode()
     return Response(body, headers=headers, media_type="application/json")
 
 
 @router.patch("/frames", response_model=FramesChanged, responses=problems(404, 409))
-def change_frames(campaign_id: Id, body: FramesChange, caller: Calibrator, writing: Writes) -> Response:
+def change_frames(campaign_id: Id, body: FramesChange, caller: auth.Calibrator, writing: Writes) -> Response:
     """Change many frames alike: move them to a scene, leave them out, withdraw or restore them.
 
     With `expected` nothing is changed where another user was faster: 409 `changed_meanwhile` says who, and
@@ -170,7 +164,7 @@ def change_frames(campaign_id: Id, body: FramesChange, caller: Calibrator, writi
             raise invalid([{"type": "unknown_frame", "loc": ("body", "frame_ids"), "msg": message}])
         if body.expected:
             _require_unchanged(session, frames, body.expected)
-        jobs = [job for frame in frames for job in apply_change(session, frame, body, caller)]
+        jobs = [job for frame in frames for job in routes.apply_change(session, frame, body, caller)]
         session.flush()
         return Reply(status=200, body=FramesChanged(frames=len(frames), read_again=len(jobs)), jobs=jobs)
 
@@ -189,7 +183,7 @@ def _require_unchanged(session: Session, frames: Sequence[FrameRow], expected: E
         }
         changed = {name: found[name] for name, value in said.items() if found[name] != value}
         if changed:
-            who = name_last_actor(session, frame.id)
+            who = audit.name_last_actor(session, frame.id)
             now = ", ".join(_STATES[name](value) for name, value in changed.items())
             by = f" by {who}" if who else ""
             detail = f"{frame.filename} was changed{by} meanwhile: {now}. Look at it again."
@@ -226,7 +220,7 @@ def _shape(frames: list[dict[str, Any]], verdicts: Mapping[str, Verdict]) -> Gri
         frame["outcome"] = verdict.outcome if verdict else "pending"
         frame["code"], frame["detail"] = (str(reason.code), reason.detail) if reason else (None, None)
         frame["left_out"] = (frame["left_out"] or {}).get("reason")
-        frame["instant"] = rfc3339(frame["instant"]) if frame["instant"] else None
+        frame["instant"] = models.rfc3339(frame["instant"]) if frame["instant"] else None
         frame["withdrawn"] = frame["withdrawn_at"] is not None
-        frame["thumbnail"] = tag_of(frame["preview_sha256"], frame["region_id"])
+        frame["thumbnail"] = pictures.tag_of(frame["preview_sha256"], frame["region_id"])
     return GridColumns(**{name: [frame[name] for frame in frames] for name in GridColumns.model_fields})

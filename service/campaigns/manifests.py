@@ -11,15 +11,11 @@ from sqlalchemy import Row, select
 from sqlalchemy.exc import IntegrityError
 
 from radiometry.findings import interface
+from service.http import auth, changes, lookup, operations, signatures
 from service.http.answers import problems
-from service.http.auth import Caller, Uploader, get_caller, require
-from service.http.changes import IdempotencyKey
 from service.http.context import Context, UsesContext
-from service.http.lookup import Id, owned
 from service.http.models import WHOLE, Answer, Form, Instant, Sha256, Text
-from service.http.operations import Router
 from service.http.problems import Problem, not_found
-from service.http.signatures import ALGORITHM
 from store.queries.campaigns import find_manifest, read_stored, write_canonical
 from store.software import read_version
 from store.tables import Campaign, Manifest, SigningKey
@@ -136,8 +132,8 @@ class SigningKeys(Answer):
     items: list[SigningKeyAnswer] = Field(description="Newest first. None is ever removed.")
 
 
-router = Router(prefix="/v1", tags=["manifests"])
-keys_router = Router(prefix="/v1", tags=["manifests"])
+router = operations.Router(prefix="/v1", tags=["manifests"])
+keys_router = operations.Router(prefix="/v1", tags=["manifests"])
 
 _MOST_NAMED = 100
 _STATEMENT = (
@@ -152,11 +148,11 @@ _STATEMENT = (
 
 @router.post("/campaigns/{campaign_id}/manifest", response_model=ManifestAnswer, responses=problems(404))
 def send_manifest(
-    campaign_id: Id,
+    campaign_id: lookup.Id,
     body: NewManifest,
-    caller: Uploader,
+    caller: auth.Uploader,
     context: UsesContext,
-    _idempotency_key: IdempotencyKey = None,
+    _idempotency_key: changes.IdempotencyKey = None,
 ) -> Response:
     """State what a card holds, and learn which of its files the campaign has not stored.
 
@@ -165,7 +161,7 @@ def send_manifest(
     said = body.model_dump(mode="json")
     sha256 = hashlib.sha256(write_canonical(said)).hexdigest()
     with context.database.reading() as session:
-        campaign = owned(session, Campaign, campaign_id, caller)
+        campaign = lookup.owned(session, Campaign, campaign_id, caller)
         same = select(Manifest).where(Manifest.campaign_id == campaign.id, Manifest.sha256 == sha256)
         manifest = session.scalar(same)
     if manifest is None:
@@ -192,8 +188,8 @@ def send_manifest(
 
 @router.get("/campaigns/{campaign_id}/receipt", response_model=ReceiptAnswer, responses=problems(404, 409))
 def get_receipt(
-    campaign_id: Id,
-    caller: Annotated[Caller, Depends(get_caller)],
+    campaign_id: lookup.Id,
+    caller: Annotated[auth.Caller, Depends(auth.get_caller)],
     context: UsesContext,
     manifest_id: Annotated[
         Text | None, Query(description="One of the campaign's manifests; without it, the newest.")
@@ -204,9 +200,9 @@ def get_receipt(
     `not_covered` lists the files of the card that were not sent. The signature is Ed25519 over `receipt` in
     canonical JSON (RFC 8785); `GET /v1/signing-keys` has the public key. Keys with `read` or `upload` may.
     """
-    require(caller, "upload" if "upload" in caller.scopes else "read")
+    auth.require(caller, "upload" if "upload" in caller.scopes else "read")
     with context.database.reading() as session:
-        campaign = owned(session, Campaign, campaign_id, caller)
+        campaign = lookup.owned(session, Campaign, campaign_id, caller)
         manifest = find_manifest(session, campaign, manifest_id)
     if manifest is None and manifest_id is not None:
         raise not_found("manifest")
@@ -246,7 +242,7 @@ def get_receipt(
     value = context.signer.sign(write_canonical(receipt.dump()))
     answer = ReceiptAnswer(
         receipt=receipt,
-        signature=ReceiptSignature(algorithm=ALGORITHM, key_id=context.signer.key_id, value=value),
+        signature=ReceiptSignature(algorithm=signatures.ALGORITHM, key_id=context.signer.key_id, value=value),
     )
     return answer.respond({"Content-Disposition": f'attachment; filename="receipt-{manifest.id}.json"'})
 

@@ -13,14 +13,8 @@ from sqlalchemy.orm import Session
 
 from radiometry.findings import interface, shared
 from radiometry.methods import get_method
-from service.http.answers import problems
-from service.http.auth import Uploader
-from service.http.changes import Reply, Writes
-from service.http.lookup import Id, owned
-from service.http.models import Answer, Form, Number, Text
-from service.http.operations import Router
+from service.http import answers, auth, changes, lookup, models, operations, tables
 from service.http.problems import Problem, invalid
-from service.http.tables import UNREAD, Kind, is_table, read_sheet, refuse_columns
 from service.tools.schemas import ExposureTime, FNumber, Iso
 from service.uploads.frames import admit
 from store.jobs import enqueue_extraction
@@ -30,7 +24,7 @@ from store.tables import Campaign, FrameRow
 
 MOST_POINTS = 1000
 
-_Level = Annotated[Number, Field(ge=0, le=1e6)]
+_Level = Annotated[models.Number, Field(ge=0, le=1e6)]
 _DARK = {"yes": True, "true": True, "1": True, "no": False, "false": False, "0": False}
 _FRACTION = re.compile(r"1/(\d+(?:\.\d+)?)")
 
@@ -48,11 +42,11 @@ def _read_dark(sent: Any) -> Any:  # noqa: ANN401  whatever was sent
     return found
 
 
-class NewPoint(Form):
+class NewPoint(models.Form):
     """One frame: what it shows, its settings, and the statistics of its region, black included."""
 
-    filename: Text = Field(description="Name of the frame, as ImageJ's Label.")
-    scene: Text | None = Field(default=None, description="Light level; a dark frame has none.")
+    filename: models.Text = Field(description="Name of the frame, as ImageJ's Label.")
+    scene: models.Text | None = Field(default=None, description="Light level; a dark frame has none.")
     dark: Annotated[bool, BeforeValidator(_read_dark)] = Field(
         default=False, description="yes of a frame without light."
     )
@@ -82,7 +76,7 @@ class NewPoint(Form):
         return "dark" if self.dark else "light"
 
 
-class PointsTable(Form):
+class PointsTable(models.Form):
     """Statements that a table does not contain."""
 
     white_level_dn: float = Field(gt=0, le=1e6, description="Where the sensor clips: 255 of 8 bits.")
@@ -94,11 +88,11 @@ class PointsTable(Form):
     iso: Annotated[float | None, Field(ge=0.1, le=1e9, description="Of rows that state none.")] = None
 
 
-class AddedPoint(Answer, restates=FrameRow, fields="filename role scene"):
+class AddedPoint(models.Answer, restates=FrameRow, fields="filename role scene"):
     frame_id: str
 
 
-class PointsAnswer(Answer):
+class PointsAnswer(models.Answer):
     """The frames of a table, in the order of its rows."""
 
     items: list[AddedPoint]
@@ -138,17 +132,17 @@ def read_points(data: bytes, told: PointsTable) -> tuple[list[NewPoint], list[st
         fields = [_ALSO.get(name, name) for name in plain]
         for name in _NEEDED:
             if name not in fields and name not in usual:
-                raise refuse_columns(f"lacks a column {name}", columns)
+                raise tables.refuse_columns(f"lacks a column {name}", columns)
         if "scene" not in fields and "dark" not in fields:
-            raise refuse_columns("lacks a column scene", columns)
+            raise tables.refuse_columns("lacks a column scene", columns)
         read = [name for name in fields if name in _FIELDS]
         if len(set(read)) < len(read):
-            raise refuse_columns("names a column twice", columns)
+            raise tables.refuse_columns("names a column twice", columns)
         ignored.extend(name for name, field in zip(columns, fields, strict=True) if field not in _FIELDS)
-        return [name if name in _FIELDS else UNREAD for name in fields]
+        return [name if name in _FIELDS else tables.UNREAD for name in fields]
 
-    kind = Kind(numbers=_NUMBERS, most=MOST_POINTS, rows_are="points", usual=usual)
-    points = read_sheet(data, NewPoint, kind, name_fields)
+    kind = tables.Kind(numbers=_NUMBERS, most=MOST_POINTS, rows_are="points", usual=usual)
+    points = tables.read_sheet(data, NewPoint, kind, name_fields)
     _refuse_rows(points, told)
     return points, [name for name in ignored if name]
 
@@ -172,7 +166,7 @@ def _refuse_rows(points: list[NewPoint], told: PointsTable) -> None:
         raise invalid([{"type": "value", "loc": ("query", "black_level_dn"), "msg": message}])
 
 
-router = Router(prefix="/v1", tags=["frames"])
+router = operations.Router(prefix="/v1", tags=["frames"])
 
 _BYTES: Final = "application/octet-stream"
 """Accepted too: generated clients know no bodies of CSV."""
@@ -183,7 +177,7 @@ _TABLE: Final = {
 _SETTINGS: Final = ("exposure_time_s", "f_number", "iso")
 
 
-async def _body(request: Request, _caller: Uploader) -> bytes:
+async def _body(request: Request, _caller: auth.Uploader) -> bytes:
     return await request.body()
 
 
@@ -193,17 +187,17 @@ async def _body(request: Request, _caller: Uploader) -> bytes:
     response_model=PointsAnswer,
     responses={
         200: {"model": PointsAnswer, "description": "The campaign has these rows already."},
-        **problems(400, 404, 409, 429, 507),
+        **answers.problems(400, 404, 409, 429, 507),
     },
     openapi_extra={"requestBody": {"required": True, "content": _TABLE}},
 )
 def add_points(
-    campaign_id: Id,
+    campaign_id: lookup.Id,
     told: Annotated[PointsTable, Query()],
-    caller: Uploader,
+    caller: auth.Uploader,
     request: Request,
     data: Annotated[bytes, Depends(_body)],
-    writing: Writes,
+    writing: changes.Writes,
 ) -> Response:
     """Add frames of a luminance campaign as rows of a table: statistics without pixels.
 
@@ -212,8 +206,8 @@ def add_points(
     named with its line and column, and nothing is stored.
     """
     with writing.context.database.reading() as session:
-        owned(session, Campaign, campaign_id, caller)
-    if not is_table(request) and request.headers.get("content-type") != _BYTES:
+        lookup.owned(session, Campaign, campaign_id, caller)
+    if not tables.is_table(request) and request.headers.get("content-type") != _BYTES:
         raise Problem(interface.BAD_REQUEST, "Send the table with Content-Type: text/csv.")
     points, ignored = read_points(data, told)
     context, rows = writing.context, [_write_row(point, told) for point in points]
@@ -222,15 +216,15 @@ def add_points(
     }
     admit(context, campaign_id, caller, None, sum(map(len, rows)), role=points[0].role)
     with context.database.reading() as session:
-        _refuse(owned(session, Campaign, campaign_id, caller), session, hashes)
+        _refuse(lookup.owned(session, Campaign, campaign_id, caller), session, hashes)
     blobs = []
     for row in rows:
         with context.blobs.writer() as writer:
             writer.write(row)
             blobs.append(writer.commit())
 
-    def change(session: Session) -> Reply:
-        campaign = owned(session, Campaign, campaign_id, caller)
+    def change(session: Session) -> changes.Reply:
+        campaign = lookup.owned(session, Campaign, campaign_id, caller)
         require_role(campaign, points[0].role)
         pixel = whole_frame(1, 1)
         roi = find_or_add_roi(session, caller.organisation_id, Drawing(polygon=pixel, corners=pixel.points))
@@ -254,7 +248,7 @@ def add_points(
         items = [AddedPoint.restate(frame, frame_id=frame.id) for frame, *_ in found]
         new = [len(row) for row, (_, is_new, _) in zip(rows, found, strict=True) if is_new]
         body = PointsAnswer(items=items, ignored_columns=ignored)
-        return Reply(status=201 if new else 200, body=body, jobs=jobs, frame_bytes=new)
+        return changes.Reply(status=201 if new else 200, body=body, jobs=jobs, frame_bytes=new)
 
     return writing.run(caller, change)
 
@@ -272,9 +266,7 @@ def _refuse(campaign: Campaign, session: Session, hashes: Mapping[str, str]) -> 
     if spec.features is not None or spec.reference != "meter":
         raise shared.PIXELS_MISSING.refuse(f"A campaign of {spec.label.lower()} needs pixels, not a table.")
     known = select(FrameRow.filename, FrameRow.sha256).where(
-        FrameRow.campaign_id == campaign.id,
-        FrameRow.withdrawn_at.is_(None),
-        FrameRow.filename.in_(hashes),
+        FrameRow.campaign_id == campaign.id, FrameRow.withdrawn_at.is_(None), FrameRow.filename.in_(hashes)
     )
     errors = [
         {

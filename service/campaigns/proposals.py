@@ -18,13 +18,10 @@ from radiometry.methods import METHODS, get_method
 from radiometry.specification.application import PictureApplication
 from radiometry.specification.method import MethodSpec
 from radiometry.specification.roles import CHART, DARK, FIELD, Role
-from service.http.answers import problems
+from service.http import answers, changes, lookup, operations
 from service.http.auth import Caller, Uploader
-from service.http.changes import IdempotencyKey
 from service.http.context import UsesContext
-from service.http.lookup import owned
 from service.http.models import Answer, Form, FrameRole, Method, Number, Positive, Text
-from service.http.operations import Router
 from store.publications import in_force
 from store.tables import Blob, Camera, Campaign, FrameRow
 from store.tables.base import utc_now
@@ -196,7 +193,7 @@ def _list_folders(frames: Iterable[CardFrame]) -> list[str]:
     return [*dict.fromkeys(folder for frame in frames if (folder := _folder(frame.name)))]
 
 
-router = Router(prefix="/v1", tags=["frames"])
+router = operations.Router(prefix="/v1", tags=["frames"])
 
 
 class FrameOfCard(Form):
@@ -253,9 +250,9 @@ class CardProposal(Answer):
     frames: list[PlacedFrame]
 
 
-@router.post("/proposals", response_model=CardProposal, responses=problems(404))
+@router.post("/proposals", response_model=CardProposal, responses=answers.problems(404))
 def propose_frames(
-    body: CardAsked, caller: Uploader, context: UsesContext, _idempotency_key: IdempotencyKey = None
+    body: CardAsked, caller: Uploader, context: UsesContext, _idempotency_key: changes.IdempotencyKey = None
 ) -> Response:
     """Propose method, roles and scenes for the frames of a card, from their headers.
 
@@ -267,7 +264,7 @@ def propose_frames(
     there: list[CardFrame] = []
     with context.database.reading() as session:
         if body.campaign_id is not None:
-            campaign = owned(session, Campaign, body.campaign_id, caller)
+            campaign = lookup.owned(session, Campaign, body.campaign_id, caller)
             method, kind = campaign.method, campaign.kind
             there = _list_scenes(session, campaign)
         held = _list_held(session, body.camera_id, caller)
@@ -304,9 +301,7 @@ def _list_scenes(session: Session, campaign: Campaign) -> list[CardFrame]:
             FrameRow.header["taken_at"].as_string().label("taken_at"),
             *(getattr(FrameRow, name) for name in names),
         ).where(
-            FrameRow.campaign_id == campaign.id,
-            FrameRow.scene.is_not(None),
-            FrameRow.withdrawn_at.is_(None),
+            FrameRow.campaign_id == campaign.id, FrameRow.scene.is_not(None), FrameRow.withdrawn_at.is_(None)
         )
     )
     return [
@@ -322,7 +317,7 @@ def _find_holders(session: Session, body: CardAsked, caller: Caller) -> dict[_Ke
     """Find the campaigns, newest first, that hold frames of the camera that this card has too."""
     if body.camera_id is None:
         return {}
-    camera = owned(session, Camera, body.camera_id, caller)
+    camera = lookup.owned(session, Camera, body.camera_id, caller)
     recent = select(Campaign.id).where(Campaign.camera_id == camera.id, Campaign.archived_at.is_(None))
     rows = session.execute(
         select(
@@ -355,5 +350,5 @@ def _list_held(session: Session, camera_id: str | None, caller: Caller) -> set[s
     """List the methods of which a camera has a version in force."""
     if camera_id is None:
         return set()
-    camera, now = owned(session, Camera, camera_id, caller), utc_now()
+    camera, now = lookup.owned(session, Camera, camera_id, caller), utc_now()
     return {spec.name for spec in METHODS if in_force(session, camera_id=camera.id, method=spec.name, at=now)}

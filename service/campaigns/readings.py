@@ -9,39 +9,33 @@ from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
 from service.campaigns.schemas import MOST_READINGS, NewReading, ReadingAnswer, ReadingsAnswer
+from service.http import auth, changes, lookup, models, operations, tables
 from service.http.answers import problems
-from service.http.auth import Calibrator, Caller, Reader
-from service.http.changes import Reply, Writes
 from service.http.context import UsesContext
-from service.http.lookup import Id, owned
-from service.http.models import Text
-from service.http.operations import Router
 from service.http.paging import Page, UsesPaging
 from service.http.problems import Problem, invalid, not_found
-from service.http.tables import Kind, read_sheet, read_sheet_or_document, refuse_columns
-from store.queries.audit import name_last_actor
-from store.queries.campaigns import add_readings
+from store.queries import audit, campaigns
 from store.tables import Campaign, Meter, Reading
 from store.tables.base import utc_now
 
 _COLUMNS = ("scene", "quantity", "value", "unit", "meter_id", "taken_at")
 _NEEDED = frozenset(_COLUMNS[:4])
-_KIND = Kind(numbers=frozenset({"value"}), most=MOST_READINGS, rows_are="readings")
+_KIND = tables.Kind(numbers=frozenset({"value"}), most=MOST_READINGS, rows_are="readings")
 
 
 def read_readings(data: bytes) -> list[NewReading]:
     """Readings, one a line, under the names of their columns."""
-    return read_sheet(data, NewReading, _KIND, _name_fields)
+    return tables.read_sheet(data, NewReading, _KIND, _name_fields)
 
 
 def _name_fields(columns: list[str]) -> list[str]:
     if not set(columns) >= _NEEDED or not set(columns) <= set(_COLUMNS) or len(set(columns)) < len(columns):
         message = f"must name each of the columns {', '.join(_COLUMNS)} once (the last two may be absent)"
-        raise refuse_columns(message, columns)
+        raise tables.refuse_columns(message, columns)
     return columns
 
 
-router = Router(prefix="/v1", tags=["readings"])
+router = operations.Router(prefix="/v1", tags=["readings"])
 
 # 1 foot-lambert = 1/pi cd/ft2, 1 footcandle = 1 lm/ft2, with 1 ft = 0.3048 m
 _SI = {"cd/m2": 1.0, "lx": 1.0, "fL": 3.4262590996353905, "fc": 10.763910416709722}
@@ -49,7 +43,7 @@ _ONE = TypeAdapter(NewReading)
 _MANY = TypeAdapter(Annotated[list[NewReading], Field(min_length=1, max_length=MOST_READINGS)])
 
 MeterIds = Annotated[
-    list[Text] | None,
+    list[models.Text] | None,
     Query(max_length=3, description="A reading that names no meter takes the one of its quantity."),
 ]
 
@@ -63,10 +57,8 @@ _CONTENT = {
 
 async def _body(request: Request) -> list[NewReading] | NewReading:
     """Read JSON or CSV, by the content type; each bad field or row is named."""
-    return await read_sheet_or_document(
-        request,
-        read_readings,
-        lambda data: (_MANY if isinstance(data, list) else _ONE).validate_python(data),
+    return await tables.read_sheet_or_document(
+        request, read_readings, lambda data: (_MANY if isinstance(data, list) else _ONE).validate_python(data)
     )
 
 
@@ -78,10 +70,10 @@ async def _body(request: Request) -> list[NewReading] | NewReading:
     openapi_extra={"requestBody": {"required": True, "content": _CONTENT}},
 )
 def add_campaign_readings(
-    campaign_id: Id,
+    campaign_id: lookup.Id,
     body: Annotated[list[NewReading] | NewReading, Depends(_body)],
-    caller: Calibrator,
-    writing: Writes,
+    caller: auth.Calibrator,
+    writing: changes.Writes,
     meter_id: MeterIds = None,
 ) -> Response:
     """Record what the meter said of a scene; values are kept as entered and in SI.
@@ -90,79 +82,76 @@ def add_campaign_readings(
     """
     forms = [body] if isinstance(body, NewReading) else body
 
-    def change(session: Session) -> Reply:
-        campaign = owned(session, Campaign, campaign_id, caller)
+    def change(session: Session) -> changes.Reply:
+        campaign = lookup.owned(session, Campaign, campaign_id, caller)
         for named in {form.meter_id for form in forms if form.meter_id}:
-            owned(session, Meter, named, caller)
-        usual = _by_quantity([owned(session, Meter, each, caller) for each in meter_id or ()])
+            lookup.owned(session, Meter, named, caller)
+        usual = _by_quantity([lookup.owned(session, Meter, each, caller) for each in meter_id or ()])
         now = utc_now()
         replaced = _find_replaced(session, campaign, forms, caller)
         columns = [{"meter_id": usual.get(form.quantity)} | _columns(form) for form in forms]
-        rows = add_readings(session, campaign, [{"created_at": now} | each for each in columns])
+        rows = campaigns.add_readings(session, campaign, [{"created_at": now} | each for each in columns])
         for reading in replaced:
             reading.withdrawn_at = now
         session.flush()
         answers = [ReadingAnswer.of(row) for row in rows]
         one = isinstance(body, NewReading)
-        return Reply(status=201, body=answers[0] if one else ReadingsAnswer(items=answers))
+        return changes.Reply(status=201, body=answers[0] if one else ReadingsAnswer(items=answers))
 
     return writing.run(caller, change)
 
 
 @router.get("/campaigns/{campaign_id}/readings", response_model=Page[ReadingAnswer], responses=problems(404))
 def list_readings(
-    campaign_id: Id,
-    paging: UsesPaging,
-    caller: Reader,
-    context: UsesContext,
+    campaign_id: lookup.Id, paging: UsesPaging, caller: auth.Reader, context: UsesContext
 ) -> Response:
     """A campaign's readings, withdrawn ones too, oldest first."""
     rows = select(Reading).where(Reading.campaign_id == campaign_id)
     with context.database.reading() as session:
-        owned(session, Campaign, campaign_id, caller)
+        lookup.owned(session, Campaign, campaign_id, caller)
         return paging.send(session, rows, lambda found: [ReadingAnswer.of(row) for row in found])
 
 
 @router.delete("/readings/{reading_id}", response_model=ReadingAnswer, responses=problems(404))
-def withdraw_reading(reading_id: Id, caller: Calibrator, writing: Writes) -> Response:
+def withdraw_reading(reading_id: lookup.Id, caller: auth.Calibrator, writing: changes.Writes) -> Response:
     """Withdraw a mistyped reading: no fit uses it any more, the record keeps it."""
 
-    def change(session: Session) -> Reply:
-        reading = owned(session, Reading, reading_id, caller)
+    def change(session: Session) -> changes.Reply:
+        reading = lookup.owned(session, Reading, reading_id, caller)
         reading.withdrawn_at = reading.withdrawn_at or utc_now()
         session.flush()
-        return Reply(status=200, body=ReadingAnswer.of(reading))
+        return changes.Reply(status=200, body=ReadingAnswer.of(reading))
 
     return writing.run(caller, change)
 
 
 @router.post("/readings/{reading_id}/restore", response_model=ReadingAnswer, responses=problems(404))
-def restore_reading(reading_id: Id, caller: Calibrator, writing: Writes) -> Response:
+def restore_reading(reading_id: lookup.Id, caller: auth.Calibrator, writing: changes.Writes) -> Response:
     """Undo the withdrawal of a reading."""
 
-    def change(session: Session) -> Reply:
-        reading = owned(session, Reading, reading_id, caller)
+    def change(session: Session) -> changes.Reply:
+        reading = lookup.owned(session, Reading, reading_id, caller)
         reading.withdrawn_at = None
         session.flush()
-        return Reply(status=200, body=ReadingAnswer.of(reading))
+        return changes.Reply(status=200, body=ReadingAnswer.of(reading))
 
     return writing.run(caller, change)
 
 
 def _find_replaced(
-    session: Session, campaign: Campaign, forms: list[NewReading], caller: Caller
+    session: Session, campaign: Campaign, forms: list[NewReading], caller: auth.Caller
 ) -> list[Reading]:
     """Return the readings that are replaced; refuse what another user has changed since it was seen."""
     if all(form.replaces is None for form in forms):
         return []
     # two who type in one empty field at once: the second waits here, and finds the first one's reading
-    owned(session, Campaign, campaign.id, caller, for_update=True)
+    lookup.owned(session, Campaign, campaign.id, caller, for_update=True)
     mine = select(Reading).where(Reading.campaign_id == campaign.id, Reading.withdrawn_at.is_(None))
     standing = session.scalars(mine.order_by(Reading.id)).all()
     places = {(each.scene, each.quantity): each for each in standing}
     replaced: list[Reading] = []
     for form in forms:
-        seen = owned(session, Reading, form.replaces, caller) if form.replaces else None
+        seen = lookup.owned(session, Reading, form.replaces, caller) if form.replaces else None
         if seen is not None and seen.campaign_id != campaign.id:
             raise not_found("reading in this campaign")
         place = (form.scene, form.quantity)
@@ -171,7 +160,7 @@ def _find_replaced(
         elif seen is not None or (form.replaces == "" and place in places):
             later = (each for each in standing if seen and each.created_at == seen.withdrawn_at)
             found = next(later, places.get(place))
-            who = name_last_actor(session, (found or seen or campaign).id)
+            who = audit.name_last_actor(session, (found or seen or campaign).id)
             by = f" by {who}" if who else ""
             state = f"it is now {found.entered_value:g} {found.entered_unit}" if found else "it is withdrawn"
             detail = f"The reading of {form.scene} was changed{by} meanwhile: {state}."

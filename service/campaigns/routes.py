@@ -31,29 +31,9 @@ from service.http.operations import Router
 from service.http.paging import Listing, Page, page_own
 from service.http.problems import Problem, invalid, located
 from service.measurements.requests import read_roi
-from store.codec import decode, read_strictly
-from store.queries.campaigns import (
-    check_again,
-    count,
-    count_measured,
-    find_or_add_roi,
-    renew_extractions,
-    set_roi,
-)
-from store.queries.checklist import (
-    KEYS,
-    ChecklistItem,
-    RecordState,
-    has_checklist,
-    hash_state,
-    read_checklist,
-    read_signature,
-    set_tick,
-    sign,
-)
+from store import codec, reviews
+from store.queries import campaigns, checklist, organisations
 from store.queries.evidence import Offer, find_by_serial, find_offer
-from store.queries.organisations import find_or_add_panel
-from store.reviews import Assessment, assess
 from store.tables import Calibration, Camera, Campaign, ChecklistSignature, FrameRow, Panel, Roi
 from store.tables.base import utc_now
 from store.tables.campaign import CampaignKind
@@ -88,7 +68,7 @@ class ChecklistChange(Form):
         return self
 
 
-class ItemAnswer(Answer, restates=ChecklistItem):
+class ItemAnswer(Answer, restates=checklist.ChecklistItem):
     pass
 
 
@@ -108,7 +88,11 @@ class ChecklistAnswer(Answer):
 
     @classmethod
     def of(
-        cls, campaign_id: str, items: list[ChecklistItem], signature: ChecklistSignature | None, state: str
+        cls,
+        campaign_id: str,
+        items: list[checklist.ChecklistItem],
+        signature: ChecklistSignature | None,
+        state: str,
     ) -> "ChecklistAnswer":
         """Return the list; ``state`` is the hash of what a signature would sign now."""
         done = sum(item.done_by is not None for item in items)
@@ -201,17 +185,17 @@ def change_campaign(campaign_id: Id, body: CampaignChange, caller: Calibrator, w
             campaign.archived_at = (campaign.archived_at or utc_now()) if body.archived else None
         if body.camera_id is not None and body.camera_id != campaign.camera_id:
             owned(session, Camera, body.camera_id, caller)
-            jobs = check_again(session, campaign, by=caller.key_id)
+            jobs = campaigns.check_again(session, campaign, by=caller.key_id)
         if body.target is not None:
             values["target"] = _read_target(campaign.method, body.target)
-            jobs = renew_extractions(session, campaign, by=caller.key_id)
+            jobs = campaigns.renew_extractions(session, campaign, by=caller.key_id)
         for name, value in values.items():
             setattr(campaign, name, value)
         _require_order(campaign)
         if body.panel_serial is not None:
             _choose_panel(session, campaign, body.panel_serial, offer=find_offer(session, campaign))
         session.flush()
-        return Reply(status=200, body=_whole(session, campaign, assess(session, campaign)), jobs=jobs)
+        return Reply(status=200, body=_whole(session, campaign, reviews.assess(session, campaign)), jobs=jobs)
 
     return writing.run(caller, change)
 
@@ -223,8 +207,8 @@ def set_campaign_roi(campaign_id: Id, body: NewRoi, caller: Calibrator, writing:
 
     def change(session: Session) -> Reply:
         campaign = owned(session, Campaign, campaign_id, caller)
-        roi = find_or_add_roi(session, caller.organisation_id, drawing)
-        jobs = set_roi(session, campaign, roi, by=caller.key_id)
+        roi = campaigns.find_or_add_roi(session, caller.organisation_id, drawing)
+        jobs = campaigns.set_roi(session, campaign, roi, by=caller.key_id)
         return Reply(status=200, body=RoiAnswer.of(roi), jobs=jobs)
 
     return writing.run(caller, change)
@@ -247,7 +231,7 @@ def _choose_panel(session: Session, campaign: Campaign, serial: str | None, *, o
     panel = find_by_serial(session, campaign.organisation_id, serial)
     if panel is None and offer is not None and offer.serial == name_panel(serial) and offer.bands:
         values = {"serial": offer.serial, "measured_on": offer.stated_on, "bands": offer.bands}
-        panel, _ = find_or_add_panel(session, campaign.organisation_id, values)
+        panel, _ = organisations.find_or_add_panel(session, campaign.organisation_id, values)
     if panel is None:
         message = "is not registered, and no frame of this campaign states what it reflects: register it"
         raise invalid([{"type": "panel", "loc": ("body", "panel_serial"), "msg": message}])
@@ -266,7 +250,7 @@ def _check_stated(method: str, body: CampaignDetails) -> None:
     if foreign:
         raise invalid(foreign)
     if stated:
-        decode(spec.params, {fields[name]: value for name, value in stated.items()})
+        codec.decode(spec.params, {fields[name]: value for name, value in stated.items()})
 
 
 def _require_order(campaign: Campaign) -> None:
@@ -305,15 +289,15 @@ def _read_target(method: str, said: dict[str, Any] | None) -> dict[str, Any] | N
         message = f"a {method} campaign photographs nothing that must be described: leave it out"
         raise invalid([{"type": "target", "loc": ("body", "target"), "msg": message}])
     try:
-        return read_strictly(kind, said or {})
+        return codec.read_strictly(kind, said or {})
     except ValidationError as error:
         if said is None:
             return None
         raise invalid(located(error, "body", "target")) from error
 
 
-def _whole(session: Session, campaign: Campaign, readiness: Assessment) -> CampaignAnswer:
-    counts = count(session, campaign)
+def _whole(session: Session, campaign: Campaign, readiness: reviews.Assessment) -> CampaignAnswer:
+    counts = campaigns.count(session, campaign)
     offer = find_offer(session, campaign)
     lone = [each for each in readiness.findings if each.code == shared.READING_WITHOUT_FRAMES]
     return CampaignAnswer.restate(
@@ -324,7 +308,7 @@ def _whole(session: Session, campaign: Campaign, readiness: Assessment) -> Campa
         causes=[*readiness.missing, *lone, *readiness.advice],
         findings=readiness.findings,
         readings=counts.readings,
-        measured=count_measured(session, campaign) if campaign.measures else None,
+        measured=campaigns.count_measured(session, campaign) if campaign.measures else None,
         panel_offered=PanelOffered.restate(offer) if offer else None,
     )
 
@@ -351,9 +335,9 @@ def change_checklist(
 
     def change(session: Session) -> Reply:
         campaign = owned(session, Campaign, campaign_id, caller)
-        if not has_checklist(campaign):
+        if not checklist.has_checklist(campaign):
             raise Problem(interface.NO_CHECKLIST, explain_missing_checklist(campaign))
-        signature = read_signature(session, campaign)
+        signature = checklist.read_signature(session, campaign)
         if signature is not None and body.signature is None:
             raise Problem(
                 interface.CHECKLIST_SIGNED,
@@ -362,9 +346,9 @@ def change_checklist(
             )
         for item in body.items or []:
             _refuse_undone(record, item)
-            set_tick(session, campaign, item.key, done=item.done, note=item.note, by=caller.key_id)
+            checklist.set_tick(session, campaign, item.key, done=item.done, note=item.note, by=caller.key_id)
         if body.signature is not None:
-            sign(session, campaign, name=body.signature.name, by=caller.key_id)
+            checklist.sign(session, campaign, name=body.signature.name, by=caller.key_id)
         session.flush()
         return Reply(status=200, body=_answer(session, campaign, record))
 
@@ -375,7 +359,7 @@ def change_checklist(
     return writing.run(caller, change)
 
 
-def _refuse_undone(record: RecordState | None, item: ItemChange) -> None:
+def _refuse_undone(record: checklist.RecordState | None, item: ItemChange) -> None:
     finding = record.findings.get(item.key) if record else None
     if item.done and finding is not None and not finding.done:
         raise Problem(interface.STEP_NOT_DONE, f"{item.key}: {finding.sentence}")
@@ -389,17 +373,17 @@ def _refuse_unknown(body: ChecklistChange) -> None:
             "msg": f"{item.key!r} is no item of the checklist; GET this address lists them",
         }
         for index, item in enumerate(body.items or [])
-        if item.key not in KEYS
+        if item.key not in checklist.KEYS
     ]
     if unknown:
         raise invalid(unknown)
 
 
-def _answer(session: Session, campaign: Campaign, record: RecordState | None) -> ChecklistAnswer:
-    items = read_checklist(session, campaign, record)
-    signature = read_signature(session, campaign)
-    state = hash_state(session, campaign) if signature else ""
+def _answer(session: Session, campaign: Campaign, record: checklist.RecordState | None) -> ChecklistAnswer:
+    items = checklist.read_checklist(session, campaign, record)
+    signature = checklist.read_signature(session, campaign)
+    state = checklist.hash_state(session, campaign) if signature else ""
     answer = ChecklistAnswer.of(campaign.id, items, signature, state)
-    if has_checklist(campaign):
+    if checklist.has_checklist(campaign):
         return answer
     return answer.model_copy(update={"said": explain_missing_checklist(campaign)})

@@ -15,72 +15,57 @@ from pydantic import (
 from radiometry.methods import METHODS
 from service.calibrations.fits import make_fields
 from service.equipment.schemas import Lens, PanelOffered
-from service.http.models import (
-    EACH_ONCE,
-    Answer,
-    Clearable,
-    ClearableLong,
-    ClearableZone,
-    FindingGroupAnswer,
-    Flag,
-    Form,
-    FrameRole,
-    Instant,
-    LongText,
-    Method,
-    Number,
-    Text,
-    TimeZone,
-)
+from service.http import models
 from store.queries.campaigns import Counts
-from store.tables import Campaign, Reading, Roi
-from store.tables.campaign import CampaignKind
+from store.tables import Campaign, Reading, Roi, campaign
 
-Role = FrameRole
-Coordinate = Annotated[Number, Field(ge=-1e6, le=1e6)]
+Role = models.FrameRole
+Coordinate = Annotated[models.Number, Field(ge=-1e6, le=1e6)]
 Point = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
-Reflectance = Annotated[Number, Field(gt=0, le=1)]
+Reflectance = Annotated[models.Number, Field(gt=0, le=1)]
 
 
 STATED = {each.name: each for spec in METHODS for each in spec.parameters if each.given_by == "campaign"}
 """What a campaign states for the fit of its method."""
 
 
-class CampaignDetails(create_model("Stated", __base__=Form, **make_fields(STATED.values()))):  # type: ignore[misc]
+class CampaignDetails(create_model("Stated", __base__=models.Form, **make_fields(STATED.values()))):  # type: ignore[misc]
     """Details of a campaign: stated when it begins, or corrected later."""
 
     kind: Annotated[
-        CampaignKind | None,
+        campaign.CampaignKind | None,
         Field(
             description="`calibration` unless stated. `measurement`: a night of measurements, whose frames "
             "are all field frames; no fit uses them. A campaign with other frames, or with versions, cannot "
             "become one."
         ),
     ] = None
-    project_number: Text | None = Field(
+    project_number: models.Text | None = Field(
         default=None,
         description="Number or name under which the work is found again; the campaign and its "
         "certificates carry it.",
     )
-    recorder: Text | None = Field(
+    recorder: models.Text | None = Field(
         default=None, description="Who took the frames and the readings; on the certificate."
     )
-    customer: Text | None = Field(
+    customer: models.Text | None = Field(
         default=None, description="For whom the camera is calibrated; on the certificate."
     )
-    place: Text | None = Field(default=None, description="Where the frames were taken; on the certificate.")
+    place: models.Text | None = Field(
+        default=None, description="Where the frames were taken; on the certificate."
+    )
     conditions: Annotated[
-        LongText | None,
+        models.LongText | None,
         Field(description="What surrounded the work: temperature, lamp, daylight; on the certificate."),
     ] = None
-    started_at: Instant | None = Field(
+    started_at: models.Instant | None = Field(
         default=None,
         description="Beginning of the work in UTC; on the certificate. Campaigns are ordered by it.",
     )
-    ended_at: Instant | None = Field(
+    ended_at: models.Instant | None = Field(
         default=None, description="End of the work in UTC, not before its beginning; on the certificate."
     )
-    time_zone: TimeZone | None = Field(
+    time_zone: models.TimeZone | None = Field(
         default=None,
         description="Of the camera's clock, for files that state no offset: an IANA name or an offset. Left "
         "out: UTC for the files of Parrot and MicaSense cameras, else the organisation's.",
@@ -90,17 +75,17 @@ class CampaignDetails(create_model("Stated", __base__=Form, **make_fields(STATED
         description="The lens on the camera, where it is not the one registered with it. Fits from now on "
         "are valid for this lens.",
     )
-    comments: LongText | None = Field(
+    comments: models.LongText | None = Field(
         default=None, description="Free text; on the certificate. It changes no result."
     )
     panel_id: Annotated[
-        Text | None,
+        models.Text | None,
         Field(
             description="Of a reflectance campaign; left out: the panel that the files name, or the only one."
         ),
     ] = None
     panel_serial: Annotated[
-        Text | None,
+        models.Text | None,
         Field(
             description="In place of `panel_id`: the registered panel of this serial number, or the one that "
             "`panel_offered` names, which is then registered with the reflectances that its files state."
@@ -118,8 +103,10 @@ class CampaignDetails(create_model("Stated", __base__=Form, **make_fields(STATED
 
 
 class NewCampaign(CampaignDetails):
-    camera_id: Text = Field(description="The camera that took the frames: frames of another one are refused.")
-    method: Method = Field(description="What is calibrated; it cannot be changed later.")
+    camera_id: models.Text = Field(
+        description="The camera that took the frames: frames of another one are refused."
+    )
+    method: models.Method = Field(description="What is calibrated; it cannot be changed later.")
 
 
 _TAKES_AWAY = BeforeValidator(lambda value: None if value == "" else value)
@@ -132,15 +119,15 @@ def _or_empty(schema: dict[str, Any]) -> None:
 class CampaignChange(CampaignDetails):
     """Corrections; what is left out stays, and a text of "" is taken away."""
 
-    project_number: Clearable | None = None
-    recorder: Clearable | None = None
-    customer: Clearable | None = None
-    place: Clearable | None = None
-    conditions: ClearableLong | None = None
-    comments: ClearableLong | None = None
-    time_zone: ClearableZone | None = None
+    project_number: models.Clearable | None = None
+    recorder: models.Clearable | None = None
+    customer: models.Clearable | None = None
+    place: models.Clearable | None = None
+    conditions: models.ClearableLong | None = None
+    comments: models.ClearableLong | None = None
+    time_zone: models.ClearableZone | None = None
     ended_at: Annotated[
-        Instant | None,
+        models.Instant | None,
         _TAKES_AWAY,
         Field(description="The end of the work in UTC.", json_schema_extra=_or_empty),
     ] = None
@@ -153,24 +140,23 @@ class CampaignChange(CampaignDetails):
         ),
     ] = None
     camera_id: Annotated[
-        Text | None,
-        Field(description="Another camera: every frame is checked against it again."),
+        models.Text | None, Field(description="Another camera: every frame is checked against it again.")
     ] = None
-    archived: Annotated[Flag | None, Field(description="Put away, or taken out again.")] = None
+    archived: Annotated[models.Flag | None, Field(description="Put away, or taken out again.")] = None
 
 
-class FrameCounts(Answer, restates=Counts, fields="received being_read extracted refused"):
+class FrameCounts(models.Answer, restates=Counts, fields="received being_read extracted refused"):
     pass
 
 
 class CampaignAnswer(
-    Answer,
+    models.Answer,
     restates=Campaign,
     fields="id camera_id method kind project_number recorder customer place conditions started_at "
     f"ended_at time_zone lens comments {' '.join(STATED)} archived_at panel_id target roi_id created_at",
 ):
-    method: Method
-    kind: CampaignKind
+    method: models.Method
+    kind: campaign.CampaignKind
     frames: FrameCounts | None = None
     readings: int | None = None
     measured: int | None = Field(
@@ -184,20 +170,20 @@ class CampaignAnswer(
         default=None, description="What a fit still needs, by name; of a night, what measuring needs."
     )
     advice: list[str] | None = Field(default=None, description="What would make a fit good, by name.")
-    causes: list[FindingGroupAnswer] | None = Field(
+    causes: list[models.FindingGroupAnswer] | None = Field(
         default=None,
         description="The same as data, one a code: `error` keeps a fit from starting, `pending` ends by "
         "itself, `warn` would improve it.",
     )
-    findings: list[FindingGroupAnswer] | None = Field(
+    findings: list[models.FindingGroupAnswer] | None = Field(
         default=None, description="Reasons of the frames' verdicts, and what holds for the campaign."
     )
 
 
-class NamedRegion(Form):
+class NamedRegion(models.Form):
     """One of several parts that are measured separately: an edge, a star."""
 
-    name: Text
+    name: models.Text
     polygon: Annotated[list[Point], Field(min_length=3, max_length=1000), FailFast()]
 
 
@@ -215,7 +201,7 @@ REGION_PATTERN = f"^({_MACRO}|{_JSON})$"
 """A region as an address or a header holds it."""
 
 
-class NewRoi(Form):
+class NewRoi(models.Form):
     """A region: its points, ImageJ's own line, or several parts with their names."""
 
     model_config = ConfigDict(
@@ -234,7 +220,7 @@ class NewRoi(Form):
         ),
     ] = None
     imagej: Annotated[
-        LongText | None,
+        models.LongText | None,
         Field(
             description="A makePolygon(...) or makeRectangle(...) call of an ImageJ macro.",
             json_schema_extra={"pattern": f"^{_MACRO}$"},
@@ -246,7 +232,7 @@ class NewRoi(Form):
             min_length=1,
             max_length=100,
             description="For sharpness; each name once.",
-            json_schema_extra=EACH_ONCE,
+            json_schema_extra=models.EACH_ONCE,
         ),
     ] = None
 
@@ -260,12 +246,12 @@ class NewRoi(Form):
         return self
 
 
-class RegionAnswer(Answer):
+class RegionAnswer(models.Answer):
     name: str
     polygon: list[Point]
 
 
-class RoiAnswer(Answer, restates=Roi, fields="id sha256 created_at"):
+class RoiAnswer(models.Answer, restates=Roi, fields="id sha256 created_at"):
     polygon: list[Point]
     regions: list[RegionAnswer] | None = Field(
         default=None, description="Of a region in parts; `polygon` is then the rectangle around them."
@@ -281,7 +267,7 @@ MOST_READINGS = 10_000
 _UNITS = {"luminance": ["cd/m2", "fL"], "illuminance": ["lx", "fc"]}
 
 
-class NewReading(Form):
+class NewReading(models.Form):
     model_config = ConfigDict(
         json_schema_extra={
             "if": {"properties": {"quantity": {"const": "luminance"}}},
@@ -290,10 +276,12 @@ class NewReading(Form):
         }
     )
 
-    scene: Text = Field(description="The light level that was read: that of the frames with this scene.")
+    scene: models.Text = Field(
+        description="The light level that was read: that of the frames with this scene."
+    )
     quantity: Literal["luminance", "illuminance"] = Field(description="What the meter showed.")
     value: Annotated[
-        Number,
+        models.Number,
         Field(
             gt=0, lt=1e9, description="As the meter showed it. Several readings of a scene give their spread."
         ),
@@ -301,11 +289,11 @@ class NewReading(Form):
     unit: Annotated[
         Literal["cd/m2", "cd/m²", "fL", "lx", "fc"], AfterValidator(lambda unit: unit.replace("²", "2"))
     ] = Field(description="As the meter showed it; 1 fL is 3.426 cd/m², 1 fc is 10.764 lx.")
-    meter_id: Text | None = Field(
+    meter_id: models.Text | None = Field(
         default=None,
         description="The meter that was read: without it, u(K) does not include its calibration.",
     )
-    taken_at: Instant | None = Field(
+    taken_at: models.Instant | None = Field(
         default=None,
         description="When it was read, in UTC: shows whether the lamp drifted between reading and frames.",
     )
@@ -327,7 +315,7 @@ class NewReading(Form):
 
 
 class ReadingAnswer(
-    Answer,
+    models.Answer,
     restates=Reading,
     fields="id scene quantity value entered_value entered_unit meter_id taken_at created_at withdrawn_at",
 ):
@@ -338,5 +326,5 @@ class ReadingAnswer(
         return cls.restate(row, unit="cd/m2" if row.quantity == "luminance" else "lx")
 
 
-class ReadingsAnswer(Answer):
+class ReadingsAnswer(models.Answer):
     items: list[ReadingAnswer]

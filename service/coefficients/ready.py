@@ -14,31 +14,26 @@ from pydantic_core import from_json, to_json
 
 from radiometry.methods import get_method
 from radiometry.specification.application import SurfaceApplication
-from service.http.answers import not_modified, standing_headers
+from service.http import answers, counts, lookup, models, operations
 from service.http.context import Context
-from service.http.counts import STEP
-from service.http.lookup import is_id
-from service.http.models import BandName, Form, Instant, Method, PositiveText, Text
-from service.http.operations import NUMBER, Operation
 from store.queries.organisations import hash_secret
-from store.ready.lookups import Held, find_ready
-from store.ready.rows import key_of
+from store.ready import lookups, rows
 from store.tables.base import utc_now
 
 _SAME_F_NUMBER_REL = 1e-3
 _BEARER = "Bearer "
 
 
-class Wanted(Form):
+class Wanted(models.Form):
     """Which coefficients, and as of when."""
 
-    method: Method
-    name: Text | None = None
-    iso: PositiveText | None = None
-    f_number: PositiveText | None = None
-    band: BandName | None = None
-    at: Instant | None = None
-    known_at: Instant | None = None
+    method: models.Method
+    name: models.Text | None = None
+    iso: models.PositiveText | None = None
+    f_number: models.PositiveText | None = None
+    band: models.BandName | None = None
+    at: models.Instant | None = None
+    known_at: models.Instant | None = None
 
     @property
     def chosen(self) -> dict[str, Any]:
@@ -47,7 +42,7 @@ class Wanted(Form):
         return {name: value for name in names if (value := getattr(self, name)) is not None}
 
 
-def answer_held(request: Request, wanted: Wanted, held: Sequence[Held]) -> Response | None:
+def answer_held(request: Request, wanted: Wanted, held: Sequence[lookups.Held]) -> Response | None:
     """Answer with the coefficients that were asked for, or 304; None where no version has such a one."""
     chosen = wanted.chosen
     if not chosen and all(each.whole for each in held):
@@ -59,8 +54,8 @@ def answer_held(request: Request, wanted: Wanted, held: Sequence[Held]) -> Respo
     if not body:
         return None
     tag = _hash(tuple(each.etag for each in held), tuple(chosen.items()))
-    headers = standing_headers(tag)
-    return not_modified(request, tag, headers) or Response(body, 200, headers, "application/json")
+    headers = answers.standing_headers(tag)
+    return answers.not_modified(request, tag, headers) or Response(body, 200, headers, "application/json")
 
 
 @lru_cache(maxsize=4096)
@@ -68,7 +63,7 @@ def _hash(etags: tuple[str, ...], chosen: tuple[tuple[str, Any], ...]) -> str:
     return hashlib.sha256(json.dumps([etags, dict(chosen)]).encode()).hexdigest()[:32]
 
 
-def _choose(wanted: Wanted, chosen: dict[str, Any], held: Held) -> list[dict[str, Any]]:
+def _choose(wanted: Wanted, chosen: dict[str, Any], held: lookups.Held) -> list[dict[str, Any]]:
     """Return the items with what was asked for.
 
     What is known both in general and at f-numbers is answered at the f-number asked for if it is known
@@ -83,15 +78,15 @@ def _choose(wanted: Wanted, chosen: dict[str, Any], held: Held) -> list[dict[str
     ]
     at = wanted.f_number
     if at is None:
-        general = {key_of(item) for _, item in items if "f_number" not in item}
-        return [item for _, item in items if "f_number" not in item or key_of(item) not in general]
-    there = {key_of(item) for _, item in items if _is_at(item, at)}
+        general = {rows.key_of(item) for _, item in items if "f_number" not in item}
+        return [item for _, item in items if "f_number" not in item or rows.key_of(item) not in general]
+    there = {rows.key_of(item) for _, item in items if _is_at(item, at)}
     foreseen = json.loads(held.foreseen or "{}")
     found = []
     for place, item in items:
         if _is_at(item, at):
             found.append(item)
-        elif "f_number" not in item and key_of(item) not in there:
+        elif "f_number" not in item and rows.key_of(item) not in there:
             u = foreseen.get(str(place))
             found.append(item if u is None else _foresee(item, wanted.method, at, u))
     return found
@@ -115,7 +110,7 @@ def _foresee(item: dict[str, Any], method: str, f_number: float, u: float) -> di
     }
 
 
-class AnswersReady(Operation):
+class AnswersReady(operations.Operation):
     """A look-up in one query, which also checks the key; what that does not answer goes the usual way.
 
     The usual way answers the same, and refuses what is to be refused; what the framework does for any route
@@ -134,11 +129,11 @@ class AnswersReady(Operation):
 async def _answer_ready(request: Request) -> Response | None:
     sent, camera_id = request.headers.get("authorization", ""), request.path_params["camera_id"]
     wanted = _read_query(request.scope["query_string"]) if sent.startswith(_BEARER) else None
-    if wanted is None or not is_id(camera_id):
+    if wanted is None or not lookup.is_id(camera_id):
         return None
     context: Context = request.app.state.context
     secret, now = sent.removeprefix(_BEARER), utc_now()
-    held = await find_ready(
+    held = await lookups.find_ready(
         context.database,
         camera_id=camera_id,
         method=wanted.method,
@@ -146,7 +141,7 @@ async def _answer_ready(request: Request) -> Response | None:
         known_at=wanted.known_at,
         sha256=hash_secret(secret),
         now=now,
-        used_after=now - STEP,
+        used_after=now - counts.STEP,
     )
     answer = answer_held(request, wanted, held)
     if answer is not None:
@@ -162,7 +157,7 @@ def _read_query(query: bytes) -> Wanted | None:
         pairs = parse_qsl(query.decode("ascii"), keep_blank_values=True, errors="strict")
         asked = dict(pairs)
         if len(asked) < len(pairs) or not all(
-            NUMBER.fullmatch(asked[name]) for name in ("iso", "f_number") if name in asked
+            operations.NUMBER.fullmatch(asked[name]) for name in ("iso", "f_number") if name in asked
         ):
             return None
         return Wanted.model_validate(asked)

@@ -11,34 +11,30 @@ from starlette.concurrency import run_in_threadpool
 
 from radiometry.findings import interface
 from service.calibrations.schemas import CoefficientsAnswer
-from service.coefficients.formats import describe_columns
-from service.coefficients.ready import AnswersReady, Wanted, answer_held
+from service.coefficients import formats, ready
 from service.coefficients.series import SeriesAnswer, SeriesQuery, SeriesRow, answer_series, sends_series
-from service.http.answers import UNCHANGED, problems
+from service.http import answers, lookup, operations
 from service.http.auth import Caller, Reader
 from service.http.context import Context, UsesContext
-from service.http.lookup import Id, is_id, owned
 from service.http.models import Instant
-from service.http.operations import Router
 from service.http.problems import Problem
-from store.ready.lookups import Held, find_ready
-from store.ready.rows import show_instant
+from store.ready import lookups, rows
 from store.ready.series import CoefficientSeries
 from store.tables import Camera
 from store.tables.base import utc_now
 
-router = Router(prefix="/v1", tags=["coefficients"])
-ready_router = Router(prefix="/v1", tags=["coefficients"], route_class=AnswersReady)
+router = operations.Router(prefix="/v1", tags=["coefficients"])
+ready_router = operations.Router(prefix="/v1", tags=["coefficients"], route_class=ready.AnswersReady)
 
 
 @ready_router.get(
     "/cameras/{camera_id}/coefficients",
     response_model=CoefficientsAnswer,
-    responses={**UNCHANGED, **problems(404)},
+    responses={**answers.UNCHANGED, **answers.problems(404)},
 )
 async def get_coefficients(
-    camera_id: Id,
-    wanted: Annotated[Wanted, Query()],
+    camera_id: lookup.Id,
+    wanted: Annotated[ready.Wanted, Query()],
     request: Request,
     caller: Reader,
     context: UsesContext,
@@ -51,9 +47,9 @@ async def get_coefficients(
     with what is in force: with `If-None-Match`, the answer is a 304 without a body until then.
     """
     at = wanted.at or utc_now()
-    held: tuple[Held, ...] = ()
-    if is_id(camera_id):
-        held = await find_ready(
+    held: tuple[lookups.Held, ...] = ()
+    if lookup.is_id(camera_id):
+        held = await lookups.find_ready(
             context.database,
             organisation_id=caller.organisation_id,
             camera_id=camera_id,
@@ -61,7 +57,7 @@ async def get_coefficients(
             at=at,
             known_at=wanted.known_at,
         )
-    answer = answer_held(request, wanted, held)
+    answer = ready.answer_held(request, wanted, held)
     if answer is None:
         await run_in_threadpool(_require_camera, context, caller, camera_id)
         raise Problem(interface.NO_CALIBRATION_IN_FORCE, _explain_none(wanted, at, held))
@@ -70,7 +66,7 @@ async def get_coefficients(
 
 def _require_camera(context: Context, caller: Caller, camera_id: str) -> None:
     with context.database.reading() as session:
-        owned(session, Camera, camera_id, caller)
+        lookup.owned(session, Camera, camera_id, caller)
 
 
 class CoefficientSeriesQuery(SeriesQuery):
@@ -78,11 +74,11 @@ class CoefficientSeriesQuery(SeriesQuery):
     end: Instant | None = Field(default=None, alias="to", description="In force before this time.")
 
 
-_COLUMNS = describe_columns(SeriesRow)
+_COLUMNS = formats.describe_columns(SeriesRow)
 
 
 @router.get(
-    "/series/coefficients", response_model=SeriesAnswer, responses={**sends_series(), **problems(404)}
+    "/series/coefficients", response_model=SeriesAnswer, responses={**sends_series(), **answers.problems(404)}
 )
 def get_coefficient_series(
     query: Annotated[CoefficientSeriesQuery, Query()], request: Request, caller: Reader, context: UsesContext
@@ -95,12 +91,12 @@ def get_coefficient_series(
     return answer_series(request, context, caller, CoefficientSeries, query, _COLUMNS)
 
 
-def _explain_none(wanted: Wanted, at: datetime, found: Sequence[Held]) -> str:
+def _explain_none(wanted: ready.Wanted, at: datetime, found: Sequence[lookups.Held]) -> str:
     if not found:
-        return f"No {wanted.method} calibration of this camera is in force at {show_instant(at)}."
+        return f"No {wanted.method} calibration of this camera is in force at {rows.show_instant(at)}."
     versions = ", ".join(str(held.version) for held in found)
     isos = sorted({item["iso"] for held in found for item in from_json(held.items) if item.get("iso")})
     return (
-        f"Version {versions} is in force at {show_instant(at)}, but has no such coefficient. "
+        f"Version {versions} is in force at {rows.show_instant(at)}, but has no such coefficient. "
         f"It was calibrated for ISO {', '.join(f'{iso:g}' for iso in isos)}."
     )

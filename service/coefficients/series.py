@@ -13,22 +13,9 @@ from fastapi.responses import StreamingResponse
 from isal import isal_zlib
 from pydantic import Field, create_model
 
-from service.coefficients.formats import (
-    Column,
-    gather,
-    write_arrow,
-    write_csv,
-    write_excel,
-    write_json,
-    write_records,
-)
-from service.http.answers import UNCHANGED, not_modified, standing_headers
-from service.http.auth import Caller
-from service.http.connections import absolute
+from service.coefficients import formats
+from service.http import answers, auth, connections, lookup, models, paging
 from service.http.context import Context
-from service.http.lookup import owned
-from service.http.models import Answer, Form, Instant, Method, Text
-from service.http.paging import read_cursor, write_cursor
 from store.database import Database
 from store.ready.rows import COLUMNS, KINDS
 from store.ready.series import Asked, Series
@@ -40,7 +27,7 @@ _Number = Annotated[float | None, Field(json_schema_extra=_NULL)]
 _Word = Annotated[str | None, Field(json_schema_extra=_NULL)]
 
 
-class SeriesRow(Answer):
+class SeriesRow(models.Answer):
     """One coefficient of one published version: flat, for a dashboard's panel. What it has not is null."""
 
     camera_id: str
@@ -60,16 +47,16 @@ class SeriesRow(Answer):
     channel: _Word = None
     model: str
     flags: str = Field(description="Codes, separated by spaces.")
-    valid_from: Instant
-    valid_to: Annotated[Instant | None, Field(json_schema_extra=_NULL)] = None
+    valid_from: models.Instant
+    valid_to: Annotated[models.Instant | None, Field(json_schema_extra=_NULL)] = None
     campaign_id: str
-    computed_at: Instant = Field(description="When the version was fitted.")
+    computed_at: models.Instant = Field(description="When the version was fitted.")
 
 
 _NEXT = Field(default=None, description="Where the next rows are. Absent where none are left.")
 
 
-class SeriesAnswer(Answer):
+class SeriesAnswer(models.Answer):
     rows: list[SeriesRow]
     next: str | None = _NEXT
 
@@ -89,38 +76,38 @@ if TYPE_CHECKING:
 else:
     MeasurementRow = create_model(
         "MeasurementRow",
-        __base__=Answer,
+        __base__=models.Answer,
         __doc__="One measurement, flat; what it does not have is left out.",
         **{name: (KINDS.get(name, float) | None, None) for name in COLUMNS},
     )
     MeasurementSeriesRow = create_model(
         "MeasurementSeriesRow",
-        __base__=Answer,
+        __base__=models.Answer,
         __doc__="One measurement, flat, with every column; what it does not have is null.",
         **{
             name: (kind, ...) if name in _ALWAYS else (_NULLABLE[kind], None)
             for name in COLUMNS
             for kind in (KINDS.get(name, float),)
         }
-        | {"created_at": (Instant, ...)},
+        | {"created_at": (models.Instant, ...)},
     )
 
 
-class MeasurementSeriesAnswer(Answer):
+class MeasurementSeriesAnswer(models.Answer):
     """One row a measurement; the columns are those of its CSV."""
 
     rows: list[MeasurementSeriesRow]
     next: str | None = _NEXT
 
 
-class PointAnswer(Answer):
+class PointAnswer(models.Answer):
     """A GeoJSON point: longitude, latitude and, where known, altitude [m]."""
 
     type: Literal["Point"]
     coordinates: list[float] = Field(min_length=2, max_length=3)
 
 
-class FeatureAnswer(Answer):
+class FeatureAnswer(models.Answer):
     """A measurement as a GeoJSON feature; without geometry where the file names no place."""
 
     type: Literal["Feature"]
@@ -129,14 +116,14 @@ class FeatureAnswer(Answer):
     properties: MeasurementRow
 
 
-class FeaturesAnswer(Answer):
+class FeaturesAnswer(models.Answer):
     """Measurements as a GeoJSON feature collection (RFC 7946)."""
 
     type: Literal["FeatureCollection"]
     features: list[FeatureAnswer]
 
 
-class CellRow(Answer):
+class CellRow(models.Answer):
     """A cell of a surface: its luminance, and its centre in the frame and, of lanes, on the road."""
 
     row: int
@@ -150,19 +137,19 @@ class CellRow(Answer):
     seen_from: Literal["above"]
 
 
-class OutlineAnswer(Answer):
+class OutlineAnswer(models.Answer):
     type: Literal["Polygon"]
     coordinates: list[list[list[float]]]
 
 
-class CellFeatureAnswer(Answer):
+class CellFeatureAnswer(models.Answer):
     type: Literal["Feature"]
     id: str
     geometry: OutlineAnswer
     properties: CellRow
 
 
-class CellsAnswer(Answer):
+class CellsAnswer(models.Answer):
     """Cells in the form of GeoJSON; their coordinates are not longitude and latitude."""
 
     type: Literal["FeatureCollection"]
@@ -200,17 +187,17 @@ _GZIP = 31
 _CHOOSING = ("camera_id", "campaign_id", "calibration_id", "method", "start", "end")
 
 
-class SeriesQuery(Form):
+class SeriesQuery(models.Form):
     """Which rows of a series, how many, and in which form."""
 
-    camera_id: Text | None = None
-    method: Method | None = None
-    computed_from: Instant | None = Field(default=None, description="Computed at this time or later.")
-    computed_to: Instant | None = Field(default=None, description="Computed before this time.")
+    camera_id: models.Text | None = None
+    method: models.Method | None = None
+    computed_from: models.Instant | None = Field(default=None, description="Computed at this time or later.")
+    computed_to: models.Instant | None = Field(default=None, description="Computed before this time.")
     limit: Annotated[int, Field(ge=1, le=MOST_ROWS)] | None = Field(
         default=None, description=f"How many rows at most; without it, {ROW_LIMIT:,}."
     )
-    cursor: Text | None = Field(
+    cursor: models.Text | None = Field(
         default=None, description="Taken from the `next` address of the answer before."
     )
     format: Shape | None = Field(
@@ -224,10 +211,10 @@ class SeriesQuery(Form):
 def answer_series(
     request: Request,
     context: Context,
-    caller: Caller,
+    caller: auth.Caller,
     kind: Callable[[Database, Asked], Series],
     query: SeriesQuery,
-    columns: tuple[Column, ...],
+    columns: tuple[formats.Column, ...],
 ) -> Response:
     """Stream the rows that were asked for, or answer 304 while none of the organisation has changed."""
     chosen = {name: getattr(query, name, None) for name in _CHOOSING}
@@ -241,33 +228,35 @@ def answer_series(
     shape = query.format or _choose_shape(request.headers.get("accept", ""))
     # the columns of Parquet are packed already
     coding = "" if shape == "parquet" else _choose_coding(request.headers.get("accept-encoding", ""))
-    after = None if query.cursor is None else read_cursor(query.cursor, series.is_place)
+    after = None if query.cursor is None else paging.read_cursor(query.cursor, series.is_place)
     with context.database.reading(snapshot=True) as session:
         if query.camera_id is not None:
-            owned(session, Camera, query.camera_id, caller)
+            lookup.owned(session, Camera, query.camera_id, caller)
         said = [read_version(), series.read_state(session), caller.organisation_id, str(request.url), shape]
         tag = hashlib.sha256(json.dumps(said).encode()).hexdigest()[:32] + (coding and f"-{coding}")
-        headers = standing_headers(tag) | {"Vary": "Accept, Accept-Encoding, Authorization"}
-        unchanged = not_modified(request, tag, headers)
+        headers = answers.standing_headers(tag) | {"Vary": "Accept, Accept-Encoding, Authorization"}
+        unchanged = answers.not_modified(request, tag, headers)
         if unchanged is not None:
             return unchanged
         until = series.find_end(session, after=after, limit=query.limit or ROW_LIMIT)
     following = None
     if until is not None:
-        address = request.url.include_query_params(cursor=write_cursor(until))
-        following = absolute(request, f"{address.path}?{address.query}")
+        address = request.url.include_query_params(cursor=paging.write_cursor(until))
+        following = connections.absolute(request, f"{address.path}?{address.query}")
         headers["Link"] = f'<{following}>; rel="next"'
     pages = series.read(after=after, until=until)
     match shape:
         case "json":
-            content = gather(write_json(pages, columns, following))
+            content = formats.gather(formats.write_json(pages, columns, following))
         case "csv":
-            content = gather(write_csv(pages, columns))
+            content = formats.gather(formats.write_csv(pages, columns))
         case "excel" | "excel_semicolon":
-            content = gather(write_excel(pages, columns, *_EXCEL[shape]))
+            content = formats.gather(formats.write_excel(pages, columns, *_EXCEL[shape]))
         case "arrow" | "parquet":
             kinds = {column.name: column.kind for column in columns}
-            content = write_arrow(write_records(pages, columns), kinds, parquet=shape == "parquet")
+            content = formats.write_arrow(
+                formats.write_records(pages, columns), kinds, parquet=shape == "parquet"
+            )
     if coding:
         headers["Content-Encoding"] = coding
         content = _pack(content, coding)
@@ -280,7 +269,7 @@ def sends_series() -> dict[int | str, dict[str, Any]]:
     text, binary = {"type": "string"}, {"type": "string", "format": "binary"}
     schemas: dict[Shape, Any] = {"csv": text, "arrow": binary, "parquet": binary}
     content = {MEDIA_TYPES[shape].partition(";")[0]: {"schema": schema} for shape, schema in schemas.items()}
-    return {200: {"content": content}, **UNCHANGED}
+    return {200: {"content": content}, **answers.UNCHANGED}
 
 
 def _choose_shape(accept: str) -> Shape:

@@ -363,8 +363,6 @@ def _validity(record: CalibrationRecord) -> Validity:
     revoked = None
     if revocation is not None:
         revoked = Revoked(
-            by=_name(record, revocation.revoked_by),
-            at=revocation.revoked_at,
-            reason=revocation.reason,
+            by=_name(record, revocation.revoked_by), at=revocation.revoked_at, reason=revocation.reason
         )
     return Validity.restate(status, revoked=revoked)

@@ -13,26 +13,15 @@ from sqlalchemy.orm import Session
 from radiometry.findings import interface
 from radiometry.records import Record
 from service.calibrations.schemas import Gap, NewPublication
-from service.documents import rendered as kept
+from service.documents import rendered, sheets
 from service.documents.certificate import build_certificate, list_published
-from service.documents.rendered import order_certificate, write_order
 from service.documents.schemas import Amended, CertificateAnswer, Issued, PublishedBy
-from service.documents.sheets import draw_region, write_json
+from service.http import lookup, problems
 from service.http.auth import Caller
 from service.http.context import Context
-from service.http.lookup import owned
-from service.http.problems import Problem
+from store import database, publications
 from store.blobs import BlobDamaged, StorageUnavailable, StoredBlob
-from store.database import Conflict
 from store.files import Files
-from store.publications import (
-    PrintedCertificate,
-    find_unissued,
-    is_published,
-    keep_issued,
-    list_issued,
-    require_not_revoked,
-)
 from store.queries.calibration_record import CalibrationRecord, read_calibration_record
 from store.tables import Calibration, IssuedCertificate
 from store.tables.base import utc_now
@@ -46,7 +35,7 @@ _REST_S: Final = 1.0
 class Prepared(Record):
     """A certificate that is stored, and what it lacks of what ISO/IEC 17025 asks for."""
 
-    printed: PrintedCertificate
+    printed: publications.PrintedCertificate
     gaps: list[Gap]
 
 
@@ -56,14 +45,14 @@ def prepare(context: Context, calibration_id: str, caller: Caller, publication: 
     409 when the organisation publishes nothing that lacks something.
     """
     with context.database.reading() as session:
-        calibration = owned(session, Calibration, calibration_id, caller)
-        require_not_revoked(session, calibration)
+        calibration = lookup.owned(session, Calibration, calibration_id, caller)
+        publications.require_not_revoked(session, calibration)
     find_issued(context, calibration_id)
     with context.database.reading(snapshot=True) as session:
         record = gather(context, session, calibration)
         certificate = build_issued(session, record, caller, publication)
     if certificate.gaps and record.organisation.refuses_incomplete_certificates:
-        raise Problem(
+        raise problems.Problem(
             interface.CERTIFICATE_INCOMPLETE,
             "Your organisation refuses to publish a version whose certificate lacks items of ISO/IEC 17025. "
             f"Add them, then publish again: {' '.join(gap.message for gap in certificate.gaps)}",
@@ -76,7 +65,7 @@ def build_issued(
     session: Session, record: CalibrationRecord, caller: Caller, publication: NewPublication
 ) -> CertificateAnswer:
     """Build the certificate that a publication by this caller would issue now."""
-    now, earlier = utc_now(), list_issued(session, record.calibration.id)
+    now, earlier = utc_now(), publications.list_issued(session, record.calibration.id)
     amends = Amended.restate(earlier[0], amendment=earlier[-1].amendment + 1) if earlier else None
     act = PublishedBy.restate(publication, by=caller.named, at=now)
     issued = Issued(at=now, at_upgrade=False, amends=amends)
@@ -86,12 +75,12 @@ def build_issued(
 def find_issued(context: Context, calibration_id: str) -> list[IssuedCertificate]:
     """Return what was issued of a version; one that was published before that was kept is issued now."""
     with context.database.reading() as session:
-        found = list_issued(session, calibration_id)
-        if found or not is_published(session, calibration_id):
+        found = publications.list_issued(session, calibration_id)
+        if found or not publications.is_published(session, calibration_id):
             return found
     _issue_late(context, calibration_id)
     with context.database.reading() as session:
-        return list_issued(session, calibration_id)
+        return publications.list_issued(session, calibration_id)
 
 
 class Backlog:
@@ -107,7 +96,7 @@ class Backlog:
     def issue_next(self) -> float:
         """Issue one; return the pause until the next [s]."""
         with self._context.database.reading() as session:
-            calibration_id = find_unissued(session, without=self._failed)
+            calibration_id = publications.find_unissued(session, without=self._failed)
         if calibration_id is None:
             self._failed.clear()
             return _LOOK_AGAIN_S
@@ -146,7 +135,7 @@ def draw_preview(record: CalibrationRecord, files: Files) -> str:
         log.warning("a certificate is printed without its picture: %s", damage)
         return ""
     parts = inputs.get("roi_parts", {}).get(key) or [{"points": inputs["rois"][key]}]
-    return draw_region(png, width_px, height_px, [part["points"] for part in parts])
+    return sheets.draw_region(png, width_px, height_px, [part["points"] for part in parts])
 
 
 def _issue_late(context: Context, calibration_id: str) -> None:
@@ -157,23 +146,23 @@ def _issue_late(context: Context, calibration_id: str) -> None:
     printed = _print(context, record, certificate, first=False)
     try:
         with context.database.writing("service", record.organisation.id) as session:
-            keep_issued(session, record.acts[-1].publication, printed)
-    except (IntegrityError, Conflict):
+            publications.keep_issued(session, record.acts[-1].publication, printed)
+    except (IntegrityError, database.Conflict):
         log.info("another process has issued the certificate of %s", calibration_id)
 
 
 def _print(
     context: Context, record: CalibrationRecord, certificate: CertificateAnswer, *, first: bool
-) -> PrintedCertificate:
+) -> publications.PrintedCertificate:
     content, issued = certificate.dump(), certificate.issued
     assert issued is not None  # noqa: S101  narrows the type
-    order = order_certificate(content, draw_preview(record, context.files))
+    order = rendered.order_certificate(content, draw_preview(record, context.files))
     require = context.settings.decoder_sandbox == "require"
-    pdf = kept.render_apart(write_order(order), require=require, first=first)
-    return PrintedCertificate(
+    pdf = rendered.render_apart(rendered.write_order(order), require=require, first=first)
+    return publications.PrintedCertificate(
         amendment=issued.amends.amendment if issued.amends else 0,
         number=certificate.number,
-        json=_store(context, write_json(content).encode()),
+        json=_store(context, sheets.write_json(content).encode()),
         pdf=_store(context, pdf),
         fitted_by=certificate.fitted_by.dump() if certificate.fitted_by else None,
         approved_by=certificate.approved_by.dump() if certificate.approved_by else None,

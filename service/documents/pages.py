@@ -42,11 +42,7 @@ def summarise(certificate: Node) -> Node:
 
 def list_notes(certificate: Node) -> list[str]:
     """Return the sentences below the table of the first page."""
-    return [
-        f"{certificate['procedure']}. {certificate['equation']}.",
-        _LEGEND,
-        certificate["traceability"],
-    ]
+    return [f"{certificate['procedure']}. {certificate['equation']}.", _LEGEND, certificate["traceability"]]
 
 
 def list_sections(certificate: Node, preview: str) -> list[Node]:
@@ -180,11 +176,7 @@ def _panels(certificate: Node) -> Iterator[Node]:
             ]
         )
         rows = [
-            [
-                band["band"],
-                plain(band["reflectance"], 6),
-                optional(band, "standard_uncertainty", plain),
-            ]
+            [band["band"], plain(band["reflectance"], 6), optional(band, "standard_uncertainty", plain)]
             for band in panel["bands"]
         ]
         yield table(["band", "R", "u(R)"], rows, align="lrr", widths=[2, 1, 1])
@@ -305,11 +297,9 @@ def _list_work(certificate: Node) -> list[list[str]]:
     """Return where, when, for whom and by whom."""
     work = certificate["work"]
     days = sorted({work[name] for name in ("first_day", "last_day") if name in work})
-    source = {
-        "readings": "",
-        "campaign": " (as stated for the campaign)",
-        "frames": " (camera clock)",
-    }[work.get("days_from", "readings")]
+    source = {"readings": "", "campaign": " (as stated for the campaign)", "frames": " (camera clock)"}[
+        work.get("days_from", "readings")
+    ]
     named = [
         ["Customer", work.get("customer")],
         ["Project", work.get("project_number")],

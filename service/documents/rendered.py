@@ -11,10 +11,8 @@ from typing import Any, Final
 from sqlalchemy.exc import SQLAlchemyError
 
 from service.http.context import Context
+from store import files, sandbox, software
 from store.blobs import BlobDamaged, StorageFull, StorageUnavailable
-from store.files import keep_blob
-from store.sandbox import build_command, build_environment
-from store.software import RENDERER
 from store.tables import Rendering
 
 Order = dict[str, Any]
@@ -55,7 +53,7 @@ class RenderingFailed(Exception):  # noqa: N818  it says what happened
 
 def name_source(content: bytes) -> str:
     """Return the name that a file is kept under: the hash of what it shows and of how that is rendered."""
-    return hashlib.sha256(RENDERER.encode() + b" " + content).hexdigest()
+    return hashlib.sha256(software.RENDERER.encode() + b" " + content).hexdigest()
 
 
 def find_rendered(context: Context, source: str) -> bytes | None:
@@ -82,7 +80,7 @@ def render_and_keep(context: Context, source: str, order: bytes) -> bytes:
             writer.write(rendered)
             blob = writer.commit()
         with context.database.writing("rendering") as session:
-            keep_blob(session, blob)
+            files.keep_blob(session, blob)
             session.merge(Rendering(source_sha256=source, sha256=blob.sha256))
     except (SQLAlchemyError, StorageFull, StorageUnavailable) as error:
         log.warning("a rendered file is not kept: %s", error)
@@ -96,8 +94,8 @@ def render_apart(order: bytes, *, require: bool = False, first: bool = False) ->
     """
     chosen = [name for name, wanted in (("--require", require), ("--first", first)) if wanted]
     process = subprocess.Popen(  # noqa: S603  our own module
-        [*build_command("service.documents"), *chosen],
-        env=build_environment() | _THREADS,
+        [*sandbox.build_command("service.documents"), *chosen],
+        env=sandbox.build_environment() | _THREADS,
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,

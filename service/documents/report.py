@@ -9,24 +9,18 @@ from fastapi import Request, Response
 from radiometry.drawing.chart import find_step
 from radiometry.drawing.text import in_step, write_exposure, write_unit
 from radiometry.findings import interface
-from radiometry.methods import get_method
-from radiometry.methods.findings import FINDINGS
+from radiometry.methods import findings, get_method
 from radiometry.records import Record
 from radiometry.specification.application import SurfaceApplication
 from service.documents.rendered import Order, order_sheets
 from service.documents.routes import send_pdf
 from service.documents.sheets import Node, draw_region, percent, plain, stamp, table
-from service.http.answers import sends_stored_file
-from service.http.auth import Reader
+from service.http import answers, auth, lookup, operations, problems
 from service.http.context import UsesContext
-from service.http.lookup import Id, owned
-from service.http.operations import Router
-from service.http.problems import Problem
 from service.measurements.lists import list_outlines
 from service.measurements.routes import answer_measurements
 from store.files import Files
-from store.queries.calibrations import VersionStatus, read_version_statuses
-from store.queries.organisations import name_laboratory
+from store.queries import calibrations, organisations
 from store.tables import Calibration, Camera, Campaign, FrameRow, Measurement, Organisation
 
 REGIONS: Final = {
@@ -68,7 +62,7 @@ class Reported(Record):
     by: str
     label: str
     version: Calibration
-    status: VersionStatus
+    status: calibrations.VersionStatus
     picture: str
     has_map: bool
 
@@ -224,7 +218,7 @@ def _tabulate_budget(measurement: Node) -> Node:
 def tabulate_flags(flags: Sequence[Node]) -> Node:
     rows = []
     for each in flags[:_MOST_FLAGS]:
-        finding = FINDINGS[each["flag"]]
+        finding = findings.FINDINGS[each["flag"]]
         where = f"{each['where']}: " if each["where"] else ""
         rows.append([f"{finding.sentence}\n{where}{each['detail']}", finding.remedy.replace("`", "")])
     others = ", ".join(dict.fromkeys(each["flag"] for each in flags[_MOST_FLAGS:]))
@@ -253,14 +247,14 @@ def _list_calibration(measurement: Node, reported: Reported) -> list[list[str]]:
     return rows
 
 
-router = Router(prefix="/v1/measurements/{measurement_id}", tags=["measurements"])
+router = operations.Router(prefix="/v1/measurements/{measurement_id}", tags=["measurements"])
 
 _LINES = 'fill="none" stroke="#ffffff" stroke-opacity="0.9"'
 
 
-@router.get("/report.pdf", response_class=Response, responses=sends_stored_file("application/pdf"))
+@router.get("/report.pdf", response_class=Response, responses=answers.sends_stored_file("application/pdf"))
 async def get_measurement_report(
-    measurement_id: Id, request: Request, caller: Reader, context: UsesContext
+    measurement_id: lookup.Id, request: Request, caller: auth.Reader, context: UsesContext
 ) -> Response:
     """The measurement of a surface on two pages of A4 (PDF/A): figures, map, cells, budget and flags.
 
@@ -269,11 +263,11 @@ async def get_measurement_report(
 
     def order() -> tuple[str, Order]:
         with context.database.reading() as session:
-            row = owned(session, Measurement, measurement_id, caller)
+            row = lookup.owned(session, Measurement, measurement_id, caller)
             spec = get_method(row.method)
             if not isinstance(spec.application, SurfaceApplication):
                 detail = "Only the measurement of a surface has a report: this one has none."
-                raise Problem(interface.NOT_FOUND, detail)
+                raise problems.Problem(interface.NOT_FOUND, detail)
             frame = session.get_one(FrameRow, row.frame_id)
             version = session.get_one(Calibration, row.calibration_id)
             reported = Reported(
@@ -281,10 +275,10 @@ async def get_measurement_report(
                 camera=session.get_one(Camera, version.camera_id),
                 place=session.get_one(Campaign, row.campaign_id).place,
                 exposure=frame.exposure,
-                by=name_laboratory(session.get_one(Organisation, row.organisation_id)),
+                by=organisations.name_laboratory(session.get_one(Organisation, row.organisation_id)),
                 label=spec.label,
                 version=version,
-                status=read_version_statuses(session, [version.id])[version.id],
+                status=calibrations.read_version_statuses(session, [version.id])[version.id],
                 picture=_draw(row, frame, context.files),
                 has_map=row.map_png_sha256 is not None,
             )

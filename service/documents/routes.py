@@ -12,34 +12,12 @@ from fastapi.concurrency import run_in_threadpool
 from pydantic import Field
 
 from radiometry.findings import interface
+from service.documents import pages, rendered, schemas, sheets
 from service.documents.certificate import build_certificate
 from service.documents.dcc import write_dcc
 from service.documents.issuing import draw_preview, find_issued, gather
-from service.documents.pages import find_state
-from service.documents.rendered import (
-    Order,
-    find_rendered,
-    name_source,
-    order_certificate,
-    render_and_keep,
-    write_order,
-)
-from service.documents.schemas import CertificateAnswer, Validity
-from service.documents.sheets import Node, write_json
-from service.http.answers import (
-    UNCHANGED,
-    not_modified,
-    problems,
-    send_blob,
-    sends_file,
-    sends_stored_file,
-    standing_headers,
-)
-from service.http.auth import Caller, Reader
+from service.http import answers, auth, lookup, models, operations
 from service.http.context import Context, UsesContext
-from service.http.lookup import Id, owned
-from service.http.models import Form
-from service.http.operations import Router
 from service.http.problems import COUNTRY, Problem, not_found
 from store.blobs import BlobDamaged
 from store.publications import is_published, list_issued
@@ -47,10 +25,10 @@ from store.queries.calibration_record import CalibrationRecord
 from store.queries.calibrations import read_version_statuses
 from store.tables import Calibration, IssuedCertificate
 
-router = Router(prefix="/v1/calibrations/{calibration_id}", tags=["certificates"])
+router = operations.Router(prefix="/v1/calibrations/{calibration_id}", tags=["certificates"])
 
 
-class Chosen(Form):
+class Chosen(models.Form):
     """Which of the certificates that were issued of a version."""
 
     amendment: int = Field(
@@ -68,14 +46,14 @@ class DccOptions(Chosen):
 
 @router.get(
     "/certificate.json",
-    response_model=CertificateAnswer,
-    responses={**UNCHANGED, **problems(404, 416, 500)},
+    response_model=schemas.CertificateAnswer,
+    responses={**answers.UNCHANGED, **answers.problems(404, 416, 500)},
 )
 async def get_certificate(
-    calibration_id: Id,
+    calibration_id: lookup.Id,
     query: Annotated[Chosen, Query()],
     request: Request,
-    caller: Reader,
+    caller: auth.Reader,
     context: UsesContext,
 ) -> Response:
     """Everything that a laboratory hands out with a calibration, and what is needed to recompute it.
@@ -90,17 +68,19 @@ async def get_certificate(
         if issued is not None:
             return _send_issued(request, context, issued, issued.json_sha256, "application/json", {})
         certificate, _ = _derive(context, calibration_id)
-        return _answer(request, write_json(certificate).encode(), "application/json")
+        return _answer(request, sheets.write_json(certificate).encode(), "application/json")
 
     return await run_in_threadpool(send)
 
 
-@router.get("/certificate.pdf", response_class=Response, responses=sends_stored_file("application/pdf"))
+@router.get(
+    "/certificate.pdf", response_class=Response, responses=answers.sends_stored_file("application/pdf")
+)
 async def get_certificate_pdf(
-    calibration_id: Id,
+    calibration_id: lookup.Id,
     query: Annotated[Chosen, Query()],
     request: Request,
-    caller: Reader,
+    caller: auth.Reader,
     context: UsesContext,
 ) -> Response:
     """The certificate on paper (PDF/A-3): the very numbers of certificate.json, with plots and the region.
@@ -116,19 +96,21 @@ async def get_certificate_pdf(
             _send_issued, request, context, issued, sha256, "application/pdf", named
         )
 
-    def order() -> tuple[str, Order]:
+    def order() -> tuple[str, rendered.Order]:
         certificate, record = _derive(context, calibration_id)
-        return certificate["number"], order_certificate(certificate, draw_preview(record, context.files))
+        return certificate["number"], rendered.order_certificate(
+            certificate, draw_preview(record, context.files)
+        )
 
     return await send_pdf(request, context, order)
 
 
-@router.get("/certificate.xml", response_class=Response, responses=sends_file("application/xml"))
+@router.get("/certificate.xml", response_class=Response, responses=answers.sends_file("application/xml"))
 async def get_certificate_dcc(
-    calibration_id: Id,
+    calibration_id: lookup.Id,
     query: Annotated[DccOptions, Query()],
     request: Request,
-    caller: Reader,
+    caller: auth.Reader,
     context: UsesContext,
 ) -> Response:
     """The certificate as a Digital Calibration Certificate (DCC 3.1.2), marked as the version stands now.
@@ -144,34 +126,36 @@ async def get_certificate_dcc(
         if lacking:
             detail = f"A DCC needs more details of the campaign: enter its {' and '.join(lacking)}."
             raise Problem(interface.VALIDATION_FAILED, detail)
-        state = find_state(certificate | {"validity": validity})
+        state = pages.find_state(certificate | {"validity": validity})
         dcc = write_dcc(certificate, country=query.country, state=state, document=document)
         return _answer(request, dcc, "application/xml")
 
     return await run_in_threadpool(send)
 
 
-async def send_pdf(request: Request, context: Context, order: Callable[[], tuple[str, Order]]) -> Response:
+async def send_pdf(
+    request: Request, context: Context, order: Callable[[], tuple[str, rendered.Order]]
+) -> Response:
     """Send what is ordered, named by its number; few are made at once, and the others wait."""
 
     def make() -> Response:
         number, ordered = order()
-        written = write_order(ordered)
-        source = name_source(written)
-        pdf = find_rendered(context, source) or render_and_keep(context, source, written)
+        written = rendered.write_order(ordered)
+        source = rendered.name_source(written)
+        pdf = rendered.find_rendered(context, source) or rendered.render_and_keep(context, source, written)
         return _answer(request, pdf, "application/pdf", _name_pdf(number))
 
     return await to_thread.run_sync(make, limiter=context.presses)
 
 
 async def _find(
-    context: Context, calibration_id: str, caller: Caller, amendment: int
+    context: Context, calibration_id: str, caller: auth.Caller, amendment: int
 ) -> IssuedCertificate | None:
     """Return what was issued of the caller's version; None of a draft."""
 
     def find() -> list[IssuedCertificate] | None:
         with context.database.reading() as session:
-            owned(session, Calibration, calibration_id, caller)
+            lookup.owned(session, Calibration, calibration_id, caller)
             found = list_issued(session, calibration_id)
             return None if not found and is_published(session, calibration_id) else found
 
@@ -185,20 +169,20 @@ async def _find(
 
 def _read(
     context: Context, calibration_id: str, issued: IssuedCertificate | None
-) -> tuple[Node, bytes, Node]:
+) -> tuple[sheets.Node, bytes, sheets.Node]:
     with context.database.reading() as session:
         status = read_version_statuses(session, [calibration_id])[calibration_id]
     if issued is None:
         certificate, _ = _derive(context, calibration_id)
-        content = write_json(certificate).encode()
+        content = sheets.write_json(certificate).encode()
     else:
         with _naming(issued):
             content = b"".join(context.files.open(issued.json_sha256)[1])
         certificate = json.loads(content)
-    return certificate, content, Validity.restate(status).dump()
+    return certificate, content, schemas.Validity.restate(status).dump()
 
 
-def _derive(context: Context, calibration_id: str) -> tuple[Node, CalibrationRecord]:
+def _derive(context: Context, calibration_id: str) -> tuple[sheets.Node, CalibrationRecord]:
     with context.database.reading() as session:
         record = gather(context, session, session.get_one(Calibration, calibration_id))
     return build_certificate(record).dump(), record
@@ -214,7 +198,7 @@ def _send_issued(
 ) -> Response:
     status = {"Link": f'</v1/calibrations/{issued.calibration_id}>; rel="status"'}
     with _naming(issued):
-        return send_blob(request, context.files, sha256, media_type, {**status, **headers})
+        return answers.send_blob(request, context.files, sha256, media_type, {**status, **headers})
 
 
 @contextmanager
@@ -239,6 +223,6 @@ def _answer(
     request: Request, content: bytes, media_type: str, headers: dict[str, str] | None = None
 ) -> Response:
     tag = hashlib.sha256(content).hexdigest()
-    return not_modified(request, tag, standing_headers(tag)) or Response(
-        content, headers={**standing_headers(tag), **(headers or {})}, media_type=media_type
+    return answers.not_modified(request, tag, answers.standing_headers(tag)) or Response(
+        content, headers={**answers.standing_headers(tag), **(headers or {})}, media_type=media_type
     )

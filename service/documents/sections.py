@@ -196,17 +196,7 @@ def _apertures(certificate: Node, c: Node) -> list[Node]:
                 f"{100 * (aperture['luminance_k'] / c['luminance_k'] - 1):+.2f} %",
             ]
         )
-    head = [
-        "f-number",
-        "scenes",
-        "frames",
-        "K",
-        "u(K)",
-        "U(K)",
-        "k",
-        "dof",
-        "from K of the ISO",
-    ]
+    head = ["f-number", "scenes", "frames", "K", "u(K)", "U(K)", "k", "dof", "from K of the ISO"]
     caption = (
         f"K at each calibrated f-number [{write_unit(c['luminance_k_unit'])}], which a measurement at this "
         "f-number uses. At another f-number it uses K of the ISO value, with an f-number uncertain by "

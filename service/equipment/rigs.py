@@ -8,28 +8,11 @@ from pydantic import BaseModel, Field, model_validator
 from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected, interface
-from radiometry.fleet.determinations import LeftOut
-from radiometry.fleet.drift import RigStability, RigVersion, compare_sets, group_sets
+from radiometry.fleet import determinations, drift
 from radiometry.specification.exports import RigExport
 from service.calibrations.schemas import VersionLeftOut
-from service.http.answers import problems, sends_file
-from service.http.auth import Calibrator, Caller, Reader
-from service.http.changes import Reply, Writes
+from service.http import answers, auth, changes, lookup, models, operations, paging
 from service.http.context import UsesContext
-from service.http.lookup import Id, owned
-from service.http.models import (
-    EACH_ONCE,
-    Answer,
-    FindingGroupAnswer,
-    Form,
-    Instant,
-    PositiveText,
-    Quantity,
-    Text,
-    group_flags,
-)
-from service.http.operations import Router
-from service.http.paging import Listing, Page, page_own
 from service.http.problems import Problem, invalid
 from store.codec import encode
 from store.queries.fleet import METHOD, SPEC, list_cameras, list_versions, read_member
@@ -40,15 +23,15 @@ _PARTS = get_type_hints(SPEC.result)
 MOST_CAMERAS = 20
 
 
-class NewRig(Form):
-    name: Text = Field(description="Under which the rig is found again; its exports carry it.")
+class NewRig(models.Form):
+    name: models.Text = Field(description="Under which the rig is found again; its exports carry it.")
     camera_ids: Annotated[
-        list[Text],
+        list[models.Text],
         Field(
             min_length=2,
             max_length=MOST_CAMERAS,
             description="The reference camera first.",
-            json_schema_extra=EACH_ONCE,
+            json_schema_extra=models.EACH_ONCE,
         ),
     ]
 
@@ -59,43 +42,43 @@ class NewRig(Form):
         return self
 
 
-class RigAnswer(Answer, restates=Rig, fields="id name camera_ids created_at"):
+class RigAnswer(models.Answer, restates=Rig, fields="id name camera_ids created_at"):
     pass
 
 
-class RelativePoseAnswer(Answer, restates=get_args(_PARTS["poses"])[0]):
+class RelativePoseAnswer(models.Answer, restates=get_args(_PARTS["poses"])[0]):
     pass
 
 
-class RigPointAnswer(Answer, restates=get_args(_PARTS["points"])[0]):
+class RigPointAnswer(models.Answer, restates=get_args(_PARTS["points"])[0]):
     pass
 
 
-class OrientationAnswer(Answer, restates=SPEC.result):
+class OrientationAnswer(models.Answer, restates=SPEC.result):
     pass
 
 
-class RigSetAnswer(Answer):
+class RigSetAnswer(models.Answer):
     """One set of pictures taken together, with the versions that it was made from."""
 
-    at: Instant
+    at: models.Instant
     calibration_ids: list[str]
     orientation: OrientationAnswer
-    findings: list[FindingGroupAnswer] = Field(description="Its flags, equal ones as one.")
+    findings: list[models.FindingGroupAnswer] = Field(description="Its flags, equal ones as one.")
 
 
-class RigStabilityAnswer(Answer, restates=RigStability):
-    mean: Quantity
+class RigStabilityAnswer(models.Answer, restates=drift.RigStability):
+    mean: models.Quantity
 
 
-class RigOrientationAnswer(Answer):
+class RigOrientationAnswer(models.Answer):
     rig_id: str
     sets: list[RigSetAnswer] = Field(description="In time, the newest last.")
     stability: list[RigStabilityAnswer]
     left_out: list[VersionLeftOut]
 
 
-class RigFile(Answer):
+class RigFile(models.Answer):
     """Cameras and orientation of a rig with their covariances."""
 
     rig: str
@@ -105,7 +88,7 @@ class RigFile(Answer):
     orientations: list[dict[str, Any]]
 
 
-router = Router(prefix="/v1/rigs", tags=["rigs"])
+router = operations.Router(prefix="/v1/rigs", tags=["rigs"])
 
 MOST_SETS = 20
 
@@ -123,10 +106,10 @@ class _Chosen(BaseModel):
 class _Judged(_Chosen):
     """Query of a rig's stability, with the change between sets that is accepted."""
 
-    tolerance_deg: PositiveText | None = Field(
+    tolerance_deg: models.PositiveText | None = Field(
         default=None, description="Largest accepted change of an angle over all sets."
     )
-    tolerance_m: PositiveText | None = Field(
+    tolerance_m: models.PositiveText | None = Field(
         default=None, description="Largest accepted change of a place over all sets."
     )
 
@@ -146,14 +129,14 @@ Judging = Annotated[_Judged, Query()]
     response_model=RigAnswer,
     responses={
         200: {"model": RigAnswer, "description": "It was registered already, with the same cameras."},
-        **problems(404, 409),
+        **answers.problems(404, 409),
     },
 )
-def create_rig(body: NewRig, caller: Calibrator, writing: Writes) -> Response:
+def create_rig(body: NewRig, caller: auth.Calibrator, writing: changes.Writes) -> Response:
     """Register cameras that are mounted together, the reference first."""
 
-    def change(session: Session) -> Reply:
-        cameras = [owned(session, Camera, camera_id, caller) for camera_id in body.camera_ids]
+    def change(session: Session) -> changes.Reply:
+        cameras = [lookup.owned(session, Camera, camera_id, caller) for camera_id in body.camera_ids]
         serials = [camera.serial for camera in cameras]
         if len(set(serials)) < len(serials):
             message = "two cameras have one serial number, so that an answer could not tell them apart"
@@ -164,36 +147,33 @@ def create_rig(body: NewRig, caller: Calibrator, writing: Writes) -> Response:
                 interface.RIG_DIFFERS,
                 f"Rig {rig.name} is registered with other cameras, or in another order: send another name.",
             )
-        return Reply(status=201 if new else 200, body=RigAnswer.restate(rig))
+        return changes.Reply(status=201 if new else 200, body=RigAnswer.restate(rig))
 
     return writing.run(caller, change)
 
 
-class RigListing(Listing):
-    name: Text | None = None
+class RigListing(paging.Listing):
+    name: models.Text | None = None
 
 
-@router.get("", response_model=Page[RigAnswer], responses=problems())
+@router.get("", response_model=paging.Page[RigAnswer], responses=answers.problems())
 def list_rigs(
-    request: Request, caller: Reader, context: UsesContext, listing: Annotated[RigListing, Query()]
+    request: Request, caller: auth.Reader, context: UsesContext, listing: Annotated[RigListing, Query()]
 ) -> Response:
     """The rigs of your organisation, oldest entry first."""
-    return page_own(request, context, caller, Rig, listing, RigAnswer.restate)
+    return paging.page_own(request, context, caller, Rig, listing, RigAnswer.restate)
 
 
-@router.get("/{rig_id}", response_model=RigAnswer, responses=problems(404))
-def get_rig(rig_id: Id, caller: Reader, context: UsesContext) -> Response:
+@router.get("/{rig_id}", response_model=RigAnswer, responses=answers.problems(404))
+def get_rig(rig_id: lookup.Id, caller: auth.Reader, context: UsesContext) -> Response:
     """One rig."""
     with context.database.reading() as session:
-        return RigAnswer.restate(owned(session, Rig, rig_id, caller)).respond()
+        return RigAnswer.restate(lookup.owned(session, Rig, rig_id, caller)).respond()
 
 
-@router.get("/{rig_id}/orientation", response_model=RigOrientationAnswer, responses=problems(404))
+@router.get("/{rig_id}/orientation", response_model=RigOrientationAnswer, responses=answers.problems(404))
 def get_rig_orientation(
-    rig_id: Id,
-    caller: Reader,
-    context: UsesContext,
-    judging: Judging,
+    rig_id: lookup.Id, caller: auth.Reader, context: UsesContext, judging: Judging
 ) -> Response:
     """The orientation of a rig's cameras from board pictures taken together, by set, and its stability."""
     _, found, why = _orient_sets(rig_id, caller, context, judging.calibration_id)
@@ -204,7 +184,7 @@ def get_rig_orientation(
                 "at": members[0].at,
                 "calibration_ids": [each.version for each in members],
                 "orientation": orientation,
-                "findings": group_flags(encode(raised) for raised in orientation.flags),
+                "findings": models.group_flags(encode(raised) for raised in orientation.flags),
             }
             for members, orientation in found
         ],
@@ -213,25 +193,25 @@ def get_rig_orientation(
     ).respond()
 
 
-_Oriented = Sequence[tuple[tuple[RigVersion, ...], Any]]
+_Oriented = Sequence[tuple[tuple[drift.RigVersion, ...], Any]]
 
 
-def _newest(found: _Oriented) -> tuple[tuple[RigVersion, ...], Any]:
+def _newest(found: _Oriented) -> tuple[tuple[drift.RigVersion, ...], Any]:
     if not found:
         raise Problem(interface.NOT_FOUND, "No set of published versions orients this rig yet.")
     return found[-1]
 
 
-def _compare(found: _Oriented, judging: _Judged) -> tuple[RigStability, ...]:
-    return compare_sets(
+def _compare(found: _Oriented, judging: _Judged) -> tuple[drift.RigStability, ...]:
+    return drift.compare_sets(
         [(members[0].at, SPEC.list_quantities(orientation)) for members, orientation in found],
         limits=judging.limits,
     )
 
 
 def _orient_sets(
-    rig_id: str, caller: Caller, context: UsesContext, calibration_ids: list[str] | None
-) -> tuple[Rig, _Oriented, list[LeftOut]]:
+    rig_id: str, caller: auth.Caller, context: UsesContext, calibration_ids: list[str] | None
+) -> tuple[Rig, _Oriented, list[determinations.LeftOut]]:
     """Return the rig, its newest sets with their orientations, and the versions that are in none."""
     rig, sets, left_out = _find_sets(rig_id, caller, context, calibration_ids)
     found, why = [], list(left_out)
@@ -241,24 +221,24 @@ def _orient_sets(
         except InputRejected as refusal:
             if len(sets) == 1:
                 raise
-            why += [LeftOut(version=each.version, why=refusal.message) for each in members]
+            why += [determinations.LeftOut(version=each.version, why=refusal.message) for each in members]
     return rig, found, why
 
 
 def _find_sets(
-    rig_id: str, caller: Caller, context: UsesContext, calibration_ids: list[str] | None
-) -> tuple[Rig, tuple[tuple[RigVersion, ...], ...], tuple[LeftOut, ...]]:
+    rig_id: str, caller: auth.Caller, context: UsesContext, calibration_ids: list[str] | None
+) -> tuple[Rig, tuple[tuple[drift.RigVersion, ...], ...], tuple[determinations.LeftOut, ...]]:
     with context.database.reading() as session:
-        rig = owned(session, Rig, rig_id, caller)
+        rig = lookup.owned(session, Rig, rig_id, caller)
         cameras = list_cameras(session, rig)
         if calibration_ids:
-            rows = [owned(session, Calibration, each, caller) for each in calibration_ids]
+            rows = [lookup.owned(session, Calibration, each, caller) for each in calibration_ids]
             by_camera = {row.camera_id: row for row in rows if row.method == METHOD}
             if len(rows) != len(cameras) or by_camera.keys() != set(rig.camera_ids):
                 message = f"must name one {METHOD} version of each of the rig's {len(cameras)} cameras"
                 raise invalid([{"type": "rig", "loc": ("query", "calibration_id"), "msg": message}])
             members = tuple(
-                RigVersion(
+                drift.RigVersion(
                     version=by_camera[camera.id].id,
                     at=by_camera[camera.id].created_at,
                     member=read_member(session, by_camera[camera.id], camera),
@@ -267,12 +247,12 @@ def _find_sets(
             )
             return rig, (members,), ()
         versions, left_out = zip(*(list_versions(session, camera) for camera in cameras), strict=True)
-    sets, others = group_sets(versions, SPEC.count_shared)
+    sets, others = drift.group_sets(versions, SPEC.count_shared)
     return rig, sets, (*(each for group in left_out for each in group), *others)
 
 
 def _add_export(export: RigExport) -> None:
-    def send(rig_id: Id, caller: Reader, context: UsesContext, chosen: Versions) -> Response:
+    def send(rig_id: lookup.Id, caller: auth.Reader, context: UsesContext, chosen: Versions) -> Response:
         rig, found, _ = _orient_sets(rig_id, caller, context, chosen.calibration_id)
         members, orientation = _newest(found)
         written = export.write(orientation, [each.member for each in members], rig.name)
@@ -281,9 +261,9 @@ def _add_export(export: RigExport) -> None:
     send.__name__, send.__doc__ = export.operation, export.description
     answer = {"get_rig_json": RigFile}.get(export.operation)
     stated: dict[str, Any] = (
-        {"response_model": answer, "responses": problems(404)}
+        {"response_model": answer, "responses": answers.problems(404)}
         if answer
-        else {"response_class": Response, "responses": sends_file(export.media_type)}
+        else {"response_class": Response, "responses": answers.sends_file(export.media_type)}
     )
     add: Callable[..., Any] = router.get(f"/{{rig_id}}/exports/{export.filename}", **stated)
     add(send)

@@ -23,14 +23,11 @@ from radiometry.tools.motion import (
     tolerable_rate_deg_s,
 )
 from service.campaigns.schemas import Role
-from service.http.answers import problems
+from service.http import answers, lookup, operations, tables
 from service.http.auth import Reader
 from service.http.context import UsesContext
-from service.http.lookup import Id, owned
 from service.http.models import Answer, Form
-from service.http.operations import Router
 from service.http.problems import invalid
-from service.http.tables import write_csv
 from service.tools.schemas import KM_H_PER_M_S
 from store.codec import decode_exposure, decode_header
 from store.tables import Camera, Campaign, FrameRow
@@ -213,19 +210,19 @@ class CampaignMotionAnswer(Answer):
         )
 
 
-router = Router(prefix="/v1", tags=["tools"])
+router = operations.Router(prefix="/v1", tags=["tools"])
 
 
-@router.get("/frames/{frame_id}/motion", response_model=FrameMotionAnswer, responses=problems(404))
+@router.get("/frames/{frame_id}/motion", response_model=FrameMotionAnswer, responses=answers.problems(404))
 def get_frame_motion(
-    frame_id: Id, optics: Annotated[FrameOptics, Query()], caller: Reader, context: UsesContext
+    frame_id: lookup.Id, optics: Annotated[FrameOptics, Query()], caller: Reader, context: UsesContext
 ) -> Response:
     """The blur of a frame whose file records attitudes with their times, as a Sequoia's does.
 
     The camera is taken as fixed to the aircraft, looking down. Rotation alone, without vibration.
     """
     with context.database.reading() as session:
-        frame = owned(session, FrameRow, frame_id, caller)
+        frame = lookup.owned(session, FrameRow, frame_id, caller)
         pitch_um = _find_pitch(session, session.get_one(Campaign, frame.campaign_id), optics)
     header, exposure_time_s = _read(frame)
     blur = blur_of_file(
@@ -242,10 +239,10 @@ def get_frame_motion(
 @router.get(
     "/campaigns/{campaign_id}/motion",
     response_model=CampaignMotionAnswer,
-    responses={200: {"content": {"text/csv": {"schema": {"type": "string"}}}}, **problems(404)},
+    responses={200: {"content": {"text/csv": {"schema": {"type": "string"}}}}, **answers.problems(404)},
 )
 def get_campaign_motion(
-    campaign_id: Id, optics: Annotated[CampaignOptics, Query()], caller: Reader, context: UsesContext
+    campaign_id: lookup.Id, optics: Annotated[CampaignOptics, Query()], caller: Reader, context: UsesContext
 ) -> Response:
     """The blur of every frame of a campaign, a row each, from its own attitudes and a speed that is stated.
 
@@ -253,7 +250,7 @@ def get_campaign_motion(
     looking down. Without vibration.
     """
     with context.database.reading() as session:
-        campaign = owned(session, Campaign, campaign_id, caller)
+        campaign = lookup.owned(session, Campaign, campaign_id, caller)
         pitch_um = _find_pitch(session, campaign, optics)
         frames = select(FrameRow).where(FrameRow.campaign_id == campaign.id, FrameRow.withdrawn_at.is_(None))
         if optics.role is not None:
@@ -261,7 +258,7 @@ def get_campaign_motion(
         found = session.scalars(frames.order_by(FrameRow.id))
         rows = [_describe(frame, optics, pitch_um) for frame in found]
     if optics.format == "csv":
-        return Response(write_csv([row.dump() for row in rows], COLUMNS), media_type="text/csv")
+        return Response(tables.write_csv([row.dump() for row in rows], COLUMNS), media_type="text/csv")
     return CampaignMotionAnswer.of(rows, optics, pitch_um).respond()
 
 

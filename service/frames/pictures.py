@@ -22,6 +22,7 @@ from radiometry.methods import get_method
 from radiometry.specification.application import SurfaceApplication
 from service.campaigns.schemas import Point
 from service.frames.routes import require_header, require_preview
+from service.http import changes, models, operations
 from service.http.answers import (
     UNCHANGED,
     immutable_headers,
@@ -32,21 +33,15 @@ from service.http.answers import (
     standing_headers,
 )
 from service.http.auth import Reader
-from service.http.changes import Reply, Writes
 from service.http.context import Context, UsesContext
 from service.http.lookup import Id, owned
-from service.http.models import WHOLE, Answer, FindingGroupAnswer, Form, Number, group_flags
-from service.http.operations import Router
 from service.jobs.routes import reply_queued
 from service.jobs.schemas import JobAnswer
 from service.measurements.requests import NewGrid, read_grid
 from service.measurements.schemas import FlagAnswer
 from service.tools.routes import stateless
-from store import jobs
+from store import codec, database, files, jobs
 from store.blobs import BlobDamaged
-from store.codec import encode
-from store.database import summarise
-from store.files import find_small_previews, keep_small_previews, reduce_preview
 from store.queries.campaigns import find_crop_job, say_asked
 from store.queries.frames import current_roi, region_ids
 from store.tables import Campaign, Crop, FrameRow, Roi
@@ -124,7 +119,7 @@ def _encode_lossy(picture: Image.Image, quality: int) -> bytes:
     return out.getvalue()
 
 
-class NewLook(Form):
+class NewLook(models.Form):
     """Corners of a region that is not set yet."""
 
     polygon: Annotated[
@@ -133,7 +128,7 @@ class NewLook(Form):
     ]
 
 
-class GridLook(Answer):
+class GridLook(models.Answer):
     """A grid as it would be measured."""
 
     corners: list[list[float]] = Field(description="[x, y] in pixels of the field between two luminaires.")
@@ -143,16 +138,16 @@ class GridLook(Answer):
         default=None, description="Of lanes: largest standard uncertainty of a point's place on the road."
     )
     flags: list[FlagAnswer]
-    findings: list[FindingGroupAnswer] = Field(description="The flags, equal ones as one.")
+    findings: list[models.FindingGroupAnswer] = Field(description="The flags, equal ones as one.")
 
 
-router = Router(prefix="/v1", tags=["frames"])
+router = operations.Router(prefix="/v1", tags=["frames"])
 
 
 @router.post(
     "/frames/{frame_id}/region", status_code=202, response_model=JobAnswer, responses=problems(404, 409)
 )
-def look_at_region(frame_id: Id, body: NewLook, caller: Reader, writing: Writes) -> Response:
+def look_at_region(frame_id: Id, body: NewLook, caller: Reader, writing: changes.Writes) -> Response:
     """Preview a region without setting it. The job's result holds its statistics, histogram and clipping.
 
     `histogram`: counts per channel, bin i from first_dn + i * step_dn. `clipping`: the cells of cell_px
@@ -160,7 +155,7 @@ def look_at_region(frame_id: Id, body: NewLook, caller: Reader, writing: Writes)
     """
     polygon = Polygon.from_points(body.polygon)
 
-    def change(session: Session) -> Reply:
+    def change(session: Session) -> changes.Reply:
         frame = owned(session, FrameRow, frame_id, caller)
         header = require_header(frame)
         bounding_window(polygon, height_px=header["height_px"], width_px=header["width_px"])
@@ -192,14 +187,14 @@ def look_at_grid(frame_id: Id, body: NewGrid, caller: Reader, context: UsesConte
     header = require_header(frame)
     size = {"height_px": header["height_px"], "width_px": header["width_px"]}
     bounding_window(application.outline(grid), **size)
-    flags = [encode(flag) for flag in application.check_grid(grid, **size)]
+    flags = [codec.encode(flag) for flag in application.check_grid(grid, **size)]
     return GridLook(
         corners=[list(corner) for corner in grid.corners],
         rows=grid.rows,
         columns=grid.columns,
         point_u_m=describe_lanes(lanes)["point_u_m"] if lanes else None,
         flags=[FlagAnswer.model_validate(flag) for flag in flags],
-        findings=group_flags(flags),
+        findings=models.group_flags(flags),
     ).respond()
 
 
@@ -224,12 +219,12 @@ def get_frame_thumbnail(frame_id: Id, request: Request, caller: Reader, context:
 
 MOST_SIDE_PX = 1024
 
-_Start = Annotated[int, Field(ge=0, le=65_535, strict=True), WHOLE]
-_Side = Annotated[int, Field(ge=1, le=MOST_SIDE_PX, strict=True), WHOLE]
-_Level = Annotated[Number, Field(ge=0, le=65_535)]
+_Start = Annotated[int, Field(ge=0, le=65_535, strict=True), models.WHOLE]
+_Side = Annotated[int, Field(ge=1, le=MOST_SIDE_PX, strict=True), models.WHOLE]
+_Level = Annotated[models.Number, Field(ge=0, le=65_535)]
 
 
-class NewCrop(Form):
+class NewCrop(models.Form):
     """A window of the frame, and the range of raw values that its grey scale shows."""
 
     row0_px: _Start = Field(description="First row, from the top.")
@@ -259,7 +254,7 @@ class NewCrop(Form):
         **problems(404, 409, 422),
     },
 )
-def draw_crop(frame_id: Id, body: NewCrop, caller: Reader, writing: Writes) -> Response:
+def draw_crop(frame_id: Id, body: NewCrop, caller: Reader, writing: changes.Writes) -> Response:
     """Draw a part of a frame, one pixel for each of the sensor's, with clipped pixels in red.
 
     The job's result holds the address of the picture (`picture`, PNG), its place in the frame, the raw values
@@ -268,7 +263,7 @@ def draw_crop(frame_id: Id, body: NewCrop, caller: Reader, writing: Writes) -> R
     """
     window = (body.row0_px, body.col0_px, body.height_px, body.width_px)
 
-    def change(session: Session) -> Reply:
+    def change(session: Session) -> changes.Reply:
         frame = owned(session, FrameRow, frame_id, caller)
         header = require_header(frame)
         if window[0] + window[2] > header["height_px"] or window[1] + window[3] > header["width_px"]:
@@ -277,7 +272,7 @@ def draw_crop(frame_id: Id, body: NewCrop, caller: Reader, writing: Writes) -> R
             )
         kept = find_crop_job(session, frame, say_asked(window, body.low_dn, body.high_dn))
         if kept is not None:
-            return Reply(status=200, body=JobAnswer.of(kept, frame))
+            return changes.Reply(status=200, body=JobAnswer.of(kept, frame))
         job = jobs.enqueue(
             session,
             kind="extract",
@@ -311,7 +306,7 @@ MOST_THUMBNAILS = 100
 _Wanted = Annotated[str, StringConstraints(max_length=60, pattern=r"^[A-Za-z0-9_]+(\.[0-9a-f]{8})?$")]
 
 
-class ThumbnailAnswer(Answer):
+class ThumbnailAnswer(models.Answer):
     frame_id: str
     tag: str = Field(description="As in the grid's column `thumbnail`.")
     picture: str = Field(
@@ -320,13 +315,13 @@ class ThumbnailAnswer(Answer):
     )
 
 
-class ThumbnailsAnswer(Answer):
+class ThumbnailsAnswer(models.Answer):
     """Frames that have no picture are left out."""
 
     items: list[ThumbnailAnswer]
 
 
-thumbnails_router = Router(prefix="/v1/campaigns/{campaign_id}", tags=["frames"])
+thumbnails_router = operations.Router(prefix="/v1/campaigns/{campaign_id}", tags=["frames"])
 
 
 @thumbnails_router.get(
@@ -385,15 +380,15 @@ def list_thumbnails(
 def _find_small(context: Context, hashes: set[str]) -> dict[str, bytes]:
     """Return small previews by the hash of theirs; those of frames that an older stilb has read are made."""
     with context.database.reading() as session:
-        found = find_small_previews(session, hashes)
+        found = files.find_small_previews(session, hashes)
     made = {}
     for sha256 in sorted(hashes - found.keys()):
         with suppress(BlobDamaged):
-            made[sha256] = reduce_preview(b"".join(context.files.open(sha256)[1]))
+            made[sha256] = files.reduce_preview(b"".join(context.files.open(sha256)[1]))
     if made:
         try:
             with context.database.writing("thumbnails") as session:
-                keep_small_previews(session, made)
+                files.keep_small_previews(session, made)
         except SQLAlchemyError as error:
-            log.warning("%d small previews are not kept: %s", len(made), summarise(error))
+            log.warning("%d small previews are not kept: %s", len(made), database.summarise(error))
     return found | made

@@ -6,11 +6,9 @@ from pydantic import Field, WithJsonSchema
 from typing_extensions import TypeAliasType
 
 from radiometry.findings import InputRejected, Reason
-from radiometry.frame import FrameHeader
+from radiometry.frame import FrameHeader, verdicts
 from radiometry.frame.statistics import ChannelStatistics
-from radiometry.frame.verdicts import Verdict
-from radiometry.methods import METHODS
-from radiometry.methods.findings import FINDINGS
+from radiometry.methods import METHODS, findings
 from radiometry.specification.application import FoundBy
 from service.campaigns.schemas import REGION_PATTERN, Role
 from service.http.models import Answer, Clearable, Flag, Form, Instant, LongText, Positive, PositiveText, Text
@@ -18,11 +16,10 @@ from store.blobs import Damage
 from store.codec import decode_header
 from store.queries.evidence import list_panels
 from store.queries.frames import FrameColumns
-from store.tables import Blob, Extraction, FrameRow
-from store.tables.campaign import FrameState
+from store.tables import Blob, Extraction, FrameRow, campaign
 
 _measure_light = next(spec.measure_light for spec in METHODS if spec.measure_light)
-_REASONS = [each.code for each in FINDINGS.values() if "verdict" in each.where]
+_REASONS = [each.code for each in findings.FINDINGS.values() if "verdict" in each.where]
 ReasonCode = TypeAliasType("ReasonCode", Annotated[str, WithJsonSchema({"type": "string", "enum": _REASONS})])
 MOST_FRAMES = 1000
 
@@ -58,8 +55,7 @@ class FrameChange(Form):
         default=None, description="What the frame shows: it decides what it is used for."
     )
     scene: Annotated[
-        Clearable | None,
-        Field(description='The light level that it shows; "" for a frame without one.'),
+        Clearable | None, Field(description='The light level that it shows; "" for a frame without one.')
     ] = None
     left_out: Annotated[
         Flag | None, Field(description="Keep the frame, and leave it out of every fit and batch measurement.")
@@ -114,7 +110,7 @@ class ReasonAnswer(Answer, restates=Reason):
     detail: str = Field(description="A sentence with the numbers and what to do.")
 
 
-class VerdictAnswer(Answer, restates=Verdict):
+class VerdictAnswer(Answer, restates=verdicts.Verdict):
     """Verdict on a frame: what a field team does about it while it is on site."""
 
 
@@ -176,7 +172,7 @@ class FrameAnswer(Answer):
         default=None, description="Of the panel that the frame shows, by its code in the image or the file."
     )
     supplied: dict[str, float] | None = None
-    state: FrameState
+    state: campaign.FrameState
     camera: CameraAsRead | None = None
     exposure_time_s: float | None = None
     f_number: float | None = None
@@ -219,7 +215,7 @@ class FrameAnswer(Answer):
         *,
         blob: Blob,
         statistics: list[StatisticsRow] | None = None,
-        verdict: Verdict | None = None,
+        verdict: verdicts.Verdict | None = None,
         job_id: str | None = None,
     ) -> "FrameAnswer":
         refusal = None

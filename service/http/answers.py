@@ -33,10 +33,7 @@ _MEANINGS = {
 def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
     """Document the problems of a route; those that any route with a key can give are always among them."""
     return {
-        status: {
-            "description": _MEANINGS[status],
-            "content": {"application/problem+json": {}},
-        }
+        status: {"description": _MEANINGS[status], "content": {"application/problem+json": {}}}
         for status in sorted({401, 403, 422, 429, 503, *statuses})
     }
 

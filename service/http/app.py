@@ -23,21 +23,9 @@ from service.equipment import rigs
 from service.equipment import routes as equipment
 from service.frames import motion, pictures
 from service.frames import routes as frames
-from service.http import problems
-from service.http.connections import KnownHosts
+from service.http import connections, document, limits, middleware, problems, processes
 from service.http.context import Context
-from service.http.document import Document, build_document
-from service.http.limits import BodyLimit
-from service.http.middleware import (
-    Addresses,
-    Compression,
-    ContentDigests,
-    Heads,
-    OverriddenMethods,
-    SecurityHeaders,
-)
 from service.http.problems import Problem
-from service.http.processes import CarriesTraffic
 from service.jobs import routes as jobs
 from service.measurements import comparisons, isolines, lists, stac
 from service.measurements import routes as measurements
@@ -80,16 +68,16 @@ def build_app(context: Context) -> FastAPI:
         redoc_url=None,
         openapi_url=None,
     )
-    app.add_middleware(BodyLimit)
-    app.add_middleware(ContentDigests)
-    app.add_middleware(Compression)
+    app.add_middleware(limits.BodyLimit)
+    app.add_middleware(middleware.ContentDigests)
+    app.add_middleware(middleware.Compression)
     _let_dashboards_read(app, context.settings.cors_origins)
-    app.add_middleware(Heads)
-    app.add_middleware(OverriddenMethods)
-    app.add_middleware(KnownHosts)
-    app.add_middleware(SecurityHeaders)
+    app.add_middleware(middleware.Heads)
+    app.add_middleware(middleware.OverriddenMethods)
+    app.add_middleware(connections.KnownHosts)
+    app.add_middleware(middleware.SecurityHeaders)
     # the outermost: it answers in the place of all others
-    app.add_middleware(CarriesTraffic)
+    app.add_middleware(processes.CarriesTraffic)
     app.state.context = context
     app.state.operations = {}
     app.state.assets = Assets()
@@ -98,7 +86,7 @@ def build_app(context: Context) -> FastAPI:
     _install_database_problem(app)
     rendering.install(app)
     _include_routers(app)
-    app.state.addresses = Addresses(app)
+    app.state.addresses = middleware.Addresses(app)
     _publish_document(app)
     return app
 
@@ -130,10 +118,10 @@ def _publish_document(app: FastAPI) -> None:
     def openapi() -> dict[str, Any]:
         # a page asks for many things at once, and the first of them may be the first requests at all
         with building:
-            return build_document(app)
+            return document.build_document(app)
 
     app.openapi = openapi  # type: ignore[method-assign]
-    app.state.document = Document(app)
+    app.state.document = document.Document(app)
 
 
 def _let_dashboards_read(app: FastAPI, origins: str) -> None:

@@ -11,20 +11,9 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import ClientDisconnect
 
 from radiometry.findings import interface
+from service.http import counts, models, problems, signatures
 from service.http.context import Context
-from service.http.counts import STEP, is_unnoted, name_address
-from service.http.models import rfc3339
-from service.http.problems import Problem
-from service.http.signatures import CSRF_HEADER
-from store.queries.organisations import (
-    UNNAMED,
-    Holder,
-    Person,
-    Who,
-    find_ended_key,
-    find_holder,
-    find_session_key,
-)
+from store.queries import organisations
 from store.tables import ApiKey, Organisation
 from store.tables.base import utc_now
 
@@ -45,18 +34,18 @@ _SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 _bearer = HTTPBearer(auto_error=False, scheme_name="key", description="A key of your organisation.")
 
 
-class Caller(Holder):
+class Caller(organisations.Holder):
     session_id: str | None = None
     """Of the browser that asks; None for who sends the key itself."""
 
     @property
     def named(self) -> str:
         """Return who asks as documents name them."""
-        return self.person.name if self.person else UNNAMED
+        return self.person.name if self.person else organisations.UNNAMED
 
     @property
-    def who(self) -> Who:
-        return Who(self.key_id, self.session_id)
+    def who(self) -> organisations.Who:
+        return organisations.Who(self.key_id, self.session_id)
 
     @classmethod
     def holding(cls, key: ApiKey, organisation: Organisation, session_id: str | None = None) -> "Caller":
@@ -66,15 +55,14 @@ class Caller(Holder):
             scopes=frozenset(key.scopes),
             operator=organisation.operator,
             key_name=key.name,
-            person=Person.behind(key),
+            person=organisations.Person.behind(key),
             organisation_name=organisation.name,
             session_id=session_id,
         )
 
 
 async def get_caller(
-    request: Request,
-    _key: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)],
+    request: Request, _key: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)]
 ) -> Caller:
     """Return who asks; `service/http/operations.py` has found that out before it read what is asked."""
     caller: Caller = request.state.caller
@@ -92,13 +80,13 @@ async def identify(request: Request) -> None:
             request.state.caller = await _find_holder(request, credentials.credentials)
         else:
             request.state.caller = await run_in_threadpool(_find_signed_in, request)
-    except Problem as problem:
+    except problems.Problem as problem:
         late_s = _count_refusal(request) if problem.code == interface.UNAUTHENTICATED else 0.0
         try:
             async for _ in request.stream():
                 pass
             await _wait(request, late_s)
-        except Problem:
+        except problems.Problem:
             problem.headers["Connection"] = "close"
             await asyncio.sleep(late_s)
         except ClientDisconnect:
@@ -109,7 +97,7 @@ async def identify(request: Request) -> None:
 def _count_refusal(request: Request) -> float:
     """Return how late a stranger is answered [s]: one address that keeps asking leaves time to others."""
     context: Context = request.app.state.context
-    address = name_address(request.client.host if request.client else None)
+    address = counts.name_address(request.client.host if request.client else None)
     if "authorization" in request.headers:
         context.traffic.metrics.wrong_keys.inc()
     context.refused.fail(address)
@@ -127,7 +115,7 @@ async def _wait(request: Request, late_s: float) -> None:
 async def _find_holder(request: Request, secret: str) -> Caller:
     """Return who asks by the key that is sent."""
     context: Context = request.app.state.context
-    found = await find_holder(context.database, secret, noted_since=utc_now() - STEP)
+    found = await organisations.find_holder(context.database, secret, noted_since=utc_now() - counts.STEP)
     if found is None:
         raise _unauthenticated(describe_refusal(await run_in_threadpool(_find_ended, context, secret)))
     context.attempts.trust(secret)
@@ -139,7 +127,7 @@ async def _find_holder(request: Request, secret: str) -> Caller:
 
 def _find_ended(context: Context, secret: str) -> ApiKey | None:
     with context.database.reading() as session:
-        return find_ended_key(session, secret)
+        return organisations.find_ended_key(session, secret)
 
 
 def _find_signed_in(request: Request) -> Caller:
@@ -149,7 +137,7 @@ def _find_signed_in(request: Request) -> Caller:
     if caller is None:
         raise _unauthenticated("Send a key: Authorization: Bearer <key>.")
     if request.method not in _SAFE_METHODS:
-        require_csrf_token(request, context, request.headers.get(CSRF_HEADER, ""))
+        require_csrf_token(request, context, request.headers.get(signatures.CSRF_HEADER, ""))
     context.rates.take(caller.organisation_id)
     return caller
 
@@ -160,12 +148,12 @@ def find_session(request: Request, context: Context) -> Caller | None:
     if session_id is None:
         return None
     with context.database.reading() as session:
-        found = find_session_key(session, session_id)
+        found = organisations.find_session_key(session, session_id)
     if found is None:
         return None
     row, key, organisation = found
     for each in (row, key):
-        if is_unnoted(each):
+        if counts.is_unnoted(each):
             context.uses.note(type(each), each.id)
     return Caller.holding(key, organisation, row.id)
 
@@ -173,14 +161,15 @@ def find_session(request: Request, context: Context) -> Caller | None:
 def require_csrf_token(request: Request, context: Context, given: str) -> None:
     """Refuse a change that a browser sends along with its cookie, unless our own page had it sent."""
     if not context.sessions.is_csrf_token(request.cookies.get(context.sessions.cookie, ""), given):
-        detail = f"A change with a session's cookie needs the page's token in {CSRF_HEADER}. Reload the page."
-        raise Problem(interface.CSRF_TOKEN_WRONG, detail)
+        header = signatures.CSRF_HEADER
+        detail = f"A change with a session's cookie needs the page's token in {header}. Reload the page."
+        raise problems.Problem(interface.CSRF_TOKEN_WRONG, detail)
 
 
 def require(caller: Caller, scope: Scope) -> None:
     if scope not in caller.scopes:
         detail = f"This needs a key with the scope {scope!r}, which your key does not have."
-        raise Problem(interface.SCOPE_MISSING, detail)
+        raise problems.Problem(interface.SCOPE_MISSING, detail)
 
 
 @dataclass(frozen=True)
@@ -197,11 +186,12 @@ def describe_refusal(ended: ApiKey | None) -> str:
     """Return why a key opens nothing; whoever has it may know that it was one."""
     if ended is None or ended.revoked_at is not None or ended.expires_at is None:
         return "This key is not known, or it was revoked."
-    return f"This key expired at {rfc3339(ended.expires_at)}. Ask an admin of your organisation for another."
+    at = models.rfc3339(ended.expires_at)
+    return f"This key expired at {at}. Ask an admin of your organisation for another."
 
 
-def _unauthenticated(detail: str) -> Problem:
-    return Problem(interface.UNAUTHENTICATED, detail, headers={"WWW-Authenticate": "Bearer"})
+def _unauthenticated(detail: str) -> problems.Problem:
+    return problems.Problem(interface.UNAUTHENTICATED, detail, headers={"WWW-Authenticate": "Bearer"})
 
 
 Reader = Annotated[Caller, Depends(Needs("read"))]

@@ -15,10 +15,8 @@ from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
 from radiometry.records import Record
-from service.http.auth import Caller
+from service.http import auth, models, problems
 from service.http.context import Context, get_context
-from service.http.models import Answer, Text
-from service.http.problems import Problem
 from store.queries.usage import charge
 from store.tables import IdempotentAnswer, Job
 from store.tracing import present_fields
@@ -33,7 +31,7 @@ class Reply(Record):
     """Answer of a change, and the jobs that it left for the workers."""
 
     status: int
-    body: Answer
+    body: models.Answer
     headers: dict[str, str] = field(default_factory=dict)
     jobs: list[Job] = field(default_factory=list)
     frame_bytes: Sequence[int] = ()
@@ -55,16 +53,16 @@ class Writing:
         """The same, for a request whose body was streamed and is known by its hash."""
         return Writing(self.context, self._key, f"{self._fingerprint}{sha256}")
 
-    def run(self, caller: Caller, change: Callable[[Session], Reply]) -> JSONResponse:
+    def run(self, caller: auth.Caller, change: Callable[[Session], Reply]) -> JSONResponse:
         return run_all(caller, [(self, None)], lambda session, _: [change(session)])[0]
 
-    def replay(self, caller: Caller) -> JSONResponse | None:
+    def replay(self, caller: auth.Caller) -> JSONResponse | None:
         """Return the answer that this request had before, for one that has to prepare what it changes."""
         with self.context.database.reading() as session:
             earlier = self._earlier(session, caller)
         return None if earlier is None else _replay(earlier)
 
-    def _keep(self, session: Session, caller: Caller, reply: Reply) -> None:
+    def _keep(self, session: Session, caller: auth.Caller, reply: Reply) -> None:
         if self._key is not None:
             session.add(
                 IdempotentAnswer(
@@ -77,12 +75,12 @@ class Writing:
                 )
             )
 
-    def _earlier(self, session: Session, caller: Caller) -> IdempotentAnswer | None:
+    def _earlier(self, session: Session, caller: auth.Caller) -> IdempotentAnswer | None:
         if self._key is None:
             return None
         earlier = session.get(IdempotentAnswer, (caller.organisation_id, self._key))
         if earlier is not None and earlier.fingerprint != self._digest():
-            raise Problem(
+            raise problems.Problem(
                 interface.IDEMPOTENCY_KEY_REUSED,
                 "This Idempotency-Key was used for another request. Use a new one for each new request.",
             )
@@ -93,7 +91,7 @@ class Writing:
 
 
 def run_all(
-    caller: Caller,
+    caller: auth.Caller,
     requests: Sequence[tuple[Writing, Item]],
     change: Callable[[Session, Sequence[Item]], Sequence[Reply]],
 ) -> list[JSONResponse]:
@@ -111,7 +109,7 @@ def run_all(
 
 
 def _run_all(
-    caller: Caller,
+    caller: auth.Caller,
     requests: Sequence[tuple[Writing, Item]],
     change: Callable[[Session, Sequence[Item]], Sequence[Reply]],
 ) -> list[JSONResponse]:
@@ -148,7 +146,7 @@ def _replay(earlier: IdempotentAnswer) -> JSONResponse:
 
 
 IdempotencyKey = Annotated[
-    Text | None,
+    models.Text | None,
     Header(
         alias="Idempotency-Key", description="Send the same request again with the same key: it is done once."
     ),

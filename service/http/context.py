@@ -7,11 +7,7 @@ from anyio import CapacityLimiter
 from fastapi import Depends, Request
 
 from radiometry.records import Record
-from service.http.batches import Together
-from service.http.connections import Hosts
-from service.http.counts import Attempts, Rates, Uses
-from service.http.processes import Traffic
-from service.http.signatures import Sessions, Signer, read_seed
+from service.http import batches, connections, counts, processes, signatures
 from service.jobs.watch import JobWatch
 from service.system.health import Health
 from store.blobs import Blobs
@@ -28,22 +24,22 @@ class Context(Record):
     database: Database
     blobs: Blobs
     watch: JobWatch
-    sessions: Sessions
-    traffic: Traffic
+    sessions: signatures.Sessions
+    traffic: processes.Traffic
     health: Health
 
     @cached_property
-    def hosts(self) -> Hosts:
-        return Hosts(self.settings)
+    def hosts(self) -> connections.Hosts:
+        return connections.Hosts(self.settings)
 
     @cached_property
-    def attempts(self) -> Attempts:
-        return Attempts()
+    def attempts(self) -> counts.Attempts:
+        return counts.Attempts()
 
     @cached_property
-    def refused(self) -> Attempts:
+    def refused(self) -> counts.Attempts:
         """Requests without a key that is known, of which many are answered late."""
-        return Attempts(free=50)
+        return counts.Attempts(free=50)
 
     @cached_property
     def quotas(self) -> Quotas:
@@ -54,8 +50,8 @@ class Context(Record):
         return Partials.of(self.settings)
 
     @cached_property
-    def rates(self) -> Rates:
-        return Rates(self.settings.quota_requests_per_minute)
+    def rates(self) -> counts.Rates:
+        return counts.Rates(self.settings.quota_requests_per_minute)
 
     @cached_property
     def reviews(self) -> Reviews:
@@ -72,16 +68,16 @@ class Context(Record):
         return CapacityLimiter(1)
 
     @cached_property
-    def together(self) -> Together:
-        return Together()
+    def together(self) -> batches.Together:
+        return batches.Together()
 
     @cached_property
-    def uses(self) -> Uses:
-        return Uses(self.database)
+    def uses(self) -> counts.Uses:
+        return counts.Uses(self.database)
 
     @cached_property
-    def signer(self) -> Signer:
-        return Signer(read_seed(self.settings), self.database)
+    def signer(self) -> signatures.Signer:
+        return signatures.Signer(signatures.read_seed(self.settings), self.database)
 
     @property
     def files(self) -> Files:

@@ -12,12 +12,10 @@ from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
 from radiometry.findings import interface, shared
-from service.calibrations.fits import NewCalibration, describe_requests
-from service.calibrations.methods import describe_versions
-from service.http.answers import problems
+from service.calibrations import fits, methods
+from service.http import answers, tables
 from service.http.operations import CHANGING
 from service.http.problems import problem_body
-from service.http.tables import write_csv
 
 _EXAMPLES = Path(__file__).with_name("examples.json")
 """What `make examples` recorded, by the name of the schema."""
@@ -93,7 +91,7 @@ def build_document(app: FastAPI) -> Node:
         recorded = json.loads(_EXAMPLES.read_text(encoding="utf-8"))
         for path in document["paths"].values():
             for method in path.keys() & {each.lower() for each in CHANGING}:
-                path[method]["responses"].setdefault("412", problems(412)[412])
+                path[method]["responses"].setdefault("412", answers.problems(412)[412])
         for operation in operations(document):
             _summarise(operation)
             _add_body_problems(operation)
@@ -120,9 +118,9 @@ def build_document(app: FastAPI) -> Node:
 def _add_methods(document: Node) -> None:
     """State what each method takes and stores, where a route only knows that it is an object."""
     schemas = document["components"]["schemas"]
-    forms, body = describe_requests()
-    held, properties = describe_versions()
-    schemas.update({**forms, **held, NewCalibration.__name__: body})
+    forms, body = fits.describe_requests()
+    held, properties = methods.describe_versions()
+    schemas.update({**forms, **held, fits.NewCalibration.__name__: body})
     for answer in schemas.values():
         if {"diagnostics", "points"} <= answer.get("properties", {}).keys():
             answer["properties"] |= properties
@@ -149,7 +147,7 @@ def _summarise(operation: Node) -> None:
 def _add_body_problems(operation: Node) -> None:
     if "requestBody" in operation:
         for status in (400, 413, 415):
-            operation["responses"].setdefault(str(status), problems(status)[status])
+            operation["responses"].setdefault(str(status), answers.problems(status)[status])
 
 
 def _show_problems(operation: Node) -> None:
@@ -170,7 +168,7 @@ def _show_examples(document: Node, operation: Node, recorded: Node) -> None:
         if (example := _find_example(document, media.get("schema", {}), recorded)) is not None:
             media["example"] = example
             if "requestBody" in operation and "text/csv" in content:
-                content["text/csv"]["example"] = write_csv(example.get("rows", [example]))
+                content["text/csv"]["example"] = tables.write_csv(example.get("rows", [example]))
 
 
 def _register_forms(document: Node, node: Any) -> Any:  # noqa: ANN401

@@ -10,9 +10,7 @@ from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from radiometry.findings import interface
-from service.http.auth import Caller
-from service.http.counts import name_address
-from service.http.problems import Problem
+from service.http import auth, counts, problems
 
 MAX_BODY_BYTES: Final = 4 << 20
 STRANGER_BYTES: Final = 64_000
@@ -62,7 +60,7 @@ class _Body:
         self._scope, self._receive, self._open = scope, receive, held
         self._is_begun = self._is_file = self._is_whole = False
         self._came, self._waited_s = 0, 0.0
-        self.held, self.whose = 0, name_address((scope.get("client") or [None])[0])
+        self.held, self.whose = 0, counts.name_address((scope.get("client") or [None])[0])
 
     async def __call__(self) -> Message:
         if self._is_whole:
@@ -75,7 +73,7 @@ class _Body:
             self._is_whole = True
             return {"type": "http.request"}
         state = self._scope.get("state", {})
-        caller: Caller | None = state.get("caller")
+        caller: auth.Caller | None = state.get("caller")
         most = MAX_BODY_BYTES if caller else STRANGER_BYTES
         if not self._is_begun:
             # the address of a begun upload needs no key: it is a secret of its own
@@ -109,7 +107,7 @@ class _Body:
         if self._open[self.whose] > OPEN_BYTES:
             raise _too_many()
 
-    def _begin(self, caller: Caller | None, most: int) -> None:
+    def _begin(self, caller: auth.Caller | None, most: int) -> None:
         self._is_begun = True
         headers = Headers(scope=self._scope)
         if caller:
@@ -119,17 +117,17 @@ class _Body:
             raise _too_large(most)
 
 
-def _too_large(most: int) -> Problem:
+def _too_large(most: int) -> problems.Problem:
     detail = f"The body may have at most {most} bytes here. Send it in parts."
-    return Problem(interface.UPLOAD_TOO_LARGE, detail)
+    return problems.Problem(interface.UPLOAD_TOO_LARGE, detail)
 
 
-def _too_many() -> Problem:
+def _too_many() -> problems.Problem:
     detail = f"Requests under way hold {OPEN_BYTES} bytes already. Wait until some are answered."
     headers = {"Retry-After": "1", "Connection": "close"}
-    return Problem(interface.TOO_MANY_REQUESTS, detail, headers=headers)
+    return problems.Problem(interface.TOO_MANY_REQUESTS, detail, headers=headers)
 
 
-def _too_slow() -> Problem:
+def _too_slow() -> problems.Problem:
     detail = "The body was not there in time: it paused or came too slowly. Send it again."
-    return Problem(interface.UPLOAD_INCOMPLETE, detail, headers={"Connection": "close"})
+    return problems.Problem(interface.UPLOAD_INCOMPLETE, detail, headers={"Connection": "close"})

@@ -12,17 +12,14 @@ from pydantic import BaseModel, Field
 from sqlalchemy import ColumnElement, Select, inspect, select
 from sqlalchemy.orm import Session
 
-from service.http.auth import Caller
-from service.http.connections import absolute
+from service.http import auth, connections, models, problems
 from service.http.context import Context
-from service.http.models import Answer, Text
-from service.http.problems import invalid
 from store.ready.series import is_text
 
-AnswerType = TypeVar("AnswerType", bound=Answer)
+AnswerType = TypeVar("AnswerType", bound=models.Answer)
 
 Limit = Annotated[int, Query(ge=1, le=1000, description="How many items a page holds at most.")]
-Cursor = Annotated[Text | None, Query(description="Taken from the `next` address of the page before.")]
+Cursor = Annotated[models.Text | None, Query(description="Taken from the `next` address of the page before.")]
 
 
 _LARGEST_KEY = 2**63 - 1
@@ -42,7 +39,7 @@ def read_cursor(text: str, is_place: Callable[[list[Any]], bool]) -> list[Any]:
     except (binascii.Error, ValueError):
         pass
     message = "is no cursor of this list: take it from `next`, or leave it out"
-    raise invalid([{"type": "cursor", "loc": ("query", "cursor"), "msg": message}])
+    raise problems.invalid([{"type": "cursor", "loc": ("query", "cursor"), "msg": message}])
 
 
 def read_key(cursor: str, table: str) -> Any:  # noqa: ANN401  a text, or the number of an entry
@@ -66,7 +63,7 @@ class Listing(BaseModel):
     cursor: Cursor = None
 
 
-class Page(Answer, Generic[AnswerType]):
+class Page(models.Answer, Generic[AnswerType]):
     """One page of a list; `next` is the address of the page after it, or null at the end."""
 
     items: list[AnswerType]
@@ -85,7 +82,7 @@ class Paging:
         self,
         session: Session,
         rows: Select[Any],
-        shape: Callable[[list[Any]], Sequence[Answer]],
+        shape: Callable[[list[Any]], Sequence[models.Answer]],
         *,
         newest_first: bool = False,
     ) -> JSONResponse:
@@ -102,7 +99,7 @@ class Paging:
         if more:
             cursor = write_cursor([table.__tablename__, getattr(found[limit - 1], by.key)])
             following = self._request.url.include_query_params(cursor=cursor)
-            address = absolute(self._request, f"{following.path}?{following.query}")
+            address = connections.absolute(self._request, f"{following.path}?{following.query}")
         return JSONResponse({"items": [item.dump() for item in shape(found[:limit])], "next": address})
 
 
@@ -116,10 +113,10 @@ UsesPaging = Annotated[Paging, Depends(_read_paging)]
 def page_own(
     request: Request,
     context: Context,
-    caller: Caller,
+    caller: auth.Caller,
     table: Any,  # noqa: ANN401  a mapped class with an organisation
     listing: Listing,
-    shape: Callable[[Any], Answer],
+    shape: Callable[[Any], models.Answer],
     *,
     where: ColumnElement[bool] | None = None,
 ) -> JSONResponse:

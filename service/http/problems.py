@@ -168,10 +168,7 @@ def install(app: FastAPI) -> None:
 
 
 _SAID: Final = {
-    ClientDisconnect: (
-        interface.UPLOAD_INCOMPLETE,
-        "The connection was lost before the end of the body.",
-    ),
+    ClientDisconnect: (interface.UPLOAD_INCOMPLETE, "The connection was lost before the end of the body."),
     StorageFull: (interface.STORAGE_FULL, "The service has no space left for this file."),
     StorageUnavailable: (interface.STORAGE_UNAVAILABLE, "The file store does not answer. Try again."),
     Exception: (

@@ -12,61 +12,45 @@ from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
 from radiometry.findings import interface
+from service.http import auth, changes, lookup, models, operations
 from service.http.answers import problems
-from service.http.auth import Caller, Reader, Scope, require
-from service.http.changes import Reply, Writes
 from service.http.context import Context, UsesContext
-from service.http.lookup import Id, find_owned, owned
-from service.http.models import Text
-from service.http.operations import Router
 from service.http.paging import Page, UsesPaging
 from service.http.problems import Problem
-from service.jobs.schemas import (
-    DismissedAnswer,
-    DismissedJobs,
-    JobAnswer,
-    JobCauseAnswer,
-    JobCausesAnswer,
-    QueueAnswer,
-    RetriedAnswer,
-    RetriedJobs,
-)
-from service.jobs.watch import Event
-from service.jobs.watch import Kind as Watched
-from store import jobs
-from store.audit import record_act
+from service.jobs import schemas, watch
+from store import audit, jobs
 from store.jobs import FINAL_STATES
 from store.queries.jobs import frames_of, list_causes, select_given_up, select_makers, summarise_queue
 from store.queries.usage import add_jobs
 from store.tables import Calibration, Campaign, FrameRow, Job, Measurement, Organisation
 from store.tables.job import JobKind, JobState
 
-router = Router(prefix="/v1/jobs", tags=["jobs"])
+router = operations.Router(prefix="/v1/jobs", tags=["jobs"])
 
 _WAIT = re.compile(r"\bwait=(\d{1,4})\b")
 _LONGEST_WAIT_S = 60
 _LOGGED = 64
 """Of many jobs the log of a request names the first."""
-_SCOPES: dict[str, Scope] = {"extract": "upload", "fit": "calibrate", "measure": "upload"}
+_SCOPES: dict[str, auth.Scope] = {"extract": "upload", "fit": "calibrate", "measure": "upload"}
 
 
-def reply_queued(session: Session, job: Job, frame: FrameRow | None = None) -> Reply:
+def reply_queued(session: Session, job: Job, frame: FrameRow | None = None) -> changes.Reply:
     """Reply to a request that has queued a job."""
     session.flush()
     location = {"Location": f"/v1/jobs/{job.id}"}
-    return Reply(status=202, body=JobAnswer.of(job, frame), headers=location, jobs=[job])
+    return changes.Reply(status=202, body=schemas.JobAnswer.of(job, frame), headers=location, jobs=[job])
 
 
-@router.get("", response_model=Page[JobAnswer], responses=problems(404))
+@router.get("", response_model=Page[schemas.JobAnswer], responses=problems(404))
 def list_jobs(
     paging: UsesPaging,
-    caller: Reader,
+    caller: auth.Reader,
     context: UsesContext,
     state: Annotated[JobState | None, Query()] = None,
     kind: Annotated[JobKind | None, Query()] = None,
     dismissed: Annotated[bool | None, Query(description="Only those that were, or were not.")] = None,
     subject: Annotated[
-        Text | None,
+        models.Text | None,
         Query(description="Only those on this frame or campaign, or that made this version or measurement."),
     ] = None,
 ) -> Response:
@@ -85,15 +69,17 @@ def list_jobs(
 
 
 # before the route of one job, whose id it would be taken for
-@router.get("/summary", response_model=QueueAnswer, responses=problems())
-def get_queue(caller: Reader, context: UsesContext) -> Response:
+@router.get("/summary", response_model=schemas.QueueAnswer, responses=problems())
+def get_queue(caller: auth.Reader, context: UsesContext) -> Response:
     """The jobs of your organisation by state, counted up to a bound, and how long the oldest has waited."""
     with context.database.reading() as session:
-        return QueueAnswer.of(summarise_queue(session, caller.organisation_id, get_args(JobState))).respond()
+        return schemas.QueueAnswer.of(
+            summarise_queue(session, caller.organisation_id, get_args(JobState))
+        ).respond()
 
 
-@router.get("/causes", response_model=JobCausesAnswer, responses=problems())
-def get_job_causes(caller: Reader, context: UsesContext) -> Response:
+@router.get("/causes", response_model=schemas.JobCausesAnswer, responses=problems())
+def get_job_causes(caller: auth.Reader, context: UsesContext) -> Response:
     """Why jobs failed or were quarantined, unless they were dismissed; the most frequent cause first.
 
     Of each state the newest 2,000 jobs count. A cause is a state, a kind, an error's code and a campaign, by
@@ -102,17 +88,20 @@ def get_job_causes(caller: Reader, context: UsesContext) -> Response:
     with context.database.reading() as session:
         causes = list_causes(session, caller.organisation_id)
         newest = _answers(session, [cause.newest for cause in causes])
-    items = [JobCauseAnswer(count=cause.count, newest=job) for cause, job in zip(causes, newest, strict=True)]
-    return JobCausesAnswer(items=items).respond()
+    items = [
+        schemas.JobCauseAnswer(count=cause.count, newest=job)
+        for cause, job in zip(causes, newest, strict=True)
+    ]
+    return schemas.JobCausesAnswer(items=items).respond()
 
 
-@router.get("/{job_id}", response_model=JobAnswer, responses=problems(404))
+@router.get("/{job_id}", response_model=schemas.JobAnswer, responses=problems(404))
 async def get_job(
-    job_id: Id,
-    caller: Reader,
+    job_id: lookup.Id,
+    caller: auth.Reader,
     context: UsesContext,
     prefer: Annotated[
-        Text | None, Header(description="`wait=N`: answer when it ends, N seconds at most.")
+        models.Text | None, Header(description="`wait=N`: answer when it ends, N seconds at most.")
     ] = None,
 ) -> Response:
     """One job. `Prefer: wait=N` (60 at most) answers when it has ended, or after N seconds."""
@@ -127,14 +116,14 @@ async def get_job(
     return answer.respond(headers)
 
 
-@router.post("/retry", status_code=202, response_model=RetriedAnswer, responses=problems(404))
-def retry_jobs(body: RetriedJobs, caller: Reader, writing: Writes) -> Response:
+@router.post("/retry", status_code=202, response_model=schemas.RetriedAnswer, responses=problems(404))
+def retry_jobs(body: schemas.RetriedJobs, caller: auth.Reader, writing: changes.Writes) -> Response:
     """Try all jobs again that failed, or were quarantined, of a kind, by an error's code, of a campaign.
 
     It needs the scopes that starting them needed. Sent twice it finds nothing the second time.
     """
 
-    def change(session: Session) -> Reply:
+    def change(session: Session) -> changes.Reply:
         chosen = _choose(session, caller, body)
         first = list(session.scalars(select(Job).where(chosen).limit(_LOGGED)))
         retried = jobs.retry(session, chosen)
@@ -142,80 +131,82 @@ def retry_jobs(body: RetriedJobs, caller: Reader, writing: Writes) -> Response:
             asked = body.model_dump(exclude_none=True)
             organisation = session.get_one(Organisation, caller.organisation_id)
             add_jobs(session, retried, organisation_id=organisation.id)
-            record_act(session, "retry_jobs", organisation, asked, {"state": "queued", "jobs": retried})
-        return Reply(status=202, body=RetriedAnswer(retried=retried), jobs=first)
+            audit.record_act(session, "retry_jobs", organisation, asked, {"state": "queued", "jobs": retried})
+        return changes.Reply(status=202, body=schemas.RetriedAnswer(retried=retried), jobs=first)
 
     return writing.run(caller, change)
 
 
-@router.post("/dismiss", response_model=DismissedAnswer, responses=problems(404))
-def dismiss_jobs(body: DismissedJobs, caller: Reader, writing: Writes) -> Response:
+@router.post("/dismiss", response_model=schemas.DismissedAnswer, responses=problems(404))
+def dismiss_jobs(body: schemas.DismissedJobs, caller: auth.Reader, writing: changes.Writes) -> Response:
     """Dismiss jobs that failed, or were quarantined: no page lists them as failures any more.
 
     They stay in the record, and a retry ends it. It needs the scopes that starting them needed.
     """
 
-    def change(session: Session) -> Reply:
+    def change(session: Session) -> changes.Reply:
         count = jobs.dismiss(session, _choose(session, caller, body), dismissed=body.dismissed)
         if count:
             asked = body.model_dump(exclude_none=True)
             organisation = session.get_one(Organisation, caller.organisation_id)
-            record_act(session, "dismiss_jobs", organisation, {}, asked | {"jobs": count})
-        return Reply(status=200, body=DismissedAnswer(dismissed=count))
+            audit.record_act(session, "dismiss_jobs", organisation, {}, asked | {"jobs": count})
+        return changes.Reply(status=200, body=schemas.DismissedAnswer(dismissed=count))
 
     return writing.run(caller, change)
 
 
-@router.post("/{job_id}/retry", status_code=202, response_model=JobAnswer, responses=problems(404, 409))
-def retry_job(job_id: Id, caller: Reader, writing: Writes) -> Response:
+@router.post(
+    "/{job_id}/retry", status_code=202, response_model=schemas.JobAnswer, responses=problems(404, 409)
+)
+def retry_job(job_id: lookup.Id, caller: auth.Reader, writing: changes.Writes) -> Response:
     """Try a job again that failed or was quarantined. It needs the scope that starting it needed."""
 
-    def change(session: Session) -> Reply:
-        job = owned(session, Job, job_id, caller)
-        require(caller, _SCOPES[job.kind])
+    def change(session: Session) -> changes.Reply:
+        job = lookup.owned(session, Job, job_id, caller)
+        auth.require(caller, _SCOPES[job.kind])
         before = {"state": job.state, "error": job.error}
         if not jobs.retry(session, Job.id == job.id):
             detail = f"This job is {job.state}. Only one that failed or was quarantined can be tried again."
             raise Problem(interface.CONFLICT, detail)
-        record_act(session, "retry", job, before, {"state": "queued"})
+        audit.record_act(session, "retry", job, before, {"state": "queued"})
         session.refresh(job)
         (answer,) = _answers(session, [job])
-        return Reply(status=202, body=answer, headers={"Location": f"/v1/jobs/{job.id}"}, jobs=[job])
+        return changes.Reply(status=202, body=answer, headers={"Location": f"/v1/jobs/{job.id}"}, jobs=[job])
 
     return writing.run(caller, change)
 
 
-def _choose(session: Session, caller: Caller, body: RetriedJobs) -> ColumnElement[bool]:
+def _choose(session: Session, caller: auth.Caller, body: schemas.RetriedJobs) -> ColumnElement[bool]:
     """Return the jobs that are chosen, if the caller might start all of them."""
     if body.campaign_id is not None:
-        owned(session, Campaign, body.campaign_id, caller)
-    asked = body.model_dump(include=set(RetriedJobs.model_fields))
+        lookup.owned(session, Campaign, body.campaign_id, caller)
+    asked = body.model_dump(include=set(schemas.RetriedJobs.model_fields))
     chosen = select_given_up(caller.organisation_id, **asked)
     for kind in session.scalars(select(Job.kind).where(chosen).distinct().order_by(Job.kind)):
-        require(caller, _SCOPES[kind])
+        auth.require(caller, _SCOPES[kind])
     return chosen
 
 
-def _select_subject(session: Session, caller: Caller, subject: str) -> ColumnElement[bool]:
+def _select_subject(session: Session, caller: auth.Caller, subject: str) -> ColumnElement[bool]:
     """Return which jobs work on a frame or campaign, or made a version or measurement."""
-    row = find_owned(session, (FrameRow, Campaign, Calibration, Measurement), subject, caller)
+    row = lookup.find_owned(session, (FrameRow, Campaign, Calibration, Measurement), subject, caller)
     if isinstance(row, Calibration | Measurement):
         return select_makers(row)
     return Job.subject_id == subject
 
 
-def _read(context: Context, caller: Caller, job_id: str) -> JobAnswer:
+def _read(context: Context, caller: auth.Caller, job_id: str) -> schemas.JobAnswer:
     with context.database.reading() as session:
-        (answer,) = _answers(session, [owned(session, Job, job_id, caller)])
+        (answer,) = _answers(session, [lookup.owned(session, Job, job_id, caller)])
     return answer
 
 
-def _answers(session: Session, found: list[Job]) -> list[JobAnswer]:
+def _answers(session: Session, found: list[Job]) -> list[schemas.JobAnswer]:
     frames = frames_of(session, found)
-    return [JobAnswer.of(row, frames.get(row.subject_id)) for row in found]
+    return [schemas.JobAnswer.of(row, frames.get(row.subject_id)) for row in found]
 
 
-events_router = Router(prefix="/v1", tags=["events"])
+events_router = operations.Router(prefix="/v1", tags=["events"])
 
 _STREAM: Final = "text/event-stream"
 _RETRY_MS: Final = 3000
@@ -227,14 +218,14 @@ _RESPONSES: Final[dict[int | str, dict[str, Any]]] = {
     **problems(404),
 }
 LastEventId = Annotated[
-    Text | None,
+    models.Text | None,
     Header(alias="Last-Event-ID", description="Of the last event seen: it is not sent again."),
 ]
 
 
 @events_router.get("/jobs/{job_id}/events", response_class=Response, responses=_RESPONSES)
 async def follow_job(
-    job_id: Id, caller: Reader, context: UsesContext, last_event_id: LastEventId = None
+    job_id: lookup.Id, caller: auth.Reader, context: UsesContext, last_event_id: LastEventId = None
 ) -> Response:
     """Follow a job until it ends: server-sent events `job` with its state, progress and attempt.
 
@@ -247,7 +238,7 @@ async def follow_job(
 
 @events_router.get("/campaigns/{campaign_id}/events", response_class=Response, responses=_RESPONSES)
 async def follow_campaign(
-    campaign_id: Id, caller: Reader, context: UsesContext, last_event_id: LastEventId = None
+    campaign_id: lookup.Id, caller: auth.Reader, context: UsesContext, last_event_id: LastEventId = None
 ) -> Response:
     """Follow a campaign: a server-sent event `campaign` with its revision, first as it is, then as it rises.
 
@@ -258,11 +249,11 @@ async def follow_campaign(
 
 
 async def _follow(
-    context: Context, caller: Caller, kind: Watched, subject_id: str, seen: str | None
+    context: Context, caller: auth.Caller, kind: watch.Kind, subject_id: str, seen: str | None
 ) -> Response:
     def check() -> None:
         with context.database.reading() as session:
-            owned(session, Job if kind == "job" else Campaign, subject_id, caller)
+            lookup.owned(session, Job if kind == "job" else Campaign, subject_id, caller)
 
     await run_in_threadpool(check)
     context.watch.admit(caller.who)
@@ -272,7 +263,7 @@ async def _follow(
     )
 
 
-async def _write(events: AsyncIterator[Event | None]) -> AsyncIterator[str]:
+async def _write(events: AsyncIterator[watch.Event | None]) -> AsyncIterator[str]:
     yield f"retry: {_RETRY_MS}\n\n"
     async for event in events:
         if event is None:

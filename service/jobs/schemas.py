@@ -4,24 +4,22 @@ from typing import Literal
 
 from pydantic import Field
 
-from service.http.models import Answer, Flag, Form, Instant, ProblemAnswer, Text
-from service.http.problems import problem_body
+from service.http import models, problems
 from store.queries.jobs import MOST_COUNTED, Queue
-from store.tables import FrameRow, Job
-from store.tables.job import JobKind, JobState
+from store.tables import FrameRow, Job, job
 
 
 class JobAnswer(
-    Answer,
+    models.Answer,
     restates=Job,
     fields="id kind subject_id state progress attempt result created_at finished_at dismissed_at",
 ):
-    state: JobState
+    state: job.JobState
     progress: float = Field(ge=0, le=1)
-    error: ProblemAnswer | None = None
+    error: models.ProblemAnswer | None = None
     filename: str | None = Field(default=None, description="Of the frame that it works on, where it is one.")
     campaign_id: str | None = Field(default=None, description="The campaign of that frame, or its subject.")
-    next_attempt_at: Instant | None = Field(
+    next_attempt_at: models.Instant | None = Field(
         default=None,
         description="When a job is tried again that waits for what `error.waits_for` names, if not sooner.",
     )
@@ -31,7 +29,7 @@ class JobAnswer(
         error = None
         if row.error is not None:
             status = 422 if row.state == "failed" and row.traceback is None else 500
-            error = problem_body(row.error.get("status", status), **row.error)
+            error = problems.problem_body(row.error.get("status", status), **row.error)
         return cls.restate(
             row,
             error=error,
@@ -41,47 +39,47 @@ class JobAnswer(
         )
 
 
-class RetriedJobs(Form):
+class RetriedJobs(models.Form):
     """Which jobs are tried again: those that all of this holds for."""
 
     state: Literal["failed", "quarantined"]
-    kind: JobKind | None = None
-    code: Text | None = Field(default=None, description="The code of the error that they ended with.")
-    campaign_id: Text | None = Field(default=None, description="Jobs on this campaign and its frames.")
+    kind: job.JobKind | None = None
+    code: models.Text | None = Field(default=None, description="The code of the error that they ended with.")
+    campaign_id: models.Text | None = Field(default=None, description="Jobs on this campaign and its frames.")
 
 
 class DismissedJobs(RetriedJobs):
     """Which jobs are dismissed: those that all of this holds for."""
 
-    dismissed: Flag = Field(default=True, description="false: list them again.")
+    dismissed: models.Flag = Field(default=True, description="false: list them again.")
 
 
-class DismissedAnswer(Answer):
+class DismissedAnswer(models.Answer):
     dismissed: int = Field(ge=0, description="How many jobs were changed.")
 
 
-class JobCauseAnswer(Answer):
+class JobCauseAnswer(models.Answer):
     """Jobs that failed for one reason, with the newest of them."""
 
     count: int = Field(ge=1)
     newest: JobAnswer
 
 
-class JobCausesAnswer(Answer):
+class JobCausesAnswer(models.Answer):
     items: list[JobCauseAnswer]
 
 
-class RetriedAnswer(Answer):
+class RetriedAnswer(models.Answer):
     retried: int = Field(ge=0, description="How many jobs are queued again.")
 
 
-class QueueAnswer(Answer):
+class QueueAnswer(models.Answer):
     queued: int
     running: int
     succeeded: int
     failed: int
     quarantined: int
-    more: list[JobState] = Field(
+    more: list[job.JobState] = Field(
         description=f"States with more jobs than their number states: each is counted up to {MOST_COUNTED}."
     )
     oldest_wait_s: float = Field(ge=0, description="How long the job that waits longest has been due.")

@@ -10,12 +10,9 @@ from radiometry.drawing.text import in_step
 from radiometry.fitting.comparison import Comparison
 from radiometry.methods import get_method
 from radiometry.specification.application import PictureApplication
+from service.http import auth, lookup, models, operations
 from service.http.answers import problems
-from service.http.auth import Caller, Reader
 from service.http.context import UsesContext
-from service.http.lookup import Id, owned
-from service.http.models import Answer, Quantity, Text
-from service.http.operations import Router
 from service.http.problems import invalid
 from store.measuring.comparison import SURE, MeasurementComparison, Side, compare_measurements
 from store.tables import Calibration, FrameRow, Measurement
@@ -23,15 +20,15 @@ from store.tables import Calibration, FrameRow, Measurement
 _OTHER_REGION = " The two regions differ: the change may be one of the place and not of the light."
 
 
-class Compared(Answer, restates=Comparison):
+class Compared(models.Answer, restates=Comparison):
     """new - old, and new / old - 1."""
 
 
-class Measured(Answer):
+class Measured(models.Answer):
     measurement_id: str
     filename: str
     taken_at: str | None = None
-    mean: Quantity
+    mean: models.Quantity
     region: list[list[float]] = Field(description="Outline [x, y] in px of what the mean is of.")
     region_origin: str = Field(description="Source of the region, as in the measurement.")
 
@@ -94,17 +91,17 @@ def _format_verdict(found: MeasurementComparison) -> str:
     return f"The mean {moved} by {by}, {times}: {verdict}."
 
 
-router = Router(prefix="/v1", tags=["measurements"])
+router = operations.Router(prefix="/v1", tags=["measurements"])
 
 
 @router.get(
     "/measurements/{measurement_id}/comparison", response_model=ContrastAnswer, responses=problems(404, 409)
 )
 def contrast_measurements(
-    measurement_id: Id,
-    caller: Reader,
+    measurement_id: lookup.Id,
+    caller: auth.Reader,
     context: UsesContext,
-    old: Annotated[Text, Query(description="The measurement that it is compared with.")],
+    old: Annotated[models.Text, Query(description="The measurement that it is compared with.")],
     *,
     other_region: Annotated[bool, Query(description="Compare them even if their outlines differ.")] = False,
     same_light: Annotated[bool, Query(description="You know that the same lamps lit both.")] = False,
@@ -123,8 +120,8 @@ def contrast_measurements(
         return ContrastAnswer.between(before, after, found).respond()
 
 
-def _side(session: Session, measurement_id: str, caller: Caller) -> Side:
-    row = owned(session, Measurement, measurement_id, caller)
+def _side(session: Session, measurement_id: str, caller: auth.Caller) -> Side:
+    row = lookup.owned(session, Measurement, measurement_id, caller)
     application = get_method(row.method).application
     if isinstance(application, PictureApplication):
         message = f"is an {application.quantity} and has no value to compare"

@@ -21,12 +21,9 @@ from radiometry.maps import (
     place_on_road,
     trace_isolines,
 )
+from service.http import auth, lookup, models, operations
 from service.http.answers import UNCHANGED, immutable_headers, not_modified, problems
-from service.http.auth import Reader
 from service.http.context import UsesContext
-from service.http.lookup import Id
-from service.http.models import Answer, Form
-from service.http.operations import Router
 from service.http.problems import Problem, invalid
 from service.measurements.lists import GeoJson
 from service.measurements.maps import (
@@ -63,7 +60,7 @@ _AREA = (
 )
 
 
-class LevelsOfMap(Form):
+class LevelsOfMap(models.Form):
     """Levels of isolines, and the area in which they are traced."""
 
     levels: Annotated[
@@ -100,12 +97,12 @@ class LevelsOfMap(Form):
         return sorted({float(level) for level in (self.levels or "").replace(",", " ").split()})
 
 
-class IsolineGeometry(Answer):
+class IsolineGeometry(models.Answer):
     type: Literal["MultiLineString"]
     coordinates: list[list[list[float]]]
 
 
-class IsolineProperties(Answer):
+class IsolineProperties(models.Answer):
     level: float
     unit: str
     standard_uncertainty: float | None = Field(
@@ -123,14 +120,14 @@ class IsolineProperties(Answer):
     rings_left_out: int = Field(description="Rings around a single square, which noise alone draws.")
 
 
-class IsolineFeature(Answer):
+class IsolineFeature(models.Answer):
     type: Literal["Feature"]
     id: str
     geometry: IsolineGeometry
     properties: IsolineProperties
 
 
-class IsolinesAnswer(Answer):
+class IsolinesAnswer(models.Answer):
     """Isolines in the form of GeoJSON, longitude and latitude only with `coordinates_in` `wgs84`."""
 
     type: Literal["FeatureCollection"]
@@ -257,7 +254,7 @@ def _place(found: OpenMap, line: Array, coordinates: Coordinates) -> Array | Non
     return np.round(line, 2)
 
 
-router = Router(prefix="/v1/measurements/{measurement_id}", tags=["measurements"])
+router = operations.Router(prefix="/v1/measurements/{measurement_id}", tags=["measurements"])
 
 
 @router.get(
@@ -267,9 +264,9 @@ router = Router(prefix="/v1/measurements/{measurement_id}", tags=["measurements"
     responses={**UNCHANGED, **problems(404, 500)},
 )
 def get_measurement_isolines(
-    measurement_id: Id,
+    measurement_id: lookup.Id,
     request: Request,
-    caller: Reader,
+    caller: auth.Reader,
     context: UsesContext,
     asked: Annotated[LevelsOfMap, Query()],
 ) -> Response:

@@ -22,14 +22,11 @@ from service.coefficients.series import (
     answer_series,
     sends_series,
 )
-from service.http.answers import problems
+from service.http import answers, lookup, operations, tables
 from service.http.auth import Caller, Reader
 from service.http.context import Context, UsesContext
-from service.http.lookup import Id, owned
 from service.http.models import Instant, Text
-from service.http.operations import Router
 from service.http.problems import Problem
-from service.http.tables import write_csv as write_table
 from service.measurements.routes import OfCalibration
 from store.ready.rows import COLUMNS, read_row
 from store.ready.series import Asked, MeasurementSeries
@@ -88,7 +85,7 @@ def _project(row: Measurement, across: Any, along: Any) -> Any:  # noqa: ANN401 
     return projected[..., :2] / projected[..., 2:]
 
 
-router = Router(prefix="/v1", tags=["measurements"])
+router = operations.Router(prefix="/v1", tags=["measurements"])
 
 
 class MeasurementSeriesQuery(SeriesQuery):
@@ -115,14 +112,14 @@ class GeoJson(JSONResponse):
     "/campaigns/{campaign_id}/measurements.geojson",
     response_model=FeaturesAnswer,
     response_class=GeoJson,
-    responses=problems(404),
+    responses=answers.problems(404),
 )
 def get_campaign_measurements_geojson(
-    campaign_id: Id, caller: Reader, context: UsesContext, calibration_id: OfCalibration = None
+    campaign_id: lookup.Id, caller: Reader, context: UsesContext, calibration_id: OfCalibration = None
 ) -> Response:
     """Every measurement of a campaign as a feature where its frame was taken, by that time."""
     with context.database.reading() as session:
-        owned(session, Campaign, campaign_id, caller)
+        lookup.owned(session, Campaign, campaign_id, caller)
     asked = Asked(
         organisation_id=caller.organisation_id, campaign_id=campaign_id, calibration_id=calibration_id
     )
@@ -134,7 +131,7 @@ def get_campaign_measurements_geojson(
 @router.get(
     "/series/measurements",
     response_model=MeasurementSeriesAnswer,
-    responses={**sends_series(), **problems(404)},
+    responses={**sends_series(), **answers.problems(404)},
 )
 def get_measurement_series(
     query: Annotated[MeasurementSeriesQuery, Query()], request: Request, caller: Reader, context: UsesContext
@@ -151,22 +148,22 @@ def get_measurement_series(
 @router.get(
     "/measurements/{measurement_id}/cells.csv",
     response_class=Response,
-    responses={200: {"content": {"text/csv": {"schema": {"type": "string"}}}}, **problems(404)},
+    responses={200: {"content": {"text/csv": {"schema": {"type": "string"}}}}, **answers.problems(404)},
 )
-def get_measurement_cells_csv(measurement_id: Id, caller: Reader, context: UsesContext) -> Response:
+def get_measurement_cells_csv(measurement_id: lookup.Id, caller: Reader, context: UsesContext) -> Response:
     """The cells of a measurement's grid, a line each, with their place in the frame and on the road."""
     cells = list(list_cells(_require_grid(context, measurement_id, caller)))
-    return Response(write_table(cells), media_type=MEDIA_TYPES["csv"])
+    return Response(tables.write_csv(cells), media_type=MEDIA_TYPES["csv"])
 
 
 @router.get(
     "/measurements/{measurement_id}/cells.geojson",
     response_model=CellsAnswer,
     response_class=GeoJson,
-    responses=problems(404),
+    responses=answers.problems(404),
 )
 def get_measurement_cells_geojson(
-    measurement_id: Id,
+    measurement_id: lookup.Id,
     caller: Reader,
     context: UsesContext,
     coordinates: Annotated[
@@ -192,7 +189,7 @@ def get_measurement_cells_geojson(
 
 def _require_grid(context: Context, measurement_id: str, caller: Caller) -> Measurement:
     with context.database.reading() as session:
-        row = owned(session, Measurement, measurement_id, caller)
+        row = lookup.owned(session, Measurement, measurement_id, caller)
     if not row.parameters.get("grid") or not row.result.get("surface"):
         raise Problem(interface.NOT_FOUND, "This measurement has no cells: measure the frame with a `grid`.")
     return row

@@ -14,18 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, WithJsonSchema
 
+from radiometry import maps, records
 from radiometry.findings import interface
 from radiometry.fitting.comparison import SUBTRACTED
 from radiometry.frame import roi
 from radiometry.frame.roi import Polygon
-from radiometry.maps import COVERAGE, PixelUncertainty, find_likeness, read_uncertainty
 from radiometry.methods import get_method
-from radiometry.records import Record
 from radiometry.specification.application import PictureApplication, SurfaceApplication
-from service.http.auth import Caller
+from service.http import auth, lookup, models
 from service.http.context import Context
-from service.http.lookup import owned
-from service.http.models import Answer, Form
 from service.http.problems import Problem
 from store.blobs import prove_file
 from store.codec import decode_exposure
@@ -37,7 +34,7 @@ MOST_VALUES = 250_000
 Values = NDArray[np.float32]
 
 
-class Window(Record):
+class Window(records.Record):
     """Rows [top, bottom) and columns [left, right) of a map."""
 
     top: int
@@ -46,7 +43,7 @@ class Window(Record):
     right: int
 
 
-class Layout(Record):
+class Layout(records.Record):
     """Where the tiles of a map lie in its file."""
 
     height_px: int
@@ -157,7 +154,7 @@ _Size = Annotated[int | None, Field(ge=1, lt=1_000_000, description="Left out: u
 Layer = Literal["value", "expanded_uncertainty_rel"]
 
 
-class MapWindow(Form):
+class MapWindow(models.Form):
     """Which part of a map."""
 
     layer: Annotated[
@@ -182,7 +179,7 @@ class MapWindow(Form):
 _Value = Annotated[float | None, WithJsonSchema({"type": ["number", "null"]})]
 
 
-class ValueUncertainty(Answer):
+class ValueUncertainty(models.Answer):
     """Uncertainty of a value v: u^2 = (u_rel v)^2 + u_constant^2 + u_pixel^2; the last two in its unit."""
 
     u_rel: float = Field(description="Of K, meter, time, f-number: the same share in every pixel.")
@@ -194,7 +191,7 @@ class ValueUncertainty(Answer):
     )
 
 
-class MapValuesAnswer(Answer):
+class MapValuesAnswer(models.Answer):
     layer: Layer
     unit: str = Field(description='As in map.tif: "cd/m2", or "1" of a reflectance, an index or a share.')
     height_px: int = Field(description="Of the whole map.")
@@ -238,14 +235,14 @@ class MapValuesAnswer(Answer):
         )
 
 
-class FootprintAnswer(Answer):
+class FootprintAnswer(models.Answer):
     """A GeoJSON polygon: one ring of longitude and latitude, closed."""
 
     type: Literal["Polygon"]
     coordinates: list[list[list[float]]]
 
 
-class StacItem(Answer):
+class StacItem(models.Answer):
     """A STAC item: a GeoJSON feature with links and assets."""
 
     type: Literal["Feature"]
@@ -299,7 +296,7 @@ REGIONS_VIGNETTING: Final = (
 )
 
 
-class OpenMap(Record):
+class OpenMap(records.Record):
     """A measurement's map, ready to be read."""
 
     row: Measurement
@@ -308,7 +305,7 @@ class OpenMap(Record):
     path: Path
     layout: Layout
     unit: str
-    uncertainty: PixelUncertainty | None
+    uncertainty: maps.PixelUncertainty | None
 
     @property
     def is_light(self) -> bool:
@@ -341,10 +338,10 @@ class OpenMap(Record):
 
 
 @contextmanager
-def open_map(context: Context, measurement_id: str, caller: Caller) -> Iterator[OpenMap]:
+def open_map(context: Context, measurement_id: str, caller: auth.Caller) -> Iterator[OpenMap]:
     """Open the map of a measurement; refuse one that was made without, and a picture."""
     with context.database.reading() as session:
-        row = owned(session, Measurement, measurement_id, caller)
+        row = lookup.owned(session, Measurement, measurement_id, caller)
         if row.map_tif_sha256 is None:
             detail = 'This measurement was made without a map: ask for one with "products": ["map"].'
             raise Problem(interface.NOT_FOUND, detail)
@@ -356,7 +353,7 @@ def open_map(context: Context, measurement_id: str, caller: Caller) -> Iterator[
     with context.files.local(row.map_tif_sha256) as file:
         prove_file(file)
         layout = read_layout(file.path)
-        likeness = find_likeness((frame.header or {}).get("cfa", ""), row.result.get("channel", ""))
+        likeness = maps.find_likeness((frame.header or {}).get("cfa", ""), row.result.get("channel", ""))
         yield OpenMap(
             row=row,
             frame=frame,
@@ -364,7 +361,7 @@ def open_map(context: Context, measurement_id: str, caller: Caller) -> Iterator[
             path=file.path,
             layout=layout,
             unit=layout.unit,
-            uncertainty=read_uncertainty(
+            uncertainty=maps.read_uncertainty(
                 uncertainty_of(row.result),
                 reference=row.result.get("mean", {}).get("value", 0.0),
                 likeness=likeness,
@@ -396,7 +393,7 @@ def map_uncertainty(found: OpenMap, window: Window, values: Values, *, step: int
         known = replace(known, relative=np.array([np.interp(rows, nodes[0], line) for line in along.T]).T)
     positive = np.where(values > 0.0, values, np.nan).astype(np.float64)
     u = np.hypot(known.common(positive), known.own(positive, float(step**2)))
-    return (COVERAGE * u / positive).astype(np.float32)
+    return (maps.COVERAGE * u / positive).astype(np.float32)
 
 
 def _open_lens(found: OpenMap) -> Callable[[NDArray[np.float64]], NDArray[np.float64]] | None:
@@ -448,9 +445,6 @@ def frame_window(layout: Layout, polygon: Polygon | None) -> Window:
 
 def _mask(polygon: Polygon, window: Window) -> NDArray[np.bool_]:
     part = roi.Window(
-        row0=window.top,
-        col0=window.left,
-        height=window.bottom - window.top,
-        width=window.right - window.left,
+        row0=window.top, col0=window.left, height=window.bottom - window.top, width=window.right - window.left
     )
     return roi.mask(polygon, part)

@@ -11,41 +11,20 @@ from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected, interface
 from radiometry.methods import get_method
-from service.http.answers import (
-    UNCHANGED,
-    immutable_headers,
-    not_modified,
-    problems,
-    send_blob,
-    sends_stored_file,
-)
-from service.http.auth import Caller, Reader, Uploader
-from service.http.changes import Reply, Writes
+from service.http import answers, auth, changes, lookup, models, operations
 from service.http.context import Context, UsesContext
-from service.http.lookup import Id, owned
-from service.http.models import Answer, Text
-from service.http.operations import Router
 from service.http.paging import Page, UsesPaging
 from service.http.problems import Problem
 from service.jobs.routes import reply_queued
 from service.jobs.schemas import JobAnswer
-from service.measurements.requests import (
-    CONDITIONS,
-    CampaignMeasurementsAnswer,
-    MeasurementOptions,
-    NewMeasurement,
-    NotMeasured,
-    read_grid,
-    read_roi,
-)
+from service.measurements import requests
 from service.measurements.schemas import MeasurementAnswer
-from store import jobs
-from store.database import Conflict
+from store import database, jobs
 from store.measuring.plan import Asked, Captures, find_subject, list_others, plan_measurement
 from store.queries.calibrations import read_version_statuses
 from store.tables import Calibration, Campaign, FrameRow, Job, Measurement
 
-OfCalibration = Annotated[Text | None, Query(description="Only those made with this version.")]
+OfCalibration = Annotated[models.Text | None, Query(description="Only those made with this version.")]
 
 
 def answer_measurements(session: Session, rows: list[Measurement]) -> list[MeasurementAnswer]:
@@ -77,18 +56,18 @@ def answer_measurements(session: Session, rows: list[Measurement]) -> list[Measu
 RECORD_SCHEMA = 1
 
 
-class MeasuredFrame(Answer, restates=(FrameRow,), fields="id filename sha256 role supplied exposure"):
+class MeasuredFrame(models.Answer, restates=(FrameRow,), fields="id filename sha256 role supplied exposure"):
     """A frame of the measurement: its file by hash, and its exposure as it was used."""
 
 
 class MeasuredWith(
-    Answer, restates=(Calibration,), fields="id method version content_sha256 parameters inputs result"
+    models.Answer, restates=(Calibration,), fields="id method version content_sha256 parameters inputs result"
 ):
     """The calibration version, as stored."""
 
 
 class MeasurementRecord(
-    Answer, restates=(Measurement,), fields="id method parameters result software content_sha256"
+    models.Answer, restates=(Measurement,), fields="id method parameters result software content_sha256"
 ):
     """A measurement as stored, with its frames and calibration version: `make verify` recomputes it."""
 
@@ -108,19 +87,21 @@ class MeasurementRecord(
         return cls.restate(row, **more)
 
 
-router = Router(prefix="/v1", tags=["measurements"])
+router = operations.Router(prefix="/v1", tags=["measurements"])
 
 
-@router.post("/measurements", status_code=202, response_model=JobAnswer, responses=problems(404, 409))
-def start_measurement(body: NewMeasurement, caller: Uploader, writing: Writes) -> Response:
+@router.post("/measurements", status_code=202, response_model=JobAnswer, responses=answers.problems(404, 409))
+def start_measurement(
+    body: requests.NewMeasurement, caller: auth.Uploader, writing: changes.Writes
+) -> Response:
     """Measure a frame with a calibrated camera. The job's result names the measurement.
 
     Without `calibration_id` the version is taken that was in force when the frame was taken. `frame_ids` in
     place of `frame_id` averages repeats of one scene.
     """
 
-    def change(session: Session) -> Reply:
-        frame, *_ = (owned(session, FrameRow, each, caller) for each in body.list_frames())
+    def change(session: Session) -> changes.Reply:
+        frame, *_ = (lookup.owned(session, FrameRow, each, caller) for each in body.list_frames())
         asked, named = _read_asked(body), _named(session, body, caller)
         job = _enqueue(session, frame, asked, named, caller, Captures(session), lane="measure")
         return reply_queued(session, job)
@@ -131,11 +112,11 @@ def start_measurement(body: NewMeasurement, caller: Uploader, writing: Writes) -
 @router.post(
     "/campaigns/{campaign_id}/measurements",
     status_code=202,
-    response_model=CampaignMeasurementsAnswer,
-    responses=problems(404, 409),
+    response_model=requests.CampaignMeasurementsAnswer,
+    responses=answers.problems(404, 409),
 )
 def start_campaign_measurements(
-    campaign_id: Id, body: MeasurementOptions, caller: Uploader, writing: Writes
+    campaign_id: lookup.Id, body: requests.MeasurementOptions, caller: auth.Uploader, writing: changes.Writes
 ) -> Response:
     """Measure every field frame of a campaign. One that cannot be measured is named with the reason.
 
@@ -143,18 +124,18 @@ def start_campaign_measurements(
     come from another campaign of the same camera.
     """
 
-    def change(session: Session) -> Reply:
-        campaign = owned(session, Campaign, campaign_id, caller)
+    def change(session: Session) -> changes.Reply:
+        campaign = lookup.owned(session, Campaign, campaign_id, caller)
         named, asked, captures = _named(session, body, caller), _read_asked(body), Captures(session)
         started: dict[Job, None] = {}
-        refused: list[NotMeasured] = []
+        refused: list[requests.NotMeasured] = []
         for frame in _field_frames(session, campaign):
             try:
                 job = _enqueue(session, frame, asked, named, caller, captures, lane="flight")
                 started[job] = None
-            except (InputRejected, Conflict) as refusal:
+            except (InputRejected, database.Conflict) as refusal:
                 refused.append(
-                    NotMeasured(
+                    requests.NotMeasured(
                         frame_id=frame.id,
                         filename=frame.filename,
                         code=str(refusal.code),
@@ -163,19 +144,19 @@ def start_campaign_measurements(
                 )
         session.flush()
         jobs_answer = [JobAnswer.of(job, session.get_one(FrameRow, job.subject_id)) for job in started]
-        answer = CampaignMeasurementsAnswer(jobs=jobs_answer, not_measured=refused)
-        return Reply(status=202, body=answer, jobs=list(started))
+        answer = requests.CampaignMeasurementsAnswer(jobs=jobs_answer, not_measured=refused)
+        return changes.Reply(status=202, body=answer, jobs=list(started))
 
     return writing.run(caller, change)
 
 
-@router.get("/measurements", response_model=Page[MeasurementAnswer], responses=problems())
+@router.get("/measurements", response_model=Page[MeasurementAnswer], responses=answers.problems())
 def list_measurements(
     paging: UsesPaging,
-    caller: Reader,
+    caller: auth.Reader,
     context: UsesContext,
-    camera_id: Annotated[Text | None, Query()] = None,
-    campaign_id: Annotated[Text | None, Query()] = None,
+    camera_id: Annotated[models.Text | None, Query()] = None,
+    campaign_id: Annotated[models.Text | None, Query()] = None,
     calibration_id: OfCalibration = None,
 ) -> Response:
     """The measurements of your organisation, newest first."""
@@ -196,17 +177,19 @@ def list_measurements(
 @router.get(
     "/measurements/{measurement_id}",
     response_model=MeasurementAnswer,
-    responses={**UNCHANGED, **problems(404)},
+    responses={**answers.UNCHANGED, **answers.problems(404)},
 )
-def get_measurement(measurement_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
+def get_measurement(
+    measurement_id: lookup.Id, request: Request, caller: auth.Reader, context: UsesContext
+) -> Response:
     """One measurement, with the calibration that it was made with and what has become of that since."""
     with context.database.reading() as session:
-        row = owned(session, Measurement, measurement_id, caller)
+        row = lookup.owned(session, Measurement, measurement_id, caller)
         answer = answer_measurements(session, [row])[0]
     # the figures never change; how their calibration stands may, and that of its vignetting, which is a flag
     state = f"{answer.calibration.state}-{answer.calibration.superseded_by or ''}-{len(answer.flags)}"
     tag = f"{row.content_sha256}-{state}"
-    response = not_modified(request, tag) or answer.respond({"ETag": f'"{tag}"'})
+    response = answers.not_modified(request, tag) or answer.respond({"ETag": f'"{tag}"'})
     response.headers["Cache-Control"] = "private, no-cache"
     return response
 
@@ -214,34 +197,34 @@ def get_measurement(measurement_id: Id, request: Request, caller: Reader, contex
 @router.get(
     "/measurements/{measurement_id}/record.json",
     response_model=MeasurementRecord,
-    responses={**UNCHANGED, **problems(404)},
+    responses={**answers.UNCHANGED, **answers.problems(404)},
 )
 def get_measurement_record(
-    measurement_id: Id, request: Request, caller: Reader, context: UsesContext
+    measurement_id: lookup.Id, request: Request, caller: auth.Reader, context: UsesContext
 ) -> Response:
     """A measurement as stored, with all that `make verify` needs to recompute it but the frames' files.
 
     It never changes. `stilb export --measurement` downloads it with the frames and the map.
     """
     with context.database.reading() as session:
-        row = owned(session, Measurement, measurement_id, caller)
-        unchanged = not_modified(request, tag := f"{row.content_sha256}-record")
+        row = lookup.owned(session, Measurement, measurement_id, caller)
+        unchanged = answers.not_modified(request, tag := f"{row.content_sha256}-record")
         if unchanged is not None:
             return unchanged
         calibration = session.get_one(Calibration, row.calibration_id)
         more = [*row.parameters.get("repeats", []), *list_others(row.parameters)]
         ids = [row.frame_id, *(named["frame_id"] for named in more)]
         frames = [session.get_one(FrameRow, frame_id) for frame_id in ids]
-        return MeasurementRecord.of(row, frames, calibration).respond(immutable_headers(tag))
+        return MeasurementRecord.of(row, frames, calibration).respond(answers.immutable_headers(tag))
 
 
 @router.get(
     "/measurements/{measurement_id}/map.tif",
     response_class=Response,
-    responses=sends_stored_file("image/tiff"),
+    responses=answers.sends_stored_file("image/tiff"),
 )
 def get_measurement_map(
-    measurement_id: Id, request: Request, caller: Reader, context: UsesContext
+    measurement_id: lookup.Id, request: Request, caller: auth.Reader, context: UsesContext
 ) -> Response:
     """Return the map of all pixels, float32, with the frame's metadata; NaN where the value is not known.
 
@@ -255,10 +238,10 @@ def get_measurement_map(
 @router.get(
     "/measurements/{measurement_id}/map.png",
     response_class=Response,
-    responses=sends_stored_file("image/png"),
+    responses=answers.sends_stored_file("image/png"),
 )
 def get_measurement_picture(
-    measurement_id: Id, request: Request, caller: Reader, context: UsesContext
+    measurement_id: lookup.Id, request: Request, caller: auth.Reader, context: UsesContext
 ) -> Response:
     """The map in false colours with its bar: of luminance on a logarithmic scale, else on an even one.
 
@@ -267,25 +250,27 @@ def get_measurement_picture(
     return _send_map(request, context, _owned(context, measurement_id, caller), "png")
 
 
-def _read_asked(body: MeasurementOptions) -> Asked:
-    grid, lanes = read_grid(body.grid) if body.grid is not None else (None, None)
+def _read_asked(body: requests.MeasurementOptions) -> Asked:
+    grid, lanes = requests.read_grid(body.grid) if body.grid is not None else (None, None)
     return Asked(
-        polygon=read_roi(body.roi).polygon if body.roi is not None else None,
+        polygon=requests.read_roi(body.roi).polygon if body.roi is not None else None,
         grid=grid,
         lanes=lanes,
         reflectance=body.reflectance,
         incidence_angle_deg=body.incidence_angle_deg,
         index=body.index,
         quantity=body.quantity,
-        frame_ids=tuple(body.list_frames()) if isinstance(body, NewMeasurement) and body.frame_ids else None,
-        conditions=body.model_dump(include=set(CONDITIONS), exclude_unset=True),
+        frame_ids=tuple(body.list_frames())
+        if isinstance(body, requests.NewMeasurement) and body.frame_ids
+        else None,
+        conditions=body.model_dump(include=set(requests.CONDITIONS), exclude_unset=True),
         products=tuple(body.products or ()),
         allow=tuple(dict.fromkeys(body.allow or ())),
     )
 
 
-def _named(session: Session, body: MeasurementOptions, caller: Caller) -> Calibration | None:
-    return owned(session, Calibration, body.calibration_id, caller) if body.calibration_id else None
+def _named(session: Session, body: requests.MeasurementOptions, caller: auth.Caller) -> Calibration | None:
+    return lookup.owned(session, Calibration, body.calibration_id, caller) if body.calibration_id else None
 
 
 def _enqueue(
@@ -293,7 +278,7 @@ def _enqueue(
     frame: FrameRow,
     asked: Asked,
     named: Calibration | None,
-    caller: Caller,
+    caller: auth.Caller,
     captures: Captures,
     *,
     lane: str,
@@ -320,9 +305,9 @@ def _field_frames(session: Session, campaign: Campaign) -> list[FrameRow]:
     return found
 
 
-def _owned(context: Context, measurement_id: str, caller: Caller) -> Measurement:
+def _owned(context: Context, measurement_id: str, caller: auth.Caller) -> Measurement:
     with context.database.reading() as session:
-        return owned(session, Measurement, measurement_id, caller)
+        return lookup.owned(session, Measurement, measurement_id, caller)
 
 
 def _send_map(request: Request, context: Context, row: Measurement, kind: Literal["tif", "png"]) -> Response:
@@ -334,4 +319,4 @@ def _send_map(request: Request, context: Context, row: Measurement, kind: Litera
         frame = session.get_one(FrameRow, row.frame_id)
     name = quote(f"{PurePath(frame.filename).stem}-{row.id}.{kind}", safe="")
     headers = {"Content-Disposition": f"inline; filename*=UTF-8''{name}"}
-    return send_blob(request, context.files, sha256, f"image/{kind.replace('tif', 'tiff')}", headers)
+    return answers.send_blob(request, context.files, sha256, f"image/{kind.replace('tif', 'tiff')}", headers)

@@ -11,25 +11,10 @@ from xml.sax.saxutils import unescape
 from fastapi import Query, Request, Response
 
 from radiometry.findings import interface
-from service.http.answers import UNCHANGED, immutable_headers, not_modified, problems
-from service.http.auth import Caller, Reader
-from service.http.connections import absolute
+from service.http import answers, auth, connections, lookup, operations
 from service.http.context import Context, UsesContext
-from service.http.lookup import Id, owned
-from service.http.operations import Router
 from service.http.problems import Problem, invalid
-from service.measurements.lists import GeoJson
-from service.measurements.maps import (
-    MOST_VALUES,
-    Layout,
-    MapValuesAnswer,
-    MapWindow,
-    StacItem,
-    Window,
-    map_uncertainty,
-    open_map,
-    read_values,
-)
+from service.measurements import lists, maps
 from store.blobs import prove_file
 from store.queries.frame_times import Zones, read_frame_time
 from store.tables import Calibration, FrameRow, Measurement
@@ -148,47 +133,47 @@ def _format(at: datetime) -> str:
     return at.astimezone(UTC).isoformat().replace("+00:00", "Z")
 
 
-router = Router(prefix="/v1", tags=["measurements"])
+router = operations.Router(prefix="/v1", tags=["measurements"])
 
 
 @router.get(
     "/measurements/{measurement_id}/map.json",
-    response_model=MapValuesAnswer,
-    responses={**UNCHANGED, **problems(404, 500)},
+    response_model=maps.MapValuesAnswer,
+    responses={**answers.UNCHANGED, **answers.problems(404, 500)},
 )
 def get_measurement_map_values(
-    measurement_id: Id,
+    measurement_id: lookup.Id,
     request: Request,
-    caller: Reader,
+    caller: auth.Reader,
     context: UsesContext,
-    asked: Annotated[MapWindow, Query()],
+    asked: Annotated[maps.MapWindow, Query()],
 ) -> Response:
     """A window of the map: with step 1 the very values of map.tif, else the means of squares.
 
     With `layer` their relative expanded uncertainty in place of the values.
     """
-    with open_map(context, measurement_id, caller) as found:
+    with maps.open_map(context, measurement_id, caller) as found:
         tag = found.tag(asked.tag)
-        unchanged = not_modified(request, tag)
+        unchanged = answers.not_modified(request, tag)
         if unchanged is not None:
             return unchanged
         layout = found.layout
         window = _cut(layout, asked)
-        values = read_values(found.path, layout, window, step=asked.step)
+        values = maps.read_values(found.path, layout, window, step=asked.step)
         if asked.layer == "expanded_uncertainty_rel":
-            values = map_uncertainty(found, window, values, step=asked.step)
-        answer = MapValuesAnswer.of(found.row, layout, window, values, asked, notes=found.list_notes())
-    return answer.respond(immutable_headers(tag))
+            values = maps.map_uncertainty(found, window, values, step=asked.step)
+        answer = maps.MapValuesAnswer.of(found.row, layout, window, values, asked, notes=found.list_notes())
+    return answer.respond(answers.immutable_headers(tag))
 
 
 @router.get(
     "/measurements/{measurement_id}/stac.json",
-    response_model=StacItem,
-    response_class=GeoJson,
-    responses={**UNCHANGED, **problems(404, 500)},
+    response_model=maps.StacItem,
+    response_class=lists.GeoJson,
+    responses={**answers.UNCHANGED, **answers.problems(404, 500)},
 )
 def get_measurement_stac(
-    measurement_id: Id, request: Request, caller: Reader, context: UsesContext
+    measurement_id: lookup.Id, request: Request, caller: auth.Reader, context: UsesContext
 ) -> Response:
     """Return the map as a STAC item, with the extensions eo, processing, projection and raster.
 
@@ -196,9 +181,9 @@ def get_measurement_stac(
     it lies in.
     """
     row, sha256 = _require_map(context, measurement_id, caller)
-    base = absolute(request, "")
+    base = connections.absolute(request, "")
     tag = hashlib.sha256(f"{sha256}-{row.id}-{base}".encode()).hexdigest()
-    unchanged = not_modified(request, tag)
+    unchanged = answers.not_modified(request, tag)
     if unchanged is not None:
         return unchanged
     with context.files.local(sha256) as file:
@@ -208,20 +193,20 @@ def get_measurement_stac(
         frame = session.get_one(FrameRow, row.frame_id)
         calibration = session.get_one(Calibration, row.calibration_id)
         item = make_item(row, frame, calibration, found, base=base)
-    return GeoJson(item, headers=immutable_headers(tag))
+    return lists.GeoJson(item, headers=answers.immutable_headers(tag))
 
 
-def _require_map(context: Context, measurement_id: str, caller: Caller) -> tuple[Measurement, str]:
+def _require_map(context: Context, measurement_id: str, caller: auth.Caller) -> tuple[Measurement, str]:
     """Return a measurement that was made with a map, and the hash of that."""
     with context.database.reading() as session:
-        row = owned(session, Measurement, measurement_id, caller)
+        row = lookup.owned(session, Measurement, measurement_id, caller)
     if row.map_tif_sha256 is None:
         detail = 'This measurement was made without a map: ask for one with "products": ["map"].'
         raise Problem(interface.NOT_FOUND, detail)
     return row, row.map_tif_sha256
 
 
-def _cut(layout: Layout, asked: MapWindow) -> Window:
+def _cut(layout: maps.Layout, asked: maps.MapWindow) -> maps.Window:
     bottom = min(layout.height_px, asked.top + (asked.height or layout.height_px))
     right = min(layout.width_px, asked.left + (asked.width or layout.width_px))
     rows, cols = (bottom - asked.top) // asked.step, (right - asked.left) // asked.step
@@ -229,7 +214,7 @@ def _cut(layout: Layout, asked: MapWindow) -> Window:
         size = f"{layout.height_px} rows and {layout.width_px} columns"
         message = f"the map has {size}: the window holds no whole square of it"
         raise invalid([{"type": "window", "loc": ("query", "top"), "msg": message}])
-    if rows * cols > MOST_VALUES:
+    if rows * cols > maps.MOST_VALUES:
         message = f"{rows * cols} values at once are too many: take a larger step, or a smaller window"
         raise invalid([{"type": "window", "loc": ("query", "step"), "msg": message}])
-    return Window(top=asked.top, left=asked.left, bottom=bottom, right=right)
+    return maps.Window(top=asked.top, left=asked.left, bottom=bottom, right=right)

@@ -8,13 +8,10 @@ from sqlalchemy import Select, select
 from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
+from service.http import auth, changes, lookup, operations
 from service.http.answers import problems
-from service.http.auth import SCOPES, Admin, Caller, Scope, get_caller
-from service.http.changes import Reply, Writes
 from service.http.context import UsesContext
-from service.http.lookup import Id, owned
 from service.http.models import Answer, Clearable, Form, Instant, Text
-from service.http.operations import Router
 from service.http.paging import Page, UsesPaging
 from service.http.problems import Problem, invalid, not_found
 from service.organisation.routes import require_free_name
@@ -28,7 +25,7 @@ class NewKey(Form):
         description="Of the person, device or program that uses the key; the audit trail names it."
     )
     scopes: Annotated[
-        list[Scope],
+        list[auth.Scope],
         Field(min_length=1, max_length=5, description="What the key may do; it cannot be changed later."),
     ]
     person: Text | None = Field(
@@ -50,11 +47,9 @@ class KeyChange(Form):
 
 
 class KeyAnswer(
-    Answer,
-    restates=ApiKey,
-    fields="id name person role scopes created_at expires_at last_used_at revoked_at",
+    Answer, restates=ApiKey, fields="id name person role scopes created_at expires_at last_used_at revoked_at"
 ):
-    scopes: list[Scope]
+    scopes: list[auth.Scope]
     secret: str | None = Field(
         default=None,
         description="The key itself: shown once, kept only as a hash, not repeated to a repeated request.",
@@ -71,7 +66,7 @@ class OrganisationNamed(Answer, restates=Organisation, fields="id name"):
 class OwnKeyAnswer(Answer, restates=ApiKey, fields="id name person role created_at expires_at last_used_at"):
     """The key of the one who asks, and the organisation that it belongs to."""
 
-    scopes: list[Scope]
+    scopes: list[auth.Scope]
     organisation: OrganisationNamed
 
 
@@ -100,38 +95,38 @@ class EndedSessions(Answer):
     ended: int = Field(ge=0, description="How many sessions were ended.")
 
 
-router = Router(prefix="/v1", tags=["keys"])
+router = operations.Router(prefix="/v1", tags=["keys"])
 
 
 @router.post("/organisations", status_code=201, response_model=OrganisationAnswer, responses=problems(409))
-def create_organisation(body: NewOrganisation, caller: Admin, writing: Writes) -> Response:
+def create_organisation(body: NewOrganisation, caller: auth.Admin, writing: changes.Writes) -> Response:
     """Found an organisation; its first key is shown once. Only the operator's admins may."""
     if not caller.operator:
         raise Problem(
             interface.SCOPE_MISSING, "Only an administrator of the operator can create organisations."
         )
 
-    def change(session: Session) -> Reply:
+    def change(session: Session) -> changes.Reply:
         require_free_name(session, body.name)
         organisation = Organisation(name=body.name)
         session.add(organisation)
         session.flush()
-        key = _create(session, organisation.id, NewKey(name="first", scopes=list(SCOPES)))
-        return Reply(status=201, body=OrganisationAnswer.restate(organisation, key=key))
+        key = _create(session, organisation.id, NewKey(name="first", scopes=list(auth.SCOPES)))
+        return changes.Reply(status=201, body=OrganisationAnswer.restate(organisation, key=key))
 
     return writing.run(caller, change)
 
 
 @router.post("/keys", status_code=201, response_model=KeyAnswer, responses=problems())
-def create_api_key(body: NewKey, caller: Admin, writing: Writes) -> Response:
+def create_api_key(body: NewKey, caller: auth.Admin, writing: changes.Writes) -> Response:
     """Make a key of your organisation. Its secret is in this answer and nowhere else."""
     return writing.run(
-        caller, lambda session: Reply(status=201, body=_create(session, caller.organisation_id, body))
+        caller, lambda session: changes.Reply(status=201, body=_create(session, caller.organisation_id, body))
     )
 
 
 @router.get("/keys", response_model=Page[KeyAnswer], responses=problems())
-def list_keys(paging: UsesPaging, caller: Admin, context: UsesContext) -> Response:
+def list_keys(paging: UsesPaging, caller: auth.Admin, context: UsesContext) -> Response:
     """The keys of your organisation, without their secrets."""
     rows = select(ApiKey).where(ApiKey.organisation_id == caller.organisation_id)
     with context.database.reading() as session:
@@ -139,7 +134,7 @@ def list_keys(paging: UsesPaging, caller: Admin, context: UsesContext) -> Respon
 
 
 @router.get("/keys/own", response_model=OwnKeyAnswer, responses=problems())
-def get_own_key(caller: Annotated[Caller, Depends(get_caller)], context: UsesContext) -> Response:
+def get_own_key(caller: Annotated[auth.Caller, Depends(auth.get_caller)], context: UsesContext) -> Response:
     """The key that you ask with: whose it is and what it may do. Any key may ask."""
     with context.database.reading() as session:
         key = session.get_one(ApiKey, caller.key_id)
@@ -148,32 +143,32 @@ def get_own_key(caller: Annotated[Caller, Depends(get_caller)], context: UsesCon
 
 
 @router.patch("/keys/{key_id}", response_model=KeyAnswer, responses=problems(404))
-def change_key(key_id: Id, body: KeyChange, caller: Admin, writing: Writes) -> Response:
+def change_key(key_id: lookup.Id, body: KeyChange, caller: auth.Admin, writing: changes.Writes) -> Response:
     """State the person behind a key, with name and role ("" for none). Issued certificates stay as they are.
 
     Whoever publishes with the key signs the certificates that are issued then.
     """
 
-    def change(session: Session) -> Reply:
-        key = owned(session, ApiKey, key_id, caller)
+    def change(session: Session) -> changes.Reply:
+        key = lookup.owned(session, ApiKey, key_id, caller)
         for name, value in body.model_dump(exclude_unset=True).items():
             setattr(key, name, value or None)
         _require_both(key.person, key.role)
         session.flush()
-        return Reply(status=200, body=KeyAnswer.restate(key))
+        return changes.Reply(status=200, body=KeyAnswer.restate(key))
 
     return writing.run(caller, change)
 
 
 @router.delete("/keys/{key_id}", response_model=KeyAnswer, responses=problems(404, 409))
-def revoke_key(key_id: Id, caller: Admin, writing: Writes) -> Response:
+def revoke_key(key_id: lookup.Id, caller: auth.Admin, writing: changes.Writes) -> Response:
     """Revoke a key at once, and end the sessions opened with it. It stays in the record.
 
     The last key in force with the scope `admin` cannot be revoked: make another one first.
     """
 
-    def change(session: Session) -> Reply:
-        key = owned(session, ApiKey, key_id, caller)
+    def change(session: Session) -> changes.Reply:
+        key = lookup.owned(session, ApiKey, key_id, caller)
         if key.revoked_at is None and not has_other_admin(session, key):
             raise Problem(
                 interface.CONFLICT, "This is the last key that can manage keys. Make another first."
@@ -181,7 +176,7 @@ def revoke_key(key_id: Id, caller: Admin, writing: Writes) -> Response:
         end_sessions(session, key)
         key.revoked_at = key.revoked_at or utc_now()
         session.flush()
-        return Reply(status=200, body=KeyAnswer.restate(key))
+        return changes.Reply(status=200, body=KeyAnswer.restate(key))
 
     return writing.run(caller, change)
 
@@ -211,9 +206,9 @@ def _require_both(person: str | None, role: str | None) -> None:
         raise invalid([{"type": "person", "loc": ("body", lacking), "msg": message}])
 
 
-sessions_router = Router(prefix="/v1/sessions", tags=["keys"])
+sessions_router = operations.Router(prefix="/v1/sessions", tags=["keys"])
 
-AnyCaller = Annotated[Caller, Depends(get_caller)]
+AnyCaller = Annotated[auth.Caller, Depends(auth.get_caller)]
 OfKey = Annotated[Text | None, Query(description="Only those opened with this key.")]
 
 
@@ -228,34 +223,34 @@ def list_sessions(
 
 
 @sessions_router.delete("", response_model=EndedSessions, responses=problems())
-def end_other_sessions(caller: AnyCaller, writing: Writes, key_id: OfKey = None) -> Response:
+def end_other_sessions(caller: AnyCaller, writing: changes.Writes, key_id: OfKey = None) -> Response:
     """End every session that the list shows, except the one that asks."""
 
-    def change(session: Session) -> Reply:
+    def change(session: Session) -> changes.Reply:
         others = [row for row in session.scalars(_select(caller, key_id)) if row.id != caller.session_id]
         for row in others:
             row.ended_at = utc_now()
-        return Reply(status=200, body=EndedSessions(ended=len(others)))
+        return changes.Reply(status=200, body=EndedSessions(ended=len(others)))
 
     return writing.run(caller, change)
 
 
 @sessions_router.delete("/{session_id}", response_model=SessionAnswer, responses=problems(404))
-def end_session(session_id: Id, caller: AnyCaller, writing: Writes) -> Response:
+def end_session(session_id: lookup.Id, caller: AnyCaller, writing: changes.Writes) -> Response:
     """End a session at once: its browser has to sign in again. It stays in the record."""
 
-    def change(session: Session) -> Reply:
-        row = owned(session, WebSession, session_id, caller)
+    def change(session: Session) -> changes.Reply:
+        row = lookup.owned(session, WebSession, session_id, caller)
         if row.key_id != caller.key_id and not _is_admin(caller):
             raise not_found("session")
         row.ended_at = row.ended_at or utc_now()
         session.flush()
-        return Reply(status=200, body=_answer(session, row, caller))
+        return changes.Reply(status=200, body=_answer(session, row, caller))
 
     return writing.run(caller, change)
 
 
-def _select(caller: Caller, key_id: str | None) -> Select[WebSession]:
+def _select(caller: auth.Caller, key_id: str | None) -> Select[WebSession]:
     rows = (
         select(WebSession)
         .join(ApiKey, ApiKey.id == WebSession.key_id)
@@ -266,11 +261,11 @@ def _select(caller: Caller, key_id: str | None) -> Select[WebSession]:
     return rows if key_id is None else rows.where(WebSession.key_id == key_id)
 
 
-def _is_admin(caller: Caller) -> bool:
+def _is_admin(caller: auth.Caller) -> bool:
     return "admin" in caller.scopes
 
 
-def _answer(session: Session, row: WebSession, caller: Caller) -> SessionAnswer:
+def _answer(session: Session, row: WebSession, caller: auth.Caller) -> SessionAnswer:
     key = session.get_one(ApiKey, row.key_id)
     return SessionAnswer.restate(
         row, key_name=key.name, person=key.person, current=row.id == caller.session_id

@@ -11,16 +11,10 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
-from service.http.answers import problems
-from service.http.auth import Admin, Caller, Reader
-from service.http.changes import Reply, Writes
-from service.http.connections import absolute
+from service.http import answers, auth, changes, connections, operations, paging, tables
 from service.http.context import Context, UsesContext
 from service.http.models import Answer, ClearableLong, ClearableZone, Form, Instant, Text
-from service.http.operations import Router
-from service.http.paging import Cursor, Limit, Page, Paging
 from service.http.problems import Problem
-from service.http.tables import write_csv
 from store.audit_check import check_chain
 from store.queries.audit import name_entries, read_entries, select_entries
 from store.queries.usage import Quotas, Used, read_usage
@@ -83,11 +77,11 @@ class OwnOrganisationAnswer(
     usage: UsageAnswer | None = Field(default=None, description="In the answer to GET.")
 
 
-router = Router(prefix="/v1/organisation", tags=["keys"])
+router = operations.Router(prefix="/v1/organisation", tags=["keys"])
 
 
-@router.get("", response_model=OwnOrganisationAnswer, responses=problems())
-def get_organisation(caller: Reader, context: UsesContext) -> Any:  # noqa: ANN401
+@router.get("", response_model=OwnOrganisationAnswer, responses=answers.problems())
+def get_organisation(caller: auth.Reader, context: UsesContext) -> Any:  # noqa: ANN401
     """The organisation that your key belongs to, and what it uses of what it may."""
     with context.database.reading() as session:
         row = session.get_one(Organisation, caller.organisation_id)
@@ -96,18 +90,18 @@ def get_organisation(caller: Reader, context: UsesContext) -> Any:  # noqa: ANN4
     return OwnOrganisationAnswer.restate(row, usage=usage).respond()
 
 
-@router.patch("", response_model=OwnOrganisationAnswer, responses=problems(409))
-def change_organisation(body: OrganisationChange, caller: Admin, writing: Writes) -> Response:
+@router.patch("", response_model=OwnOrganisationAnswer, responses=answers.problems(409))
+def change_organisation(body: OrganisationChange, caller: auth.Admin, writing: changes.Writes) -> Response:
     """Set name and address of certificates, the time zone of cameras ("" for none), and what is refused."""
 
-    def change(session: Session) -> Reply:
+    def change(session: Session) -> changes.Reply:
         organisation = session.get_one(Organisation, caller.organisation_id)
         if body.name is not None:
             require_free_name(session, body.name, but=organisation.id)
         for name, value in body.model_dump(exclude_unset=True).items():
             setattr(organisation, name, None if value == "" else value)
         session.flush()
-        return Reply(status=200, body=OwnOrganisationAnswer.restate(organisation))
+        return changes.Reply(status=200, body=OwnOrganisationAnswer.restate(organisation))
 
     return writing.run(caller, change)
 
@@ -133,14 +127,14 @@ class AuditChainAnswer(Answer):
     next: str | None = Field(default=None, description="Address that checks the next entries.")
 
 
-audit_router = Router(prefix="/v1/audit", tags=["audit"])
+audit_router = operations.Router(prefix="/v1/audit", tags=["audit"])
 
 _LARGEST_SEQ = 2**63 - 1
 _MOST_CHECKED = 10_000
 
 
 def _exports(media_type: str) -> dict[int | str, dict[str, Any]]:
-    return {200: {"content": {media_type: {"schema": {"type": "string"}}}}, **problems()}
+    return {200: {"content": {media_type: {"schema": {"type": "string"}}}}, **answers.problems()}
 
 
 class AuditQuery(Form):
@@ -155,21 +149,21 @@ class AuditQuery(Form):
 
 
 class AuditListing(AuditQuery):
-    limit: Limit = 100
-    cursor: Cursor = None
+    limit: paging.Limit = 100
+    cursor: paging.Cursor = None
 
 
 Chosen = Annotated[AuditQuery, Query()]
 
 
-@audit_router.get("", response_model=Page[AuditEntryAnswer], responses=problems())
+@audit_router.get("", response_model=paging.Page[AuditEntryAnswer], responses=answers.problems())
 def list_audit_entries(
-    request: Request, query: Annotated[AuditListing, Query()], caller: Admin, context: UsesContext
+    request: Request, query: Annotated[AuditListing, Query()], caller: auth.Admin, context: UsesContext
 ) -> Response:
     """List who did what in your organisation, from what to what, newest first."""
     chosen = query.model_dump(exclude={"limit", "cursor"})
     with context.database.reading() as session:
-        return Paging(request, query.limit, query.cursor).send(
+        return paging.Paging(request, query.limit, query.cursor).send(
             session,
             select_entries(caller.organisation_id, **chosen),
             lambda found: [
@@ -181,22 +175,22 @@ def list_audit_entries(
 
 
 @audit_router.get("/entries.csv", response_class=Response, responses=_exports("text/csv"))
-def get_audit_csv(query: Chosen, caller: Admin, context: UsesContext) -> Response:
+def get_audit_csv(query: Chosen, caller: auth.Admin, context: UsesContext) -> Response:
     """Export the entries, oldest first, as a spreadsheet; `before` and `after` are JSON."""
     return _send(_write_csv(_read(context, caller, query)), "csv", "text/csv")
 
 
 @audit_router.get("/entries.jsonl", response_class=Response, responses=_exports("application/jsonl"))
-def get_audit_jsonl(query: Chosen, caller: Admin, context: UsesContext) -> Response:
+def get_audit_jsonl(query: Chosen, caller: auth.Admin, context: UsesContext) -> Response:
     """Export the entries, oldest first, one JSON object a line, with all that their hashes cover."""
     lines = (json.dumps(row, ensure_ascii=False) + "\n" for row in _read(context, caller, query))
     return _send(lines, "jsonl", "application/jsonl")
 
 
-@audit_router.get("/chain", response_model=AuditChainAnswer, responses=problems())
+@audit_router.get("/chain", response_model=AuditChainAnswer, responses=answers.problems())
 def get_audit_chain(
     request: Request,
-    caller: Admin,
+    caller: auth.Admin,
     context: UsesContext,
     after: Annotated[int, Query(ge=0, le=_LARGEST_SEQ, description="Continue behind this entry.")] = 0,
 ) -> Response:
@@ -217,11 +211,11 @@ def get_audit_chain(
         head=str(head) if state == "intact" else None,
         broken_at=fault.seq if fault else None,
         detail=fault.what if fault else None,
-        next=absolute(request, f"{following.path}?{following.query}") if not ended else None,
+        next=connections.absolute(request, f"{following.path}?{following.query}") if not ended else None,
     ).respond()
 
 
-def _read(context: Context, caller: Caller, query: AuditQuery) -> Iterator[dict[str, Any]]:
+def _read(context: Context, caller: auth.Caller, query: AuditQuery) -> Iterator[dict[str, Any]]:
     rows = select_entries(caller.organisation_id, **query.model_dump())
     for row, named in read_entries(context.database, rows):
         yield AuditEntryAnswer.restate(row, **named).dump()
@@ -229,12 +223,12 @@ def _read(context: Context, caller: Caller, query: AuditQuery) -> Iterator[dict[
 
 def _write_csv(rows: Iterator[dict[str, Any]]) -> Iterator[str]:
     columns = list(AuditEntryAnswer.model_fields)
-    yield write_csv([], columns)
+    yield tables.write_csv([], columns)
     for row in rows:
         values = {
             name: json.dumps(value) if isinstance(value, dict) else value for name, value in row.items()
         }
-        yield write_csv([values], columns, head=False)
+        yield tables.write_csv([values], columns, head=False)
 
 
 def _send(parts: Iterator[str], suffix: str, media_type: str) -> Response:

@@ -14,16 +14,11 @@ from radiometry.findings import interface
 from radiometry.fleet.determinations import Determination, Key
 from radiometry.frame.multispectral import label_band
 from radiometry.methods import get_method
-from service.http.auth import Reader
+from service.http import auth, lookup, models, operations, problems
 from service.http.context import UsesContext
-from service.http.lookup import Id, owned
-from service.http.models import Instant, Method, Text
-from service.http.operations import Router
-from service.http.problems import Problem
 from service.pages.figures import View, build_lives, build_values, draw_figure, send_svg
 from service.pages.rendering import SignedInPage
-from store.queries.calibrations import list_lifetimes
-from store.queries.fleet import list_determinations
+from store.queries import calibrations, fleet
 from store.tables import Calibration, Camera
 from store.tables.base import utc_now
 
@@ -138,7 +133,7 @@ def _shared(keys: Sequence[Key]) -> frozenset[str]:
     return frozenset.intersection(*(frozenset(_parts(key)) for key in keys))
 
 
-router = Router(include_in_schema=False)
+router = operations.Router(include_in_schema=False)
 
 
 @router.get("/cameras")
@@ -152,31 +147,31 @@ def show_fleet(page: SignedInPage) -> Response:
 
 
 @router.get("/cameras/{camera_id}")
-def show_camera(camera_id: Id, page: SignedInPage, context: UsesContext) -> Response:
+def show_camera(camera_id: lookup.Id, page: SignedInPage, context: UsesContext) -> Response:
     with context.database.reading() as session:
-        camera = owned(session, Camera, camera_id, page.caller)
+        camera = lookup.owned(session, Camera, camera_id, page.caller)
     title = f"{camera.make} {camera.model} {camera.serial}"
     return page.render("camera.html", title=title, camera=camera)
 
 
 @router.get("/cameras/{camera_id}/coefficients")
-def show_coefficients(camera_id: Id, page: SignedInPage, context: UsesContext) -> Response:
+def show_coefficients(camera_id: lookup.Id, page: SignedInPage, context: UsesContext) -> Response:
     with context.database.reading() as session:
-        camera = owned(session, Camera, camera_id, page.caller)
+        camera = lookup.owned(session, Camera, camera_id, page.caller)
     return page.render("coefficients.html", title="Coefficients in time", camera=camera)
 
 
 @router.get("/plots/fleet")
 def plot_fleet(
-    caller: Reader,
+    caller: auth.Reader,
     context: UsesContext,
     view: Annotated[View, Depends()],
-    camera_id: Annotated[list[Text], Query()],
-    method: Annotated[Method, Query()],
+    camera_id: Annotated[list[models.Text], Query()],
+    method: Annotated[models.Method, Query()],
 ) -> Response:
     with context.database.reading() as session:
-        cameras = [owned(session, Camera, each, caller) for each in camera_id]
-        found = list_determinations(session, cameras, method, {})
+        cameras = [lookup.owned(session, Camera, each, caller) for each in camera_id]
+        found = fleet.list_determinations(session, cameras, method, {})
     if not found:
         return Response(status_code=204)
     figures = build_fleet(found, get_method(method).label_coefficient)
@@ -188,23 +183,23 @@ def plot_fleet(
 
 @router.get("/plots/cameras/{camera_id}/drift")
 def plot_drift(
-    camera_id: Id,
-    caller: Reader,
+    camera_id: lookup.Id,
+    caller: auth.Reader,
     context: UsesContext,
     view: Annotated[View, Depends()],
-    method: Annotated[Method, Query()],
-    name: Annotated[Text, Query()],
+    method: Annotated[models.Method, Query()],
+    name: Annotated[models.Text, Query()],
 ) -> Response:
     with context.database.reading() as session:
-        camera = owned(session, Camera, camera_id, caller)
-        found = list_determinations(session, [camera], method, {})
+        camera = lookup.owned(session, Camera, camera_id, caller)
+        found = fleet.list_determinations(session, [camera], method, {})
         numbers = session.execute(
             select(Calibration.id, Calibration.version).where(Calibration.camera_id == camera_id)
         )
         versions = {row[0]: row[1] for row in numbers}
     named = [row for row in found if row.key.name == name]
     if not named:
-        raise Problem(interface.NOT_FOUND, f"No published version of this camera has {name}.")
+        raise problems.Problem(interface.NOT_FOUND, f"No published version of this camera has {name}.")
     quantity = get_method(method).label_coefficient(name)
     figure = build_drift(named, versions, quantity=quantity)
     return send_svg(draw_figure(figure, quantity, view=view, is_wide=True))
@@ -214,30 +209,30 @@ def plot_drift(
 class Wanted:
     """A coefficient of a method, and the time as of which its versions are known."""
 
-    method: Annotated[Method, Query()]
-    name: Annotated[Text, Query()]
+    method: Annotated[models.Method, Query()]
+    name: Annotated[models.Text, Query()]
     iso: Annotated[float | None, Query()] = None
     f_number: Annotated[float | None, Query()] = None
-    band: Annotated[Text | None, Query()] = None
-    channel: Annotated[Text | None, Query()] = None
-    model: Annotated[Text | None, Query(description="Where it is one of several.")] = None
-    at: Annotated[Instant | None, Query()] = None
-    known_at: Annotated[Instant | None, Query()] = None
+    band: Annotated[models.Text | None, Query()] = None
+    channel: Annotated[models.Text | None, Query()] = None
+    model: Annotated[models.Text | None, Query(description="Where it is one of several.")] = None
+    at: Annotated[models.Instant | None, Query()] = None
+    known_at: Annotated[models.Instant | None, Query()] = None
 
 
 @router.get("/plots/cameras/{camera_id}/{figure}")
 def plot_lifetimes(
-    camera_id: Id,
+    camera_id: lookup.Id,
     figure: Literal["values", "lives"],
-    caller: Reader,
+    caller: auth.Reader,
     context: UsesContext,
     view: Annotated[View, Depends()],
     wanted: Annotated[Wanted, Depends()],
 ) -> Response:
     known_at = wanted.known_at or utc_now()
     with context.database.reading() as session:
-        owned(session, Camera, camera_id, caller)
-        found = list_lifetimes(session, camera_id, wanted.method, known_at)
+        lookup.owned(session, Camera, camera_id, caller)
+        found = calibrations.list_lifetimes(session, camera_id, wanted.method, known_at)
     until = max(known_at, wanted.at or known_at)
     if figure == "lives":
         return send_svg(draw_figure(build_lives(found, until=until), "Life of each version", view=view))

@@ -98,10 +98,7 @@ def _draw_value(lifetime: Lifetime, row: CoefficientRow, until: datetime) -> Ite
     for place, rows in ((_HOLDS, lifetime.in_force), (_REVOKED, lifetime.revoked_from)):
         for n, period in enumerate(rows):
             start, end = _ends(period, until)
-            told = [
-                write_quantity(row.value, row.standard_uncertainty, row.unit),
-                _write(period),
-            ]
+            told = [write_quantity(row.value, row.standard_uncertainty, row.unit), _write(period)]
             if lifetime.revocation:
                 told.append(
                     f"revoked {lifetime.revocation.revoked_at:%Y-%m-%d}: {lifetime.revocation.reason}"

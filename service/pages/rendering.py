@@ -25,18 +25,16 @@ from service.campaigns.schemas import NewCampaign, NewReading, NewRoi
 from service.equipment.rigs import NewRig
 from service.equipment.schemas import Certificate, Lens, NewCamera, NewMeter, NewPanel
 from service.frames.schemas import FrameChange
-from service.http.answers import not_modified
+from service.http import answers, middleware, models
 from service.http.auth import SCOPE_WORDS, Caller, find_session
 from service.http.context import UsesContext
-from service.http.middleware import CONTENT_POLICY
-from service.http.models import Form
 from service.http.problems import Problem
 from service.measurements.requests import MeasurementOptions, NewGrid
 from service.organisation.keys import NewKey
 from service.organisation.routes import OrganisationChange
 from service.tools.schemas import describe_tools
 
-SHOWN: Final[tuple[type[Form], ...]] = (
+SHOWN: Final[tuple[type[models.Form], ...]] = (
     Certificate,
     FrameChange,
     ItemChange,
@@ -137,7 +135,7 @@ def get_asset(request: Request, release: str, name: str) -> Response:
     if content is None:
         raise Problem(interface.NOT_FOUND, "There is no such file here. Reload the page that asks for it.")
     headers = {"ETag": f'"{release}-{name}"', "Cache-Control": _PUBLIC, "Vary": "Accept-Encoding"}
-    unchanged = not_modified(request, f"{release}-{name}", headers)
+    unchanged = answers.not_modified(request, f"{release}-{name}", headers)
     if unchanged is not None:
         return unchanged
     suffix = posixpath.splitext(name)[1]
@@ -190,7 +188,7 @@ def render(
     html = request.app.state.templates.get_template(template).render(
         title=title, visitor=caller, csrf_token=csrf, path=request.url.path, **values
     )
-    headers = {"Content-Security-Policy": CONTENT_POLICY, "Cache-Control": "no-store"}
+    headers = {"Content-Security-Policy": middleware.CONTENT_POLICY, "Cache-Control": "no-store"}
     return HTMLResponse(html, status, headers)
 
 

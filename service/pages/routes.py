@@ -10,17 +10,13 @@ from radiometry.findings import interface
 from radiometry.frame.multispectral import NAMED_INDICES
 from radiometry.methods import get_method
 from service.equipment.rigs import Versions
-from service.http.auth import Reader
+from service.http import auth, operations, problems
 from service.http.context import UsesContext
 from service.http.lookup import Id, owned
 from service.http.models import Text
-from service.http.operations import Router
-from service.http.problems import Problem
 from service.pages.figures import View, draw_figure, send_svg
 from service.pages.rendering import SignedInPage
-from store.queries.calibrations import list_flight
-from store.queries.evidence import gather
-from store.queries.fleet import METHOD, SPEC, list_cameras
+from store.queries import calibrations, evidence, fleet
 from store.tables import Calibration, Camera, Campaign, FrameRow, Measurement, Rig
 
 ACTS: Final = {
@@ -70,7 +66,7 @@ ACTS: Final = {
 """By action. Other acts on a row are named by their verb."""
 
 
-router = Router(include_in_schema=False)
+router = operations.Router(include_in_schema=False)
 
 
 @router.get("/")
@@ -124,7 +120,7 @@ def show_calibration(calibration_id: Id, page: SignedInPage, context: UsesContex
 
 @router.get("/plots/calibrations/{calibration_id}/{name}")
 def show_plot(
-    calibration_id: Id, name: str, caller: Reader, context: UsesContext, view: Annotated[View, Depends()]
+    calibration_id: Id, name: str, caller: auth.Reader, context: UsesContext, view: Annotated[View, Depends()]
 ) -> Response:
     """Answer a figure of a plot that the method declares; 204 where this version has nothing to draw."""
     with context.database.reading() as session:
@@ -132,14 +128,14 @@ def show_plot(
         campaign = session.get_one(Campaign, calibration.campaign_id)
         plot = next((each for each in get_method(calibration.method).plots if each.name == name), None)
         if plot is None:
-            raise Problem(interface.NOT_FOUND, f"{calibration.method} has no plot {name}.")
+            raise problems.Problem(interface.NOT_FOUND, f"{calibration.method} has no plot {name}.")
         used = {each["sha256"] for each in calibration.inputs["frames"]}
 
         def read_rows() -> list[Any]:
-            found = gather(session, campaign)
+            found = evidence.gather(session, campaign)
             return [row for row in found.frames if found.hashes[row.frame] in used]
 
-        flight = [at.isoformat() for at in list_flight(session, calibration)]
+        flight = [at.isoformat() for at in calibrations.list_flight(session, calibration)]
         figures = list(plot.build(calibration.result | {"flight": flight}, read_rows))
     if not figures:
         return Response(status_code=204)
@@ -176,26 +172,23 @@ def show_measurement(measurement_id: Id, page: SignedInPage, context: UsesContex
         frame = session.get_one(FrameRow, measurement.frame_id)
         calibration = session.get_one(Calibration, measurement.calibration_id)
     return page.render(
-        "measurement.html",
-        title=frame.filename,
-        measurement=measurement,
-        calibration=calibration,
+        "measurement.html", title=frame.filename, measurement=measurement, calibration=calibration
     )
 
 
 @router.get("/rigs")
 def show_rigs(page: SignedInPage) -> Response:
-    return page.render("rigs.html", title="Rigs", method=METHOD)
+    return page.render("rigs.html", title="Rigs", method=fleet.METHOD)
 
 
 @router.get("/rigs/{rig_id}")
 def show_rig(rig_id: Id, page: SignedInPage, context: UsesContext, chosen: Versions) -> Response:
     with context.database.reading() as session:
         rig = owned(session, Rig, rig_id, page.caller)
-        cameras = list_cameras(session, rig)
+        cameras = fleet.list_cameras(session, rig)
     given = urlencode([("calibration_id", each) for each in chosen.calibration_id or ()])
     return page.render(
-        "rig.html", title=rig.name, rig=rig, cameras=cameras, exports=SPEC.exports, given=given
+        "rig.html", title=rig.name, rig=rig, cameras=cameras, exports=fleet.SPEC.exports, given=given
     )
 
 
@@ -225,6 +218,6 @@ _TOOLS: Final = {"motion": "Motion", "coverage": "Coverage", "exposure": "Exposu
 @router.get("/tools/{tool}")
 def show_calculator(tool: str, page: SignedInPage) -> Response:
     if tool not in _TOOLS:
-        raise Problem(interface.NOT_FOUND, f"There is no calculator {tool}.")
+        raise problems.Problem(interface.NOT_FOUND, f"There is no calculator {tool}.")
     pages = [(f"/tools/{name}", title) for name, title in _TOOLS.items()]
     return page.render("tools.html", title=_TOOLS[tool], tool=tool, pages=pages)

@@ -9,11 +9,8 @@ from fastapi import APIRouter, Form, Request, Response
 from fastapi.responses import RedirectResponse
 
 from radiometry.findings import interface
-from service.http.auth import describe_refusal, find_session, require_csrf_token
+from service.http import auth, counts, problems, signatures
 from service.http.context import Context, UsesContext
-from service.http.counts import FREE, name_address
-from service.http.problems import Problem
-from service.http.signatures import SESSION_S
 from service.pages.rendering import render
 from store.queries.organisations import find_ended_key, find_key
 from store.tables import ApiKey, WebSession
@@ -30,7 +27,7 @@ def show_sign_in(
     *,
     ended: bool = False,
 ) -> Response:
-    if find_session(request, context) is not None:
+    if auth.find_session(request, context) is not None:
         return RedirectResponse(_local(next), 303)
     if request.headers.get("sec-fetch-site") in {"cross-site", "same-site"}:
         # a link from elsewhere comes without the cookie, which is strict: a page of ours asks again
@@ -48,7 +45,7 @@ def sign_in(
 ) -> Response:
     _refuse_other_sites(request)
     key = key.strip()
-    address = name_address(request.client.host if request.client else None)
+    address = counts.name_address(request.client.host if request.client else None)
     wait_s = 0.0 if context.attempts.is_trusted(key) else context.attempts.wait_s(address)
     if wait_s > 0:
         return _too_many(request, next, wait_s)
@@ -60,7 +57,7 @@ def sign_in(
         return _refuse(request, context, next, address, unfit)
     context.attempts.trust(key)
     opened, organisation = found
-    expires_at = utc_now() + timedelta(seconds=SESSION_S)
+    expires_at = utc_now() + timedelta(seconds=signatures.SESSION_S)
     with context.database.writing(opened.id, organisation.id) as session:
         row = WebSession(
             organisation_id=organisation.id,
@@ -73,7 +70,7 @@ def sign_in(
     answer.set_cookie(
         context.sessions.cookie,
         context.sessions.open(row.id),
-        max_age=SESSION_S,
+        max_age=signatures.SESSION_S,
         secure=request.url.scheme == "https",
         httponly=True,
         samesite="strict",
@@ -83,9 +80,9 @@ def sign_in(
 
 @router.post("/sign-out")
 def sign_out(request: Request, context: UsesContext, csrf_token: Annotated[str, Form()] = "") -> Response:
-    caller = find_session(request, context)
+    caller = auth.find_session(request, context)
     if caller is not None:
-        require_csrf_token(request, context, csrf_token)
+        auth.require_csrf_token(request, context, csrf_token)
         with context.database.writing(caller.key_id, caller.organisation_id) as session:
             session.get_one(WebSession, caller.session_id).ended_at = utc_now()
     answer = RedirectResponse("/sign-in", 303)
@@ -108,15 +105,15 @@ def _refuse(
         return _form(
             request, next_address, "This key may not read. The pages need a key with the scope read."
         )
-    return _form(request, next_address, describe_refusal(unfit))
+    return _form(request, next_address, auth.describe_refusal(unfit))
 
 
 def _too_many(request: Request, next_address: str, wait_s: float) -> Response:
     seconds = math.ceil(wait_s)
-    detail = f"More than {FREE} attempts to sign in failed. Try again in {seconds} s."
+    detail = f"More than {counts.FREE} attempts to sign in failed. Try again in {seconds} s."
     headers = {"Retry-After": str(seconds)}
     if "text/html" not in request.headers.get("accept", ""):
-        raise Problem(interface.TOO_MANY_ATTEMPTS, detail, headers=headers)
+        raise problems.Problem(interface.TOO_MANY_ATTEMPTS, detail, headers=headers)
     answer = _form(request, next_address, detail, status=429)
     answer.headers.update(headers)
     return answer
@@ -154,4 +151,4 @@ def _refuse_other_sites(request: Request) -> None:
     origin = request.headers.get("origin")
     own = origin is None or urlsplit(origin).netloc == request.headers.get("host")
     if site not in {"same-origin", "none"} if site else not own:
-        raise Problem(interface.CSRF_TOKEN_WRONG, "Sign in on the page of this service itself.")
+        raise problems.Problem(interface.CSRF_TOKEN_WRONG, "Sign in on the page of this service itself.")

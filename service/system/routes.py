@@ -9,11 +9,8 @@ from pydantic import Field
 from sqlalchemy import func, select
 
 from radiometry.findings import interface
-from service.http.answers import problems
-from service.http.auth import Admin, Caller, identify
+from service.http import answers, auth, models, operations
 from service.http.context import UsesContext
-from service.http.models import Answer
-from service.http.operations import Router
 from service.http.problems import Problem
 from service.http.processes import stopping
 from store.files import SCRUB_DAYS, count_damaged, find_proof_age_s
@@ -23,20 +20,20 @@ from store.tables import Blob
 
 probes = APIRouter(tags=["system"])
 """As probes ask, with whatever parameters."""
-router = Router(tags=["system"])
+router = operations.Router(tags=["system"])
 
 
 _ONLY_FOR_THE_OPERATOR: dict[int | str, dict[str, Any]] = {
-    status: problems()[status] for status in (401, 403, 503)
+    status: answers.problems()[status] for status in (401, 403, 503)
 }
 """What may be answered where `STILB_HEALTH_FOR` is `operator`."""
 
 
-class Life(Answer):
+class Life(models.Answer):
     status: Literal["ok"]
 
 
-class PartAnswer(Answer):
+class PartAnswer(models.Answer):
     """A process of the service, by its own heartbeat."""
 
     kind: str = Field(description="service or worker")
@@ -56,7 +53,7 @@ class PartAnswer(Answer):
         )
 
 
-class Readiness(Answer):
+class Readiness(models.Answer):
     """Only the operator is told more than the status, where `STILB_HEALTH_FOR` says so."""
 
     status: Literal["ok", "degraded"]
@@ -72,8 +69,8 @@ class Readiness(Answer):
 async def require_operator(request: Request, context: UsesContext) -> None:
     """Ask for a key of the operator, where the settings say so."""
     if context.settings.health_for == "operator":
-        await identify(request)
-        caller: Caller = request.state.caller
+        await auth.identify(request)
+        caller: auth.Caller = request.state.caller
         if not caller.operator:
             raise Problem(interface.SCOPE_MISSING, "Only the operator can see this.")
 
@@ -110,7 +107,7 @@ async def get_readyz(request: Request, context: UsesContext) -> Response:
     ).respond()
 
 
-class OperatorHealth(Answer):
+class OperatorHealth(models.Answer):
     """State of the whole service, over all organisations."""
 
     parts: list[PartAnswer]
@@ -125,8 +122,8 @@ class OperatorHealth(Answer):
     verified_within_s: float = Field(description="Every file is verified in this time; 0: never.")
 
 
-@router.get("/v1/health", response_model=OperatorHealth, responses=problems())
-def get_operator_health(caller: Admin, context: UsesContext) -> Response:
+@router.get("/v1/health", response_model=OperatorHealth, responses=answers.problems())
+def get_operator_health(caller: auth.Admin, context: UsesContext) -> Response:
     """Workers, queue, disk and verified files of the whole service. Only the operator's admins may ask."""
     if not caller.operator:
         raise Problem(interface.SCOPE_MISSING, "Only an administrator of the operator can see this.")

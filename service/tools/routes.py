@@ -7,14 +7,8 @@ from typing import Annotated, Any, TypeVar
 from fastapi import Depends, Query, Request, Response
 from pydantic import Field, TypeAdapter
 
-from radiometry.tools.coverage import compute_coverage
-from radiometry.tools.exponents import fit_exponents
-from radiometry.tools.motion import compute_motion
-from service.http.answers import problems
-from service.http.auth import Reader
-from service.http.changes import IdempotencyKey
-from service.http.models import Form
-from service.http.operations import Router
+from radiometry.tools import coverage, exponents, motion
+from service.http import answers, auth, changes, models, operations
 from service.http.problems import Problem, invalid
 from service.http.tables import UNREAD, Kind, is_table, read_sheet, read_sheet_or_document, refuse_columns
 from service.tools.schemas import (
@@ -100,14 +94,14 @@ def _wrong(name: str, message: str) -> Problem:
     return invalid([{"type": "table", "loc": ("query", name), "msg": message}])
 
 
-F = TypeVar("F", bound=Form)
+F = TypeVar("F", bound=models.Form)
 
 
-def _take_key(_idempotency_key: IdempotencyKey = None) -> None:
+def _take_key(_idempotency_key: changes.IdempotencyKey = None) -> None:
     """Every POST takes a key; here nothing is done that could be done twice."""
 
 
-router = Router(prefix="/v1", tags=["tools"])
+router = operations.Router(prefix="/v1", tags=["tools"])
 stateless = [Depends(_take_key)]
 
 
@@ -141,7 +135,7 @@ def _read_table(data: bytes, form: type[F]) -> list[F]:
     return read_sheet(data, form, Kind(numbers=numbers, most=MOST_CASES, rows_are="cases"), name_fields)
 
 
-def _body_of(form: type[Form]) -> dict[str, Any]:
+def _body_of(form: type[models.Form]) -> dict[str, Any]:
     schema = form.model_json_schema()
     several = {"type": "array", "items": schema, "minItems": 1, "maxItems": MOST_CASES}
     content = {
@@ -164,10 +158,7 @@ def _body_of_series() -> dict[str, Any]:
     schema = NewExposureSeries.model_json_schema()
     # written out where it is used: nothing registers it among the document's components
     schema["properties"]["rows"]["items"] = schema.pop("$defs")["ExposureRow"]
-    content = {
-        "application/json": {"schema": schema},
-        "text/csv": {"schema": {"type": "string"}},
-    }
+    content = {"application/json": {"schema": schema}, "text/csv": {"schema": {"type": "string"}}}
     return {"requestBody": {"required": True, "content": content}}
 
 
@@ -179,11 +170,11 @@ Coverages = Annotated[list[NewCoverage] | NewCoverage, Depends(_read_one_or_many
 @router.post(
     "/tools/motion",
     response_model=MotionAnswer | MotionsAnswer,
-    responses=problems(),
+    responses=answers.problems(),
     dependencies=stateless,
     openapi_extra=_body_of(NewMotion),
 )
-def compute_image_motion(body: Motions, _caller: Reader) -> Response:
+def compute_image_motion(body: Motions, _caller: auth.Reader) -> Response:
     """Image motion from speed and rotation, theoretical and practical; what is tolerable.
 
     One object gives one answer, a list or a table gives `items` in its order. Limits are of the theoretical
@@ -197,11 +188,11 @@ def compute_image_motion(body: Motions, _caller: Reader) -> Response:
 @router.post(
     "/tools/coverage",
     response_model=CoverageAnswer | CoveragesAnswer,
-    responses=problems(),
+    responses=answers.problems(),
     dependencies=stateless,
     openapi_extra=_body_of(NewCoverage),
 )
-def compute_ground_coverage(body: Coverages, _caller: Reader) -> Response:
+def compute_ground_coverage(body: Coverages, _caller: auth.Reader) -> Response:
     """Compute what a tilted or nadir camera sees of level ground, and how finely.
 
     One object gives one answer, a list or a table (the cameras of a rig) gives `items` in its order.
@@ -214,23 +205,23 @@ def compute_ground_coverage(body: Coverages, _caller: Reader) -> Response:
 @router.post(
     "/tools/exposure",
     response_model=ExposureAnswer,
-    responses=problems(),
+    responses=answers.problems(),
     dependencies=stateless,
     openapi_extra=_body_of_series(),
 )
-def fit_exposure_exponents(body: Exposures, _caller: Reader) -> Response:
+def fit_exposure_exponents(body: Exposures, _caller: auth.Reader) -> Response:
     """Exponents of exposure time, f-number and ISO from a table of mean signals.
 
     The query belongs to a table that is sent as CSV. Rows below 1/256 or above 95 % of the way from dark to
     white are left out, each with its reason.
     """
-    fit = fit_exponents(body.series(), dark_dn=body.dark_dn, white_level_dn=body.white_level_dn)
+    fit = exponents.fit_exponents(body.series(), dark_dn=body.dark_dn, white_level_dn=body.white_level_dn)
     return ExposureAnswer.restate(fit).respond()
 
 
 def _move(form: NewMotion) -> MotionAnswer:
-    return MotionAnswer.of(form, compute_motion(form.case()))
+    return MotionAnswer.of(form, motion.compute_motion(form.case()))
 
 
 def _cover(form: NewCoverage) -> CoverageAnswer:
-    return CoverageAnswer.of(form, compute_coverage(form.view()))
+    return CoverageAnswer.of(form, coverage.compute_coverage(form.view()))

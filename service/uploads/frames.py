@@ -23,11 +23,8 @@ from radiometry.frame.verdicts import Verdict
 from radiometry.records import Record
 from service.campaigns.schemas import NewRoi
 from service.frames.schemas import FrameAnswer, StatisticsRow, Upload
-from service.http.auth import Caller
-from service.http.changes import REPLAYED, Reply, Writing, run_all
+from service.http import auth, changes, lookup, problems
 from service.http.context import Context
-from service.http.lookup import owned
-from service.http.problems import Problem
 from service.measurements.requests import read_roi
 from store.blobs import Blobs, BlobWriter, StoredBlob
 from store.jobs import enqueue_extraction
@@ -122,7 +119,7 @@ async def receive(request: Request, blobs: Blobs, *, admit: Admit) -> Received:
             take(rest)
             filename = None if form is None else form.finish()
             if expected is not None and writer.sha256 != expected:
-                raise Problem(
+                raise problems.Problem(
                     interface.DIGEST_MISMATCH,
                     f"The file arrived as SHA-256 {writer.sha256}, not the announced {expected}. "
                     "Send it again.",
@@ -257,21 +254,21 @@ def _announced_sha256(request: Request) -> str | None:
     return plain.lower()
 
 
-def _bad_digest() -> Problem:
-    return Problem(
+def _bad_digest() -> problems.Problem:
+    return problems.Problem(
         interface.BAD_REQUEST,
         "The announced hash is not a SHA-256: X-Content-SHA256 takes 64 hex digits, Repr-Digest sha-256.",
     )
 
 
-def _bad_form(why: str, code: Finding = interface.BAD_REQUEST) -> Problem:
-    return Problem(code, f"The multipart form cannot be used: {why}.")
+def _bad_form(why: str, code: Finding = interface.BAD_REQUEST) -> problems.Problem:
+    return problems.Problem(code, f"The multipart form cannot be used: {why}.")
 
 
 def require_size(size_bytes: int) -> None:
     """Refuse a file that is larger than any is taken."""
     if size_bytes > MAX_FILE_BYTES:
-        raise Problem(interface.UPLOAD_TOO_LARGE, f"A file may have at most {MAX_FILE_BYTES} bytes.")
+        raise problems.Problem(interface.UPLOAD_TOO_LARGE, f"A file may have at most {MAX_FILE_BYTES} bytes.")
 
 
 _LONGEST_NAME: Final = 255
@@ -292,7 +289,7 @@ class _Arrival:
 def admit(
     context: Context,
     campaign_id: str,
-    caller: Caller,
+    caller: auth.Caller,
     sha256: str | None,
     size_bytes: int,
     *,
@@ -308,7 +305,7 @@ def admit(
     def check() -> bool:
         database, by = context.database, (caller.key_id, caller.organisation_id)
         with database.writing(*by) if keeps else database.reading() as session:
-            campaign = owned(session, Campaign, campaign_id, caller)
+            campaign = lookup.owned(session, Campaign, campaign_id, caller)
             require_role(campaign, role)
             try:
                 check_room(
@@ -338,8 +335,8 @@ def admit(
 
 async def keep_frame(
     context: Context,
-    writing: Writing,
-    caller: Caller,
+    writing: changes.Writing,
+    caller: auth.Caller,
     campaign_id: str,
     *,
     upload: Upload,
@@ -363,18 +360,18 @@ async def keep_frame(
     answer = await context.together.do(
         caller.key_id,
         (writing.with_content(blob.sha256), arrival),
-        lambda requests: run_all(caller, requests, partial(_add_frames, caller)),
+        lambda requests: changes.run_all(caller, requests, partial(_add_frames, caller)),
     )
-    if REPLAYED in answer.headers:
+    if changes.REPLAYED in answer.headers:
         # nothing was done for it, but also this upload has brought the bytes again
         await run_in_threadpool(context.files.heal, blob)
     return answer
 
 
-def _add_frames(caller: Caller, session: Session, arrivals: Sequence[_Arrival]) -> list[Reply]:
+def _add_frames(caller: auth.Caller, session: Session, arrivals: Sequence[_Arrival]) -> list[changes.Reply]:
     arrived = []
     for each in arrivals:
-        campaign = owned(session, Campaign, each.campaign_id, caller)
+        campaign = lookup.owned(session, Campaign, each.campaign_id, caller)
         # again: it may have become a night since the upload began
         require_role(campaign, each.new.role)
         roi = find_or_add_roi(session, caller.organisation_id, each.drawing) if each.drawing else None
@@ -393,7 +390,7 @@ def _add_frames(caller: Caller, session: Session, arrivals: Sequence[_Arrival]) 
         body = answer_write(session, frame, campaign, jobs, stored=stored)
         status, sizes = (200, []) if stored is None else (201, [stored.size_bytes])
         replies.append(
-            Reply(status=status, body=body, jobs=jobs, frame_bytes=sizes, had_room=arrival.had_room)
+            changes.Reply(status=status, body=body, jobs=jobs, frame_bytes=sizes, had_room=arrival.had_room)
         )
     return replies
 

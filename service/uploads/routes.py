@@ -15,13 +15,9 @@ from starlette.concurrency import run_in_threadpool
 from radiometry.findings import interface
 from service.campaigns.schemas import Role
 from service.frames.schemas import Upload
-from service.http.answers import problems
+from service.http import answers, changes, lookup, models, operations
 from service.http.auth import Caller, Uploader
-from service.http.changes import IdempotencyKey, Writing
 from service.http.context import Context, UsesContext
-from service.http.lookup import Id, owned
-from service.http.models import Answer, Form, Sha256
-from service.http.operations import Router
 from service.http.problems import Problem, invalid, not_found
 from service.measurements.requests import read_region
 from service.uploads.frames import MAX_FILE_BYTES, admit, keep_frame
@@ -43,26 +39,25 @@ from store.blobs.partials import LASTS_S, Facts, FactsTooLong, Partial, Partials
 from store.queries.campaigns import find_known, find_known_anywhere, read_sizes
 from store.queries.jobs import find_reading_jobs
 from store.queries.organisations import find_key, find_key_by_id
-from store.tables import Campaign, FrameRow
-from store.tables.campaign import FrameState
+from store.tables import Campaign, FrameRow, campaign
 
 MOST_HASHES = 1000
 
 
-class HashesAsked(Form):
-    sha256: Annotated[list[Sha256], Field(min_length=1, max_length=MOST_HASHES)]
+class HashesAsked(models.Form):
+    sha256: Annotated[list[models.Sha256], Field(min_length=1, max_length=MOST_HASHES)]
 
 
-class KnownFrame(Answer, restates=FrameRow, fields="sha256 filename scene campaign_id"):
+class KnownFrame(models.Answer, restates=FrameRow, fields="sha256 filename scene campaign_id"):
     """A frame that is there, with its statements: a sender sees whether it means the same."""
 
     frame_id: str
     job_id: str | None = Field(default=None, description="The newest job that reads it.")
     role: Role
-    state: FrameState = Field(description="A refused one may be sent again: it is then read again.")
+    state: campaign.FrameState = Field(description="A refused one may be sent again: it is then read again.")
 
 
-class KnownAnswer(Answer):
+class KnownAnswer(models.Answer):
     known: list[KnownFrame]
     unknown: list[str] = Field(description="To be sent. In the order asked, each once.")
 
@@ -79,7 +74,7 @@ class KnownAnswer(Answer):
         )
 
 
-router = Router(prefix="/v1/uploads", tags=["uploads"])
+router = operations.Router(prefix="/v1/uploads", tags=["uploads"])
 
 _MOST_UNDER_WAY: Final = 10_000
 _OF_THE_FILE: Final = ("campaign_id", "size_bytes", "sha256", "said")
@@ -126,7 +121,7 @@ def describe_uploads() -> Response:
     response_class=Response,
     responses={
         201: _states("Begun; `Location` is its address."),
-        **problems(400, 404, 409, 412, 413, 415, 460, 507),
+        **answers.problems(400, 404, 409, 412, 413, 415, 460, 507),
     },
     openapi_extra=_PIECE,
 )
@@ -135,7 +130,7 @@ async def begin_upload(
     caller: Uploader,
     context: UsesContext,
     headers: UsesHeaders,
-    idempotency_key: IdempotencyKey = None,
+    idempotency_key: changes.IdempotencyKey = None,
 ) -> Response:
     """Begin an upload that can go on after a cut; bytes may come along.
 
@@ -160,9 +155,9 @@ async def begin_upload(
 @router.head(
     "/{upload_id}",
     response_class=Response,
-    responses={200: _states("How far it is."), **problems(404, 409, 507)},
+    responses={200: _states("How far it is."), **answers.problems(404, 409, 507)},
 )
-async def get_upload(upload_id: Id, request: Request, context: UsesContext) -> Response:
+async def get_upload(upload_id: lookup.Id, request: Request, context: UsesContext) -> Response:
     """State how many bytes are durable; whoever still sends to this upload is ended."""
     partial = await run_in_threadpool(_find, context, request, upload_id)
     await run_in_threadpool(_end_writer, partial)
@@ -174,14 +169,11 @@ async def get_upload(upload_id: Id, request: Request, context: UsesContext) -> R
     "/{upload_id}",
     status_code=204,
     response_class=Response,
-    responses={204: _states("Kept."), **problems(400, 404, 409, 412, 413, 415, 460, 507)},
+    responses={204: _states("Kept."), **answers.problems(400, 404, 409, 412, 413, 415, 460, 507)},
     openapi_extra=_PIECE,
 )
 async def append_to_upload(
-    upload_id: Id,
-    request: Request,
-    context: UsesContext,
-    headers: UsesHeaders,
+    upload_id: lookup.Id, request: Request, context: UsesContext, headers: UsesHeaders
 ) -> Response:
     """Send the next bytes. What has arrived when the connection is cut is kept.
 
@@ -197,8 +189,8 @@ async def append_to_upload(
     return await run_in_threadpool(answer, partial, facts, 204)
 
 
-@router.delete("/{upload_id}", status_code=204, response_class=Response, responses=problems(404))
-def end_upload(upload_id: Id, request: Request, context: UsesContext) -> Response:
+@router.delete("/{upload_id}", status_code=204, response_class=Response, responses=answers.problems(404))
+def end_upload(upload_id: lookup.Id, request: Request, context: UsesContext) -> Response:
     """End an upload and forget what has arrived; the frame of a finished one stays."""
     _find(context, request, upload_id).remove()
     return Response(status_code=204, headers={"Tus-Resumable": TUS})
@@ -324,7 +316,7 @@ async def _make_frame(context: Context, partial: Partial, facts: Facts, blob: St
     upload = Upload.model_validate(facts.said)
     answer = await keep_frame(
         context,
-        Writing(context, None, ""),
+        changes.Writing(context, None, ""),
         await run_in_threadpool(_find_caller, context, facts),
         facts.campaign_id,
         upload=upload,
@@ -336,12 +328,12 @@ async def _make_frame(context: Context, partial: Partial, facts: Facts, blob: St
     await run_in_threadpool(partial.become, frame["id"], frame.get("job_id", ""))
 
 
-known_router = Router(prefix="/v1", tags=["frames"])
+known_router = operations.Router(prefix="/v1", tags=["frames"])
 
 
-@known_router.post("/uploads/known", response_model=KnownAnswer, responses=problems())
+@known_router.post("/uploads/known", response_model=KnownAnswer, responses=answers.problems())
 def ask_known(
-    body: HashesAsked, caller: Uploader, context: UsesContext, _idempotency_key: IdempotencyKey = None
+    body: HashesAsked, caller: Uploader, context: UsesContext, _idempotency_key: changes.IdempotencyKey = None
 ) -> Response:
     """Ask by hash which files are stored whole, and in which campaigns.
 
@@ -353,14 +345,14 @@ def ask_known(
 
 
 @known_router.post(
-    "/campaigns/{campaign_id}/frames/known", response_model=KnownAnswer, responses=problems(404)
+    "/campaigns/{campaign_id}/frames/known", response_model=KnownAnswer, responses=answers.problems(404)
 )
 def ask_known_frames(
-    campaign_id: Id,
+    campaign_id: lookup.Id,
     body: HashesAsked,
     caller: Uploader,
     context: UsesContext,
-    _idempotency_key: IdempotencyKey = None,
+    _idempotency_key: changes.IdempotencyKey = None,
 ) -> Response:
     """Ask by hash which files the campaign has, so that only the others are sent.
 
@@ -368,7 +360,7 @@ def ask_known_frames(
     """
 
     def find(session: Session) -> Iterable[FrameRow]:
-        return find_known(session, owned(session, Campaign, campaign_id, caller), body.sha256).values()
+        return find_known(session, lookup.owned(session, Campaign, campaign_id, caller), body.sha256).values()
 
     return _answer(context, body, find)
 

@@ -9,10 +9,8 @@ from typing import Annotated, Any, Final
 import typer
 from typer.core import TyperGroup
 
-from stilb.commands import calibration, campaign, jobs, keys, measurements, push, receipt, session
-from stilb.commands.output import Exit, exit_of, next_step, print_json
-from stilb.problem import Problem, Unclear
-from stilb.version import read_version
+from stilb import problem, version
+from stilb.commands import calibration, campaign, jobs, keys, measurements, output, push, receipt, session
 
 # by section the name of each command, its function or its own group, and an example
 _SECTIONS: Final = {
@@ -82,7 +80,7 @@ app = typer.Typer(
 
 def _tell_version(asked: bool) -> None:  # noqa: FBT001  as typer calls it
     if asked:
-        typer.echo(read_version())
+        typer.echo(version.read_version())
         raise typer.Exit
 
 
@@ -116,15 +114,15 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         app(given, prog_name="stilb")
     except SystemExit as end:
-        if end.code == Exit.INTERRUPTED:
+        if end.code == output.Exit.INTERRUPTED:
             sys.stderr.write("stilb: stopped; run the same command again to continue\n")
-        return end.code if isinstance(end.code, int) else int(Exit.USAGE)
-    except (Problem, Unclear, TimeoutError, OSError) as error:
+        return end.code if isinstance(end.code, int) else int(output.Exit.USAGE)
+    except (problem.Problem, problem.Unclear, TimeoutError, OSError) as error:
         return _end(error, as_json="--json" in given)
     except Exception as error:  # noqa: BLE001  a fault of ours must not look like a finding
         traceback.print_exc()
         return _end(error, as_json="--json" in given)
-    return Exit.DONE
+    return output.Exit.DONE
 
 
 def _said(error: Exception) -> str:
@@ -136,12 +134,12 @@ def _said(error: Exception) -> str:
 
 def _end(error: Exception, *, as_json: bool) -> int:
     """Report an error, on stderr for a person, on stdout for a machine."""
-    code = exit_of(error)
-    lines = [f"stilb: {_said(error)}", *getattr(error, "__notes__", ()), next_step(error)]
+    code = output.exit_of(error)
+    lines = [f"stilb: {_said(error)}", *getattr(error, "__notes__", ()), output.next_step(error)]
     sys.stderr.write("".join(f"{line}\n" for line in lines if line))
     if as_json:
         told = {"detail": str(error), "exit_code": int(code)}
-        if isinstance(error, Problem):
+        if isinstance(error, problem.Problem):
             told = {"code": error.code, "status": error.status, **told, "detail": error.detail}
-        print_json({"error": told})
+        output.print_json({"error": told})
     return code

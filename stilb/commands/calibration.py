@@ -397,10 +397,7 @@ def rig(
     ] = None,
     save: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Save it; the name says as what: opencv.yaml or rig.json.",
-        ),
+        typer.Option(metavar="FILE", help="Save it; the name says as what: opencv.yaml or rig.json."),
     ] = None,
 ) -> None:
     """Show how the cameras of a rig are oriented.

@@ -65,11 +65,7 @@ def init(  # noqa: PLR0913, PLR0917 (the command's options)
     stated = read_camera(folder)
     said |= {name: said[name] or stated.get(name, "") for name in ("make", "model", "serial")}
     text = write_template(
-        said,
-        folder=quote(folder),
-        has_readings=(folder / "readings.csv").exists(),
-        night=night,
-        light=light,
+        said, folder=quote(folder), has_readings=(folder / "readings.csv").exists(), night=night, light=light
     )
     try:
         with path.open("x", encoding="utf-8") as file:
@@ -152,10 +148,7 @@ def list_campaigns(output: Output) -> None:
 
 @app.command("show", epilog="Example: stilb campaign show P-17")
 @command
-def show(
-    output: Output,
-    campaign: CampaignNamed,
-) -> None:
+def show(output: Output, campaign: CampaignNamed) -> None:
     """Show received frames, missing items and advice."""
     with output.client() as client:
         found = client.campaign(client.find_campaign(campaign).id).raw
@@ -231,8 +224,7 @@ def points(
     output: Output,
     campaign: CampaignNamed,
     spreadsheet: Annotated[
-        Path,
-        typer.Argument(metavar="FILE.csv", exists=True, dir_okay=False, help="As ImageJ's Results."),
+        Path, typer.Argument(metavar="FILE.csv", exists=True, dir_okay=False, help="As ImageJ's Results.")
     ],
     white_level_dn: Annotated[float, typer.Option(help="Where the sensor clips: 255 of 8 bits.")],
     black_level_dn: Annotated[float | None, typer.Option(help="Default: unknown.")] = None,

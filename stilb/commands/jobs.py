@@ -38,8 +38,7 @@ def jobs(
         for each in found
     ]
     output.answer(
-        {"items": [each.raw for each in found]},
-        table(("kind", "of", "state", "done", "job", "error"), rows),
+        {"items": [each.raw for each in found]}, table(("kind", "of", "state", "done", "job", "error"), rows)
     )
 
 

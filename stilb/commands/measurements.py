@@ -11,13 +11,10 @@ import typer
 from rich.console import RenderableType
 
 from stilb.client import Client
+from stilb.commands import push, terminal
 from stilb.commands.calibration import read_polygon, set_regions
 from stilb.commands.output import Exit, Output, command, complete_campaign
-from stilb.commands.push import send_night
-from stilb.commands.terminal import figure, group_alike, name_some, show_scope, showing, table
-from stilb.field.files import plain_stem
-from stilb.field.plan import read_spreadsheet
-from stilb.field.template import LAMP_HELP
+from stilb.field import files, plan, template
 from stilb.records import Grid, MeasureDetails, Measurement
 from stilb.resources.measurements import Area
 from stilb.transport import without_none
@@ -65,8 +62,7 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
     ] = None,
     distance: Annotated[float | None, typer.Option(help="To the surface, in m.")] = None,
     lamp: Annotated[
-        str | None,
-        typer.Option(metavar="KIND", help=f"{LAMP_HELP} Default: the campaign's."),
+        str | None, typer.Option(metavar="KIND", help=f"{template.LAMP_HELP} Default: the campaign's.")
     ] = None,
     mains: Annotated[
         float | None,
@@ -99,16 +95,14 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
         Path | None, typer.Option("--map", metavar="FOLDER", help="Save a map of each frame in this folder.")
     ] = None,
     save_cells: Annotated[
-        Path | None,
-        typer.Option("--cells", metavar="FOLDER", help="Save cells as CSV and GeoJSON."),
+        Path | None, typer.Option("--cells", metavar="FOLDER", help="Save cells as CSV and GeoJSON.")
     ] = None,
     save_report: Annotated[
         Path | None,
         typer.Option("--report", metavar="FOLDER", help="Save a two-page report (PDF) of each luminance."),
     ] = None,
     save: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Save all of the campaign: .csv, .geojson or .json."),
+        Path | None, typer.Option(metavar="FILE", help="Save all of the campaign: .csv, .geojson or .json.")
     ] = None,
     *,
     bands: Annotated[
@@ -130,7 +124,7 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
     if average and len(frames or ()) < 2:
         raise typer.BadParameter("--average needs two frames or more")
     if light is not None and light.lower().endswith(".csv"):
-        light = read_spreadsheet(Path(light))
+        light = plan.read_spreadsheet(Path(light))
     given = {
         "calibration_id": calibration,
         "polygon": _read_region(region, regions),
@@ -152,8 +146,8 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
     }
     details = cast("MeasureDetails", without_none(given))
     refused: list[dict[str, Any]] = []
-    sent = None if folder is None else send_night(output, folder, campaign)
-    with output.client() as client, showing(output.err) as listener:
+    sent = None if folder is None else push.send_night(output, folder, campaign)
+    with output.client() as client, terminal.showing(output.err) as listener:
         wanted: dict[str, Any] = {"with_map": save_map is not None, "with_bands": bands}
         if sent is not None or campaign is not None:
             campaign_id = sent.campaign_id if sent else client.find_campaign(campaign or "").id
@@ -189,13 +183,13 @@ def _save_each(
         return
     folder.mkdir(parents=True, exist_ok=True)
     for one in found:
-        output.note(str(save(one.id, folder / f"{plain_stem(one.filename)}-{one.id}.{suffix}")))
+        output.note(str(save(one.id, folder / f"{files.plain_stem(one.filename)}-{one.id}.{suffix}")))
 
 
 def _save_maps(output: Output, client: Client, found: list[Measurement], folder: Path, *, stac: bool) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for one in found:
-        path = client.save_map(one.id, folder / f"{plain_stem(one.filename)}-{one.id}.tif")
+        path = client.save_map(one.id, folder / f"{files.plain_stem(one.filename)}-{one.id}.tif")
         output.note(f"{path} {one.raw.get('place', {}).get('detail', '')}".rstrip())
         if stac:
             output.note(str(client.save_stac(one.id, path)))
@@ -244,8 +238,8 @@ def compare(
     """Compare two measurements of the same outline."""
     with output.client() as client:
         found = client.compare(old, new, other_region=other_region, same_light=same_light)
-    change = f" ({figure(found.change)})" if found.change else ""
-    output.answer(found.raw, found.said, f"new - old: {figure(found.difference)}{change}")
+    change = f" ({terminal.figure(found.change)})" if found.change else ""
+    output.answer(found.raw, found.said, f"new - old: {terminal.figure(found.difference)}{change}")
 
 
 def _read_region(region: str | None, regions: Path | None) -> list[tuple[float, float]] | None:
@@ -282,13 +276,13 @@ def format_measurements(
     found: Sequence[Measurement], refused: Sequence[Mapping[str, Any]]
 ) -> list[RenderableType]:
     """Return a table of measurements, and the frames that were not measured, by their reasons."""
-    shown = table(
+    shown = terminal.table(
         ("measurement", "file", "mean", "region", "U_o", "flags"),
         [
             (
                 one.id,
                 one.filename + (f" and {len(one.frame_ids) - 1} more" if one.frame_ids else ""),
-                figure(one.mean) + show_scope(one.uncertainty_scope) if one.mean else "",
+                terminal.figure(one.mean) + terminal.show_scope(one.uncertainty_scope) if one.mean else "",
                 one.region_origin.replace("_", " "),
                 f"{one.u_o.value:.3f}" if one.u_o else "",
                 " ".join(dict.fromkeys(one.flags)),
@@ -297,10 +291,10 @@ def format_measurements(
         ],
     )
     views = dict.fromkeys(one.raw["seen_from_detail"] for one in found if "seen_from" in one.raw)
-    alike = group_alike(refused, lambda each: [each["detail"].replace(each["filename"], "")])
+    alike = terminal.group_alike(refused, lambda each: [each["detail"].replace(each["filename"], "")])
     told = (
         (
-            f"{name_some([each['filename'] for each in some], 'frames')}  not measured",
+            f"{terminal.name_some([each['filename'] for each in some], 'frames')}  not measured",
             f"    {some[0]['detail']}",
         )
         for some in alike

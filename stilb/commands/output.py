@@ -16,13 +16,11 @@ from typing import Annotated, Any, TypeVar, overload
 import typer
 from rich.console import Console, RenderableType
 
+from stilb import problem, transport
 from stilb.client import Client
-from stilb.field.files import ROLES
-from stilb.field.template import list_choices, read_methods
+from stilb.field import files, template
 from stilb.login import Login, choose_login, read_login
 from stilb.method import DEFAULT_METHOD
-from stilb.problem import Problem, Unclear
-from stilb.transport import OnRetry
 
 # Wide enough that a table in a file or a pipe loses nothing.
 _WIDTH_OF_A_PIPE = 240
@@ -45,7 +43,7 @@ class Output:
     def login(self) -> Login:
         return choose_login(read_login(config_folder()), url=self.url, key=self.key)
 
-    def client(self, *, retries: int = _RETRIES, on_retry: OnRetry | None = None) -> Client:
+    def client(self, *, retries: int = _RETRIES, on_retry: transport.OnRetry | None = None) -> Client:
         """Open a client with few retries, so that a user soon sees that the service does not answer."""
         login = self.login()
         return Client(login.url, login.key, retries=retries, on_retry=on_retry)
@@ -157,11 +155,11 @@ _STEPS = {
 def exit_of(error: BaseException) -> Exit:
     """Return the exit code of an error that ends a command."""
     match error:
-        case Problem():
+        case problem.Problem():
             return _exit_of_status(error.status)
         case TimeoutError():
             return Exit.STILL_AT_WORK
-        case Unclear() | OSError():
+        case problem.Unclear() | OSError():
             return Exit.USAGE
         case _:
             return Exit.BROKEN
@@ -170,9 +168,9 @@ def exit_of(error: BaseException) -> Exit:
 def next_step(error: BaseException) -> str:
     """Return what to do about an error, or "" if its message says so."""
     match error:
-        case Problem() if error.code in _STEPS:
+        case problem.Problem() if error.code in _STEPS:
             return _STEPS[error.code]
-        case Problem() if error.status >= 500:
+        case problem.Problem() if error.status >= 500:
             return "Try again later. If it persists, send the operator the output of stilb doctor."
         case TimeoutError():
             return "The service continues. stilb jobs shows the progress."
@@ -219,7 +217,7 @@ def read_moment(text: str | None) -> str | None:
     except ValueError:
         zoned = False
     if not zoned:
-        raise Unclear(
+        raise problem.Unclear(
             f"{text!r} is not a time: give a day (2026-05-01), now, or a time with its zone "
             "(2026-05-01T20:30:00Z)"
         )
@@ -231,16 +229,16 @@ _MOST = 200
 
 
 def complete_role(incomplete: str) -> list[str]:
-    return [role for role in ROLES if role.startswith(incomplete)]
+    return [role for role in files.ROLES if role.startswith(incomplete)]
 
 
 def complete_method(incomplete: str) -> list[str]:
-    return [name for name in read_methods() if name.startswith(incomplete)]
+    return [name for name in template.read_methods() if name.startswith(incomplete)]
 
 
 def complete_model(incomplete: str) -> list[str]:
     """Return the models of the default method's fit."""
-    return [model for model in list_choices(DEFAULT_METHOD, "model") if model.startswith(incomplete)]
+    return [model for model in template.list_choices(DEFAULT_METHOD, "model") if model.startswith(incomplete)]
 
 
 def complete_campaign(incomplete: str) -> list[str]:
@@ -255,7 +253,7 @@ def complete_camera(incomplete: str) -> list[str]:
 def _ask(list_names: Callable[[Client], Iterator[str]], incomplete: str) -> list[str]:
     """Return what the service lists; nothing, soon and without a word, where it cannot be asked."""
     found = dict[str, None]()
-    with suppress(Problem, Unclear, OSError):
+    with suppress(problem.Problem, problem.Unclear, OSError):
         login = choose_login(read_login(config_folder()), url=None, key=None)
         with Client(login.url, login.key, timeout=_WITHIN_S, retries=0) as client:
             for name in list_names(client):

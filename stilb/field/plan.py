@@ -21,7 +21,7 @@ FILENAME = "campaign.toml"
 _FEWEST_CORNERS = 3
 _LENS = {"make", "model", "serial"}
 _CERTIFICATE = {
-    *("number", "laboratory", "issued_on", "due_on", "expanded_uncertainty_rel", "coverage_factor"),
+    *("number", "laboratory", "issued_on", "due_on", "expanded_uncertainty_rel", "coverage_factor")
 }
 _EXPOSURE = {"exposure_time_s", "f_number", "iso"}
 # A name of the service's library, or a file.
@@ -41,10 +41,7 @@ _TABLES: dict[str, tuple[set[str], set[str]]] = {
     "meter": ({"kind", "make", "model", "serial", "certificate"}, {"kind", "make", "model", "serial"}),
     "frames": ({"role", "pattern", "scene", "first", "last", *_EXPOSURE}, {"role"}),
     "readings": ({"file"}, {"file"}),
-    "reading": (
-        {"scene", "quantity", "value", "unit", "taken_at"},
-        {"scene", "quantity", "value", "unit"},
-    ),
+    "reading": ({"scene", "quantity", "value", "unit", "taken_at"}, {"scene", "quantity", "value", "unit"}),
     "region": ({"polygon", "imagej", "file", "parts"}, set()),
     "fit": (set(), set()),
     "measure": ({*MeasureDetails.__annotations__} - {"polygon"}, set()),

@@ -11,11 +11,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
+from stilb import problem, records, upload
 from stilb.client import Client
 from stilb.field.files import FieldFile
-from stilb.problem import JobFailed
-from stilb.records import Frame, KnownFrame, Reason
-from stilb.upload import OnProgress, Upload
 
 Stamp = tuple[int, int]
 
@@ -113,7 +111,7 @@ class Listener:
     """Receiver of progress; ``on_count``: of what is done, how many, of how many."""
 
     on_count: Callable[[str, int, int], None] = lambda *_: None
-    on_progress: OnProgress | None = None
+    on_progress: upload.OnProgress | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -218,7 +216,7 @@ def _choose(push: _Push) -> list[FieldFile]:
     return list(chosen.values())
 
 
-def _compare(push: _Push, file: FieldFile, known: KnownFrame) -> None:
+def _compare(push: _Push, file: FieldFile, known: records.KnownFrame) -> None:
     if (known.role, known.scene) != (file.role, file.scene):
         push.notes[file.name] = (
             f"exists already as {_words(known.role, known.scene)} ({known.filename}), here it is "
@@ -228,7 +226,7 @@ def _compare(push: _Push, file: FieldFile, known: KnownFrame) -> None:
 
 def _send(push: _Push, files: list[FieldFile]) -> int:
     uploads = [
-        Upload(
+        upload.Upload(
             campaign_id=push.campaign_id,
             path=file.path,
             role=file.role,
@@ -245,14 +243,14 @@ def _send(push: _Push, files: list[FieldFile]) -> int:
             continue
         push.frames[outcome.sha256] = outcome.id
         push.jobs.append(outcome.job_id)
-    return sum(isinstance(outcome, Frame) for outcome in outcomes)
+    return sum(isinstance(outcome, records.Frame) for outcome in outcomes)
 
 
-def _wait_until_read(push: _Push) -> dict[str, Frame]:
+def _wait_until_read(push: _Push) -> dict[str, records.Frame]:
     """The frames of this push, by id, when nothing of them is being computed, or nobody computes it."""
     total = len(push.jobs)
     for number, job_id in enumerate(push.jobs, start=1):
-        with suppress(JobFailed):  # the frame's verdict says it
+        with suppress(problem.JobFailed):  # the frame's verdict says it
             push.client.wait(job_id)
         push.listener.on_count("read", number, total)
     wanted = set(push.frames.values())
@@ -267,18 +265,18 @@ def _wait_until_read(push: _Push) -> dict[str, Frame]:
         time.sleep(_POLL_S)
 
 
-def _is_unread(frame: Frame) -> bool:
+def _is_unread(frame: records.Frame) -> bool:
     return frame.outcome == "pending" and any(reason.code in _UNREAD for reason in frame.reasons)
 
 
-def _tell(push: _Push, file: FieldFile, frames: dict[str, Frame]) -> Told:
+def _tell(push: _Push, file: FieldFile, frames: dict[str, records.Frame]) -> Told:
     sha256 = push.hashes.get(file.name, "")
     frame_id = push.frames.get(sha256, "")
     frame = frames.get(frame_id)
     if not frame_id:
         reason = push.errors.get(file.name) or push.errors.get(_twin(push, sha256), "it was not sent")
         return Told.unsent(file.name, reason, sha256)
-    reasons: tuple[Reason, ...] = () if frame is None else frame.reasons
+    reasons: tuple[records.Reason, ...] = () if frame is None else frame.reasons
     note = push.notes.get(file.name)
     return Told(
         name=file.name,

@@ -8,15 +8,13 @@ from stilb.export import OnExport, export
 from stilb.method import DEFAULT_METHOD
 from stilb.problem import Problem, Unclear
 from stilb.records import Calibration, Coefficient, InForce, Job, Moment, as_text, as_times
-from stilb.resources.campaigns import Campaigns
-from stilb.resources.equipment import Equipment
-from stilb.resources.frames import Jobs
+from stilb.resources import campaigns, equipment, frames
 from stilb.transport import Call, PathLike, address, without_none
 
 _ISSUED_WITHIN_S = 300.0  # the pages of the certificate are set before the answer
 
 
-class Calibrations(Campaigns, Jobs):
+class Calibrations(campaigns.Campaigns, frames.Jobs):
     """Versions of a camera's coefficients."""
 
     def start_calibration(self, campaign_id: str, **params: object) -> Job:
@@ -109,7 +107,7 @@ class Calibrations(Campaigns, Jobs):
         return self._save(path, where, query)
 
 
-class Coefficients(Equipment):
+class Coefficients(equipment.Equipment):
     """Coefficients by camera and time."""
 
     def coefficients(

@@ -4,18 +4,9 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Unpack
 
+from stilb import records
 from stilb.method import DEFAULT_METHOD
 from stilb.problem import Problem, Unclear, missing
-from stilb.records import (
-    Campaign,
-    CampaignChange,
-    CampaignDetails,
-    Motion,
-    Polygon,
-    Reading,
-    TableSettings,
-    as_text,
-)
 from stilb.transport import Call, Connection, address
 
 _POLL_S = 0.5
@@ -30,19 +21,21 @@ class Campaigns(Connection):
         *,
         method: str = DEFAULT_METHOD,
         idempotency_key: str | None = None,
-        **details: Unpack[CampaignDetails],
-    ) -> Campaign:
+        **details: Unpack[records.CampaignDetails],
+    ) -> records.Campaign:
         """Begin a campaign. Two calls with the same ``idempotency_key`` begin one."""
         body = {"camera_id": camera_id, "method": method, **_written(details)}
         call = Call(method="POST", path=address("campaigns"), json=body, headers=_idempotent(idempotency_key))
-        return Campaign.of(self._transport.json(call))
+        return records.Campaign.of(self._transport.json(call))
 
-    def change_campaign(self, campaign_id: str, **details: Unpack[CampaignChange]) -> Campaign:
+    def change_campaign(
+        self, campaign_id: str, **details: Unpack[records.CampaignChange]
+    ) -> records.Campaign:
         """Correct what is written on a campaign. With another ``target`` its frames are read again."""
-        return Campaign.of(self._patch(address("campaigns", campaign_id), _written(details)))
+        return records.Campaign.of(self._patch(address("campaigns", campaign_id), _written(details)))
 
-    def campaign(self, campaign_id: str) -> Campaign:
-        return Campaign.of(self._get(address("campaigns", campaign_id)))
+    def campaign(self, campaign_id: str) -> records.Campaign:
+        return records.Campaign.of(self._get(address("campaigns", campaign_id)))
 
     def wait_for(
         self,
@@ -50,7 +43,7 @@ class Campaigns(Connection):
         *,
         timeout_s: float | None = None,
         on_progress: Callable[[int, int], None] = lambda *_: None,
-    ) -> Campaign:
+    ) -> records.Campaign:
         """Wait until all frames that have arrived are read; ``TimeoutError`` when that takes longer.
 
         ``on_progress`` is called with how many of those that were waited for are read, and how many they are.
@@ -80,11 +73,11 @@ class Campaigns(Connection):
         camera_id: str | None = None,
         method: str | None = None,
         kind: str | None = None,
-    ) -> Iterator[Campaign]:
+    ) -> Iterator[records.Campaign]:
         query = {"project_number": project_number, "camera_id": camera_id, "method": method, "kind": kind}
-        return map(Campaign.of, self._items(address("campaigns"), {**query, "limit": 1000}))
+        return map(records.Campaign.of, self._items(address("campaigns"), {**query, "limit": 1000}))
 
-    def find_campaign(self, named: str) -> Campaign:
+    def find_campaign(self, named: str) -> records.Campaign:
         """The campaign with this id or this project number."""
         try:
             return self.campaign(named)
@@ -105,9 +98,9 @@ class Campaigns(Connection):
         self,
         campaign_id: str,
         *,
-        polygon: Polygon | None = None,
+        polygon: records.Polygon | None = None,
         imagej: str | None = None,
-        regions: Mapping[str, Polygon] | None = None,
+        regions: Mapping[str, records.Polygon] | None = None,
     ) -> dict[str, Any]:
         """Set the region of every frame without one of its own, in one of three ways.
 
@@ -126,7 +119,7 @@ class Campaigns(Connection):
     def add_readings(
         self,
         campaign_id: str,
-        readings: Reading | Sequence[Reading] | str,
+        readings: records.Reading | Sequence[records.Reading] | str,
         *,
         meter_ids: Sequence[str] = (),
         idempotency_key: str | None = None,
@@ -152,7 +145,7 @@ class Campaigns(Connection):
         table: str,
         *,
         idempotency_key: str | None = None,
-        **settings: Unpack[TableSettings],
+        **settings: Unpack[records.TableSettings],
     ) -> dict[str, Any]:
         """Add frames of which only a CSV text of statistics exists, such as ImageJ's Results.
 
@@ -163,7 +156,7 @@ class Campaigns(Connection):
         call = Call(method="POST", path=path, query={**settings}, text=table, headers=headers)
         return dict(self._transport.json(call))
 
-    def motion(self, campaign_id: str, **geometry: Unpack[Motion]) -> dict[str, Any]:
+    def motion(self, campaign_id: str, **geometry: Unpack[records.Motion]) -> dict[str, Any]:
         """How far the picture moved during each frame's exposure: a row each, and how many stay within it.
 
         From the attitudes that the files record; those that record none say so.
@@ -178,14 +171,14 @@ class Campaigns(Connection):
         return self._delete(address("readings", reading_id))
 
 
-def region(polygon: Polygon) -> dict[str, Any]:
+def region(polygon: records.Polygon) -> dict[str, Any]:
     """Corners as the service reads them."""
     return {"polygon": [[x, y] for x, y in polygon]}
 
 
-def _written(details: CampaignDetails | CampaignChange) -> dict[str, Any]:
+def _written(details: records.CampaignDetails | records.CampaignChange) -> dict[str, Any]:
     body = dict[str, Any](details)
-    return body | {name: as_text(body[name]) for name in ("started_at", "ended_at") if name in body}
+    return body | {name: records.as_text(body[name]) for name in ("started_at", "ended_at") if name in body}
 
 
 def _idempotent(key: str | None) -> dict[str, str]:

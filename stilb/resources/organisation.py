@@ -11,19 +11,8 @@ from typing import Any, Unpack
 
 import httpx
 
+from stilb import records
 from stilb.problem import Problem, Unclear, missing
-from stilb.records import (
-    AuditChain,
-    AuditEntry,
-    Finding,
-    Key,
-    Moment,
-    OrganisationChange,
-    OwnKey,
-    PersonDetails,
-    Session,
-    as_text,
-)
 from stilb.transport import Call, Connection, Transport, address
 
 _SAMPLE = re.compile(r'^(?P<name>\w+)(?:\{\w+="(?P<label>[^"]*)"\})? (?P<value>\S+)$', re.MULTILINE)
@@ -100,51 +89,53 @@ class Organisation(Connection):
         """Return name, address and time zone of the organisation, and what it uses."""
         return self._get(address("organisation"))
 
-    def change_organisation(self, **details: Unpack[OrganisationChange]) -> dict[str, Any]:
+    def change_organisation(self, **details: Unpack[records.OrganisationChange]) -> dict[str, Any]:
         return self._patch(address("organisation"), dict(details))
 
-    def api_keys(self) -> Iterator[Key]:
+    def api_keys(self) -> Iterator[records.Key]:
         """Return all keys, also those that have ended, without their secrets."""
-        return map(Key.of, self._items(address("keys")))
+        return map(records.Key.of, self._items(address("keys")))
 
     def create_key(
         self,
         name: str,
         scopes: Sequence[str],
         *,
-        expires_at: Moment | None = None,
-        **person: Unpack[PersonDetails],
-    ) -> Key:
+        expires_at: records.Moment | None = None,
+        **person: Unpack[records.PersonDetails],
+    ) -> records.Key:
         """Make a key; its ``secret`` is in this answer only."""
-        end = {"expires_at": as_text(expires_at)} if expires_at else {}
-        return Key.of(self._post(address("keys"), {"name": name, "scopes": list(scopes), **end, **person}))
+        end = {"expires_at": records.as_text(expires_at)} if expires_at else {}
+        return records.Key.of(
+            self._post(address("keys"), {"name": name, "scopes": list(scopes), **end, **person})
+        )
 
-    def change_key(self, key: Key | str, **person: Unpack[PersonDetails]) -> Key:
+    def change_key(self, key: records.Key | str, **person: Unpack[records.PersonDetails]) -> records.Key:
         """State who uses a key, by its id or its name: that person signs the certificates it publishes."""
-        return Key.of(self._patch(address("keys", self._id_of(key)), dict(person)))
+        return records.Key.of(self._patch(address("keys", self._id_of(key)), dict(person)))
 
-    def revoke_key(self, key: Key | str) -> Key:
+    def revoke_key(self, key: records.Key | str) -> records.Key:
         """Revoke a key, by its id or its name, and end its sessions."""
-        return Key.of(self._delete(address("keys", self._id_of(key))))
+        return records.Key.of(self._delete(address("keys", self._id_of(key))))
 
-    def sessions(self) -> Iterator[Session]:
+    def sessions(self) -> Iterator[records.Session]:
         """Return the browsers that are signed in: with this key, or for an administrator with any."""
-        return map(Session.of, self._items(address("sessions")))
+        return map(records.Session.of, self._items(address("sessions")))
 
     def end_sessions(self) -> int:
         """End all those sessions; returns how many."""
         return int(self._delete(address("sessions"))["ended"])
 
-    def audit(self, **chosen: str) -> Iterator[AuditEntry]:
+    def audit(self, **chosen: str) -> Iterator[records.AuditEntry]:
         """Return entries, newest first, chosen by ``actor``, ``action``, ``subject_id``, ``from``, ``to``."""
-        return map(AuditEntry.of, self._items(address("audit"), chosen))
+        return map(records.AuditEntry.of, self._items(address("audit"), chosen))
 
     def save_audit(self, path: Path | str, **chosen: str) -> None:
         """Save entries, oldest first, as .csv or, with all that their hashes cover, as .jsonl."""
         name = "entries.jsonl" if str(path).endswith(".jsonl") else "entries.csv"
         self._save(path, address("audit", name), chosen)
 
-    def check_audit(self) -> AuditChain:
+    def check_audit(self) -> records.AuditChain:
         """Have the service recompute the hashes of all entries."""
         entries = 0
         query: dict[str, str] = {}
@@ -152,11 +143,11 @@ class Organisation(Connection):
             answer = self._get(f"{address('audit')}/chain", query)
             entries += answer["entries"]
             if "next" not in answer:
-                return AuditChain.of({**answer, "entries": entries})
+                return records.AuditChain.of({**answer, "entries": entries})
             query = dict(httpx.URL(answer["next"]).params)
 
-    def _id_of(self, named: Key | str) -> str:
-        if isinstance(named, Key):
+    def _id_of(self, named: records.Key | str) -> str:
+        if isinstance(named, records.Key):
             return named.id
         found = [
             key.id for key in self.api_keys() if named == key.id or (named == key.name and not key.ended)
@@ -171,14 +162,14 @@ class Organisation(Connection):
 class System(Connection):
     """Own key, and state of the service."""
 
-    def own_key(self) -> OwnKey:
+    def own_key(self) -> records.OwnKey:
         """The key that this client asks with: its organisation and its scopes."""
-        return OwnKey.of(self._get(address("keys", "own")))
+        return records.OwnKey.of(self._get(address("keys", "own")))
 
-    def findings(self) -> dict[str, Finding]:
+    def findings(self) -> dict[str, records.Finding]:
         """Return the registry of findings by code."""
         items = self._get(address("findings"))["items"]
-        return {item["code"]: Finding.of(item) for item in items}
+        return {item["code"]: records.Finding.of(item) for item in items}
 
     def health(self) -> Health:
         """How the service fares, as far as it tells."""

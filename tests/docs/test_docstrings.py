@@ -94,16 +94,33 @@ def _find_section_faults(path: Path, tree: ast.Module) -> Iterator[str]:
 
 @cache
 def _list_imported() -> dict[Path, set[str]]:
-    """Return the names that the product's other rooms import from each module of the science."""
+    """Return the names that the product's other rooms use of each module of the science."""
     imported: dict[Path, set[str]] = {}
     for path in (path for room in CALLERS for path in (ROOT / room).rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text())):
+        nodes = list(ast.walk(ast.parse(path.read_text())))
+        modules: dict[str, Path] = {}
+        for node in nodes:
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("radiometry"):
-                module = ROOT / node.module.replace(".", "/")
-                names = {each.name for each in node.names if not _is_module(module / each.name)}
-                file = one if (one := module.with_suffix(".py")).is_file() else module / "__init__.py"
-                imported.setdefault(file, set()).update(names)
+                folder = ROOT / node.module.replace(".", "/")
+                modules |= {
+                    each.asname or each.name: _find_file(folder / each.name)
+                    for each in node.names
+                    if _is_module(folder / each.name)
+                }
+                names = {each.name for each in node.names} - modules.keys()
+                imported.setdefault(_find_file(folder), set()).update(names)
+        for node in nodes:
+            if (
+                isinstance(node, ast.Attribute)
+                and isinstance(node.value, ast.Name)
+                and node.value.id in modules
+            ):
+                imported.setdefault(modules[node.value.id], set()).add(node.attr)
     return imported
+
+
+def _find_file(module: Path) -> Path:
+    return one if (one := module.with_suffix(".py")).is_file() else module / "__init__.py"
 
 
 def _is_module(path: Path) -> bool:

@@ -214,7 +214,7 @@ def test_a_file_is_rendered_once_and_again_if_it_is_lost(house, monkeypatch):
             path.unlink()
     assert find(b"a") == b"%PDF" + bytes([1, 1, 1])
     assert len(rendered) == 3
-    monkeypatch.setattr("service.documents.rendered.RENDERER", "another")
+    monkeypatch.setattr("store.software.RENDERER", "another")
     assert find_rendered(context, name_source(b"a")) is None
 
 

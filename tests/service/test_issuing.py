@@ -55,7 +55,7 @@ def revise(monkeypatch):
     monkeypatch.setattr("store.software.FIT_CODE_VERSION", "9.9.9")
     monkeypatch.setattr("service.documents.certificate._RELATES", "Another sentence.")
     monkeypatch.setattr("service.documents.certificate.SCHEMA_VERSION", 2)
-    monkeypatch.setattr("service.documents.rendered.RENDERER", "render-99")
+    monkeypatch.setattr("store.software.RENDERER", "render-99")
     monkeypatch.setattr("service.documents.pages.STAMPS", dict.fromkeys(("draft", "published"), "Other"))
     monkeypatch.setattr(
         "service.documents.rendered.render_apart", lambda *_, **__: b"%PDF of a later release"

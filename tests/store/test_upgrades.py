@@ -131,7 +131,7 @@ def check_certificates(recorded, empty, tmp_path, request, monkeypatch):
         assert certificate["result"] == recorded_result(recorded, published[0])
     monkeypatch.setattr("store.software.FIT_CODE_VERSION", "9.9.9")
     monkeypatch.setattr("service.documents.certificate._RELATES", "Another sentence.")
-    monkeypatch.setattr("service.documents.rendered.RENDERER", "render-99")
+    monkeypatch.setattr("store.software.RENDERER", "render-99")
     with start() as house:
         assert Backlog(house.app.state.context).issue_next() == 3600.0
         assert read(house) == issued
