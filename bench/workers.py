@@ -14,7 +14,7 @@ from sqlalchemy import ColumnElement, delete, func, select
 from bench import harness
 from bench.frames import write_rows
 from bench.harness import Scale, Seconds, judge, say
-from service.launch.valkey import valkey_binary, valkey_command
+from service.launch.run import valkey_binary, valkey_command
 from store.database import Database
 from store.jobs.queues import LANES, QUEUES, Post, make_celery, touch
 from store.migrate import migrate

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from radiometry.records import Record
-from service.launch.lifeline import die_with_parent
+from service.launch.supervisor import die_with_parent
 
 COMMAND = (sys.executable, "-m", "service.up")
 

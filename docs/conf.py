@@ -10,7 +10,7 @@ from sphinx.application import Sphinx
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from service.pages.findings import expand_entries  # noqa: E402
+from service.pages.documentation import expand_entries  # noqa: E402
 
 project = "stilb"
 release = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]

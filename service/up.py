@@ -7,7 +7,7 @@ and not imported.
 import sys
 from dataclasses import replace
 
-from service.launch import folder, lifeline, run
+from service.launch import folder, run, supervisor
 from service.launch.supervisor import Part
 
 WORKER = [sys.executable, "-m", "worker", "-Q", "looks,frames,fits,maps"]
@@ -24,7 +24,7 @@ ROSTER = run.Roster(
 
 
 def main() -> int:
-    lifeline.follow_make()
+    supervisor.follow_make()
     settings = run.read_apart()
     roster = give_grace(ROSTER, settings.stop_grace_s)
     if names := set(sys.argv[1:]):

@@ -11,20 +11,7 @@ from radiometry.fleet.results import Deviation, Effect, FleetVerdict, Outcome, P
 from radiometry.methods import get_method
 from radiometry.specification.certificate import KeyFigure
 from radiometry.specification.method import Scope
-from service.http.models import (
-    EACH_ONCE,
-    Answer,
-    FindingGroupAnswer,
-    Form,
-    Instant,
-    LongText,
-    Method,
-    Positive,
-    Quantity,
-    Text,
-    group_flags,
-)
-from service.http.problems import AS_NUMBER, BY_NAME
+from service.http import models, problems
 from store.codec import drop_absent
 from store.queries.calibrations import Lifetime, VersionStatus
 from store.queries.organisations import Person
@@ -37,16 +24,20 @@ SCOPE_MEANING = (
 )
 
 
-class PersonAnswer(Answer, restates=Person):
+class PersonAnswer(models.Answer, restates=Person):
     """The person who fitted or approved, as the key states it."""
 
 
-class NewPublication(Form):
-    valid_from: Instant = Field(description="Frames taken from then on are measured with this version.")
-    valid_to: Instant | None = Field(
+class NewPublication(models.Form):
+    valid_from: models.Instant = Field(
+        description="Frames taken from then on are measured with this version."
+    )
+    valid_to: models.Instant | None = Field(
         default=None, description="After `valid_from`; without it, until another version replaces it."
     )
-    reason: LongText = Field(description="Who reviewed the version, and on what grounds; on the record.")
+    reason: models.LongText = Field(
+        description="Who reviewed the version, and on what grounds; on the record."
+    )
 
     @model_validator(mode="after")
     def _in_order(self) -> "NewPublication":
@@ -55,14 +46,14 @@ class NewPublication(Form):
         return self
 
 
-class NewRevocation(Form):
-    reason: LongText = Field(
+class NewRevocation(models.Form):
+    reason: models.LongText = Field(
         description="What is wrong with the version; shown with every measurement made with it."
     )
 
 
 class Coefficient(
-    Answer,
+    models.Answer,
     restates=CoefficientRow,
     fields="name value standard_uncertainty unit iso f_number band channel model flags",
 ):
@@ -73,28 +64,28 @@ class CoefficientInForce(Coefficient):
     uncertainty_scope: Scope | None = Field(default=None, description=SCOPE_MEANING)
     calibration_id: str
     version: int
-    valid_from: Instant
-    valid_to: Instant | None = None
+    valid_from: models.Instant
+    valid_to: models.Instant | None = None
     why: str
 
 
-class CoefficientsAnswer(Answer):
+class CoefficientsAnswer(models.Answer):
     items: list[CoefficientInForce]
 
 
-class Gap(Answer):
+class Gap(models.Answer):
     """An item that ISO/IEC 17025 asks of a certificate and that this one lacks."""
 
     code: str
     message: str
 
 
-class KeyFigureAnswer(Answer, restates=KeyFigure):
+class KeyFigureAnswer(models.Answer, restates=KeyFigure):
     """One of the few figures of a version that a person looks for first."""
 
 
 class IssuedAnswer(
-    Answer,
+    models.Answer,
     restates=IssuedCertificate,
     fields="amendment number issued_at at_upgrade fitted_by approved_by json_sha256 pdf_sha256",
 ):
@@ -105,20 +96,20 @@ class IssuedAnswer(
     reason: str = Field(description="Of the publication.")
 
 
-class SuggestedValidity(Answer):
-    valid_from: Instant
-    valid_to: Instant | None = Field(
+class SuggestedValidity(models.Answer):
+    valid_from: models.Instant
+    valid_to: models.Instant | None = Field(
         default=None, description="Of a method whose coefficients hold for one flight."
     )
 
 
 class CalibrationAnswer(
-    Answer,
+    models.Answer,
     restates=(Calibration, VersionStatus),
     fields="id camera_id campaign_id version state configuration software content_sha256 "
     "created_at created_by valid_from valid_to superseded_by revoked_reason",
 ):
-    method: Method
+    method: models.Method
     uncertainty_scope: Scope | None = Field(default=None, description=SCOPE_MEANING)
     coefficients: list[Coefficient]
     key_figures: list[KeyFigureAnswer] | None = Field(
@@ -127,7 +118,7 @@ class CalibrationAnswer(
     parameters: dict[str, Any]
     diagnostics: dict[str, Any] | None = None
     points: list[dict[str, Any]] | None = None
-    findings: list[FindingGroupAnswer] | None = Field(
+    findings: list[models.FindingGroupAnswer] | None = Field(
         default=None, description="The flags of `diagnostics`, equal ones as one; not in lists."
     )
     inputs: dict[str, Any] | None = None
@@ -152,7 +143,7 @@ class CalibrationAnswer(
         if whole:
             result = drop_absent(row.result)
             shown = [KeyFigureAnswer.model_validate(each) for each in spec.list_key_figures(result)]
-            detail = {"key_figures": shown, "findings": group_flags(result.get("flags", []))}
+            detail = {"key_figures": shown, "findings": models.group_flags(result.get("flags", []))}
             detail |= {"points": result.pop("points", []), "diagnostics": result}
         scopes = [scope for each in coefficients if (scope := spec.find_scope(each.name, each.flags))]
         return cls.restate(
@@ -165,24 +156,24 @@ class CalibrationAnswer(
         )
 
 
-class Period(Answer, restates=Publication, fields="valid_from valid_to"):
+class Period(models.Answer, restates=Publication, fields="valid_from valid_to"):
     """A time [valid_from, valid_to); open without its end."""
 
 
-class LifetimeAnswer(Answer):
+class LifetimeAnswer(models.Answer):
     """A published version, as known at a time."""
 
     calibration_id: str
     version: int
-    created_at: Instant
+    created_at: models.Instant
     coefficients: list[Coefficient]
     in_force: list[Period]
     revoked_from: list[Period]
-    published_at: list[Instant]
+    published_at: list[models.Instant]
     published_by: str
     published_by_name: str | None = None
     reason: str
-    revoked_at: Instant | None = None
+    revoked_at: models.Instant | None = None
     revoked_by: str | None = None
     revoked_by_name: str | None = None
     revoked_reason: str | None = None
@@ -208,10 +199,10 @@ class LifetimeAnswer(Answer):
         )
 
 
-class ValidityAnswer(Answer):
+class ValidityAnswer(models.Answer):
     """Every version of a method that had been published by `known_at`, newest first."""
 
-    known_at: Instant
+    known_at: models.Instant
     items: list[LifetimeAnswer]
 
 
@@ -226,31 +217,31 @@ ASSUMED = (
 
 
 def _form_of_tolerance(value: Any) -> str:  # noqa: ANN401
-    return BY_NAME if isinstance(value, dict) else AS_NUMBER
+    return problems.BY_NAME if isinstance(value, dict) else problems.AS_NUMBER
 
 
 Tolerance = Annotated[
-    Annotated[Positive, Tag(AS_NUMBER)]
+    Annotated[models.Positive, Tag(problems.AS_NUMBER)]
     | Annotated[
-        dict[Text, Positive],
+        dict[models.Text, models.Positive],
         Field(min_length=1, max_length=100, json_schema_extra={"additionalProperties": False}),
-        Tag(BY_NAME),
+        Tag(problems.BY_NAME),
     ],
     Discriminator(_form_of_tolerance),
 ]
 
 
-class LensNamed(Form):
+class LensNamed(models.Form):
     """The lens that a version was made with, where neither its files nor its camera say so."""
 
-    calibration_id: Text
-    serial: Text
+    calibration_id: models.Text
+    serial: models.Text
 
 
-class NewFleetVerdict(Form):
-    method: Method
+class NewFleetVerdict(models.Form):
+    method: models.Method
     camera_ids: Annotated[
-        list[Text], Field(min_length=2, max_length=MOST_CAMERAS, json_schema_extra=EACH_ONCE)
+        list[models.Text], Field(min_length=2, max_length=MOST_CAMERAS, json_schema_extra=models.EACH_ONCE)
     ]
     tolerance: Annotated[
         Tolerance,
@@ -268,29 +259,29 @@ class NewFleetVerdict(Form):
         return self
 
 
-class FlagRaised(Answer, restates=Raised):
+class FlagRaised(models.Answer, restates=Raised):
     pass
 
 
-class VersionLeftOut(Answer, restates=LeftOut, without="version"):
+class VersionLeftOut(models.Answer, restates=LeftOut, without="version"):
     calibration_id: str = Field(validation_alias="version")
 
 
-class ToleranceMeant(Answer, restates=results.Tolerance):
+class ToleranceMeant(models.Answer, restates=results.Tolerance):
     """A tolerance as it was understood: a limit in the unit of the cost."""
 
     kind: Literal["relative", "absolute"]
 
 
-class Parameter(Answer, restates=Key):
+class Parameter(models.Answer, restates=Key):
     """Identity of a coefficient, without its value."""
 
 
-class LevelDeviation(Answer, restates=Deviation):
+class LevelDeviation(models.Answer, restates=Deviation):
     pass
 
 
-class EffectAnswer(Answer, restates=Effect, without="judgement"):
+class EffectAnswer(models.Answer, restates=Effect, without="judgement"):
     """Cameras; or bodies and lenses, where swaps tell them apart."""
 
     verdict: Outcome | None = Field(default=None, validation_alias=AliasPath("judgement", "outcome"))
@@ -300,8 +291,8 @@ class ParameterVerdictAnswer(
     Parameter, restates=ParameterVerdict, without="key outcome within_variance between_variance judgement"
 ):
     verdict: Outcome
-    within_camera_variance: Quantity | None = None
-    between_camera_variance: Quantity | None = None
+    within_camera_variance: models.Quantity | None = None
+    between_camera_variance: models.Quantity | None = None
     equivalence_p_value: float | None = Field(
         default=None, description="Small: every camera lies within the tolerance."
     )
@@ -321,14 +312,14 @@ class ParameterVerdictAnswer(
         )
 
 
-class FleetCamera(Answer):
+class FleetCamera(models.Answer):
     camera_id: str
     serial: str
     repeats: int = Field(description="Campaigns with a published version that was not revoked.")
 
 
-class FleetVerdictAnswer(Answer, restates=FleetVerdict, fields="said left_out"):
-    method: Method
+class FleetVerdictAnswer(models.Answer, restates=FleetVerdict, fields="said left_out"):
+    method: models.Method
     verdict: Outcome
     cameras: list[FleetCamera]
     parameters: list[ParameterVerdictAnswer]
@@ -336,7 +327,11 @@ class FleetVerdictAnswer(Answer, restates=FleetVerdict, fields="said left_out"):
 
     @classmethod
     def of(
-        cls, method: Method, cameras: list[Camera], determinations: list[Determination], found: FleetVerdict
+        cls,
+        method: models.Method,
+        cameras: list[Camera],
+        determinations: list[Determination],
+        found: FleetVerdict,
     ) -> "FleetVerdictAnswer":
         campaigns = {(row.source.camera, row.source.campaign) for row in determinations}
         return cls.restate(

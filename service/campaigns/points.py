@@ -15,7 +15,7 @@ from radiometry.findings import interface, shared
 from radiometry.methods import get_method
 from service.http import answers, auth, changes, lookup, models, operations, tables
 from service.http.problems import Problem, invalid
-from service.tools.schemas import ExposureTime, FNumber, Iso
+from service.tools.routes import ExposureTime, FNumber, Iso
 from service.uploads.frames import admit
 from store.jobs import enqueue_extraction
 from store.queries.campaigns import Drawing, find_or_add_roi

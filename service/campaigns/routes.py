@@ -21,14 +21,12 @@ from service.campaigns.schemas import (
     RoiAnswer,
 )
 from service.equipment.schemas import PanelOffered
-from service.http.answers import problems
+from service.http import answers, operations, paging
 from service.http.auth import Calibrator, Reader
 from service.http.changes import Reply, Writes
 from service.http.context import UsesContext
 from service.http.lookup import Id, owned
 from service.http.models import Answer, Form, LongText, Text, rfc3339
-from service.http.operations import Router
-from service.http.paging import Listing, Page, page_own
 from service.http.problems import Problem, invalid, located
 from service.measurements.requests import read_roi
 from store import codec, reviews
@@ -113,10 +111,10 @@ def explain_missing_checklist(campaign: Campaign) -> str:
     return f"The printed checklist is that of the luminance procedure; a {kind} has none."
 
 
-router = Router(prefix="/v1/campaigns", tags=["campaigns"])
+router = operations.Router(prefix="/v1/campaigns", tags=["campaigns"])
 
 
-@router.post("", status_code=201, response_model=CampaignAnswer, responses=problems(404))
+@router.post("", status_code=201, response_model=CampaignAnswer, responses=answers.problems(404))
 def create_campaign(body: NewCampaign, caller: Calibrator, writing: Writes) -> Response:
     """Begin a campaign: one camera, one method, and a set of readings or a night of measurements."""
 
@@ -140,7 +138,7 @@ def create_campaign(body: NewCampaign, caller: Calibrator, writing: Writes) -> R
     return writing.run(caller, change)
 
 
-class CampaignListing(Listing):
+class CampaignListing(paging.Listing):
     archived: Annotated[bool | None, Query(description="Only those put away, or only the others.")] = None
     project_number: Text | None = None
     camera_id: Text | None = None
@@ -148,7 +146,7 @@ class CampaignListing(Listing):
     kind: CampaignKind | None = None
 
 
-@router.get("", response_model=Page[CampaignAnswer], responses=problems())
+@router.get("", response_model=paging.Page[CampaignAnswer], responses=answers.problems())
 def list_campaigns(
     request: Request, caller: Reader, context: UsesContext, listing: Annotated[CampaignListing, Query()]
 ) -> Response:
@@ -156,10 +154,10 @@ def list_campaigns(
     away = Campaign.archived_at.is_not(None)
     where = true() if listing.archived is None else away if listing.archived else ~away
     rest = listing.model_copy(update={"archived": None})
-    return page_own(request, context, caller, Campaign, rest, CampaignAnswer.restate, where=where)
+    return paging.page_own(request, context, caller, Campaign, rest, CampaignAnswer.restate, where=where)
 
 
-@router.get("/{campaign_id}", response_model=CampaignAnswer, responses=problems(404))
+@router.get("/{campaign_id}", response_model=CampaignAnswer, responses=answers.problems(404))
 def get_campaign(campaign_id: Id, caller: Reader, context: UsesContext) -> Response:
     """One campaign, with what has arrived and what a fit, and a good one, still needs."""
     with context.database.reading() as session:
@@ -167,7 +165,7 @@ def get_campaign(campaign_id: Id, caller: Reader, context: UsesContext) -> Respo
         return _whole(session, campaign, context.reviews.find(session, campaign_id)).respond()
 
 
-@router.patch("/{campaign_id}", response_model=CampaignAnswer, responses=problems(404, 409))
+@router.patch("/{campaign_id}", response_model=CampaignAnswer, responses=answers.problems(404, 409))
 def change_campaign(campaign_id: Id, body: CampaignChange, caller: Calibrator, writing: Writes) -> Response:
     """Correct what is written on a campaign."""
 
@@ -200,7 +198,7 @@ def change_campaign(campaign_id: Id, body: CampaignChange, caller: Calibrator, w
     return writing.run(caller, change)
 
 
-@router.put("/{campaign_id}/roi", response_model=RoiAnswer, responses=problems(404))
+@router.put("/{campaign_id}/roi", response_model=RoiAnswer, responses=answers.problems(404))
 def set_campaign_roi(campaign_id: Id, body: NewRoi, caller: Calibrator, writing: Writes) -> Response:
     """Set the region of every frame that has none of its own; older statistics stay."""
     drawing = read_roi(body)
@@ -214,7 +212,7 @@ def set_campaign_roi(campaign_id: Id, body: NewRoi, caller: Calibrator, writing:
     return writing.run(caller, change)
 
 
-@router.get("/{campaign_id}/roi", response_model=RoiAnswer, responses=problems(404))
+@router.get("/{campaign_id}/roi", response_model=RoiAnswer, responses=answers.problems(404))
 def get_campaign_roi(campaign_id: Id, caller: Reader, context: UsesContext) -> Response:
     """The region in use."""
     with context.database.reading() as session:
@@ -313,10 +311,10 @@ def _whole(session: Session, campaign: Campaign, readiness: reviews.Assessment) 
     )
 
 
-checklist_router = Router(prefix="/v1/campaigns/{campaign_id}/checklist", tags=["checklist"])
+checklist_router = operations.Router(prefix="/v1/campaigns/{campaign_id}/checklist", tags=["checklist"])
 
 
-@checklist_router.get("", response_model=ChecklistAnswer, responses=problems(404))
+@checklist_router.get("", response_model=ChecklistAnswer, responses=answers.problems(404))
 def get_checklist(campaign_id: Id, caller: Reader, context: UsesContext) -> Response:
     """The items of the printed checklist, who ticked each and from what it follows.
 
@@ -327,7 +325,7 @@ def get_checklist(campaign_id: Id, caller: Reader, context: UsesContext) -> Resp
         return _answer(session, campaign, context.reviews.find(session, campaign_id).record).respond()
 
 
-@checklist_router.patch("", response_model=ChecklistAnswer, responses=problems(404, 409))
+@checklist_router.patch("", response_model=ChecklistAnswer, responses=answers.problems(404, 409))
 def change_checklist(
     campaign_id: Id, body: ChecklistChange, caller: Calibrator, context: UsesContext, writing: Writes
 ) -> Response:

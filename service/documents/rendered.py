@@ -11,8 +11,9 @@ from typing import Any, Final
 from sqlalchemy.exc import SQLAlchemyError
 
 from service.http.context import Context
-from store import files, sandbox, software
+from store import files, software
 from store.blobs import BlobDamaged, StorageFull, StorageUnavailable
+from store.sandbox import build_command, build_environment
 from store.tables import Rendering
 
 Order = dict[str, Any]
@@ -94,8 +95,8 @@ def render_apart(order: bytes, *, require: bool = False, first: bool = False) ->
     """
     chosen = [name for name, wanted in (("--require", require), ("--first", first)) if wanted]
     process = subprocess.Popen(  # noqa: S603  our own module
-        [*sandbox.build_command("service.documents"), *chosen],
-        env=sandbox.build_environment() | _THREADS,
+        [*build_command("service.documents"), *chosen],
+        env=build_environment() | _THREADS,
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,

@@ -1,19 +1,26 @@
-"""Cameras, meters and panels."""
+"""Cameras, meters, panels and rigs."""
 
-from typing import Annotated, Any
+from collections.abc import Callable, Sequence
+from typing import Annotated, Any, get_args, get_type_hints
 
 from fastapi import Query, Request, Response
+from pydantic import BaseModel, Field, model_validator
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from radiometry.findings import interface
+from radiometry.findings import InputRejected, interface
+from radiometry.fleet import determinations, drift
+from radiometry.specification.exports import RigExport
+from service.calibrations.schemas import VersionLeftOut
 from service.equipment import schemas
 from service.http import answers, auth, changes, lookup, models, operations, paging
 from service.http.context import UsesContext
 from service.http.problems import Problem, invalid
+from store.codec import encode
+from store.queries import fleet
 from store.queries.campaigns import check_again
-from store.queries.organisations import find_or_add_camera, find_or_add_meter, find_or_add_panel
-from store.tables import Camera, Campaign, Meter, Panel
+from store.queries.organisations import find_or_add, find_or_add_camera, find_or_add_meter, find_or_add_panel
+from store.tables import Calibration, Camera, Campaign, Meter, Panel, Rig
 
 router = operations.Router(prefix="/v1/cameras", tags=["cameras"])
 
@@ -192,3 +199,259 @@ def get_panel(panel_id: lookup.Id, caller: auth.Reader, context: UsesContext) ->
     """One panel as it was measured on a day."""
     with context.database.reading() as session:
         return schemas.PanelAnswer.restate(lookup.owned(session, Panel, panel_id, caller)).respond()
+
+
+_PARTS = get_type_hints(fleet.SPEC.result)
+MOST_CAMERAS = 20
+
+
+class NewRig(models.Form):
+    name: models.Text = Field(description="Under which the rig is found again; its exports carry it.")
+    camera_ids: Annotated[
+        list[models.Text],
+        Field(
+            min_length=2,
+            max_length=MOST_CAMERAS,
+            description="The reference camera first.",
+            json_schema_extra=models.EACH_ONCE,
+        ),
+    ]
+
+    @model_validator(mode="after")
+    def _each_once(self) -> "NewRig":
+        if len(set(self.camera_ids)) < len(self.camera_ids):
+            raise ValueError("camera_ids names a camera twice")
+        return self
+
+
+class RigAnswer(models.Answer, restates=Rig, fields="id name camera_ids created_at"):
+    pass
+
+
+class RelativePoseAnswer(models.Answer, restates=get_args(_PARTS["poses"])[0]):
+    pass
+
+
+class RigPointAnswer(models.Answer, restates=get_args(_PARTS["points"])[0]):
+    pass
+
+
+class OrientationAnswer(models.Answer, restates=fleet.SPEC.result):
+    pass
+
+
+class RigSetAnswer(models.Answer):
+    """One set of pictures taken together, with the versions that it was made from."""
+
+    at: models.Instant
+    calibration_ids: list[str]
+    orientation: OrientationAnswer
+    findings: list[models.FindingGroupAnswer] = Field(description="Its flags, equal ones as one.")
+
+
+class RigStabilityAnswer(models.Answer, restates=drift.RigStability):
+    mean: models.Quantity
+
+
+class RigOrientationAnswer(models.Answer):
+    rig_id: str
+    sets: list[RigSetAnswer] = Field(description="In time, the newest last.")
+    stability: list[RigStabilityAnswer]
+    left_out: list[VersionLeftOut]
+
+
+class RigFile(models.Answer):
+    """Cameras and orientation of a rig with their covariances."""
+
+    rig: str
+    reference: str
+    convention: str
+    cameras: list[dict[str, Any]]
+    orientations: list[dict[str, Any]]
+
+
+rigs_router = operations.Router(prefix="/v1/rigs", tags=["rigs"])
+
+MOST_SETS = 20
+
+
+class _Chosen(BaseModel):
+    """Which versions orient a rig."""
+
+    calibration_id: list[str] | None = Field(
+        default=None,
+        max_length=20,
+        description="One version of each camera, in any order, in place of the published ones; repeated.",
+    )
+
+
+class _Judged(_Chosen):
+    """Query of a rig's stability, with the change between sets that is accepted."""
+
+    tolerance_deg: models.PositiveText | None = Field(
+        default=None, description="Largest accepted change of an angle over all sets."
+    )
+    tolerance_m: models.PositiveText | None = Field(
+        default=None, description="Largest accepted change of a place over all sets."
+    )
+
+    @property
+    def limits(self) -> dict[str, float]:
+        limits = {"deg": self.tolerance_deg, "m": self.tolerance_m}
+        return {unit: limit for unit, limit in limits.items() if limit is not None}
+
+
+Versions = Annotated[_Chosen, Query()]
+Judging = Annotated[_Judged, Query()]
+
+
+@rigs_router.post(
+    "",
+    status_code=201,
+    response_model=RigAnswer,
+    responses={
+        200: {"model": RigAnswer, "description": "It was registered already, with the same cameras."},
+        **answers.problems(404, 409),
+    },
+)
+def create_rig(body: NewRig, caller: auth.Calibrator, writing: changes.Writes) -> Response:
+    """Register cameras that are mounted together, the reference first."""
+
+    def change(session: Session) -> changes.Reply:
+        cameras = [lookup.owned(session, Camera, camera_id, caller) for camera_id in body.camera_ids]
+        serials = [camera.serial for camera in cameras]
+        if len(set(serials)) < len(serials):
+            message = "two cameras have one serial number, so that an answer could not tell them apart"
+            raise invalid([{"type": "rig", "loc": ("body", "camera_ids"), "msg": message}])
+        rig, new = find_or_add(session, Rig, caller.organisation_id, body.model_dump(), by=("name",))
+        if rig.camera_ids != body.camera_ids:
+            raise Problem(
+                interface.RIG_DIFFERS,
+                f"Rig {rig.name} is registered with other cameras, or in another order: send another name.",
+            )
+        return changes.Reply(status=201 if new else 200, body=RigAnswer.restate(rig))
+
+    return writing.run(caller, change)
+
+
+class RigListing(paging.Listing):
+    name: models.Text | None = None
+
+
+@rigs_router.get("", response_model=paging.Page[RigAnswer], responses=answers.problems())
+def list_rigs(
+    request: Request, caller: auth.Reader, context: UsesContext, listing: Annotated[RigListing, Query()]
+) -> Response:
+    """The rigs of your organisation, oldest entry first."""
+    return paging.page_own(request, context, caller, Rig, listing, RigAnswer.restate)
+
+
+@rigs_router.get("/{rig_id}", response_model=RigAnswer, responses=answers.problems(404))
+def get_rig(rig_id: lookup.Id, caller: auth.Reader, context: UsesContext) -> Response:
+    """One rig."""
+    with context.database.reading() as session:
+        return RigAnswer.restate(lookup.owned(session, Rig, rig_id, caller)).respond()
+
+
+@rigs_router.get(
+    "/{rig_id}/orientation", response_model=RigOrientationAnswer, responses=answers.problems(404)
+)
+def get_rig_orientation(
+    rig_id: lookup.Id, caller: auth.Reader, context: UsesContext, judging: Judging
+) -> Response:
+    """The orientation of a rig's cameras from board pictures taken together, by set, and its stability."""
+    _, found, why = _orient_sets(rig_id, caller, context, judging.calibration_id)
+    return RigOrientationAnswer.restate(
+        rig_id=rig_id,
+        sets=[
+            {
+                "at": members[0].at,
+                "calibration_ids": [each.version for each in members],
+                "orientation": orientation,
+                "findings": models.group_flags(encode(raised) for raised in orientation.flags),
+            }
+            for members, orientation in found
+        ],
+        stability=_compare(found, judging),
+        left_out=why,
+    ).respond()
+
+
+_Oriented = Sequence[tuple[tuple[drift.RigVersion, ...], Any]]
+
+
+def _newest(found: _Oriented) -> tuple[tuple[drift.RigVersion, ...], Any]:
+    if not found:
+        raise Problem(interface.NOT_FOUND, "No set of published versions orients this rig yet.")
+    return found[-1]
+
+
+def _compare(found: _Oriented, judging: _Judged) -> tuple[drift.RigStability, ...]:
+    return drift.compare_sets(
+        [(members[0].at, fleet.SPEC.list_quantities(orientation)) for members, orientation in found],
+        limits=judging.limits,
+    )
+
+
+def _orient_sets(
+    rig_id: str, caller: auth.Caller, context: UsesContext, calibration_ids: list[str] | None
+) -> tuple[Rig, _Oriented, list[determinations.LeftOut]]:
+    """Return the rig, its newest sets with their orientations, and the versions that are in none."""
+    rig, sets, left_out = _find_sets(rig_id, caller, context, calibration_ids)
+    found, why = [], list(left_out)
+    for members in sets[-MOST_SETS:]:
+        try:
+            found.append((members, fleet.SPEC.orient([each.member for each in members])))
+        except InputRejected as refusal:
+            if len(sets) == 1:
+                raise
+            why += [determinations.LeftOut(version=each.version, why=refusal.message) for each in members]
+    return rig, found, why
+
+
+def _find_sets(
+    rig_id: str, caller: auth.Caller, context: UsesContext, calibration_ids: list[str] | None
+) -> tuple[Rig, tuple[tuple[drift.RigVersion, ...], ...], tuple[determinations.LeftOut, ...]]:
+    with context.database.reading() as session:
+        rig = lookup.owned(session, Rig, rig_id, caller)
+        cameras = fleet.list_cameras(session, rig)
+        if calibration_ids:
+            rows = [lookup.owned(session, Calibration, each, caller) for each in calibration_ids]
+            by_camera = {row.camera_id: row for row in rows if row.method == fleet.METHOD}
+            if len(rows) != len(cameras) or by_camera.keys() != set(rig.camera_ids):
+                message = f"must name one {fleet.METHOD} version of each of the rig's {len(cameras)} cameras"
+                raise invalid([{"type": "rig", "loc": ("query", "calibration_id"), "msg": message}])
+            members = tuple(
+                drift.RigVersion(
+                    version=by_camera[camera.id].id,
+                    at=by_camera[camera.id].created_at,
+                    member=fleet.read_member(session, by_camera[camera.id], camera),
+                )
+                for camera in cameras
+            )
+            return rig, (members,), ()
+        versions, left_out = zip(*(fleet.list_versions(session, camera) for camera in cameras), strict=True)
+    sets, others = drift.group_sets(versions, fleet.SPEC.count_shared)
+    return rig, sets, (*(each for group in left_out for each in group), *others)
+
+
+def _add_export(export: RigExport) -> None:
+    def send(rig_id: lookup.Id, caller: auth.Reader, context: UsesContext, chosen: Versions) -> Response:
+        rig, found, _ = _orient_sets(rig_id, caller, context, chosen.calibration_id)
+        members, orientation = _newest(found)
+        written = export.write(orientation, [each.member for each in members], rig.name)
+        return Response(written, media_type=export.media_type)
+
+    send.__name__, send.__doc__ = export.operation, export.description
+    answer = {"get_rig_json": RigFile}.get(export.operation)
+    stated: dict[str, Any] = (
+        {"response_model": answer, "responses": answers.problems(404)}
+        if answer
+        else {"response_class": Response, "responses": answers.sends_file(export.media_type)}
+    )
+    add: Callable[..., Any] = rigs_router.get(f"/{{rig_id}}/exports/{export.filename}", **stated)
+    add(send)
+
+
+for _export in fleet.SPEC.exports:
+    _add_export(_export)

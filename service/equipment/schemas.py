@@ -4,64 +4,53 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from service.http.models import (
-    EACH_ONCE,
-    Answer,
-    BandName,
-    ClearableLong,
-    Day,
-    Form,
-    LongText,
-    Number,
-    PixelPitch,
-    Positive,
-    Text,
-)
+from service.http import models
 from store.queries.evidence import Offer
-from store.tables import Camera, Meter, Panel
-from store.tables.organisation import MeterKind
+from store.tables import Camera, Meter, Panel, organisation
 
 
-class Lens(Form, Answer):
-    make: Text = Field(description="Manufacturer of the lens.")
-    model: Text = Field(description="As engraved on the lens.")
-    serial: Text | None = Field(default=None, description="As engraved on the lens, where it has one.")
+class Lens(models.Form, models.Answer):
+    make: models.Text = Field(description="Manufacturer of the lens.")
+    model: models.Text = Field(description="As engraved on the lens.")
+    serial: models.Text | None = Field(default=None, description="As engraved on the lens, where it has one.")
 
 
-class NewCamera(Form):
-    make: Text = Field(description="As in the files: DJI.")
-    model: Text = Field(description="As in the files: FC6520.")
-    serial: Text = Field(
+class NewCamera(models.Form):
+    make: models.Text = Field(description="As in the files: DJI.")
+    model: models.Text = Field(description="As in the files: FC6520.")
+    serial: models.Text = Field(
         description="Of the camera body, as in the files: frames of another body are refused."
     )
     lens: Lens | None = Field(
         default=None, description="The lens it is calibrated with, where it can be changed."
     )
-    pixel_pitch_um: PixelPitch | None = Field(
+    pixel_pitch_um: models.PixelPitch | None = Field(
         default=None,
         description="Distance of neighbouring pixels on the sensor; without it, geometry gives no "
         "lengths in mm.",
     )
-    sensor_width_mm: Positive | None = Field(default=None, description="Of the sensitive area.")
-    note: LongText | None = Field(
+    sensor_width_mm: models.Positive | None = Field(default=None, description="Of the sensitive area.")
+    note: models.LongText | None = Field(
         default=None, description="Free text, such as where the camera is kept. It changes no result."
     )
 
 
-class CameraChange(Form):
+class CameraChange(models.Form):
     """Corrections; what is left out stays."""
 
-    make: Text | None = None
-    model: Text | None = None
-    serial: Text | None = None
+    make: models.Text | None = None
+    model: models.Text | None = None
+    serial: models.Text | None = None
     lens: Lens | None = None
-    pixel_pitch_um: PixelPitch | None = None
-    sensor_width_mm: Positive | None = None
-    note: ClearableLong | None = None
+    pixel_pitch_um: models.PixelPitch | None = None
+    sensor_width_mm: models.Positive | None = None
+    note: models.ClearableLong | None = None
 
 
 class CameraAnswer(
-    Answer, restates=Camera, fields="id make model serial pixel_pitch_um sensor_width_mm note created_at"
+    models.Answer,
+    restates=Camera,
+    fields="id make model serial pixel_pitch_um sensor_width_mm note created_at",
 ):
     lens: Lens | None = None
 
@@ -72,15 +61,15 @@ class CameraAnswer(
         return cls.restate(row, lens=said or None)
 
 
-class Certificate(Form, Answer):
-    number: Text = Field(
+class Certificate(models.Form, models.Answer):
+    number: models.Text = Field(
         description="As the certificate states it. Without a certificate, u(K) does not include the "
         "calibration of the meter, and K is flagged."
     )
-    laboratory: Text = Field(description="Who issued the certificate.")
-    issued_on: Day = Field(description="Date of the certificate.")
+    laboratory: models.Text = Field(description="Who issued the certificate.")
+    issued_on: models.Day = Field(description="Date of the certificate.")
     due_on: Annotated[
-        Day,
+        models.Day,
         Field(
             description="When the meter is to be calibrated again; certificates name later readings "
             "as a gap."
@@ -88,11 +77,11 @@ class Certificate(Form, Answer):
         ),
     ]
     expanded_uncertainty_rel: Annotated[
-        Number,
+        models.Number,
         Field(gt=0, lt=1, description="U of the reading, relative to it, as the certificate states it."),
     ]
     coverage_factor: Annotated[
-        Number, Field(ge=1, le=10, description="k of the expanded uncertainty U = k u; usually 2.")
+        models.Number, Field(ge=1, le=10, description="k of the expanded uncertainty U = k u; usually 2.")
     ]
 
     @model_validator(mode="after")
@@ -102,13 +91,15 @@ class Certificate(Form, Answer):
         return self
 
 
-class NewMeter(Form):
-    kind: MeterKind = Field(
+class NewMeter(models.Form):
+    kind: organisation.MeterKind = Field(
         description="What it measures: cd/m², lx, or the irradiance beside a multispectral camera."
     )
-    make: Text = Field(description="Manufacturer of the meter.")
-    model: Text = Field(description="As on its type plate.")
-    serial: Text = Field(description="As on its type plate: the certificate holds for this meter alone.")
+    make: models.Text = Field(description="Manufacturer of the meter.")
+    model: models.Text = Field(description="As on its type plate.")
+    serial: models.Text = Field(
+        description="As on its type plate: the certificate holds for this meter alone."
+    )
     certificate: Certificate | None = Field(
         default=None, description="The calibration certificate that is in force for the readings."
     )
@@ -122,7 +113,7 @@ class NewMeter(Form):
         }
 
 
-class MeterAnswer(Answer, restates=Meter, fields="id kind make model serial created_at"):
+class MeterAnswer(models.Answer, restates=Meter, fields="id kind make model serial created_at"):
     certificate: Certificate | None = None
 
     @classmethod
@@ -131,15 +122,15 @@ class MeterAnswer(Answer, restates=Meter, fields="id kind make model serial crea
         return cls.restate(row, certificate=certificate if row.certificate_number is not None else None)
 
 
-class PanelBand(Form, Answer):
+class PanelBand(models.Form, models.Answer):
     """Reflectance of a panel in a band; `Red edge`, `RedEdge`, `red_edge` are one name, always the last."""
 
-    band: BandName
+    band: models.BandName
     reflectance: Annotated[
-        Number, Field(gt=0, le=1.2, description="A share; over 1 only for a glossy panel.")
+        models.Number, Field(gt=0, le=1.2, description="A share; over 1 only for a glossy panel.")
     ]
     standard_uncertainty: Annotated[
-        Number | None, Field(ge=0, lt=1, description="Absolute, as the reflectance is; k = 1.")
+        models.Number | None, Field(ge=0, lt=1, description="Absolute, as the reflectance is; k = 1.")
     ] = None
     origin: Annotated[
         Literal["file"] | None,
@@ -147,12 +138,14 @@ class PanelBand(Form, Answer):
     ] = None
 
 
-class NewPanel(Form):
-    serial: Text = Field(description="As printed on the panel, or in its code.")
-    measured_on: Day = Field(description="When its reflectance was measured: panels age.")
+class NewPanel(models.Form):
+    serial: models.Text = Field(description="As printed on the panel, or in its code.")
+    measured_on: models.Day = Field(description="When its reflectance was measured: panels age.")
     bands: Annotated[
         list[PanelBand],
-        Field(min_length=1, max_length=100, description="Each band once.", json_schema_extra=EACH_ONCE),
+        Field(
+            min_length=1, max_length=100, description="Each band once.", json_schema_extra=models.EACH_ONCE
+        ),
     ]
 
     @model_validator(mode="after")
@@ -168,11 +161,11 @@ class NewPanel(Form):
         return {"serial": self.serial, "measured_on": self.measured_on, "bands": bands}
 
 
-class PanelOffered(Answer, restates=Offer, fields="serial registered"):
+class PanelOffered(models.Answer, restates=Offer, fields="serial registered"):
     """The panel that a campaign's frames name, where it is not the campaign's."""
 
     bands: list[PanelBand] = Field(description="As the files or the panel's code state them; may be empty.")
 
 
-class PanelAnswer(Answer, restates=Panel, fields="id serial measured_on created_at"):
+class PanelAnswer(models.Answer, restates=Panel, fields="id serial measured_on created_at"):
     bands: list[PanelBand]

@@ -28,7 +28,7 @@ from service.http.auth import Reader
 from service.http.context import UsesContext
 from service.http.models import Answer, Form
 from service.http.problems import invalid
-from service.tools.schemas import KM_H_PER_M_S
+from service.tools.routes import KM_H_PER_M_S
 from store.codec import decode_exposure, decode_header
 from store.tables import Camera, Campaign, FrameRow
 

@@ -12,14 +12,13 @@ from sqlalchemy.exc import TimeoutError as NoConnectionFree
 from starlette.concurrency import run_in_threadpool
 
 from radiometry.findings import interface
-from service.calibrations import exports, fleet, history, methods
+from service.calibrations import fleet, history, methods
 from service.calibrations import routes as calibrations
 from service.campaigns import grid, manifests, points, proposals, readings
 from service.campaigns import routes as campaigns
 from service.coefficients import routes as coefficients
 from service.documents import report
 from service.documents import routes as certificates
-from service.equipment import rigs
 from service.equipment import routes as equipment
 from service.frames import motion, pictures
 from service.frames import routes as frames
@@ -27,9 +26,8 @@ from service.http import connections, document, limits, middleware, problems, pr
 from service.http.context import Context
 from service.http.problems import Problem
 from service.jobs import routes as jobs
-from service.measurements import comparisons, isolines, lists, stac
+from service.measurements import isolines, lists, stac
 from service.measurements import routes as measurements
-from service.organisation import keys
 from service.organisation import routes as organisation
 from service.pages import cameras, documentation, rendering, sign_in
 from service.pages import routes as pages
@@ -97,13 +95,15 @@ PAGES: Final = (rendering.router, sign_in.router, documentation.router, cameras.
 def _include_routers(app: FastAPI) -> None:
     for router in (
         *(coefficients.ready_router, system.probes, manifests.keys_router),
-        *(system.router, keys.router, keys.sessions_router),
+        *(system.router, organisation.keys_router, organisation.sessions_router),
         *(equipment.router, equipment.meters_router, equipment.panels_router),
         *(campaigns.router, readings.router, points.router, uploads.known_router, proposals.router),
         *(isolines.router, stac.router, frames.router, grid.router, uploads.router),
         *(pictures.router, pictures.thumbnails_router, manifests.router),
-        *(calibrations.router, methods.router, exports.router, methods.findings_router, coefficients.router),
-        *(comparisons.router, fleet.router, rigs.router, lists.router, measurements.router, report.router),
+        *(calibrations.router, methods.router, calibrations.exports_router, methods.findings_router),
+        coefficients.router,
+        *(measurements.comparisons_router, fleet.router, equipment.rigs_router, lists.router),
+        *(measurements.router, report.router),
         *(jobs.events_router, jobs.router, campaigns.checklist_router, certificates.router),
         *(organisation.router, organisation.audit_router, history.router, history.recalls_router),
         *(motion.router, tools.router),

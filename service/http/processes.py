@@ -33,8 +33,7 @@ from service.http.counts import Attempts, Rates, name_address
 from service.http.problems import Problem
 from service.jobs.watch import JobWatch
 from service.launch.folder import Exit, report
-from service.launch.lifeline import die_with_parent
-from service.launch.supervisor import GaveUp, Part, Patience, Signals, Supervisor
+from service.launch.supervisor import GaveUp, Part, Patience, Signals, Supervisor, die_with_parent
 from service.system.health import Metrics
 from store.jobs.processes import Presence
 from store.pulse import Pulse

@@ -1,11 +1,13 @@
 """Keeps child processes alive: starts again what dies or hangs, and takes all of them down in order."""
 
+import ctypes
 import os
 import select
 import shutil
 import signal
 import socket
 import subprocess
+import sys
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -17,8 +19,49 @@ from typing import BinaryIO, Protocol, Self
 
 from radiometry.records import Record
 from service.launch.folder import has_room
-from service.launch.lifeline import die_with_parent
 from store.pulse import read_beat
+
+_PR_SET_PDEATHSIG = 1
+
+
+def die_with_parent(sig: signal.Signals = signal.SIGKILL) -> Callable[[], None]:
+    """Return a `preexec_fn` with which the kernel sends the child a signal when its parent dies.
+
+    The parent is the thread that starts the child, not its process: call `Popen` from the main thread. A
+    change of user clears the setting, but `Popen(user=...)` makes that change before it calls this.
+    """
+    # Made here, since between fork and exec a child of a process with threads may take no lock.
+    return _tie(os.getpid(), sig)
+
+
+def follow_make() -> None:
+    """Die with the `make` that runs this: whoever kills it with -9 holds no other handle on us."""
+    parent = os.getppid()
+    try:
+        name = Path(f"/proc/{parent}/comm").read_text(encoding="utf-8").strip()
+    except OSError:
+        return
+    if name in {"make", "gmake"}:
+        _tie(parent, signal.SIGKILL)()
+
+
+def _tie(parent: int, sig: signal.Signals) -> Callable[[], None]:
+    if sys.platform != "linux":
+        return _nothing
+    prctl = ctypes.CDLL(None, use_errno=True).prctl
+
+    def tie() -> None:
+        prctl(_PR_SET_PDEATHSIG, int(sig), 0, 0, 0)
+        # The parent may have died before the line above: then no signal will ever come.
+        if os.getppid() != parent:
+            os._exit(1)
+
+    return tie
+
+
+def _nothing() -> None:
+    pass
+
 
 _STOP = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 

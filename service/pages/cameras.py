@@ -1,14 +1,20 @@
 """Cameras: what is in force for each, how it drifts, and whether several can share it."""
 
+import json
+import math
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import datetime
+from html import escape
 from typing import Annotated, Final, Literal
 
 from fastapi import Depends, Query, Response
 from sqlalchemy import select
 
-from radiometry.drawing.figure import Axis, Figure, Mark, Series
+from radiometry.drawing import chart
+from radiometry.drawing.chart import document
+from radiometry.drawing.figure import Axis, Cell, Figure, Mark, Series
 from radiometry.drawing.text import label_axis, sort_naturally, write_quantity
 from radiometry.findings import interface
 from radiometry.fleet.determinations import Determination, Key
@@ -16,11 +22,162 @@ from radiometry.frame.multispectral import label_band
 from radiometry.methods import get_method
 from service.http import auth, lookup, models, operations, problems
 from service.http.context import UsesContext
-from service.pages.figures import View, build_lives, build_values, draw_figure, send_svg
 from service.pages.rendering import SignedInPage
 from store.queries import calibrations, fleet
-from store.tables import Calibration, Camera
+from store.queries.calibrations import Lifetime
+from store.tables import Calibration, Camera, CoefficientRow, Publication
 from store.tables.base import utc_now
+
+Share = Annotated[float, Query(ge=-1, le=2)]
+
+_LEFT_PX, _RIGHT_PX, _TOP_PX, _NAME_PX = 66, 20, 14, 24
+_NAMES_SHARE: Final = 0.4
+_HEIGHT_PX: Final = {False: 188, True: 338}
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """How wide a chart's place is, and what is shown: shares of either axis of the whole."""
+
+    width: Annotated[int, Query(ge=240, le=2000)] = 900
+    x0: Share = 0.0
+    x1: Share = 1.0
+    y0: Share = 0.0
+    y1: Share = 1.0
+    part: Annotated[int, Query(ge=0, le=99, description="Which figure of a plot that has several.")] = 0
+
+
+def draw_figure(
+    figure: Figure, label: str, *, view: View = View(), parts: Sequence[str] = (), is_wide: bool = False
+) -> str:
+    """Draw a figure as SVG.
+
+    ``label`` : text for screen readers; ``parts`` : labels of all figures of the plot
+    """
+    names = figure.y.ticks or ()
+    height = _NAME_PX * len(names) if names else _HEIGHT_PX[is_wide]
+    # figures of one time above each other have one margin
+    shares_margin = figure.x.is_time or not names
+    # names have the room that they need, up to a share of the width
+    longest = min(14 + 7 * max((len(text) for _, text in names), default=0), int(_NAMES_SHARE * view.width))
+    left = max(_LEFT_PX if shares_margin else 0, longest)
+    panel = chart.place_figure(figure, (left, _TOP_PX, view.width - _RIGHT_PX, _TOP_PX + height))
+    panel = replace(panel, x=panel.x.part(view.x0, view.x1), y=panel.y.part(view.y0, view.y1))
+    drawn, bottom = chart.draw_figure(figure, panel, in_print=False)
+    picture = document(
+        drawn, width_px=view.width, height_px=math.ceil(bottom), label=label, style=chart.STYLE
+    )
+    ends = f'data-low="{panel.x.low:.12g}" data-high="{panel.x.high:.12g}"'
+    told = f'{ends} data-parts="{escape(json.dumps(list(parts)))}" data-note="{escape(figure.note)}"'
+    return picture.replace("<svg ", f"<svg {told} ", 1)
+
+
+def send_svg(drawn: str) -> Response:
+    return Response(drawn, media_type="image/svg+xml", headers={"Cache-Control": "private, no-cache"})
+
+
+_HOLDS, _REVOKED, _PUBLISHED, _ENDED = 0, 1, 2, 5
+_HALF_ROW: Final = 0.3
+
+
+def build_values(
+    found: Sequence[Lifetime], where: dict[str, str | float | None], *, label: str, until: datetime
+) -> Figure:
+    """Return one coefficient of each version while it is in force; bars are twice its standard uncertainty.
+
+    ``where`` : columns of the coefficient; ``until`` : where a time without an end is cut
+    """
+    shown = [(each, row) for each in reversed(found) if (row := find(each, where)) is not None]
+    series = [each for lifetime, row in shown for each in _draw_value(lifetime, row, until)]
+    for place, name in ((_HOLDS, "in force"), (_REVOKED, "revoked")):
+        if any(each.place == place for each in series):
+            series.append(Series(name=name, place=place))
+    y = Axis(label=label_axis(label, shown[0][1].unit if shown else "1"))
+    return Figure(x=_time(found, until), y=y, series=tuple(series))
+
+
+def find(lifetime: Lifetime, where: dict[str, str | float | None]) -> CoefficientRow | None:
+    """Return the coefficient of a version with these columns."""
+    rows = lifetime.coefficients
+    return next(
+        (row for row in rows if all(getattr(row, name) == value for name, value in where.items())), None
+    )
+
+
+def _draw_value(lifetime: Lifetime, row: CoefficientRow, until: datetime) -> Iterator[Series]:
+    low, high = (row.value + sign * 2.0 * row.standard_uncertainty for sign in (-1, 1))
+    for place, rows in ((_HOLDS, lifetime.in_force), (_REVOKED, lifetime.revoked_from)):
+        for n, period in enumerate(rows):
+            start, end = _ends(period, until)
+            told = [write_quantity(row.value, row.standard_uncertainty, row.unit), _write(period)]
+            if lifetime.revocation:
+                told.append(
+                    f"revoked {lifetime.revocation.revoked_at:%Y-%m-%d}: {lifetime.revocation.reason}"
+                )
+            mark = Mark(
+                x=start,
+                y=row.value,
+                low=low,
+                high=high,
+                name=f"version {lifetime.calibration.version}",
+                told=tuple(told),
+            )
+            yield Series(
+                marks=(mark,) if n == 0 else (),
+                line=((start, row.value), (end, row.value)),
+                swath=((start, low, high), (end, low, high)),
+                place=place,
+            )
+
+
+def build_lives(found: Sequence[Lifetime], *, until: datetime) -> Figure:
+    """Return a row per version: when it holds, and when it was published and revoked."""
+    cells: list[Cell] = []
+    published: list[Mark] = []
+    ended: list[Mark] = []
+    for n, lifetime in enumerate(reversed(found)):
+        y, name = -float(n), f"version {lifetime.calibration.version}"
+        for share, rows in ((0.4, lifetime.in_force), (-0.4, lifetime.revoked_from)):
+            cells += (
+                Cell(
+                    x=_ends(row, until),
+                    y=(y - _HALF_ROW, y + _HALF_ROW),
+                    share=share,
+                    told=f"{name}: {'in force' if share > 0 else 'was in force'} {_write(row)}",
+                )
+                for row in rows
+            )
+        for act in lifetime.published:
+            at, told = act.publication.known_from, (act.publication.reason,)
+            published.append(Mark(x=at.timestamp(), y=y, name=f"{name} published {at:%Y-%m-%d}", told=told))
+        if lifetime.revocation:
+            at, told = lifetime.revocation.revoked_at, (lifetime.revocation.reason,)
+            ended.append(Mark(x=at.timestamp(), y=y, name=f"{name} revoked {at:%Y-%m-%d}", told=told))
+    ticks = tuple((-float(n), f"v{each.calibration.version}") for n, each in enumerate(reversed(found)))
+    return Figure(
+        x=_time(found, until),
+        y=Axis(label="", ticks=ticks, include=(0.6, 0.4 - len(ticks))),
+        cells=tuple(cells),
+        series=(
+            Series(name="published", marks=tuple(published), place=_PUBLISHED),
+            *((Series(name="revoked", marks=tuple(ended), place=_ENDED),) if ended else ()),
+        ),
+    )
+
+
+def _time(found: Sequence[Lifetime], until: datetime) -> Axis:
+    starts = [row.valid_from for each in found for row in (*each.in_force, *each.revoked_from)]
+    acts = [act.publication.known_from for each in found for act in each.published]
+    return Axis(label="", is_time=True, include=tuple(at.timestamp() for at in (*starts, *acts, until)))
+
+
+def _ends(row: Publication, until: datetime) -> tuple[float, float]:
+    return row.valid_from.timestamp(), (row.valid_to or max(until, row.valid_from)).timestamp()
+
+
+def _write(row: Publication) -> str:
+    return f"{row.valid_from:%Y-%m-%d} to {f'{row.valid_to:%Y-%m-%d}' if row.valid_to else 'open'}"
+
 
 _DAY_S: Final = 86_400.0
 _ROOM: Final = 1.15

@@ -22,7 +22,7 @@ from service.calibrations.methods import describe_methods
 from service.calibrations.schemas import NewPublication, NewRevocation
 from service.campaigns.routes import ItemChange, NewSignature
 from service.campaigns.schemas import NewCampaign, NewReading, NewRoi
-from service.equipment.rigs import NewRig
+from service.equipment.routes import NewRig
 from service.equipment.schemas import Certificate, Lens, NewCamera, NewMeter, NewPanel
 from service.frames.schemas import FrameChange
 from service.http import answers, middleware, models
@@ -30,9 +30,8 @@ from service.http.auth import SCOPE_WORDS, Caller, find_session
 from service.http.context import UsesContext
 from service.http.problems import Problem
 from service.measurements.requests import MeasurementOptions, NewGrid
-from service.organisation.keys import NewKey
-from service.organisation.routes import OrganisationChange
-from service.tools.schemas import describe_tools
+from service.organisation.routes import NewKey, OrganisationChange
+from service.tools.routes import describe_tools
 
 SHOWN: Final[tuple[type[models.Form], ...]] = (
     Certificate,

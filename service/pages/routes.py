@@ -9,12 +9,12 @@ from radiometry import methods
 from radiometry.findings import interface
 from radiometry.frame.multispectral import NAMED_INDICES
 from radiometry.methods import get_method
-from service.equipment.rigs import Versions
+from service.equipment.routes import Versions
 from service.http import auth, operations, problems
 from service.http.context import UsesContext
 from service.http.lookup import Id, owned
 from service.http.models import Text
-from service.pages.figures import View, draw_figure, send_svg
+from service.pages.cameras import View, draw_figure, send_svg
 from service.pages.rendering import SignedInPage
 from store.queries import calibrations, evidence, fleet
 from store.tables import Calibration, Camera, Campaign, FrameRow, Measurement, Rig

@@ -5,16 +5,14 @@ import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Unpack, overload
 
-from stilb.problem import JobFailed
+from stilb import problem, transport, upload
 from stilb.records import CardFile, ChosenJobs, Frame, Job, KnownFrame, Polygon, SentFile
 from stilb.resources.campaigns import region
-from stilb.transport import Call, Connection, PathLike, address, without_none
-from stilb.upload import OnProgress, PushDetails, Upload, send_file, send_side_by_side, try_file
 
 _MOST_HASHES = 1000  # in one question
 
 
-class Frames(Connection):
+class Frames(transport.Connection):
     """Frames and their upload."""
 
     def known_frames(self, campaign_id: str, hashes: Iterable[str]) -> list[KnownFrame]:
@@ -22,7 +20,7 @@ class Frames(Connection):
         asked, found = list(dict.fromkeys(hashes)), list[KnownFrame]()
         for start in range(0, len(asked), _MOST_HASHES):
             body = {"sha256": asked[start : start + _MOST_HASHES]}
-            answer = self._post(address("campaigns", campaign_id, "frames", "known"), body)
+            answer = self._post(transport.address("campaigns", campaign_id, "frames", "known"), body)
             found += map(KnownFrame.of, answer["known"])
         return found
 
@@ -32,83 +30,83 @@ class Frames(Connection):
         ``frames``: its name, and as known taken_s, exposure_time_s, f_number, iso, band, signal_share.
         ``about``: `campaign_id`, `camera_id`, `method` or `kind`.
         """
-        return self._post(address("proposals"), {"frames": [*frames], **about})
+        return self._post(transport.address("proposals"), {"frames": [*frames], **about})
 
     @overload  # a str is an iterable of str too: the first overload is the one that is meant
     def push(  # type: ignore[overload-overlap]
-        self, campaign_id: str, path: PathLike, **details: Unpack[PushDetails]
+        self, campaign_id: str, path: transport.PathLike, **details: Unpack[upload.PushDetails]
     ) -> Frame: ...
     @overload
     def push(
-        self, campaign_id: str, path: Iterable[PathLike], **details: Unpack[PushDetails]
+        self, campaign_id: str, path: Iterable[transport.PathLike], **details: Unpack[upload.PushDetails]
     ) -> list[Frame]: ...
     def push(
         self,
         campaign_id: str,
-        path: PathLike | Iterable[PathLike],
+        path: transport.PathLike | Iterable[transport.PathLike],
         *,
-        on_progress: OnProgress | None = None,
+        on_progress: upload.OnProgress | None = None,
         **details: Any,
     ) -> Frame | list[Frame]:
         """Send one file, or several that share role, scene and details, from the disk in flat memory."""
         if isinstance(path, str | os.PathLike):
             return self.push(campaign_id, [path], on_progress=on_progress, **details)[0]
-        uploads = (Upload(campaign_id=campaign_id, path=each, **details) for each in path)
+        uploads = (upload.Upload(campaign_id=campaign_id, path=each, **details) for each in path)
         return self.push_all(uploads, on_progress=on_progress)
 
     def push_all(
         self,
-        items: Iterable[Upload],
+        items: Iterable[upload.Upload],
         *,
         concurrency: int | None = None,
-        on_progress: OnProgress | None = None,
+        on_progress: upload.OnProgress | None = None,
     ) -> list[Frame]:
         """Send many files side by side; see ``Upload``. Safe to call again with the same files.
 
         ``concurrency`` files at once; by default two, and more of less than 1 MiB where the line is quick.
         The first failure stops what has not begun and is raised, with the file's name as its note.
         """
-        return send_side_by_side(
-            self._transport, list(items), send_file, at_once=concurrency, on_progress=on_progress
+        return upload.send_side_by_side(
+            self._transport, list(items), upload.send_file, at_once=concurrency, on_progress=on_progress
         )
 
     def push_each(
         self,
-        items: Iterable[Upload],
+        items: Iterable[upload.Upload],
         *,
         concurrency: int | None = None,
-        on_progress: OnProgress | None = None,
+        on_progress: upload.OnProgress | None = None,
     ) -> list[Frame | Exception]:
         """The same, but a file that is refused or cannot be read does not keep the others from going.
 
         Its error takes the place of its frame. What concerns all of them, such as a lost network, is raised.
         """
-        return send_side_by_side(
-            self._transport, list(items), try_file, at_once=concurrency, on_progress=on_progress
+        return upload.send_side_by_side(
+            self._transport, list(items), upload.try_file, at_once=concurrency, on_progress=on_progress
         )
 
     def frame(self, frame_id: str) -> Frame:
-        return Frame.of(self._get(address("frames", frame_id)))
+        return Frame.of(self._get(transport.address("frames", frame_id)))
 
     def frames(self, campaign_id: str) -> Iterator[Frame]:
         """A campaign's frames with their verdicts, oldest first."""
-        return map(Frame.of, self._items(address("campaigns", campaign_id, "frames")))
+        return map(Frame.of, self._items(transport.address("campaigns", campaign_id, "frames")))
 
     def set_frame_roi(self, frame_id: str, polygon: Polygon | str) -> dict[str, Any]:
         """Set a region for one frame: corners [px], or ImageJ's macro call."""
         body = {"imagej": polygon} if isinstance(polygon, str) else region(polygon)
-        return self._put(address("frames", frame_id, "roi"), body)
+        return self._put(transport.address("frames", frame_id, "roi"), body)
 
 
 _WAIT_S = 30  # one long poll; the service allows 60
 _SHORTEST_POLL_S = 0.2  # should an answer come at once all the same
 
 
-class Jobs(Connection):
+class Jobs(transport.Connection):
     """Jobs, and what comes of them."""
 
     def job(self, job_id: str) -> Job:
-        return Job.of(self._get(address("jobs", job_id)))
+        return Job.of(self._get(transport.address("jobs", job_id)))
 
     def jobs(
         self, *, state: str | None = None, kind: str | None = None, subject: str | None = None
@@ -118,34 +116,34 @@ class Jobs(Connection):
         ``subject``: the frame or campaign that they work on, or the version or measurement that they made.
         """
         query = {"state": state, "kind": kind, "subject": subject}
-        return map(Job.of, self._items(address("jobs"), query))
+        return map(Job.of, self._items(transport.address("jobs"), query))
 
     def retry_job(self, job: Job | str) -> Job:
         """Try a job again that failed or was quarantined; the job as it waits then."""
         job_id = job if isinstance(job, str) else job.id
-        return Job.of(self._post(f"{address('jobs', job_id)}/retry", {}))
+        return Job.of(self._post(f"{transport.address('jobs', job_id)}/retry", {}))
 
     def retry_jobs(self, state: str, **chosen: Unpack[ChosenJobs]) -> int:
         """Try all jobs again that are ``failed``, or ``quarantined``, and fit the rest; how many they are."""
-        body = without_none({"state": state, **chosen})
-        return int(self._post(address("jobs", "retry"), body)["retried"])
+        body = transport.without_none({"state": state, **chosen})
+        return int(self._post(transport.address("jobs", "retry"), body)["retried"])
 
     def job_events(self, job_id: str) -> Iterator[dict[str, Any]]:
         """Yield ``id``, ``state``, ``progress`` and ``attempt`` of a job as they change, until it ends."""
-        for _, data in self._transport.events(f"{address('jobs', job_id)}/events"):
+        for _, data in self._transport.events(f"{transport.address('jobs', job_id)}/events"):
             yield data
             if data["state"] not in {"queued", "running"}:
                 return
 
     def job_causes(self) -> list[tuple[int, Job]]:
         """Return for each cause of failures that were not dismissed how many jobs have it, and the newest."""
-        items = self._get(address("jobs", "causes"))["items"]
+        items = self._get(transport.address("jobs", "causes"))["items"]
         return [(each["count"], Job.of(each["newest"])) for each in items]
 
     def dismiss_jobs(self, state: str, *, dismissed: bool = True, **chosen: Unpack[ChosenJobs]) -> int:
         """Dismiss all jobs that are ``failed``, or ``quarantined``, and fit the rest; how many they are."""
-        body = without_none({"state": state, "dismissed": dismissed, **chosen})
-        return int(self._post(address("jobs", "dismiss"), body)["dismissed"])
+        body = transport.without_none({"state": state, "dismissed": dismissed, **chosen})
+        return int(self._post(transport.address("jobs", "dismiss"), body)["dismissed"])
 
     def wait(self, job: Job | str, *, timeout_s: float | None = None) -> Job:
         """Wait until a job has succeeded; ``JobFailed`` when it will not, ``TimeoutError`` when it lasts."""
@@ -154,9 +152,9 @@ class Jobs(Connection):
         while True:
             asked_at = time.monotonic()
             left_s = _WAIT_S if end is None else max(0, min(_WAIT_S, int(end - asked_at)))
-            call = Call(
+            call = transport.Call(
                 method="GET",
-                path=address("jobs", job_id),
+                path=transport.address("jobs", job_id),
                 headers={"Prefer": f"wait={left_s}"},
                 answer_within_s=left_s + self._timeout_s,
             )
@@ -164,13 +162,13 @@ class Jobs(Connection):
             if found.state == "succeeded":
                 return found
             if found.state not in {"queued", "running"}:
-                raise JobFailed(found)
+                raise problem.JobFailed(found)
             if end is not None and time.monotonic() >= end:
                 raise TimeoutError(f"job {job_id} is still {found.state} after {timeout_s:g} s")
             time.sleep(max(0.0, _SHORTEST_POLL_S - (time.monotonic() - asked_at)))
 
 
-class Receipts(Connection):
+class Receipts(transport.Connection):
     """Manifests and receipts."""
 
     def send_manifest(
@@ -181,12 +179,12 @@ class Receipts(Connection):
         ``others`` are files that are not sent: a receipt names them as not covered.
         """
         body = {"files": [*files], "others": [*others]}
-        return self._post(address("campaigns", campaign_id, "manifest"), body)
+        return self._post(transport.address("campaigns", campaign_id, "manifest"), body)
 
     def receipt(self, campaign_id: str, manifest_id: str | None = None) -> dict[str, Any]:
         """Return a manifest's signed receipt, by default the newest; ``Problem`` while files are missing."""
-        return self._get(address("campaigns", campaign_id, "receipt"), {"manifest_id": manifest_id})
+        return self._get(transport.address("campaigns", campaign_id, "receipt"), {"manifest_id": manifest_id})
 
     def signing_keys(self) -> list[dict[str, Any]]:
         """The service's public keys, newest first: keep them where receipts are verified."""
-        return list(self._get(address("signing-keys"))["items"])
+        return list(self._get(transport.address("signing-keys"))["items"])

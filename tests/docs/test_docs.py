@@ -8,7 +8,7 @@ from pydantic import SecretStr
 
 from radiometry.methods.findings import FINDINGS
 from service.launch.folder import Exit
-from service.pages.findings import expand_entries
+from service.pages.documentation import expand_entries
 from store.settings import Settings
 
 ROOT = Path(__file__).resolve().parents[2]

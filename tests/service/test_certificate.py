@@ -11,8 +11,8 @@ from sqlalchemy import event
 
 from radiometry.findings import interface
 from radiometry.methods.findings import FINDINGS
+from service.documents.certificate import list_gaps
 from service.documents.dcc import write_dcc
-from service.documents.gaps import list_gaps
 from service.documents.pages import lay_out
 from service.documents.schemas import CertificateAnswer
 from store.tables import FrameRow

@@ -2,7 +2,7 @@
 
 import pytest
 
-from service.coefficients import ready
+from service.coefficients import routes
 from store.queries.organisations import create_key
 from store.tables import ApiKey, Organisation
 from store.tables.base import utc_now
@@ -34,7 +34,7 @@ def test_ready_answers_are_those_of_the_usual_way(house, camera, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr("service.http.operations.identify", None)
         quick = [look_up(house, camera, **query) for query in QUERIES]
-    monkeypatch.setattr(ready, "_read_query", lambda _: None)
+    monkeypatch.setattr(routes, "_read_query", lambda _: None)
     usual = [look_up(house, camera, **query) for query in QUERIES]
     assert [each.status_code for each in quick] == [200] * len(QUERIES)
     assert [each.json() for each in quick] == [each.json() for each in usual]
@@ -84,7 +84,7 @@ def test_key_that_ends_opens_nothing_more(house, camera):
     "query", ["method=luminance&iso=1_000", "method=luminance&iso=1&iso=2", "method=luminance&isso=3200"]
 )
 def test_unclear_query_is_no_quick_look_up(house, camera, query, monkeypatch):
-    monkeypatch.setattr(ready, "answer_held", None)
-    assert ready._read_query(query.encode()) is None
+    monkeypatch.setattr(routes, "answer_held", None)
+    assert routes._read_query(query.encode()) is None
     if "iso=1&" not in query:
         assert house.http.get(f"{camera}?{query}").status_code == 422

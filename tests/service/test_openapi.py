@@ -15,11 +15,11 @@ from pydantic import ValidationError
 import service.http.document
 from service.calibrations.methods import describe_versions
 from service.campaigns.schemas import NewReading, NewRoi
-from service.equipment.rigs import NewRig
+from service.equipment.routes import NewRig
 from service.http.document import resolve
 from service.measurements.requests import NewGrid, read_roi
 from service.pages.documentation import render_markdown
-from service.tools.schemas import NewMotion
+from service.tools.routes import NewMotion
 from store.software import read_version
 
 JSON, PROBLEM = "application/json", "application/problem+json"

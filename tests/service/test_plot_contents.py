@@ -9,8 +9,7 @@ import pytest
 
 from radiometry.fleet.determinations import Determination, Key, Source
 from radiometry.methods import get_method
-from service.pages.cameras import build_drift, build_fleet
-from service.pages.figures import build_lives, build_values
+from service.pages.cameras import build_drift, build_fleet, build_lives, build_values
 
 
 def figures(method, name, result, rows=()):

@@ -10,7 +10,7 @@ import pytest
 from radiometry import methods
 from radiometry.frame.packing import pack
 from radiometry.methods import get_method
-from service.pages.figures import View, draw_figure
+from service.pages.cameras import View, draw_figure
 from store.codec import drop_absent, encode
 
 GRAPH = "{http://www.w3.org/2000/svg}"

@@ -25,7 +25,7 @@ from tests.support.processes import alive, family, marked, wait_until
 GIVEN = "given-to-the-launcher-by-its-environment"
 FOLLOW_MAKE = """
 import time
-from service.launch.lifeline import follow_make
+from service.launch.supervisor import follow_make
 follow_make()
 print("up", flush=True)
 time.sleep(60)

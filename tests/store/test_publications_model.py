@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 from sqlalchemy import select
 from starlette.requests import Request
 
-from service.coefficients.ready import Wanted, answer_held
+from service.coefficients.routes import Wanted, answer_held
 from store import publications
 from store.database import Conflict
 from store.queries.calibrations import history, read_version_statuses

@@ -21,7 +21,7 @@ from urllib.parse import urlsplit
 import psycopg
 import pytest
 
-from service.launch.lifeline import die_with_parent
+from service.launch.supervisor import die_with_parent
 
 PREFIX = "stilb-pg-"
 START_S = 30.0
