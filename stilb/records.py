@@ -7,7 +7,10 @@ service learnt yesterday is within reach today. Times are aware datetimes.
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from datetime import UTC, datetime
-from typing import Any, NotRequired, Required, Self, TypedDict, overload
+from typing import Any, Final, NotRequired, Required, Self, TypedDict, dataclass_transform, overload
+
+DEFAULT_METHOD: Final = "luminance"
+"""Of commands and calls that name none."""
 
 _QUANTITY = {"value", "standard_uncertainty", "unit"}
 _TIMES = frozenset(
@@ -27,9 +30,13 @@ class Quantity:
     unit: str
 
 
+@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(field,))
 @dataclass(frozen=True, kw_only=True)
 class Record:
     raw: dict[str, Any] = field(repr=False, compare=False)
+
+    def __init_subclass__(cls) -> None:
+        dataclass(frozen=True, kw_only=True)(cls)
 
     @classmethod
     def of(cls, answer: dict[str, Any]) -> Self:
@@ -39,7 +46,6 @@ class Record:
         return cls(**{**known, "raw": answer})
 
 
-@dataclass(frozen=True, kw_only=True)
 class Camera(Record):
     id: str
     make: str
@@ -47,7 +53,6 @@ class Camera(Record):
     serial: str
 
 
-@dataclass(frozen=True, kw_only=True)
 class Meter(Record):
     id: str
     kind: str
@@ -56,14 +61,12 @@ class Meter(Record):
     serial: str
 
 
-@dataclass(frozen=True, kw_only=True)
 class Panel(Record):
     id: str
     serial: str
     measured_on: str
 
 
-@dataclass(frozen=True, kw_only=True)
 class Campaign(Record):
     id: str
     camera_id: str
@@ -72,7 +75,6 @@ class Campaign(Record):
     project_number: str | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
 class Reason(Record):
     """One thing to know about a frame; ``detail`` is a sentence with the numbers and what to do."""
 
@@ -81,7 +83,6 @@ class Reason(Record):
     detail: str
 
 
-@dataclass(frozen=True, kw_only=True)
 class KnownFrame(Record):
     """A frame that a campaign has already, and what was said of it when it was sent."""
 
@@ -94,7 +95,6 @@ class KnownFrame(Record):
     job_id: str = ""  # the newest that reads it
 
 
-@dataclass(frozen=True, kw_only=True)
 class Finding(Record):
     """An entry of the registry: what a flag, a reason or a refusal means, and what to do about it."""
 
@@ -105,7 +105,6 @@ class Finding(Record):
     remedy: str
 
 
-@dataclass(frozen=True, kw_only=True)
 class Key(Record):
     """A key of the organisation; ``secret`` only in the answer that made it."""
 
@@ -136,7 +135,6 @@ class Key(Record):
         return f"{'expired' if self.ended else 'expires'} {self.expires_at:%Y-%m-%d}"
 
 
-@dataclass(frozen=True, kw_only=True)
 class Session(Record):
     """A browser that is signed in with a key."""
 
@@ -150,7 +148,6 @@ class Session(Record):
     last_used_at: datetime | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
 class AuditEntry(Record):
     """One entry of the audit trail: who changed what, from what to what."""
 
@@ -166,7 +163,6 @@ class AuditEntry(Record):
     after: dict[str, Any]
 
 
-@dataclass(frozen=True, kw_only=True)
 class AuditChain(Record):
     """State of the chain that the entries of an organisation form."""
 
@@ -177,7 +173,6 @@ class AuditChain(Record):
     detail: str | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
 class OwnKey(Record):
     """The key that a client asks with."""
 
@@ -192,7 +187,6 @@ class OwnKey(Record):
         return str(self.raw["organisation"]["name"])
 
 
-@dataclass(frozen=True, kw_only=True)
 class Frame(Record):
     id: str
     sha256: str
@@ -215,7 +209,6 @@ class Frame(Record):
         return tuple(Reason.of(each) for each in self.raw.get("verdict", {}).get("reasons", ()))
 
 
-@dataclass(frozen=True, kw_only=True)
 class Job(Record):
     id: str
     kind: str
@@ -226,7 +219,6 @@ class Job(Record):
     result: dict[str, Any] | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
 class Coefficient(Record):
     """One value with its standard uncertainty. The last fields say whence it came, where it was looked up."""
 
@@ -248,14 +240,12 @@ class Coefficient(Record):
     why: str | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
 class Rig(Record):
     id: str
     name: str
     camera_ids: tuple[str, ...] = ()  # the reference first
 
 
-@dataclass(frozen=True, kw_only=True)
 class Calibration(Record):
     id: str
     method: str
@@ -270,7 +260,6 @@ class Calibration(Record):
         return tuple(Coefficient.of(row) for row in self.raw.get("coefficients", ()))
 
 
-@dataclass(frozen=True, kw_only=True)
 class Measurement(Record):
     """A frame or an average, measured. ``raw`` also contains grid, percentiles, budget and flags."""
 
@@ -295,7 +284,6 @@ class Measurement(Record):
         return tuple(raised["flag"] for raised in self.raw.get("flags", ()))
 
 
-@dataclass(frozen=True, kw_only=True)
 class Comparison(Record):
     """Difference of two measurements, new - old. ``raw`` also contains both sides, and the cells of grids."""
 

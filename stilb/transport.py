@@ -6,9 +6,12 @@ import os
 import random
 import threading
 import time
+import tomllib
 import uuid
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cache
+from importlib import metadata
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO, Self, TypeVar
@@ -17,7 +20,18 @@ from urllib.parse import quote
 import httpx
 
 from stilb import problem
-from stilb.version import read_version
+
+
+@cache
+def read_version() -> str:
+    """Return the version in `pyproject.toml` of a checkout, else that of the installed package."""
+    path = Path(__file__).parents[1] / "pyproject.toml"
+    if path.is_file():
+        project = tomllib.loads(path.read_text(encoding="utf-8")).get("project", {})
+        if project.get("name") == "stilb":
+            return str(project["version"])
+    return metadata.version("stilb")
+
 
 _REPEATABLE = frozenset({"GET", "HEAD", "PUT", "DELETE"})
 _LONGEST_PAUSE_S = 60.0

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Final
 import typer
 from typer.core import TyperGroup
 
-from stilb import problem, version
+from stilb import problem, transport
 from stilb.commands import calibration, campaign, jobs, keys, measurements, output, push, receipt, session
 
 # by section the name of each command, its function or its own group, and an example
@@ -80,7 +80,7 @@ app = typer.Typer(
 
 def _tell_version(asked: bool) -> None:  # noqa: FBT001  as typer calls it
     if asked:
-        typer.echo(version.read_version())
+        typer.echo(transport.read_version())
         raise typer.Exit
 
 

@@ -29,9 +29,8 @@ from stilb.commands.terminal import figure, format_findings, holds_for, of_coeff
 from stilb.export import ExportProgress
 from stilb.field.plan import read_macro
 from stilb.field.template import read_methods
-from stilb.method import DEFAULT_METHOD
 from stilb.problem import Problem, Unclear, missing
-from stilb.records import Calibration, Quantity
+from stilb.records import DEFAULT_METHOD, Calibration, Quantity
 from stilb.transport import without_none
 
 CalibrationId = Annotated[str, typer.Argument(metavar="CALIBRATION", help="Its id.")]

@@ -26,8 +26,8 @@ from stilb.field.plan import (
 )
 from stilb.field.push import Report, as_json
 from stilb.field.template import LAMP_HELP, read_methods, write_template
-from stilb.method import DEFAULT_METHOD
 from stilb.problem import Unclear
+from stilb.records import DEFAULT_METHOD
 
 app = typer.Typer(help="A campaign in a folder: camera, meter, readings and frames.", no_args_is_help=True)
 

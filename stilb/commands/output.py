@@ -20,7 +20,7 @@ from stilb import problem, transport
 from stilb.client import Client
 from stilb.field import files, template
 from stilb.login import Login, choose_login, read_login
-from stilb.method import DEFAULT_METHOD
+from stilb.records import DEFAULT_METHOD
 
 # Wide enough that a table in a file or a pipe loses nothing.
 _WIDTH_OF_A_PIPE = 240

@@ -10,7 +10,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
-from stilb.method import DEFAULT_METHOD
+from stilb.records import DEFAULT_METHOD
 
 _TEXT = """\
 # One campaign: one camera, one method. Then: stilb campaign run {folder}

@@ -5,10 +5,9 @@ from pathlib import Path
 from typing import Any, Unpack
 
 from stilb.export import OnExport, export
-from stilb.method import DEFAULT_METHOD
 from stilb.problem import Problem, Unclear
-from stilb.records import Calibration, Coefficient, InForce, Job, Moment, as_text, as_times
-from stilb.resources import campaigns, equipment, frames
+from stilb.records import DEFAULT_METHOD, Calibration, Coefficient, InForce, Job, Moment, as_text, as_times
+from stilb.resources import campaigns, frames
 from stilb.transport import Call, PathLike, address, without_none
 
 _ISSUED_WITHIN_S = 300.0  # the pages of the certificate are set before the answer
@@ -107,7 +106,7 @@ class Calibrations(campaigns.Campaigns, frames.Jobs):
         return self._save(path, where, query)
 
 
-class Coefficients(equipment.Equipment):
+class Coefficients(campaigns.Equipment):
     """Coefficients by camera and time."""
 
     def coefficients(

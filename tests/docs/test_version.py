@@ -2,7 +2,7 @@
 
 import tomllib
 
-from stilb import version
+from stilb import transport
 from stilb.commands.app import main
 from store import software
 from store.fits import hash_content
@@ -15,14 +15,14 @@ def stated():
 
 def test_client_and_service_state_the_version_of_pyproject(capsys):
     assert main(["--version"]) == 0
-    assert {software.read_version(), version.read_version(), capsys.readouterr().out.strip()} == {stated()}
+    assert {software.read_version(), transport.read_version(), capsys.readouterr().out.strip()} == {stated()}
 
 
 def test_installed_client_states_the_version_of_its_package(monkeypatch, tmp_path):
-    monkeypatch.setattr(version, "__file__", str(tmp_path / "stilb" / "version.py"))
-    monkeypatch.setattr(version.metadata, "version", lambda name: {"stilb": "7.8.9"}[name])
+    monkeypatch.setattr(transport, "__file__", str(tmp_path / "stilb" / "version.py"))
+    monkeypatch.setattr(transport.metadata, "version", lambda name: {"stilb": "7.8.9"}[name])
     (tmp_path / "pyproject.toml").write_text('[project]\nname = "other"\nversion = "1"\n')
-    assert version.read_version.__wrapped__() == "7.8.9"
+    assert transport.read_version.__wrapped__() == "7.8.9"
 
 
 def test_content_hashes_are_those_of_the_stored_versions():

@@ -10,8 +10,7 @@ import pytest
 
 import stilb
 from stilb.problem import from_response
-from stilb.transport import Call, Transport
-from stilb.version import read_version
+from stilb.transport import Call, Transport, read_version
 
 CAMERA = {"id": "cam-1", "make": "DJI", "model": "X5S", "serial": "S1"}
 

@@ -19,7 +19,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 from stilb.login import Login, keep_login
-from stilb.version import read_version
+from stilb.transport import read_version
 from tests.support.compose import ROOT
 from tests.support.processes import wait_until
 
