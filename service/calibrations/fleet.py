@@ -80,7 +80,7 @@ def judge_cameras(body: NewFleetVerdict, caller: auth.Reader, context: UsesConte
     return FleetVerdictAnswer.of(body.method, cameras, found, verdict).respond()
 
 
-@router.get("/cameras/{camera_id}/drift", response_model=DriftAnswer, responses=problems(404))
+@router.get("/cameras/{camera_id}/drift", response_model=DriftAnswer)
 def get_drift(
     camera_id: lookup.Id,
     caller: auth.Reader,

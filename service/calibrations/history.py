@@ -240,7 +240,7 @@ class DecisionsAnswer(Answer):
 router = operations.Router(prefix="/v1", tags=["calibrations"])
 
 
-@router.get("/calibrations/{calibration_id}/impact", response_model=ImpactAnswer, responses=problems(404))
+@router.get("/calibrations/{calibration_id}/impact", response_model=ImpactAnswer)
 def get_impact(
     calibration_id: lookup.Id,
     caller: auth.Reader,
@@ -269,7 +269,7 @@ def get_impact(
     return answer.respond()
 
 
-@router.get("/cameras/{camera_id}/decisions", response_model=DecisionsAnswer, responses=problems(404))
+@router.get("/cameras/{camera_id}/decisions", response_model=DecisionsAnswer)
 def list_camera_decisions(camera_id: lookup.Id, caller: auth.Reader, context: UsesContext) -> Response:
     """List who made, published and revoked which version, when and why; newest first, all at once."""
     with context.database.reading() as session:
@@ -279,7 +279,7 @@ def list_camera_decisions(camera_id: lookup.Id, caller: auth.Reader, context: Us
     return DecisionsAnswer(items=[DecisionAnswer.of(row, names) for row in found]).respond()
 
 
-@router.get("/cameras/{camera_id}/validity", response_model=schemas.ValidityAnswer, responses=problems(404))
+@router.get("/cameras/{camera_id}/validity", response_model=schemas.ValidityAnswer)
 def get_camera_validity(
     camera_id: lookup.Id,
     caller: auth.Reader,
@@ -321,7 +321,7 @@ def propose_recall(body: NewPurge, caller: auth.Publisher, writing: changes.Writ
     return writing.run(caller, change)
 
 
-@recalls_router.get("", response_model=Page[PurgeAnswer], responses=problems())
+@recalls_router.get("", response_model=Page[PurgeAnswer])
 def list_recalls(paging: UsesPaging, caller: auth.Reader, context: UsesContext) -> Response:
     """List the recalls of your organisation, newest first."""
     rows = select(Recall).where(Recall.organisation_id == caller.organisation_id)
@@ -331,14 +331,14 @@ def list_recalls(paging: UsesPaging, caller: auth.Reader, context: UsesContext) 
         )
 
 
-@recalls_router.get("/{recall_id}", response_model=PurgeAnswer, responses=problems(404))
+@recalls_router.get("/{recall_id}", response_model=PurgeAnswer)
 def get_recall(recall_id: lookup.Id, caller: auth.Reader, context: UsesContext) -> Response:
     """Return a recall with the current status of its versions, and the measurements that they affect."""
     with context.database.reading() as session:
         return _whole(session, lookup.owned(session, Recall, recall_id, caller)).respond()
 
 
-@recalls_router.post("/{recall_id}/confirm", response_model=PurgeAnswer, responses=problems(404, 409))
+@recalls_router.post("/{recall_id}/confirm", response_model=PurgeAnswer, responses=problems(409))
 def confirm_recall(recall_id: lookup.Id, caller: auth.Publisher, writing: changes.Writes) -> Response:
     """Revoke all versions of a recall in one step. Answers 409 if the cause now finds other versions."""
 

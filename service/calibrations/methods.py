@@ -168,7 +168,7 @@ def _let_absent(schema: Node) -> None:
 router = operations.Router(prefix="/v1/methods", tags=["calibrations"])
 
 
-@router.get("", response_model=MethodsAnswer, responses=answers.problems())
+@router.get("", response_model=MethodsAnswer)
 def list_methods(_caller: auth.Reader) -> Response:
     """List the calibration methods with their roles, parameters and coefficients.
 
@@ -194,7 +194,7 @@ def describe_findings() -> FindingsAnswer:
 findings_router = operations.Router(prefix="/v1/findings", tags=["calibrations"])
 
 
-@findings_router.get("", response_model=FindingsAnswer, responses=answers.problems())
+@findings_router.get("", response_model=FindingsAnswer)
 def list_findings(request: Request, _caller: auth.Reader) -> Response:
     """List the findings with severity, place, sentence and remedy.
 

@@ -58,7 +58,7 @@ _NARROW: Final = load_only(Calibration.organisation_id, Calibration.campaign_id,
     "/campaigns/{campaign_id}/calibrations",
     status_code=202,
     response_model=JobAnswer,
-    responses=problems(404, 409),
+    responses=problems(409),
 )
 def start_calibration(campaign_id: Id, body: NewCalibration, caller: Calibrator, writing: Writes) -> Response:
     """Fit the campaign. What is missing is said before it starts; the job's result names the version."""
@@ -111,9 +111,7 @@ def _hasten(context: Context, caller: Caller, campaign_id: str, outdated: Sequen
         usage.add_jobs(session, len(queued), organisation_id=caller.organisation_id)
 
 
-@router.get(
-    "/campaigns/{campaign_id}/calibrations", response_model=Page[CalibrationAnswer], responses=problems(404)
-)
+@router.get("/campaigns/{campaign_id}/calibrations", response_model=Page[CalibrationAnswer])
 def list_campaign_calibrations(
     campaign_id: Id, paging: UsesPaging, caller: Reader, context: UsesContext
 ) -> Response:
@@ -124,9 +122,7 @@ def list_campaign_calibrations(
         return _page(session, paging, rows)
 
 
-@router.get(
-    "/cameras/{camera_id}/calibrations", response_model=Page[CalibrationAnswer], responses=problems(404)
-)
+@router.get("/cameras/{camera_id}/calibrations", response_model=Page[CalibrationAnswer])
 def list_camera_calibrations(
     camera_id: Id,
     paging: UsesPaging,
@@ -142,7 +138,7 @@ def list_camera_calibrations(
         return _page(session, paging, rows)
 
 
-@router.get("/calibrations/{calibration_id}", response_model=CalibrationAnswer, responses=problems(404))
+@router.get("/calibrations/{calibration_id}", response_model=CalibrationAnswer)
 def get_calibration(calibration_id: Id, caller: Reader, context: UsesContext) -> Response:
     """One version, whole: coefficients, points, diagnostics, inputs."""
     with context.database.reading() as session:
@@ -201,7 +197,7 @@ async def get_plot_svg(
 
 
 @router.post(
-    "/calibrations/{calibration_id}/publish", response_model=CalibrationAnswer, responses=problems(404, 409)
+    "/calibrations/{calibration_id}/publish", response_model=CalibrationAnswer, responses=problems(409)
 )
 async def publish_calibration(
     calibration_id: Id, body: NewPublication, caller: Publisher, context: UsesContext, writing: Writes
@@ -230,9 +226,7 @@ async def publish_calibration(
     return await run_in_threadpool(writing.run, caller, change)
 
 
-@router.post(
-    "/calibrations/{calibration_id}/revoke", response_model=RevocationAnswer, responses=problems(404)
-)
+@router.post("/calibrations/{calibration_id}/revoke", response_model=RevocationAnswer)
 def revoke_calibration(
     calibration_id: Id, body: NewRevocation, caller: Publisher, writing: Writes
 ) -> Response:

@@ -146,7 +146,7 @@ _STATEMENT = (
 )
 
 
-@router.post("/campaigns/{campaign_id}/manifest", response_model=ManifestAnswer, responses=problems(404))
+@router.post("/campaigns/{campaign_id}/manifest", response_model=ManifestAnswer)
 def send_manifest(
     campaign_id: lookup.Id,
     body: NewManifest,
@@ -186,7 +186,7 @@ def send_manifest(
     return answer.respond()
 
 
-@router.get("/campaigns/{campaign_id}/receipt", response_model=ReceiptAnswer, responses=problems(404, 409))
+@router.get("/campaigns/{campaign_id}/receipt", response_model=ReceiptAnswer, responses=problems(409))
 def get_receipt(
     campaign_id: lookup.Id,
     caller: Annotated[auth.Caller, Depends(auth.get_caller)],
@@ -247,7 +247,7 @@ def get_receipt(
     return answer.respond({"Content-Disposition": f'attachment; filename="receipt-{manifest.id}.json"'})
 
 
-@keys_router.get("/signing-keys", response_model=SigningKeys, responses={503: problems()[503]})
+@keys_router.get("/signing-keys", response_model=SigningKeys, responses=problems(503))
 def list_signing_keys(context: UsesContext) -> Response:
     """The public keys that receipts were ever signed with, newest first. No key is needed."""
     context.signer.enrol()

@@ -187,7 +187,7 @@ async def _body(request: Request, _caller: auth.Uploader) -> bytes:
     response_model=PointsAnswer,
     responses={
         200: {"model": PointsAnswer, "description": "The campaign has these rows already."},
-        **answers.problems(400, 404, 409, 429, 507),
+        **answers.problems(400, 409, 507),
     },
     openapi_extra={"requestBody": {"required": True, "content": _TABLE}},
 )

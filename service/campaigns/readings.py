@@ -66,7 +66,7 @@ async def _body(request: Request) -> list[NewReading] | NewReading:
     "/campaigns/{campaign_id}/readings",
     status_code=201,
     response_model=ReadingAnswer | ReadingsAnswer,
-    responses=problems(404, 409),
+    responses=problems(409),
     openapi_extra={"requestBody": {"required": True, "content": _CONTENT}},
 )
 def add_campaign_readings(
@@ -101,7 +101,7 @@ def add_campaign_readings(
     return writing.run(caller, change)
 
 
-@router.get("/campaigns/{campaign_id}/readings", response_model=Page[ReadingAnswer], responses=problems(404))
+@router.get("/campaigns/{campaign_id}/readings", response_model=Page[ReadingAnswer])
 def list_readings(
     campaign_id: lookup.Id, paging: UsesPaging, caller: auth.Reader, context: UsesContext
 ) -> Response:
@@ -112,7 +112,7 @@ def list_readings(
         return paging.send(session, rows, lambda found: [ReadingAnswer.of(row) for row in found])
 
 
-@router.delete("/readings/{reading_id}", response_model=ReadingAnswer, responses=problems(404))
+@router.delete("/readings/{reading_id}", response_model=ReadingAnswer)
 def withdraw_reading(reading_id: lookup.Id, caller: auth.Calibrator, writing: changes.Writes) -> Response:
     """Withdraw a mistyped reading: no fit uses it any more, the record keeps it."""
 
@@ -125,7 +125,7 @@ def withdraw_reading(reading_id: lookup.Id, caller: auth.Calibrator, writing: ch
     return writing.run(caller, change)
 
 
-@router.post("/readings/{reading_id}/restore", response_model=ReadingAnswer, responses=problems(404))
+@router.post("/readings/{reading_id}/restore", response_model=ReadingAnswer)
 def restore_reading(reading_id: lookup.Id, caller: auth.Calibrator, writing: changes.Writes) -> Response:
     """Undo the withdrawal of a reading."""
 

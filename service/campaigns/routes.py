@@ -146,7 +146,7 @@ class CampaignListing(paging.Listing):
     kind: CampaignKind | None = None
 
 
-@router.get("", response_model=paging.Page[CampaignAnswer], responses=answers.problems())
+@router.get("", response_model=paging.Page[CampaignAnswer])
 def list_campaigns(
     request: Request, caller: Reader, context: UsesContext, listing: Annotated[CampaignListing, Query()]
 ) -> Response:
@@ -157,7 +157,7 @@ def list_campaigns(
     return paging.page_own(request, context, caller, Campaign, rest, CampaignAnswer.restate, where=where)
 
 
-@router.get("/{campaign_id}", response_model=CampaignAnswer, responses=answers.problems(404))
+@router.get("/{campaign_id}", response_model=CampaignAnswer)
 def get_campaign(campaign_id: Id, caller: Reader, context: UsesContext) -> Response:
     """One campaign, with what has arrived and what a fit, and a good one, still needs."""
     with context.database.reading() as session:
@@ -165,7 +165,7 @@ def get_campaign(campaign_id: Id, caller: Reader, context: UsesContext) -> Respo
         return _whole(session, campaign, context.reviews.find(session, campaign_id)).respond()
 
 
-@router.patch("/{campaign_id}", response_model=CampaignAnswer, responses=answers.problems(404, 409))
+@router.patch("/{campaign_id}", response_model=CampaignAnswer, responses=answers.problems(409))
 def change_campaign(campaign_id: Id, body: CampaignChange, caller: Calibrator, writing: Writes) -> Response:
     """Correct what is written on a campaign."""
 
@@ -198,7 +198,7 @@ def change_campaign(campaign_id: Id, body: CampaignChange, caller: Calibrator, w
     return writing.run(caller, change)
 
 
-@router.put("/{campaign_id}/roi", response_model=RoiAnswer, responses=answers.problems(404))
+@router.put("/{campaign_id}/roi", response_model=RoiAnswer)
 def set_campaign_roi(campaign_id: Id, body: NewRoi, caller: Calibrator, writing: Writes) -> Response:
     """Set the region of every frame that has none of its own; older statistics stay."""
     drawing = read_roi(body)
@@ -212,7 +212,7 @@ def set_campaign_roi(campaign_id: Id, body: NewRoi, caller: Calibrator, writing:
     return writing.run(caller, change)
 
 
-@router.get("/{campaign_id}/roi", response_model=RoiAnswer, responses=answers.problems(404))
+@router.get("/{campaign_id}/roi", response_model=RoiAnswer)
 def get_campaign_roi(campaign_id: Id, caller: Reader, context: UsesContext) -> Response:
     """The region in use."""
     with context.database.reading() as session:

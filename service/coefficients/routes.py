@@ -181,9 +181,7 @@ ready_router = operations.Router(prefix="/v1", tags=["coefficients"], route_clas
 
 
 @ready_router.get(
-    "/cameras/{camera_id}/coefficients",
-    response_model=CoefficientsAnswer,
-    responses={**answers.UNCHANGED, **answers.problems(404)},
+    "/cameras/{camera_id}/coefficients", response_model=CoefficientsAnswer, responses=answers.UNCHANGED
 )
 async def get_coefficients(
     camera_id: lookup.Id,

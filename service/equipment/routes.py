@@ -29,10 +29,7 @@ router = operations.Router(prefix="/v1/cameras", tags=["cameras"])
     "",
     status_code=201,
     response_model=schemas.CameraAnswer,
-    responses={
-        200: {"model": schemas.CameraAnswer, "description": "It was registered already."},
-        **answers.problems(),
-    },
+    responses={200: {"model": schemas.CameraAnswer, "description": "It was registered already."}},
 )
 def create_camera(body: schemas.NewCamera, caller: auth.Calibrator, writing: changes.Writes) -> Response:
     """Register a camera body, with the names that it writes into its files."""
@@ -51,7 +48,7 @@ class CameraListing(paging.Listing):
     serial: models.Text | None = None
 
 
-@router.get("", response_model=paging.Page[schemas.CameraAnswer], responses=answers.problems())
+@router.get("", response_model=paging.Page[schemas.CameraAnswer])
 def list_cameras(
     request: Request, caller: auth.Reader, context: UsesContext, listing: Annotated[CameraListing, Query()]
 ) -> Response:
@@ -59,14 +56,14 @@ def list_cameras(
     return paging.page_own(request, context, caller, Camera, listing, schemas.CameraAnswer.of)
 
 
-@router.get("/{camera_id}", response_model=schemas.CameraAnswer, responses=answers.problems(404))
+@router.get("/{camera_id}", response_model=schemas.CameraAnswer)
 def get_camera(camera_id: lookup.Id, caller: auth.Reader, context: UsesContext) -> Response:
     """One camera."""
     with context.database.reading() as session:
         return schemas.CameraAnswer.of(lookup.owned(session, Camera, camera_id, caller)).respond()
 
 
-@router.patch("/{camera_id}", response_model=schemas.CameraAnswer, responses=answers.problems(404))
+@router.patch("/{camera_id}", response_model=schemas.CameraAnswer)
 def change_camera(
     camera_id: lookup.Id, body: schemas.CameraChange, caller: auth.Calibrator, writing: changes.Writes
 ) -> Response:
@@ -116,8 +113,7 @@ meters_router = operations.Router(prefix="/v1/meters", tags=["meters"])
         200: {
             "model": schemas.MeterAnswer,
             "description": "It was registered already; a certificate sent now is its newest.",
-        },
-        **answers.problems(),
+        }
     },
 )
 def create_meter(body: schemas.NewMeter, caller: auth.Calibrator, writing: changes.Writes) -> Response:
@@ -135,7 +131,7 @@ class MeterListing(paging.Listing):
     serial: models.Text | None = None
 
 
-@meters_router.get("", response_model=paging.Page[schemas.MeterAnswer], responses=answers.problems())
+@meters_router.get("", response_model=paging.Page[schemas.MeterAnswer])
 def list_meters(
     request: Request, caller: auth.Reader, context: UsesContext, listing: Annotated[MeterListing, Query()]
 ) -> Response:
@@ -143,7 +139,7 @@ def list_meters(
     return paging.page_own(request, context, caller, Meter, listing, schemas.MeterAnswer.of)
 
 
-@meters_router.get("/{meter_id}", response_model=schemas.MeterAnswer, responses=answers.problems(404))
+@meters_router.get("/{meter_id}", response_model=schemas.MeterAnswer)
 def get_meter(meter_id: lookup.Id, caller: auth.Reader, context: UsesContext) -> Response:
     """One meter."""
     with context.database.reading() as session:
@@ -186,7 +182,7 @@ class PanelListing(paging.Listing):
     serial: models.Text | None = None
 
 
-@panels_router.get("", response_model=paging.Page[schemas.PanelAnswer], responses=answers.problems())
+@panels_router.get("", response_model=paging.Page[schemas.PanelAnswer])
 def list_panels(
     request: Request, caller: auth.Reader, context: UsesContext, listing: Annotated[PanelListing, Query()]
 ) -> Response:
@@ -194,7 +190,7 @@ def list_panels(
     return paging.page_own(request, context, caller, Panel, listing, schemas.PanelAnswer.restate)
 
 
-@panels_router.get("/{panel_id}", response_model=schemas.PanelAnswer, responses=answers.problems(404))
+@panels_router.get("/{panel_id}", response_model=schemas.PanelAnswer)
 def get_panel(panel_id: lookup.Id, caller: auth.Reader, context: UsesContext) -> Response:
     """One panel as it was measured on a day."""
     with context.database.reading() as session:
@@ -338,7 +334,7 @@ class RigListing(paging.Listing):
     name: models.Text | None = None
 
 
-@rigs_router.get("", response_model=paging.Page[RigAnswer], responses=answers.problems())
+@rigs_router.get("", response_model=paging.Page[RigAnswer])
 def list_rigs(
     request: Request, caller: auth.Reader, context: UsesContext, listing: Annotated[RigListing, Query()]
 ) -> Response:
@@ -346,16 +342,14 @@ def list_rigs(
     return paging.page_own(request, context, caller, Rig, listing, RigAnswer.restate)
 
 
-@rigs_router.get("/{rig_id}", response_model=RigAnswer, responses=answers.problems(404))
+@rigs_router.get("/{rig_id}", response_model=RigAnswer)
 def get_rig(rig_id: lookup.Id, caller: auth.Reader, context: UsesContext) -> Response:
     """One rig."""
     with context.database.reading() as session:
         return RigAnswer.restate(lookup.owned(session, Rig, rig_id, caller)).respond()
 
 
-@rigs_router.get(
-    "/{rig_id}/orientation", response_model=RigOrientationAnswer, responses=answers.problems(404)
-)
+@rigs_router.get("/{rig_id}/orientation", response_model=RigOrientationAnswer)
 def get_rig_orientation(
     rig_id: lookup.Id, caller: auth.Reader, context: UsesContext, judging: Judging
 ) -> Response:

@@ -23,7 +23,7 @@ from radiometry.tools.motion import (
     tolerable_rate_deg_s,
 )
 from service.campaigns.schemas import Role
-from service.http import answers, lookup, operations, tables
+from service.http import lookup, operations, tables
 from service.http.auth import Reader
 from service.http.context import UsesContext
 from service.http.models import Answer, Form
@@ -213,7 +213,7 @@ class CampaignMotionAnswer(Answer):
 router = operations.Router(prefix="/v1", tags=["tools"])
 
 
-@router.get("/frames/{frame_id}/motion", response_model=FrameMotionAnswer, responses=answers.problems(404))
+@router.get("/frames/{frame_id}/motion", response_model=FrameMotionAnswer)
 def get_frame_motion(
     frame_id: lookup.Id, optics: Annotated[FrameOptics, Query()], caller: Reader, context: UsesContext
 ) -> Response:
@@ -239,7 +239,7 @@ def get_frame_motion(
 @router.get(
     "/campaigns/{campaign_id}/motion",
     response_model=CampaignMotionAnswer,
-    responses={200: {"content": {"text/csv": {"schema": {"type": "string"}}}}, **answers.problems(404)},
+    responses={200: {"content": {"text/csv": {"schema": {"type": "string"}}}}},
 )
 def get_campaign_motion(
     campaign_id: lookup.Id, optics: Annotated[CampaignOptics, Query()], caller: Reader, context: UsesContext

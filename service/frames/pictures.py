@@ -144,9 +144,7 @@ class GridLook(models.Answer):
 router = operations.Router(prefix="/v1", tags=["frames"])
 
 
-@router.post(
-    "/frames/{frame_id}/region", status_code=202, response_model=JobAnswer, responses=problems(404, 409)
-)
+@router.post("/frames/{frame_id}/region", status_code=202, response_model=JobAnswer, responses=problems(409))
 def look_at_region(frame_id: Id, body: NewLook, caller: Reader, writing: changes.Writes) -> Response:
     """Preview a region without setting it. The job's result holds its statistics, histogram and clipping.
 
@@ -173,9 +171,7 @@ def look_at_region(frame_id: Id, body: NewLook, caller: Reader, writing: changes
     return writing.run(caller, change)
 
 
-@router.post(
-    "/frames/{frame_id}/grid", response_model=GridLook, responses=problems(404), dependencies=stateless
-)
+@router.post("/frames/{frame_id}/grid", response_model=GridLook, dependencies=stateless)
 def look_at_grid(frame_id: Id, body: NewGrid, caller: Reader, context: UsesContext) -> Response:
     """Preview a grid without measuring it, with the flags that its corners would raise."""
     with context.database.reading() as session:
@@ -251,7 +247,7 @@ class NewCrop(models.Form):
     response_model=JobAnswer,
     responses={
         200: {"model": JobAnswer, "description": "The picture is there already: the job that drew it."},
-        **problems(404, 409, 422),
+        **problems(409),
     },
 )
 def draw_crop(frame_id: Id, body: NewCrop, caller: Reader, writing: changes.Writes) -> Response:
@@ -287,9 +283,7 @@ def draw_crop(frame_id: Id, body: NewCrop, caller: Reader, writing: changes.Writ
     return writing.run(caller, change)
 
 
-@router.get(
-    "/crops/{crop_id}.png", response_class=Response, responses={**sends_file("image/png"), **problems(404)}
-)
+@router.get("/crops/{crop_id}.png", response_class=Response, responses=sends_file("image/png"))
 def get_crop(crop_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
     """The picture of a crop, while it is among the newest of your organisation; 404 then: draw it again."""
     with context.database.reading() as session:

@@ -56,7 +56,7 @@ _UPLOAD = {
     response_model=FrameAnswer,
     responses={
         200: {"model": FrameAnswer, "description": "The campaign has these bytes already."},
-        **problems(400, 404, 409, 413, 429, 507),
+        **problems(400, 409, 413, 507),
     },
     openapi_extra=_UPLOAD,
 )
@@ -84,7 +84,7 @@ async def upload_frame(
     )
 
 
-@router.get("/campaigns/{campaign_id}/frames", response_model=Page[FrameAnswer], responses=problems(404))
+@router.get("/campaigns/{campaign_id}/frames", response_model=Page[FrameAnswer])
 def list_frames(
     campaign_id: Id,
     paging: UsesPaging,
@@ -110,7 +110,7 @@ def list_frames(
         )
 
 
-@router.get("/frames/{frame_id}", response_model=FrameAnswer, responses=problems(404))
+@router.get("/frames/{frame_id}", response_model=FrameAnswer)
 def get_frame(frame_id: Id, caller: Reader, context: UsesContext) -> Response:
     """One frame: what it says of itself, its refusal or warnings, its statistics, and the verdict on it."""
     with context.database.reading() as session:
@@ -118,7 +118,7 @@ def get_frame(frame_id: Id, caller: Reader, context: UsesContext) -> Response:
         return answer_frames(session, [frame], _find_verdicts(context, session, [frame]))[0].respond()
 
 
-@router.patch("/frames/{frame_id}", response_model=FrameAnswer, responses=problems(404, 409))
+@router.patch("/frames/{frame_id}", response_model=FrameAnswer, responses=problems(409))
 def change_frame(frame_id: Id, body: FrameChange, caller: Calibrator, writing: Writes) -> Response:
     """Correct what was said of a frame; it is then read again."""
 
@@ -155,7 +155,7 @@ def apply_change(session: Session, frame: FrameRow, body: FrameChange, caller: C
     return [renew_extraction(session, frame, caller.organisation_id, by=caller.key_id)] if changed else []
 
 
-@router.put("/frames/{frame_id}/roi", response_model=FrameAnswer, responses=problems(404))
+@router.put("/frames/{frame_id}/roi", response_model=FrameAnswer)
 def set_frame_roi(frame_id: Id, body: NewRoi, caller: Calibrator, writing: Writes) -> Response:
     """Set a region for one frame, where the camera has moved."""
     drawing = read_roi(body)
@@ -170,7 +170,7 @@ def set_frame_roi(frame_id: Id, body: NewRoi, caller: Calibrator, writing: Write
     return writing.run(caller, change)
 
 
-@router.get("/frames/{frame_id}/roi", response_model=RoiAnswer, responses=problems(404))
+@router.get("/frames/{frame_id}/roi", response_model=RoiAnswer)
 def get_frame_roi(frame_id: Id, caller: Reader, context: UsesContext) -> Response:
     """The region that holds for a frame: its own, drawn or found, else its campaign's."""
     with context.database.reading() as session:

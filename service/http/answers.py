@@ -19,23 +19,37 @@ _MEANINGS = {
     409: "It contradicts what is recorded.",
     412: "A condition in a header cannot be met, or an upload does not speak tus 1.0.0.",
     413: "The body is too large.",
-    500: "The stored file is damaged or missing; the same upload heals it.",
     415: "The body has another media type than is taken here, or it is compressed (`content_encoded`).",
     416: "The range lies behind the end of the file.",
     422: "A field is wrong, or what was sent cannot be used; the problem says what and why.",
     429: "Too much at once, or more than your organisation may have; wait as `Retry-After` says.",
     460: "A piece of a file is not the one that was announced.",
+    500: "The stored file is damaged or missing; the same upload heals it.",
     503: "A part of the service does not answer just now; try again.",
     507: "There is no room left.",
 }
 
 
+USUAL: Final = (401, 403, 422, 429, 503)
+"""Problems that any route with a key can give."""
+
+
 def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
-    """Document the problems of a route; those that any route with a key can give are always among them."""
+    """Document the problems that a route can give beside the usual ones, which `Operation` adds."""
     return {
         status: {"description": _MEANINGS[status], "content": {"application/problem+json": {}}}
-        for status in sorted({401, 403, 422, 429, 503, *statuses})
+        for status in sorted(statuses)
     }
+
+
+def with_usual_problems(stated: dict[int | str, dict[str, Any]], *, of_one: bool) -> dict[int | str, Any]:
+    """Return the answers of a route with a key; ``of_one`` : of a thing that may not be there."""
+    found = problems(*USUAL, *([404] if of_one else []))
+    if found.keys() <= stated.keys():
+        return stated
+    others = {status: answer for status, answer in stated.items() if status not in _MEANINGS}
+    found |= {status: answer for status, answer in stated.items() if status in _MEANINGS}
+    return others | {status: found[status] for status in _MEANINGS if status in found}
 
 
 UNCHANGED: dict[int | str, dict[str, Any]] = {304: {"description": "You have it already."}}
@@ -47,7 +61,7 @@ def sends_file(media_type: str) -> dict[int | str, dict[str, Any]]:
         schema = {"type": "string"}
     elif media_type.endswith("json"):
         schema = {"type": "object"}
-    return {200: {"content": {media_type: {"schema": schema}}}, **UNCHANGED, **problems(404)}
+    return with_usual_problems({200: {"content": {media_type: {"schema": schema}}}, **UNCHANGED}, of_one=True)
 
 
 def sends_stored_file(media_type: str) -> dict[int | str, dict[str, Any]]:
@@ -56,7 +70,7 @@ def sends_stored_file(media_type: str) -> dict[int | str, dict[str, Any]]:
     return {
         **sends_file(media_type),
         206: {"description": "The part that `Range` asks for.", "content": part},
-        **problems(404, 416, 500),
+        **problems(416, 500),
     }
 
 

@@ -17,6 +17,7 @@ from starlette.exceptions import HTTPException
 from starlette.types import Receive, Scope
 
 from radiometry.findings import interface
+from service.http.answers import with_usual_problems
 from service.http.auth import Needs, get_caller, identify, require
 from service.http.context import Context
 from service.http.problems import UNREADABLE, Problem, invalid, located
@@ -45,6 +46,11 @@ class Router(APIRouter):
 
 
 class Operation(APIRoute):
+    def __init__(self, *args: Any, **options: Any) -> None:  # noqa: ANN401  the framework's own
+        super().__init__(*args, **options)
+        if get_caller in list_calls(self.dependant):
+            self.responses = with_usual_problems(self.responses, of_one="{" in self.path)
+
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         handle = super().get_route_handler()
         called = list(list_calls(self.dependant))

@@ -69,7 +69,7 @@ def list_jobs(
 
 
 # before the route of one job, whose id it would be taken for
-@router.get("/summary", response_model=schemas.QueueAnswer, responses=problems())
+@router.get("/summary", response_model=schemas.QueueAnswer)
 def get_queue(caller: auth.Reader, context: UsesContext) -> Response:
     """The jobs of your organisation by state, counted up to a bound, and how long the oldest has waited."""
     with context.database.reading() as session:
@@ -78,7 +78,7 @@ def get_queue(caller: auth.Reader, context: UsesContext) -> Response:
         ).respond()
 
 
-@router.get("/causes", response_model=schemas.JobCausesAnswer, responses=problems())
+@router.get("/causes", response_model=schemas.JobCausesAnswer)
 def get_job_causes(caller: auth.Reader, context: UsesContext) -> Response:
     """Why jobs failed or were quarantined, unless they were dismissed; the most frequent cause first.
 
@@ -95,7 +95,7 @@ def get_job_causes(caller: auth.Reader, context: UsesContext) -> Response:
     return schemas.JobCausesAnswer(items=items).respond()
 
 
-@router.get("/{job_id}", response_model=schemas.JobAnswer, responses=problems(404))
+@router.get("/{job_id}", response_model=schemas.JobAnswer)
 async def get_job(
     job_id: lookup.Id,
     caller: auth.Reader,
@@ -155,9 +155,7 @@ def dismiss_jobs(body: schemas.DismissedJobs, caller: auth.Reader, writing: chan
     return writing.run(caller, change)
 
 
-@router.post(
-    "/{job_id}/retry", status_code=202, response_model=schemas.JobAnswer, responses=problems(404, 409)
-)
+@router.post("/{job_id}/retry", status_code=202, response_model=schemas.JobAnswer, responses=problems(409))
 def retry_job(job_id: lookup.Id, caller: auth.Reader, writing: changes.Writes) -> Response:
     """Try a job again that failed or was quarantined. It needs the scope that starting it needed."""
 

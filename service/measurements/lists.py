@@ -109,10 +109,7 @@ class GeoJson(JSONResponse):
 
 
 @router.get(
-    "/campaigns/{campaign_id}/measurements.geojson",
-    response_model=FeaturesAnswer,
-    response_class=GeoJson,
-    responses=answers.problems(404),
+    "/campaigns/{campaign_id}/measurements.geojson", response_model=FeaturesAnswer, response_class=GeoJson
 )
 def get_campaign_measurements_geojson(
     campaign_id: lookup.Id, caller: Reader, context: UsesContext, calibration_id: OfCalibration = None
@@ -148,7 +145,7 @@ def get_measurement_series(
 @router.get(
     "/measurements/{measurement_id}/cells.csv",
     response_class=Response,
-    responses={200: {"content": {"text/csv": {"schema": {"type": "string"}}}}, **answers.problems(404)},
+    responses={200: {"content": {"text/csv": {"schema": {"type": "string"}}}}},
 )
 def get_measurement_cells_csv(measurement_id: lookup.Id, caller: Reader, context: UsesContext) -> Response:
     """The cells of a measurement's grid, a line each, with their place in the frame and on the road."""
@@ -157,10 +154,7 @@ def get_measurement_cells_csv(measurement_id: lookup.Id, caller: Reader, context
 
 
 @router.get(
-    "/measurements/{measurement_id}/cells.geojson",
-    response_model=CellsAnswer,
-    response_class=GeoJson,
-    responses=answers.problems(404),
+    "/measurements/{measurement_id}/cells.geojson", response_model=CellsAnswer, response_class=GeoJson
 )
 def get_measurement_cells_geojson(
     measurement_id: lookup.Id,

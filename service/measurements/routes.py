@@ -118,7 +118,7 @@ def start_measurement(
     "/campaigns/{campaign_id}/measurements",
     status_code=202,
     response_model=requests.CampaignMeasurementsAnswer,
-    responses=answers.problems(404, 409),
+    responses=answers.problems(409),
 )
 def start_campaign_measurements(
     campaign_id: lookup.Id, body: requests.MeasurementOptions, caller: auth.Uploader, writing: changes.Writes
@@ -155,7 +155,7 @@ def start_campaign_measurements(
     return writing.run(caller, change)
 
 
-@router.get("/measurements", response_model=Page[MeasurementAnswer], responses=answers.problems())
+@router.get("/measurements", response_model=Page[MeasurementAnswer])
 def list_measurements(
     paging: UsesPaging,
     caller: auth.Reader,
@@ -179,11 +179,7 @@ def list_measurements(
         )
 
 
-@router.get(
-    "/measurements/{measurement_id}",
-    response_model=MeasurementAnswer,
-    responses={**answers.UNCHANGED, **answers.problems(404)},
-)
+@router.get("/measurements/{measurement_id}", response_model=MeasurementAnswer, responses=answers.UNCHANGED)
 def get_measurement(
     measurement_id: lookup.Id, request: Request, caller: auth.Reader, context: UsesContext
 ) -> Response:
@@ -202,7 +198,7 @@ def get_measurement(
 @router.get(
     "/measurements/{measurement_id}/record.json",
     response_model=MeasurementRecord,
-    responses={**answers.UNCHANGED, **answers.problems(404)},
+    responses=answers.UNCHANGED,
 )
 def get_measurement_record(
     measurement_id: lookup.Id, request: Request, caller: auth.Reader, context: UsesContext
@@ -405,7 +401,7 @@ comparisons_router = operations.Router(prefix="/v1", tags=["measurements"])
 
 
 @comparisons_router.get(
-    "/measurements/{measurement_id}/comparison", response_model=ContrastAnswer, responses=problems(404, 409)
+    "/measurements/{measurement_id}/comparison", response_model=ContrastAnswer, responses=problems(409)
 )
 def contrast_measurements(
     measurement_id: lookup.Id,

@@ -139,7 +139,7 @@ router = operations.Router(prefix="/v1", tags=["measurements"])
 @router.get(
     "/measurements/{measurement_id}/map.json",
     response_model=maps.MapValuesAnswer,
-    responses={**answers.UNCHANGED, **answers.problems(404, 500)},
+    responses={**answers.UNCHANGED, **answers.problems(500)},
 )
 def get_measurement_map_values(
     measurement_id: lookup.Id,
@@ -170,7 +170,7 @@ def get_measurement_map_values(
     "/measurements/{measurement_id}/stac.json",
     response_model=maps.StacItem,
     response_class=lists.GeoJson,
-    responses={**answers.UNCHANGED, **answers.problems(404, 500)},
+    responses={**answers.UNCHANGED, **answers.problems(500)},
 )
 def get_measurement_stac(
     measurement_id: lookup.Id, request: Request, caller: auth.Reader, context: UsesContext

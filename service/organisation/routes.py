@@ -84,7 +84,7 @@ class OwnOrganisationAnswer(
 router = operations.Router(prefix="/v1/organisation", tags=["keys"])
 
 
-@router.get("", response_model=OwnOrganisationAnswer, responses=answers.problems())
+@router.get("", response_model=OwnOrganisationAnswer)
 def get_organisation(caller: auth.Reader, context: UsesContext) -> Any:  # noqa: ANN401
     """The organisation that your key belongs to, and what it uses of what it may."""
     with context.database.reading() as session:
@@ -160,7 +160,7 @@ class AuditListing(AuditQuery):
 Chosen = Annotated[AuditQuery, Query()]
 
 
-@audit_router.get("", response_model=paging.Page[AuditEntryAnswer], responses=answers.problems())
+@audit_router.get("", response_model=paging.Page[AuditEntryAnswer])
 def list_audit_entries(
     request: Request, query: Annotated[AuditListing, Query()], caller: auth.Admin, context: UsesContext
 ) -> Response:
@@ -191,7 +191,7 @@ def get_audit_jsonl(query: Chosen, caller: auth.Admin, context: UsesContext) -> 
     return _send(lines, "jsonl", "application/jsonl")
 
 
-@audit_router.get("/chain", response_model=AuditChainAnswer, responses=answers.problems())
+@audit_router.get("/chain", response_model=AuditChainAnswer)
 def get_audit_chain(
     request: Request,
     caller: auth.Admin,
@@ -339,7 +339,7 @@ def create_organisation(body: NewOrganisation, caller: auth.Admin, writing: chan
     return writing.run(caller, change)
 
 
-@keys_router.post("/keys", status_code=201, response_model=KeyAnswer, responses=problems())
+@keys_router.post("/keys", status_code=201, response_model=KeyAnswer)
 def create_api_key(body: NewKey, caller: auth.Admin, writing: changes.Writes) -> Response:
     """Make a key of your organisation. Its secret is in this answer and nowhere else."""
     return writing.run(
@@ -347,7 +347,7 @@ def create_api_key(body: NewKey, caller: auth.Admin, writing: changes.Writes) ->
     )
 
 
-@keys_router.get("/keys", response_model=Page[KeyAnswer], responses=problems())
+@keys_router.get("/keys", response_model=Page[KeyAnswer])
 def list_keys(paging: UsesPaging, caller: auth.Admin, context: UsesContext) -> Response:
     """The keys of your organisation, without their secrets."""
     rows = select(ApiKey).where(ApiKey.organisation_id == caller.organisation_id)
@@ -355,7 +355,7 @@ def list_keys(paging: UsesPaging, caller: auth.Admin, context: UsesContext) -> R
         return paging.send(session, rows, lambda found: [KeyAnswer.restate(row) for row in found])
 
 
-@keys_router.get("/keys/own", response_model=OwnKeyAnswer, responses=problems())
+@keys_router.get("/keys/own", response_model=OwnKeyAnswer)
 def get_own_key(caller: Annotated[auth.Caller, Depends(auth.get_caller)], context: UsesContext) -> Response:
     """The key that you ask with: whose it is and what it may do. Any key may ask."""
     with context.database.reading() as session:
@@ -364,7 +364,7 @@ def get_own_key(caller: Annotated[auth.Caller, Depends(auth.get_caller)], contex
         return OwnKeyAnswer.restate(key, organisation=organisation).respond()
 
 
-@keys_router.patch("/keys/{key_id}", response_model=KeyAnswer, responses=problems(404))
+@keys_router.patch("/keys/{key_id}", response_model=KeyAnswer)
 def change_key(key_id: lookup.Id, body: KeyChange, caller: auth.Admin, writing: changes.Writes) -> Response:
     """State the person behind a key, with name and role ("" for none). Issued certificates stay as they are.
 
@@ -382,7 +382,7 @@ def change_key(key_id: lookup.Id, body: KeyChange, caller: auth.Admin, writing: 
     return writing.run(caller, change)
 
 
-@keys_router.delete("/keys/{key_id}", response_model=KeyAnswer, responses=problems(404, 409))
+@keys_router.delete("/keys/{key_id}", response_model=KeyAnswer, responses=problems(409))
 def revoke_key(key_id: lookup.Id, caller: auth.Admin, writing: changes.Writes) -> Response:
     """Revoke a key at once, and end the sessions opened with it. It stays in the record.
 
@@ -434,7 +434,7 @@ AnyCaller = Annotated[auth.Caller, Depends(auth.get_caller)]
 OfKey = Annotated[Text | None, Query(description="Only those opened with this key.")]
 
 
-@sessions_router.get("", response_model=Page[SessionAnswer], responses=problems())
+@sessions_router.get("", response_model=Page[SessionAnswer])
 def list_sessions(
     paging: UsesPaging, caller: AnyCaller, context: UsesContext, key_id: OfKey = None
 ) -> Response:
@@ -444,7 +444,7 @@ def list_sessions(
         return paging.send(session, rows, lambda found: [_answer(session, row, caller) for row in found])
 
 
-@sessions_router.delete("", response_model=EndedSessions, responses=problems())
+@sessions_router.delete("", response_model=EndedSessions)
 def end_other_sessions(caller: AnyCaller, writing: changes.Writes, key_id: OfKey = None) -> Response:
     """End every session that the list shows, except the one that asks."""
 
@@ -457,7 +457,7 @@ def end_other_sessions(caller: AnyCaller, writing: changes.Writes, key_id: OfKey
     return writing.run(caller, change)
 
 
-@sessions_router.delete("/{session_id}", response_model=SessionAnswer, responses=problems(404))
+@sessions_router.delete("/{session_id}", response_model=SessionAnswer)
 def end_session(session_id: lookup.Id, caller: AnyCaller, writing: changes.Writes) -> Response:
     """End a session at once: its browser has to sign in again. It stays in the record."""
 

@@ -23,9 +23,7 @@ probes = APIRouter(tags=["system"])
 router = operations.Router(tags=["system"])
 
 
-_ONLY_FOR_THE_OPERATOR: dict[int | str, dict[str, Any]] = {
-    status: answers.problems()[status] for status in (401, 403, 503)
-}
+_ONLY_FOR_THE_OPERATOR: dict[int | str, dict[str, Any]] = answers.problems(401, 403, 503)
 """What may be answered where `STILB_HEALTH_FOR` is `operator`."""
 
 
@@ -122,7 +120,7 @@ class OperatorHealth(models.Answer):
     verified_within_s: float = Field(description="Every file is verified in this time; 0: never.")
 
 
-@router.get("/v1/health", response_model=OperatorHealth, responses=answers.problems())
+@router.get("/v1/health", response_model=OperatorHealth)
 def get_operator_health(caller: auth.Admin, context: UsesContext) -> Response:
     """Workers, queue, disk and verified files of the whole service. Only the operator's admins may ask."""
     if not caller.operator:

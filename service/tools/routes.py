@@ -12,7 +12,7 @@ from radiometry.tools.coverage import MOST_TILT_DEG, Coverage, View
 from radiometry.tools.exponents import ExponentFit, LeftOut, SeriesRow
 from radiometry.tools.motion import USUAL_LIMIT_PX, Motion, MotionCase
 from service.calibrations.schemas import FlagRaised
-from service.http import answers, auth, changes, models, operations
+from service.http import auth, changes, models, operations
 from service.http.models import Answer, Form, Number, Quantity, Text
 from service.http.problems import Problem, invalid
 from service.http.tables import UNREAD, Kind, is_table, read_sheet, read_sheet_or_document, refuse_columns
@@ -371,7 +371,6 @@ Coverages = Annotated[list[NewCoverage] | NewCoverage, Depends(_read_one_or_many
 @router.post(
     "/tools/motion",
     response_model=MotionAnswer | MotionsAnswer,
-    responses=answers.problems(),
     dependencies=stateless,
     openapi_extra=_body_of(NewMotion),
 )
@@ -389,7 +388,6 @@ def compute_image_motion(body: Motions, _caller: auth.Reader) -> Response:
 @router.post(
     "/tools/coverage",
     response_model=CoverageAnswer | CoveragesAnswer,
-    responses=answers.problems(),
     dependencies=stateless,
     openapi_extra=_body_of(NewCoverage),
 )
@@ -404,11 +402,7 @@ def compute_ground_coverage(body: Coverages, _caller: auth.Reader) -> Response:
 
 
 @router.post(
-    "/tools/exposure",
-    response_model=ExposureAnswer,
-    responses=answers.problems(),
-    dependencies=stateless,
-    openapi_extra=_body_of_series(),
+    "/tools/exposure", response_model=ExposureAnswer, dependencies=stateless, openapi_extra=_body_of_series()
 )
 def fit_exposure_exponents(body: Exposures, _caller: auth.Reader) -> Response:
     """Exponents of exposure time, f-number and ISO from a table of mean signals.

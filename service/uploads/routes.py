@@ -155,7 +155,7 @@ async def begin_upload(
 @router.head(
     "/{upload_id}",
     response_class=Response,
-    responses={200: _states("How far it is."), **answers.problems(404, 409, 507)},
+    responses={200: _states("How far it is."), **answers.problems(*answers.USUAL, 404, 409, 507)},
 )
 async def get_upload(upload_id: lookup.Id, request: Request, context: UsesContext) -> Response:
     """State how many bytes are durable; whoever still sends to this upload is ended."""
@@ -169,7 +169,10 @@ async def get_upload(upload_id: lookup.Id, request: Request, context: UsesContex
     "/{upload_id}",
     status_code=204,
     response_class=Response,
-    responses={204: _states("Kept."), **answers.problems(400, 404, 409, 412, 413, 415, 460, 507)},
+    responses={
+        204: _states("Kept."),
+        **answers.problems(*answers.USUAL, 400, 404, 409, 412, 413, 415, 460, 507),
+    },
     openapi_extra=_PIECE,
 )
 async def append_to_upload(
@@ -189,7 +192,9 @@ async def append_to_upload(
     return await run_in_threadpool(answer, partial, facts, 204)
 
 
-@router.delete("/{upload_id}", status_code=204, response_class=Response, responses=answers.problems(404))
+@router.delete(
+    "/{upload_id}", status_code=204, response_class=Response, responses=answers.problems(*answers.USUAL, 404)
+)
 def end_upload(upload_id: lookup.Id, request: Request, context: UsesContext) -> Response:
     """End an upload and forget what has arrived; the frame of a finished one stays."""
     _find(context, request, upload_id).remove()
@@ -331,7 +336,7 @@ async def _make_frame(context: Context, partial: Partial, facts: Facts, blob: St
 known_router = operations.Router(prefix="/v1", tags=["frames"])
 
 
-@known_router.post("/uploads/known", response_model=KnownAnswer, responses=answers.problems())
+@known_router.post("/uploads/known", response_model=KnownAnswer)
 def ask_known(
     body: HashesAsked, caller: Uploader, context: UsesContext, _idempotency_key: changes.IdempotencyKey = None
 ) -> Response:
@@ -344,9 +349,7 @@ def ask_known(
     )
 
 
-@known_router.post(
-    "/campaigns/{campaign_id}/frames/known", response_model=KnownAnswer, responses=answers.problems(404)
-)
+@known_router.post("/campaigns/{campaign_id}/frames/known", response_model=KnownAnswer)
 def ask_known_frames(
     campaign_id: lookup.Id,
     body: HashesAsked,
