@@ -293,16 +293,6 @@ def _shared(keys: Sequence[Key]) -> frozenset[str]:
 router = operations.Router(include_in_schema=False)
 
 
-@router.get("/cameras")
-def show_cameras(page: SignedInPage) -> Response:
-    return page.render("cameras.html", title="Cameras")
-
-
-@router.get("/fleet")
-def show_fleet(page: SignedInPage) -> Response:
-    return page.render("fleet.html", title="One set for several cameras?")
-
-
 @router.get("/cameras/{camera_id}")
 def show_camera(camera_id: lookup.Id, page: SignedInPage, context: UsesContext) -> Response:
     with context.database.reading() as session:

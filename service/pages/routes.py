@@ -66,23 +66,34 @@ ACTS: Final = {
 """By action. Other acts on a row are named by their verb."""
 
 
+_PLAIN: Final[dict[str, tuple[str, str, dict[str, Any]]]] = {
+    "/": ("home", "Start", {}),
+    "/cameras": ("cameras", "Cameras", {}),
+    "/fleet": ("fleet", "One set for several cameras?", {}),
+    "/campaigns": ("campaigns", "Campaigns", {}),
+    "/campaigns/new": ("campaign-new", "New campaign", {}),
+    "/measurements": ("measurements", "Measurements", {}),
+    "/measurements/new": ("measurement-new", "Measure a frame", {"indices": " ".join(NAMED_INDICES)}),
+    "/rigs": ("rigs", "Rigs", {"method": fleet.METHOD}),
+    "/jobs": ("jobs", "Jobs", {}),
+    "/organisation": ("organisation/keys", "Keys and sessions", {}),
+    "/organisation/audit": ("organisation/audit", "Audit trail", {"acts": ACTS}),
+    "/organisation/details": ("organisation/details", "Organisation", {}),
+}
+"""By address: template, title, and what else a page shows that names nothing of the organisation's."""
+
 router = operations.Router(include_in_schema=False)
 
 
-@router.get("/")
-def show_home(page: SignedInPage) -> Response:
-    return page.render("home.html", title="Start")
+def _add_page(address: str, template: str, title: str, shown: dict[str, Any]) -> None:
+    @router.get(address)
+    def show_page(page: SignedInPage) -> Response:
+        return page.render(f"{template}.html", title=title, **shown)
 
 
-@router.get("/campaigns")
-def show_campaigns(page: SignedInPage) -> Response:
-    return page.render("campaigns.html", title="Campaigns")
-
-
-# before the page of one campaign, whose id it would be taken for
-@router.get("/campaigns/new")
-def show_new_campaign(page: SignedInPage) -> Response:
-    return page.render("campaign-new.html", title="New campaign")
+# before the page of one campaign or measurement, whose id /new would be taken for
+for _address, _plain in _PLAIN.items():
+    _add_page(_address, *_plain)
 
 
 @router.get("/campaigns/{campaign_id}")
@@ -144,17 +155,6 @@ def show_plot(
     return send_svg(draw_figure(drawn, plot.title, view=view, parts=parts, is_wide=plot.is_wide))
 
 
-@router.get("/measurements")
-def show_measurements(page: SignedInPage) -> Response:
-    return page.render("measurements.html", title="Measurements")
-
-
-# before the page of one measurement, whose id it would be taken for
-@router.get("/measurements/new")
-def show_new_measurement(page: SignedInPage) -> Response:
-    return page.render("measurement-new.html", title="Measure a frame", indices=" ".join(NAMED_INDICES))
-
-
 @router.get("/measurements/comparison")
 def show_comparison(
     page: SignedInPage, context: UsesContext, old: Annotated[Text, Query()], new: Annotated[Text, Query()]
@@ -176,11 +176,6 @@ def show_measurement(measurement_id: Id, page: SignedInPage, context: UsesContex
     )
 
 
-@router.get("/rigs")
-def show_rigs(page: SignedInPage) -> Response:
-    return page.render("rigs.html", title="Rigs", method=fleet.METHOD)
-
-
 @router.get("/rigs/{rig_id}")
 def show_rig(rig_id: Id, page: SignedInPage, context: UsesContext, chosen: Versions) -> Response:
     with context.database.reading() as session:
@@ -190,26 +185,6 @@ def show_rig(rig_id: Id, page: SignedInPage, context: UsesContext, chosen: Versi
     return page.render(
         "rig.html", title=rig.name, rig=rig, cameras=cameras, exports=fleet.SPEC.exports, given=given
     )
-
-
-@router.get("/jobs")
-def show_jobs(page: SignedInPage) -> Response:
-    return page.render("jobs.html", title="Jobs")
-
-
-@router.get("/organisation")
-def show_keys(page: SignedInPage) -> Response:
-    return page.render("organisation/keys.html", title="Keys and sessions")
-
-
-@router.get("/organisation/audit")
-def show_audit(page: SignedInPage) -> Response:
-    return page.render("organisation/audit.html", title="Audit trail", acts=ACTS)
-
-
-@router.get("/organisation/details")
-def show_details(page: SignedInPage) -> Response:
-    return page.render("organisation/details.html", title="Organisation")
 
 
 _TOOLS: Final = {"motion": "Motion", "coverage": "Coverage", "exposure": "Exposure"}
