@@ -23,7 +23,7 @@ PAGES = [
 ]
 # Codes that are written where they are raised, and not in the registry: those of the client.
 WRITTEN = {
-    "stilb": re.compile(r'\bcode="(\w+)"(?: if \w+ else "(\w+)")?|^UNREACHABLE = "(\w+)"', re.MULTILINE),
+    "stilb": re.compile(r'\bcode="(\w+)"(?: if \w+ else "(\w+)")?|^UNREACHABLE = "(\w+)"', re.MULTILINE)
 }
 
 
@@ -190,10 +190,5 @@ def test_decisions_are_numbered_without_a_gap():
         assert (
             headings(read(page), 2) == []
             if replaced
-            else [
-                "The question",
-                "The decision",
-                "The alternatives",
-                "What follows",
-            ]
+            else ["The question", "The decision", "The alternatives", "What follows"]
         )

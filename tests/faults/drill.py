@@ -137,10 +137,7 @@ def run_row(
             lasts_s=fault.lasts_s,
             organisation_id=organisation_id,
         )
-        with (
-            Watch(ground.url, beside, lambda: ground.database, frozenset({organisation_id})) as watch,
-            load,
-        ):
+        with Watch(ground.url, beside, lambda: ground.database, frozenset({organisation_id})) as watch, load:
             began, ended = _strike(fault, drill)
             _finish(fault, drill, row)
             row.all_done_s = max(0.0, time.monotonic() - ended)

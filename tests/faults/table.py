@@ -87,12 +87,7 @@ FAULTS: tuple[Fault, ...] = (
         sends_again=True,
         in_tests=_EMBEDDED,
     ),
-    Fault(
-        name="all is restarted politely",
-        strike=strikes.restarted_politely,
-        no_errors=True,
-        slow=True,
-    ),
+    Fault(name="all is restarted politely", strike=strikes.restarted_politely, no_errors=True, slow=True),
     Fault(
         name="each part is restarted in turn",
         strike=strikes.restarted_in_turn,

@@ -261,9 +261,7 @@ def test_a_panel_is_a_thing_of_a_day(service, client):
 def test_a_region_may_have_parts(service, client):
     service.will_answer({"id": "r-1"})
     client.set_roi("c-1", regions={"centre": [(0, 0), (9, 0), (9, 9)]})
-    assert service.asked[0].json == {
-        "regions": [{"name": "centre", "polygon": [[0, 0], [9, 0], [9, 9]]}],
-    }
+    assert service.asked[0].json == {"regions": [{"name": "centre", "polygon": [[0, 0], [9, 0], [9, 9]]}]}
 
 
 def test_an_index_has_a_mean_alone(service, client):

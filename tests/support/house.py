@@ -71,10 +71,7 @@ class House:
             TestClient(self.app, headers={"Authorization": f"Bearer {KEY}"}, raise_server_exceptions=True)
         )
         self.worker = WorkerContext(
-            settings=self.settings,
-            database=self.database,
-            blobs=self.blobs,
-            decoders=_decoders,
+            settings=self.settings, database=self.database, blobs=self.blobs, decoders=_decoders
         )
         return self
 
