@@ -39,7 +39,7 @@ SECRETS = {
     "AWS_ACCESS_KEY_ID_FILE": "id",
     "AWS_SECRET_ACCESS_KEY_FILE": "secret",
 }
-PARTS = {"service": ["-m", "service"], "worker": ["worker.app", "worker"]}
+PARTS = {"service": ["-m", "service"], "worker": ["worker", "-Q"]}
 
 
 class Deployment(ABC):
