@@ -24,15 +24,6 @@ export async function isRenewed(insists) {
   return signInAgain(insists);
 }
 
-/** Go to another page, or load this one again. This never ends: the button that led there stays busy until the page is gone. */
-export function leave(address) {
-  if (address) location.assign(address);
-  else location.reload();
-  // and where the browser kept this page for the way back, it begins again
-  addEventListener("pageshow", (event) => event.persisted && location.reload());
-  return new Promise(() => {});
-}
-
 /** Send a request; `json` becomes its body. Answers the Response, or throws a Problem. */
 export async function send(method, path, options = {}) {
   const { json, body, headers = {}, signal } = options;

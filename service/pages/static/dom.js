@@ -55,6 +55,15 @@ export function openDialog(dialog) {
   dialog.showModal();
 }
 
+/** Go to another page, or load this one again. This never ends: the button that led there stays busy until the page is gone. */
+export function leave(address) {
+  if (address) location.assign(address);
+  else location.reload();
+  // and where the browser kept this page for the way back, it begins again
+  addEventListener("pageshow", (event) => event.persisted && location.reload());
+  return new Promise(() => {});
+}
+
 /** A sentence as nodes: what stands between backticks is a name. */
 export const prose = (text) => (text ?? "").split("`").map((part, place) => (place % 2 ? h("code", {}, part) : part));
 

@@ -1,8 +1,7 @@
 // A session that ends while a page is open is begun again over the page, which keeps what was typed and chosen.
 
-import { leave } from "./api.js";
 import { ask } from "./ask.js";
-import { h } from "./dom.js";
+import { h, leave } from "./dom.js";
 import { wrong } from "./states.js";
 
 let asked = null;

@@ -1,9 +1,9 @@
 // Refit of the same campaign without some frames or with another model. The result is another draft.
 
-import { Problem, all, leave, post } from "../api.js";
+import { Problem, all, post } from "../api.js";
 import { ask } from "../ask.js";
 import { parametersFold } from "../campaign/parameters.js";
-import { h, toast } from "../dom.js";
+import { h, leave, toast } from "../dom.js";
 import { followJob } from "../live.js";
 import { methodOf } from "../methods.js";
 

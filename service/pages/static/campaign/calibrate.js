@@ -1,7 +1,7 @@
 // The fit: its parameters, its progress, and the resulting versions.
 
-import { all, leave, patch, post } from "../api.js";
-import { fill, h, may, table } from "../dom.js";
+import { all, patch, post } from "../api.js";
+import { fill, h, leave, may, table } from "../dom.js";
 import { ago, counted, number, quantity, tag } from "../format.js";
 import { followJob } from "../live.js";
 import { coefficientLabel, headlineOf } from "../methods.js";

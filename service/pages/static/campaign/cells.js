@@ -15,7 +15,7 @@ export function sayState(frame) {
   return OUTCOMES[frame.outcome][1];
 }
 
-export const sayExposure = (frame) => (frame.exposure_time_s ? `${exposureTime(frame.exposure_time_s)}, f/${number(frame.f_number, 3)}, ISO ${frame.iso}` : "no exposure");
+const sayExposure = (frame) => (frame.exposure_time_s ? `${exposureTime(frame.exposure_time_s)}, f/${number(frame.f_number, 3)}, ISO ${frame.iso}` : "no exposure");
 
 const thumbnail = (frame) =>
   frame.thumbnail

@@ -1,15 +1,15 @@
 // A new campaign: method, camera, target and details.
 
-import { all, leave, post } from "../api.js";
-import { byId, fill, h } from "../dom.js";
+import { all, post } from "../api.js";
+import { byId, fill, h, leave } from "../dom.js";
 import { cameraName } from "../format.js";
 import { inOrder } from "../groups.js";
 import { METHODS, methodOf } from "../methods.js";
 import { act, load } from "../states.js";
 import { DETAILS, detailsOf, isOfLens } from "./details.js";
 import { about, choices, field, filled, numberOf, select } from "./forms.js";
-import { statedPart, withManual } from "./parameters.js";
 import { panelPart } from "./panel.js";
+import { statedPart, withManual } from "./parameters.js";
 import { targetPart } from "./target.js";
 
 const NEW = "new";

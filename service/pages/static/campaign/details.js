@@ -1,8 +1,8 @@
 // What is written on a campaign: corrected, its camera exchanged, put away.
 
-import { all, leave, patch } from "../api.js";
+import { all, patch } from "../api.js";
 import { ask } from "../ask.js";
-import { h, may } from "../dom.js";
+import { h, leave, may } from "../dom.js";
 import { cameraName } from "../format.js";
 import { inOrder } from "../groups.js";
 import { act } from "../states.js";

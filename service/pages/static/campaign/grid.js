@@ -4,17 +4,80 @@ import { byId, fill, h, isPressed, may } from "../dom.js";
 import { number } from "../format.js";
 import { act, empty } from "../states.js";
 import { undoLast } from "../undo.js";
-import { isStep, keepPlace, readAddress, writeAddress } from "./address.js";
-import { dragging } from "./dragging.js";
+import { ReadingBook } from "./book.js";
 import { openFrame } from "./frame.js";
 import { bulkOf, toolsOf } from "./grid-tools.js";
 import { lettersOn, showKeys } from "./keys.js";
 import { layOut } from "./matrix.js";
-import { askWhere, leaveOut } from "./moves.js";
-import { CARDS, TALLER, phone, gridRows } from "./rows.js";
-import { ReadingBook } from "./book.js";
+import { askWhere, leaveOut, moveTo } from "./moves.js";
+import { CARDS, TALLER, gridRows, phone } from "./rows.js";
 import { typing } from "./typing.js";
 import { walking } from "./walking.js";
+
+const KIND = "text/x-stilb-frames";
+
+/** `pick(id)` answers the frames that go with one, `rowAt(element)` the row of the grid that it is in. */
+function dragging(body, { state, pick, rowAt }) {
+  const lifts = (row) => row?.kind === "role";
+  const clear = () => body.querySelectorAll(".over").forEach((each) => each.classList.remove("over"));
+  body.addEventListener("dragstart", (event) => {
+    const { id } = event.target.closest?.(".cell")?.dataset ?? {};
+    if (!id || !may("calibrate")) return event.preventDefault();
+    event.dataTransfer.setData(KIND, JSON.stringify(pick(id)));
+    event.dataTransfer.effectAllowed = "move";
+    return null;
+  });
+  body.addEventListener("dragover", (event) => {
+    if (!event.dataTransfer.types.includes(KIND)) return;
+    clear();
+    if (!lifts(rowAt(event.target))) return;
+    event.preventDefault();
+    event.target.closest("tr").classList.add("over");
+  });
+  body.addEventListener("dragend", clear);
+  body.addEventListener("drop", (event) => {
+    clear();
+    const row = rowAt(event.target);
+    const ids = JSON.parse(event.dataTransfer.getData(KIND) || "[]");
+    if (!ids.length || !lifts(row)) return;
+    event.preventDefault();
+    act(body.closest(".grid"), () => moveTo(state, ids, row));
+  });
+}
+
+/** {frame, show, find}, each "" where the address does not name it. */
+function readAddress() {
+  const query = new URLSearchParams(location.search);
+  return Object.fromEntries(["frame", "show", "find"].map((name) => [name, query.get(name) ?? ""]));
+}
+
+/** Change some of them; with `step` the way back leads to how it was. */
+function writeAddress(said, { step = false } = {}) {
+  const url = new URL(location.href);
+  for (const [name, value] of Object.entries(said)) if (value) url.searchParams.set(name, value);
+  else url.searchParams.delete(name);
+  if (url.href === location.href) return;
+  if (step) history.pushState({ step }, "", url);
+  else history.replaceState(history.state, "", url);
+}
+
+/** Whether the way back leads from the open frame to the grid. */
+const isStep = () => Boolean(history.state?.step);
+
+/** Keep in the history where the scroller is seen and how far it was scrolled; answers what goes there again, once. */
+function keepPlace(scroller) {
+  const top = () => scroller.getBoundingClientRect().top;
+  let place = history.state?.place;
+  addEventListener("pagehide", () => history.replaceState({ ...history.state, place: [top(), scroller.scrollTop] }, ""));
+  return () => {
+    if (!place) return;
+    const [before, scrolled] = place;
+    place = undefined;
+    scroller.scrollTop = scrolled;
+    // what is loaded above it later does not move what is seen
+    scrollBy(0, top() - before);
+  };
+}
 
 const MARGIN = 3;
 /** Thumbnails are asked for when scrolling has come to rest for so long. */

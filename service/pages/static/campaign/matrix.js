@@ -8,7 +8,7 @@ const compare = (a, b) => (typeof a === "number" && typeof b === "number" ? a - 
 
 /** A value of an axis, as it is written. */
 const SAYS = { iso: (value) => `ISO ${value}`, f_number: (value) => `f/${number(value, 3)}`, exposure_time_s: exposureTime, band: words };
-export const sayValue = (axis, value) => SAYS[axis]?.(value) ?? String(value);
+const sayValue = (axis, value) => SAYS[axis]?.(value) ?? String(value);
 
 /**
  * {columns: [{values, heads}], lines: [{key, row, first, cells: [{frame} | {gap} | undefined]}], order: [frames]}.

@@ -3,8 +3,7 @@
 import { get, put } from "../api.js";
 import { byId, fill, h, may, toast } from "../dom.js";
 import { act, empty, wrong } from "../states.js";
-import { RegionCanvas } from "./canvas.js";
-import { RegionEditor } from "./editor.js";
+import { RegionCanvas, RegionEditor } from "./canvas.js";
 import { select } from "./forms.js";
 import { adviceOn, countOwn, holdingFor, startsEmpty } from "./holding.js";
 import { imagejPart } from "./imagej-part.js";

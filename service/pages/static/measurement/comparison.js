@@ -5,8 +5,7 @@ import { byId, figure, fill, h } from "../dom.js";
 import { day, quantity, typeset, withUncertainty } from "../format.js";
 import { empty, load } from "../states.js";
 import { cellTable } from "./grid.js";
-import { MapView } from "./map.js";
-import { scaleTools } from "./tools.js";
+import { MapView, scaleTools } from "./map.js";
 import { loadMap } from "./values.js";
 import { regionOf } from "./words.js";
 

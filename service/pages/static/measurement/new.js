@@ -1,19 +1,18 @@
 // Measure a frame, or all of a night: which, where on it, with what.
 
-import { all, get, leave, post } from "../api.js";
-import { byId, fill, h, may } from "../dom.js";
+import { all, get, post } from "../api.js";
+import { about, decimal, field, manualLink, numberOf, select } from "../campaign/forms.js";
+import { titleOf } from "../campaign/named.js";
+import { statedPart } from "../campaign/parameters.js";
+import { isRead } from "../campaign/state.js";
 import { causeList } from "../causes.js";
+import { byId, fill, h, leave, may } from "../dom.js";
 import { counted, day, stateWords } from "../format.js";
 import { groupBy } from "../groups.js";
 import { followJob } from "../live.js";
 import { labelOf, methodOf } from "../methods.js";
 import { act, empty, failed, load } from "../states.js";
-import { about, decimal, field, manualLink, numberOf, select } from "../campaign/forms.js";
-import { statedPart } from "../campaign/parameters.js";
-import { titleOf } from "../campaign/named.js";
-import { isRead } from "../campaign/state.js";
-import { regionPart } from "./region.js";
-import { measureOne } from "./start.js";
+import { measureOne, regionPart } from "./region.js";
 
 const LOOKED_AT = 6;
 const MOST_NAMED = 5;

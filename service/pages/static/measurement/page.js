@@ -2,19 +2,201 @@
 
 import { get } from "../api.js";
 import { bars } from "../bars.js";
-import { byId, fill, h, may, prose } from "../dom.js";
+import { field } from "../campaign/forms.js";
+import { byId, figure, fill, h, may, prose, svg, table } from "../dom.js";
 import { drawFindings } from "../flags.js";
-import { number, percent, tag, time, typeset, words } from "../format.js";
-import { labelOf } from "../methods.js";
-import { empty, load } from "../states.js";
-import { regionTool } from "./draw.js";
-import { drawFigures } from "./figures.js";
+import { number, percent, quantity, relative, tag, time, typeset, unit, withUncertainty, words } from "../format.js";
+import { labelOf, methodOf } from "../methods.js";
+import { act, empty, failed, load } from "../states.js";
 import { drawGrid } from "./grid.js";
-import { isolineTool } from "./isolines.js";
-import { MapView } from "./map.js";
-import { scaleTools } from "./tools.js";
+import { MapView, scaleTools } from "./map.js";
+import { measureOne, regionPart } from "./region.js";
 import { loadMap } from "./values.js";
 import { regionOf, titleOf } from "./words.js";
+
+/** What a measurement of another place of the same frame has in common with this one. */
+const SAME = ["reflectance", "incidence_angle_deg", "index", "quantity", "allow"];
+
+/** The tool of one map: the button beside it, and the section `region-section` below it. */
+function regionTool(view, found, frame) {
+  const part = regionPart({ place: (canvas) => view.cover(canvas.element), kinds: methodOf(found.method).measurement_options.includes("grid") ? ["drawn", "grid", "lanes"] : ["drawn"] });
+  const preview = `/v1/frames/${frame.id}/preview.png`;
+  let background = "map";
+  const progress = h("span", { class: "muted", role: "status" });
+  const button = h("button", { type: "button", "aria-pressed": "false", onclick: () => turn(button.getAttribute("aria-pressed") !== "true") }, "Draw a region");
+  const grounds = [["Map", "map"], ["Picture", "picture"]].map(([text, value]) =>
+    h("button", { type: "button", "aria-pressed": String(value === background), onclick: (event) => {
+      background = value;
+      for (const each of grounds) each.setAttribute("aria-pressed", String(each === event.target));
+      part.paint(background === "map" ? view.picture : preview);
+    } }, text),
+  );
+  fill(byId("region-tools"), h("div", { class: "segments", role: "group", "aria-label": "Background" }, grounds));
+  fill(byId("region"), part.element, h("p", { class: "actions" }, h("button", { type: "button", class: "primary", onclick: (event) => act(event.target, measure) }, "Measure"), progress));
+  view.onpaint = () => background === "map" && part.paint(view.picture);
+  return button;
+
+  function turn(on) {
+    button.setAttribute("aria-pressed", String(on));
+    byId("region-section").hidden = !on;
+    view.uncover(on);
+    if (!on || button.dataset.begun) return;
+    button.dataset.begun = "true";
+    part.show({ ...frame, roi_id: null }, null, view.picture);
+    part.take(found.region, found.grid);
+  }
+
+  function measure() {
+    const { parameters } = found;
+    const kept = Object.fromEntries(SAME.filter((name) => name in parameters).map((name) => [name, parameters[name]]));
+    const frames = found.frame_ids ? { frame_ids: found.frame_ids } : { frame_id: found.frame_id };
+    return measureOne({ ...frames, ...parameters.conditions, ...kept, ...part.read(), calibration_id: found.calibration.id, products: ["map"] }, progress);
+  }
+}
+
+/** The tool of one map: the button beside it, and the section `isolines-section` below it. */
+function isolineTool(view, id) {
+  const layer = svg("g", { class: "map-isolines" });
+  view.over.insertBefore(layer, view.cross);
+  const typed = h("input", { autocomplete: "off", spellcheck: "false", placeholder: "round ones", onchange: show });
+  const told = h("div", { "aria-live": "polite" });
+  const file = h("a", { class: "button", download: "" }, "GeoJSON");
+  const button = h("button", { type: "button", "aria-pressed": "false", onclick: () => turn(button.getAttribute("aria-pressed") !== "true") }, "Isolines");
+  fill(byId("isolines-tools"), file);
+  fill(byId("isolines"), field("Levels", typed, "Values separated by commas, such as 0.5, 1, 2. Empty: round ones.", "/docs/measuring#isolines"), told);
+  return button;
+
+  function turn(on) {
+    button.setAttribute("aria-pressed", String(on));
+    byId("isolines-section").hidden = !on;
+    if (on) show();
+    else layer.replaceChildren();
+  }
+
+  async function show() {
+    const levels = typed.value.trim().split(/[\s,;]+/).filter(Boolean).join(",");
+    const query = levels ? new URLSearchParams({ levels }).toString() : "";
+    file.href = `/v1/measurements/${id}/isolines.geojson?${query}`;
+    try {
+      const found = await get(`/v1/measurements/${id}/isolines.geojson?coordinates=pixel&${query}`);
+      if (button.getAttribute("aria-pressed") === "true") draw(found);
+    } catch (error) {
+      layer.replaceChildren();
+      fill(told, failed(error, show));
+    }
+  }
+
+  function draw(found) {
+    const size = view.map.width / 60;
+    const paths = found.features.flatMap(({ geometry, properties }) => {
+      const d = geometry.coordinates.map((line) => `M${line.join("L")}`).join("");
+      if (!d) return [];
+      const longest = geometry.coordinates.reduce((best, line) => (line.length > best.length ? line : best));
+      const [x, y] = longest[Math.floor(longest.length / 2)];
+      const label = svg("text", { x, y, "font-size": size, "stroke-width": size / 5 });
+      label.append(number(properties.level, 3));
+      return [svg("path", { class: "back", d }), svg("path", { d }), label];
+    });
+    layer.replaceChildren(...paths);
+    fill(told, describe(found));
+  }
+}
+
+function describe(found) {
+  const drawn = found.features.filter(({ properties }) => properties.lines);
+  const rings = found.features.reduce((sum, { properties }) => sum + properties.rings_left_out, 0);
+  const scale = found.step_px > 1 ? `Of means over squares of ${found.step_px} px` : "Of single pixels";
+  return [
+    drawn.length ? h("ul", { class: "map-levels" }, drawn.map(level)) : h("p", { class: "muted" }, "No line at these levels."),
+    h("ul", { class: "small muted map-notes" }, [
+      `${scale}: finer detail is not drawn, nor what the lens does not resolve.`,
+      rings ? `${rings} ring${rings === 1 ? "" : "s"} around a single square left out: noise, or a lamp.` : null,
+      found.unknown_share ? `${number(100 * found.unknown_share, 2)} % of the squares are saturated: no line crosses them.` : null,
+      ...found.notes,
+    ].filter(Boolean).map((note) => h("li", {}, note))),
+  ];
+}
+
+function level({ properties }) {
+  const { level: value, unit: name, standard_uncertainty: u, place_u_px: place, too_dark: dark } = properties;
+  const figure = `${u === undefined ? number(value, 3) : withUncertainty(value, u)} ${name === "1" ? "" : unit(name)}`.trim();
+  const notes = [place === undefined ? null : `place ± ${number(place, 2)} px`, dark ? "not distinguished from zero" : null].filter(Boolean);
+  return h("li", {}, figure, notes.length ? h("span", { class: "muted" }, ` (${notes.join("; ")})`) : null);
+}
+
+function drawFigures(found) {
+  const apart = found.grid && found.region_origin !== "grid" ? " The cells are those of the surface, not of this region." : "";
+  return [
+    found.mean ? h("p", { class: apart ? "note warn" : "small muted" }, `Mean, median, range${found.illuminance ? ", illuminance" : ""}: of ${regionOf(found)}.${apart}`) : null,
+    found.seen_from ? h("p", { class: "note" }, h("strong", {}, "Seen from above. "), found.seen_from_detail) : null,
+    h("dl", { class: "figures" }, figures(found).map((each) => figure(...each))),
+    found.index ? bands(found.index) : null,
+    found.percentiles.length ? h("details", { class: "percentiles" }, h("summary", {}, "Percentiles of single pixels"), percentiles(found)) : null,
+  ];
+}
+
+const above = (found) => (found.seen_from ? ", seen from above" : "");
+
+function figures(found) {
+  const { mean, grid } = found;
+  const rows = [[found.index ? titleOf(found) : "Mean", quantity(mean), found.index ? "of the region’s mean reflectances" : `u is ${relative(mean.value, mean.standard_uncertainty)}${found.uncertainty_scope === "relative_only" ? ", relative only: no meter certificate" : ""}${found.pixels ? `; ${number(found.pixels, 9)} pixels` : ""}`]];
+  if (found.median) rows.push(["Median", quantity(found.median)]);
+  if (found.min) rows.push(["Range of pixels", h("span", { class: "nowrap" }, `${number(found.min.value, 3)} – ${number(found.max.value, 3)}`), mean.unit === "1" ? "" : unit(mean.unit)]);
+  if (grid) rows.push(["Overall uniformity U_o", quantity(found.u_o), `smallest / mean of the cells${above(found)}`], ["Range of cells", `${number(found.l_min_cd_m2.value, 3)} – ${number(found.l_max_cd_m2.value, 3)}`, "cd/m²"]);
+  if (found.u_l) rows.push(["Longitudinal uniformity U_l, worst row", quantity(found.u_l.reduce((worst, each) => (each.value < worst.value ? each : worst)))]);
+  if (found.illuminance) rows.push(["Illuminance π L / ρ", quantity(found.illuminance)]);
+  if (found.saturated_share) rows.push(["Saturated", percent(found.saturated_share), "of the region’s samples"]);
+  if (found.reflected) rows.push(...reflected(found.reflected));
+  if (found.place?.transform) rows.push(["Place of the map, worst corner", `± ${number(found.place.u_corner_m, 2)} m`, `${number(found.place.height_above_ground_m, 4)} m above level ground; ± ${number(found.place.u_centre_m, 2)} m in the centre. ${found.place.detail}`]);
+  else if (found.place) rows.push(["Place of the map", "–", found.place.detail]);
+  for (const each of found.alignment ?? []) rows.push([`Alignment of ${words(each.band)}`, `${number(each.residual_px, 2)} px`, ALIGNED[each.by](each)]);
+  return rows;
+}
+
+const patches = (row) => `${row.patches} of ${row.tried} patches agree`;
+const ALIGNED = {
+  lens_data: (row) => `assumed, by lens data alone: ${patches(row)}`,
+  lens_data_and_correlation: (row) => `left after a correction by ${number(Math.hypot(...row.shift_px), 3)} px; ${patches(row)}`,
+  correlation: (row) => `left, by correlation alone; ${patches(row)}`,
+};
+
+const BASES = { levelled: "converted to a level surface", horizontal: "on a level surface, by the camera", compensated: "as the camera compensated it", oriented: "as the sensor was oriented" };
+const sunshine = (row) => {
+  const other = row.i_ss_oriented !== undefined && row.i_ss_basis !== "oriented" ? `, ${number(row.i_ss_oriented, 4)} as the sensor was oriented` : "";
+  return `sunshine ${number(row.i_ss, 4)} ${BASES[row.i_ss_basis] ?? ""}${other}`;
+};
+
+function reflected(row) {
+  return [
+    ["Sensor signal", number(row.i_sq, 4), row.i_ss === undefined ? "without the sunshine sensor" : sunshine(row)],
+    ["K of the band", number(row.reflectance_k, 4), row.incidence_angle_deg ? `surface tilted by ${number(row.incidence_angle_deg, 3)}°` : "surface normal to the light"],
+    ["Outside 0 to 1", percent(row.below_zero_share + row.above_one_share), "of the region’s pixels"],
+  ];
+}
+
+function bands({ bands: rows }) {
+  const columns = [
+    { head: "Band", header: true, cell: (row) => words(row.band) },
+    { head: "Reflectance", class: "number", cell: (row) => quantity(row.reflectance) },
+    { head: "K", class: "number", cell: (row) => number(row.reflectance_k) },
+    { head: "Sensor", class: "number", cell: (row) => number(row.i_sq) },
+    { head: "Sunshine", class: "number", cell: (row) => (row.i_ss === undefined ? "–" : number(row.i_ss)) },
+  ];
+  return h("div", { class: "bands" }, table(columns, rows, { caption: "Bands of the index" }));
+}
+
+function percentiles(found) {
+  const rows = [
+    ["smallest", found.min],
+    ...found.percentiles.filter((row) => row.percent < 50).map(told),
+    ["50 %", found.median],
+    ...found.percentiles.filter((row) => row.percent > 50).map(told),
+    ["largest", found.max],
+  ];
+  return table([{ head: "Percentile", header: true, cell: ([name]) => name }, { head: "Value", class: "number", cell: ([, value]) => quantity(value) }], rows, { caption: "Percentiles of single pixels" });
+}
+
+const told = (row) => [`${row.percent} %`, row.luminance ?? row.reflectance];
 
 const { measurementId: id } = document.querySelector("main").dataset;
 const measurement = get(`/v1/measurements/${id}`);

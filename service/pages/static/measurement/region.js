@@ -1,15 +1,28 @@
 // Region of a measurement: as set before, drawn here, or a rectangle on the ground with cells.
 
-import { post } from "../api.js";
-import { fill, h } from "../dom.js";
+import { Problem, post } from "../api.js";
+import { RegionCanvas, RegionEditor } from "../campaign/canvas.js";
+import { about, choices, decimal, field, numberOf, readNumber } from "../campaign/forms.js";
+import { faultOf } from "../campaign/polygon.js";
+import { fill, h, leave } from "../dom.js";
 import { detailOf } from "../flags.js";
 import { number } from "../format.js";
-import { about, choices, decimal, field, numberOf, readNumber } from "../campaign/forms.js";
-import { RegionCanvas } from "../campaign/canvas.js";
-import { RegionEditor } from "../campaign/editor.js";
-import { faultOf } from "../campaign/polygon.js";
+import { followJob } from "../live.js";
 import { wrong } from "../states.js";
 import { cellLines, laneGrid } from "./surface.js";
+
+/** Measure and go there; `progress` tells how far it is. */
+export async function measureOne(body, progress) {
+  try {
+    progress.textContent = "Asking…";
+    const started = await post("/v1/measurements", body);
+    const job = await followJob(started.id, (each) => (progress.textContent = each.state === "queued" ? "Queued…" : `Measuring, ${Math.round(100 * each.progress)} %`));
+    if (job.state !== "succeeded") throw new Problem(job.error);
+    await leave(`/measurements/${job.result.measurement_id}`);
+  } finally {
+    progress.textContent = "";
+  }
+}
 
 const KINDS = [
   ["drawn", "New region", "A polygon for this measurement only; of several frames, the same in each."],

@@ -9,8 +9,21 @@ import { ago, day, tag, time } from "../format.js";
 import { inOrder } from "../groups.js";
 import { mark } from "../marks.js";
 import { empty, load } from "../states.js";
-import { tellSecret } from "./secret.js";
 import { showSessions } from "./sessions.js";
+
+/** The only time that the secret is there. */
+function tellSecret(text, said) {
+  const secret = h("code", { tabindex: "0" }, text);
+  const copy = small("Copy", async () => {
+    getSelection().selectAllChildren(secret);
+    // without https there is no clipboard: what is selected can be copied by hand
+    await navigator.clipboard?.writeText(text);
+    toast(navigator.clipboard ? "Copied." : "Selected: copy it with the keyboard.");
+  });
+  const box = h("div", { class: "note good" }, h("p", {}, h("strong", {}, said), " Copy it now; it is not shown again."), h("p", { class: "secret" }, secret, copy, small("I have saved it", () => fill(byId("made")), { quiet: true })));
+  fill(byId("made"), box);
+  copy.focus();
+}
 
 const DAY_MS = 86400000;
 const IDLE_DAYS = 180;

@@ -5,7 +5,7 @@ import { ask } from "../ask.js";
 import { byId, fill, h, svg, table, toast } from "../dom.js";
 import { counted, day, hasZone, quantity, unit } from "../format.js";
 import { holdsFor } from "../coefficients.js";
-import { coefficientLabel, headlineOf, labelOf, METHODS } from "../methods.js";
+import { coefficientLabel, headlineOf, METHODS } from "../methods.js";
 import { mark } from "../marks.js";
 import { plot } from "../plots.js";
 import { empty, failed, load } from "../states.js";

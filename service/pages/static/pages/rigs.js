@@ -1,10 +1,10 @@
 // The rigs, and a new one from campaigns whose pictures were taken together.
 
-import { all, get, leave, post } from "../api.js";
-import { byId, h, may, table } from "../dom.js";
+import { all, get, post } from "../api.js";
+import { about, field } from "../campaign/forms.js";
+import { byId, h, leave, may, table } from "../dom.js";
 import { day, time } from "../format.js";
 import { inOrder } from "../groups.js";
-import { about, field } from "../campaign/forms.js";
 import { act, empty, load, wrong } from "../states.js";
 
 const { method } = document.querySelector("main").dataset;
