@@ -1,5 +1,73 @@
 // Elements from values. Text is always text: nothing here reads HTML.
 
+/** Bars with their names and figures: {name, share 0..1, said, more?}. */
+export function bars(rows) {
+  return h(
+    "dl",
+    { class: "bars" },
+    rows.map(({ name, share, said, more }) => {
+      const bar = h("span", { class: "bar", "aria-hidden": "true" });
+      bar.style.width = `${Math.max(0.5, 100 * share)}%`;
+      return h("div", { title: more }, h("dt", {}, name), h("dd", {}, h("span", { class: "track" }, bar), h("span", { class: "said" }, said)));
+    }),
+  );
+}
+
+const AT_FIRST = 14;
+
+/** `draw` makes what shows some of the rows. */
+export function shorten(rows, draw, count = AT_FIRST) {
+  if (rows.length <= count + 4) return draw(rows);
+  const place = h("div", {}, draw(rows.slice(0, count)));
+  const more = h("button", { type: "button", class: "quiet" }, `Show all ${rows.length}`);
+  more.addEventListener("click", () => (place.replaceChildren(draw(rows)), more.remove()));
+  return [place, h("p", { class: "more" }, more)];
+}
+
+const steps = [];
+
+/** Keep the way back of something that the page shows where it was done. */
+export const remember = (undo) => steps.push(undo);
+
+/** Say that something was done, with the way back. */
+export function done(text, undo) {
+  remember(undo);
+  toast(text, { label: "Undo", key: "Z", action: () => take(undo) });
+}
+
+/** Undo what was done last. */
+export const undoLast = () => steps.length && take(steps.at(-1));
+
+export async function take(undo) {
+  const at = steps.indexOf(undo);
+  if (at < 0) return;
+  steps.splice(at, 1);
+  try {
+    await undo();
+    toast("Undone.");
+  } catch (error) {
+    toast(`Not undone. ${error.message}`);
+  }
+}
+
+const ROUND = { cx: 9, cy: 9, r: 7.4, fill: "none", stroke: "currentColor", "stroke-width": 1.5 };
+const LINE = { fill: "none", stroke: "currentColor", "stroke-width": 1.5, "stroke-linecap": "round" };
+const SHAPES = {
+  good: [["circle", { cx: 9, cy: 9, r: 8, fill: "currentColor" }], ["path", { class: "in", d: "M5.2 9.3l2.6 2.6 5-5.4" }]],
+  warn: [["path", { d: "M9 1.2 17.4 16.4H.6z", fill: "currentColor", stroke: "currentColor", "stroke-linejoin": "round" }], ["path", { class: "in", d: "M9 6.6v4.6" }], ["circle", { class: "dot", cx: 9, cy: 13.7, r: 1.1 }]],
+  bad: [["rect", { x: 1.2, y: 1.2, width: 15.6, height: 15.6, rx: 2.5, fill: "currentColor" }], ["path", { class: "in", d: "M5.6 5.6l6.8 6.8M12.4 5.6l-6.8 6.8" }]],
+  wait: [["circle", ROUND], ["path", { ...LINE, d: "M9 5v4.3l2.8 1.8" }]],
+  out: [["circle", ROUND], ["path", { ...LINE, d: "M4 14L14 4" }]],
+  gap: [["rect", { x: 1.5, y: 1.5, width: 15, height: 15, rx: 2.5, fill: "none", stroke: "currentColor", "stroke-width": 1.4, "stroke-dasharray": "3 2" }], ["path", { ...LINE, d: "M9 5.5v7M5.5 9h7" }]],
+};
+
+/** mark("warn"), or mark("warn", "One frame to check") where no word beside it says so. */
+export const mark = (kind, label) =>
+  svg("svg", { class: `v ${kind}`, viewBox: "0 0 18 18", ...(label ? { role: "img", "aria-label": label } : { "aria-hidden": "true" }) }, ...SHAPES[kind].map(([name, attributes]) => svg(name, attributes)));
+
+/** What an outcome of a verdict is called, and its mark. */
+export const OUTCOMES = { pass: ["good", "Passes"], warn: ["warn", "Check"], fail: ["bad", "Fails"], pending: ["wait", "Waiting"] };
+
 /** h("td", {class: "number", onclick: f, hidden: false}, "text", element, [more], null) */
 export function h(tag, attributes = {}, ...children) {
   const element = document.createElement(tag);

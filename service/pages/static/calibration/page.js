@@ -2,13 +2,11 @@
 
 import { all, get, getOr } from "../api.js";
 import { named } from "../coefficients.js";
-import { byId, figure, fill, h, may, table } from "../dom.js";
-import { drawFindings } from "../flags.js";
+import { byId, figure, fill, h, mark, may, shorten, table } from "../dom.js";
+import { drawFindings } from "../causes.js";
 import { counted, day, number, percent, quantity, relative, tag, time, withUncertainty, words } from "../format.js";
-import { mark } from "../marks.js";
 import { choiceLabel, labelOf, methodOf } from "../methods.js";
 import { plot } from "../plots.js";
-import { shorten } from "../shorten.js";
 import { empty, failed, load } from "../states.js";
 import { offerDecisions } from "./decide.js";
 import { drawPoints } from "./points.js";

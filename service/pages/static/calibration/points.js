@@ -1,12 +1,11 @@
 // Every point of the fit in a table, used or not: selected columns for points of a curve, else those of the method.
 // Its status is next to its name, so that it is visible on a phone too.
 
-import { filename, h, may, table } from "../dom.js";
+import { filename, h, may, shorten, table } from "../dom.js";
 import { exposureTime, fixed, number, tag, withUncertainty, words } from "../format.js";
 import { inOrder } from "../groups.js";
 import { WRITTEN, headOf, titleOf } from "../names.js";
 import { empty } from "../states.js";
-import { shorten } from "../shorten.js";
 
 const HIDDEN = new Set(["frame", "frame_id", "used", "left_out", "capture_id", "figure", "residual_rel"]);
 const U = "standard_uncertainty";

@@ -1,7 +1,6 @@
 // Decisions, other versions of the campaign, and the inputs.
 
-import { bars } from "../bars.js";
-import { filename, h, table } from "../dom.js";
+import { bars, filename, h, table } from "../dom.js";
 import { counted, day, number, percent, quantity, tag, time, withUncertainty, words } from "../format.js";
 import { inOrder } from "../groups.js";
 import { choiceLabel, coefficientLabel, methodOf, roleLabel } from "../methods.js";

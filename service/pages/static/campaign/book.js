@@ -1,11 +1,10 @@
 // The readings of a campaign, the organisation's meters, and how a typed value is recorded.
 
 import { post, send } from "../api.js";
-import { fill, h } from "../dom.js";
+import { done, fill, h, remember } from "../dom.js";
 import { counted } from "../format.js";
 import { groupBy, inOrder } from "../groups.js";
 import { Turns } from "../live.js";
-import { done, remember } from "../undo.js";
 import { about, select } from "./forms.js";
 import { nameOfMeter } from "./meters.js";
 import { UNITS, readReading } from "./sheet.js";

@@ -2,11 +2,10 @@
 
 import { all, patch } from "../api.js";
 import { ask } from "../ask.js";
-import { h, leave, may } from "../dom.js";
+import { done, h, leave, may } from "../dom.js";
 import { cameraName } from "../format.js";
 import { inOrder } from "../groups.js";
 import { act } from "../states.js";
-import { done } from "../undo.js";
 
 /** What a person writes on a campaign. */
 export const DETAILS = [

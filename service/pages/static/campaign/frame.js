@@ -1,17 +1,16 @@
 // One frame over the grid: large picture with its region, verdict with its repair, histogram, exposure, and what can be changed.
 
 import { get, patch } from "../api.js";
-import { fill, h, isPressed, may, openDialog } from "../dom.js";
+import { fill, h, isPressed, mark, may, openDialog } from "../dom.js";
 import { bytes, exposureTime, fixed, number, percent, stateWords, time, typeset, words } from "../format.js";
 import { pause } from "../live.js";
-import { mark } from "../marks.js";
 import { act, failed } from "../states.js";
-import { frameCell, kindOf, sayState } from "./cells.js";
+import { frameCell, kindOf, sayState } from "./rows.js";
 import { about, decimal, field, numberOf, select } from "./forms.js";
 import { holdingFor, originOf } from "./holding.js";
 import { lettersOn } from "./keys.js";
 import { lookPart } from "./look.js";
-import { askWhere, changeFrames, EXPOSURE, leaveOut, withdraw } from "./moves.js";
+import { EXPOSURE, askWhere, changeFrames, leaveOut, withdraw } from "./moves.js";
 import { isRead } from "./state.js";
 import { viewerPart } from "./viewer.js";
 

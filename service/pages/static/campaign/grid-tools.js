@@ -1,9 +1,8 @@
 // Above the grid: which frames are shown, how many are selected and what is done to them, and how typed readings were read.
 
 import { all } from "../api.js";
-import { fill, h, may } from "../dom.js";
+import { OUTCOMES, fill, h, mark, may } from "../dom.js";
 import { number } from "../format.js";
-import { OUTCOMES, mark } from "../marks.js";
 import { roleOptions } from "../methods.js";
 import { act } from "../states.js";
 import { readingTools } from "./book.js";

@@ -1,9 +1,8 @@
 // Every frame of the campaign in a grid by the method's axes, with readings, verdicts and gaps. Only lines that are seen exist.
 
-import { byId, fill, h, isPressed, may } from "../dom.js";
+import { byId, fill, h, isPressed, may, undoLast } from "../dom.js";
 import { number } from "../format.js";
 import { act, empty } from "../states.js";
-import { undoLast } from "../undo.js";
 import { ReadingBook } from "./book.js";
 import { openFrame } from "./frame.js";
 import { bulkOf, toolsOf } from "./grid-tools.js";

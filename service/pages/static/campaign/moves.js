@@ -1,11 +1,10 @@
 // Frames that are moved, left out, withdrawn and restored; each change can be undone.
 
 import { ask } from "../ask.js";
-import { h } from "../dom.js";
+import { done, h } from "../dom.js";
 import { counted } from "../format.js";
 import { groupBy } from "../groups.js";
 import { roleLabel, roleOptions } from "../methods.js";
-import { done } from "../undo.js";
 import { wrong } from "../states.js";
 import { readNumber } from "./forms.js";
 

@@ -1,9 +1,8 @@
 // The page of one campaign, from its first file to its calibration.
 
 import { patch } from "../api.js";
-import { byId, fill, h, isPressed, may } from "../dom.js";
+import { byId, fill, h, isPressed, mark, may } from "../dom.js";
 import { counted, number } from "../format.js";
-import { mark } from "../marks.js";
 import { atNight, methodOf } from "../methods.js";
 import { act, failed } from "../states.js";
 import { gridSection } from "./grid.js";

@@ -3,7 +3,7 @@
 import { get } from "../api.js";
 import { fill, h, may } from "../dom.js";
 import { counted } from "../format.js";
-import { measurementTable } from "../measurement/table.js";
+import { measurementTable } from "../measurement/words.js";
 import { empty, load } from "../states.js";
 import { calibrateSection } from "./calibrate.js";
 import { checklistSection } from "./checklist.js";

@@ -1,10 +1,9 @@
 // Readings from a spreadsheet, held against their frames before anything is stored.
 
 import { ask } from "../ask.js";
-import { fill, h, table } from "../dom.js";
+import { fill, h, mark, table } from "../dom.js";
 import { number } from "../format.js";
 import { groupBy } from "../groups.js";
-import { mark } from "../marks.js";
 import { wrong } from "../states.js";
 import { written } from "./book.js";
 import { about, choices, field } from "./forms.js";

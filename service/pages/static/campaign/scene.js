@@ -1,11 +1,9 @@
 // The head of a scene's row: each of its readings is a field of its own; what was typed last is told beside it.
 
 import { small } from "../causes.js";
-import { fill, h, may, openDialog, svg, table, toast } from "../dom.js";
+import { done, fill, h, mark, may, openDialog, svg, table, take, toast } from "../dom.js";
 import { counted, number, percent, time, typeset } from "../format.js";
-import { mark } from "../marks.js";
 import { act } from "../states.js";
-import { done, take } from "../undo.js";
 import { written } from "./book.js";
 import { decimal } from "./forms.js";
 import { nameOfMeter } from "./meters.js";

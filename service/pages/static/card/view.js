@@ -3,9 +3,8 @@
 import { about, field, select } from "../campaign/forms.js";
 import { titleOf } from "../campaign/named.js";
 import { causeList, small } from "../causes.js";
-import { figure, fill, h, openDialog } from "../dom.js";
+import { figure, fill, h, mark, openDialog } from "../dom.js";
 import { bytes, counted, exposureTime, number, percent, span, tag } from "../format.js";
-import { mark } from "../marks.js";
 import { kindOf, labelOf, roleLabel, roleOptions } from "../methods.js";
 import { registerCamera } from "../pages/camera-edit.js";
 import { timeline } from "../timeline.js";

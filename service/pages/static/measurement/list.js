@@ -1,11 +1,10 @@
 // All measurements, newest first; two of a kind can be compared.
 
 import { all, get, pathOf } from "../api.js";
+import { titleOf as titleOfCampaign } from "../campaign/named.js";
 import { byId, fill, h, may } from "../dom.js";
 import { act, empty, failed, load } from "../states.js";
-import { titleOf as titleOfCampaign } from "../campaign/named.js";
-import { measurementTable } from "./table.js";
-import { titleOf } from "./words.js";
+import { measurementTable, titleOf } from "./words.js";
 
 const form = byId("filters");
 const asked = new URL(location.href).searchParams;

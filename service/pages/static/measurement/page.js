@@ -1,10 +1,9 @@
 // One measurement: its map, its figures, what it was measured with and what to know.
 
 import { get } from "../api.js";
-import { bars } from "../bars.js";
 import { field } from "../campaign/forms.js";
-import { byId, figure, fill, h, may, prose, svg, table } from "../dom.js";
-import { drawFindings } from "../flags.js";
+import { bars, byId, figure, fill, h, may, prose, svg, table } from "../dom.js";
+import { drawFindings } from "../causes.js";
 import { number, percent, quantity, relative, tag, time, typeset, unit, withUncertainty, words } from "../format.js";
 import { labelOf, methodOf } from "../methods.js";
 import { act, empty, failed, load } from "../states.js";

@@ -5,7 +5,7 @@ import { RegionCanvas, RegionEditor } from "../campaign/canvas.js";
 import { about, choices, decimal, field, numberOf, readNumber } from "../campaign/forms.js";
 import { faultOf } from "../campaign/polygon.js";
 import { fill, h, leave } from "../dom.js";
-import { detailOf } from "../flags.js";
+import { detailOf } from "../causes.js";
 import { number } from "../format.js";
 import { followJob } from "../live.js";
 import { wrong } from "../states.js";

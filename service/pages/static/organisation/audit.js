@@ -2,10 +2,9 @@
 
 import { all, get, pathOf } from "../api.js";
 import { small } from "../causes.js";
-import { byId, fill, h, may, table } from "../dom.js";
+import { byId, fill, h, mark, may, table } from "../dom.js";
 import { counted, number, words } from "../format.js";
 import { inOrder, natural } from "../groups.js";
-import { mark } from "../marks.js";
 import { sayValue } from "../parameter.js";
 import { empty, failed, load } from "../states.js";
 

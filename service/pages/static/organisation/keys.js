@@ -4,10 +4,9 @@ import { all, get, patch, post, send } from "../api.js";
 import { ask } from "../ask.js";
 import { about, boxes } from "../campaign/forms.js";
 import { small } from "../causes.js";
-import { byId, fill, h, may, table, toast } from "../dom.js";
+import { byId, fill, h, mark, may, table, toast } from "../dom.js";
 import { ago, day, tag, time } from "../format.js";
 import { inOrder } from "../groups.js";
-import { mark } from "../marks.js";
 import { empty, load } from "../states.js";
 import { showSessions } from "./sessions.js";
 

@@ -1,10 +1,9 @@
 import { all, get } from "../api.js";
 import { holdsFor, inForce, named } from "../coefficients.js";
-import { byId, fill, h, leave, may, table } from "../dom.js";
+import { byId, fill, h, leave, may, shorten, table } from "../dom.js";
 import { ago, day, quantity, relative, tag, time, unit } from "../format.js";
 import { coefficientLabel, headlineOf, labelOf, methodOf, readTolerance } from "../methods.js";
 import { plot } from "../plots.js";
-import { shorten } from "../shorten.js";
 import { act, empty, load } from "../states.js";
 import { editCamera } from "./camera-edit.js";
 

@@ -2,11 +2,10 @@
 
 import { all, get } from "../api.js";
 import { ask } from "../ask.js";
-import { byId, fill, h, svg, table, toast } from "../dom.js";
-import { counted, day, hasZone, quantity, unit } from "../format.js";
 import { holdsFor } from "../coefficients.js";
-import { coefficientLabel, headlineOf, METHODS } from "../methods.js";
-import { mark } from "../marks.js";
+import { byId, fill, h, mark, svg, table, toast } from "../dom.js";
+import { counted, day, hasZone, quantity, unit } from "../format.js";
+import { METHODS, coefficientLabel, headlineOf } from "../methods.js";
 import { plot } from "../plots.js";
 import { empty, failed, load } from "../states.js";
 

@@ -1,18 +1,17 @@
 // The first page: a card to start with, what needs somebody, campaigns in progress, and what is in force.
 
 import { all, get } from "../api.js";
-import { causeFold, small, smallLink } from "../causes.js";
-import { byId, h, may, table } from "../dom.js";
-import { ago, number, span, stateWords } from "../format.js";
 import { askForMeter } from "../campaign/meters.js";
 import { causesOf } from "../campaign/missing.js";
 import { titleOf } from "../campaign/named.js";
 import { startCard } from "../card/card.js";
-import { groupBy } from "../groups.js";
+import { causeFold, small, smallLink } from "../causes.js";
 import { inForce } from "../coefficients.js";
+import { byId, h, mark, may, table } from "../dom.js";
+import { ago, number, span, stateWords } from "../format.js";
+import { groupBy } from "../groups.js";
 import { jobCause } from "../jobs/cause.js";
-import { mark } from "../marks.js";
-import { isNight, kindOf, labelOf, METHODS } from "../methods.js";
+import { METHODS, isNight, kindOf, labelOf } from "../methods.js";
 import { empty, load } from "../states.js";
 
 const [OLD_S, SOON_S] = [365 * 86400, 60 * 86400];

@@ -2,13 +2,11 @@ import { all, get, getOr, post } from "../api.js";
 import { lettersOn } from "../campaign/keys.js";
 import { nameOf } from "../campaign/named.js";
 import { causeList, small } from "../causes.js";
-import { byId, fill, h, isPressed, may, table, toast } from "../dom.js";
+import { byId, done, fill, h, isPressed, mark, may, table, toast, undoLast } from "../dom.js";
 import { ago, bytes, counted, number, percent, span, tag, time } from "../format.js";
 import { jobCause } from "../jobs/cause.js";
 import { follow } from "../live.js";
-import { mark } from "../marks.js";
 import { act, empty, failed } from "../states.js";
-import { done, undoLast } from "../undo.js";
 
 const SLOW_S = 600;
 const NARROW = 0.1;

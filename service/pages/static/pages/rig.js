@@ -1,10 +1,9 @@
 // One rig: its cameras, their orientation with uncertainties, residuals, repeats and drift.
 
 import { get } from "../api.js";
-import { byId, filename, fill, h, table } from "../dom.js";
+import { byId, filename, fill, h, shorten, table } from "../dom.js";
+import { drawFindings } from "../causes.js";
 import { counted, number, quantity, tag, time } from "../format.js";
-import { drawFindings } from "../flags.js";
-import { shorten } from "../shorten.js";
 import { empty, load } from "../states.js";
 
 const { rigId, given } = document.querySelector("main").dataset;
