@@ -1,16 +1,224 @@
 // The parts of a campaign's page that come after its frames, each with its place there.
 
-import { get } from "../api.js";
-import { fill, h, may } from "../dom.js";
-import { counted } from "../format.js";
+import { all, get, patch, post } from "../api.js";
+import { ask } from "../ask.js";
+import { byId, fill, h, leave, may, table, toast } from "../dom.js";
+import { ago, counted, number, quantity, tag, time } from "../format.js";
+import { groupBy } from "../groups.js";
+import { followJob } from "../live.js";
 import { measurementTable } from "../measurement/words.js";
-import { empty, load } from "../states.js";
-import { calibrateSection } from "./calibrate.js";
-import { checklistSection } from "./checklist.js";
+import { coefficientLabel, headlineOf } from "../methods.js";
+import { act, empty, failed, load, loading } from "../states.js";
 import { detailsPart } from "./details.js";
 import { inTimePart } from "./in-time.js";
+import { readinessOf } from "./missing.js";
+import { parametersFold, statedPart, withManual } from "./parameters.js";
 import { regionSection } from "./region.js";
 import { targetSection } from "./target.js";
+
+function checklistSection(state) {
+  const element = h("div", {}, loading(3));
+  const opened = new Set();
+  const draw = (list) => {
+    if (state.left) return;
+    state.checklist = list;
+    state.tell("checklist");
+    byId("checklist-note").textContent = `${list.done} of ${list.done + list.open} done`;
+    fill(element, body(list, opened, change));
+  };
+  const read = async () => {
+    try {
+      draw(await get(`${state.path}/checklist`));
+    } catch (error) {
+      fill(element, failed(error, read));
+    }
+  };
+  /** A list that is signed asks for a new signature; what else is wrong is thrown. */
+  async function change(said) {
+    try {
+      draw(await patch(`${state.path}/checklist`, said));
+    } catch (error) {
+      if (error.code !== "checklist_signed") throw error;
+      signAgain(said);
+    }
+  }
+  const signAgain = (said) =>
+    ask({
+      title: "The list is signed",
+      body: h("p", {}, "A change needs a new signature, which then applies to the changed list."),
+      fields: [{ name: "name", label: "Operator", of: "NewSignature" }],
+      submit: "Change and sign",
+      action: async ({ name }) => draw(await patch(`${state.path}/checklist`, { ...said, signature: { name } })),
+    });
+
+  // what the record proves follows the frames, but nobody waits for it while files stream in; a signature is told at once
+  // that it no longer holds
+  let seen = "";
+  let stale = false;
+  let near = false;
+  const refresh = () => {
+    const now = JSON.stringify([state.campaign.frames, state.campaign.readings, state.roi?.id]);
+    // there and back again is a change too: what is shown may be from between
+    stale ||= now !== seen;
+    seen = now;
+    if (stale && (near || state.checklist?.signature) && !element.contains(document.activeElement)) {
+      stale = false;
+      read();
+    }
+  };
+  state.on("campaign", refresh);
+  element.addEventListener("focusout", () => requestAnimationFrame(refresh));
+  state.on("versions", read);
+  new IntersectionObserver((entries) => {
+    near = entries.some((entry) => entry.isIntersecting);
+    if (near) refresh();
+  }, { rootMargin: "600px" }).observe(element);
+  return element;
+}
+
+function body(list, opened, change) {
+  const sections = groupBy(list.items, (item) => item.section);
+  return [
+    h("div", { class: "checklist" }, [...sections].map(([section, items]) => group(section, items, opened, change))),
+    signature(list, change),
+  ];
+}
+
+function group(section, items, opened, change) {
+  const done = items.filter((item) => item.done_by).length;
+  const details = h(
+    "details",
+    { open: opened.has(section), ontoggle: () => (details.open ? opened.add(section) : opened.delete(section)) },
+    h("summary", { "data-keep": section }, h("span", {}, section), h("span", { class: `tag ${done === items.length ? "good" : ""}` }, `${done} of ${items.length}`)),
+    h("ul", { class: "plain" }, items.map((item) => line(item, change))),
+  );
+  // what the record shows undone is not ticked with the others
+  const open = items.filter((item) => !item.done_by && !item.missing);
+  const all = open.length && may("calibrate") ? h("button", { type: "button", class: "small-button", "data-keep": section, onclick: (event) => act(event.target, () => change({ items: open.map(({ key }) => ({ key, done: true })) })) }, `Tick ${open.length}`, h("span", { class: "hidden" }, ` open items of ${section}`)) : null;
+  return h("div", { class: "section" }, details, all);
+}
+
+function line(item, change) {
+  const own = item.done_by === "stilb";
+  const box = h("input", {
+    type: "checkbox",
+    checked: Boolean(item.done_by),
+    disabled: !may("calibrate"),
+    "data-keep": item.key,
+    onchange: ({ target }) =>
+      change({ items: [{ key: item.key, done: target.checked }] }).catch((error) => {
+        target.checked = !target.checked;
+        toast(error.message);
+      }),
+  });
+  const note = () =>
+    ask({
+      title: "Note",
+      body: h("p", { class: "muted" }, item.text),
+      fields: [{ name: "note", label: "What was done, and with which equipment", of: "ItemChange", type: "textarea", value: item.note ?? "" }],
+      submit: "Save",
+      action: (said) => change({ items: [{ key: item.key, done: box.checked, note: said.note }] }),
+    });
+  return h(
+    "li",
+    {},
+    h("label", { class: "check" }, box, h("span", {}, item.text)),
+    item.evidence || item.missing || item.note || item.done_at
+      ? h(
+          "div",
+          { class: "evidence" },
+          item.evidence ? h("p", {}, h("span", { class: "tag good" }, own ? "from the record" : "record agrees"), " ", item.evidence) : null,
+          item.missing ? h("p", { class: "muted" }, item.missing) : null,
+          item.note ? h("p", {}, "“", item.note, "”") : null,
+          item.done_by && !own ? h("p", { class: "muted" }, "Ticked ", time(item.done_at)) : null,
+        )
+      : null,
+    may("calibrate") ? h("button", { type: "button", class: "quiet", "aria-label": `Note on: ${item.text}`, onclick: note }, "Note") : null,
+  );
+}
+
+function signature(list, change) {
+  const { signature: signed } = list;
+  const said = signed ? h("p", { class: `note ${signed.changed ? "warn" : "good"}` }, "Signed by ", h("strong", {}, signed.name), ", ", time(signed.signed_at), signed.state_sha256 ? [", for the state ", h("code", { title: signed.state_sha256 }, signed.state_sha256.slice(0, 12))] : null, signed.changed ? ". Details, frames, readings, region or ticks have changed since: check them, and sign again." : ".") : null;
+  if (!may("calibrate") || (signed && !signed.changed)) return said;
+  const sign = () => ask({ title: "Sign the checklist", body: list.open ? h("p", {}, `${list.open} items are open. The signature applies to the list as it is.`) : null, fields: [{ name: "name", label: "Operator", of: ["NewSignature", "name"], hint: "As signed below the printed checklist." }], submit: "Sign", action: ({ name }) => change({ signature: { name } }) });
+  return [said, h("p", { class: "actions" }, h("button", { type: "button", onclick: sign }, signed ? "Sign again" : "Sign the checklist"))];
+}
+
+function calibrateSection(state) {
+  const versions = h("div");
+  const show = () => load(versions, () => all(`${state.path}/calibrations`), (found) => ((state.fitted = found), state.tell("fitted"), found.length ? list(found) : empty("No versions yet", "Every fit makes a version of the camera’s calibration, which is a draft until it is published.")));
+  show();
+  return h("div", { class: "columns calibrate" }, may("calibrate") ? starter(state, show) : null, versions);
+}
+
+/** "Fit K" of a method whose first coefficient is a K. */
+const fitLabel = ({ name }) => (coefficientLabel(name, headlineOf(name)).endsWith(" K") ? "Fit K" : "Fit");
+
+function starter(state, show) {
+  const parameters = parametersFold(state.method, state.campaign.camera_id);
+  const given = state.method.parameters.filter((each) => each.given_by === "campaign");
+  const stated = statedPart(withManual(given, state.method), Object.fromEntries(given.map((each) => [each.field, state.campaign[each.name]])));
+  const progress = h("div", { role: "status" });
+  const lacking = h("div");
+  const button = h("button", { class: "primary", type: "submit" }, fitLabel(state.method));
+  const draw = () => {
+    const { count, said } = readinessOf(state.campaign, state.sending);
+    fill(lacking, h("p", { class: "muted small" }, count ? h("a", { href: "#before" }, `${counted(count, "thing")} needed before the fit`) : said === "ready" ? "Nothing is missing." : "Frames are on their way."));
+  };
+  for (const name of ["campaign", "sending"]) state.on(name, draw);
+  draw();
+  const start = async () => {
+    fill(progress);
+    const changed = Object.entries(stated.read()).filter(([name, value]) => value !== state.campaign[name]);
+    if (changed.length) state.campaign = await patch(state.path, Object.fromEntries(changed));
+    const begun = await post(`${state.path}/calibrations`, await parameters.read()).catch((error) => {
+      if (error.code === "campaign_incomplete") state.touch();
+      throw error;
+    });
+    const bar = h("progress", { max: 1, value: 0, "aria-label": "The fit" });
+    const told = h("p", { class: "muted small" }, "Queued");
+    fill(progress, bar, told);
+    const job = await followJob(begun.id, (each) => {
+      bar.value = each.progress;
+      told.textContent = { queued: "Queued", running: "Fitting" }[each.state] ?? "";
+    });
+    if (job.state === "succeeded") await leave(`/calibrations/${job.result.calibration_id}`);
+    fill(progress, h("div", { class: "note bad" }, h("strong", {}, job.error.title), h("p", {}, job.error.detail)));
+    await show();
+    state.tell("versions");
+  };
+  return h(
+    "form",
+    { class: "card", onsubmit: (event) => (event.preventDefault(), act(button, start)) },
+    h("h3", {}, "New version"),
+    lacking,
+    given.length ? h("details", { class: "fold" }, h("summary", {}, "Light, distance and verdict"), stated.element) : null,
+    parameters.element,
+    h("p", { class: "actions" }, button),
+    progress,
+  );
+}
+
+function list(found) {
+  const first = (version) => {
+    const [coefficient, ...more] = version.coefficients;
+    if (!coefficient) return "–";
+    const of = [coefficient.iso && `ISO ${number(coefficient.iso, 6)}`, coefficient.f_number && `f/${number(coefficient.f_number, 3)}`, coefficient.band, coefficient.channel].filter(Boolean);
+    return [quantity(coefficient), h("span", { class: "sub" }, [coefficientLabel(version.method, coefficient.name), ...of, more.length ? `and ${more.length} more` : ""].filter(Boolean).join(" · "))];
+  };
+  return table(
+    [
+      { head: "Version", header: true, class: "nowrap", cell: (each) => h("a", { href: `/calibrations/${each.id}` }, `Version ${each.version}`) },
+      { head: "State", cell: (each) => tag(each.state) },
+      { head: "Result", cell: first },
+      { head: "Flags", cell: (each) => number(new Set(each.coefficients.flatMap((c) => c.flags)).size) },
+      { head: "Created", class: "nowrap", cell: (each) => h("time", { datetime: each.created_at, title: each.created_at }, ago(each.created_at)) },
+    ],
+    found,
+    { caption: "Versions fitted from this campaign" },
+  );
+}
 
 const SHOWN = 100;
 

@@ -4,8 +4,7 @@ import { get } from "../api.js";
 import { byId, figure, fill, h } from "../dom.js";
 import { day, quantity, typeset, withUncertainty } from "../format.js";
 import { empty, load } from "../states.js";
-import { cellTable } from "./grid.js";
-import { MapView, scaleTools } from "./map.js";
+import { MapView, cellTable, scaleTools } from "./map.js";
 import { loadMap } from "./values.js";
 import { regionOf } from "./words.js";
 

@@ -2,13 +2,12 @@
 
 import { get } from "../api.js";
 import { field } from "../campaign/forms.js";
-import { bars, byId, figure, fill, h, may, prose, svg, table } from "../dom.js";
 import { drawFindings } from "../causes.js";
+import { bars, byId, figure, fill, h, may, prose, svg, table } from "../dom.js";
 import { number, percent, quantity, relative, tag, time, typeset, unit, withUncertainty, words } from "../format.js";
 import { labelOf, methodOf } from "../methods.js";
 import { act, empty, failed, load } from "../states.js";
-import { drawGrid } from "./grid.js";
-import { MapView, scaleTools } from "./map.js";
+import { MapView, drawGrid, scaleTools } from "./map.js";
 import { measureOne, regionPart } from "./region.js";
 import { loadMap } from "./values.js";
 import { regionOf, titleOf } from "./words.js";
