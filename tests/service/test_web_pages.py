@@ -230,12 +230,12 @@ def test_our_own_fault_is_a_page_too(visitor, monkeypatch):
     def fail(*_, **__):
         raise RuntimeError("on purpose")
 
-    monkeypatch.setattr("service.pages.routes.show_jobs.__code__", fail.__code__)
-    answer = visitor.get("/jobs", headers=PAGE)
+    monkeypatch.setattr("service.pages.routes.show_calculator.__code__", fail.__code__)
+    answer = visitor.get("/tools/motion", headers=PAGE)
     assert answer.status_code == 500
     assert "on purpose" not in answer.text
     assert "<h1>Internal error</h1>" in answer.text
-    assert 'href="/jobs">Try again' in answer.text
+    assert 'href="/tools/motion">Try again' in answer.text
 
 
 def test_every_field_of_a_form_that_a_page_shows_has_a_sentence():
