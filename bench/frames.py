@@ -13,14 +13,12 @@ from sqlalchemy.orm import Session
 
 import stilb
 from bench.harness import KEY, Scale, Service
-from radiometry.frame.exposure import Settings
-from radiometry.frame.roi import Polygon
+from radiometry.frame import exposure, roi
 from simulation.camera import Camera
 from simulation.dng import Compression, write_dng
 from store.tables import Base, Blob, CampaignReview, ChannelRow, Extraction, FrameRow, Job
 from store.tables.base import new_id, utc_now
-from worker.context import Context
-from worker.runner import run
+from worker import context, runner
 
 CAMERA = Camera()
 ROI_SHARE = 0.05
@@ -38,14 +36,14 @@ def make_mosaic(scale: Scale) -> NDArray[np.uint16]:
     return mosaic
 
 
-def draw_roi(scale: Scale) -> Polygon:
+def draw_roi(scale: Scale) -> roi.Polygon:
     """A taped rectangle as a hand draws it, 5 % of the frame, off every border of a tile."""
     height, width = scale.rows * ROI_SHARE**0.5, scale.cols * ROI_SHARE**0.5
     x, y, tilt = scale.cols * 0.41, scale.rows * 0.37, 0.02
     across, down = np.array([width, tilt * width]), np.array([-tilt * height, height])
     corner = np.array([x, y])
     corners = (corner, corner + across, corner + across + down, corner + down)
-    return Polygon.from_points([(float(x), float(y)) for x, y in corners])
+    return roi.Polygon.from_points([(float(x), float(y)) for x, y in corners])
 
 
 def write_copies(
@@ -53,7 +51,7 @@ def write_copies(
 ) -> list[Path]:
     """One file under several names: a reader that keeps files open meets a new one each time."""
     first, *others = (folder / f"{compression}-{number}.dng" for number in range(names))
-    settings = Settings(exposure_time_s=0.01, f_number=4.0, iso=3200)
+    settings = exposure.Settings(exposure_time_s=0.01, f_number=4.0, iso=3200)
     taken_at = datetime(2026, 5, 1, 20, 0, tzinfo=UTC)
     write_dng(first, mosaic, camera=CAMERA, settings=settings, taken_at=taken_at, compression=compression)
     for other in others:
@@ -74,7 +72,7 @@ def create_campaign(client: stilb.Client) -> str:
 
 
 def send_frame(
-    scale: Scale, service: Service, worker: Context, folder: Path, *, number: int, campaign: str = ""
+    scale: Scale, service: Service, worker: context.Context, folder: Path, *, number: int, campaign: str = ""
 ) -> stilb.Frame:
     """Send a frame with bytes of its own to a campaign, new unless one is named; have it read and judged."""
     path = folder / f"{scale.rows}.dng"
@@ -91,24 +89,24 @@ def send_frame(
     return frame
 
 
-def do_jobs(worker: Context) -> None:
+def do_jobs(worker: context.Context) -> None:
     """Do every job that is due."""
     due = select(Job.id).where(Job.state == "queued", Job.due_at <= utc_now()).order_by(Job.due_at)
     with worker.database.reading() as session:
         job_ids = session.scalars(due).all()
     for job_id in job_ids:
-        run(worker, job_id)
+        runner.run(worker, job_id)
     if job_ids:
         do_jobs(worker)
 
 
-def review_all(worker: Context) -> None:
+def review_all(worker: context.Context) -> None:
     """Compute every review that is stale."""
     while (campaign_id := worker.reviews.claim_next()) is not None:
         worker.reviews.renew(campaign_id)
 
 
-def copy_frame(worker: Context, frame_id: str, times: int) -> None:
+def copy_frame(worker: context.Context, frame_id: str, times: int) -> None:
     """Add the frame, its statistics and their channels again, each time as a file that nobody has."""
     with worker.database.writing("bench") as session:
         frame = session.get_one(FrameRow, frame_id)

@@ -15,13 +15,10 @@ import tifffile
 
 from bench.frames import CAMERA, NAMES, draw_roi, make_mosaic, write_copies
 from bench.harness import Scale, compare, judge, say, show_times, take_turns
-from radiometry.frame import Frame, FrameHeader
-from radiometry.frame.exposure import Exposure
+from radiometry.frame import Frame, FrameHeader, exposure, statistics
 from radiometry.frame.roi import Polygon, Window, bounding_window
-from radiometry.frame.statistics import ChannelStatistics
-from radiometry.luminance import SPEC
+from radiometry.luminance import SPEC, maps
 from radiometry.luminance import method as luminance
-from radiometry.luminance.maps import MapScale
 from simulation.dng import Compression
 from worker.decode.pieces import keep_memory, share_one_arena
 from worker.decode.pool import DecoderPool
@@ -29,11 +26,11 @@ from worker.maps.making import write_map
 from worker.maps.tiff import LEVEL, ROUNDING_REL, TILE_PX, MapFacts
 from worker.measuring.surface import make_subject
 
-Rows = tuple[ChannelStatistics, ...]
+Rows = tuple[statistics.ChannelStatistics, ...]
 _FASTER: dict[Compression, float] = {"none": 4.0, "ljpeg": 8.0}
 _OF_LIMIT: dict[Compression, float] = {"none": 2.0, "ljpeg": 1.5}
-_SCALE = MapScale(slope_cd_m2_per_dn=0.00123, dark_signal_dn=256.3, channel="green")
-_EXPOSURE = Exposure(exposure_time_s=0.01, f_number=4.0, iso=3200.0)
+_SCALE = maps.MapScale(slope_cd_m2_per_dn=0.00123, dark_signal_dn=256.3, channel="green")
+_EXPOSURE = exposure.Exposure(exposure_time_s=0.01, f_number=4.0, iso=3200.0)
 
 
 def run(scale: Scale) -> list[bool]:

@@ -11,14 +11,12 @@ from pathlib import Path
 import redis
 from sqlalchemy import ColumnElement, delete, func, select
 
-from bench import harness
-from bench.frames import write_rows
+from bench import frames, harness
 from bench.harness import Scale, Seconds, judge, say
 from service.launch.run import valkey_binary, valkey_command
-from store.database import Database
+from store import database, settings
 from store.jobs.queues import LANES, QUEUES, Post, make_celery, touch
 from store.migrate import migrate
-from store.settings import Settings
 from store.tables import Job, Organisation
 from store.tables.base import new_id
 from tests.support.postgres import PostgresServer
@@ -31,7 +29,7 @@ class _Queue:
     """A database with jobs, a broker, and workers that use them."""
 
     def __init__(self, folder: Path, database_url: str, stack: ExitStack) -> None:
-        self._settings = Settings(data=folder, database_url=database_url)
+        self._settings = settings.Settings(data=folder, database_url=database_url)
         self._environment = harness.make_environment(folder) | {"STILB_DATABASE_URL": database_url}
         self._log = stack.enter_context((folder / "log").open("wb"))
         unix_socket = folder / "valkey.sock"
@@ -40,7 +38,7 @@ class _Queue:
         self.broker = stack.enter_context(redis.Redis(unix_socket_path=str(unix_socket)))
         self.start_broker()
         post = Post(self._settings.effective_broker_url)
-        self._database = Database(self._settings.effective_database_url, post=post)
+        self._database = database.Database(self._settings.effective_database_url, post=post)
         stack.callback(self._database.dispose)
         migrate(self._database)
         with self._database.writing("bench") as session:
@@ -79,7 +77,7 @@ class _Queue:
         row = {"organisation_id": organisation, "kind": kind, "lane": lane, "created_by": "bench"}
         row |= {"parameters": {"lasts_s": lasts_s}}
         with self._database.writing("bench") as session:
-            write_rows(session, {Job: (row | {"subject_id": new_id("cmp")} for _ in range(count))})
+            frames.write_rows(session, {Job: (row | {"subject_id": new_id("cmp")} for _ in range(count))})
             touch(session, LANES[lane].queue)
 
     def touch(self) -> None:

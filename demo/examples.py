@@ -19,9 +19,7 @@ import numpy as np
 from rich.console import Console
 
 import stilb
-from demo import luminance
-from demo.__main__ import play
-from demo.child import serving
+from demo import __main__, child, luminance
 from demo.journey import Display, Stage
 from radiometry.methods import METHODS
 from simulation.camera import change
@@ -314,7 +312,7 @@ def main() -> int:
     display = Display(Console())
     with tempfile.TemporaryDirectory(prefix="examples-") as name:
         folder = Path(name)
-        with serving(folder / "data") as service:
+        with child.serving(folder / "data") as service:
             headers = {"Authorization": f"Bearer {service.key}"}
             with httpx.Client(base_url=service.url, headers=headers, timeout=120.0) as http:
                 recorder = Recorder(http.get("/openapi.json").json())
@@ -330,7 +328,7 @@ def main() -> int:
                     _introduce(http)
                     for method in METHODS:
                         stage = Stage(client=client, folder=folder / method.name, display=display, quick=True)
-                        if not play(method.name, stage):
+                        if not __main__.play(method.name, stage):
                             return 1
                     _tour(replace(stage, folder=folder / "tour"), http, recorder)
     _FILE.write_text(json.dumps(recorder.examples, indent=1, sort_keys=True) + "\n", encoding="utf-8")

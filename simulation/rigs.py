@@ -7,19 +7,10 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from radiometry.frame.exposure import Settings
-from radiometry.frame.multispectral import (
-    GainModel,
-    Multispectral,
-    RadialVignetting,
-    RadianceModel,
-    RigGeometry,
-    SunshineIrradiance,
-)
+from radiometry.frame import exposure, multispectral
 from radiometry.records import Record
+from simulation import sequoia, targets
 from simulation.camera import Body, Camera, Lamp, Plane, Shot, Taken, change, take
-from simulation.sequoia import LENS
-from simulation.targets import Picture
 
 _FULL_SCALE = 65_536.0
 _ELECTRONS = 6000.0
@@ -182,9 +173,9 @@ def _expose(
     shot = Shot(
         frame="",
         role="",
-        settings=Settings(exposure_time_s=time_s, f_number=_F_NUMBER, iso=rig.iso),
+        settings=exposure.Settings(exposure_time_s=time_s, f_number=_F_NUMBER, iso=rig.iso),
         lamp=Lamp(luminance_cd_m2=light),
-        target=Picture(seen),
+        target=targets.Picture(seen),
     )
     return take(camera, shot, random)
 
@@ -194,7 +185,7 @@ def _shade(rig: Rig) -> Plane:
     sensor = rig.camera.sensor
     cols, rows = np.arange(sensor.width_px)[None, :], np.arange(sensor.height_px)[:, None]
     if rig.system == "micasense_2d":
-        pairs = zip(LENS.exponents, LENS.coefficients, strict=True)
+        pairs = zip(sequoia.LENS.exponents, sequoia.LENS.coefficients, strict=True)
         x, y = cols / sensor.width_px, rows / sensor.height_px
         return np.asarray(sum(c * x**i * y**j for (i, j), c in pairs))
     x0, y0 = _centre(rig)
@@ -211,14 +202,16 @@ def _half_diagonal(rig: Rig) -> float:
     return math.hypot(*_centre(rig))
 
 
-def _describe(rig: Rig, name: str, channel: Channel, light: float, capture_id: str) -> Multispectral:
+def _describe(
+    rig: Rig, name: str, channel: Channel, light: float, capture_id: str
+) -> multispectral.Multispectral:
     """Return what a reader gets of the band's file."""
     sensor, dji, flat = rig.camera.sensor, rig.system == "dji", rig.system == "micasense_2d"
     sign = -1.0 if dji else 1.0  # DJI's polynomial is G = 1 - (V - 1)
     terms = tuple(sign * term / _half_diagonal(rig) ** (power + 1) for power, term in enumerate(_FALLOFF))
     x, y = _centre(rig)
-    radial = RadialVignetting(centre_x_px=x, centre_y_px=y, coefficients=terms)
-    return Multispectral(
+    radial = multispectral.RadialVignetting(centre_x_px=x, centre_y_px=y, coefficients=terms)
+    return multispectral.Multispectral(
         system=rig.system,
         band=name,
         band_name=name,
@@ -227,19 +220,23 @@ def _describe(rig: Rig, name: str, channel: Channel, light: float, capture_id: s
         rig_camera_index=channel.rig_camera_index,
         capture_id=capture_id,
         full_scale_dn=sensor.white_level_dn,
-        vignetting_polynomial=LENS if flat else None,
+        vignetting_polynomial=sequoia.LENS if flat else None,
         radial_vignetting=None if flat or dji else radial,
         radial_gain=radial if dji else None,
         radiance_model=None
         if dji
-        else RadianceModel(a1=_A1, a2=channel.exposure_time_s * rig.row_growth / sensor.height_px, a3=0.0),
-        gain_model=GainModel(gain=1.0, exposure_time_s=channel.exposure_time_s, adjustment=_ADJUSTMENT)
+        else multispectral.RadianceModel(
+            a1=_A1, a2=channel.exposure_time_s * rig.row_growth / sensor.height_px, a3=0.0
+        ),
+        gain_model=multispectral.GainModel(
+            gain=1.0, exposure_time_s=channel.exposure_time_s, adjustment=_ADJUSTMENT
+        )
         if dji
         else None,
         black_dn=sensor.black_level_dn if dji else None,
         sunshine_serial=rig.sunshine_serial,
         irradiance=_state_light(rig, light),
-        geometry=RigGeometry(
+        geometry=multispectral.RigGeometry(
             model="perspective",
             principal_point_px=(x, y),
             focal_length_px=1.2 * sensor.width_px,
@@ -253,13 +250,13 @@ def _describe(rig: Rig, name: str, channel: Channel, light: float, capture_id: s
     )
 
 
-def _state_light(rig: Rig, light: float) -> SunshineIrradiance:
+def _state_light(rig: Rig, light: float) -> multispectral.SunshineIrradiance:
     if rig.system == "dji":
-        stated = SunshineIrradiance(
+        stated = multispectral.SunshineIrradiance(
             relative_irradiance=light, quantity="spectral", unit_origin="own", file_unit="DJI's own"
         )
     elif rig.system == "micasense":
-        stated = SunshineIrradiance(
+        stated = multispectral.SunshineIrradiance(
             irradiance_w_m2_nm=light,
             quantity="spectral",
             unit_origin="dls1",
@@ -267,7 +264,7 @@ def _state_light(rig: Rig, light: float) -> SunshineIrradiance:
             spectral_w_m2_nm=light,
         )
     else:
-        stated = SunshineIrradiance(
+        stated = multispectral.SunshineIrradiance(
             irradiance_w_m2_nm=light,
             quantity="horizontal",
             unit_origin="model",

@@ -9,9 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.frame import multispectral
-from radiometry.frame.exposure import Settings
-from radiometry.frame.roi import Window
+from radiometry.frame import exposure, multispectral, roi
 from radiometry.records import Record
 from radiometry.reflectance.sun import Tilt, level_factor, sun_angle_deg
 from radiometry.reflectance.sunshine import SATURATED_COUNT
@@ -117,7 +115,7 @@ class Card(Record):
             fill(picture, self._place(centre, 1.0 / count), self.ink)
         fill(picture, self.panel_corners, self.panel)
 
-    def draw(self, camera: Camera, window: Window) -> Plane:
+    def draw(self, camera: Camera, window: roi.Window) -> Plane:
         picture = np.full((camera.sensor.height_px, camera.sensor.width_px), self.ground)
         self.paint(picture)
         return Picture(picture).draw(camera, window)
@@ -242,7 +240,7 @@ def capture(
         shot = Shot(
             frame=name,
             role="",
-            settings=Settings(exposure_time_s=exposure_time_s, f_number=F_NUMBER, iso=band.iso),
+            settings=exposure.Settings(exposure_time_s=exposure_time_s, f_number=F_NUMBER, iso=band.iso),
             lamp=Lamp(luminance_cd_m2=i_ss),
             target=Picture(surface),
         )

@@ -9,14 +9,12 @@ from scipy.ndimage import gaussian_filter
 from scipy.special import ndtr
 
 from radiometry.fitting.evidence import Region
-from radiometry.frame import Frame
-from radiometry.frame.exposure import Settings
-from radiometry.frame.roi import Polygon, Window
+from radiometry.frame import Frame, exposure, roi
 from radiometry.records import Record
 from radiometry.vignetting.blocks import Grid
 from simulation.camera import Camera, Lamp, Plane, Shot, Target, change, take
 
-_SETTINGS = Settings(exposure_time_s=0.01, f_number=4.0, iso=100.0)
+_SETTINGS = exposure.Settings(exposure_time_s=0.01, f_number=4.0, iso=100.0)
 _FINE = 4  # samples of a star along each side of a pixel
 
 
@@ -28,7 +26,7 @@ class Surface(Record):
     # (row, col, radius, depth) of discs that lack the share ``depth`` of the light [px, px, px, 1]
     spots: Sequence[tuple[float, float, float, float]] = ()
 
-    def draw(self, camera: Camera, window: Window) -> Plane:
+    def draw(self, camera: Camera, window: roi.Window) -> Plane:
         grid = Grid.over(camera.sensor.height_px, camera.sensor.width_px)
         rows = np.arange(window.row0, window.row0 + window.height)[:, None]
         cols = np.arange(window.col0, window.col0 + window.width)[None, :]
@@ -47,7 +45,7 @@ class Picture:
 
     shares: Plane | float
 
-    def draw(self, camera: Camera, window: Window) -> Plane:  # noqa: ARG002  as every target
+    def draw(self, camera: Camera, window: roi.Window) -> Plane:  # noqa: ARG002  as every target
         shares = np.asarray(self.shares, np.float64)
         rows = slice(window.row0, window.row0 + window.height)
         return shares[rows, window.col0 : window.col0 + window.width] if shares.ndim else shares
@@ -122,7 +120,7 @@ class Star(Record):
 
 def _box(name: str, row0: int, col0: int, height: int, width: int) -> Region:
     corners = [(col0, row0), (col0 + width, row0), (col0 + width, row0 + height), (col0, row0 + height)]
-    return Region(name=name, polygon=Polygon.from_points(corners))
+    return Region(name=name, polygon=roi.Polygon.from_points(corners))
 
 
 def true_mtf(frequency: Plane, *, blur: str, blur_px: float) -> Plane:
@@ -141,13 +139,13 @@ class Chart(Record, kw_only=False):
     parts: Sequence[Edge | Star]
     magnified: Mapping[str, float] = field(default_factory=dict)
 
-    def draw(self, camera: Camera, window: Window) -> Plane:
+    def draw(self, camera: Camera, window: roi.Window) -> Plane:
         if self.magnified:
             scales = [self.magnified.get(colour, 1.0) for colour in "RGB"]
             return np.stack([self._draw(camera, window, scale) for scale in scales], axis=-1)
         return self._draw(camera, window, 1.0)
 
-    def _draw(self, camera: Camera, window: Window, scale: float) -> Plane:
+    def _draw(self, camera: Camera, window: roi.Window, scale: float) -> Plane:
         size = np.array([camera.sensor.height_px, camera.sensor.width_px])
         share = np.full(size, 0.5)
         for each in self.parts:
@@ -166,7 +164,7 @@ class Studio(Record):
     camera: Camera
     dark_dn: float  # Signals of the strongest colour on the axis where the target's share is 0 and 1 [DN]
     bright_dn: float
-    settings: Settings = _SETTINGS
+    settings: exposure.Settings = _SETTINGS
 
     def light_up(self, target: Target) -> Picture:
         """Return the target with its tones as shares of the bright one."""
@@ -222,7 +220,7 @@ COUNTING_SENSOR = change(Camera(), cfa="grey", sensitivity_e=16.0, read_noise_e=
 
 def plan_flat(camera: Camera, *, f_number: float, surface: Surface | None = None, name: str = "flat") -> Shot:
     """Plan a flat; the surface's share is that of the span from black to white, 70 % if None."""
-    settings = Settings(exposure_time_s=0.01, f_number=f_number, iso=100.0)
+    settings = exposure.Settings(exposure_time_s=0.01, f_number=f_number, iso=100.0)
     span_dn = camera.sensor.white_level_dn - camera.sensor.black_level_dn
     lamp = Lamp(luminance_cd_m2=camera.find_luminance(span_dn, settings))
     return Shot(frame=name, role="flat", settings=settings, lamp=lamp, target=surface or Surface(share=0.7))
@@ -230,7 +228,7 @@ def plan_flat(camera: Camera, *, f_number: float, surface: Surface | None = None
 
 def plan_dark(*, name: str = "dark", iso: float = 100.0) -> Shot:
     """Plan a frame with the lens covered."""
-    settings = Settings(exposure_time_s=0.01, f_number=8.0, iso=iso)
+    settings = exposure.Settings(exposure_time_s=0.01, f_number=8.0, iso=iso)
     return Shot(frame=name, role="dark", settings=settings, lamp=DARK, target=Surface())
 
 
@@ -261,7 +259,7 @@ def plan_series(
         Shot(
             frame=f"{role}-{iso:g}-{time:g}-{number}",
             role=role,
-            settings=Settings(exposure_time_s=time, f_number=4.0, iso=iso),
+            settings=exposure.Settings(exposure_time_s=time, f_number=4.0, iso=iso),
             lamp=lamp,
             target=Surface(),
         )

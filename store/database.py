@@ -15,10 +15,8 @@ from sqlalchemy.engine import make_url
 from sqlalchemy.exc import OperationalError, ProgrammingError, SQLAlchemyError
 from sqlalchemy.orm import Session
 
-from store.audit import append_entries, forget_entries, record_changes
+from store import audit, revisions, software
 from store.jobs.queues import Post, choose_messages
-from store.revisions import forget_changes, note_changes, raise_revisions
-from store.software import own_schema
 
 
 class Conflict(Exception):  # noqa: N818  it says what happened
@@ -42,10 +40,10 @@ class SchemaDiffers(SQLAlchemyError):  # noqa: N818  it says what was found
     def __init__(self, found: str | None) -> None:
         if found is None:
             what = "has no schema yet"
-        elif found > own_schema():
+        elif found > software.own_schema():
             what = f"has schema {found}, which is newer than this stilb"
         else:
-            what = f"has schema {found}, which is older than this stilb's {own_schema()}"
+            what = f"has schema {found}, which is older than this stilb's {software.own_schema()}"
         super().__init__(f"the database {what}")
         self.found = found
 
@@ -58,7 +56,7 @@ def require_own_schema(session: Session) -> None:
         if not is_about_missing_parts(error):
             raise
         found = None
-    if found != own_schema():
+    if found != software.own_schema():
         raise SchemaDiffers(found)
 
 
@@ -196,16 +194,16 @@ class Database:
         with Session(self._writer, expire_on_commit=False) as session:
             session.info["actor"] = actor
             session.info["organisation_id"] = organisation_id
-            event.listen(session, "after_flush", record_changes)
-            event.listen(session, "after_flush", note_changes)
-            event.listen(session, "after_rollback", forget_entries)
-            event.listen(session, "after_rollback", forget_changes)
+            event.listen(session, "after_flush", audit.record_changes)
+            event.listen(session, "after_flush", revisions.note_changes)
+            event.listen(session, "after_rollback", audit.forget_entries)
+            event.listen(session, "after_rollback", revisions.forget_changes)
             if self._guarded:
                 require_own_schema(session)
             yield session
             session.flush()
-            raise_revisions(session)
-            append_entries(session)
+            revisions.raise_revisions(session)
+            audit.append_entries(session)
             messages = choose_messages(session) if self.post else []
             session.commit()
         if self.post:

@@ -10,10 +10,8 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from radiometry import methods
-from radiometry.findings import shared
-from radiometry.findings.grouping import Cause
-from radiometry.records import Record
+from radiometry import methods, records
+from radiometry.findings import grouping, shared
 from radiometry.specification.parameters import list_parameters
 from radiometry.spectral.mismatch import find_response
 from store.codec import decode, encode
@@ -24,7 +22,7 @@ from store.software import FIT_CODE_VERSION, read_version
 from store.tables import Calibration, Camera, Campaign, CoefficientRow, Roi
 from store.tables.base import new_id
 
-_UNTOLD = Cause(
+_UNTOLD = grouping.Cause(
     "nobody has said what is photographed: describe the board in the campaign's target", shared.TARGET_MISSING
 )
 
@@ -65,7 +63,7 @@ def list_missing(campaign: Campaign, evidence: Evidence, params: Any) -> list[st
     if evidence.outdated:
         # what else is missing is known once they are read
         again = f"{len(evidence.outdated)} of {len(evidence.frames)} {_READ_AGAIN}"
-        return [*untold, Cause(again, shared.NOT_EXTRACTED)]
+        return [*untold, grouping.Cause(again, shared.NOT_EXTRACTED)]
     return [
         *untold,
         *methods.get_method(campaign.method).missing(
@@ -77,7 +75,7 @@ def list_missing(campaign: Campaign, evidence: Evidence, params: Any) -> list[st
     ]
 
 
-class NewVersion(Record):
+class NewVersion(records.Record):
     """A version that is not written yet: all of it but its id and number, which others may take meanwhile."""
 
     columns: dict[str, Any]

@@ -17,17 +17,15 @@ from sqlalchemy import ColumnElement, CursorResult, delete, insert, or_, select,
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
-from radiometry import methods
+from radiometry import methods, records
 from radiometry.findings import Reason, shared
 from radiometry.findings.grouping import Cause, FindingGroup, Occurrence, group_causes, group_findings
 from radiometry.frame.roi import Polygon
 from radiometry.frame.verdicts import ReviewedFrame, Verdict, conclude, inspect_frame
 from radiometry.methods.findings import FINDINGS
-from radiometry.records import Record
 from radiometry.specification.roles import FIELD, Gap
-from store.codec import decode, encode
+from store import codec, fits, revisions
 from store.database import Database, summarise
-from store.fits import leave_out_doubtful, list_missing, make_params
 from store.queries.checklist import RecordState, read_record
 from store.queries.evidence import Evidence, gather
 from store.queries.frames import (
@@ -39,12 +37,11 @@ from store.queries.frames import (
     region_ids,
     whole_frame,
 )
-from store.revisions import stamp_frames
 from store.tables import Campaign, CampaignReview, FrameRow, FrameVerdict, Roi
 from store.tables.base import utc_now
 
 
-class Assessment(Record):
+class Assessment(records.Record):
     """All that is kept of a campaign.
 
     ``missing``: what any fit needs; ``advice``: what a good one does, equal ones as one; ``verdicts``: by id;
@@ -70,7 +67,7 @@ def assess(session: Session, campaign: Campaign, memory: Memory | None = None) -
     if campaign.measures:
         unread = sum(row.state == "received" for row in frames)
         waiting = [Cause(f"{unread} of {len(frames)} frames are not read yet", shared.NOT_READ)]
-        verdicts = _judge(session, campaign, frames, every, make_params(session, campaign), memory)
+        verdicts = _judge(session, campaign, frames, every, fits.make_params(session, campaign), memory)
         return Assessment(
             missing=group_causes(
                 waiting[: bool(unread)] if frames else ["no frame: send the frames of the night"],
@@ -81,14 +78,14 @@ def assess(session: Session, campaign: Campaign, memory: Memory | None = None) -
             findings=group_findings(_list_reasons(frames, verdicts)),
             record=None,
         )
-    params = make_params(session, campaign)
-    usable = stated = leave_out_doubtful(params, every)
+    params = fits.make_params(session, campaign)
+    usable = stated = fits.leave_out_doubtful(params, every)
     if spec.applied_roles:
         fitted, stated = gather(session, campaign, frames=frames, memory=memory), params
     verdicts = _judge(session, campaign, frames, every, usable, memory)
     found = [*_list_lone_readings(frames, every), *_list_reasons(frames, verdicts)]
     return Assessment(
-        missing=group_causes(list_missing(campaign, fitted, stated), shared.FIT_INCOMPLETE),
+        missing=group_causes(fits.list_missing(campaign, fitted, stated), shared.FIT_INCOMPLETE),
         advice=group_causes(
             () if fitted.outdated else spec.plan(every.frames, every.readings, usable), shared.COULD_IMPROVE
         ),
@@ -294,11 +291,11 @@ def _find_kept(session: Session, campaign_id: str, verdicts_of: Collection[str] 
         chosen = FrameVerdict.frame_id.in_(verdicts_of)
     reasons = session.execute(select(FrameVerdict.frame_id, FrameVerdict.reasons).where(chosen))
     return Assessment(
-        missing=decode(tuple[FindingGroup, ...], missing or []),
-        advice=decode(tuple[FindingGroup, ...], advice or []),
-        gaps=decode(tuple[Gap, ...], gaps or []),
-        findings=decode(tuple[FindingGroup, ...], findings or []),
-        record=decode(RecordState, checklist) if checklist else None,
+        missing=codec.decode(tuple[FindingGroup, ...], missing or []),
+        advice=codec.decode(tuple[FindingGroup, ...], advice or []),
+        gaps=codec.decode(tuple[Gap, ...], gaps or []),
+        findings=codec.decode(tuple[FindingGroup, ...], findings or []),
+        record=codec.decode(RecordState, checklist) if checklist else None,
         verdicts=dict.fromkeys(ids, conclude(()))
         | {frame_id: _decode_verdict(text) for frame_id, text in reasons},
     )
@@ -331,10 +328,10 @@ def _encode(found: Assessment) -> dict[str, Any]:
     return {
         "kept_by": hash_code(),
         **{
-            name: [encode(each) for each in getattr(found, name)]
+            name: [codec.encode(each) for each in getattr(found, name)]
             for name in ("missing", "advice", "gaps", "findings")
         },
-        "checklist": encode(found.record) if found.record else None,
+        "checklist": codec.encode(found.record) if found.record else None,
     }
 
 
@@ -363,7 +360,7 @@ def _keep(
     if new:
         session.execute(insert(FrameVerdict), new)
     changed = {*gone, *(row["frame_id"] for row in new)}
-    stamp_frames(session, [(frame_id, campaign_id, revision) for frame_id in sorted(changed)])
+    revisions.stamp_frames(session, [(frame_id, campaign_id, revision) for frame_id in sorted(changed)])
 
 
 _MOST_AT_ONCE = 5000

@@ -3,13 +3,10 @@
 from collections.abc import Iterator
 
 from radiometry import methods
-from stilb.export import name_issued
-from stilb.transport import hash_file
-from store.codec import drop_absent, encode
-from store.fits import hash_content
+from stilb import export, transport
+from store import codec, fits, software
 from store.queries.calibration_record import state_budgets, state_coefficients
 from store.queries.frames import name_extractor
-from store.software import FIT_CODE_VERSION
 from verify.compare import ABSENT, Row, compare
 from verify.data import Data, Node
 from verify.recompute import Recomputed, hash_region, inputs_of
@@ -39,7 +36,7 @@ def check(certificate: Node, data: Data, found: Recomputed) -> list[Row]:
             "content hash",
             "content SHA-256",
             certificate["content_sha256"],
-            hash_content(inputs_of(certificate, found, data), encode(found.params)),
+            fits.hash_content(inputs_of(certificate, found, data), codec.encode(found.params)),
         ),
         *_own_copy(certificate, data),
         *_issued_files(data),
@@ -48,7 +45,7 @@ def check(certificate: Node, data: Data, found: Recomputed) -> list[Row]:
 
 def _software(certificate: Node) -> Iterator[Row]:
     extractor = name_extractor(certificate["method"], certificate.get("target"))
-    found = {"stilb": FIT_CODE_VERSION, "extractor": extractor}
+    found = {"stilb": software.FIT_CODE_VERSION, "extractor": extractor}
     yield from compare("software", {name: certificate["software"].get(name, ABSENT) for name in found}, found)
 
 
@@ -59,7 +56,7 @@ def _frames(found: Recomputed) -> Iterator[Row]:
         if frame.row is None:
             yield Row("frames", name, "can be read", frame.trouble)
             continue
-        exposure = drop_absent(encode(frame.exposure)) if frame.exposure else {}
+        exposure = codec.drop_absent(codec.encode(frame.exposure)) if frame.exposure else {}
         yield from compare("exposures", stated.get("exposure", {}), exposure, name)
         yield from compare("frame statistics", {key: stated[key] for key in frame.signal}, frame.signal, name)
 
@@ -80,12 +77,12 @@ def _figures(certificate: Node, found: Recomputed) -> Iterator[Row]:
         return
     stated = dict(certificate["result"])
     stated["points"] = [_without(point, "frame_id") for point in stated["points"]]
-    result = drop_absent(encode(found.fit))
+    result = codec.drop_absent(codec.encode(found.fit))
     for name in sorted(stated.keys() | result.keys()):
         yield from compare(name, stated.get(name, ABSENT), result.get(name, ABSENT), name)
     method = certificate["method"]
-    figures = [encode(figure) for figure in methods.get_method(method).list_coefficients(found.fit)]
-    stored = encode(found.fit)
+    figures = [codec.encode(figure) for figure in methods.get_method(method).list_coefficients(found.fit)]
+    stored = codec.encode(found.fit)
     coefficients = state_coefficients(method, stored, figures)
     yield from compare("coefficients", certificate["coefficients"], coefficients, "coefficients")
     yield from compare("budgets", certificate["budgets"], state_budgets(method, stored), "budgets")
@@ -105,8 +102,8 @@ def _issued_files(data: Data) -> Iterator[Row]:
     """The files of what was issued are, byte for byte, those that the service has kept."""
     for issued in data.status.get("certificates", []):
         for form in ("json", "pdf"):
-            path = data.folder / f"{name_issued(issued)}.{form}"
-            found = hash_file(path) if path.exists() else ABSENT
+            path = data.folder / f"{export.name_issued(issued)}.{form}"
+            found = transport.hash_file(path) if path.exists() else ABSENT
             yield Row("issued files", f"{path.name} SHA-256", issued[f"{form}_sha256"], found)
 
 

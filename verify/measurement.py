@@ -11,12 +11,10 @@ import tifffile
 
 from radiometry.findings import InputRejected
 from radiometry.frame.exposure import Camera, SuppliedExposure, accept_frame
-from stilb.export import MAP
-from stilb.transport import hash_file
+from stilb import export, transport
+from store import codec, software
 from store.blobs.local import LocalBlobs
-from store.codec import encode
 from store.measuring.record import Products, hash_content
-from store.software import MEASURER
 from store.tables import Calibration, FrameRow
 from verify.compare import Row, compare, take_stated
 from verify.data import Node, find_frame
@@ -31,14 +29,14 @@ _PIXEL_REL = 2.1 * ROUNDING_REL
 
 def verify_measurement(record: Node, folder: Path, decoders: DecoderPool) -> list[Row]:
     """Measure again, and compare hashes, exposures, results and every pixel of the map."""
-    rows = [Row("software", "measurer", record["software"]["measurer"], MEASURER)]
+    rows = [Row("software", "measurer", record["software"]["measurer"], software.MEASURER)]
     paths = {
         frame["id"]: find_frame(folder, frame | {"frame": frame["filename"]}) for frame in record["frames"]
     }
     found: dict[str, FrameRow] = {}
     for frame in record["frames"]:
         path, name = paths[frame["id"]], frame["filename"]
-        sha256 = hash_file(path) if path.exists() else "the file is missing"
+        sha256 = transport.hash_file(path) if path.exists() else "the file is missing"
         rows.append(Row("frame files", f"{name} SHA-256", frame["sha256"], sha256))
         if path.exists():
             found[frame["id"]] = _read(frame, path, decoders)
@@ -75,7 +73,7 @@ def verify_measurement(record: Node, folder: Path, decoders: DecoderPool) -> lis
         stated = {name: value for name, value in record["result"].items() if name != "why"}
         rows += compare("result", stated, measured)
         if products is not None:
-            rows += _compare_maps(folder / MAP, blobs, products)
+            rows += _compare_maps(folder / export.MAP, blobs, products)
     content = hash_content(first, calibration, record["parameters"])
     return [*rows, Row("content hash", "content SHA-256", record["content_sha256"], content)]
 
@@ -89,16 +87,16 @@ def _read(frame: Node, path: Path, decoders: DecoderPool) -> FrameRow:
     return FrameRow(
         id=frame["id"],
         filename=frame["filename"],
-        sha256=hash_file(path),
+        sha256=transport.hash_file(path),
         role=frame["role"],
-        header=encode(header),
-        exposure=encode(exposure) if exposure else None,
+        header=codec.encode(header),
+        exposure=codec.encode(exposure) if exposure else None,
     )
 
 
 def _compare_maps(stated: Path, blobs: LocalBlobs, products: Products) -> Iterator[Row]:
     if not stated.exists():
-        yield Row("map", MAP, "is there", "is missing")
+        yield Row("map", export.MAP, "is there", "is missing")
         return
     with blobs.local_file(products.tif) as file:
         theirs, ours = tifffile.imread(stated), tifffile.imread(file.path)

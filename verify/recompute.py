@@ -4,16 +4,13 @@ from collections.abc import Callable, Iterable
 from dataclasses import fields, replace
 from typing import Any
 
-from radiometry import methods
+from radiometry import methods, records
 from radiometry.findings import InputRejected
 from radiometry.fitting.evidence import Extracted, FrameEvidence, Region
-from radiometry.frame import FrameHeader
+from radiometry.frame import FrameHeader, roi
 from radiometry.frame.exposure import Camera, Exposure, SuppliedExposure, accept_frame
-from radiometry.frame.roi import Polygon, bounding_window
 from radiometry.frame.statistics import ChannelStatistics, measure_signal
-from radiometry.records import Record
-from radiometry.specification.application import SurfaceApplication
-from radiometry.specification.method import MethodSpec
+from radiometry.specification import application, method
 from stilb.transport import hash_file
 from store.codec import decode, drop_absent, encode, encode_statistics
 from store.queries.campaigns import Drawing
@@ -24,7 +21,7 @@ from worker.decode.pool import DecoderCrashed, DecoderPool
 OnFrame = Callable[[int, int], None]
 
 
-class FoundFrame(Record):
+class FoundFrame(records.Record):
     """A frame of the certificate, read again. ``trouble``: why it could not be, else "".
 
     ``row`` : as the method's fit wants it, None where it could not be read
@@ -38,7 +35,7 @@ class FoundFrame(Record):
     signal: Node
 
 
-class Recomputed(Record):
+class Recomputed(records.Record):
     """``fit`` is None where the data allow none; ``trouble`` then says why."""
 
     params: Any
@@ -65,7 +62,7 @@ def recompute(certificate: Node, data: Data, decoders: DecoderPool, on_frame: On
     return Recomputed(params=params, frames=frames, readings=readings, fit=fit, trouble="")
 
 
-def _readings(spec: MethodSpec, data: Data) -> list[Any]:
+def _readings(spec: method.MethodSpec, data: Data) -> list[Any]:
     if spec.reference is None:
         return []
     rows = data.readings
@@ -99,8 +96,8 @@ def _read(
         with decoders.hold(path):
             header = replace(decoders.read_header(path), clock_offset=stated.get("clock_offset"))
             exposure = _expose(stated, header, certificate)
-            around = Polygon.from_points(region["points"])
-            window = bounding_window(around, height_px=header.height_px, width_px=header.width_px)
+            around = roi.Polygon.from_points(region["points"])
+            window = roi.bounding_window(around, height_px=header.height_px, width_px=header.width_px)
             pixels = decoders.read_window(path, (window.row0, window.col0, window.height, window.width))
         extracted = methods.get_method(certificate["method"]).extract(
             pixels, _parts(region), header=header, exposure=exposure, target=_target(certificate)
@@ -116,12 +113,12 @@ def hash_region(region: Node) -> str:
     """The key of a region, of one polygon or of several parts."""
     if region.get("parts"):
         return Drawing.of_parts(_parts(region)).sha256
-    return Polygon.from_points(region["points"]).sha256
+    return roi.Polygon.from_points(region["points"]).sha256
 
 
 def _parts(region: Node) -> list[Region]:
     parts = region.get("parts") or [{"name": "", "points": region["points"]}]
-    return [Region(name=part["name"], polygon=Polygon.from_points(part["points"])) for part in parts]
+    return [Region(name=part["name"], polygon=roi.Polygon.from_points(part["points"])) for part in parts]
 
 
 def _target(certificate: Node) -> Any:  # noqa: ANN401 (the method's own)
@@ -135,7 +132,7 @@ def _make_row(
     header: FrameHeader,
     exposure: Exposure | None,
     extracted: Extracted[Any],
-    around: Polygon,
+    around: roi.Polygon,
 ) -> Any:  # noqa: ANN401 (the method's own)
     kind = methods.get_method(certificate["method"]).features
     evidence = FrameEvidence(
@@ -156,7 +153,7 @@ def _make_row(
     if stated["frame"] in {exclusion["frame"] for exclusion in certificate["parameters"]["exclude"]}:
         return row
     corrector = methods.get_method(spec.corrected_by or "")
-    if corrector.correction is None or not isinstance(spec.application, SurfaceApplication):
+    if corrector.correction is None or not isinstance(spec.application, application.SurfaceApplication):
         raise TypeError(f"{spec.name} is not corrected by {corrector.name}")
     share = corrector.correction.average_over_polygon(
         decode(corrector.applied_type, certificate["falloff"][0]["coefficients"]),

@@ -8,14 +8,12 @@ from typing import Final
 from sqlalchemy import Select, or_, select, true
 from sqlalchemy.orm import Session, aliased
 
-from store import jobs
+from store import jobs, software
 from store.blobs import BlobDamaged
 from store.database import Database
 from store.files import SCRUB_DAYS, Files
 from store.jobs.processes import repeat
-from store.queries.campaigns import RENEWAL_LANE, renew_extraction
-from store.queries.usage import add_jobs
-from store.software import EXTRACTOR
+from store.queries import campaigns, usage
 from store.tables import Blob, Campaign, Extraction, FrameRow, Job
 from store.tables.base import utc_now
 
@@ -46,7 +44,7 @@ class Renewal:
     def do_round(self) -> float:
         """Queue some frames unless others wait; return the pause until the next round [s]."""
         with self._database.reading() as session:
-            waiting = select(Job.id).where(Job.state == "queued", Job.lane == RENEWAL_LANE).limit(1)
+            waiting = select(Job.id).where(Job.state == "queued", Job.lane == campaigns.RENEWAL_LANE).limit(1)
             if not self._leads(session) or session.scalar(waiting) is not None:
                 return _RENEWAL_REST_S
             rest = FrameRow.id < self._before if self._before else true()
@@ -66,13 +64,13 @@ def _queue_renewal(session: Session, frame_id: str) -> None:
     frame = session.get_one(FrameRow, frame_id)
     if frame.state == "extracted":
         organisation_id = session.get_one(Campaign, frame.campaign_id).organisation_id
-        renew_extraction(session, frame, organisation_id, by="sweeper", lane=RENEWAL_LANE)
-        add_jobs(session, 1, organisation_id=organisation_id)
+        campaigns.renew_extraction(session, frame, organisation_id, by="sweeper", lane=campaigns.RENEWAL_LANE)
+        usage.add_jobs(session, 1, organisation_id=organisation_id)
 
 
 def _select_outdated() -> Select[str]:
     made_by = Extraction.extractor
-    own = (made_by == EXTRACTOR) | made_by.startswith(f"{EXTRACTOR}+", autoescape=True)
+    own = (made_by == software.EXTRACTOR) | made_by.startswith(f"{software.EXTRACTOR}+", autoescape=True)
     current = select(Extraction.id).where(Extraction.frame_id == FrameRow.id, own)
     return (
         select(FrameRow.id)
@@ -155,7 +153,7 @@ class Scrub:
                 campaign = session.get_one(Campaign, frame.campaign_id)
                 if not jobs.is_live(session, frame.id):
                     jobs.enqueue_extraction(session, frame, campaign.organisation_id, by="sweeper")
-                    add_jobs(session, 1, organisation_id=campaign.organisation_id)
+                    usage.add_jobs(session, 1, organisation_id=campaign.organisation_id)
 
     def _list_without_preview(self) -> list[str]:
         preview, content = aliased(Blob), aliased(Blob)

@@ -13,20 +13,15 @@ from celery import Task, signals
 from celery.exceptions import Retry
 from sqlalchemy.exc import SQLAlchemyError
 
-from store import jobs
+from store import jobs, logs, pulse, tracing
 from store.blobs.partials import Partials
 from store.database import OTHER_SCHEMA_EXIT, Database, SchemaDiffers, require_own_schema, summarise
-from store.jobs.processes import Presence, list_parts, sweep_floor
-from store.jobs.queues import CANCEL, LANES, REVIEW, Message, Post
-from store.logs import configure_logging
-from store.pulse import Pulse
-from store.tracing import configure_tracing
+from store.jobs import processes, queues
+from worker import background, runner
 from worker.app import app, settings
-from worker.background import Renewal, Scrub
 from worker.context import build_context, open_database
 from worker.decode.pieces import keep_memory, share_one_arena
 from worker.decode.pool import DecoderPool, DecoderUnavailable
-from worker.runner import run
 from worker.upkeep import Upkeep, look
 
 log = logging.getLogger("stilb.worker")
@@ -35,7 +30,7 @@ NO_DECODER_EXIT = 71
 _FAREWELL_S = 3.0
 
 decoders = DecoderPool()
-_pulse = Pulse()
+_pulse = pulse.Pulse()
 _mine: dict[str, Any] = {}
 """Of a pool process: its context, upkeep and presence; of the parent: the database and the sandbox."""
 
@@ -46,7 +41,7 @@ class JobFailed(Exception):  # noqa: N818  it is what happened
 
 def do_job(task: Task, _subject_id: str) -> Mapping[str, Any]:
     """Do the job whose id is the task's."""
-    ended = run(_mine["context"], task.request.id)
+    ended = runner.run(_mine["context"], task.request.id)
     match ended["state"]:
         case "failed":
             raise JobFailed(ended["code"])
@@ -55,16 +50,16 @@ def do_job(task: Task, _subject_id: str) -> Mapping[str, Any]:
     return ended
 
 
-for name in {lane.task for lane in LANES.values()}:
+for name in {lane.task for lane in queues.LANES.values()}:
     app.task(name=name, bind=True, throws=(JobFailed,))(do_job)
 
 
-@app.task(name=REVIEW.task)  # type: ignore[untyped-decorator]
+@app.task(name=queues.REVIEW.task)  # type: ignore[untyped-decorator]
 def review(campaign_id: str) -> None:
     _mine["context"].reviews.renew(campaign_id)
 
 
-@app.task(name=CANCEL.task)  # type: ignore[untyped-decorator]
+@app.task(name=queues.CANCEL.task)  # type: ignore[untyped-decorator]
 def cancel(job_id: str) -> None:
     with _mine["context"].database.writing("worker") as session:
         jobs.cancel(session, job_id)
@@ -90,7 +85,7 @@ def start_decoders(pool: DecoderPool, *, require: bool) -> dict[str, Any]:
 
 @signals.setup_logging.connect  # type: ignore[untyped-decorator]
 def log_our_way(**_: object) -> None:
-    configure_logging(settings.log)
+    logs.configure_logging(settings.log)
     logging.getLogger("celery").setLevel(logging.WARNING)
 
 
@@ -104,7 +99,7 @@ def prepare(**_: object) -> None:
         database.guard_schema()
         with database.reading() as session:  # prepares the tables once for all forks
             look(session, lease_s=settings.lease_s)
-            list_parts(session)
+            processes.list_parts(session)
         _mine["sandbox"] = start_decoders(decoders, require=settings.decoder_sandbox == "require")
     except SchemaDiffers as error:
         log.error("%s: no job is done", error)  # noqa: TRY400  expected: no traceback
@@ -126,9 +121,9 @@ def begin(**_: object) -> None:
     share_one_arena()
     keep_memory()
     decoders.share()
-    configure_tracing("worker")
+    tracing.configure_tracing("worker")
     context = build_context(settings, decoders, _mine["database"])
-    presence = Presence(
+    presence = processes.Presence(
         context.database,
         "worker",
         decoder_sandbox=_mine["sandbox"],
@@ -136,9 +131,9 @@ def begin(**_: object) -> None:
     )
 
     def lead() -> None:
-        sweep_floor(context.blobs, Partials.of(settings))
-        Renewal(context.database, leads=presence.leads).start()
-        Scrub(context.database, context.files, leads=presence.leads).start()
+        processes.sweep_floor(context.blobs, Partials.of(settings))
+        background.Renewal(context.database, leads=presence.leads).start()
+        background.Scrub(context.database, context.files, leads=presence.leads).start()
 
     upkeep = Upkeep(context, presence, lead=lead)
     _mine.update(context=context, upkeep=upkeep, presence=presence)
@@ -173,7 +168,7 @@ def watch_for_stop(instance: Any, **_: object) -> None:  # noqa: ANN401  Celery'
     @signals.worker_shutdown.connect(weak=False)  # type: ignore[untyped-decorator]
     def give_back(**_: object) -> None:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
-        post = Post(settings.effective_broker_url)
+        post = queues.Post(settings.effective_broker_url)
         database = Database(settings.effective_database_url, answer_within_s=_FAREWELL_S, post=post)
         try:
             with database.writing("worker") as session:
@@ -189,5 +184,5 @@ def watch_for_stop(instance: Any, **_: object) -> None:  # noqa: ANN401  Celery'
 @signals.task_revoked.connect  # type: ignore[untyped-decorator]
 def pass_on(request: Any, **_: object) -> None:  # noqa: ANN401  Celery's
     """End a revoked job's row; by a task, since the parent waits for no database."""
-    if request.task in {lane.task for lane in LANES.values()}:
-        Post(settings.effective_broker_url).send([Message(CANCEL, None, request.id)])
+    if request.task in {lane.task for lane in queues.LANES.values()}:
+        queues.Post(settings.effective_broker_url).send([queues.Message(queues.CANCEL, None, request.id)])

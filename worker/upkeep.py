@@ -18,22 +18,9 @@ from sqlalchemy import Select, bindparam, false, or_, select, true, update
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
+from store import pulse, reviews
 from store.database import SchemaDiffers, require_own_schema, summarise
-from store.jobs import Dependency, resume, take_back
-from store.jobs.processes import Presence
-from store.jobs.queues import (
-    IS_QUEUED,
-    LOST_AFTER_S,
-    QUEUES,
-    REVIEW,
-    Message,
-    needs_files,
-    of_queue,
-    touch,
-    unsend_lost,
-)
-from store.pulse import find_silence_s
-from store.reviews import is_stale
+from store.jobs import Dependency, processes, queues, resume, take_back
 from store.tables import CampaignReview, Job
 from store.tables.base import UtcDateTime, utc_now
 from worker.context import Context
@@ -70,7 +57,7 @@ def mend_times(session: Session, *, lease_s: float, jumped: bool) -> None:
     lease = timedelta(seconds=lease_s)
     too_long = true() if jumped else Job.lease_until > now + _LEASES_AHEAD * lease
     session.execute(update(Job).where(Job.state == "running", too_long).values(lease_until=now + lease))
-    session.execute(update(Job).where(IS_QUEUED, Job.due_at > now + _FURTHEST_DUE).values(due_at=now))
+    session.execute(update(Job).where(queues.IS_QUEUED, Job.due_at > now + _FURTHEST_DUE).values(due_at=now))
 
 
 class Look(NamedTuple):
@@ -91,7 +78,7 @@ def look(session: Session, *, lease_s: float) -> Look:
     now = utc_now()
     instants = {
         "now": now,
-        "late": now - timedelta(seconds=LOST_AFTER_S),
+        "late": now - timedelta(seconds=queues.LOST_AFTER_S),
         "latest_lease": now + _LEASES_AHEAD * timedelta(seconds=lease_s),
         "latest_due": now + _FURTHEST_DUE,
     }
@@ -105,26 +92,27 @@ def _select() -> Select[bool, bool, bool, bool, bool]:
         bindparam(name, type_=UtcDateTime) for name in ("now", "late", "latest_lease", "latest_due")
     )
     jobs, running = select(Job.id), Job.state == "running"
-    held_back = jobs.where(IS_QUEUED, Job.waits_for == "blobs").exists()
-    due = jobs.where(IS_QUEUED, Job.sent_at.is_(None), Job.due_at <= now)
-    sent = jobs.where(IS_QUEUED, Job.sent_at.is_not(None))
+    held_back = jobs.where(queues.IS_QUEUED, Job.waits_for == "blobs").exists()
+    due = jobs.where(queues.IS_QUEUED, Job.sent_at.is_(None), Job.due_at <= now)
+    sent = jobs.where(queues.IS_QUEUED, Job.sent_at.is_not(None))
     tried = due.where(Job.waits_for.is_not(None))
     unsent = [
-        ~sent.where(of_queue(queue)).exists()
+        ~sent.where(queues.of_queue(queue)).exists()
         & or_(
-            due.where(of_queue(queue)).exists() & ~(held_back if needs_files(queue) else false()),
-            tried.where(of_queue(queue)).exists(),
+            due.where(queues.of_queue(queue)).exists()
+            & ~(held_back if queues.needs_files(queue) else false()),
+            tried.where(queues.of_queue(queue)).exists(),
         )
-        for queue in QUEUES
+        for queue in queues.QUEUES
     ]
     return select(
         or_(*unsent),
         sent.where(~Job.sent_at.between(late, now)).exists(),
         held_back,
-        select(CampaignReview.campaign_id).where(is_stale(now)).exists(),
+        select(CampaignReview.campaign_id).where(reviews.is_stale(now)).exists(),
         or_(
             jobs.where(running, ~Job.lease_until.between(now, latest_lease)).exists(),
-            jobs.where(IS_QUEUED, Job.due_at > latest_due).exists(),
+            jobs.where(queues.IS_QUEUED, Job.due_at > latest_due).exists(),
         ),
     )
 
@@ -138,7 +126,7 @@ class Upkeep:
     The process that leads looks so often, the others a third as often.
     """
 
-    def __init__(self, context: Context, presence: Presence, *, lead: Callable[[], None]) -> None:
+    def __init__(self, context: Context, presence: processes.Presence, *, lead: Callable[[], None]) -> None:
         """``lead`` begins, once, what one process of all workers is enough for."""
         self._context = context
         self._presence = presence
@@ -196,7 +184,7 @@ class Upkeep:
             context.leases.renew(context.database, lease_s)
             self._renewed_at = time.monotonic()
         # the pulse is the parent's, which hands out the jobs
-        self._presence.beat(worked_s_ago=find_silence_s())
+        self._presence.beat(worked_s_ago=pulse.find_silence_s())
         with context.database.reading() as session:
             require_own_schema(session)
             found = look(session, lease_s=lease_s)
@@ -209,7 +197,7 @@ class Upkeep:
         if found.held_back or self._store_away:
             self._check_store()
         if found.stale and (campaign_id := context.reviews.claim_next()) and context.database.post:
-            context.database.post.send([Message(REVIEW, None, campaign_id)])
+            context.database.post.send([queues.Message(queues.REVIEW, None, campaign_id)])
 
     def _sweep(self, *, lost: bool, late: bool) -> None:
         database = self._context.database
@@ -218,8 +206,8 @@ class Upkeep:
             if lost or self._renews:
                 mend_times(session, lease_s=self._context.settings.lease_s, jumped=self._renews)
                 take_back(session, Job.lease_until < utc_now())
-            unsend_lost(session, waiting or {})
-            touch(session)
+            queues.unsend_lost(session, waiting or {})
+            queues.touch(session)
         self._renews = False
 
     def _check_store(self) -> None:

@@ -7,17 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
-from store.blobs.proof import (
-    PIECE_BYTES,
-    BlobDamaged,
-    BlobMissing,
-    StorageUnavailable,
-    StoredBlob,
-    StoredFile,
-    prove_pieces,
-    prove_whole,
-)
-from store.blobs.spool import Blobs, BlobWriter, checked_name, hashes_to, sweep, sync_folder
+from store.blobs import proof, spool
 
 # What a disk answers, and a filesystem with checksums, for what it cannot read back.
 _UNREADABLE = {errno.EIO, errno.EBADMSG, errno.EUCLEAN}
@@ -31,39 +21,39 @@ class LocalBlobs:
         # Below the same folder, hence on the same filesystem, where a rename is atomic.
         self._temporary = folder / "tmp"
 
-    def writer(self) -> BlobWriter:
-        return BlobWriter(self._temporary, self._place)
+    def writer(self) -> spool.BlobWriter:
+        return spool.BlobWriter(self._temporary, self._place)
 
-    def open(self, blob: StoredBlob) -> Iterator[bytes]:
+    def open(self, blob: proof.StoredBlob) -> Iterator[bytes]:
         self._size(blob.sha256)
-        return prove_pieces(blob, self._pieces(blob.sha256))
+        return proof.prove_pieces(blob, self._pieces(blob.sha256))
 
     @contextmanager
-    def local_file(self, blob: StoredBlob) -> Iterator[StoredFile]:
+    def local_file(self, blob: proof.StoredBlob) -> Iterator[proof.StoredFile]:
         if self._size(blob.sha256) != blob.size_bytes:
-            raise BlobDamaged(blob.sha256)
-        yield StoredFile(self._path(blob.sha256), blob)
+            raise proof.BlobDamaged(blob.sha256)
+        yield proof.StoredFile(self._path(blob.sha256), blob)
 
-    def prove(self, sha256: str, pace: Callable[[int], object]) -> StoredBlob:
-        return prove_whole(sha256, self._pieces(sha256, pace=pace))
+    def prove(self, sha256: str, pace: Callable[[int], object]) -> proof.StoredBlob:
+        return proof.prove_whole(sha256, self._pieces(sha256, pace=pace))
 
     def find_absent(self, sizes: Mapping[str, int]) -> set[str]:
         return {sha256 for sha256, size in sizes.items() if not self._holds(sha256, size)}
 
     def sweep_temporary(self, older_than_s: float) -> int:
-        return sweep(self._temporary, older_than_s)
+        return spool.sweep(self._temporary, older_than_s)
 
     def check(self) -> None:
         try:
             with self.writer() as writer:
                 writer.write(b"\0")
         except OSError as error:
-            raise StorageUnavailable(
+            raise proof.StorageUnavailable(
                 f"blobs cannot be written below {self._folder}: {error.strerror}"
             ) from error
 
     def _path(self, sha256: str) -> Path:
-        checked_name(sha256)
+        spool.checked_name(sha256)
         return self._folder / sha256[:2] / sha256[2:4] / sha256
 
     def _size(self, sha256: str) -> int:
@@ -73,7 +63,7 @@ class LocalBlobs:
     def _holds(self, sha256: str, size: int) -> bool:
         try:
             return self._size(sha256) == size
-        except BlobDamaged:
+        except proof.BlobDamaged:
             return False
 
     def _pieces(self, sha256: str, *, pace: Callable[[int], object] | None = None) -> Iterator[bytes]:
@@ -81,7 +71,7 @@ class LocalBlobs:
         with self._read_errors_named(sha256), self._path(sha256).open("rb", buffering=0) as file:
             if pace is not None:
                 os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
-            while piece := file.read(PIECE_BYTES):
+            while piece := file.read(proof.PIECE_BYTES):
                 if pace is not None:
                     pace(len(piece))
                 yield piece
@@ -93,28 +83,28 @@ class LocalBlobs:
         except FileNotFoundError as error:
             # a folder that is gone as a whole is a disk that is not mounted, and no loss of this blob
             if not self._folder.is_dir():
-                raise StorageUnavailable(f"the blobs' folder {self._folder} is not there") from error
-            raise BlobMissing(sha256) from error
+                raise proof.StorageUnavailable(f"the blobs' folder {self._folder} is not there") from error
+            raise proof.BlobMissing(sha256) from error
         except OSError as error:
             if error.errno in _UNREADABLE:
-                raise BlobDamaged(sha256) from error
-            raise StorageUnavailable(
+                raise proof.BlobDamaged(sha256) from error
+            raise proof.StorageUnavailable(
                 f"blobs cannot be read below {self._folder}: {error.strerror}"
             ) from error
 
-    def _place(self, temporary: Path, stored: StoredBlob) -> None:
+    def _place(self, temporary: Path, stored: proof.StoredBlob) -> None:
         final = self._path(stored.sha256)
         final.parent.mkdir(parents=True, exist_ok=True)
         # What is there is left alone, unless the disk has spoilt it: then the sender's copy is the cure.
         # Two writers of the same bytes may both get here; either rename leaves the same blob.
-        if not final.is_file() or not hashes_to(final, stored.sha256):
+        if not final.is_file() or not spool.hashes_to(final, stored.sha256):
             temporary.replace(final)
         # Also when another writer was first: it may not have come as far as syncing the names yet.
         for folder in (final.parent, final.parent.parent, self._folder):
-            sync_folder(folder)
+            spool.sync_folder(folder)
 
 
-def blobs_from_url(url: str, data_folder: Path) -> Blobs:
+def blobs_from_url(url: str, data_folder: Path) -> spool.Blobs:
     """Open what the setting names: "" the data folder's own, a path or file:// a folder, s3:// a bucket."""
     parts = urlsplit(url)
     match parts.scheme:

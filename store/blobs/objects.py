@@ -13,17 +13,7 @@ import obstore
 from obstore.exceptions import BaseError
 from obstore.store import S3Store
 
-from store.blobs.proof import (
-    PIECE_BYTES,
-    BlobDamaged,
-    BlobMissing,
-    StorageUnavailable,
-    StoredBlob,
-    StoredFile,
-    prove_pieces,
-    prove_whole,
-)
-from store.blobs.spool import BlobWriter, checked_name, sweep
+from store.blobs import proof, spool
 from store.settings import read_bucket_secrets
 
 
@@ -125,29 +115,29 @@ class ObjectBlobs:
         self._temporary = cache_folder / "tmp"
         self._cache = Cache(cache_folder, cache_bytes)
 
-    def writer(self) -> BlobWriter:
-        return BlobWriter(self._temporary, self._upload)
+    def writer(self) -> spool.BlobWriter:
+        return spool.BlobWriter(self._temporary, self._upload)
 
-    def open(self, blob: StoredBlob) -> Iterator[bytes]:
-        return prove_pieces(blob, self._stream(blob.sha256))
+    def open(self, blob: proof.StoredBlob) -> Iterator[bytes]:
+        return proof.prove_pieces(blob, self._stream(blob.sha256))
 
     @contextmanager
-    def local_file(self, blob: StoredBlob) -> Iterator[StoredFile]:
+    def local_file(self, blob: proof.StoredBlob) -> Iterator[proof.StoredFile]:
         fetched = False
         while True:
-            with self._cache.held(checked_name(blob.sha256)) as path:
+            with self._cache.held(spool.checked_name(blob.sha256)) as path:
                 if path is not None:
                     # Only now: while it is held, the newcomer is not itself evicted from too small a cache.
                     if fetched:
                         self._cache.evict()
                     with self._copy_doubted(path, blob.sha256):
-                        yield StoredFile(path, blob)
+                        yield proof.StoredFile(path, blob)
                     return
             self._fetch(blob.sha256)
             fetched = True
 
-    def prove(self, sha256: str, pace: Callable[[int], object]) -> StoredBlob:
-        return prove_whole(sha256, self._stream(sha256, pace=pace))
+    def prove(self, sha256: str, pace: Callable[[int], object]) -> proof.StoredBlob:
+        return proof.prove_whole(sha256, self._stream(sha256, pace=pace))
 
     def find_absent(self, sizes: Mapping[str, int]) -> set[str]:
         with ThreadPoolExecutor(_ASKED_AT_ONCE, thread_name_prefix="heads") as pool:
@@ -155,32 +145,32 @@ class ObjectBlobs:
             return {sha256 for sha256, there in zip(sizes, held, strict=True) if not there}
 
     def sweep_temporary(self, older_than_s: float) -> int:
-        return sweep(self._temporary, older_than_s)
+        return spool.sweep(self._temporary, older_than_s)
 
     def check(self) -> None:
         with self._answers():
             obstore.list_with_delimiter(self._asked)
 
-    def _upload(self, spooled: Path, stored: StoredBlob) -> None:
+    def _upload(self, spooled: Path, stored: proof.StoredBlob) -> None:
         # Also over what is there: whether that is still whole could be told only by fetching all of it. S3
         # shows an object only once all of it has arrived: who reads meanwhile reads one or the other.
         with self._answers():
             obstore.put(self._store, _key(stored.sha256), spooled)
 
     def _fetch(self, sha256: str) -> None:
-        def place(fetched: Path, stored: StoredBlob) -> None:
+        def place(fetched: Path, stored: proof.StoredBlob) -> None:
             if stored.sha256 != sha256:
-                raise BlobDamaged(sha256)
+                raise proof.BlobDamaged(sha256)
             self._cache.add(sha256, fetched)
 
-        with BlobWriter(self._temporary, place) as writer:
+        with spool.BlobWriter(self._temporary, place) as writer:
             for chunk in self._stream(sha256):
                 writer.write(chunk)
             writer.commit()
 
     def _stream(self, sha256: str, *, pace: Callable[[int], object] | None = None) -> Iterator[bytes]:
         with self._found(sha256):
-            stream = obstore.get(self._store, _key(sha256)).stream(min_chunk_size=PIECE_BYTES)
+            stream = obstore.get(self._store, _key(sha256)).stream(min_chunk_size=proof.PIECE_BYTES)
         return self._chunks(sha256, iter(stream), pace)
 
     def _chunks(
@@ -196,7 +186,7 @@ class ObjectBlobs:
         try:
             with self._found(sha256):
                 return bool(obstore.head(self._store, _key(sha256))["size"] == size)
-        except BlobMissing:
+        except proof.BlobMissing:
             return False
 
     @contextmanager
@@ -204,11 +194,11 @@ class ObjectBlobs:
         """Remove a copy that a reader found damaged: of the bucket it says nothing, and is fetched again."""
         try:
             yield
-        except BlobDamaged as damage:
+        except proof.BlobDamaged as damage:
             if damage.sha256 != sha256:
                 raise
             path.unlink(missing_ok=True)
-            raise StorageUnavailable(
+            raise proof.StorageUnavailable(
                 f"the local copy of {sha256} was damaged and is fetched again"
             ) from damage
 
@@ -217,9 +207,9 @@ class ObjectBlobs:
         try:
             with self._answers():
                 yield
-        except StorageUnavailable as error:
+        except proof.StorageUnavailable as error:
             if isinstance(error.__cause__, FileNotFoundError):
-                raise BlobMissing(sha256) from error
+                raise proof.BlobMissing(sha256) from error
             raise
 
     @contextmanager
@@ -228,11 +218,13 @@ class ObjectBlobs:
             yield
         except (BaseError, FileNotFoundError) as error:
             first_line = str(error).partition("\n")[0]
-            raise StorageUnavailable(f"the blob store {self._url} does not serve: {first_line}") from error
+            raise proof.StorageUnavailable(
+                f"the blob store {self._url} does not serve: {first_line}"
+            ) from error
 
 
 def _key(sha256: str) -> str:
-    checked_name(sha256)
+    spool.checked_name(sha256)
     return f"{sha256[:2]}/{sha256[2:4]}/{sha256}"
 
 

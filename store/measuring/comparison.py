@@ -6,24 +6,13 @@ from itertools import chain
 from typing import Any, Final, Literal
 
 from radiometry.findings import InputRejected, interface
-from radiometry.fitting.comparison import (
-    FOCUS,
-    STRAY,
-    Budgeted,
-    Comparison,
-    MeasuredChange,
-    compare_measured,
-    scale_effects,
-    sign_effects,
-)
+from radiometry.fitting import comparison
 from radiometry.frame.exposure import Exposure
 from radiometry.methods import get_method
 from radiometry.records import Record
 from radiometry.specification.application import BandApplication, Summary, SurfaceApplication
-from radiometry.spectral.mismatch import DEFAULT_U_REL, SPECTRAL_MISMATCH_UNKNOWN, find_confusion
-from radiometry.spectral.mismatch import SOURCE as SPECTRUM
-from store.codec import decode_exposure, read_applied
-from store.database import Conflict
+from radiometry.spectral import mismatch
+from store import codec, database
 from store.queries.frame_times import read_header
 from store.tables import Calibration, FrameRow, Measurement
 
@@ -38,7 +27,7 @@ def compare_meters(old: Calibration, new: Calibration) -> tuple[Reference, float
     before, after = _certificates(old), _certificates(new)
     if before is None or after is None:
         return "unknown", 0.0
-    coefficients = (*read_applied(old), *read_applied(new))
+    coefficients = (*codec.read_applied(old), *codec.read_applied(new))
     if before != after or any(coefficient.model == "semilog" for coefficient in coefficients):
         return "separate", 0.0
     return "common", min(coefficient.meter_calibration_u_rel for coefficient in coefficients)
@@ -74,22 +63,22 @@ def touch_band(
     frame: FrameRow,
     old: Calibration,
     new: Calibration,
-) -> MeasuredChange:
+) -> comparison.MeasuredChange:
     """The change of what was measured, or why there is no figure."""
     if "index" in measurement.parameters:
-        return MeasuredChange.untold("An index changes with both of its bands: measure it again.")
+        return comparison.MeasuredChange.untold("An index changes with both of its bands: measure it again.")
     band = str(measurement.result.get("band", ""))
     try:
         change = application.change(
-            read_applied(old),
-            read_applied(new),
+            codec.read_applied(old),
+            codec.read_applied(new),
             header=read_header(frame, measurement.parameters.get("time_zone")),
             incidence_angle_deg=measurement.parameters.get("incidence_angle_deg"),
             common_u_rel=compare_panels(old, new)[1].get(band, 0.0),
         )
     except InputRejected as refusal:
-        return MeasuredChange.untold(refusal.message)
-    return MeasuredChange(change=change, basis="signal", why=None)
+        return comparison.MeasuredChange.untold(refusal.message)
+    return comparison.MeasuredChange(change=change, basis="signal", why=None)
 
 
 def _panels(version: Calibration) -> set[tuple[str, str]]:
@@ -149,10 +138,10 @@ class Side(Record):
 class MeasurementComparison(Record):
     """A comparison of two measurements."""
 
-    mean: Comparison
+    mean: comparison.Comparison
     common: tuple[str, ...]
     same_region: bool
-    cells: tuple[tuple[Comparison, ...], ...] | None
+    cells: tuple[tuple[comparison.Comparison, ...], ...] | None
     confusion_rel: float | None = None
 
     @property
@@ -170,7 +159,7 @@ def compare_measurements(
     """Compare the means of two measurements of the same quantity, and their cells one by one."""
     same_region = _outline(old) == _outline(new)
     if not (same_region or other_region):
-        raise Conflict(
+        raise database.Conflict(
             interface.REGIONS_DIFFER,
             f"{_format_region(old)}; {_format_region(new)}: the two outlines differ, so that a change may be "
             "one of the place and not of the light. Measure both with one roi or one grid. To compare them "
@@ -180,11 +169,11 @@ def compare_measurements(
     before, after = _budget(old), _budget(new)
     fell = after.value < before.value
     return MeasurementComparison(
-        mean=compare_measured(before, after, common=common),
+        mean=comparison.compare_measured(before, after, common=common),
         common=tuple(sorted(common)),
         same_region=same_region,
         cells=_compare_cells(old, new, before, after, common),
-        confusion_rel=_find_confusion(old, new, fell=fell) if SPECTRUM not in common else None,
+        confusion_rel=_find_confusion(old, new, fell=fell) if mismatch.SOURCE not in common else None,
     )
 
 
@@ -212,11 +201,11 @@ def _find_common_conditions(old: Side, new: Side, *, same_light: bool) -> set[st
     before, after = (side.measurement.parameters.get("conditions", {}) for side in (old, new))
     light = before.get("light_source")
     same = same_light or (light is not None and light == after.get("light_source"))
-    common = {SPECTRUM} if same else set()
+    common = {mismatch.SOURCE} if same else set()
     # of one scene under the same lamps a lens scatters the same share of the frame's mean
-    common |= {STRAY} if same_light and _outline(old) == _outline(new) else set()
+    common |= {comparison.STRAY} if same_light and _outline(old) == _outline(new) else set()
     # an unknown distance of the calibration is the larger part, and the same in both
-    return common | ({FOCUS} if before.get("distance_m") == after.get("distance_m") else set())
+    return common | ({comparison.FOCUS} if before.get("distance_m") == after.get("distance_m") else set())
 
 
 def _find_confusion(old: Side, new: Side, *, fell: bool) -> float | None:
@@ -225,10 +214,10 @@ def _find_confusion(old: Side, new: Side, *, fell: bool) -> float | None:
         return None
     assumed = [
         "conditions" not in side.measurement.parameters
-        or any(raised["flag"] == SPECTRAL_MISMATCH_UNKNOWN for raised in side.result["flags"])
+        or any(raised["flag"] == mismatch.SPECTRAL_MISMATCH_UNKNOWN for raised in side.result["flags"])
         for side in (old, new)
     ]
-    confusion = find_confusion(old.result["channel"])
+    confusion = mismatch.find_confusion(old.result["channel"])
     return abs(math.expm1(-confusion if fell else confusion)) if any(assumed) else None
 
 
@@ -240,12 +229,12 @@ def find_common(old: Side, new: Side) -> set[str]:
         return {"K"} if same_version and k[0] is not None and k[0] == k[1] else set()
     if old.frame.exposure is None or new.frame.exposure is None:
         return set()
-    before, after = decode_exposure(old.frame.exposure), decode_exposure(new.frame.exposure)
+    before, after = codec.decode_exposure(old.frame.exposure), codec.decode_exposure(new.frame.exposure)
     common = _common_settings(before, after) if _same_camera(old, new) else set()
     if same_version and before.iso == after.iso:
         common |= {"meter calibration", "dark signal"}
         # more parameters than one have a correlation that the budget does not keep
-        models = {each.model for each in read_applied(old.calibration) if each.iso == before.iso}
+        models = {each.model for each in codec.read_applied(old.calibration) if each.iso == before.iso}
         common |= {"fit of K"} if models == {"proportional"} else set()
     elif same_version or compare_meters(old.calibration, new.calibration)[0] == "common":
         common |= {"meter calibration"}
@@ -261,7 +250,7 @@ def _same_camera(old: Side, new: Side) -> bool:
     return old.calibration.camera_id == new.calibration.camera_id
 
 
-def _budget(side: Side) -> Budgeted:
+def _budget(side: Side) -> comparison.Budgeted:
     mean = side.mean
     uncertainties: dict[str, float] = {}
     for share in side.result.get("budget", []):
@@ -269,17 +258,17 @@ def _budget(side: Side) -> Budgeted:
         uncertainties[share["source"]] = u
     if _is_lit(side) and "conditions" not in side.measurement.parameters:
         # made before spectra could be stated: its budget has no line of it
-        uncertainties[SPECTRUM] = DEFAULT_U_REL * abs(mean["value"])
+        uncertainties[mismatch.SOURCE] = mismatch.DEFAULT_U_REL * abs(mean["value"])
     if not uncertainties:
         uncertainties["all"] = mean["standard_uncertainty"]
-    return Budgeted(
-        value=mean["value"], unit=mean["unit"], effects=sign_effects(mean["value"], uncertainties)
+    return comparison.Budgeted(
+        value=mean["value"], unit=mean["unit"], effects=comparison.sign_effects(mean["value"], uncertainties)
     )
 
 
 def _compare_cells(
-    old: Side, new: Side, before: Budgeted, after: Budgeted, common: set[str]
-) -> tuple[tuple[Comparison, ...], ...] | None:
+    old: Side, new: Side, before: comparison.Budgeted, after: comparison.Budgeted, common: set[str]
+) -> tuple[tuple[comparison.Comparison, ...], ...] | None:
     if old.cells is None or new.cells is None:
         return None
     shapes = [(len(cells), len(cells[0])) for cells in (old.cells, new.cells)]
@@ -288,10 +277,11 @@ def _compare_cells(
     columns = shapes[0][1]
     pairs = zip(chain.from_iterable(old.cells), chain.from_iterable(new.cells), strict=True)
     flat = [
-        compare_measured(_cell(before, was), _cell(after, becomes), common=common) for was, becomes in pairs
+        comparison.compare_measured(_cell(before, was), _cell(after, becomes), common=common)
+        for was, becomes in pairs
     ]
     return tuple(tuple(flat[at : at + columns]) for at in range(0, len(flat), columns))
 
 
-def _cell(mean: Budgeted, cell: dict[str, Any]) -> Budgeted:
-    return scale_effects(mean, cell["value"], cell["standard_uncertainty"])
+def _cell(mean: comparison.Budgeted, cell: dict[str, Any]) -> comparison.Budgeted:
+    return comparison.scale_effects(mean, cell["value"], cell["standard_uncertainty"])

@@ -17,15 +17,8 @@ from radiometry.specification.application import Correction, SurfaceApplication
 from store.codec import decode, encode, read_applied
 from store.database import Conflict
 from store.publications import InForce, in_force, overlaps
+from store.queries import frame_times
 from store.queries.evidence import Evidence
-from store.queries.frame_times import (
-    FrameTime,
-    advise_zone,
-    find_time,
-    read_frame_time,
-    read_zones,
-    refuse_timeless,
-)
 from store.ready.rows import write_instant
 from store.tables import Calibration, Campaign, FrameRow, Publication, Revocation, Roi
 from store.tables.base import utc_now
@@ -55,7 +48,7 @@ def choose_version(
 
 
 def _find_own(
-    session: Session, frame: FrameRow, campaign: Campaign, taken: FrameTime | None
+    session: Session, frame: FrameRow, campaign: Campaign, taken: frame_times.FrameTime | None
 ) -> InForce | None:
     """Find the version of the frame's own campaign that is in force at a time that may be the frame's."""
     held: ColumnElement[bool] = Publication.known_to.is_(None)
@@ -76,7 +69,7 @@ def _find_own(
 
 
 def _find_in_force(session: Session, frame: FrameRow, campaign: Campaign) -> tuple[InForce, str]:
-    taken = read_frame_time(frame, read_zones(session, campaign))
+    taken = frame_times.read_frame_time(frame, frame_times.read_zones(session, campaign))
     own = _find_own(session, frame, campaign, taken)
     if own is not None:
         when = f"the frame was taken at {taken.describe()}" if taken else "the frame states no usable time"
@@ -86,7 +79,7 @@ def _find_in_force(session: Session, frame: FrameRow, campaign: Campaign) -> tup
         )
     if taken is None:
         stated = (frame.header or {}).get("taken_at")
-        raise refuse_timeless(frame.filename, stated, wanted="calibration")
+        raise frame_times.refuse_timeless(frame.filename, stated, wanted="calibration")
     found = [
         held
         for held in in_force(
@@ -104,13 +97,15 @@ def _find_in_force(session: Session, frame: FrameRow, campaign: Campaign) -> tup
             interface.NO_CALIBRATION_IN_FORCE,
             f"Frame {frame.filename} was taken at {taken.describe()}, and "
             f"{_explain_none(campaign.method, taken, found, whole)}. Publish a version for that time"
-            f"{advise_zone([taken]) if found else ''}, or name one with calibration_id.",
+            f"{frame_times.advise_zone([taken]) if found else ''}, or name one with calibration_id.",
         )
     (held,) = whole
     return held, f"{held.sentence()}, the frame was taken at {taken.describe()}: {held.publication.reason}"
 
 
-def _explain_none(method: str, taken: FrameTime, found: list[InForce], whole: list[InForce]) -> str:
+def _explain_none(
+    method: str, taken: frame_times.FrameTime, found: list[InForce], whole: list[InForce]
+) -> str:
     if whole:
         return "several, for different lenses, are in force"
     if not found:
@@ -289,11 +284,11 @@ def _list_lights(session: Session, evidence: Evidence, params: Any) -> Iterator[
 def _find_corrector_in_force(
     session: Session, campaign: Campaign, corrector: str, lights: list[_Light]
 ) -> Calibration:
-    zones, times = read_zones(session, campaign), []
+    zones, times = frame_times.read_zones(session, campaign), []
     for light in lights:
-        taken = find_time(light.header.taken_at, zones)
+        taken = frame_times.find_time(light.header.taken_at, zones)
         if taken is None:
-            raise refuse_timeless(light.row.frame, light.header.taken_at, wanted=corrector)
+            raise frame_times.refuse_timeless(light.row.frame, light.header.taken_at, wanted=corrector)
         times.append(taken)
     earliest = min((taken.earliest for taken in times), default=utc_now())
     latest = max((taken.latest for taken in times), default=earliest)
@@ -307,7 +302,7 @@ def _find_corrector_in_force(
         raise Conflict(
             interface.NO_CALIBRATION_IN_FORCE,
             f"Of this camera's {corrector} {reason} in force for all times at which the light frames may "
-            f"have been taken. Publish a version for that time{advise_zone(times)}, or name one with "
-            f"{corrector}_id.",
+            f"have been taken. Publish a version for that time{frame_times.advise_zone(times)}, or name "
+            f"one with {corrector}_id.",
         )
     return held[0]

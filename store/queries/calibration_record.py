@@ -15,17 +15,9 @@ from radiometry.methods import get_method
 from radiometry.records import Record
 from radiometry.specification.application import FoundBy
 from store.codec import decode, drop_absent, encode
-from store.queries.calibrations import (
-    Act,
-    VersionStatus,
-    coefficients_of,
-    list_flight,
-    list_publishings,
-    read_version_statuses,
-)
+from store.queries import calibrations, organisations
 from store.queries.checklist import ChecklistItem, RecordState, read_checklist, read_signature
 from store.queries.frames import statistics_of
-from store.queries.organisations import UNNAMED, Person, name_people
 from store.tables import (
     ApiKey,
     Blob,
@@ -80,9 +72,9 @@ class CalibrationRecord(Record):
     camera: Camera
     campaign: Campaign
     organisation: Organisation
-    status: VersionStatus
+    status: calibrations.VersionStatus
     revocation: Revocation | None
-    acts: list[Act]
+    acts: list[calibrations.Act]
     coefficients: list[CoefficientRow]
     readings: list[Reading | None]
     meters: dict[str, MeterAsUsed]
@@ -91,7 +83,7 @@ class CalibrationRecord(Record):
     signature: ChecklistSignature | None
     flight: list[datetime]
     names: dict[str, str]
-    fitted_by: Person | None
+    fitted_by: organisations.Person | None
 
 
 def read_calibration_record(
@@ -105,25 +97,25 @@ def read_calibration_record(
         camera=session.get_one(Camera, calibration.camera_id),
         campaign=campaign,
         organisation=session.get_one(Organisation, calibration.organisation_id),
-        status=read_version_statuses(session, [calibration.id])[calibration.id],
+        status=calibrations.read_version_statuses(session, [calibration.id])[calibration.id],
         revocation=session.get(Revocation, calibration.id),
         acts=_acts(session, calibration),
-        coefficients=coefficients_of(session, [calibration.id])[calibration.id],
+        coefficients=calibrations.coefficients_of(session, [calibration.id])[calibration.id],
         readings=readings,
         meters=_meters_used(session, readings, calibration),
         frames=_frames_used(session, calibration),
         checklist=read_checklist(session, campaign, state),
         signature=read_signature(session, campaign),
-        flight=list_flight(session, calibration),
-        names=name_people(session, calibration.organisation_id, unnamed=UNNAMED),
-        fitted_by=Person.behind(session.get(ApiKey, calibration.created_by)),
+        flight=calibrations.list_flight(session, calibration),
+        names=organisations.name_people(session, calibration.organisation_id, unnamed=organisations.UNNAMED),
+        fitted_by=organisations.Person.behind(session.get(ApiKey, calibration.created_by)),
     )
 
 
-def _acts(session: Session, calibration: Calibration) -> list[Act]:
+def _acts(session: Session, calibration: Calibration) -> list[calibrations.Act]:
     """The publishings of this version, oldest first."""
     slots = select(Publication.slot_id).where(Publication.calibration_id == calibration.id)
-    acts = list_publishings(session, slots)
+    acts = calibrations.list_publishings(session, slots)
     return [act for act in acts if act.publication.calibration_id == calibration.id]
 
 

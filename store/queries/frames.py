@@ -11,23 +11,19 @@ from typing import Any, Protocol
 from sqlalchemy import Select, Text, cast, select, true
 from sqlalchemy.orm import InstrumentedAttribute, Session
 
-from radiometry import methods
+from radiometry import methods, records
 from radiometry.findings import interface, shared
-from radiometry.frame import FrameHeader
+from radiometry.frame import FrameHeader, verdicts
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.proof import Proof
 from radiometry.frame.roi import Polygon
 from radiometry.frame.statistics import ChannelStatistics
-from radiometry.frame.verdicts import Keeping
-from radiometry.records import Record
 from radiometry.specification.roles import FIELD
-from store import jobs
+from store import codec, jobs, software
 from store.blobs import StoredBlob
 from store.blobs.proof import digest_piece
-from store.codec import decode, read_text
 from store.database import Conflict, read_plainly
 from store.files import keep_blobs
-from store.software import EXTRACTOR
 from store.tables import Campaign, ChannelRow, Extraction, FrameRow, Roi
 from store.tables.base import Json, new_id
 
@@ -77,7 +73,7 @@ class Sized(Protocol):
     def size_px(self) -> tuple[int, int] | None: ...
 
 
-class NewFrame(Record):
+class NewFrame(records.Record):
     """A frame as it was uploaded: what the field team says of it."""
 
     blob: StoredBlob
@@ -168,10 +164,10 @@ def is_told(campaign: Campaign) -> bool:
 
 def name_extractor(method: str, target: Json | None) -> str:
     if methods.get_method(method).features is None:
-        return EXTRACTOR
+        return software.EXTRACTOR
     text = json.dumps(target, sort_keys=True) if target else ""
     told = f"+{hashlib.sha256(text.encode()).hexdigest()[:16]}" if text else ""
-    return f"{EXTRACTOR}+{method}{told}"
+    return f"{software.EXTRACTOR}+{method}{told}"
 
 
 def current_roi(session: Session, frame: FrameRow, campaign: Campaign) -> Roi | None:
@@ -276,12 +272,12 @@ def extractions_of(session: Session, frame_ids: list[str]) -> dict[str, list[Ext
 
 
 # the exposures of a campaign are few, however many its frames are
-_read_exposure = lru_cache(4096)(lambda text: read_text(Exposure, text))
+_read_exposure = lru_cache(4096)(lambda text: codec.read_text(Exposure, text))
 _read_list = lru_cache(4096)(lambda text: tuple(json.loads(text)))
 
 
 @dataclass(frozen=True)
-class FrameColumns(Keeping):
+class FrameColumns(verdicts.Keeping):
     """Columns of a frame's row that a verdict or a fit needs."""
 
     warnings: tuple[str, ...]
@@ -305,8 +301,8 @@ class FrameColumns(Keeping):
             tuple(row.warnings),
             row.left_out,
             row.found or {},
-            decode(FrameHeader, row.header) if row.header else None,
-            decode(Exposure, row.exposure) if row.exposure else None,
+            codec.decode(FrameHeader, row.header) if row.header else None,
+            codec.decode(Exposure, row.exposure) if row.exposure else None,
             json.dumps(row.proof),
             *(getattr(row, column.key) for column in _PLAIN),
         )
@@ -317,7 +313,7 @@ class FrameColumns(Keeping):
 
     def describe_doubt(self) -> str:
         """Return what is doubtful in the pixels of a frame of which a part is empty."""
-        proof: Proof = read_text(Proof, self.proof)
+        proof: Proof = codec.read_text(Proof, self.proof)
         assert self.header is not None  # noqa: S101  its pixels were read
         return proof.describe_doubt(self.header)
 
@@ -371,9 +367,9 @@ def _decode(row: Sequence[Any]) -> FrameColumns:
     warnings = _read_list(text)
     return FrameColumns(
         warnings,
-        read_text(dict[str, str], left_out),
-        read_text(dict[str, Any], found) or {},
-        read_text(FrameHeader, header),
+        codec.read_text(dict[str, str], left_out),
+        codec.read_text(dict[str, Any], found) or {},
+        codec.read_text(FrameHeader, header),
         _read_exposure(exposure),
         # only of a doubtful frame anybody asks why
         proof if shared.IMAGE_PART_EMPTY in warnings else None,
@@ -426,7 +422,7 @@ def read_extractions(
         for extraction_id, roi_id, text in read_plainly(session, some.with_only_columns(*columns)):
             kept[extraction_id] = ExtractionColumns(
                 roi_id=roi_id,
-                features=read_text(features, text) if features else None,
+                features=codec.read_text(features, text) if features else None,
                 statistics=tuple(statistics[extraction_id]),
             )
     return {frame_id: kept[each] for each, frame_id, roi_id in found if regions.get(frame_id) == roi_id}

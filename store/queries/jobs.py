@@ -8,9 +8,7 @@ from sqlalchemy.orm import InstrumentedAttribute, Session, aliased
 
 from radiometry.records import Record
 from store.files import count_damaged, find_proof_age_s
-from store.jobs import GIVEN_UP, PREVIEW_LANE
-from store.jobs.processes import Part, list_parts
-from store.jobs.queues import IS_QUEUED, LANES
+from store.jobs import GIVEN_UP, PREVIEW_LANE, processes, queues
 from store.tables import Calibration, FrameRow, Job, Measurement, Publication, Usage
 from store.tables.base import utc_now
 
@@ -123,11 +121,11 @@ def oldest_wait_s(session: Session, organisation_id: str | None = None) -> float
     now = utc_now()
     first = select(Job.due_at).where(Job.due_at <= now).order_by(Job.due_at).limit(1)
     if organisation_id is None:
-        found = [session.scalar(first.where(IS_QUEUED))]
+        found = [session.scalar(first.where(queues.IS_QUEUED))]
     else:
         # lane by lane: each is a look into the index of what is sent next, however many jobs wait
         theirs = (Job.state == "queued") & (Job.organisation_id == organisation_id)
-        found = [session.scalar(first.where(theirs, Job.lane == lane)) for lane in LANES]
+        found = [session.scalar(first.where(theirs, Job.lane == lane)) for lane in queues.LANES]
     return max(((now - due_at).total_seconds() for due_at in found if due_at), default=0.0)
 
 
@@ -146,7 +144,7 @@ class QueueCounts(Record):
     """Jobs that failed or were quarantined, by the code of their error."""
     waiting_for: dict[str, int]
     """Queued jobs whose last attempt found something away, by what that was."""
-    parts: list[Part]
+    parts: list[processes.Part]
 
     def count_parts(self, kind: str, state: str) -> int:
         return sum((part.kind, part.state) == (kind, state) for part in self.parts)
@@ -162,7 +160,7 @@ class QueueCounts(Record):
         said = (part.details.get("decoder_sandbox") for part in self._working())
         return Counter(sandbox["level"] for sandbox in said if sandbox)
 
-    def _working(self) -> list[Part]:
+    def _working(self) -> list[processes.Part]:
         return [part for part in self.parts if part.state == "working"]
 
 
@@ -185,7 +183,7 @@ class Totals(Record):
 
 def count_queue(session: Session) -> QueueCounts:
     # apart from the other states: queued jobs have indexes of their own, the narrowest of which is read
-    queued = select(func.count()).select_from(Job).where(IS_QUEUED)
+    queued = select(func.count()).select_from(Job).where(queues.IS_QUEUED)
     due_later = queued.where(Job.due_at > utc_now()).scalar_subquery()
     waiting, later = session.execute(select(queued.scalar_subquery(), due_later)).one()
     return QueueCounts(
@@ -195,8 +193,8 @@ def count_queue(session: Session) -> QueueCounts:
         oldest_queued_s=oldest_wait_s(session),
         due_later=later,
         failures=_count_by(session, Job.error["code"].as_string(), Job.state.in_(GIVEN_UP)),
-        waiting_for=_count_by(session, Job.waits_for, IS_QUEUED, Job.waits_for.is_not(None)),
-        parts=list_parts(session),
+        waiting_for=_count_by(session, Job.waits_for, queues.IS_QUEUED, Job.waits_for.is_not(None)),
+        parts=processes.list_parts(session),
     )
 
 

@@ -19,8 +19,7 @@ def test_frames_of_an_earlier_extractor_are_read_again_once(house, monkeypatch):
     house.work()
     renewal = Renewal(house.database)
     assert renewal.do_round() > 3600
-    for user in ("store.queries.frames", "worker.background"):
-        monkeypatch.setattr(f"{user}.EXTRACTOR", "extract-later")
+    monkeypatch.setattr("store.software.EXTRACTOR", "extract-later")
     # kept reviews are of other code too, after an upgrade
     monkeypatch.setattr("store.reviews.hash_code", lambda: "later")
     (said,) = house.get(path)["missing"]
@@ -48,7 +47,7 @@ def test_a_fit_has_frames_read_again_that_nobody_has_queued(house, monkeypatch):
     house.http.put(f"{path}/roi", json=ROI)
     house.upload(campaign, house.frame_bytes(seed=1), role="dark")
     house.work()
-    monkeypatch.setattr("store.queries.frames.EXTRACTOR", "extract-later")
+    monkeypatch.setattr("store.software.EXTRACTOR", "extract-later")
     for _ in range(2):
         refused = house.http.post(f"{path}/calibrations", json={})
         assert refused.json()["missing"][0].startswith("1 of 1 frames are read again")

@@ -12,13 +12,11 @@ import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError
 
 from radiometry.findings import InputRejected
-from radiometry.frame import Frame, FrameHeader
-from radiometry.frame.multispectral import CAMERAS
+from radiometry.frame import Frame, FrameHeader, multispectral
 from radiometry.frame.proof import Proof
 from radiometry.methods.findings import FINDINGS
 from radiometry.records import Record
-from worker.decode import limits
-from worker.decode.messages import BrokenMessageError
+from worker.decode import limits, messages
 
 _T = TypeVar("_T")
 _Place = Annotated[int, Field(strict=True)]
@@ -48,10 +46,10 @@ _MAX_MESSAGE: Final = 1000
 def check_refusal(answer: dict[str, Any]) -> InputRejected:
     refused = answer["refused"]
     if not isinstance(refused, dict) or not isinstance(refused.get("message"), str):
-        raise BrokenMessageError("a refusal without a reason")
+        raise messages.BrokenMessageError("a refusal without a reason")
     found = FINDINGS.get(str(refused.get("code")))
     if found is None or found.severity != "error":
-        raise BrokenMessageError("a refusal with an unknown code")
+        raise messages.BrokenMessageError("a refusal with an unknown code")
     return InputRejected(found, refused["message"][:_MAX_MESSAGE])
 
 
@@ -68,11 +66,11 @@ def check_header(answer: dict[str, Any]) -> FrameHeader:
         and abs(header.latitude_deg or 0.0) <= 90
         and abs(header.longitude_deg or 0.0) <= 180
         and all(math.isfinite(level) for level in (*header.black_level_dn, *header.white_level_dn))
-        and (header.multispectral is None or header.multispectral.system in CAMERAS)
+        and (header.multispectral is None or header.multispectral.system in multispectral.CAMERAS)
         and all(len(text) <= limits.MAX_TEXT and text.isprintable() for text in texts)
     )
     if not plausible:
-        raise BrokenMessageError("a header that cannot be")
+        raise messages.BrokenMessageError("a header that cannot be")
     return header
 
 
@@ -91,16 +89,16 @@ def check_frame(answer: dict[str, Any], body: memoryview, window: tuple[int, int
     sites, (row0, col0, height, width) = _SITES.get(told.cfa), window
     shape = (height, width, 3) if told.cfa == "rgb" else (height, width)
     if len(body) != 2 * math.prod(shape) or (told.row0, told.col0) != (row0, col0):
-        raise BrokenMessageError("a frame of another size than was asked for")
+        raise messages.BrokenMessageError("a frame of another size than was asked for")
     if not len(told.black_level_dn) == len(told.white_level_dn) == sites:
-        raise BrokenMessageError("levels for other sites")
+        raise messages.BrokenMessageError("levels for other sites")
     return Frame(samples_dn=np.frombuffer(body, np.uint16).reshape(shape), **vars(told))
 
 
 def check_preview(body: memoryview) -> bytes:
     preview = bytes(body)
     if not preview.startswith(b"\x89PNG\r\n\x1a\n"):
-        raise BrokenMessageError("a preview that is no PNG")
+        raise messages.BrokenMessageError("a preview that is no PNG")
     return preview
 
 
@@ -108,7 +106,7 @@ def check_proof(answer: dict[str, Any]) -> Proof:
     proof = _validate(_PROOF, answer, "proof")
     shares = (*proof.wholeness.zero_share, *proof.wholeness.below_share)
     if not (all(0.0 <= share <= 1.0 for share in shares) and 0 <= proof.highest_dn < 1 << 16):
-        raise BrokenMessageError("a proof that cannot be")
+        raise messages.BrokenMessageError("a proof that cannot be")
     return proof
 
 
@@ -116,4 +114,4 @@ def _validate(form: TypeAdapter[_T], answer: dict[str, Any], name: str) -> _T:
     try:
         return form.validate_python(answer.get(name))
     except ValidationError as error:
-        raise BrokenMessageError(f"a {name} that is none") from error
+        raise messages.BrokenMessageError(f"a {name} that is none") from error

@@ -13,11 +13,9 @@ from numpy.typing import NDArray
 
 from radiometry.findings import files
 from radiometry.frame import FrameHeader
-from worker.decode import limits
-from worker.decode.layout import BAYER, Area
+from worker.decode import layout, limits, tiff
 from worker.decode.limits import Allow
 from worker.decode.metadata import Metadata
-from worker.decode.tiff import Source
 
 # Before 0.28.0 rawpy carried a LibRaw with known heap overflows in DNG decoding.
 _OLDEST_RAWPY = (0, 28)
@@ -44,7 +42,7 @@ class LibRawFile:
     ``area`` : what will be read of it; LibRaw's visible area where nothing else is said
     """
 
-    def __init__(self, source: Source, allow: Allow, area: Area | None = None) -> None:
+    def __init__(self, source: tiff.Source, allow: Allow, area: layout.Area | None = None) -> None:
         content = source[:]
         self._raw: Any = _open(content)
         sizes = self._raw.sizes
@@ -56,17 +54,17 @@ class LibRawFile:
         self.mosaic = self._decode(content, area or self.visible)
 
     @property
-    def visible(self) -> Area:
+    def visible(self) -> layout.Area:
         """As LibRaw sees it: it moves odd margins to even ones."""
         sizes = self._raw.sizes
-        return Area(
+        return layout.Area(
             sizes.top_margin,
             sizes.left_margin,
             sizes.top_margin + sizes.height,
             sizes.left_margin + sizes.width,
         )
 
-    def _decode(self, content: bytes, area: Area) -> NDArray[np.uint16]:
+    def _decode(self, content: bytes, area: layout.Area) -> NDArray[np.uint16]:
         mosaic = _unpack(self._raw, _FILLS[0])
         if mosaic.shape[0] < area.bottom or mosaic.shape[1] < area.right:
             raise files.UNSUPPORTED_LAYOUT.refuse("The file holds no single mosaic of samples.")
@@ -113,7 +111,7 @@ class LibRawFile:
             return "grey"
         letters = self._raw.color_desc.decode("ascii", "replace")
         cfa = "".join(letters[index] for index in np.asarray(pattern).ravel() if index < len(letters))
-        if cfa not in BAYER:
+        if cfa not in layout.BAYER:
             raise files.UNSUPPORTED_LAYOUT.refuse(f"The sensor's colour pattern {cfa} is no Bayer pattern.")
         return cfa
 

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.findings import files
-from radiometry.frame import FrameHeader
-from radiometry.frame.proof import PieceRun, Voucher
-from worker.decode import ljpeg, tags
+from radiometry.frame import FrameHeader, proof
+from worker.decode import limits, ljpeg, metadata, segments, tags, tiff
 from worker.decode.dialects import read_multispectral
 from worker.decode.layout import (
     Area,
@@ -27,10 +26,6 @@ from worker.decode.layout import (
     read_white_levels,
 )
 from worker.decode.libraw import LibRawFile
-from worker.decode.limits import Allow
-from worker.decode.metadata import read_metadata
-from worker.decode.segments import COMPRESSIONS, VOUCHERS, read_samples
-from worker.decode.tiff import Directory, Source
 
 _TILE_PX: Final = 256
 _DIGEST_BYTES: Final = 16
@@ -49,7 +44,7 @@ class StatedDigest:
     bytewise: bool
 
 
-def read_digest(raw: Directory, main: Directory, *, bits: int) -> StatedDigest | None:
+def read_digest(raw: tiff.Directory, main: tiff.Directory, *, bits: int) -> StatedDigest | None:
     """Return the digest that the file states; the newer one where it has both."""
     for tag, tiled in ((tags.NEW_RAW_IMAGE_DIGEST, True), (tags.RAW_IMAGE_DIGEST, False)):
         for directory in (main, raw):
@@ -116,22 +111,22 @@ class ImageDescription:
     digest: StatedDigest | None
 
 
-def describe_dng(raw: Directory, main: Directory, file_size: int) -> ImageDescription:
+def describe_dng(raw: tiff.Directory, main: tiff.Directory, file_size: int) -> ImageDescription:
     _refuse_lossy(raw)
     _refuse_hidden_mosaic(raw)
     layout = read_layout(raw, file_size)
     if layout.samples != 1:
         raise files.UNSUPPORTED_LAYOUT.refuse(f"The raw image has {layout.samples} samples per pixel.")
-    if layout.compression not in COMPRESSIONS:
+    if layout.compression not in segments.COMPRESSIONS:
         raise files.UNSUPPORTED_COMPRESSION.refuse(
             f"The raw image is compressed by method {layout.compression}."
         )
     return _describe(raw, main, layout, cfa=read_cfa(raw), container="dng")
 
 
-def describe_tiff(image: Directory, file_size: int) -> ImageDescription:
+def describe_tiff(image: tiff.Directory, file_size: int) -> ImageDescription:
     _refuse_hidden_mosaic(image)
-    if image.integer(tags.COMPRESSION, tags.UNCOMPRESSED) not in set(COMPRESSIONS) - {tags.JPEG}:
+    if image.integer(tags.COMPRESSION, tags.UNCOMPRESSED) not in set(segments.COMPRESSIONS) - {tags.JPEG}:
         raise files.UNSUPPORTED_COMPRESSION.refuse("The TIFF's compression is not read.")
     layout = read_layout(image, file_size)
     rgb = image.integer(tags.PHOTOMETRIC, -1) == tags.PHOTOMETRIC_RGB
@@ -143,7 +138,7 @@ def describe_tiff(image: Directory, file_size: int) -> ImageDescription:
 
 
 def _describe(
-    image: Directory, main: Directory, layout: Layout, *, cfa: str, container: str
+    image: tiff.Directory, main: tiff.Directory, layout: Layout, *, cfa: str, container: str
 ) -> ImageDescription:
     if layout.predictor not in (1, 2) or (
         layout.predictor == 2 and layout.samples * layout.bits not in (8, 16, 24, 48)
@@ -164,13 +159,13 @@ def _describe(
         white, white_origin = (band.full_scale_dn,), "camera"
     if band is not None and band.black_dn is not None and black.origin == "default":
         black = replace(black, pattern=np.full((1, 1, 1), band.black_dn), origin="camera")
-    stated = vars(read_metadata(main))
+    stated = vars(metadata.read_metadata(main))
     header = FrameHeader(
         container=container,
         decoder="stilb",
         # Multispectral cameras write raw samples as TIFF; their XMP or a black level tells them from others.
         rendered=not dng and band is None and tags.BLACK_LEVEL not in image,
-        compression=COMPRESSIONS[layout.compression],
+        compression=segments.COMPRESSIONS[layout.compression],
         bits_per_sample=layout.bits,
         width_px=visible.width,
         height_px=visible.height,
@@ -189,7 +184,7 @@ def _describe(
     return ImageDescription(header, layout, visible, black, table, digest)
 
 
-def _refuse_lossy(raw: Directory) -> None:
+def _refuse_lossy(raw: tiff.Directory) -> None:
     compression = raw.integer(tags.COMPRESSION, tags.UNCOMPRESSED)
     linear = raw.integer(tags.PHOTOMETRIC, -1) == tags.PHOTOMETRIC_LINEAR_RAW
     # with one sample a pixel it is the image of a monochrome sensor
@@ -201,7 +196,7 @@ def _refuse_lossy(raw: Directory) -> None:
         raise files.UNSUPPORTED_COMPRESSION.refuse("The DNG is compressed with JPEG XL.")
 
 
-def _refuse_hidden_mosaic(image: Directory) -> None:
+def _refuse_hidden_mosaic(image: tiff.Directory) -> None:
     """Refuse a mosaic whose directory was changed to that of a grey image: its colours would be mixed."""
     if tags.CFA_PATTERN in image and image.integer(tags.PHOTOMETRIC, -1) != tags.PHOTOMETRIC_CFA:
         raise files.UNSUPPORTED_LAYOUT.refuse(
@@ -213,7 +208,7 @@ def _refuse_hidden_mosaic(image: Directory) -> None:
 class NativeFile:
     """An opened DNG or TIFF."""
 
-    def __init__(self, source: Source, description: ImageDescription, allow: Allow) -> None:
+    def __init__(self, source: tiff.Source, description: ImageDescription, allow: limits.Allow) -> None:
         self._source = source
         self._allow = allow
         self._image = description
@@ -232,7 +227,7 @@ class NativeFile:
         if self._libraw is not None:
             return self._libraw.mosaic[top : top + height, left : left + width]
         try:
-            samples = read_samples(self._source, image.layout, top, left, height, width)
+            samples = segments.read_samples(self._source, image.layout, top, left, height, width)
         except ljpeg.NotDecodedHereError:
             self._hand_to_libraw()
             return self.read(row0, col0, height, width)
@@ -280,7 +275,7 @@ class NativeFile:
                 "The file's own digest of its raw image is not that of its pixels."
             )
 
-    def vouch(self) -> tuple[Voucher, tuple[PieceRun, ...]]:
+    def vouch(self) -> tuple[proof.Voucher, tuple[proof.PieceRun, ...]]:
         """Return what proves the samples whole, after all bands have been read."""
         layout = self._image.layout
         if self._libraw is not None:
@@ -288,7 +283,7 @@ class NativeFile:
         stored = layout.byte_counts.tolist()
         took = [self._consumed.get(index, stored[index]) for index in range(len(stored))]
         across = layout.segment_cols * layout.samples
-        runs: list[PieceRun] = []
+        runs: list[proof.PieceRun] = []
         for (one, used, samples), group in itertools.groupby(
             zip(
                 stored,
@@ -298,13 +293,13 @@ class NativeFile:
             )
         ):
             count = sum(1 for _ in group)
-            runs.append(PieceRun(pieces=count, stored_bytes=one, consumed_bytes=used, samples=samples))
+            runs.append(proof.PieceRun(pieces=count, stored_bytes=one, consumed_bytes=used, samples=samples))
             if len(runs) == _MOST_RUNS:
                 break
-        return ("digest" if self._image.digest else VOUCHERS[layout.compression]), tuple(runs)
+        return ("digest" if self._image.digest else segments.VOUCHERS[layout.compression]), tuple(runs)
 
     def _read_band(self, area: Area, top: int, bottom: int) -> NDArray[np.uint16]:
-        return read_samples(
+        return segments.read_samples(
             self._source, self._image.layout, top, area.left, bottom - top, area.width, self._consumed
         )
 

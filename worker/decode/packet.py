@@ -6,9 +6,7 @@ from typing import Any, Final
 
 from radiometry.findings import InputRejected
 from radiometry.frame.multispectral import RigGeometry, VignettingPolynomial, classify_band, name_band
-from worker.decode import tags
-from worker.decode.metadata import Xmp, read_xmp
-from worker.decode.tiff import Directory
+from worker.decode import metadata, tags, tiff
 
 _CONTAINER_BITS: Final = 16
 _HIGHEST_POWER: Final = 8
@@ -22,8 +20,8 @@ _MM_PER_UNIT: Final = {2: 25.4, 3: 10.0, 4: 1.0}
 class Packet:
     """A file's directory and XMP, and what both say of the camera; "" for what is absent."""
 
-    main: Directory
-    xmp: Xmp
+    main: tiff.Directory
+    xmp: metadata.Xmp
     bits: int
     make: str
     model: str
@@ -31,9 +29,9 @@ class Packet:
     band_name: str
 
 
-def open_packet(main: Directory, *, bits: int) -> Packet | None:
+def open_packet(main: tiff.Directory, *, bits: int) -> Packet | None:
     """None for a file that names no band."""
-    xmp = Xmp(read_xmp(main))
+    xmp = metadata.Xmp(metadata.read_xmp(main))
     band_name = xmp.text("camera:BandName") or xmp.text("drone-dji:BandName")
     if band_name is None:
         return None
@@ -68,7 +66,7 @@ def first_problem(problems: Iterable[str]) -> str | None:
     return next(filter(None, problems), None)
 
 
-def read_polynomial(xmp: Xmp) -> tuple[VignettingPolynomial | None, str]:
+def read_polynomial(xmp: metadata.Xmp) -> tuple[VignettingPolynomial | None, str]:
     """The 2-D polynomial in x/W and y/H, or what is wrong with it."""
     powers, problem = xmp.require("camera:VignettingPolynomial2DName")
     coefficients, other = xmp.require("camera:VignettingPolynomial2D")
@@ -86,14 +84,14 @@ def read_polynomial(xmp: Xmp) -> tuple[VignettingPolynomial | None, str]:
     return VignettingPolynomial(exponents=pairs, coefficients=coefficients), ""
 
 
-def read_numbers(directory: Directory, tag: int) -> list[float]:
+def read_numbers(directory: tiff.Directory, tag: int) -> list[float]:
     try:
         return [number for number in directory.numbers(tag, at_most=64) if number is not None]
     except InputRejected:
         return []
 
 
-def read_text(directory: Directory, tag: int) -> str:
+def read_text(directory: tiff.Directory, tag: int) -> str:
     try:
         text = directory.raw(tag, at_most=256).split(b"\0")[0].decode("latin-1")
     except InputRejected:
@@ -127,7 +125,7 @@ def read_geometry(packet: Packet, *, reference: bool) -> RigGeometry | None:
     )
 
 
-def _pixels_per_mm(main: Directory) -> tuple[float, float] | None:
+def _pixels_per_mm(main: tiff.Directory) -> tuple[float, float] | None:
     try:
         exif = main.directory(tags.EXIF)
         if exif is None:

@@ -11,11 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected, files
-from radiometry.frame import FrameHeader
-from radiometry.frame.proof import PieceRun, Voucher
-from worker.decode import limits
-from worker.decode.metadata import Metadata, read_metadata
-from worker.decode.tiff import Directory, Source, is_tiff, read_directories
+from radiometry.frame import FrameHeader, proof
+from worker.decode import limits, metadata, tiff
 
 _JPEG_MAGIC: Final = b"\xff\xd8\xff"
 _END, _START_OF_SCAN, _EXIF = 0xD9, 0xDA, 0xE1
@@ -169,7 +166,7 @@ def _read_png_head(buffer: bytes) -> tuple[int, int, int, int]:
 
 # A picture is decoded as a whole: three times as many bytes, and twice that as the window that is sent.
 MAX_PICTURE_PX: Final = 100_000_000
-_NOTHING: Final = Directory(b"", "<", {})
+_NOTHING: Final = tiff.Directory(b"", "<", {})
 
 
 def is_picture(head: bytes) -> bool:
@@ -181,7 +178,7 @@ class PictureFile:
 
     band_rows = 1 << 16
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: tiff.Source) -> None:
         self._source = source
         content = source[:]
         self._jpeg = content[:3] == _JPEG_MAGIC
@@ -206,7 +203,7 @@ class PictureFile:
         """The picture's rows, which are decoded in one go."""
         yield 0, self._decode().astype(np.uint16)
 
-    def vouch(self) -> tuple[Voucher, tuple[PieceRun, ...]]:
+    def vouch(self) -> tuple[proof.Voucher, tuple[proof.PieceRun, ...]]:
         """Return what proves the samples whole: a PNG has checksums, a JPEG only an end."""
         return "end" if self._jpeg else "checksum", ()
 
@@ -256,10 +253,10 @@ def _describe(
     )
 
 
-def _read_exif(exif: bytes) -> Metadata:
+def _read_exif(exif: bytes) -> metadata.Metadata:
     """Read what the camera wrote beside the picture; damage there costs the metadata and not the picture."""
     try:
-        main = read_directories(exif)[0] if is_tiff(exif) else _NOTHING
+        main = tiff.read_directories(exif)[0] if tiff.is_tiff(exif) else _NOTHING
     except InputRejected:
         main = _NOTHING
-    return read_metadata(main)
+    return metadata.read_metadata(main)

@@ -13,14 +13,9 @@ from numpy.typing import NDArray
 from radiometry.findings import InputRejected, files, shared
 from radiometry.frame import Frame, FrameHeader, TableRow
 from radiometry.frame.proof import PieceRun, Proof, Voucher, WholenessCheck
-from worker.decode import tags
-from worker.decode.layout import read_layout
+from worker.decode import layout, limits, native, pictures, tags, tiff
 from worker.decode.libraw import LibRawFile
-from worker.decode.limits import Allow, allow_all
 from worker.decode.metadata import Metadata, read_metadata
-from worker.decode.native import NativeFile, describe_dng, describe_tiff
-from worker.decode.pictures import PictureFile, is_picture
-from worker.decode.tiff import Directory, Source, is_tiff, read_directories
 
 _GAMMA = 1 / 2.2
 _BRIGHT_PERCENTILE = 99.7
@@ -81,7 +76,7 @@ class TableFile:
     band_rows = 1
     lowest_dn = 0.0
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: tiff.Source) -> None:
         try:
             said = json.loads(bytes(source[:_MOST_BYTES]))
             stated = [*_STATED, *(name for name in _IF_KNOWN if said.get(name) is not None)]
@@ -159,10 +154,10 @@ class OtherRawFile:
         return self.header.black_level_dn
 
 
-OpenedFile = NativeFile | OtherRawFile | PictureFile | TableFile
+OpenedFile = native.NativeFile | OtherRawFile | pictures.PictureFile | TableFile
 
 
-def open_source(source: Source, allow: Allow) -> OpenedFile:
+def open_source(source: tiff.Source, allow: limits.Allow) -> OpenedFile:
     """``allow`` : is told of a frame's size before anything of that size is allocated."""
     opened = _open(source, allow)
     _check_levels(opened.header)
@@ -177,57 +172,57 @@ def _check_levels(header: FrameHeader) -> None:
             )
 
 
-def _open(source: Source, allow: Allow) -> OpenedFile:
+def _open(source: tiff.Source, allow: limits.Allow) -> OpenedFile:
     if not len(source):
         raise files.EMPTY_FILE.refuse("The file is empty.")
     head = source[:16]
-    if is_tiff(head):
+    if tiff.is_tiff(head):
         return _open_tiff(source, allow)
     if head.startswith(MAGIC):
         return TableFile(source)
-    if is_picture(head):
-        return _allowed(PictureFile(source), allow)
+    if pictures.is_picture(head):
+        return _allowed(pictures.PictureFile(source), allow)
     if head.startswith(_RAW_MAGIC) or head[4:12] == b"ftypcrx ":
         return OtherRawFile(LibRawFile(source, allow), None)
     known = next((name for magic, name in _KNOWN_OTHERS if head.startswith(magic)), "no raw image")
     raise files.NOT_A_RAW_FILE.refuse(f"The file is {known}, whatever its name says.")
 
 
-def _open_tiff(source: Source, allow: Allow) -> OpenedFile:
-    directories = read_directories(source)
+def _open_tiff(source: tiff.Source, allow: limits.Allow) -> OpenedFile:
+    directories = tiff.read_directories(source)
     main = directories[0]
     if tags.DNG_VERSION in main:
         raw = _find_raw(directories)
-        return _allowed(NativeFile(source, describe_dng(raw, main, len(source)), allow), allow)
+        return _allowed(native.NativeFile(source, native.describe_dng(raw, main, len(source)), allow), allow)
     is_cfa = any(_photometric(each) == tags.PHOTOMETRIC_CFA for each in directories)
     canon = source[8:10] == b"CR"
     if not is_cfa and not canon and _is_picture(main):
-        return _allowed(NativeFile(source, describe_tiff(main, len(source)), allow), allow)
+        return _allowed(native.NativeFile(source, native.describe_tiff(main, len(source)), allow), allow)
     _refuse_cut_mosaics(directories, len(source))
     return OtherRawFile(LibRawFile(source, allow), read_metadata(main))
 
 
-_Opened = TypeVar("_Opened", NativeFile, PictureFile)
+_Opened = TypeVar("_Opened", native.NativeFile, pictures.PictureFile)
 
 
-def _allowed(opened: _Opened, allow: Allow) -> _Opened:
+def _allowed(opened: _Opened, allow: limits.Allow) -> _Opened:
     """The file, of which only the header has been read yet."""
     header = opened.header
     allow(header.height_px * header.width_px * (3 if header.cfa == "rgb" else 1))
     return opened
 
 
-def _photometric(directory: Directory) -> int:
+def _photometric(directory: tiff.Directory) -> int:
     return directory.integer(tags.PHOTOMETRIC, -1)
 
 
-def _is_picture(directory: Directory) -> bool:
+def _is_picture(directory: tiff.Directory) -> bool:
     reduced = directory.integer(tags.NEW_SUBFILE_TYPE, 0) & 1
     known = _photometric(directory) in (tags.PHOTOMETRIC_GREY, tags.PHOTOMETRIC_RGB)
     return not reduced and known
 
 
-def _find_raw(directories: list[Directory]) -> Directory:
+def _find_raw(directories: list[tiff.Directory]) -> tiff.Directory:
     """The full-size image of a DNG: the mosaic, or what a converter left in its place."""
     full = [each for each in directories if not each.integer(tags.NEW_SUBFILE_TYPE, 0) & 1]
     for wanted in (tags.PHOTOMETRIC_CFA, tags.PHOTOMETRIC_LINEAR_RAW, tags.PHOTOMETRIC_GREY):
@@ -237,13 +232,13 @@ def _find_raw(directories: list[Directory]) -> Directory:
     raise files.NOT_A_RAW_FILE.refuse("The DNG holds previews but no raw image.")
 
 
-def _refuse_cut_mosaics(directories: list[Directory], file_size: int) -> None:
+def _refuse_cut_mosaics(directories: list[tiff.Directory], file_size: int) -> None:
     """LibRaw reads zeros for what is missing, so what the directories claim is checked before it is asked."""
     for directory in directories:
         if _photometric(directory) != tags.PHOTOMETRIC_CFA:
             continue
         try:
-            read_layout(directory, file_size)
+            layout.read_layout(directory, file_size)
         except InputRejected as refusal:
             # Other makers' layouts are LibRaw's business; only what is missing or too large is decided here.
             if refusal.code in (files.TRUNCATED, files.FRAME_TOO_LARGE):
@@ -292,7 +287,7 @@ class Window(NamedTuple):
 class Reader:
     """Reads one file, which is opened and parsed when it is first asked for."""
 
-    def __init__(self, source: Source, allow: Allow = allow_all) -> None:
+    def __init__(self, source: tiff.Source, allow: limits.Allow = limits.allow_all) -> None:
         self._source = source
         self._allow = allow
         self._opened: OpenedFile | None = None
@@ -301,7 +296,7 @@ class Reader:
     def of(cls, path: Path) -> Self:
         """Read a file in this process: for files that one trusts."""
         with path.open("rb") as file:
-            return cls(Source.map(file.fileno()))
+            return cls(tiff.Source.map(file.fileno()))
 
     def read_header(self) -> FrameHeader:
         return self._open().header

@@ -11,10 +11,8 @@ from numpy.typing import NDArray
 
 from radiometry.findings import files
 from radiometry.frame.proof import Voucher
-from worker.decode import ljpeg, tags
+from worker.decode import ljpeg, pieces, tags, tiff
 from worker.decode.layout import Layout
-from worker.decode.pieces import decode_all
-from worker.decode.tiff import Source
 
 
 def unpack_rows(packed: NDArray[np.uint8], *, bits: int, first: int, count: int) -> NDArray[np.uint16]:
@@ -124,7 +122,7 @@ VOUCHERS: Final[dict[int, Voucher]] = {
 
 
 def read_samples(
-    source: Source,
+    source: tiff.Source,
     layout: Layout,
     row0: int,
     col0: int,
@@ -148,7 +146,7 @@ def read_samples(
         if consumed is not None:
             consumed[part.segment] = took
 
-    decode_all(decode, parts)
+    pieces.decode_all(decode, parts)
     return out
 
 
@@ -176,14 +174,14 @@ def _cut_window(layout: Layout, row0: int, col0: int, height: int, width: int) -
             )
 
 
-def _read_stored(source: Source, layout: Layout, part: _Part) -> NDArray[np.uint16]:
+def _read_stored(source: tiff.Source, layout: Layout, part: _Part) -> NDArray[np.uint16]:
     index, _, rows, cols = part
     offset, count = int(layout.offsets[index]), rows.stop - rows.start
     stored = source.array(offset + rows.start * layout.row_bytes, count * layout.row_bytes)
     return _cut(stored, layout, count, slice(None), cols)
 
 
-def _read_compressed(source: Source, layout: Layout, part: _Part) -> tuple[NDArray[np.uint16], int]:
+def _read_compressed(source: tiff.Source, layout: Layout, part: _Part) -> tuple[NDArray[np.uint16], int]:
     index, _, rows, cols = part
     offset, size = int(layout.offsets[index]), int(layout.byte_counts[index])
     stored_rows = layout.rows_in(index // layout.across)

@@ -7,13 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from radiometry.frame import Frame
+from radiometry.frame import Frame, roi
 from radiometry.frame.place import Place
-from radiometry.frame.roi import Polygon, bounding_window
 from radiometry.specification.application import BandApplication
 from store.codec import decode, drop_absent, encode, read_applied
-from store.measuring.plan import list_others
-from store.measuring.record import Products
+from store.measuring import plan, record
 from worker.maps.making import Made, Subject, cut_strips, draw_map, make_map
 from worker.maps.packet import write_packet
 from worker.maps.picture import REFLECTANCE, Style
@@ -21,7 +19,7 @@ from worker.maps.tiff import Layer, MapFacts, Plane
 from worker.measuring.task import Task
 
 
-def measure_band(task: Task, application: BandApplication) -> tuple[dict[str, Any], Products | None]:
+def measure_band(task: Task, application: BandApplication) -> tuple[dict[str, Any], record.Products | None]:
     """Return the result as it is stored, and the map if one was asked for."""
     pixels = _read_region(task)
     if _is_radiance(task, application):
@@ -71,13 +69,13 @@ def _is_radiance(task: Task, application: BandApplication) -> bool:
     return bool(task.parameters.get("quantity", application.quantity) != application.quantity)
 
 
-def _region(task: Task) -> Polygon:
-    return Polygon.from_points(task.parameters["polygon"])
+def _region(task: Task) -> roi.Polygon:
+    return roi.Polygon.from_points(task.parameters["polygon"])
 
 
 def _read_region(task: Task) -> Frame:
     header = task.header
-    window = bounding_window(_region(task), height_px=header.height_px, width_px=header.width_px)
+    window = roi.bounding_window(_region(task), height_px=header.height_px, width_px=header.width_px)
     return task.decoders.read_window(task.file, (window.row0, window.col0, window.height, window.width))
 
 
@@ -92,7 +90,7 @@ def _find_factor(task: Task, application: BandApplication) -> float:
     return float(scale.factor)
 
 
-def _map_band(task: Task, application: BandApplication) -> tuple[Made, Products]:
+def _map_band(task: Task, application: BandApplication) -> tuple[Made, record.Products]:
     header, exposure, factor = task.header, task.exposure, _find_factor(task, application)
     radiance, band = _is_radiance(task, application), header.multispectral
     assert band is not None  # noqa: S101  the plan refused files without one
@@ -160,7 +158,7 @@ def draw_planes(
     *,
     packet: bytes,
     counts: bool = False,
-) -> tuple[Made, Products]:
+) -> tuple[Made, record.Products]:
     """Write planes on the pixels of the task's band as one file, and draw the first."""
     facts = MapFacts(
         header=task.header,
@@ -217,7 +215,7 @@ def open_capture(task: Task, application: BandApplication) -> Iterator[Capture]:
     """Read the bands that the plan names whole, and align them onto the task's own."""
     with ExitStack() as stack:
         tasks = {_name(task): task}
-        for named in list_others(task.parameters):
+        for named in plan.list_others(task.parameters):
             row, file = stack.enter_context(task.lend(named["frame_id"]))
             stack.enter_context(task.decoders.hold(file))
             other = replace(task, frame=row, file=file)
@@ -241,7 +239,7 @@ def _name(task: Task) -> str:
     return task.header.multispectral.band
 
 
-def measure_index(task: Task, application: BandApplication) -> tuple[dict[str, Any], Products | None]:
+def measure_index(task: Task, application: BandApplication) -> tuple[dict[str, Any], record.Products | None]:
     """Measure an index of the region, whose polygon each band has at its own place."""
     formula = application.read_formula(task.parameters["index"])
     coefficients = read_applied(task.calibration)
@@ -251,7 +249,7 @@ def measure_index(task: Task, application: BandApplication) -> tuple[dict[str, A
         displaced = {
             each.band: application.displace_region(
                 capture.planes[each.band],
-                Polygon.from_points(placed[0].parameters["polygon"]),
+                roi.Polygon.from_points(placed[0].parameters["polygon"]),
                 residual_px=each.residual_px,
             )
             for each in capture.alignment
@@ -297,7 +295,7 @@ def measure_index(task: Task, application: BandApplication) -> tuple[dict[str, A
 
 def write_bands(
     task: Task, application: BandApplication, result: dict[str, Any]
-) -> tuple[dict[str, Any], Products]:
+) -> tuple[dict[str, Any], record.Products]:
     """Write all bands of the task's capture on its pixels, as reflectance or radiance."""
     with open_capture(task, application) as capture:
         layers, planes = _list_layers(capture, application), list(capture.planes.values())
@@ -329,7 +327,7 @@ def _place_region(capture: Capture, application: BandApplication) -> list[Task]:
     first, *others = capture.tasks.values()
     matrices = [each.matrix for each in capture.alignment]
     pairs = [(each.header, matrix) for each, matrix in zip(others, matrices, strict=True)]
-    region = Polygon.from_points(first.parameters["polygon"])
+    region = roi.Polygon.from_points(first.parameters["polygon"])
     regions = application.move_regions(region, first.header, pairs)
     return [_move(each, polygon.points) for each, polygon in zip((first, *others), regions, strict=True)]
 

@@ -14,14 +14,10 @@ from radiometry.frame import Frame, FrameHeader
 from radiometry.methods import get_method
 from radiometry.specification.application import PictureApplication, SurfaceApplication
 from store.codec import decode_exposure, encode, read_applied
-from store.measuring.plan import read_request
+from store.measuring import plan, version
 from store.measuring.record import Products, read_regions
-from store.measuring.version import read_lens
 from worker.decode.pool import Readable
-from worker.maps.making import Made, Subject, average_maps, cut_strips, make_map
-from worker.maps.packet import write_packet
-from worker.maps.picture import LUMINANCE
-from worker.maps.tiff import Layer, MapFacts, Samples, write_picture
+from worker.maps import making, packet, picture, tiff
 from worker.measuring.task import Task
 
 
@@ -36,9 +32,9 @@ def make_subject(
     file: Readable,
     header: FrameHeader,
     scale: Any,  # noqa: ANN401  the method's own
-) -> Subject:
+) -> making.Subject:
     """Return the frame as the subject of a map of one scale."""
-    return Subject(
+    return making.Subject(
         file=file,
         header=header,
         compute=lambda frame: application.compute_map(frame, scale),
@@ -47,10 +43,10 @@ def make_subject(
 
 
 def _measure_region(task: Task, application: SurfaceApplication) -> Any:  # noqa: ANN401  the method's own
-    request, header = read_request(application, task.parameters), task.header
+    request, header = plan.read_request(application, task.parameters), task.header
     window = application.find_window(request, height_px=header.height_px, width_px=header.width_px)
     decoders, part = task.decoders, (window.row0, window.col0, window.height, window.width)
-    lens, falloff = read_lens(task.calibration, task.exposure), _find_correction(task)
+    lens, falloff = version.read_lens(task.calibration, task.exposure), _find_correction(task)
     return application.measure(
         decoders.read_window(task.file, part),
         request,
@@ -72,11 +68,11 @@ def _find_correction(task: Task) -> Any:  # noqa: ANN401  as the plan names it
 
 
 def _map(task: Task, application: SurfaceApplication, measured: Any) -> Products:  # noqa: ANN401
-    lens = read_lens(task.calibration, task.exposure)
+    lens = version.read_lens(task.calibration, task.exposure)
     scale = application.find_map_scale(
         read_applied(task.calibration), task.exposure, lens=lens, corrections=measured.corrections
     )
-    facts = MapFacts(
+    facts = tiff.MapFacts(
         header=task.header,
         exposure=task.exposure,
         description=task.describe(
@@ -87,17 +83,17 @@ def _map(task: Task, application: SurfaceApplication, measured: Any) -> Products
             vignetting=_find_correction(task) or "none",
             corrections=[encode(each) for each in measured.corrections],
         ),
-        packet=write_packet(task.header),
-        layers=(Layer(name=application.quantity, unit=application.unit),),
+        packet=packet.write_packet(task.header),
+        layers=(tiff.Layer(name=application.quantity, unit=application.unit),),
     )
     subject, more = make_subject(application, task.file, task.header, scale), ""
     if "repeats" in task.parameters:
         more = f" and {len(task.parameters['repeats'])} more"
         repeats = (make_subject(application, file, task.header, scale) for file in task.open_repeats())
-        subject = average_maps(task.decoders, subject, repeats)
+        subject = making.average_maps(task.decoders, subject, repeats)
     _, products = task.make_products(
-        lambda target: make_map(
-            task.decoders, subject, facts, target, style=LUMINANCE, caption=task.caption(more)
+        lambda target: making.make_map(
+            task.decoders, subject, facts, target, style=picture.LUMINANCE, caption=task.caption(more)
         )
     )
     return products
@@ -133,16 +129,16 @@ def undistort_picture(task: Task, application: PictureApplication) -> tuple[dict
         white_level_dn=list(header.white_level_dn),
         **undistorted,
     )
-    facts = MapFacts(
+    facts = tiff.MapFacts(
         header=header,
         exposure=decode_exposure(task.frame.exposure) if task.frame.exposure else None,
         description=description,
-        packet=write_packet(header),
+        packet=packet.write_packet(header),
     )
 
-    def write(target: Path) -> Made:
-        write_picture(target, found.samples_dn, facts)
-        return Made(picture=draw_preview(found.samples_dn, linear=not header.rendered))
+    def write(target: Path) -> making.Made:
+        tiff.write_picture(target, found.samples_dn, facts)
+        return making.Made(picture=draw_preview(found.samples_dn, linear=not header.rendered))
 
     return {"undistorted": undistorted, "flags": []}, task.make_products(write)[1]
 
@@ -151,12 +147,12 @@ def _read(task: Task) -> Frame:
     """The whole frame, strip by strip: a decoder is asked for no more at once."""
     frames = [
         task.decoders.read_window(task.file, (top, 0, height, task.header.width_px))
-        for top, height in cut_strips(task.header)
+        for top, height in making.cut_strips(task.header)
     ]
     return replace(frames[0], samples_dn=np.concatenate([frame.samples_dn for frame in frames]))
 
 
-def draw_preview(samples_dn: Samples, *, linear: bool) -> bytes:
+def draw_preview(samples_dn: tiff.Samples, *, linear: bool) -> bytes:
     """PNG of 8 bits: every n-th pixel, straight between two percentiles; linear numbers get a tone curve."""
     step = max(1, -(-max(samples_dn.shape[:2]) // WIDEST_PX))
     shown: NDArray[np.float64] = samples_dn[::step, ::step].astype(np.float64)

@@ -21,19 +21,7 @@ from store.blobs.proof import BlobDamaged
 from store.codec import decode, decode_header, encode, encode_statistics
 from store.files import keep_blob, keep_small_previews, reduce_preview
 from store.jobs import Claim, enqueue_extraction
-from store.queries.campaigns import Drawing, find_or_add_roi
-from store.queries.frames import (
-    add_extraction,
-    current_roi,
-    extractor_of,
-    find_equal_extraction,
-    find_extraction,
-    is_told,
-    statistics_of,
-    whole_frame,
-    whole_frame_of,
-)
-from store.queries.usage import add_jobs
+from store.queries import campaigns, frames, usage
 from store.tables import Blob, Campaign, Extraction, FrameRow, Roi
 from worker.context import Context, Outcome
 from worker.decode.pool import DecoderCrashed
@@ -120,7 +108,7 @@ def ask_siblings(
     for each in waiting:
         enqueue_extraction(session, each, campaign.organisation_id, by=_ACTOR)
     if waiting:
-        add_jobs(session, len(waiting), organisation_id=campaign.organisation_id)
+        usage.add_jobs(session, len(waiting), organisation_id=campaign.organisation_id)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -187,9 +175,9 @@ def _load(session: Session, frame_id: str) -> _Subject:
     frame = session.get_one(FrameRow, frame_id)
     campaign = session.get_one(Campaign, frame.campaign_id)
     camera = session.get_one(tables.Camera, campaign.camera_id)
-    extractor, roi = extractor_of(campaign), current_roi(session, frame, campaign)
-    done = roi is not None and find_extraction(session, frame, roi, extractor) is not None
-    equal = find_equal_extraction(session, frame, roi, extractor) if roi and not done else None
+    extractor, roi = frames.extractor_of(campaign), frames.current_roi(session, frame, campaign)
+    done = roi is not None and frames.find_extraction(session, frame, roi, extractor) is not None
+    equal = frames.find_equal_extraction(session, frame, roi, extractor) if roi and not done else None
     preview = session.get(Blob, frame.preview_sha256) if frame.preview_sha256 else None
     return _Subject(
         frame=frame,
@@ -203,7 +191,7 @@ def _load(session: Session, frame_id: str) -> _Subject:
 
 
 def _copy(session: Session, extraction: Extraction) -> _Extracted:
-    statistics = statistics_of(session, [extraction.id])[extraction.id]
+    statistics = frames.statistics_of(session, [extraction.id])[extraction.id]
     return _Extracted(rows=[encode_statistics(row) for row in statistics], features=extraction.features)
 
 
@@ -234,7 +222,9 @@ def _read(context: Context, claim: Claim, subject: _Subject, file: StoredFile) -
     extracted, region_refused = subject.equal, None
     panel, siblings = (None, 0) if left_out else _find_panel(context, subject, header, file)
     drawn = subject.roi is not None or (panel is not None and panel.region is not None)
-    wanted = is_told(subject.campaign) and (drawn or (room.whole_frame and frame.role in room.role_names))
+    wanted = frames.is_told(subject.campaign) and (
+        drawn or (room.whole_frame and frame.role in room.role_names)
+    )
     if wanted and not left_out and not subject.done and extracted is None:
         try:
             regions = _regions(subject.roi, panel, header)
@@ -304,7 +294,7 @@ def _regions(roi: Roi | None, panel: FoundRegion | None, header: FrameHeader) ->
     if roi is None:
         if panel is not None and panel.region is not None:
             return [Region(name="", polygon=panel.region)]
-        return [Region(name="", polygon=whole_frame(header.width_px, header.height_px))]
+        return [Region(name="", polygon=frames.whole_frame(header.width_px, header.height_px))]
     if roi.parts is None:
         return [Region(name="", polygon=Polygon.from_points(roi.points))]
     return [Region(name=part["name"], polygon=Polygon.from_points(part["points"])) for part in roi.parts]
@@ -336,9 +326,13 @@ def _store(session: Session, subject: _Subject, found: _Found) -> dict[str, Any]
     ask_siblings(session, campaign, frame, found.header, considered=found.siblings)
     if found.extracted is not None and (roi is not None or found.panel is None or found.panel.region is None):
         _store_extraction(session, subject, frame, roi, found.extracted)
-    now = current_roi(session, frame, campaign)
+    now = frames.current_roi(session, frame, campaign)
     # what the campaign is told to look for may have changed meanwhile: then another job is on its way
-    extraction = find_extraction(session, frame, now, extractor_of(campaign)) if now is not None else None
+    extraction = (
+        frames.find_extraction(session, frame, now, frames.extractor_of(campaign))
+        if now is not None
+        else None
+    )
     frame.state = "read" if extraction is None else "extracted"
     if extraction is not None and extraction.features is not None:
         room = methods.get_method(campaign.method)
@@ -353,10 +347,10 @@ def _keep_panel(session: Session, frame: FrameRow, campaign: Campaign, panel: Fo
         return None
     albedo = panel.read_albedo(((frame.header or {}).get("multispectral") or {}).get("wavelength_nm"))
     frame.found = {"serial": panel.serial, "by": panel.by, **({"albedo": albedo} if albedo else {})}
-    if panel.region is None or current_roi(session, frame, campaign) is not None:
+    if panel.region is None or frames.current_roi(session, frame, campaign) is not None:
         return None
-    drawing = Drawing(polygon=panel.region, corners=panel.region.points)
-    roi = find_or_add_roi(session, campaign.organisation_id, drawing)
+    drawing = campaigns.Drawing(polygon=panel.region, corners=panel.region.points)
+    roi = campaigns.find_or_add_roi(session, campaign.organisation_id, drawing)
     frame.roi_id, frame.found = roi.id, {**frame.found, "roi_id": roi.id}
     return roi
 
@@ -364,13 +358,15 @@ def _keep_panel(session: Session, frame: FrameRow, campaign: Campaign, panel: Fo
 def _store_extraction(
     session: Session, subject: _Subject, frame: FrameRow, roi: Roi | None, extracted: _Extracted
 ) -> None:
-    extractor = extractor_of(subject.campaign)
+    extractor = frames.extractor_of(subject.campaign)
     if roi is None:
-        whole = whole_frame_of(frame)
-        drawing = Drawing(polygon=whole, corners=whole.points)
-        roi = find_or_add_roi(session, subject.campaign.organisation_id, drawing)
-    if find_extraction(session, frame, roi, extractor) is None:
-        add_extraction(session, frame, roi, extractor, rows=extracted.rows, features=extracted.features)
+        whole = frames.whole_frame_of(frame)
+        drawing = campaigns.Drawing(polygon=whole, corners=whole.points)
+        roi = campaigns.find_or_add_roi(session, subject.campaign.organisation_id, drawing)
+    if frames.find_extraction(session, frame, roi, extractor) is None:
+        frames.add_extraction(
+            session, frame, roi, extractor, rows=extracted.rows, features=extracted.features
+        )
 
 
 def _store_acceptance(frame: FrameRow, found: _Found) -> None:

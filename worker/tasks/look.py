@@ -10,9 +10,7 @@ from PIL import Image
 from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected, files
-from radiometry.frame import Frame
-from radiometry.frame.roi import Polygon, Window, bounding_window, mask
-from radiometry.frame.statistics import compute_statistics, count_histogram, find_clipped, map_clipping
+from radiometry.frame import Frame, roi, statistics
 from store.codec import decode_header, encode_statistics
 from store.jobs import Claim
 from store.queries.campaigns import keep_crop, say_asked
@@ -27,8 +25,8 @@ def look(context: Context, claim: Claim) -> Outcome:
     with context.database.reading() as session:
         frame = session.get_one(FrameRow, claim.subject_id)
     header = decode_header(frame.header or {})
-    polygon = Polygon.from_points(claim.parameters["polygon"])
-    window = bounding_window(polygon, height_px=header.height_px, width_px=header.width_px)
+    polygon = roi.Polygon.from_points(claim.parameters["polygon"])
+    window = roi.bounding_window(polygon, height_px=header.height_px, width_px=header.width_px)
     pixels = read_pixels(context, frame, (window.row0, window.col0, window.height, window.width))
     result = {
         "frame_id": frame.id,
@@ -48,12 +46,12 @@ def read_pixels(context: Context, frame: FrameRow, window: tuple[int, int, int, 
         raise InputRejected(files.DECODER_CRASHED, crash.message) from crash
 
 
-def _describe(pixels: Frame, polygon: Polygon, window: Window) -> dict[str, Any]:
-    inside = mask(polygon, window)
+def _describe(pixels: Frame, polygon: roi.Polygon, window: roi.Window) -> dict[str, Any]:
+    inside = roi.mask(polygon, window)
     return {
-        "statistics": [encode_statistics(row) for row in compute_statistics(pixels, inside)],
-        "histogram": asdict(count_histogram(pixels, inside)),
-        "clipping": asdict(map_clipping(pixels, inside)),
+        "statistics": [encode_statistics(row) for row in statistics.compute_statistics(pixels, inside)],
+        "histogram": asdict(statistics.count_histogram(pixels, inside)),
+        "clipping": asdict(statistics.map_clipping(pixels, inside)),
     }
 
 
@@ -72,7 +70,7 @@ def crop(context: Context, claim: Claim) -> Outcome:
     low_dn, high_dn = claim.parameters["low_dn"], claim.parameters["high_dn"]
     asked = say_asked(window, low_dn, high_dn)
     pixels = read_pixels(context, frame, (row0, col0, height, width))
-    clipped = find_clipped(pixels, np.ones((height, width), np.bool_))
+    clipped = statistics.find_clipped(pixels, np.ones((height, width), np.bool_))
     low_dn, high_dn = _choose_range(pixels, low_dn, high_dn)
     png = _draw(pixels, clipped, low_dn, high_dn, linear=not (frame.header or {}).get("rendered"))
 

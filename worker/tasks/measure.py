@@ -12,13 +12,11 @@ from radiometry.specification.application import BandApplication, PictureApplica
 from store.blobs import StoredFile
 from store.codec import decode_header, encode
 from store.jobs import Claim
-from store.measuring.plan import list_others, read_proof, require_whole
-from store.measuring.record import Products, find_measurement, has_lost_products, write_measurement
+from store.measuring import plan, record
 from store.tables import Calibration, FrameRow, Measurement
 from worker.context import Context, Outcome
 from worker.decode.pool import DecoderCrashed, Readable
-from worker.measuring.band import measure_band, measure_index, write_bands
-from worker.measuring.surface import measure_surface, undistort_picture
+from worker.measuring import band, surface
 from worker.measuring.task import Task
 
 
@@ -27,8 +25,8 @@ def measure(context: Context, claim: Claim) -> Outcome:
     with context.database.reading() as session:
         frame = session.get_one(FrameRow, claim.subject_id)
         calibration = session.get_one(Calibration, claim.parameters["calibration_id"])
-        found = find_measurement(session, frame, calibration, claim.parameters)
-        lost = found is not None and has_lost_products(session, found)
+        found = record.find_measurement(session, frame, calibration, claim.parameters)
+        lost = found is not None and record.has_lost_products(session, found)
     if found is not None and not lost:
         return Outcome(store=lambda _session: _links(found))
     try:
@@ -41,7 +39,7 @@ def measure(context: Context, claim: Claim) -> Outcome:
 
     def store(session: Session) -> dict[str, Any]:
         return _links(
-            write_measurement(
+            record.write_measurement(
                 session, frame, calibration, claim.parameters, measured, products, by=claim.created_by
             )
         )
@@ -49,42 +47,42 @@ def measure(context: Context, claim: Claim) -> Outcome:
     return Outcome(store=store)
 
 
-def measure_frame(task: Task) -> tuple[dict[str, Any], Products | None]:
+def measure_frame(task: Task) -> tuple[dict[str, Any], record.Products | None]:
     """Measure as the plan says; the result as it is stored, and the map where one was asked for."""
     if task.header.table is not None:
         raise shared.PIXELS_MISSING.refuse("This frame is a row of a table: it has no pixels to measure.")
     doubts = list(_find_doubts(task))
     match get_method(task.calibration.method).application:
         case SurfaceApplication() as application:
-            measured, products = measure_surface(task, application)
+            measured, products = surface.measure_surface(task, application)
         case BandApplication() as application:
             measured, products = _measure_band(task, application)
         case PictureApplication() as application:
-            measured, products = undistort_picture(task, application)
+            measured, products = surface.undistort_picture(task, application)
         case _:
             raise AssertionError(f"the plan let a frame be measured by {task.calibration.method}")
     measured["flags"] = [*measured["flags"], *doubts]
     return measured, products
 
 
-def _measure_band(task: Task, application: BandApplication) -> tuple[dict[str, Any], Products | None]:
+def _measure_band(task: Task, application: BandApplication) -> tuple[dict[str, Any], record.Products | None]:
     if "index" in task.parameters:
-        return measure_index(task, application)
-    measured, products = measure_band(task, application)
-    return write_bands(task, application, measured) if task.wants_bands else (measured, products)
+        return band.measure_index(task, application)
+    measured, products = band.measure_band(task, application)
+    return band.write_bands(task, application, measured) if task.wants_bands else (measured, products)
 
 
 def _find_doubts(task: Task) -> Iterator[dict[str, Any]]:
     """Flag doubts about the frame, and about those that are measured with it, that the request allowed."""
     yield from _find_doubt(task, task.frame, task.file)
-    for named in [*task.parameters.get("repeats", []), *list_others(task.parameters)]:
+    for named in [*task.parameters.get("repeats", []), *plan.list_others(task.parameters)]:
         with task.lend(named["frame_id"]) as (row, file):
             yield from _find_doubt(task, row, file)
 
 
 def _find_doubt(task: Task, row: FrameRow, file: Readable) -> Iterator[dict[str, Any]]:
-    proof = read_proof(row) or task.decoders.inspect(file)[1]
-    require_whole(row, proof, task.parameters.get("allow", []))
+    proof = plan.read_proof(row) or task.decoders.inspect(file)[1]
+    plan.require_whole(row, proof, task.parameters.get("allow", []))
     if proof.wholeness.empty:
         doubt = proof.describe_doubt(decode_header(row.header or {}))
         where, detail = f"frame {row.filename}", f"In frame {row.filename} {doubt}."

@@ -3,15 +3,8 @@
 import math
 from typing import Final
 
-from radiometry.frame.multispectral import (
-    GainModel,
-    Multispectral,
-    RadialVignetting,
-    RigGeometry,
-    SunshineIrradiance,
-)
-from worker.decode import tags
-from worker.decode.metadata import Xmp
+from radiometry.frame import multispectral
+from worker.decode import metadata, tags
 from worker.decode.packet import Packet, describe_band, first_problem, read_geometry, read_numbers
 
 IDENTITIES = ("drone-dji:CaptureUUID", "drone-dji:FlightUUID")
@@ -26,7 +19,7 @@ def knows(packet: Packet) -> bool:
     return packet.make.lower() == "dji" and packet.xmp.text("drone-dji:BandName") is not None
 
 
-def read(packet: Packet) -> Multispectral:
+def read(packet: Packet) -> multispectral.Multispectral:
     xmp = packet.xmp
     stated = [
         xmp.require(f"drone-dji:{name}", 1)
@@ -43,17 +36,19 @@ def read(packet: Packet) -> Multispectral:
     serials = [
         xmp.text(f"drone-dji:{name}") for name in ("DroneID", "DroneSerialNumber", "CameraSerialNumber")
     ]
-    return Multispectral(
+    return multispectral.Multispectral(
         system="dji",
         **describe_band(packet, sensor_bits=_SENSOR_BITS),
         capture_id=xmp.text(IDENTITIES[0]),
         flight_id=xmp.text(IDENTITIES[1]),
         gain_model=None
         if any(problems[:3])
-        else GainModel(gain=gain, exposure_time_s=time_us / _MICROSECONDS, adjustment=adjustment),
+        else multispectral.GainModel(
+            gain=gain, exposure_time_s=time_us / _MICROSECONDS, adjustment=adjustment
+        ),
         radial_gain=None
         if any(problems[3:]) or no_terms
-        else RadialVignetting(centre_x_px=x_px, centre_y_px=y_px, coefficients=terms),
+        else multispectral.RadialVignetting(centre_x_px=x_px, centre_y_px=y_px, coefficients=terms),
         black_dn=black_dn,
         problem=first_problem((*problems, no_terms, _find_contradiction(packet, black_dn))),
         imager_serial=serials[2],
@@ -73,7 +68,7 @@ def _find_contradiction(packet: Packet, black_dn: float | None) -> str:
     return ""
 
 
-def _read_irradiance(xmp: Xmp) -> SunshineIrradiance | None:
+def _read_irradiance(xmp: metadata.Xmp) -> multispectral.SunshineIrradiance | None:
     """The sunlight sensor's reading, in a unit of its own.
 
     Its attitude is the aircraft's unless the file states another; the P4 writes its sensor's as zeros.
@@ -90,7 +85,7 @@ def _read_irradiance(xmp: Xmp) -> SunshineIrradiance | None:
         )
         for axis in ("Yaw", "Pitch", "Roll")
     )
-    return SunshineIrradiance(
+    return multispectral.SunshineIrradiance(
         relative_irradiance=value,
         quantity="spectral" if same else "compensated",
         unit_origin="own",
@@ -101,7 +96,7 @@ def _read_irradiance(xmp: Xmp) -> SunshineIrradiance | None:
     )
 
 
-def _read_geometry(packet: Packet, x_px: float, y_px: float) -> RigGeometry | None:
+def _read_geometry(packet: Packet, x_px: float, y_px: float) -> multispectral.RigGeometry | None:
     """The lens from DewarpData "date;fx,fy,cx,cy,k1,k2,p1,p2,k3", else from Pix4D's names."""
     xmp = packet.xmp
     text = xmp.text("drone-dji:DewarpData") or ""
@@ -122,7 +117,7 @@ def _read_geometry(packet: Packet, x_px: float, y_px: float) -> RigGeometry | No
         xmp.number("camera:PerspectiveFocalLength"),
     )
     per_mm = focal_px / focal_mm if focal_px and focal_mm else None
-    return RigGeometry(
+    return multispectral.RigGeometry(
         model="perspective",
         principal_point_px=(x_px + cx, y_px + cy),
         focal_length_px=fx,

@@ -10,15 +10,8 @@ from datetime import UTC, datetime
 from typing import Final
 
 from radiometry.findings import InputRejected
-from radiometry.frame.multispectral import (
-    GainMeasurement,
-    Multispectral,
-    SensorModel,
-    SunshineCounts,
-    SunshineRecord,
-)
-from worker.decode import tags
-from worker.decode.metadata import Xmp
+from radiometry.frame import multispectral
+from worker.decode import metadata, tags, tiff
 from worker.decode.packet import (
     Packet,
     describe_band,
@@ -27,7 +20,6 @@ from worker.decode.packet import (
     read_polynomial,
     read_text,
 )
-from worker.decode.tiff import Directory
 
 # time [us], CH0, CH1, [gain index, integration [ms],] yaw, pitch[, roll]: newest firmware first.
 _LAYOUTS: Final = (struct.Struct("<QHHHHfff"), struct.Struct("<QHHfff"), struct.Struct("<QHHff"))
@@ -40,7 +32,7 @@ _LONGEST_STEP_US: Final = 5_000_000
 _LATEST_US: Final = 10**15  # thirty years since the camera was switched on
 
 
-def read_counts(encoded: str, measurement: Sequence[float]) -> SunshineCounts | str:
+def read_counts(encoded: str, measurement: Sequence[float]) -> multispectral.SunshineCounts | str:
     """The readings, or a sentence saying why there are none."""
     raw = _decode(encoded)
     if not raw:
@@ -51,7 +43,7 @@ def read_counts(encoded: str, measurement: Sequence[float]) -> SunshineCounts | 
     # A list that its records fill exactly is more certain than one that was cut short.
     layout = min(fitting, key=lambda each: (len(raw) % each.size > 0, _LAYOUTS.index(each)))
     rows = list(_unpack(raw, layout))[:MAX_RECORDS]
-    return SunshineCounts(
+    return multispectral.SunshineCounts(
         record_bytes=layout.size,
         cut_short=len(raw) % layout.size > 0,
         records=tuple(_record(row, with_gain=layout.size == _WITH_GAIN) for row in rows),
@@ -59,14 +51,14 @@ def read_counts(encoded: str, measurement: Sequence[float]) -> SunshineCounts | 
     )
 
 
-def read_gains(measurement: Sequence[float]) -> tuple[GainMeasurement, ...]:
+def read_gains(measurement: Sequence[float]) -> tuple[multispectral.GainMeasurement, ...]:
     """Rows of gain index, integration time [ms], CH0, CH1; none where they are not whole rows of counts."""
     whole = [int(number) for number in measurement if number == int(number) and 0 <= number <= 0xFFFF]
     if len(whole) != len(measurement) or len(whole) % 4 or len(whole) > 4 * _MOST_GAINS:
         return ()
     rows = zip(*[iter(whole)] * 4, strict=True)
     return tuple(
-        GainMeasurement(gain_index=index, integration_time_s=time_ms / 1000, ch0=ch0, ch1=ch1)
+        multispectral.GainMeasurement(gain_index=index, integration_time_s=time_ms / 1000, ch0=ch0, ch1=ch1)
         for index, time_ms, ch0, ch1 in rows
     )
 
@@ -95,11 +87,11 @@ def _is_list(raw: bytes, layout: struct.Struct) -> bool:
     return times[-1] < _LATEST_US and all(_SHORTEST_STEP_US <= step <= _LONGEST_STEP_US for step in steps)
 
 
-def _record(row: tuple[float, ...], *, with_gain: bool) -> SunshineRecord:
+def _record(row: tuple[float, ...], *, with_gain: bool) -> multispectral.SunshineRecord:
     time_us, ch0, ch1, *rest = row
     gain, integration_ms = (rest.pop(0), rest.pop(0)) if with_gain else (None, None)
     yaw, pitch, roll = (_angle(angle) for angle in (*rest, None)[:3])
-    return SunshineRecord(
+    return multispectral.SunshineRecord(
         time_us=int(time_us),
         ch0=int(ch0),
         ch1=int(ch1),
@@ -124,18 +116,18 @@ def knows(packet: Packet) -> bool:
     return bool(packet.xmp.numbers("camera:SensorModel")) or packet.make.lower() == "parrot"
 
 
-def read(packet: Packet) -> Multispectral:
+def read(packet: Packet) -> multispectral.Multispectral:
     xmp = packet.xmp
     model, no_model = xmp.require("camera:SensorModel", 3)
     lens, no_lens = read_polynomial(xmp)
     counts = _read_counts(xmp)
     capture, flight = IDENTITIES
-    return Multispectral(
+    return multispectral.Multispectral(
         system="sequoia",
         **describe_band(packet, sensor_bits=_SENSOR_BITS),
         capture_id=xmp.text(capture),
         flight_id=xmp.text(flight),
-        sensor_model=SensorModel(a=model[0], b=model[1], c=model[2]) if model else None,
+        sensor_model=multispectral.SensorModel(a=model[0], b=model[1], c=model[2]) if model else None,
         vignetting_polynomial=lens,
         problem=first_problem((no_model, no_lens)),
         sunshine_serial=xmp.text("camera:SunshineSerialNumber"),
@@ -146,14 +138,14 @@ def read(packet: Packet) -> Multispectral:
     )
 
 
-def _read_counts(xmp: Xmp) -> SunshineCounts | str:
+def _read_counts(xmp: metadata.Xmp) -> multispectral.SunshineCounts | str:
     encoded = xmp.whole("camera:IrradianceList")
     if encoded is None:
         return "the file has no IrradianceList: no sunshine sensor was connected"
     return read_counts(encoded, xmp.numbers("camera:IrradianceCalibrationMeasurement"))
 
 
-def _read_monotonic_time(main: Directory) -> int | None:
+def _read_monotonic_time(main: tiff.Directory) -> int | None:
     """A Sequoia writes the clock of its sunshine records as the time of digitisation, counted from 1970."""
     try:
         exif = main.directory(tags.EXIF)
