@@ -9,7 +9,7 @@ FITS = 5
 
 def read_lines(path, message):
     """JSON lines with this message; other programs' lines are not of this form."""
-    lines = (json.loads(line) for line in path.read_text().splitlines() if line.startswith("{"))
+    lines = (json.loads(line) for line in path.read_text().split("\n")[:-1] if line.startswith("{"))
     return [line for line in lines if line["message"] == message]
 
 
@@ -31,7 +31,13 @@ def test_each_request_leads_to_its_version_in_the_logs(shots):
             for line in read_lines(deployment.logs / "service.log", "request")
             for job in line.get("jobs", ())
         }
-        done = {line["job_id"]: line for line in read_lines(deployment.logs / "worker.log", "job")}
+        done = {}
+
+        def are_told():  # a job's line follows its commit
+            done.update({line["job_id"]: line for line in read_lines(deployment.logs / "worker.log", "job")})
+            return asked.keys() <= done.keys()
+
+        deployment.wait_until(are_told)
         assert '"celery' not in (deployment.logs / "worker.log").read_text()
     assert len(asked) == FITS
     for job_id, request_id in asked.items():
