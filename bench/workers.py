@@ -13,7 +13,7 @@ from sqlalchemy import ColumnElement, delete, func, select
 
 from bench import frames, harness
 from bench.harness import Scale, Seconds, judge, say
-from service.launch.run import valkey_binary, valkey_command
+from service.launch.valkey import valkey_binary, valkey_command
 from store import database, settings
 from store.jobs.queues import LANES, QUEUES, Post, make_celery, touch
 from store.migrate import migrate

@@ -1,10 +1,10 @@
 """The client: one method a thing that a field team or a dashboard does."""
 
-from stilb.resources import calibrations, campaigns, frames, measurements, organisation
+from stilb.resources import calibrations, campaigns, equipment, frames, measurements, organisation
 
 
 class Client(
-    campaigns.Rigs,
+    equipment.Rigs,
     calibrations.Coefficients,
     calibrations.Calibrations,
     campaigns.Campaigns,

@@ -7,7 +7,7 @@ from typing import Any, Unpack
 from stilb.export import OnExport, export
 from stilb.problem import Problem, Unclear
 from stilb.records import DEFAULT_METHOD, Calibration, Coefficient, InForce, Job, Moment, as_text, as_times
-from stilb.resources import campaigns, frames
+from stilb.resources import campaigns, equipment, frames
 from stilb.transport import Call, PathLike, address, without_none
 
 _ISSUED_WITHIN_S = 300.0  # the pages of the certificate are set before the answer
@@ -106,7 +106,7 @@ class Calibrations(campaigns.Campaigns, frames.Jobs):
         return self._save(path, where, query)
 
 
-class Coefficients(campaigns.Equipment):
+class Coefficients(equipment.Equipment):
     """Coefficients by camera and time."""
 
     def coefficients(

@@ -1,101 +1,13 @@
-"""Cameras, meters, panels and rigs; a campaign, its region and its readings."""
+"""A campaign, its region and its readings."""
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any, Unpack
 
 from stilb import records
 from stilb.problem import Problem, Unclear, missing
-from stilb.records import DEFAULT_METHOD, Camera, CameraDetails, Certificate, Meter, Panel, PanelBand, Rig
-from stilb.transport import Call, Connection, PathLike, address, without_none
-
-
-class Equipment(Connection):
-    """Cameras, meters and panels."""
-
-    def create_camera(self, make: str, model: str, serial: str, **details: Unpack[CameraDetails]) -> Camera:
-        body = {"make": make, "model": model, "serial": serial, **details}
-        return Camera.of(self._post(address("cameras"), body))
-
-    def camera(self, camera_id: str) -> Camera:
-        return Camera.of(self._get(address("cameras", camera_id)))
-
-    def cameras(
-        self, *, make: str | None = None, model: str | None = None, serial: str | None = None
-    ) -> Iterator[Camera]:
-        query = {"make": make, "model": model, "serial": serial}
-        return map(Camera.of, self._items(address("cameras"), query))
-
-    def find_camera(self, named: str) -> Camera:
-        """The camera with this id, this serial, or this make, model and serial with blanks between them."""
-        try:
-            return self.camera(named)
-        except Problem as problem:
-            if problem.status != 404:
-                raise
-        every = list(self.cameras())
-        found = [one for one in every if named in {one.serial, f"{one.make} {one.model} {one.serial}"}]
-        if len(found) > 1:
-            raise Unclear(f"Several cameras are named {named!r}: {_names(found)}. Give the id of one.")
-        if not found:
-            raise missing(f"No camera is named {named!r}. Registered: {_names(every) or 'none yet'}.")
-        return found[0]
-
-    def create_meter(
-        self, kind: str, make: str, model: str, serial: str, *, certificate: Certificate | None = None
-    ) -> Meter:
-        """``kind``: luminance, illuminance or sunshine."""
-        body = {"kind": kind, "make": make, "model": model, "serial": serial, "certificate": certificate}
-        return Meter.of(self._post(address("meters"), without_none(body)))
-
-    def meters(self) -> Iterator[Meter]:
-        return map(Meter.of, self._items(address("meters")))
-
-    def create_panel(self, serial: str, *, measured_on: str, bands: Sequence[PanelBand]) -> Panel:
-        """A panel as it was measured on a day; measured again it is another."""
-        body = {"serial": serial, "measured_on": measured_on, "bands": list(bands)}
-        return Panel.of(self._post(address("panels"), body))
-
-    def panel(self, panel_id: str) -> Panel:
-        return Panel.of(self._get(address("panels", panel_id)))
-
-    def panels(self) -> Iterator[Panel]:
-        return map(Panel.of, self._items(address("panels")))
-
-
-def _names(cameras: list[Camera]) -> str:
-    return ", ".join(f"{one.make} {one.model} {one.serial} ({one.id})" for one in cameras)
-
-
-class Rigs(Equipment):
-    """Rigs of cameras."""
-
-    def create_rig(self, name: str, camera_ids: Sequence[str]) -> Rig:
-        """Cameras that are mounted together, the reference first; the same again is the same rig."""
-        return Rig.of(self._post(address("rigs"), {"name": name, "camera_ids": list(camera_ids)}))
-
-    def find_rig(self, named: str) -> Rig:
-        """The rig with this id or name."""
-        every = [Rig.of(row) for row in self._items(address("rigs"))]
-        found = next((one for one in every if named in {one.id, one.name}), None)
-        if found is None:
-            names = ", ".join(one.name for one in every)
-            raise missing(f"No rig is named {named!r}. Registered: {names or 'none yet'}.")
-        return found
-
-    def rig_orientation(
-        self, rig_id: str, *, tolerance_deg: float | None = None, tolerance_m: float | None = None
-    ) -> dict[str, Any]:
-        """The orientation of each camera by set, and its stability over the sets, as it is answered."""
-        query = {"tolerance_deg": tolerance_deg, "tolerance_m": tolerance_m}
-        return self._get(address("rigs", rig_id, "orientation"), query)
-
-    def save_rig(self, rig_id: str, path: PathLike) -> Path:
-        """Save the newest orientation as the file's name says: `opencv.yaml` or `rig.json`."""
-        path = Path(path)
-        return self._save(path, address("rigs", rig_id, "exports", path.name))
-
+from stilb.records import DEFAULT_METHOD
+from stilb.transport import Call, Connection, address
 
 _POLL_S = 0.5
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import redis
 
-from service.launch.run import valkey_binary, valkey_command
+from service.launch.valkey import valkey_binary, valkey_command
 from tests.support.deployments import spawn
 from tests.support.processes import wait_until
 

@@ -18,8 +18,8 @@ import httpx
 import redis
 from sqlalchemy import select
 
-from service.launch.run import valkey_binary
 from service.launch.supervisor import die_with_parent
+from service.launch.valkey import valkey_binary
 from store.database import Database
 from store.jobs import FINAL_STATES
 from store.tables import Job

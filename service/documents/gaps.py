@@ -1,0 +1,167 @@
+"""Items of ISO/IEC 17025:2017, 7.8, that a calibration certificate lacks."""
+
+from collections.abc import Iterator
+
+from radiometry.findings import Finding, interface
+from radiometry.methods import get_method
+from radiometry.methods.findings import FINDINGS
+from radiometry.records import Record
+from service.documents.schemas import CertificateAnswer, UsedMeter
+from store.queries.organisations import UNNAMED_LABORATORY
+
+_MOST_NAMED = 3
+
+
+class Found(Record):
+    """A missing item: its code, and a message that says what is missing and how to add it."""
+
+    code: Finding
+    message: str
+
+
+def list_gaps(certificate: CertificateAnswer) -> list[Found]:
+    """Return every missing item of a certificate, in the order of the printed pages.
+
+    What the record cannot contain is entered once, on the campaign and the organisation, and is missing until
+    then.
+    """
+    return [
+        *_unnamed(certificate),
+        *(found for meter in certificate.meters for found in _of_meter(meter)),
+        *_of_readings(certificate),
+        *_of_panels(certificate),
+        *_of_checklist(certificate),
+    ]
+
+
+def _unnamed(certificate: CertificateAnswer) -> Iterator[Found]:
+    """Check 7.8.2.1 b, c, e, g, i, o and 7.8.4.1 b: the items that a person has to enter."""
+    work = certificate.work
+    lens = certificate.item.lens or not get_method(certificate.method).certificate.holds_for_lens or None
+    name = certificate.laboratory.name
+    for value, code, message in (
+        (
+            certificate.approved_by if certificate.published else "a draft",
+            interface.APPROVER_MISSING,
+            "Nobody signs it. State your name and role with your key (page Organisation, stilb key change).",
+        ),
+        (
+            certificate.fitted_by,
+            interface.AUTHOR_MISSING,
+            "Who fitted is missing. State name and role with the key (page Organisation, stilb key change).",
+        ),
+        (
+            None if name == UNNAMED_LABORATORY else name,
+            interface.LABORATORY_NAME_MISSING,
+            "The laboratory's name is missing. Enter it on the page Organisation (stilb organisation).",
+        ),
+        (
+            certificate.laboratory.address,
+            interface.LABORATORY_ADDRESS_MISSING,
+            "The laboratory's address is missing. Enter it on the page Organisation (stilb organisation).",
+        ),
+        (work.customer, interface.CUSTOMER_MISSING, "The customer is missing. Enter it on the campaign."),
+        (
+            work.place,
+            interface.PLACE_MISSING,
+            "The place of the measurements is missing. Enter it on the campaign.",
+        ),
+        (
+            work.conditions,
+            interface.CONDITIONS_MISSING,
+            "The conditions (temperature, lamp, daylight) are missing. Describe them on the campaign.",
+        ),
+        (
+            work.first_day,
+            interface.DATE_MISSING,
+            "The day of the measurements is missing. Enter the start of the campaign.",
+        ),
+        (
+            work.recorder,
+            interface.RECORDER_MISSING,
+            "The recorder of the measurements is missing. Enter the name on the campaign.",
+        ),
+        (
+            lens,
+            interface.LENS_MISSING,
+            "The lens is missing, and the result is valid for one lens only. Register it with the camera.",
+        ),
+    ):
+        if value is None:
+            yield Found(code=code, message=message)
+
+
+def _of_meter(meter: UsedMeter) -> Iterator[Found]:
+    """Check 7.8.4.1 c: the meter had a valid certificate on the day of use."""
+    name = f"The {meter.kind} meter {meter.make} {meter.model}, serial number {meter.serial},"
+    certificate = meter.certificate
+    if certificate is None:
+        yield Found(
+            code=FINDINGS["meter_certificate_missing"],
+            message=f"{name} has no certificate. Register the meter with its certificate, then refit.",
+        )
+        return
+    if meter.last_day and certificate.due_on < meter.last_day:
+        yield Found(
+            code=interface.METER_CERTIFICATE_EXPIRED,
+            message=f"{name} was read on {meter.last_day}, after its certificate {certificate.number} "
+            f"was due on {certificate.due_on}.",
+        )
+    if meter.first_day and meter.first_day < certificate.issued_on:
+        yield Found(
+            code=interface.METER_CERTIFICATE_NOT_YET_ISSUED,
+            message=f"{name} was read on {meter.first_day}, before its certificate {certificate.number} "
+            f"was issued on {certificate.issued_on}.",
+        )
+
+
+def _of_readings(certificate: CertificateAnswer) -> Iterator[Found]:
+    unknown = [reading for reading in certificate.readings if reading.meter is None]
+    if unknown:
+        yield Found(
+            code=interface.METER_UNKNOWN,
+            message=f"{len(unknown)} of {len(certificate.readings)} readings have no meter. "
+            "Send readings with their meter_id.",
+        )
+
+
+def _of_panels(certificate: CertificateAnswer) -> Iterator[Found]:
+    """Check 7.8.4.1 c: the panel that the reflectances depend on."""
+    if get_method(certificate.method).reference != "panel":
+        return
+    if not certificate.panels:
+        yield Found(
+            code=FINDINGS["panel_unknown"],
+            message="The panel is not registered, and its reflectance was taken from the files. Choose "
+            "or register it on the page of the campaign, then refit.",
+        )
+    fitted = {coefficient.band for coefficient in certificate.coefficients}
+    for panel in certificate.panels:
+        bands = [each.band for each in panel.bands if each.band in fitted and not each.standard_uncertainty]
+        if bands:
+            yield Found(
+                code=FINDINGS["panel_uncertainty_missing"],
+                message=f"The reflectance of panel {panel.serial} has no standard uncertainty in "
+                f"{', '.join(bands)}. Send the panel as measured, with its standard_uncertainty, then refit.",
+            )
+
+
+def _of_checklist(certificate: CertificateAnswer) -> Iterator[Found]:
+    """Check 7.8.2.1 n and o: open items of the checklist, and its signature."""
+    items = certificate.checklist.items
+    if not items:
+        return  # only the luminance procedure has one
+    waiting = [item.text for item in items if item.done_by is None]
+    if waiting:
+        named = "; ".join(waiting[:_MOST_NAMED])
+        more = f"; and {len(waiting) - _MOST_NAMED} more" if len(waiting) > _MOST_NAMED else ""
+        yield Found(
+            code=interface.CHECKLIST_INCOMPLETE,
+            message=f"{len(waiting)} of {len(items)} items of the procedure's checklist are not ticked: "
+            f"{named}{more}.",
+        )
+    if certificate.checklist.signature is None:
+        yield Found(
+            code=interface.CHECKLIST_UNSIGNED,
+            message="The operator has not signed the procedure's checklist.",
+        )
