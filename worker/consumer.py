@@ -50,7 +50,7 @@ class Consumer(CeleryConsumer):  # type: ignore[misc]
         try:
             asynloop(*arguments)
         except AttributeError as error:
-            if error.obj is not None:
+            if (error.name, error.obj) != ("hostname", None):
                 raise
             raise BrokerLost("a message could not be acknowledged") from error
 

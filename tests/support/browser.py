@@ -4,6 +4,7 @@ import os
 import re
 import shutil
 import subprocess
+import time
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
@@ -117,7 +118,9 @@ class Held(list[Route]):
 
     def release(self) -> Route:
         """Wait for the next one, which the test then answers."""
+        deadline = time.monotonic() + _PATIENCE_MS / 1000
         while not self:
+            assert time.monotonic() < deadline, f"{self._page.url} never asked for what is held back"
             self._page.wait_for_timeout(20)
         return self.pop(0)
 
