@@ -69,45 +69,6 @@ def test_no_module_reads_html_or_asks_another_host(path):
     assert not re.search(r"""["'`](https?:)?//""", text.replace("http://www.w3.org/2000/svg", ""))
 
 
-# what pages said before, by what they say now; names of the API and of code are written differently
-OLD_WORDS = {
-    "Use for all frames, Use for this frame, Redraw": r"Set for the campaign|Only for this frame|Draw anew",
-    "Fit K, Refit": r"\bCalibrate\b|[Ff]it anew",
-    "Start, Recorded by, Details": r"\bBegun\b|\bRecorder\b|For the record|>Record<",
-    "Not given, or a name": r"[Nn]obody|[Ss]omebody|[Ww]hoever",
-    "Replaced by": r"Superseded|superseded(?![\"_:])",
-    "Stopped after 3 attempts, Retrying": r"[Qq]uarantin(?!ed[\":])|set aside|[Qq]ueued again",
-    "Received, in progress": r"being read\b|that have come|How far",
-    "Select all, Remove all, Resuming": r"Choose all|Clear this list|Going on with",
-    "To mend, Before the fit": r"Needs a look|What is missing|What would make",
-    "Notes, Inputs": r"What to know|What it was",
-    "Calibration used, Lane grid": r"Measured with|[Cc]ell by cell",
-    "Improve this result": r"To do better|Suggestions",
-    "Remeasure, History": r"[Mm]easure again|>Drift|Drift plot",
-    "Pixel scatter, Zeros": r"\"Std\"|\"At 0\"",
-    "No problems found, Role and scene": r"[Ss]peaks against|What it shows",
-    "You cannot … with this key": r"Your key may|It needs the scope",
-}
-
-
-def test_pages_use_the_words_of_the_glossary():
-    paths = [
-        *STATIC.rglob("*.js"),
-        *TEMPLATES.rglob("*.html"),
-        STATIC.parents[2] / "docs" / "first-evening.md",
-    ]
-    found = [
-        (path.name, said[0], new)
-        for path in paths
-        for line in path.read_text(encoding="utf-8").splitlines()
-        if not re.match(r"\s*(//|/?\*)", line)
-        for new, old in OLD_WORDS.items()
-        for said in (re.search(old, line),)
-        if said
-    ]
-    assert found == []
-
-
 def test_question_marks_lead_to_places_that_the_manual_has(visitor):
     texts = [path.read_text(encoding="utf-8") for path in (*STATIC.rglob("*.js"), *TEMPLATES.rglob("*.html"))]
     named = {found for text in texts for found in re.findall(r"/docs/([a-z-]+)#([\w-]+)[\"'`]", text)}

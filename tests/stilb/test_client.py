@@ -43,70 +43,6 @@ def test_a_camera_with_its_lens(service, client):
     assert (camera.id, camera.raw["note"]) == ("cam-1", "n")
 
 
-def test_a_meter_with_and_without_its_certificate(service, client):
-    meter = {"id": "m-1", "kind": "luminance", "make": "Konica", "model": "LS-150", "serial": "7"}
-    for _ in range(2):
-        service.will_answer(meter)
-    certificate = {
-        "number": "9",
-        "laboratory": "a lab",
-        "issued_on": "2025-01-01",
-        "due_on": "2026-01-01",
-        "expanded_uncertainty_rel": 0.02,
-        "coverage_factor": 2.0,
-    }
-    client.create_meter("luminance", "Konica", "LS-150", "7", certificate=certificate)
-    client.create_meter("luminance", "Konica", "LS-150", "7")
-    assert service.asked[0].json["certificate"] == certificate
-    assert "certificate" not in service.asked[1].json
-
-
-def test_a_campaign(service, client):
-    service.will_answer(
-        {"id": "c-1", "camera_id": "cam-1", "method": "luminance", "started_at": "2025-03-01T10:00:00Z"}
-    )
-    campaign = client.create_campaign("cam-1", started_at=datetime(2025, 3, 1, 10, tzinfo=UTC), recorder="r")
-    assert service.asked[0].json == {
-        "camera_id": "cam-1",
-        "method": "luminance",
-        "started_at": "2025-03-01T10:00:00+00:00",
-        "recorder": "r",
-    }
-    assert campaign.id == "c-1"
-
-
-def test_a_region_as_corners_or_as_a_macro_call(service, client):
-    for _ in range(3):
-        service.will_answer({"polygon": [[1, 2], [3, 2], [3, 8]]})
-    client.set_roi("c-1", polygon=[(1, 2), (3, 2), (3, 8)])
-    client.set_roi("c-1", imagej="makePolygon(1,2,3,2,3,8)")
-    client.set_frame_roi("f-1", [(1, 2), (3, 2), (3, 8)])
-    assert [asked.json for asked in service.asked] == [
-        {"polygon": [[1, 2], [3, 2], [3, 8]]},
-        {"imagej": "makePolygon(1,2,3,2,3,8)"},
-        {"polygon": [[1, 2], [3, 2], [3, 8]]},
-    ]
-    assert [asked.path for asked in service.asked] == [
-        "/v1/campaigns/c-1/roi",
-        "/v1/campaigns/c-1/roi",
-        "/v1/frames/f-1/roi",
-    ]
-
-
-def test_readings_one_several_or_csv(service, client):
-    reading = {"scene": "level-1", "quantity": "luminance", "value": 54.4, "unit": "cd/m2"}
-    service.will_answer({"id": "r-1", **reading}, status=201)
-    service.will_answer({"items": [{"id": "r-1", **reading}, {"id": "r-2", **reading}]}, status=201)
-    service.will_answer({"items": [{"id": "r-1", **reading}]}, status=201)
-    csv = "scene,quantity,value,unit\nlevel-1,luminance,54.4,cd/m2\n"
-    assert len(client.add_readings("c-1", reading)) == 1
-    assert len(client.add_readings("c-1", [reading, reading])) == 2
-    assert len(client.add_readings("c-1", csv)) == 1
-    assert service.asked[1].json == [reading, reading]
-    assert service.asked[2].headers["content-type"] == "text/csv; charset=utf-8"
-    assert service.asked[2].body.decode() == csv
-
-
 def test_a_job_is_waited_for(service, client):
     service.will_answer(job("running", progress=0.5))
     service.will_answer(job("succeeded", progress=1.0, result={"calibration_id": "k-1"}))
@@ -171,16 +107,6 @@ def test_calibrate_waits_for_frames_that_are_read_again(service, monkeypatch):
     assert told == [(0, 69), (69, 69)]
 
 
-def test_publish_and_revoke(service, client):
-    service.will_answer(CALIBRATION | {"state": "published", "valid_from": "2025-03-01T00:00:00Z"})
-    service.will_answer({"measurements": []})
-    published = client.publish("k-1", valid_from="2025-03-01T00:00:00Z", reason="yearly")
-    client.revoke("k-1", reason="the meter was out of date")
-    assert published.valid_from == datetime(2025, 3, 1, tzinfo=UTC)
-    assert service.asked[0].json == {"valid_from": "2025-03-01T00:00:00Z", "reason": "yearly"}
-    assert service.asked[1].path == "/v1/calibrations/k-1/revoke"
-
-
 def test_coefficients_as_known_then(service, client):
     row = CALIBRATION["coefficients"][0] | {
         "calibration_id": "k-1",
@@ -198,12 +124,6 @@ def test_coefficients_as_known_then(service, client):
         "known_at": "2025-07-01T00:00:00Z",
     }
     assert k.flags == ("dark_from_black_level",)
-
-
-def test_nothing_in_force_is_a_problem(service, client):
-    service.will_refuse(404, "no_calibration_in_force")
-    with pytest.raises(stilb.Problem, match="no_calibration_in_force"):
-        client.coefficients("cam-1")
 
 
 def test_the_series_of_a_dashboard(service, client):
@@ -249,15 +169,6 @@ def test_many_hashes_are_asked_in_parts(service, client):
     assert [asked.json["sha256"] for asked in service.asked] == [hashes[:1000], hashes[1000:]]
 
 
-def test_a_panel_is_a_thing_of_a_day(service, client):
-    bands = [{"band": "green", "reflectance": 0.18, "standard_uncertainty": 0.002}]
-    service.will_answer({"id": "p-1", "serial": "P-18", "measured_on": "2026-03-14", "bands": bands})
-    panel = client.create_panel("P-18", measured_on="2026-03-14", bands=bands)
-    assert (panel.id, panel.raw["bands"]) == ("p-1", bands)
-    assert service.asked[0].path == "/v1/panels"
-    assert service.asked[0].json == {"serial": "P-18", "measured_on": "2026-03-14", "bands": bands}
-
-
 def test_a_region_may_have_parts(service, client):
     service.will_answer({"id": "r-1"})
     client.set_roi("c-1", regions={"centre": [(0, 0), (9, 0), (9, 9)]})
@@ -273,14 +184,6 @@ def test_an_index_has_a_mean_alone(service, client):
     found = client.measure("f-1", index="ndvi")
     assert service.asked[0].json == {"frame_id": "f-1", "index": "ndvi"}
     assert (found.mean.value, found.min) == (0.5, None)
-
-
-def test_a_form_is_saved_under_its_name(service, client, tmp_path):
-    service.will_answer(b"II*\0", headers={"Content-Type": "image/tiff"})
-    path = client.save_form("k-1", tmp_path / "correction.tif", f_number=2.8)
-    assert path.read_bytes() == b"II*\0"
-    assert service.asked[0].path == "/v1/calibrations/k-1/exports/correction.tif"
-    assert service.asked[0].query == {"f_number": "2.8"}
 
 
 def test_who_waits_for_a_campaign_may_run_out_of_time(service, client):
