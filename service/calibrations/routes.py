@@ -19,8 +19,8 @@ from radiometry.findings import interface
 from radiometry.fitting.evidence import Exclusion
 from radiometry.methods import METHODS, get_method
 from radiometry.specification.exports import Export, ExportOption, ExportSubject, Picture
-from service.calibrations.fits import FitRequest, NewCalibration, read_request
 from service.calibrations.history import RevocationAnswer
+from service.calibrations.methods import FitRequest, NewCalibration, read_request
 from service.calibrations.schemas import (
     IN_FORCE,
     CalibrationAnswer,

@@ -13,7 +13,7 @@ from pydantic import (
 )
 
 from radiometry.methods import METHODS
-from service.calibrations.fits import make_fields
+from service.calibrations.methods import make_fields
 from service.equipment.schemas import Lens, PanelOffered
 from service.http import models
 from store.queries.campaigns import Counts

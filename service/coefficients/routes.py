@@ -18,7 +18,7 @@ from radiometry.findings import interface
 from radiometry.methods import get_method
 from radiometry.specification.application import SurfaceApplication
 from service.calibrations.schemas import CoefficientsAnswer
-from service.coefficients import formats
+from service.coefficients import series
 from service.coefficients.series import SeriesAnswer, SeriesQuery, SeriesRow, answer_series, sends_series
 from service.http import answers, counts, lookup, models, operations
 from service.http.auth import Caller, Reader
@@ -225,7 +225,7 @@ class CoefficientSeriesQuery(SeriesQuery):
     end: Instant | None = Field(default=None, alias="to", description="In force before this time.")
 
 
-_COLUMNS = formats.describe_columns(SeriesRow)
+_COLUMNS = series.describe_columns(SeriesRow)
 
 
 @router.get(

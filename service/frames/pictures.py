@@ -22,16 +22,7 @@ from radiometry.methods import get_method
 from radiometry.specification.application import SurfaceApplication
 from service.campaigns.schemas import Point
 from service.frames.routes import require_header, require_preview
-from service.http import changes, models, operations
-from service.http.answers import (
-    UNCHANGED,
-    immutable_headers,
-    not_modified,
-    problems,
-    sends_file,
-    sends_stored_file,
-    standing_headers,
-)
+from service.http import answers, changes, models, operations
 from service.http.auth import Reader
 from service.http.context import Context, UsesContext
 from service.http.lookup import Id, owned
@@ -144,7 +135,9 @@ class GridLook(models.Answer):
 router = operations.Router(prefix="/v1", tags=["frames"])
 
 
-@router.post("/frames/{frame_id}/region", status_code=202, response_model=JobAnswer, responses=problems(409))
+@router.post(
+    "/frames/{frame_id}/region", status_code=202, response_model=JobAnswer, responses=answers.problems(409)
+)
 def look_at_region(frame_id: Id, body: NewLook, caller: Reader, writing: changes.Writes) -> Response:
     """Preview a region without setting it. The job's result holds its statistics, histogram and clipping.
 
@@ -195,7 +188,9 @@ def look_at_grid(frame_id: Id, body: NewGrid, caller: Reader, context: UsesConte
 
 
 @router.get(
-    "/frames/{frame_id}/thumbnail.png", response_class=Response, responses=sends_stored_file("image/png")
+    "/frames/{frame_id}/thumbnail.png",
+    response_class=Response,
+    responses=answers.sends_stored_file("image/png"),
 )
 def get_frame_thumbnail(frame_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
     """A picture for lists, at most 320 px wide and 40 kB, with the region that holds for the frame."""
@@ -204,8 +199,8 @@ def get_frame_thumbnail(frame_id: Id, request: Request, caller: Reader, context:
         roi = current_roi(session, frame, session.get_one(Campaign, frame.campaign_id))
     preview_sha256 = require_preview(frame)
     tag = f"{tag_of(preview_sha256, roi.id if roi else None)}-{WIDEST_PX}"
-    headers = standing_headers(tag)
-    unchanged = not_modified(request, tag, headers)
+    headers = answers.standing_headers(tag)
+    unchanged = answers.not_modified(request, tag, headers)
     if unchanged is not None:
         return unchanged
     _, pieces = context.files.open(preview_sha256)
@@ -247,7 +242,7 @@ class NewCrop(models.Form):
     response_model=JobAnswer,
     responses={
         200: {"model": JobAnswer, "description": "The picture is there already: the job that drew it."},
-        **problems(409),
+        **answers.problems(409),
     },
 )
 def draw_crop(frame_id: Id, body: NewCrop, caller: Reader, writing: changes.Writes) -> Response:
@@ -283,13 +278,13 @@ def draw_crop(frame_id: Id, body: NewCrop, caller: Reader, writing: changes.Writ
     return writing.run(caller, change)
 
 
-@router.get("/crops/{crop_id}.png", response_class=Response, responses=sends_file("image/png"))
+@router.get("/crops/{crop_id}.png", response_class=Response, responses=answers.sends_file("image/png"))
 def get_crop(crop_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
     """The picture of a crop, while it is among the newest of your organisation; 404 then: draw it again."""
     with context.database.reading() as session:
         found = owned(session, Crop, crop_id, caller)
-        return not_modified(request, crop_id) or Response(
-            found.png, headers=immutable_headers(found.id), media_type="image/png"
+        return answers.not_modified(request, crop_id) or Response(
+            found.png, headers=answers.immutable_headers(found.id), media_type="image/png"
         )
 
 
@@ -319,7 +314,7 @@ thumbnails_router = operations.Router(prefix="/v1/campaigns/{campaign_id}", tags
 
 
 @thumbnails_router.get(
-    "/thumbnails", response_model=ThumbnailsAnswer, responses={**UNCHANGED, **problems(404)}
+    "/thumbnails", response_model=ThumbnailsAnswer, responses={**answers.UNCHANGED, **answers.problems(404)}
 )
 def list_thumbnails(
     campaign_id: Id,
@@ -350,8 +345,8 @@ def list_thumbnails(
         rois = {roi.id: roi for roi in session.scalars(select(Roi).where(Roi.id.in_(held)))}
     tags = {each: tag_of(frame.preview_sha256, regions[each]) or "" for each, frame in frames.items()}
     tag = hashlib.sha256(repr(sorted(tags.items())).encode()).hexdigest()
-    headers = immutable_headers(tag) if tags == named else standing_headers(tag)
-    unchanged = not_modified(request, tag, headers)
+    headers = answers.immutable_headers(tag) if tags == named else answers.standing_headers(tag)
+    unchanged = answers.not_modified(request, tag, headers)
     if unchanged is not None:
         return unchanged
     small = _find_small(context, {frame.preview_sha256 or "" for frame in frames.values()})

@@ -22,7 +22,7 @@ from service.documents import routes as certificates
 from service.equipment import routes as equipment
 from service.frames import motion, pictures
 from service.frames import routes as frames
-from service.http import connections, document, limits, middleware, problems, processes
+from service.http import connections, document, middleware, problems, processes
 from service.http.context import Context
 from service.http.problems import Problem
 from service.jobs import routes as jobs
@@ -66,7 +66,7 @@ def build_app(context: Context) -> FastAPI:
         redoc_url=None,
         openapi_url=None,
     )
-    app.add_middleware(limits.BodyLimit)
+    app.add_middleware(middleware.BodyLimit)
     app.add_middleware(middleware.ContentDigests)
     app.add_middleware(middleware.Compression)
     _let_dashboards_read(app, context.settings.cors_origins)

@@ -12,7 +12,7 @@ from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
 from radiometry.findings import interface, shared
-from service.calibrations import fits, methods
+from service.calibrations import methods
 from service.http import answers, tables
 from service.http.operations import CHANGING
 from service.http.problems import problem_body
@@ -118,9 +118,9 @@ def build_document(app: FastAPI) -> Node:
 def _add_methods(document: Node) -> None:
     """State what each method takes and stores, where a route only knows that it is an object."""
     schemas = document["components"]["schemas"]
-    forms, body = fits.describe_requests()
+    forms, body = methods.describe_requests()
     held, properties = methods.describe_versions()
-    schemas.update({**forms, **held, fits.NewCalibration.__name__: body})
+    schemas.update({**forms, **held, methods.NewCalibration.__name__: body})
     for answer in schemas.values():
         if {"diagnostics", "points"} <= answer.get("properties", {}).keys():
             answer["properties"] |= properties

@@ -17,10 +17,8 @@ from starlette.exceptions import HTTPException
 from starlette.types import Receive, Scope
 
 from radiometry.findings import interface
-from service.http.answers import with_usual_problems
-from service.http.auth import Needs, get_caller, identify, require
+from service.http import answers, auth, problems
 from service.http.context import Context
-from service.http.problems import UNREADABLE, Problem, invalid, located
 
 T = TypeVar("T")
 
@@ -48,22 +46,22 @@ class Router(APIRouter):
 class Operation(APIRoute):
     def __init__(self, *args: Any, **options: Any) -> None:  # noqa: ANN401  the framework's own
         super().__init__(*args, **options)
-        if get_caller in list_calls(self.dependant):
-            self.responses = with_usual_problems(self.responses, of_one="{" in self.path)
+        if auth.get_caller in list_calls(self.dependant):
+            self.responses = answers.with_usual_problems(self.responses, of_one="{" in self.path)
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         handle = super().get_route_handler()
         called = list(list_calls(self.dependant))
-        scopes = [each.scope for each in called if isinstance(each, Needs)]
+        scopes = [each.scope for each in called if isinstance(each, auth.Needs)]
         form: Any = self.body_field and self.body_field.field_info.annotation
 
         async def operate(request: Request) -> Response:
-            if get_caller in called:
-                await identify(request)
+            if auth.get_caller in called:
+                await auth.identify(request)
             if self.include_in_schema:
                 _check(request)
             for scope in scopes:
-                require(request.state.caller, scope)
+                auth.require(request.state.caller, scope)
             if request.headers.get("content-encoding", "identity").strip().lower() != "identity":
                 raise _encoded()
             return await handle(_StrictRequest(request.scope, request.receive, form))
@@ -108,12 +106,12 @@ def read_document(body: bytes, validate: Callable[[Any], T]) -> T:
             json.loads(body, object_pairs_hook=_collect, parse_int=_read_whole, parse_float=_read_real)
         )
     except ValidationError as error:
-        raise invalid(located(error, "body")) from error
+        raise problems.invalid(problems.located(error, "body")) from error
     except json.JSONDecodeError as error:
         detail = f"The body is not JSON: {error.msg} at character {error.pos}."
-        raise Problem(interface.BAD_REQUEST, detail) from error
+        raise problems.Problem(interface.BAD_REQUEST, detail) from error
     except (ValueError, RecursionError) as error:
-        raise Problem(interface.BAD_REQUEST, UNREADABLE) from error
+        raise problems.Problem(interface.BAD_REQUEST, problems.UNREADABLE) from error
 
 
 def refuse_load(body: bytes, *marks: str) -> None:
@@ -145,13 +143,13 @@ def _read_real(text: str) -> float:
     return float(text)
 
 
-def _wrong(message: str) -> Problem:
-    return invalid([{"type": "value", "loc": ("body",), "msg": message}])
+def _wrong(message: str) -> problems.Problem:
+    return problems.invalid([{"type": "value", "loc": ("body",), "msg": message}])
 
 
-def _encoded() -> Problem:
+def _encoded() -> problems.Problem:
     detail = "The body is compressed. Send it as it is, without Content-Encoding."
-    return Problem(interface.CONTENT_ENCODED, detail, headers={"Accept-Encoding": "identity"})
+    return problems.Problem(interface.CONTENT_ENCODED, detail, headers={"Accept-Encoding": "identity"})
 
 
 def _check(request: Request) -> None:
@@ -168,7 +166,7 @@ def _check(request: Request) -> None:
         if (kind := _find_fault(types.get(name), text)) is not None
     ]
     if wrong:
-        raise invalid(wrong)
+        raise problems.invalid(wrong)
 
 
 def _refuse_conditions(request: Request) -> None:
@@ -177,7 +175,7 @@ def _refuse_conditions(request: Request) -> None:
         wanted = request.headers.getlist("if-match")
         if (wanted and "".join(wanted).strip() != "*") or "*" in request.headers.getlist("if-none-match"):
             detail = "This address has no entity tag. Send the request without If-Match and If-None-Match."
-            raise Problem(interface.PRECONDITION_FAILED, detail)
+            raise problems.Problem(interface.PRECONDITION_FAILED, detail)
 
 
 def _find_fault(kind: str | None, text: str) -> str | None:

@@ -11,7 +11,6 @@ from pydantic import Field
 
 from radiometry.findings import interface
 from radiometry.frame.grid import find_homography
-from service.coefficients.formats import describe_columns
 from service.coefficients.series import (
     MEDIA_TYPES,
     CellsAnswer,
@@ -20,6 +19,7 @@ from service.coefficients.series import (
     MeasurementSeriesRow,
     SeriesQuery,
     answer_series,
+    describe_columns,
     sends_series,
 )
 from service.http import answers, lookup, operations, tables

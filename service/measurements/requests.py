@@ -10,7 +10,7 @@ from radiometry.frame.grid import MAX_CELLS_A_SIDE, Grid, LaneGrid, lay_lanes
 from radiometry.frame.multispectral import MOST_LETTERS, NAMED_INDICES
 from radiometry.frame.roi import Polygon, parse_imagej
 from radiometry.methods import METHODS
-from service.calibrations.fits import make_fields
+from service.calibrations.methods import make_fields
 from service.campaigns.schemas import NewRoi, Point, Reflectance
 from service.http.models import WHOLE, Answer, Form, Number, Text
 from service.http.problems import invalid, located

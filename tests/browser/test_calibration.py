@@ -8,7 +8,7 @@ from PIL import Image
 from playwright.sync_api import expect
 
 from radiometry.methods import METHODS, get_method
-from service.calibrations.fits import NewCalibration, read_request
+from service.calibrations.methods import NewCalibration, read_request
 from store.codec import decode, drop_absent
 from tests.support.browser import DIALOG, PICTURES, Held, check_access, look, settle, sign_in
 from tests.support.campaigns import ISOS, LEVELS, SETTINGS

@@ -36,7 +36,7 @@ from bench.harness import (
     say,
     serving,
 )
-from service.http.limits import MAX_BODY_BYTES
+from service.http.middleware import MAX_BODY_BYTES
 from store.database import Database
 from store.migrate import migrate
 from tests.support.everything import make_one_of_each

@@ -7,7 +7,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from radiometry.methods import METHODS, get_method
 from radiometry.specification.parameters import Parameter
-from service.calibrations.fits import NewCalibration, read_kind, read_request
+from service.calibrations.methods import NewCalibration, read_kind, read_request
 from service.http.problems import Problem
 
 NUMBERS = [

@@ -17,9 +17,9 @@ import pytest
 from fastapi.routing import APIRoute, iter_route_contexts
 
 from bench.harness import forget_peak, read_memory_mb
-from service.http import auth, limits
+from service.http import auth, middleware
 from service.http.auth import get_caller
-from service.http.limits import MAX_BODY_BYTES, STRANGER_BYTES
+from service.http.middleware import MAX_BODY_BYTES, STRANGER_BYTES
 from service.http.operations import list_calls
 from tests.support.hostile import JSON, Body, make_bodies, make_heads, make_own
 from tests.support.resumable import PIECE, TUS, begin_upload
@@ -196,7 +196,7 @@ def test_errors_that_are_not_listed_are_counted(house):
 def test_bodies_that_are_held_dripped_or_cut_end_everywhere(house, operations, monkeypatch, known, statuses):
     """Minutes last a tenth of a second here; whichever operation it asks, each is answered."""
     for name, most_s in (("STRANGER_S", 0.1), ("PAUSE_S", 0.1)):
-        monkeypatch.setattr(limits, name, most_s)
+        monkeypatch.setattr(middleware, name, most_s)
     monkeypatch.setattr(auth, "LATEST_S", 0.0)
     key = house.http.headers["authorization"] if known else "Bearer nobody"
     taking = [(method, path) for method, path, takes in operations if takes]
@@ -207,7 +207,7 @@ def test_bodies_that_are_held_dripped_or_cut_end_everywhere(house, operations, m
 
 
 def test_files_that_are_held_dripped_or_cut_are_given_up(house, monkeypatch):
-    monkeypatch.setattr(limits, "PAUSE_S", 0.1)
+    monkeypatch.setattr(middleware, "PAUSE_S", 0.1)
     campaign, key = house.campaign()["id"], house.http.headers["authorization"]
     path = f"/v1/campaigns/{campaign}/frames"
     assert send_slowly(house, [("POST", path)], key, query=b"role=dark") == [400] * 3

@@ -2,7 +2,7 @@
 
 import pytest
 
-from service.http.limits import MAX_BODY_BYTES
+from service.http.middleware import MAX_BODY_BYTES
 
 pytestmark = pytest.mark.either_database
 

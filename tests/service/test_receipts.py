@@ -10,7 +10,7 @@ from cryptography.exceptions import InvalidSignature
 from cryptography.hazmat.primitives.serialization import load_pem_public_key
 
 from service.campaigns.manifests import MOST_FILES
-from service.http.limits import MAX_BODY_BYTES
+from service.http.middleware import MAX_BODY_BYTES
 from service.http.signatures import Signer
 
 pytestmark = pytest.mark.either_database

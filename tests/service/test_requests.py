@@ -8,9 +8,9 @@ import unicodedata
 import pytest
 from fastapi.testclient import TestClient
 
-from service.http import auth, limits
+from service.http import auth, middleware
 from service.http.counts import LONGEST_WAIT_S, Attempts
-from service.http.limits import MAX_BODY_BYTES, STRANGER_BYTES
+from service.http.middleware import MAX_BODY_BYTES, STRANGER_BYTES
 
 CAMERA = {"make": "DJI", "model": "FC6520", "serial": "1"}
 
@@ -195,11 +195,11 @@ def test_who_keeps_asking_without_a_key_is_answered_late_and_logged(house, monke
 
 
 def test_all_bodies_of_an_organisation_under_way_have_a_limit(house, monkeypatch):
-    monkeypatch.setattr(limits, "OPEN_BYTES", 40)
+    monkeypatch.setattr(middleware, "OPEN_BYTES", 40)
     answer = house.http.post("/v1/cameras", json=CAMERA)
     assert (answer.status_code, answer.json()["code"]) == (429, "too_many_requests")
     assert answer.headers["retry-after"] == "1"
-    monkeypatch.setattr(limits, "OPEN_BYTES", 60)
+    monkeypatch.setattr(middleware, "OPEN_BYTES", 60)
     for _ in range(2):  # what was answered no longer counts
         assert house.http.post("/v1/cameras", json=CAMERA).status_code in {200, 201}
 

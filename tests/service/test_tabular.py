@@ -8,8 +8,8 @@ import re
 import arro3.io
 import pytest
 
-from service.coefficients import formats as series_texts
-from service.coefficients.formats import write_arrow
+from service.coefficients import series as series_texts
+from service.coefficients.series import write_arrow
 from service.http.tables import write_csv
 from store.ready.rows import read_records, write_record
 
