@@ -185,10 +185,7 @@ async def _body(request: Request, _caller: auth.Uploader) -> bytes:
     "/campaigns/{campaign_id}/points",
     status_code=201,
     response_model=PointsAnswer,
-    responses={
-        200: {"model": PointsAnswer, "description": "The campaign has these rows already."},
-        **answers.problems(400, 409, 507),
-    },
+    responses=answers.had_already(PointsAnswer, "The campaign has these rows already.", 400, 409, 507),
     openapi_extra={"requestBody": {"required": True, "content": _TABLE}},
 )
 def add_points(

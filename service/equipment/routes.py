@@ -29,7 +29,7 @@ router = operations.Router(prefix="/v1/cameras", tags=["cameras"])
     "",
     status_code=201,
     response_model=schemas.CameraAnswer,
-    responses={200: {"model": schemas.CameraAnswer, "description": "It was registered already."}},
+    responses=answers.had_already(schemas.CameraAnswer, "It was registered already."),
 )
 def create_camera(body: schemas.NewCamera, caller: auth.Calibrator, writing: changes.Writes) -> Response:
     """Register a camera body, with the names that it writes into its files."""
@@ -109,12 +109,9 @@ meters_router = operations.Router(prefix="/v1/meters", tags=["meters"])
     "",
     status_code=201,
     response_model=schemas.MeterAnswer,
-    responses={
-        200: {
-            "model": schemas.MeterAnswer,
-            "description": "It was registered already; a certificate sent now is its newest.",
-        }
-    },
+    responses=answers.had_already(
+        schemas.MeterAnswer, "It was registered already; a certificate sent now is its newest."
+    ),
 )
 def create_meter(body: schemas.NewMeter, caller: auth.Calibrator, writing: changes.Writes) -> Response:
     """Register a meter, with its calibration certificate where there is one."""
@@ -153,13 +150,9 @@ panels_router = operations.Router(prefix="/v1/panels", tags=["panels"])
     "",
     status_code=201,
     response_model=schemas.PanelAnswer,
-    responses={
-        200: {
-            "model": schemas.PanelAnswer,
-            "description": "It was registered already, with the same figures.",
-        },
-        **answers.problems(409),
-    },
+    responses=answers.had_already(
+        schemas.PanelAnswer, "It was registered already, with the same figures.", 409
+    ),
 )
 def create_panel(body: schemas.NewPanel, caller: auth.Calibrator, writing: changes.Writes) -> Response:
     """Register a panel as it was measured on a day. Measured again, it is another entry."""
@@ -305,10 +298,7 @@ Judging = Annotated[_Judged, Query()]
     "",
     status_code=201,
     response_model=RigAnswer,
-    responses={
-        200: {"model": RigAnswer, "description": "It was registered already, with the same cameras."},
-        **answers.problems(404, 409),
-    },
+    responses=answers.had_already(RigAnswer, "It was registered already, with the same cameras.", 404, 409),
 )
 def create_rig(body: NewRig, caller: auth.Calibrator, writing: changes.Writes) -> Response:
     """Register cameras that are mounted together, the reference first."""

@@ -240,10 +240,7 @@ class NewCrop(models.Form):
     "/frames/{frame_id}/crops",
     status_code=202,
     response_model=JobAnswer,
-    responses={
-        200: {"model": JobAnswer, "description": "The picture is there already: the job that drew it."},
-        **answers.problems(409),
-    },
+    responses=answers.had_already(JobAnswer, "The picture is there already: the job that drew it.", 409),
 )
 def draw_crop(frame_id: Id, body: NewCrop, caller: Reader, writing: changes.Writes) -> Response:
     """Draw a part of a frame, one pixel for each of the sensor's, with clipped pixels in red.

@@ -13,7 +13,7 @@ from radiometry.frame.roi import bounding_window
 from radiometry.frame.verdicts import Verdict
 from service.campaigns.schemas import NewRoi, RoiAnswer
 from service.frames.schemas import FrameAnswer, FrameChange, Upload
-from service.http.answers import problems, send_blob, sends_stored_file
+from service.http.answers import had_already, problems, send_blob, sends_stored_file
 from service.http.auth import Calibrator, Caller, Reader, Uploader
 from service.http.changes import Reply, StreamWrites, Writes
 from service.http.context import Context, UsesContext
@@ -54,10 +54,7 @@ _UPLOAD = {
     "/campaigns/{campaign_id}/frames",
     status_code=201,
     response_model=FrameAnswer,
-    responses={
-        200: {"model": FrameAnswer, "description": "The campaign has these bytes already."},
-        **problems(400, 409, 413, 507),
-    },
+    responses=had_already(FrameAnswer, "The campaign has these bytes already.", 400, 409, 413, 507),
     openapi_extra=_UPLOAD,
 )
 async def upload_frame(

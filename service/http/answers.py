@@ -42,6 +42,11 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
     }
 
 
+def had_already(model: Any, description: str, *statuses: int) -> dict[int | str, dict[str, Any]]:  # noqa: ANN401
+    """Document the 200 of a POST that makes nothing twice, beside its problems."""
+    return {200: {"model": model, "description": description}, **problems(*statuses)}
+
+
 def with_usual_problems(stated: dict[int | str, dict[str, Any]], *, of_one: bool) -> dict[int | str, Any]:
     """Return the answers of a route with a key; ``of_one`` : of a thing that may not be there."""
     found = problems(*USUAL, *([404] if of_one else []))
