@@ -3,11 +3,14 @@
 import csv
 import json
 
+import pytest
 from sqlalchemy import text
 
 from service.pages.routes import ACTS
 from store.queries.audit import NAMES
 from store.tables.base import Audited, AuditedTogether, Base
+
+pytestmark = pytest.mark.either_database
 
 
 def test_who_did_what_newest_first_and_a_page_at_a_time(house):
@@ -30,6 +33,11 @@ def test_who_did_what_newest_first_and_a_page_at_a_time(house):
             break
         page = house.http.get(page["next"]).json()
     assert paged == everything["items"]
+    frame = house.upload(campaign, house.frame_bytes(), role="dark")
+    house.work()
+    read, made = house.get("/v1/audit", subject_id=frame["id"])["items"]
+    assert (read["actor"], made["action"], made["actor"][:4]) == ("worker", "frame.create", "key_")
+    assert (read["before"]["state"], read["after"]["state"]) == ("received", "read")
 
 
 def test_another_organisation_sees_its_own_only(house, stranger):

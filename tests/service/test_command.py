@@ -1,6 +1,10 @@
 """`stilb-server`: the help of each command does nothing, and what a command does not take is refused."""
 
 import importlib
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
 
 import pytest
 
@@ -59,3 +63,21 @@ def test_a_command_becomes_its_module_with_its_arguments(run):
         (module,) = (COMMANDS[name].module for name in arguments[:1])
         assert (code, started) == (0, [["-m", module, *arguments[1:]]])
         assert importlib.util.find_spec(module) is not None
+
+
+LINTS = tomllib.loads(Path("pyproject.toml").read_text())["tool"]["ruff"]["lint"]
+LARGE = {
+    *LINTS["flake8-tidy-imports"]["banned-module-level-imports"],
+    *("imagecodecs", "rawpy", "scipy.stats", "typst"),
+}
+
+
+def test_processes_start_without_large_libraries():
+    program = (
+        "import sys, service.__main__, worker.upkeep, worker.background, store.migrate\n"
+        "service.http.app._include_routers(service.http.app.FastAPI())\n"
+        "assert 'service.measurements.stac' in sys.modules\n"
+        f"sys.exit(' '.join({LARGE} & sys.modules.keys()) or None)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], check=False, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")

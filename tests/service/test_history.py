@@ -70,16 +70,6 @@ def test_a_revoked_version_lists_its_measurements_with_what_the_next_would_say(h
     assert revoke(house, first)["measurements"] == answer["measurements"]
 
 
-def test_a_measurement_of_a_revoked_version_stays_and_says_so(house, pair):
-    first, _ = pair
-    publish(house, first)
-    made = measure(house, field_frame(house, first["campaign_id"]), first)
-    revoke(house, first)
-    read = house.get(f"/v1/measurements/{made['id']}")
-    assert "calibration_revoked" in {flag["flag"] for flag in read["flags"]}
-    assert read["mean"] == made["mean"]
-
-
 @pytest.mark.parametrize(("valid_from", "valid_to"), [(MAY, None), (APRIL, TAKEN)])
 def test_where_nothing_else_is_in_force_there_is_no_successor(house, pair, valid_from, valid_to):
     first, second = pair
@@ -101,10 +91,6 @@ def test_a_successor_without_the_iso_has_no_figure(house, pair):
     assert touched["successor"]["version"] == 2
     assert "change" not in touched
     assert "ISO 6400" in touched["why"]
-
-
-def test_a_version_without_measurements_touches_none(house, pair):
-    assert revoke(house, pair[0])["measurements"] == []
 
 
 def test_nothing_in_force_says_so(house, pair):

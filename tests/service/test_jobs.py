@@ -1,5 +1,6 @@
 """Jobs over HTTP: what they are about, how many wait, and trying again."""
 
+import pytest
 from sqlalchemy import select, update
 
 from store.tables import Job
@@ -7,6 +8,8 @@ from store.tables.base import new_id
 from tests.support.campaigns import published_campaign
 from tests.support.measuring import field_frame, measure
 from tests.support.resumable import PIECE, describe
+
+pytestmark = pytest.mark.either_database
 
 
 def failed_job(house):

@@ -7,6 +7,7 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
+from radiometry.fitting.sources import K_UNITS
 from store.logs import add_fields
 from store.tables import Blob
 from tests.support.campaigns import (
@@ -144,3 +145,11 @@ def test_the_series_is_flat_and_whole(house, staged):
         ("dark_signal_dn", 6400.0, 0.0),
     ]
     assert [float(r["value"]) for r in rows] == [c["value"] for c in version["coefficients"]]
+
+
+def test_k_has_the_unit_of_its_model(house, staged):
+    campaign = staged(upload_campaign, isos=(3200,))
+    for model, expected in K_UNITS.items():
+        version = calibrate(house, campaign, model=model)
+        units = {c["unit"] for c in version["coefficients"] if c["name"] == "luminance_k"}
+        assert units == {expected}, model

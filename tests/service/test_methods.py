@@ -6,9 +6,12 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from radiometry.methods import METHODS, get_method
+from radiometry.methods.findings import FINDINGS
 from radiometry.specification.parameters import Parameter
 from service.calibrations.methods import NewCalibration, read_kind, read_request
 from service.http.problems import Problem
+
+pytestmark = pytest.mark.either_database
 
 NUMBERS = [
     (spec, each)
@@ -107,3 +110,23 @@ def test_a_whole_number_is_asked_for_as_one():
     for wrong in (2.5, 0, "2", True):
         with pytest.raises(ValidationError):
             form.validate_python(wrong)
+
+
+def test_every_finding_is_listed_with_sentence_and_remedy(house):
+    items = {item["code"]: item for item in house.get("/v1/findings")["items"]}
+    assert [*items] == [*FINDINGS]
+    assert items["lamp_drift"] == {
+        "code": "lamp_drift",
+        "severity": "warn",
+        "where": ["verdict", "calibration"],
+        "sentence": FINDINGS["lamp_drift"].sentence,
+        "remedy": FINDINGS["lamp_drift"].remedy,
+        "retryable": False,
+    }
+    assert (items["not_found"]["status"], items["storage_full"]["retryable"]) == (404, True)
+    assert items["place_missing"]["where"] == ["certificate"]
+
+
+def test_an_unchanged_registry_is_not_sent_again(house):
+    tag = house.http.get("/v1/findings").headers["ETag"]
+    assert house.http.get("/v1/findings", headers={"If-None-Match": tag}).status_code == 304

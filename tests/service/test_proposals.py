@@ -6,6 +6,8 @@ from radiometry.methods import get_method
 from service.campaigns.proposals import CardFrame, choose_methods, natural, sort_card, split_scenes
 from tests.support.frames import write_frame
 
+pytestmark = pytest.mark.either_database
+
 
 def frame(name, minute=0.0, *, signal=0.3, exposure_time_s=0.01, **more):
     more = {"f_number": 4.0, "iso": 100.0} | more

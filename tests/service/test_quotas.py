@@ -5,17 +5,20 @@ from concurrent.futures import ThreadPoolExecutor
 from datetime import timedelta
 
 import pytest
-from sqlalchemy import update
+from psycopg.errors import DiskFull
+from sqlalchemy import event, update
+from sqlalchemy.exc import OperationalError
 
 import stilb
 from service.http.counts import Rates
 from service.http.problems import Problem
 from store.blobs.partials import Partial
+from store.database import is_full
 from store.queries.usage import Quotas, recount_all
 from store.settings import Settings
 from store.tables import Usage
 from store.tables.base import utc_now
-from tests.support.house import KEY
+from tests.support.house import CAMERA, KEY
 from tests.support.live import serving
 from tests.support.resumable import PIECE, TUS, begin_upload, describe
 
@@ -244,3 +247,28 @@ def test_who_sends_a_large_file_hears_why_it_is_refused(sqlite_house, tmp_path):
     assert (refused.value.status, refused.value.code) == (507, "quota_exceeded")
     assert refused.value.retry_after_s == 60
     assert (refused.value.raw["limit"], refused.value.raw["used"]) == (1 << 20, 0)
+
+
+@pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
+def test_a_database_without_room_is_no_database_that_does_not_answer(house):
+    known = house.camera()
+
+    def take_all_room(connection, _record):
+        connection.execute("PRAGMA max_page_count = 1")
+
+    house.database.dispose()
+    event.listen(house.database.engine, "connect", take_all_room)
+    note = "x" * 900
+    answers = [
+        house.http.post("/v1/cameras", json={**CAMERA, "serial": str(i), "note": note}) for i in range(50)
+    ]
+    refused = [answer for answer in answers if answer.status_code != 201]
+    assert {(answer.status_code, answer.json()["code"]) for answer in refused} == {(507, "storage_full")}
+    assert refused[0].json()["retryable"] is True
+    assert refused[0].headers["Retry-After"]
+    assert house.get(f"/v1/cameras/{known['id']}") == known
+
+
+def test_postgresql_says_it_its_own_way():
+    assert is_full(OperationalError("INSERT", {}, DiskFull("could not extend file")))
+    assert not is_full(OperationalError("INSERT", {}, Exception("server closed the connection")))

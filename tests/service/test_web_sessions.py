@@ -12,6 +12,8 @@ from store.settings import Settings
 from store.tables import WebSession
 from tests.support.house import CAMERA, KEY
 
+pytestmark = pytest.mark.either_database
+
 PAGE = {"Accept": "text/html"}
 
 

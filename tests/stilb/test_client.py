@@ -126,12 +126,6 @@ def test_coefficients_as_known_then(service, client):
     assert k.flags == ("dark_from_black_level",)
 
 
-def test_the_series_of_a_dashboard(service, client):
-    service.will_answer({"rows": [{"name": "luminance_k"}]})
-    assert client.series(camera_id="cam-1", start="2025-01-01T00:00:00Z") == [{"name": "luminance_k"}]
-    assert service.asked[0].query == {"camera_id": "cam-1", "from": "2025-01-01T00:00:00Z"}
-
-
 def test_a_certificate_for_programs_is_text(service, client):
     service.will_answer("<dcc>µ</dcc>".encode(), headers={"Content-Type": "application/xml"})
     assert client.certificate_dcc("k-1", country="DE") == "<dcc>µ</dcc>"
@@ -154,10 +148,11 @@ def test_rows_of_a_series_have_the_same_columns(service, client):
     service.will_answer(
         {"rows": [{"name": "a", "iso": 100}, {"name": "b", "valid_to": "2026-01-01T00:00:00Z"}]}
     )
-    assert client.series() == [
+    assert client.series(camera_id="cam-1", start="2025-01-01T00:00:00Z") == [
         {"name": "a", "iso": 100, "valid_to": None},
         {"name": "b", "iso": None, "valid_to": datetime(2026, 1, 1, tzinfo=UTC)},
     ]
+    assert service.asked[0].query == {"camera_id": "cam-1", "from": "2025-01-01T00:00:00Z"}
 
 
 def test_many_hashes_are_asked_in_parts(service, client):

@@ -64,15 +64,6 @@ def test_a_folder_goes_over_and_is_told_in_one_line(signed_in, campaign, card, t
     assert said == {("dark", None): 2, **lights}
 
 
-def test_the_same_command_again_sends_nothing(signed_in, campaign, card, uploads):
-    first = signed_in("push", card, "--campaign", campaign.id, "--json").json
-    again = signed_in("push", card, "--campaign", campaign.id, "--json").json
-    assert (first["sent"], again["sent"]) == (10, 0)
-    assert again["received"] == again["expected"] == 10
-    assert again["outcomes"] == {"pass": 6, "warn": 4}
-    assert set(uploads.values()) == {1}
-
-
 def test_reasons_are_told_file_by_file(signed_in, campaign, card):
     clipped = write_frame(card / "level-1" / "clipped.DNG", signal_dn=9000.0)
     (card / "level-9").mkdir()

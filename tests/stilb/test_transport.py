@@ -48,12 +48,6 @@ def test_the_key_goes_with_every_request(service, client):
     assert service.asked[0].headers["user-agent"] == f"stilb/{read_version()}"
 
 
-def test_a_passing_refusal_is_asked_again(service, client):
-    service.will_refuse(503, "starting", retryable=True)
-    service.will_answer(CAMERA)
-    assert client.camera("cam-1").serial == "S1"
-
-
 def test_a_post_keeps_its_idempotency_key_over_all_attempts(service, client):
     service.will_refuse(503, "starting", retryable=True)
     service.will_answer(cut_after=0)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.support.campaigns import calibrate, upload_campaign
+from tests.support.campaigns import calibrate
 from tests.support.meters import CERTIFICATE, METER, enter_meter, metered_campaign
 
 pytestmark = pytest.mark.either_database
@@ -21,7 +21,3 @@ def test_a_version_keeps_the_certificate_that_it_was_made_with(house):
     assert again["inputs"]["meters"][0]["certificate"]["number"] == "D-K-2"
     kept = house.get(f"/v1/calibrations/{version['id']}")
     assert kept["inputs"]["meters"][0]["certificate"]["number"] == "D-K-1"
-
-
-def test_readings_without_a_meter_name_none(house):
-    assert calibrate(house, upload_campaign(house, isos=(3200,)))["inputs"]["meters"] == []

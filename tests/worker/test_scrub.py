@@ -12,6 +12,8 @@ from store.tables.base import utc_now
 from tests.support.blobs import spoil, zero
 from worker.background import Scrub
 
+pytestmark = pytest.mark.either_database
+
 
 @pytest.fixture
 def frames(house):

@@ -1,12 +1,17 @@
 """What the header says, and that nothing is made up of zeros and nonsense."""
 
+import dataclasses
 import hashlib
+import io
 import math
 
+import numpy as np
 import pytest
+import tifffile
 
 from radiometry.frame import Opcode
-from simulation.dng import ASCII, LONG, RATIONAL, SHORT, SRATIONAL
+from simulation.dng import ASCII, BYTE, LONG, RATIONAL, SHORT, SRATIONAL
+from tests.support.data import data_file
 from tests.worker.decode.dng_variants import Variant, black_level, make_dng, make_samples, opcode_list
 from worker.decode import reader
 from worker.decode.metadata import read_metadata
@@ -188,7 +193,150 @@ def test_real_file_with_zeros_for_its_exposure(real_files):
     assert (set(found.black_level_dn), set(found.white_level_dn)) == ({2056}, {15000})
 
 
-def test_rationals_near_the_end_of_their_range(real_files):
-    found = reader.read_header(real_files / "sequoia" / "IMG_180413_080658_0000_GRE.TIF")
-    assert (found.exposure_time_s, found.f_number) == pytest.approx((0.003, 2.2), rel=1e-6)
-    assert found.taken_at == "2018-04-13T08:06:58.272945"
+LANSING = {
+    1: (ASCII, "N"),
+    2: (RATIONAL, [(42, 1), (43, 1), (57, 1)]),
+    3: (ASCII, "W"),
+    4: (RATIONAL, [(84, 1), (33, 1), (2016, 100)]),
+    5: (BYTE, b"\0"),
+    6: (RATIONAL, (2625, 10)),
+}
+
+
+@pytest.fixture
+def position(save):
+    def read(gps, **changes):
+        path = save(make_dng(make_samples(32, 48, 16), Variant(gps=gps, **changes)))
+        header = reader.read_header(path)
+        return header.latitude_deg, header.longitude_deg, header.altitude_m
+
+    return read
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_degrees_minutes_and_seconds(order, position):
+    expected = (42 + 43 / 60 + 57 / 3600, -(84 + 33 / 60 + 20.16 / 3600), 262.5)
+    assert position(LANSING, order=order) == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("letters", "signs"),
+    [(("N", "E"), (1, 1)), (("S", "E"), (-1, 1)), (("s", "w"), (-1, -1)), (("N", "W"), (1, -1))],
+)
+def test_hemispheres(letters, signs, position):
+    found = position(LANSING | {1: (ASCII, letters[0]), 3: (ASCII, letters[1])})
+    assert found[:2] == pytest.approx((signs[0] * 42.7325, signs[1] * 84.5556), abs=1e-9)
+
+
+def test_minutes_with_a_fraction_and_no_seconds(position):
+    found = position(LANSING | {2: (RATIONAL, [(10, 1), (3075, 100), (0, 1)])})
+    assert found[0] == pytest.approx(10 + 30.75 / 60, abs=1e-12)
+
+
+def test_below_sea_level(position):
+    assert position(LANSING | {5: (BYTE, b"\1")})[2] == -262.5
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {2: (RATIONAL, [(42, 1), (43, 1), (0, 0)])},
+        {4: (RATIONAL, [(84, 0), (33, 1), (20, 1)])},
+        {1: (ASCII, "")},
+        {3: (ASCII, "X")},
+        {2: (RATIONAL, [(91, 1), (0, 1), (0, 1)])},
+        {4: (RATIONAL, [(181, 1), (0, 1), (0, 1)])},
+        {9: (ASCII, "V")},
+        {2: (RATIONAL, [(0, 1)] * 3), 4: (RATIONAL, [(0, 1)] * 3)},
+    ],
+)
+def test_a_position_that_is_not_known_is_none(change, position):
+    assert position(LANSING | change) == (None, None, None)
+
+
+@pytest.mark.parametrize("missing", [1, 2, 3, 4])
+def test_half_a_position_is_none(missing, position):
+    assert position({tag: value for tag, value in LANSING.items() if tag != missing}) == (None, None, None)
+
+
+@pytest.mark.parametrize("change", [{6: (RATIONAL, (100, 0))}, {6: (RATIONAL, (4_000_000_000, 1))}])
+def test_a_height_that_is_not_known_leaves_the_position(change, position):
+    found = position(LANSING | change)
+    assert found[0] == pytest.approx(42.7325, abs=1e-9)
+    assert found[2] is None
+
+
+def test_a_directory_outside_the_file_is_no_position(save):
+    path = save(make_dng(make_samples(32, 48, 16), Variant(main={34853: (LONG, 1 << 30)})))
+    assert reader.read_header(path).latitude_deg is None
+
+
+def test_bands_follow_the_tiles_from_the_visible_corner(save):
+    tiled = Variant(compression="ljpeg", bits=12, tile=(16, 16))
+    samples = make_samples(48, 48, 12)
+    whole = reader.read_header(save(make_dng(samples, tiled)))
+    cut = dataclasses.replace(tiled, active_area=(20, 4, 44, 44))
+    inner = reader.read_header(save(make_dng(samples, cut), "b.dng"))
+    assert (whole.band_rows, whole.first_band_rows) == (16, 16)
+    assert (inner.band_rows, inner.first_band_rows) == (16, 12)
+
+
+DJI = """<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">
+<rdf:Description rdf:about="DJI Meta Data" xmlns:drone-dji="http://www.dji.com/drone-dji/1.0/"
+ drone-dji:RelativeAltitude="+50.10" drone-dji:GimbalRollDegree="+0.00" drone-dji:GimbalYawDegree="-12.30"
+ drone-dji:GimbalPitchDegree="-89.90" drone-dji:FlightYawDegree="{yaw}"/></rdf:RDF></x:xmpmeta>"""
+
+
+def read_angles(folder, xmp):
+    out, packet = io.BytesIO(), xmp.encode()
+    tifffile.imwrite(
+        out, np.full((32, 48), 900, np.uint16), extratags=[(700, 1, len(packet), packet, True)], metadata=None
+    )
+    path = folder / "picture.tif"
+    path.write_bytes(out.getvalue())
+    return {angle.name: angle.value for angle in reader.read_header(path).attitude}
+
+
+def test_a_gimbal_s_and_its_aircraft_s(tmp_path):
+    assert read_angles(tmp_path, DJI.format(yaw="+171.20")) == {
+        "drone-dji:GimbalYawDegree": -12.3,
+        "drone-dji:GimbalPitchDegree": -89.9,
+        "drone-dji:GimbalRollDegree": 0.0,
+        "drone-dji:FlightYawDegree": 171.2,
+    }
+
+
+@pytest.mark.parametrize("yaw", ["nan", "inf", "1e9", "", "north", "12,5", "&lt;b&gt;"])
+def test_what_is_no_angle_is_left_out(tmp_path, yaw):
+    found = read_angles(tmp_path, DJI.format(yaw=yaw))
+    assert len(found) == 3
+    assert "drone-dji:FlightYawDegree" not in found
+
+
+@pytest.mark.parametrize("xmp", ["", "<x", "<!DOCTYPE x><x/>"])
+def test_no_packet_no_angles(tmp_path, xmp):
+    assert read_angles(tmp_path, xmp or " ") == {}
+
+
+@pytest.mark.parametrize(
+    ("name", "angles"),
+    [
+        (
+            "sequoia/IMG_180413_080658_0000_GRE.TIF",
+            {"camera:Yaw": -63.782867, "camera:Pitch": 0.457283, "camera:Roll": 1.283353},
+        ),
+        (
+            "rededge/0000SET_000_IMG_0001_4.tif",
+            {
+                "camera:IrradianceYaw": -21.110888465668392,
+                "camera:IrradiancePitch": -0.552849606695601,
+                "camera:IrradianceRoll": -1.5354035422683689,
+                "dls:Yaw": -0.36845451174720734,
+                "dls:Pitch": -0.009649045905193925,
+                "dls:Roll": -0.026797847159366964,
+            },
+        ),
+    ],
+)
+def test_real_files(name, angles):
+    assert {each.name: each.value for each in reader.read_header(data_file(name)).attitude} == angles

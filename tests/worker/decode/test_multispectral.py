@@ -211,11 +211,6 @@ def test_calibration_measurement_may_be_absent(save):
     assert len(found.counts.records) == 1
 
 
-def test_newer_scale_is_read_as_it_stands(save):
-    found = read(save, write_sequoia_xmp(SensorModel="310316100.0,3067.5,4773.6")).multispectral
-    assert found.sensor_model.a == 310316100.0
-
-
 @pytest.mark.parametrize(
     ("changes", "gone"),
     [

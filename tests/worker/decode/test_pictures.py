@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from radiometry.findings import InputRejected, files
 from simulation.dng import ASCII, LONG, RATIONAL, SHORT, TiffWriter
 from worker.decode import pictures, reader
-from worker.decode.pool import DecoderPool
 
 GREY = np.random.default_rng(3).integers(0, 256, (48, 80), np.uint8)
 RGB = np.random.default_rng(4).integers(0, 256, (48, 80, 3), np.uint8)
@@ -144,17 +143,6 @@ def test_bomb_of_pixels_is_refused_before_it_is_decoded(save, monkeypatch):
         with pytest.raises(InputRejected, match="100 megapixels") as caught:
             reader.read_header(save(content))
         assert caught.value.code is files.FRAME_TOO_LARGE
-
-
-def test_real_picture_comes_through_the_decoding_process(real_files):
-    path = real_files / "checkerboard" / "left01.jpg"
-    with DecoderPool() as pool:
-        header = pool.read_header(path)
-        frame = pool.read_window(path, (0, 0, 480, 640))
-        preview, _ = pool.inspect(path, 64)
-    assert (header.container, header.cfa, header.exposure_time_s) == ("jpeg", "grey", None)
-    np.testing.assert_array_equal(frame.samples_dn, cv2.imread(str(path), cv2.IMREAD_GRAYSCALE))
-    assert imagecodecs.png_decode(preview).shape == (48, 64)
 
 
 FLIPS = st.lists(st.tuples(st.floats(0, 1, exclude_max=True), st.integers(0, 255)), max_size=6)
