@@ -1,10 +1,21 @@
 """Outliers: what they cost by least squares and in a robust fit."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
 
+from radiometry.fitting.comparison import Budgeted, compare_measured, scale_effects, sign_effects
+from radiometry.fitting.sources import (
+    PARAMETER_NAMES,
+    from_theta,
+    invert,
+    invert_gradient,
+    linearise,
+    predict,
+    start,
+)
 from radiometry.luminance import codes
 from radiometry.luminance.rows import Params
 from tests.radiometry.campaigns import TRUE_K, draw
@@ -81,3 +92,133 @@ def test_one_frame_per_scene():
         for p in (PLAIN, ROBUST)
     )
     assert robust.expanded_uncertainty < 0.6 * plain.expanded_uncertainty
+
+
+# --- The four models: forward, backward, and their slopes
+
+
+PARAMETERS = {
+    "proportional": (30.0,),
+    "affine": (30.0, -4.0),
+    "power": (28.0, 1.02),
+    "semilog": (600.0, -900.0),
+}
+RHS = np.array([8.0, 20.0, 55.0])
+
+
+def test_forward_by_hand():
+    x = np.array([math.e**2])
+    assert predict("proportional", np.array([2.0]), np.array([8.0]))[0] == 16.0
+    assert predict("affine", np.array([2.0, 3.0]), np.array([8.0]))[0] == 19.0
+    assert predict("power", np.array([2.0, 3.0]), np.array([4.0]))[0] == 128.0
+    assert predict("semilog", np.array([5.0, 1.0]), x)[0] == pytest.approx(11.0)
+
+
+@pytest.mark.parametrize("model", PARAMETER_NAMES)
+def test_backward_undoes_forward(model):
+    signals = predict(model, np.array(PARAMETERS[model]), RHS)
+    assert [invert(model, PARAMETERS[model], float(signal)) for signal in signals] == pytest.approx(RHS)
+
+
+@pytest.mark.parametrize("model", PARAMETER_NAMES)
+def test_slopes_agree_with_differences(model):
+    parameters, signal, step = PARAMETERS[model], 700.0, 1e-6
+    by_signal, by_parameters = invert_gradient(model, parameters, signal)
+
+    higher, lower = (invert(model, parameters, signal * (1 + sign * step)) for sign in (1, -1))
+    assert by_signal == pytest.approx((higher - lower) / (2 * step * signal), rel=1e-6)
+    for index, value in enumerate(parameters):
+        up, down = list(parameters), list(parameters)
+        up[index], down[index] = value * (1 + step), value * (1 - step)
+        difference = (invert(model, up, signal) - invert(model, down, signal)) / (2 * step * value)
+        assert by_parameters[index] == pytest.approx(difference, rel=1e-5)
+
+
+@pytest.mark.parametrize("model", PARAMETER_NAMES)
+def test_the_linear_problem_reproduces_points_on_the_curve(model):
+    """Iterated to the end, the linearised problem of points on a curve has that curve's parameters."""
+    signals = predict(model, np.array(PARAMETERS[model]), RHS)
+    theta = start(model, RHS, signals)
+    for _ in range(30):
+        linear = linearise(model, RHS, signals, theta)
+        theta = np.linalg.lstsq(linear.design, linear.response, rcond=None)[0]
+    assert from_theta(model, theta) == pytest.approx(PARAMETERS[model], rel=1e-9)
+
+
+def test_a_curve_below_dark_cannot_be_laid_out():
+    assert linearise("affine", RHS, np.array([1.0, 2.0, 3.0]), np.array([1.0, -10.0])) is None
+
+
+def test_no_inverse_is_not_a_number_and_no_exception():
+    assert math.isinf(invert("semilog", (1e-3, 0.0), 1e6))
+    assert math.isnan(invert("power", (30.0, 1.1), -5.0))
+    assert math.isnan(invert("power", (30.0, 1.1), 0.0))
+
+
+# --- Two measurements against each other: figures by hand, and drawn errors
+
+
+OLD = Budgeted(value=10.0, unit="cd/m2", effects={"fit of K": 0.2, "f-number": 0.1, "pixel noise": 0.03})
+NEW = Budgeted(value=8.0, unit="cd/m2", effects={"fit of K": 0.16, "f-number": 0.08, "pixel noise": 0.04})
+
+
+def test_what_is_common_cancels():
+    """K: 0.16 - 0.2; the f-number and the noise count in both."""
+    found = compare_measured(OLD, NEW, common={"fit of K"})
+    u = math.sqrt(0.04**2 + 0.1**2 + 0.08**2 + 0.03**2 + 0.04**2)
+    assert found.difference.value == pytest.approx(-2.0)
+    assert found.difference.standard_uncertainty == pytest.approx(u)
+    assert found.in_standard_uncertainties == pytest.approx(2.0 / u)
+    # of the ratio 0.8 the error of K is gone altogether: 1 % twice, 0.3 % and 0.5 % of it remain
+    rel = math.sqrt(2 * 0.01**2 + 0.003**2 + 0.005**2)
+    assert found.change.value == pytest.approx(-20.0)
+    assert found.change.standard_uncertainty == pytest.approx(100 * 0.8 * rel)
+
+
+def test_with_nothing_in_common_both_count():
+    found = compare_measured(OLD, NEW, common=())
+    squares = [*OLD.effects.values(), *NEW.effects.values()]
+    assert found.difference.standard_uncertainty == pytest.approx(math.hypot(*squares))
+
+
+def test_errors_that_are_drawn_spread_as_predicted():
+    """4000 draws know a standard deviation to 1 / sqrt(2 4000) = 1.1 %: within four of these."""
+    random = np.random.default_rng(5)
+    draws = 4000
+    k, dark = random.normal(0.0, [[0.02], [0.004]], (2, draws))
+    own = random.normal(0.0, 0.01, (2, draws))
+    old, new = (truth * (1 - k) - dark + noise for truth, noise in zip((1.0, 0.3), own, strict=True))
+    budgets = [
+        Budgeted(
+            value=truth,
+            unit="cd/m2",
+            effects=sign_effects(
+                truth, {"fit of K": 0.02 * truth, "dark signal": 0.004, "pixel noise": 0.01}
+            ),
+        )
+        for truth in (1.0, 0.3)
+    ]
+    found = compare_measured(*budgets, common={"fit of K", "dark signal"})
+    assert np.std(new - old) == pytest.approx(found.difference.standard_uncertainty, rel=0.045)
+
+
+def test_a_negative_value_moves_with_k_the_other_way():
+    assert sign_effects(-0.5, {"fit of K": 0.01, "dark signal": 0.2}) == {
+        "fit of K": -0.01,
+        "dark signal": -0.2,
+    }
+
+
+def test_a_cell_has_the_frames_effects_and_noise_of_its_own():
+    mean = Budgeted(value=2.0, unit="cd/m2", effects={"K": 0.1, "dark signal": -0.03, "pixel noise": 0.01})
+    cell = scale_effects(mean, 1.0, math.hypot(0.05, 0.03, 0.02))
+    assert cell.effects == pytest.approx({"K": 0.05, "dark signal": -0.03, "pixel noise": 0.02})
+    # no more is known of it than the frame's own: nothing is negative under the root
+    assert scale_effects(mean, 1.0, 0.01).effects["pixel noise"] == 0.0
+
+
+def test_nothing_is_divided_by_zero():
+    zero = Budgeted(value=0.0, unit="cd/m2", effects={})
+    found = compare_measured(zero, zero, common=())
+    assert (found.change, found.in_standard_uncertainties) == (None, None)
+    assert scale_effects(zero, 1.0, 0.5).effects == {"pixel noise": 0.5}

@@ -1,6 +1,8 @@
 """Statistics of a region: exact figures, the right CFA site, and the signal."""
 
+import dataclasses
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,8 +10,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from radiometry.frame.grid import LaneGrid, describe_lanes, find_homography, lay_lanes
 from radiometry.frame.statistics import compute_statistics, measure_signal
+from radiometry.frame.verdicts import inspect_black
+from radiometry.noise import fit as noise
+from radiometry.vignetting import fit as vignetting
+from simulation.camera import change
 from tests.radiometry.frames import frame_of
+from tests.radiometry.noise.series import PARAMS, SMALL, brightened, take
+from tests.radiometry.vignetting import flats
 
 SITES = {"RGGB": "R G1 G2 B", "GRBG": "G1 R B G2", "GBRG": "G2 B R G1", "BGGR": "B G2 G1 R"}
 
@@ -173,3 +182,132 @@ def test_signal_error_covers_noise_and_rounding(noise_dn):
     assert scatter < 1 + 4 / math.sqrt(2 * trials)
     if noise_dn in (0.0, 5.0):
         assert scatter > 1 - 4 / math.sqrt(2 * trials)
+
+
+# --- Lanes in the image of a road: the points of EN 13201-3, and how well picked corners place them
+
+
+# 30 m along and 7 m across at 10 px/m
+FLAT = LaneGrid(
+    corners=((0.0, 0.0), (300.0, 0.0), (300.0, 70.0), (0.0, 70.0)),
+    lanes=2,
+    lane_width_m=3.5,
+    spacing_m=30.0,
+    length_m=30.0,
+    corner_u_px=1.0,
+)
+
+
+def test_homography_of_a_hand_computed_trapezoid():
+    """A far side half as long as the near one: its middle line lies at a third of the height."""
+    h = find_homography([(30.0, 10.0), (70.0, 10.0), (90.0, 60.0), (10.0, 60.0)])
+    # by hand from (0, 0), (1, 0), (1, 1), (0, 1): g = 0, k = -1/2
+    assert h == pytest.approx(np.array([[40.0, -25.0, 30.0], [0.0, 20.0, 10.0], [0.0, -0.5, 1.0]]))
+    x, y, w = h @ (0.5, 0.5, 1.0)
+    assert (x / w, y / w) == pytest.approx((50.0, 10.0 + 50.0 / 3.0))
+
+
+@pytest.mark.parametrize(("spacing", "columns"), [(20, 10), (30, 10), (30.1, 11), (33, 11), (40, 14)])
+def test_points_are_at_most_three_metres_apart_beyond_thirty(spacing, columns):
+    assert replace(FLAT, spacing_m=spacing).columns == columns
+
+
+def test_points_are_those_of_the_standard():
+    """D = S / 10 from D / 2 on; a third of a lane across from a sixth on."""
+    found = describe_lanes(FLAT)
+    assert (found["along_m"], found["across_m"]) == pytest.approx((3.0, 3.5 / 3))
+    assert found["points_m"][0][0] == pytest.approx([1.5, 3.5 / 6])
+    assert found["points_m"][5][9] == pytest.approx([28.5, 7.0 - 3.5 / 6], abs=1e-6)
+
+
+def test_uncertainty_of_points_is_that_of_corners_picked_again_and_again():
+    """In perspective, against 500 draws of all eight coordinates at once."""
+    size, random = np.array([30.0, 7.0]), np.random.default_rng(1)
+    seen = replace(FLAT, corners=((300.0, 100.0), (700.0, 110.0), (900.0, 600.0), (60.0, 580.0)))
+    told = describe_lanes(seen)
+    points = np.array(told["points_m"]).reshape(-1, 2)
+    image = np.column_stack([points / size, np.ones(len(points))]) @ find_homography(seen.corners).T
+    errors = []
+    for _ in range(500):
+        picked = find_homography((np.array(seen.corners) + random.normal(size=(4, 2))).tolist())
+        back = image @ np.linalg.inv(picked).T
+        errors.append(np.sum((back[:, :2] / back[:, 2:] * size - points) ** 2, axis=1))
+    assert told["point_u_m"] == pytest.approx(np.sqrt(np.mean(errors, axis=0).max()), rel=0.1)
+
+
+def test_field_is_laid_from_a_rectangle_of_another_length():
+    grid = lay_lanes(replace(FLAT, spacing_m=24.0))
+    assert (grid.rows, grid.columns) == (6, 10)
+    assert np.array(grid.corners) == pytest.approx(np.array([(0, 0), (240, 0), (240, 70), (0, 70)]))
+    assert lay_lanes(FLAT).corners == FLAT.corners
+
+
+# --- A dark frame that saw light is named beside every coefficient that rests on it
+
+
+def raised(fit, flag):
+    return [each for each in fit.flags if each.flag == flag]
+
+
+@pytest.mark.parametrize(
+    ("above_dn", "outcome"), [(20.0, None), (21.0, "warn"), (200.0, "warn"), (201.0, "fail")]
+)
+def test_the_limits_lie_where_they_are_said_to_lie(above_dn, outcome):
+    """Of a span of 4000 DN half a per cent is 20, five are 200."""
+    found = inspect_black(256.0 + above_dn, black_level_dn=256.0, white_level_dn=4256.0)
+    assert (found.outcome if found else None) == outcome
+
+
+def test_a_file_that_states_no_black_level_is_not_judged_by_it():
+    assert inspect_black(900.0, black_level_dn=0.0, white_level_dn=4000.0) is None
+
+
+@pytest.mark.parametrize(("by_dn", "names"), [(10, 0), (20, 1)])
+def test_one_lit_dark_frame_of_a_noise_pair(by_dn, names):
+    """A tenth of a per cent of 16127 DN is 16."""
+    rows = take(SMALL, 3)
+    (first, *_) = sorted(row.frame for row in rows if row.role == "dark")
+    fit = noise.fit(brightened(rows, by_dn, lambda row: row.frame == first), PARAMS)
+    found = raised(fit, "dark_not_dark")
+    assert len(found) == names
+    assert all(each.detail.startswith(f"{first}: Its mean is") for each in found)
+
+
+def test_a_lamp_that_burnt_in_all_dark_frames_of_a_noise_campaign():
+    fit = noise.fit(brightened(take(SMALL, 3), 900, lambda row: row.role == "dark"), PARAMS)
+    (found,) = raised(fit, "dark_not_dark")
+    assert "5.6% of the span" in found.detail
+    assert "dark_not_dark" in noise.list_coefficients(fit)[0].flags
+
+
+def test_a_warm_sensor_is_a_noise_campaign_s_subject():
+    sensor = change(SMALL, dark_current_e_s=400.0)
+    assert not raised(noise.fit(take(sensor, 5, dark_times=(0.02, 2.0)), PARAMS), "dark_not_dark")
+
+
+@pytest.mark.parametrize(("black_level_dn", "flagged"), [(256.0, False), (290.0, True), (956.0, True)])
+def test_lit_dark_frames_of_a_falloff(black_level_dn, flagged):
+    """At 956 DN the falloff would come out twice as large, with a small uncertainty."""
+    lens = change(flats.SMALL, falloffs={4.0: flats.SMALL.lens.falloffs[4.0]})
+    bright = change(lens, black_level_dn=black_level_dn)
+    stated = flats.dark(lens, 1)
+    darks = [flats.dark(bright, seed, name=f"dark-{seed}") for seed in (2, 3)]
+    levels = [channel.black_level_dn for channel in stated.features.channels]
+    darks = [
+        dataclasses.replace(
+            each,
+            features=dataclasses.replace(
+                each.features,
+                channels=tuple(
+                    dataclasses.replace(channel, black_level_dn=level)
+                    for channel, level in zip(each.features.channels, levels, strict=True)
+                ),
+            ),
+        )
+        for each in darks
+    ]
+    fit = vignetting.fit([flats.flat(lens, 1, 4.0), *darks], flats.NONE)
+    found = raised(fit, "dark_not_dark")
+    assert [each.where for each in found] == (["iso 100"] if flagged else [])
+    assert all(each.detail.startswith("dark-2, dark-3: Its mean is") for each in found)
+    assert ("dark_not_dark" in vignetting.list_coefficients(fit)[0].flags) is flagged

@@ -1,8 +1,12 @@
 """What is missing in an image is told from what is dark."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
+from radiometry.frame.multispectral import name_band
+from radiometry.frame.packing import Packed, pack, unpack
 from radiometry.frame.proof import EmptyBlock, WholenessCheck, describe_empty
 
 ROWS, COLS = 240, 400
@@ -189,3 +193,37 @@ def test_bands_of_any_height_say_the_same(band):
 def test_narrow_image_is_one_span():
     samples = _zeroed(_noisy(900, 20, cols=20), slice(100, 200))
     assert _look(samples).empty == (EmptyBlock(row0=100, col0=0, rows=100, cols=20),)
+
+
+# --- Arrays as text: whole again, and refused where type, shape and data do not belong together
+
+
+@pytest.mark.parametrize("dtype", ["<u2", "<i4", "<f2", "<f4"])
+def test_arrays_survive_packing(dtype):
+    array = np.arange(12).reshape(3, 4)
+    np.testing.assert_array_equal(unpack(pack(array, dtype=dtype)), array)
+
+
+@pytest.mark.parametrize("change", [{"shape": (3, 5)}, {"shape": (3, 3)}, {"dtype": "<f8"}, {"dtype": "|O"}])
+def test_an_array_that_does_not_fit_its_description_is_refused(change):
+    packed = dataclasses.replace(pack(np.zeros((3, 4)), dtype="<u2"), **change)
+    assert isinstance(packed, Packed)
+    with pytest.raises(ValueError, match=r"is none of|do not fill"):
+        unpack(packed)
+
+
+# --- A band has one name, however a camera, a data sheet or a person writes it
+
+
+@pytest.mark.parametrize(
+    ("text", "band"),
+    [
+        ("Red edge", "red_edge"),
+        ("NIR", "nir"),
+        ("Blue-444", "blue_444"),
+        ("RedEdge", "red_edge"),
+        ("é", "unnamed"),
+    ],
+)
+def test_bands_have_one_name(text, band):
+    assert name_band(text) == band

@@ -11,11 +11,15 @@ from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon, Window
 from radiometry.luminance import application, codes
 from radiometry.luminance import method as luminance
+from radiometry.luminance.points import collect_series
+from radiometry.luminance.rows import Params, Reading
+from radiometry.luminance.scenes import Change, check_reading_times, follow_lamp
 from simulation.camera import Lamp, change, expose
 from simulation.luminance import X5S
 from simulation.targets import Surface
+from tests.radiometry.campaigns import TRUE_K, draw
 from tests.radiometry.coefficients import apply_coefficient
-from tests.radiometry.luminance.exact import DARK, DARKS, LIGHTS, PARAMS, K, fit, light, statistics
+from tests.radiometry.luminance.exact import DARK, DARKS, LIGHTS, PARAMS, READINGS, K, fit, light, statistics
 
 
 def apply(mean_dn, *, exposure=None, model="proportional", **changes):
@@ -147,3 +151,136 @@ def test_extract_measures_the_region_in_a_window():
     with pytest.raises(InputRejected) as refusal:
         luminance.extract(frame, Polygon.from_points([(0, 0), (9, 0), (9, 9)]))
     assert refusal.value.code is shared.ROI_EMPTY
+
+
+# --- A lamp that drifts between readings and frames
+
+
+DAY = "2026-03-02T"
+
+
+def read(scene, value, clock, quantity="luminance"):
+    return Reading(scene=scene, quantity=quantity, value=value, taken_at=f"{DAY}{clock}+00:00")
+
+
+def timed(rows, *, zone="", hour=10):
+    return [
+        dataclasses.replace(row, taken_at=f"{DAY}{hour:02d}:{10 * n:02d}:00{zone}")
+        for n, row in enumerate(rows)
+    ]
+
+
+@pytest.mark.parametrize(("zone", "hour"), [("+00:00", 10), ("+02:00", 12), ("", 10), ("", 21), ("", 3)])
+def test_rate_of_two_readings(zone, hour):
+    """A scene of 20 minutes; before and after it 5 and 5.1 cd/m2, each to 0.1 %: +2 % in 20 minutes."""
+    rows = timed(LIGHTS[3:6], zone=zone, hour=hour)
+    readings = [read("middle", 5.0, "10:00:00"), read("middle", 5.1, "10:20:00")]
+    params = dataclasses.replace(PARAMS, meter_repeatability_rel=0.001)
+    changes = [follow_lamp(rows, readings, params)[row.frame] for row in rows]
+    assert [change.ratio for change in changes] == pytest.approx([0.9901, 1.0, 1.0099], abs=2e-4)
+    # u(r T) = 0.1 % sqrt(2); half of it at either end
+    assert [change.u_rel for change in changes] == pytest.approx([-0.0007, 0.0, 0.0007], rel=0.02)
+    assert {change.label for change in changes} == {"middle"}
+
+
+def test_illuminance_shows_the_drift_of_a_single_luminance_reading():
+    rows = timed(LIGHTS[3:6])
+    readings = [
+        read("middle", 5.0, "10:00:00"),
+        read("middle", 100.0, "10:00:00", "illuminance"),
+        read("middle", 102.0, "10:20:00", "illuminance"),
+    ]
+    params = dataclasses.replace(PARAMS, meter_repeatability_rel=0.001)
+    found = follow_lamp(rows, readings, params)
+    assert [found[row.frame].ratio for row in rows] == pytest.approx([1.0, 1.01, 1.02], abs=3e-4)
+
+
+def test_without_times_the_drift_is_a_doubt_common_to_all_scenes():
+    """Half of a scene between reading and frame; with times, from 0 to the whole of it."""
+    assert set(follow_lamp(LIGHTS, READINGS, PARAMS).values()) == {Change(level_u_rel=0.006)}
+    rows = timed(LIGHTS[3:6])
+    found = follow_lamp(rows, [read("middle", 5.0, "10:00:00")], PARAMS)
+    assert [found[row.frame] for row in rows] == [Change(u_rel=u) for u in (0.0, 0.006, 0.012)]
+    years_ago = [dataclasses.replace(row, taken_at=row.taken_at.replace("2026", "2015")) for row in rows]
+    found = follow_lamp(years_ago, [read("middle", 5.0, "10:00:00")], PARAMS)
+    assert [found[row.frame] for row in rows] == [
+        Change(u_rel=pytest.approx(u), level_u_rel=0.008) for u in (-0.004, 0.0, 0.004)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("zone", "year", "clock", "detail"),
+    [
+        ("+00:00", "2026", "11:15:00", None),
+        ("+00:00", "2026", "12:00:00", "1.7 h"),
+        ("", "2026", "17:02:00", None),  # a clock seven hours behind, or a reading seven hours late
+        ("+00:00", "2025", "10:00:00", "365 days"),
+        ("", "2025", "10:00:00", "364 days"),
+    ],
+)
+def test_a_reading_far_from_its_frames_is_told(zone, year, clock, detail):
+    rows = [
+        dataclasses.replace(row, taken_at=row.taken_at.replace("2026", year))
+        for row in timed(LIGHTS[3:6], zone=zone)
+    ]
+    readings = [read("middle", 5.0, "10:00:00" if zone else clock), read("middle", 5.0, clock)]
+    found = check_reading_times(rows, readings)
+    assert [(each.where, each.detail.split()[-6:-4]) for each in found] == (
+        [("scene middle", detail.split())] if detail else []
+    )
+
+
+def test_iso_values_taken_in_turn_lie_apart_from_the_reading():
+    """Frames at 0, 10 | 20, 30 min, a reading 10 min before or after: rms of 15 and 35 min from 5 min."""
+    rows = [
+        light("middle", 5.6, iso=iso, name=f"{iso:g}-{n}", taken_at=f"{DAY}10:{minute:02d}:00")
+        for iso, minutes in ((3200.0, (0, 10)), (6400.0, (20, 30)))
+        for n, minute in enumerate(minutes)
+    ]
+    found = [follow_lamp(rows, READINGS, PARAMS)[row.frame] for row in rows]
+    per_minute = 0.012 / 40.0
+    assert [each.u_rel for each in found] == pytest.approx([5 * s * per_minute for s in (-1, 1, -1, 1)])
+    distance = math.sqrt((15.0**2 + 35.0**2) / 2.0)
+    assert [each.level_u_rel for each in found] == pytest.approx([distance * per_minute] * 4)
+
+
+def test_drift_is_a_line_of_the_budget():
+    budget = {line.source: line for line in fit().iso_fits[0].budget}
+    assert budget["lamp drift"].u_rel == pytest.approx(0.006)
+    assert budget["lamp drift"].kind == "B"
+    steady = fit(params=dataclasses.replace(PARAMS, lamp_drift_u_rel=0.0))
+    assert "lamp drift" not in {line.source for line in steady.iso_fits[0].budget}
+
+
+def test_frames_show_by_their_own_times_how_steady_the_lamp_was():
+    """Readings without times: a steady lamp lowers its line of the budget, one that drifts raises it."""
+
+    def budget(drift, *, burst=False):
+        drawn = draw(5, drift_rel=drift, timed=True)
+        at_once = {"taken_at": DAY + "10:00:00"} if burst else {}
+        rows = [dataclasses.replace(row, **at_once) for row in drawn.rows]
+        readings = [dataclasses.replace(each, taken_at=None) for each in drawn.readings]
+        lines = fit(rows, readings, Params(meter_repeatability_rel=0.01)).iso_fits[0].budget
+        return next(line.u_rel for line in lines if line.source == "lamp drift")
+
+    assert budget(0.0, burst=True) == pytest.approx(0.006)
+    assert budget(0.0) < 0.0055
+    assert budget(0.04) > 0.009
+
+
+@pytest.mark.parametrize("drift", [0.02, -0.02])
+def test_readings_before_and_after_take_the_drift_out_of_k(drift):
+    def k(*, drift_rel):
+        drawn = draw(5, drift_rel=drift_rel, timed=True, readings_per_scene=3)
+        return fit(drawn.rows, drawn.readings, Params()).iso_fits[0].coefficient
+
+    steady, drifting = k(drift_rel=0.0), k(drift_rel=drift)
+    assert drifting.luminance_k == pytest.approx(steady.luminance_k, rel=0.003)
+    assert abs(drifting.luminance_k - TRUE_K) < drifting.expanded_uncertainty
+
+
+def test_a_point_has_the_luminance_of_its_own_time():
+    drawn = draw(5, drift_rel=0.02, timed=True, readings_per_scene=3)
+    series = collect_series(drawn.rows, drawn.readings, Params(meter_repeatability_rel=0.001))[0]
+    found = [c.luminance_cd_m2 for c in series.candidates if c.scene == "level-2"]
+    assert max(found) / min(found) == pytest.approx(1.02, abs=0.012)
