@@ -15,7 +15,6 @@ from tests.support.campaigns import (
     K_TRUE,
     calibrate,
     calibrated_campaign,
-    published_campaign,
     upload_campaign,
 )
 
@@ -100,15 +99,6 @@ def test_what_is_missing_is_said_by_name_before_a_fit(house):
     assert house.get("/v1/jobs", kind="fit")["items"] == []
 
 
-def test_the_same_fit_again_is_the_same_version(house, staged):
-    first = staged(calibrated_campaign)
-    campaign = {"id": first["campaign_id"]}
-    again = calibrate(house, campaign)
-    other = calibrate(house, campaign, model="affine")
-    assert again["id"] == first["id"]
-    assert (other["version"], other["id"] == first["id"]) == (2, False)
-
-
 def test_points_and_plot_of_a_version(house, staged, monkeypatch):
     version = staged(calibrated_campaign)
     answer = house.http.get(f"/v1/calibrations/{version['id']}/points.csv")
@@ -131,20 +121,6 @@ def test_points_and_plot_of_a_version(house, staged, monkeypatch):
         f"/v1/calibrations/{version['id']}/plot.svg", headers={"If-None-Match": plot.headers["etag"]}
     )
     assert (again.status_code, again.content) == (304, b"")
-
-
-def test_the_series_is_flat_and_whole(house, staged):
-    version = staged(published_campaign)
-    text = house.http.get("/v1/series/coefficients", params={"format": "csv"}).text
-    rows = list(csv.DictReader(io.StringIO(text)))
-    assert [(r["name"], float(r["iso"]), float(r.get("f_number") or 0)) for r in rows] == [
-        ("luminance_k", 3200.0, 0.0),
-        ("luminance_k", 6400.0, 0.0),
-        *(("luminance_k", iso, f_number) for iso in (3200.0, 6400.0) for f_number in (4.0, 5.6)),
-        ("dark_signal_dn", 3200.0, 0.0),
-        ("dark_signal_dn", 6400.0, 0.0),
-    ]
-    assert [float(r["value"]) for r in rows] == [c["value"] for c in version["coefficients"]]
 
 
 def test_k_has_the_unit_of_its_model(house, staged):
