@@ -18,6 +18,8 @@ from store.tables.base import utc_now
 from tests.support.house import House
 from tests.support.proxy import Proxy
 
+pytestmark = pytest.mark.either_database
+
 
 @pytest.fixture
 def url(postgres, migrated_postgres):

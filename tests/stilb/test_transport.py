@@ -32,13 +32,12 @@ def test_a_gateways_page_becomes_a_problem(status, retryable):
     assert (problem.code, problem.retryable) == (f"http_{status}", retryable)
 
 
-def test_json_that_is_no_object_becomes_a_problem():
-    assert from_response(httpx.Response(400, json=["a list"])).code == "http_400"
-
-
-def test_broken_json_becomes_a_problem():
-    response = httpx.Response(400, content=b"{", headers={"Content-Type": "application/problem+json"})
-    assert from_response(response).code == "http_400"
+@pytest.mark.parametrize(
+    "told",
+    [{"json": ["a list"]}, {"content": b"{", "headers": {"Content-Type": "application/problem+json"}}],
+)
+def test_json_that_is_no_problem_document_becomes_one(told):
+    assert from_response(httpx.Response(400, **told)).code == "http_400"
 
 
 def test_the_key_goes_with_every_request(service, client):
