@@ -75,29 +75,21 @@ def test_drift_that_frames_show_by_hand(shown, size):
     assert fit_curve(points, model="proportional").lamp_size == pytest.approx(size, rel=1e-6)
 
 
-def test_uncertainty_of_shared_readings_by_hand():
-    """Three scenes with 1, 2 and 3 frames and nothing but reading errors: each scene counts once."""
-    fit = fit_curve(curve("abbccc", [4] * 6, u_dn=1e-6, repeatability_u_rel=0.03), model="proportional")
-    assert u_rel(fit) == pytest.approx(0.03 / math.sqrt(3), rel=1e-6)
-
-
-def test_averaged_readings_count_for_more():
-    one = curve("abcd", [4] * 4, u_dn=1e-6, repeatability_u_rel=0.03, readings=np.full(4, 9))
-    assert u_rel(fit_curve(one, model="proportional")) == pytest.approx(0.03 / math.sqrt(4 * 9), rel=1e-6)
-
-
-def test_uncertainty_of_shared_f_numbers_by_hand():
-    """f enters squared: twice its relative uncertainty, over the number of different f-numbers."""
-    fit = fit_curve(
-        curve("abcabc", [2, 2, 2, 8, 8, 8], u_dn=1e-6, f_number_u_rel=0.015), model="proportional"
-    )
-    assert u_rel(fit) == pytest.approx(2 * 0.015 / math.sqrt(2), rel=1e-6)
-
-
-def test_one_exposure_time_does_not_average_down():
-    fit = fit_curve(curve("abcdef", [4] * 6, u_dn=1e-6, time_u_rel=0.005), model="proportional")
-    assert u_rel(fit) == pytest.approx(0.005, rel=1e-6)
-    assert fit.k_shares["exposure time"][1] == pytest.approx(0.005**2, rel=1e-6)
+@pytest.mark.parametrize(
+    ("scenes", "f_numbers", "changes", "expected"),
+    [
+        # each scene counts once, however many its frames
+        ("abbccc", [4] * 6, {"repeatability_u_rel": 0.03}, 0.03 / math.sqrt(3)),
+        ("abcd", [4] * 4, {"repeatability_u_rel": 0.03, "readings": np.full(4, 9)}, 0.03 / math.sqrt(4 * 9)),
+        # f enters squared: twice its relative uncertainty, over the number of different f-numbers
+        ("abcabc", [2, 2, 2, 8, 8, 8], {"f_number_u_rel": 0.015}, 2 * 0.015 / math.sqrt(2)),
+        ("abcdef", [4] * 6, {"time_u_rel": 0.005}, 0.005),
+        ("abcd", [4] * 4, {"scatter_u_rel": 0.02}, 0.02 / math.sqrt(4)),
+    ],
+)
+def test_uncertainty_of_one_source_by_hand(scenes, f_numbers, changes, expected):
+    fit = fit_curve(curve(scenes, f_numbers, u_dn=1e-6, **changes), model="proportional")
+    assert u_rel(fit) == pytest.approx(expected, rel=1e-6)
 
 
 def test_the_dark_signal_is_common_to_all_points():
@@ -106,13 +98,6 @@ def test_the_dark_signal_is_common_to_all_points():
     n = np.array([60.0, 120.0])
     v = (np.eye(2) + 4.0) / np.outer(n, n)
     assert u_rel(fit) ** 2 == pytest.approx(1 / np.sum(np.linalg.inv(v)), rel=1e-9)
-
-
-def test_treating_points_as_independent_claims_too_much():
-    shared = curve("aaaabbbbcccc", [4] * 12, u_dn=1e-3, repeatability_u_rel=0.02)
-    alone = dataclasses.replace(shared, scenes=tuple("abcdefghijkl"))
-    ratio = u_rel(fit_curve(shared, model="proportional")) / u_rel(fit_curve(alone, model="proportional"))
-    assert ratio == pytest.approx(2.0, rel=1e-3)  # the root of four frames per scene
 
 
 def test_repeatability_is_estimated_from_the_scatter_between_scenes():
@@ -242,11 +227,6 @@ def test_a_frame_of_half_its_light_is_scatter_and_no_reason_to_give_up():
     fit = fit_curve(points, model="proportional")
     assert u_rel(fit) == pytest.approx(math.hypot(math.log(2) / 12, 0.03 / math.sqrt(3)), rel=0.05)
     assert fit.stated_chi_squared > 1e6
-
-
-def test_known_scatter_is_a_source_like_the_others():
-    points = curve("abcd", [4] * 4, u_dn=1e-6, scatter_u_rel=0.02)
-    assert u_rel(fit_curve(points, model="proportional")) == pytest.approx(0.01, rel=1e-6)
 
 
 @given(st.permutations(range(8)))

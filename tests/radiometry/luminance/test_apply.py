@@ -121,12 +121,6 @@ def test_a_saturated_measurement_is_flagged():
     assert [f.flag for f in apply(DARK + 1000.0, saturated=0.5)[0].flags] == ["saturated"]
 
 
-def test_an_unknown_iso_is_refused():
-    with pytest.raises(InputRejected, match="taken at ISO 1600; this calibration holds ISO 3200") as refusal:
-        apply(500.0, exposure=Exposure(exposure_time_s=0.1, f_number=8.0, iso=1600.0))
-    assert refusal.value.code is codes.ISO_NOT_CALIBRATED
-
-
 def test_the_map_scale_agrees_with_apply():
     applied, coefficient = apply(DARK + 300.0)
     exposure = Exposure(exposure_time_s=0.1, f_number=8.0, iso=3200.0)

@@ -54,11 +54,6 @@ def test_noise_averages_and_shared_errors_do_not():
     assert "frames_disagree" not in flags(together)
 
 
-def test_one_frame_is_what_it_was_without_averaging():
-    (frame,) = frames([1000.0])
-    assert measured(frame, grid=GRID) == measured(frame, grid=GRID, repeats=())
-
-
 def test_changing_light_is_in_the_budget_and_cancels_between_cells():
     """A lamp that rises by 4 % a frame: the mean has the uncertainty of it, the uniformity has not."""
     steady, rising = (

@@ -64,17 +64,6 @@ def test_uncertainty_by_hand():
     assert sum(entry.variance_share for entry in iso_fit.budget) == pytest.approx(1.0)
 
 
-def test_the_meters_calibration_does_not_average_down():
-    with_meter, without = (
-        fit(),
-        fit(readings=[dataclasses.replace(r, expanded_uncertainty_rel=0.0) for r in READINGS]),
-    )
-    u_with, u_without = (
-        r.iso_fits[0].coefficient.luminance_k_standard_uncertainty / K for r in (with_meter, without)
-    )
-    assert u_with**2 - u_without**2 == pytest.approx(0.015**2, rel=1e-9)
-
-
 def test_order_changes_no_bit_of_a_scattered_campaign(drawn):
     random, shuffler, params = np.random.default_rng(5), python_random.Random(4), Params(panel_rho=0.8)
     rows = [

@@ -391,16 +391,3 @@ def test_a_correction_makes_another_flat_even():
     assert np.abs(blocks / blocks.mean() - 1).max() < 5 * noise
     uneven = (shot.samples_dn - 256.0)[0::2, 1::2].reshape(12, 8, 12, 12).mean(axis=(1, 3))
     assert uneven.min() < 0.55 * uneven.max()
-
-
-def test_each_site_is_corrected_with_its_own_curve():
-    red = dataclasses.replace(AT_2, channel="R", k1=-0.2)
-    all_of = [red, AT_2, *(dataclasses.replace(AT_2, channel=name) for name in ("G2", "B"))]
-    gains = vignetting_lens.compute_correction(all_of, cfa="GRBG", f_number=2.0)
-    at_red = vignetting_lens.evaluate([red], np.array(200.0), np.array(301.0), channel="R", f_number=2.0)
-    assert gains[200, 301] == pytest.approx(float(at_red.gain), rel=1e-6)
-    assert gains[201, 301] != pytest.approx(float(at_red.gain), rel=1e-3)
-    grey = vignetting_lens.compute_correction(
-        [dataclasses.replace(AT_2, channel="nir")], cfa="grey", f_number=2.0
-    )
-    assert grey[100, 350] == pytest.approx(1 / V_2, rel=1e-6)
