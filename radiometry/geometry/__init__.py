@@ -12,22 +12,14 @@ distortion is Brown's (1966), in OpenCV's notation.
 from functools import partial
 from typing import Final
 
-from radiometry.geometry import codes
+from radiometry.geometry import codes, fit, results, verdicts, views
 from radiometry.geometry.camera import DISTORTION, UNITS, move_corner, require_size, undistort_frame
 from radiometry.geometry.exports import EXPORTS, RIG_EXPORTS
-from radiometry.geometry.fit import fit_geometry, list_coefficients
-from radiometry.geometry.results import PLOTS, Features, Fit, Params, extract_features, list_key_figures
-from radiometry.geometry.rig.adjustment import RigFit
-from radiometry.geometry.rig.orientation import count_shared, list_quantities, orient_members
+from radiometry.geometry.rig import adjustment, orientation
 from radiometry.geometry.target import Target
-from radiometry.geometry.verdicts import check_features, find_gaps, judge_frames, plan_views
-from radiometry.geometry.views import missing
-from radiometry.specification import certificate
-from radiometry.specification.application import PictureApplication, Summary
+from radiometry.specification import application, certificate, method, roles
 from radiometry.specification.certificate import CertificateText, CoefficientEffect, CoefficientKind, Column
 from radiometry.specification.exports import RigSpec
-from radiometry.specification.method import MethodSpec, drop_readings
-from radiometry.specification.roles import CHART
 
 _LABELS: Final = {
     "fx_px": "Focal length fx",
@@ -60,20 +52,20 @@ _CERTIFICATE: Final = CertificateText(
     "enters. Distances depend on the stated square size and pixel pitch.",
 )
 
-SPEC: Final = MethodSpec(
+SPEC: Final = method.MethodSpec(
     name="geometry",
     label="Geometry",
     description="Focal length, principal point and distortion, from views of a plane board.",
     schema_version=1,
-    roles=(CHART,),
-    params=Params,
-    result=Fit,
-    features=Features,
+    roles=(roles.CHART,),
+    params=results.Params,
+    result=results.Fit,
+    features=results.Features,
     target=Target,
     target_example={"kind": "checkerboard", "columns": 9, "rows": 6, "square_size_mm": 25.0},
     whole_frame=True,
     manual_exposure=False,
-    check_features=check_features,
+    check_features=verdicts.check_features,
     tolerance_unit="px",
     coefficients=(
         *(
@@ -86,30 +78,30 @@ SPEC: Final = MethodSpec(
         ),
     ),
     findings=codes.FINDINGS,
-    extract=lambda frame, regions, *, header, target, **_: extract_features(
+    extract=lambda frame, regions, *, header, target, **_: results.extract_features(
         frame, regions, header=header, target=target
     ),
-    missing=drop_readings(missing),
-    judge=lambda frames, rows, _readings, _params: judge_frames(frames, rows),
-    plan=drop_readings(plan_views),
-    find_gaps=drop_readings(find_gaps),
-    fit=drop_readings(fit_geometry),
-    list_coefficients=list_coefficients,
-    list_key_figures=list_key_figures,
-    plots=PLOTS,
+    missing=method.drop_readings(views.missing),
+    judge=lambda frames, rows, _readings, _params: verdicts.judge_frames(frames, rows),
+    plan=method.drop_readings(verdicts.plan_views),
+    find_gaps=method.drop_readings(verdicts.find_gaps),
+    fit=method.drop_readings(fit.fit_geometry),
+    list_coefficients=fit.list_coefficients,
+    list_key_figures=results.list_key_figures,
+    plots=results.PLOTS,
     certificate=_CERTIFICATE,
     exports=EXPORTS,
     rig=RigSpec(
-        result=RigFit,
-        orient=orient_members,
-        count_shared=count_shared,
-        list_quantities=list_quantities,
+        result=adjustment.RigFit,
+        orient=orientation.orient_members,
+        count_shared=orientation.count_shared,
+        list_quantities=orientation.list_quantities,
         exports=RIG_EXPORTS,
     ),
-    application=PictureApplication(
+    application=application.PictureApplication(
         quantity="undistorted picture",
         unit="DN",
-        summarise=lambda result: Summary(
+        summarise=lambda result: application.Summary(
             signal="".join(result["undistorted"]["planes"]),
             measured="undistorted picture",
             column=None,

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from radiometry.findings import Raised, shared
 from radiometry.fitting.evidence import CoefficientValue, Quantity, require_complete
-from radiometry.frame.opencv import cv2
-from radiometry.frame.verdicts import flag_rendered
-from radiometry.geometry import codes
+from radiometry.frame import opencv, verdicts
+from radiometry.geometry import codes, results, target
 from radiometry.geometry.camera import (
     MODEL,
     PARAMETERS,
@@ -25,20 +24,6 @@ from radiometry.geometry.camera import (
     project,
     require_determined,
 )
-from radiometry.geometry.results import (
-    Coefficient,
-    ColourView,
-    Coverage,
-    CurvePoint,
-    Features,
-    Fit,
-    FrameRow,
-    LateralColour,
-    Params,
-    Point,
-    fit_colour,
-)
-from radiometry.geometry.target import FIXED_WINDOW_PX
 from radiometry.geometry.views import (
     Candidate,
     FittedViews,
@@ -68,7 +53,7 @@ def compute_curve(
     *,
     pixel_pitch_um: float | None,
     covered_radius_px: float,
-) -> tuple[CurvePoint, ...]:
+) -> tuple[results.CurvePoint, ...]:
     """Compute the distortion from the principal point to the frame's farthest corner.
 
     d(R) = R (k1 s^2 + k2 s^4 + k3 s^6),   s = R / f,   f = (fx + fy) / 2
@@ -82,7 +67,7 @@ def compute_curve(
     uncertain = _propagate(camera, covariance, ideal)
     pitch = pixel_pitch_um
     return tuple(
-        CurvePoint(
+        results.CurvePoint(
             radius_px=float(radius + moved),
             ideal_radius_px=float(radius),
             distortion_px=float(moved),
@@ -147,11 +132,11 @@ CELLS: Final = 8
 TILTED_DEG: Final = 15.0
 
 
-def measure_coverage(camera: CameraModel, seen_px: Sequence[NDArray[np.float64]]) -> Coverage:
+def measure_coverage(camera: CameraModel, seen_px: Sequence[NDArray[np.float64]]) -> results.Coverage:
     """Return the counts of corners in a grid of 8 x 8 equal cells over the frame."""
     counts = count_cells(seen_px, height_px=camera.height_px, width_px=camera.width_px)
     farthest = find_covered_radius_px(camera, seen_px)
-    return Coverage(
+    return results.Coverage(
         counts=tuple(tuple(int(count) for count in row) for row in counts),
         share=float(np.count_nonzero(counts)) / counts.size,
         radius_share=farthest / find_farthest_radius_px(camera),
@@ -193,7 +178,7 @@ def measure_one_sidedness(poses: Sequence[Pose]) -> float:
 
 
 def _normal(pose: Pose) -> NDArray[np.float64]:
-    turned, _ = cv2.Rodrigues(pose.rotation)
+    turned, _ = opencv.cv2.Rodrigues(pose.rotation)
     return np.asarray(turned, np.float64)[:, 2]
 
 
@@ -209,7 +194,7 @@ LARGEST_ASPECT_DIFFERENCE: Final = 0.01
 _OUTLIER_FLOOR_PX: Final = 0.3
 
 
-def check_views(fitted: FittedViews, points: Sequence[Point], params: Params) -> list[Raised]:
+def check_views(fitted: FittedViews, points: Sequence[results.Point], params: results.Params) -> list[Raised]:
     used = fitted.used
     errors = {point.frame: point.rms_px for point in points if point.used and point.rms_px is not None}
     usual = statistics.median(errors.values())
@@ -230,13 +215,13 @@ def check_views(fitted: FittedViews, points: Sequence[Point], params: Params) ->
         for each in used
         if each.features
         and each.features.target.kind == "checkerboard"
-        and each.features.fitted_window_px < FIXED_WINDOW_PX
+        and each.features.fitted_window_px < target.FIXED_WINDOW_PX
     ]
     if wide and params.corner_window == "fixed":
         closest = min(features.spacing_px for features in wide)
         detail = f"Views: {len(wide)} of {len(used)}; the closest corners are {closest:.1f} px apart."
         flags.append(codes.CORNER_WINDOW_WIDE.at("", detail))
-    flags += flag_rendered([each.row.header.rendered for each in used])
+    flags += verdicts.flag_rendered([each.row.header.rendered for each in used])
     flags += _check_mirror(fitted)
     if len(used) < GOOD_VIEWS:
         flags.append(codes.FEW_VIEWS.at("", f"Views: {len(used)}."))
@@ -255,14 +240,14 @@ def _check_mirror(fitted: FittedViews) -> list[Raised]:
     return [codes.MIRROR_NOT_EXCLUDED.at(f"frame {fitted.used[hidden.number].row.frame}", detail)]
 
 
-def check_solution(solution: Solution, coverage: Coverage) -> list[Raised]:
+def check_solution(solution: Solution, coverage: results.Coverage) -> list[Raised]:
     flags = _check_coverage(coverage) + _check_tilts(solution) + _check_model(solution.camera)
     if solution.rms_px > LARGEST_RMS_PX:
         flags.append(codes.REPROJECTION_LARGE.at("", f"Root mean square {solution.rms_px:.2f} px."))
     return flags
 
 
-def check_colours(colours: Sequence[LateralColour]) -> list[Raised]:
+def check_colours(colours: Sequence[results.LateralColour]) -> list[Raised]:
     flags = []
     for each in colours:
         seen = [point for point in each.curve if not point.extrapolated]
@@ -276,7 +261,7 @@ def check_colours(colours: Sequence[LateralColour]) -> list[Raised]:
     return flags
 
 
-def _check_coverage(coverage: Coverage) -> list[Raised]:
+def _check_coverage(coverage: results.Coverage) -> list[Raised]:
     if coverage.share >= GOOD_SHARE and coverage.radius_share >= GOOD_RADIUS_SHARE:
         return []
     detail = (
@@ -315,7 +300,7 @@ def _check_model(camera: CameraModel) -> list[Raised]:
 _FIGURES = ("fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "k3", "p1", "p2")
 
 
-def fit_geometry(rows: Sequence[FrameRow], params: Params) -> Fit:
+def fit_geometry(rows: Sequence[results.FrameRow], params: results.Params) -> results.Fit:
     """Fit camera and poses to the corners of all views.
 
     The same input in any order gives the same result to the last bit. All numbers are finite; what does not
@@ -334,8 +319,8 @@ def fit_geometry(rows: Sequence[FrameRow], params: Params) -> Fit:
     return _build(fitted, points, params)
 
 
-def list_coefficients(fit: Fit) -> tuple[CoefficientValue, ...]:
-    listed: list[tuple[str, Coefficient | Quantity, str | None, int | None]] = [
+def list_coefficients(fit: results.Fit) -> tuple[CoefficientValue, ...]:
+    listed: list[tuple[str, results.Coefficient | Quantity, str | None, int | None]] = [
         (each.name, each, None, fit.degrees_of_freedom if each.standard_uncertainty else None)
         for each in fit.coefficients
     ]
@@ -356,7 +341,7 @@ def list_coefficients(fit: Fit) -> tuple[CoefficientValue, ...]:
     )
 
 
-def _build(fitted: FittedViews, points: tuple[Point, ...], params: Params) -> Fit:
+def _build(fitted: FittedViews, points: tuple[results.Point, ...], params: results.Params) -> results.Fit:
     solution, camera = fitted.solution, fitted.solution.camera
     seen = [make_view(_features(each), params).seen_px for each in fitted.used]
     coverage = measure_coverage(camera, seen)
@@ -365,7 +350,7 @@ def _build(fitted: FittedViews, points: tuple[Point, ...], params: Params) -> Fi
     colours = _fit_colours(fitted)
     offset_row = Quantity(camera.cy_px - middle_row, errors["cy_px"], UNITS["cy_px"])
     offset_col = Quantity(camera.cx_px - middle_col, errors["cx_px"], UNITS["cx_px"])
-    return Fit(
+    return results.Fit(
         model=MODEL,
         target=_features(fitted.used[0]).target,
         corner_window=params.corner_window,
@@ -399,27 +384,29 @@ def _build(fitted: FittedViews, points: tuple[Point, ...], params: Params) -> Fi
     )
 
 
-def _fit_colours(fitted: FittedViews) -> tuple[LateralColour, ...]:
-    views: dict[str, list[ColourView]] = {}
+def _fit_colours(fitted: FittedViews) -> tuple[results.LateralColour, ...]:
+    views: dict[str, list[results.ColourView]] = {}
     for each in fitted.used:
         features = _features(each)
         for colour in features.colours or ():
-            view = ColourView(np.array(features.fitted_px), np.array(colour.moved_px))
+            view = results.ColourView(np.array(features.fitted_px), np.array(colour.moved_px))
             views.setdefault(colour.channel, []).append(view)
-    fits = (fit_colour(mine, fitted.solution.camera, channel=name) for name, mine in sorted(views.items()))
+    fits = (
+        results.fit_colour(mine, fitted.solution.camera, channel=name) for name, mine in sorted(views.items())
+    )
     return tuple(each for each in fits if each)
 
 
-def _features(candidate: Candidate) -> Features:
+def _features(candidate: Candidate) -> results.Features:
     if candidate.features is None:
         raise ValueError(f"{candidate.row.frame} has no features")
     return candidate.features
 
 
-def _list_coefficients(solution: Solution, errors: dict[str, float]) -> tuple[Coefficient, ...]:
+def _list_coefficients(solution: Solution, errors: dict[str, float]) -> tuple[results.Coefficient, ...]:
     """Return the parameters, and the rms with the standard error of a standard deviation, s / sqrt(2 v)."""
     listed = [
-        Coefficient(
+        results.Coefficient(
             name=name,
             value=float(getattr(solution.camera, name)),
             standard_uncertainty=errors[name],
@@ -427,7 +414,7 @@ def _list_coefficients(solution: Solution, errors: dict[str, float]) -> tuple[Co
         )
         for name in _FIGURES
     ]
-    rms = Coefficient(
+    rms = results.Coefficient(
         name="rms_px",
         value=solution.rms_px,
         standard_uncertainty=solution.rms_px / math.sqrt(2.0 * solution.degrees_of_freedom),
@@ -436,7 +423,7 @@ def _list_coefficients(solution: Solution, errors: dict[str, float]) -> tuple[Co
     return (*listed, rms)
 
 
-def _measure_distance(solution: Solution, params: Params) -> Quantity | None:
+def _measure_distance(solution: Solution, params: results.Params) -> Quantity | None:
     """Return c = f s_p, f the mean of fx and fy."""
     if params.pixel_pitch_um is None:
         return None
@@ -456,8 +443,8 @@ def _scale(offset: Quantity, pixel_pitch_um: float | None) -> Quantity | None:
 
 
 def _describe_points(
-    candidates: Sequence[Candidate], fitted: FittedViews, params: Params
-) -> tuple[Point, ...]:
+    candidates: Sequence[Candidate], fitted: FittedViews, params: results.Params
+) -> tuple[results.Point, ...]:
     solution = fitted.solution
     used = {
         candidate.row.frame: (pose, residual)
@@ -476,14 +463,14 @@ def _describe_points(
             points.append(_describe(each, features, "", *used[name]))
         else:
             corners = len(features.indices) if features else 0
-            points.append(Point(frame=name, used=False, left_out=each.left_out, corners=corners))
+            points.append(results.Point(frame=name, used=False, left_out=each.left_out, corners=corners))
     return tuple(points)
 
 
 def _describe(
-    candidate: Candidate, features: Features, left_out: str, pose: Pose, residual: NDArray[np.float64]
-) -> Point:
-    return Point(
+    candidate: Candidate, features: results.Features, left_out: str, pose: Pose, residual: NDArray[np.float64]
+) -> results.Point:
+    return results.Point(
         frame=candidate.row.frame,
         used=not left_out,
         left_out=left_out,

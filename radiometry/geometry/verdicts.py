@@ -8,30 +8,28 @@ from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected, Raised, Reason
 from radiometry.frame.verdicts import ReviewedFrame, Verdict, assume_whole_frame, conclude, inspect_frames
-from radiometry.geometry import codes
+from radiometry.geometry import codes, results, views
 from radiometry.geometry.fit import CELLS, GOOD_SHARE, GOOD_VIEWS, count_cells, fit_geometry
-from radiometry.geometry.results import CHART, Features, FrameRow, Params
-from radiometry.geometry.views import Candidate, collect_candidates, make_view, missing
 from radiometry.specification.roles import Gap
 
 BLURRED_RISE_PX: Final = 5.0
 SMALL_SHARE: Final = 0.05
 
 
-def judge_frames(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow]) -> dict[str, Verdict]:
+def judge_frames(frames: Sequence[ReviewedFrame], rows: Sequence[results.FrameRow]) -> dict[str, Verdict]:
     reasons = inspect_frames([assume_whole_frame(frame) for frame in frames])
     for row in rows:
-        if row.role == CHART and row.features is not None and row.frame in reasons:
+        if row.role == results.CHART and row.features is not None and row.frame in reasons:
             reasons[row.frame] += _inspect(row.features)
     return {frame: conclude(found) for frame, found in reasons.items()}
 
 
-def check_features(features: Features) -> list[Raised]:
+def check_features(features: results.Features) -> list[Raised]:
     """Return the flags of a picture that was searched for its board."""
     return [codes.BOARD_NOT_FOUND.at("", features.not_found)] if features.not_found else []
 
 
-def _inspect(features: Features) -> list[Reason]:
+def _inspect(features: results.Features) -> list[Reason]:
     if features.not_found:
         detail = (
             f"The board cannot be used: {features.not_found}. Show all of a checkerboard with a white "
@@ -65,26 +63,26 @@ _ROWS: Final = ("top", "middle", "bottom")
 _COLS: Final = ("left", "centre", "right")
 
 
-def plan_views(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
-    usable = [each for each in collect_candidates(rows, params) if not each.left_out]
+def plan_views(rows: Sequence[results.FrameRow], params: results.Params) -> tuple[str, ...]:
+    usable = [each for each in views.collect_candidates(rows, params) if not each.left_out]
     found = []
     if 0 < len(usable) < GOOD_VIEWS:
         found.append(f"{len(usable)} usable views: add {GOOD_VIEWS - len(usable)} more")
     return (*found, *_plan_coverage(usable, params), *_plan_by_flags(rows, params))
 
 
-def find_gaps(rows: Sequence[FrameRow], params: Params) -> tuple[Gap, ...]:
-    usable = sum(not each.left_out for each in collect_candidates(rows, params))
+def find_gaps(rows: Sequence[results.FrameRow], params: results.Params) -> tuple[Gap, ...]:
+    usable = sum(not each.left_out for each in views.collect_candidates(rows, params))
     return tuple(Gap(role="chart", text="View of the board") for _ in range(GOOD_VIEWS - usable))
 
 
-def _plan_coverage(usable: Sequence[Candidate], params: Params) -> list[str]:
+def _plan_coverage(usable: Sequence[views.Candidate], params: results.Params) -> list[str]:
     """Name the ninths of the frame in which most cells hold no corner."""
     features = [each.features for each in usable if each.features]
     if not features:
         return []
     counts = count_cells(
-        [make_view(each, params).seen_px for each in features],
+        [views.make_view(each, params).seen_px for each in features],
         height_px=features[0].height_px,
         width_px=features[0].width_px,
     )
@@ -104,8 +102,8 @@ def _ninths() -> list[NDArray[np.int64]]:
     return np.array_split(np.arange(CELLS), 3)
 
 
-def _plan_by_flags(rows: Sequence[FrameRow], params: Params) -> list[str]:
-    if missing(rows, params):
+def _plan_by_flags(rows: Sequence[results.FrameRow], params: results.Params) -> list[str]:
+    if views.missing(rows, params):
         return []
     try:
         fit = fit_geometry(rows, params)

@@ -9,10 +9,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings import Finding, InputRejected, shared
-from radiometry.findings.grouping import name_frames
+from radiometry.findings import Finding, InputRejected, grouping, shared
 from radiometry.fitting.evidence import list_unknown_exclusions
-from radiometry.geometry import codes
+from radiometry.geometry import codes, target
 from radiometry.geometry.camera import (
     PARAMETERS,
     CameraModel,
@@ -27,7 +26,6 @@ from radiometry.geometry.camera import (
     solve,
 )
 from radiometry.geometry.results import CHART, Features, FrameRow, Params
-from radiometry.geometry.target import locate_corners_mm
 from radiometry.records import Record
 
 # Whether rows, and columns, run the other way
@@ -232,11 +230,11 @@ def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] =
     found = list_unknown_exclusions(params.exclude, [*(row.frame for row in rows), *unread])
     unread = [name for name in unread if name not in excluded]
     if unread:
-        found.append(name_frames("not read yet", unread, shared.NOT_READ))
+        found.append(grouping.name_frames("not read yet", unread, shared.NOT_READ))
     charts = [row for row in rows if row.role == CHART and row.frame not in excluded]
     unsearched = [row.frame for row in charts if row.features is None]
     if unsearched:
-        found.append(name_frames("not searched for the board yet", unsearched, shared.NOT_EXTRACTED))
+        found.append(grouping.name_frames("not searched for the board yet", unsearched, shared.NOT_EXTRACTED))
     waiting = len(unread) + len(unsearched)
     usable = sum(not candidate.left_out for candidate in collect_candidates(rows, params))
     if usable + waiting < FEWEST_VIEWS:
@@ -284,7 +282,7 @@ def _inspect(row: FrameRow, usual: _Form | None) -> str:
 def make_view(features: Features, params: Params) -> View:
     """Return a picture's corners in the form that the solver needs."""
     seen = features.fixed_px if params.corner_window == "fixed" else features.fitted_px
-    return View(locate_corners_mm(features.target, np.array(features.indices)), np.array(seen))
+    return View(target.locate_corners_mm(features.target, np.array(features.indices)), np.array(seen))
 
 
 def _compare_colours(kept: list[Candidate]) -> tuple[list[Candidate], list[Rejected], tuple[str, ...]]:

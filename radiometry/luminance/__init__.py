@@ -5,12 +5,10 @@ from typing import Final
 from radiometry.findings import shared
 from radiometry.fitting.evidence import Extracted
 from radiometry.frame.statistics import state_row
-from radiometry.luminance import application, codes, maps, measurement, method, surface
+from radiometry.luminance import application, codes, maps, measurement, method, suggestions, surface, verdicts
 from radiometry.luminance.presentation import CERTIFICATE, PLOTS, explain_budget, list_key_figures, split
 from radiometry.luminance.results import Fit
 from radiometry.luminance.rows import FieldConditions, Params, Reading
-from radiometry.luminance.suggestions import find_gaps, plan
-from radiometry.luminance.verdicts import judge
 from radiometry.specification.application import SurfaceApplication
 from radiometry.specification.certificate import Budget, CoefficientEffect, CoefficientKind
 from radiometry.specification.method import MethodSpec
@@ -54,10 +52,10 @@ SPEC: Final = MethodSpec(
     ),
     make_row=method.make_row,
     missing=method.missing,
-    judge=judge,
-    plan=plan,
+    judge=verdicts.judge,
+    plan=suggestions.plan,
     grid=Grid(rows="scene", columns=("iso", "f_number")),
-    find_gaps=find_gaps,
+    find_gaps=suggestions.find_gaps,
     fit=method.fit,
     list_coefficients=method.list_coefficients,
     list_key_figures=list_key_figures,

@@ -7,13 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.findings import Raised, shared
-from radiometry.fitting import sources
+from radiometry.fitting import evidence, sources
 from radiometry.fitting.comparison import PERCENT, MeasuredChange
-from radiometry.fitting.evidence import Quantity
 from radiometry.frame.exposure import Exposure, Settings, require_plausible
 from radiometry.frame.statistics import Signal
-from radiometry.luminance import codes
-from radiometry.luminance.points import DETECTION_ERRORS, MOST_SATURATED_SHARE
+from radiometry.luminance import codes, points
 from radiometry.luminance.results import Aperture, Coefficient, Rows
 from radiometry.records import Record
 from radiometry.vignetting.lens import LensShare
@@ -36,14 +34,14 @@ class Effect(Record):
 class AppliedLuminance(Record):
     """Luminance of a region in a frame, with its uncertainty and flags."""
 
-    luminance_cd_m2: Quantity
+    luminance_cd_m2: evidence.Quantity
     signal_dn: float  # N, black included
     adjusted_signal_dn: float  # (N - D) / V; N - D without vignetting correction
     rhs: float  # X
     # their sum of squares is the variance; the shared ones of one frame's luminances are in one order
     effects: tuple[Effect, ...]
     flags: tuple[Raised, ...]
-    lens_share: Quantity | None = None  # V; None without vignetting correction
+    lens_share: evidence.Quantity | None = None  # V; None without vignetting correction
 
 
 def apply_to_signal(
@@ -88,7 +86,7 @@ def apply_to_signal(
     )
     u_above_dark = math.hypot(signal.standard_uncertainty_dn, coefficient.dark_signal_standard_uncertainty_dn)
     return AppliedLuminance(
-        luminance_cd_m2=Quantity(
+        luminance_cd_m2=evidence.Quantity(
             rhs * scale, math.hypot(*(effect.effect_cd_m2 for effect in effects)), "cd/m2"
         ),
         signal_dn=signal.value_dn,
@@ -183,9 +181,9 @@ def _flags(
         ):
             known = ", ".join(f"{aperture.f_number:g}" for aperture in coefficient.apertures)
             raised.append(codes.F_NUMBER_NOT_CALIBRATED.at("", f"{value:g}; calibrated: {known}."))
-    if signal.saturated_share > MOST_SATURATED_SHARE:
+    if signal.saturated_share > points.MOST_SATURATED_SHARE:
         raised.append(shared.SATURATED.at("", f"{signal.saturated_share:.2%} of the samples."))
-    if adjusted_dn < DETECTION_ERRORS * u_adjusted_dn:
+    if adjusted_dn < points.DETECTION_ERRORS * u_adjusted_dn:
         detail = f"{adjusted_dn:.3g} DN above dark, standard uncertainty {u_adjusted_dn:.3g} DN."
         raised.append(shared.BELOW_DETECTION.at("", detail))
     return raised
@@ -327,7 +325,7 @@ def change_luminance(
     held = (_k(each, exposure) for each in (before, after))
     squares = [(each.luminance_k_standard_uncertainty / abs(each.luminance_k)) ** 2 for each in held]
     u_rel = math.sqrt(max(0.0, math.fsum(squares) - 2.0 * common_u_rel**2))
-    change = Quantity(100.0 * (ratio - 1.0), 100.0 * abs(ratio) * u_rel, PERCENT)
+    change = evidence.Quantity(100.0 * (ratio - 1.0), 100.0 * abs(ratio) * u_rel, PERCENT)
     return MeasuredChange(change=change, basis="k_ratio" if signal_dn is None else "signal", why=None)
 
 

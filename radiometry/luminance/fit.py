@@ -8,8 +8,7 @@ from typing import Any, get_args
 import numpy as np
 
 from radiometry.findings import shared
-from radiometry.fitting import sources
-from radiometry.fitting.components import Vector
+from radiometry.fitting import components, evidence, gls, sources
 from radiometry.fitting.curve import (
     F_NUMBER_U_REL,
     CurveFit,
@@ -18,8 +17,6 @@ from radiometry.fitting.curve import (
     leave_scenes_out,
     weigh_points,
 )
-from radiometry.fitting.evidence import BudgetEntry, Quantity
-from radiometry.fitting.gls import Prediction
 from radiometry.fitting.sources import Curve
 from radiometry.frame.exposure import expect_luminance_k
 from radiometry.luminance.corrections import estimate_flicker
@@ -28,7 +25,7 @@ from radiometry.luminance.results import Aperture, Coefficient, ErrorSplit, IsoF
 from radiometry.luminance.rows import Acceptance, CalibrationConditions, Model, Params, find_modulation
 
 _MOST_ITERATIONS, _TOLERANCE = 30, 0.01
-_NO_LENS = Quantity(1.0, 0.0, "1")
+_NO_LENS = evidence.Quantity(1.0, 0.0, "1")
 
 
 def fit_series(
@@ -183,7 +180,7 @@ def _curve(series: IsoSeries, params: Params) -> Curve:
     return weigh_points(curve, model=params.model) if params.estimator == "robust" else curve
 
 
-def _estimate_flicker(used: Sequence[Candidate], params: Params) -> Vector | None:
+def _estimate_flicker(used: Sequence[Candidate], params: Params) -> components.Vector | None:
     """Return u of the part of the lamp's periods that each frame sees; None where nothing is stated of it."""
     mains, kind = params.mains_frequency_hz, params.lamp_kind
     if mains is None and kind is None:
@@ -325,7 +322,7 @@ def report_coefficient(
     )
 
 
-def _expand(prediction: Prediction, k: float, calibration_u_rel: float) -> tuple[float, float, float]:
+def _expand(prediction: gls.Prediction, k: float, calibration_u_rel: float) -> tuple[float, float, float]:
     """Return u(K) with the meter's calibration, its coverage factor and its degrees of freedom."""
     dof = prediction.effective_dof(calibration_u_rel**2)
     u_rel = math.sqrt(prediction.k_variance_rel + calibration_u_rel**2)
@@ -339,12 +336,12 @@ def _foresee(params: Params, fit: CurveFit) -> float:
     return max(fit.f_number_u_rel or 0.0, F_NUMBER_U_REL)
 
 
-def _split(prediction: Prediction) -> ErrorSplit:
+def _split(prediction: gls.Prediction) -> ErrorSplit:
     return ErrorSplit(fit=prediction.fit, f_numbers=prediction.f_numbers, exposure_times=prediction.times)
 
 
 def _aperture(
-    prediction: Prediction, fit: CurveFit, used: Sequence[Candidate], calibration_u_rel: float
+    prediction: gls.Prediction, fit: CurveFit, used: Sequence[Candidate], calibration_u_rel: float
 ) -> Aperture:
     slope = float(fit.parameters[1]) if fit.model == "power" else 1.0
     k = float(fit.parameters[0]) * math.exp(slope * prediction.x_error)
@@ -386,20 +383,20 @@ def _range(values: Sequence[float]) -> tuple[float, float]:
     return min(values), max(values)
 
 
-def list_budget(fit: CurveFit, calibration_u_rel: float) -> tuple[BudgetEntry, ...]:
+def list_budget(fit: CurveFit, calibration_u_rel: float) -> tuple[evidence.BudgetEntry, ...]:
     """List the contributions to u(K); the variance shares add up to one."""
     shares = dict(fit.k_shares)
     if fit.model != "semilog":
         shares["meter calibration"] = ("B", calibration_u_rel**2)
     total = math.fsum(share for _, share in shares.values())
     return tuple(
-        BudgetEntry(source=source, kind=kind, u_rel=math.sqrt(share), variance_share=share / total)
+        evidence.BudgetEntry(source=source, kind=kind, u_rel=math.sqrt(share), variance_share=share / total)
         for source, (kind, share) in shares.items()
     )
 
 
 def report_points(
-    series: IsoSeries, fit: CurveFit, robust: Vector | None, *, channel: str
+    series: IsoSeries, fit: CurveFit, robust: components.Vector | None, *, channel: str
 ) -> tuple[Point, ...]:
     """Report every light frame: the used ones with their weight, all with the values of the curve."""
     names = [c.frame for c in series.used]

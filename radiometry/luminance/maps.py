@@ -9,13 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.fitting.evidence import FieldCorrection
-from radiometry.frame import Frame
+from radiometry.frame import Frame, opencv, roi
 from radiometry.frame.exposure import Exposure
-from radiometry.frame.opencv import cv2
-from radiometry.frame.roi import Polygon, mask
 from radiometry.frame.statistics import GREY, Signal, mean_variance, name_site, rounding_variance
-from radiometry.luminance.application import choose_coefficient, luminance_per_dn, require_alike
-from radiometry.luminance.results import Coefficient
+from radiometry.luminance import application, results
 from radiometry.records import Record
 from radiometry.vignetting.lens import Lens, LensShare
 
@@ -44,17 +41,17 @@ class MapScale(Record):
 
 
 def find_map_scale(
-    coefficients: tuple[Coefficient, ...],
+    coefficients: tuple[results.Coefficient, ...],
     exposure: Exposure,
     *,
     lens: Lens | None = None,
     corrections: Sequence[FieldCorrection] = (),
 ) -> MapScale:
-    coefficient = choose_coefficient(coefficients, iso=exposure.iso)
-    require_alike(coefficient, corrected=lens is not None)
+    coefficient = application.choose_coefficient(coefficients, iso=exposure.iso)
+    application.require_alike(coefficient, corrected=lens is not None)
     time_s = exposure.on_basis(coefficient.exposure_basis).exposure_time_s
     return MapScale(
-        slope_cd_m2_per_dn=luminance_per_dn(coefficient, exposure)
+        slope_cd_m2_per_dn=application.luminance_per_dn(coefficient, exposure)
         * math.prod(each.factor for each in corrections),
         dark_signal_dn=coefficient.at(time_s).dark_signal_dn,
         channel=coefficient.channel,
@@ -163,7 +160,7 @@ def compute_map(frame: Frame, scale: MapScale) -> Plane:
         target = luminance[first : first + len(sums)]
         # OpenCV has 16 bits only, and takes 0.6 of the time
         if sums.dtype == np.uint16:
-            cv2.LUT(sums, table[: _MOST_IN_16_BITS + 1], target)
+            opencv.cv2.LUT(sums, table[: _MOST_IN_16_BITS + 1], target)
         else:
             table.take(sums, mode="wrap", out=target)
     if scale.lens is not None:
@@ -255,7 +252,7 @@ def name_channels(cfa: str, *, channel: str) -> tuple[str, ...]:
 
 
 def correct_signal(
-    frame: Frame, polygon: Polygon, signal: Signal, lens: Lens, *, channel: str, dark_signal_dn: float
+    frame: Frame, polygon: roi.Polygon, signal: Signal, lens: Lens, *, channel: str, dark_signal_dn: float
 ) -> tuple[Signal, LensShare]:
     """Correct a region's signal for vignetting.
 
@@ -267,7 +264,7 @@ def correct_signal(
     The channels have the same weights as in the uncorrected signal: both greens equal, every CFA position of
     "grey" equal. Noise is the standard deviation of (N_i - D) / V_i, which the falloff itself does not widen.
     """
-    inside = mask(polygon, frame.window)
+    inside = roi.mask(polygon, frame.window)
     gains, lights = [], []
     for each in _list_parts(frame, channel=channel):
         chosen = inside[each.rows, each.cols]

@@ -10,12 +10,11 @@ import numpy as np
 
 from radiometry.findings import Raised, shared
 from radiometry.fitting.evidence import FieldCorrection, Quantity
-from radiometry.frame import Frame
+from radiometry.frame import Frame, statistics
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.grid import Grid
 from radiometry.frame.roi import Polygon, Window, bounding_window
-from radiometry.frame.statistics import Signal
-from radiometry.luminance import codes, method
+from radiometry.luminance import codes, method, results
 from radiometry.luminance.application import AppliedLuminance, choose_coefficient
 from radiometry.luminance.corrections import (
     correct_flicker,
@@ -32,7 +31,6 @@ from radiometry.luminance.pixels import (
     flag_scatter,
     order_pixels,
 )
-from radiometry.luminance.results import Coefficient
 from radiometry.luminance.rows import CalibrationConditions, Colour, FieldConditions, measure_colour
 from radiometry.luminance.surface import (
     CalibratedCamera,
@@ -164,7 +162,7 @@ def measure(
     request: Request,
     *,
     exposure: Exposure,
-    coefficients: Sequence[Coefficient],
+    coefficients: Sequence[results.Coefficient],
     calibrated: Sequence[Polygon],
     correction: Vignetting | None = None,
     rendered: bool = False,
@@ -228,7 +226,7 @@ def measure(
         shown += (codes.DIFFUSE_ASSUMED.at("illuminance", detail),)
 
     def luminance(pixel: PixelSignal) -> Quantity:
-        signal = Signal(
+        signal = statistics.Signal(
             value_dn=pixel.value_dn,
             standard_uncertainty_dn=pixel.noise_dn,
             saturated_share=0.0,
@@ -359,7 +357,7 @@ def _find_falloff(frame: Frame, measured: Sequence[Corners], calibrated: Sequenc
 
 
 def find_mixed(
-    region: Signal, cells: Sequence[Sequence[Signal]], *, dark_signal_dn: float
+    region: statistics.Signal, cells: Sequence[Sequence[statistics.Signal]], *, dark_signal_dn: float
 ) -> tuple[Raised, ...]:
     """Return `mixed_surface` where a mean is that of unlike parts: a kerb, a lamp, a passing car's light."""
     if not cells:
@@ -405,7 +403,7 @@ def find_mixed_light(
     return (codes.MIXED_LIGHT.at("grid", detail),)
 
 
-def _measure_skew(signal: Signal, dark_signal_dn: float) -> float:
+def _measure_skew(signal: statistics.Signal, dark_signal_dn: float) -> float:
     """Compute mean less median beyond noise, relative to the median; 0 where it is not above dark."""
     median = signal.value_dn - signal.skew_dn - dark_signal_dn
     if median <= 0.0:

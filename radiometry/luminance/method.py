@@ -18,11 +18,9 @@ import scipy
 from radiometry.findings import Raised, shared
 from radiometry.fitting.evidence import CoefficientValue, FrameEvidence, require_complete
 from radiometry.fitting.sources import IMPLAUSIBLE_SCATTER_REL
-from radiometry.frame import Frame
-from radiometry.frame.roi import Polygon, mask, require_pixels
-from radiometry.frame.statistics import ChannelStatistics, compute_statistics
+from radiometry.frame import Frame, roi, statistics
 from radiometry.frame.verdicts import flag_not_dark, flag_rendered
-from radiometry.luminance import codes
+from radiometry.luminance import codes, suggestions
 from radiometry.luminance.fit import fit_series
 from radiometry.luminance.points import DETECTION_ERRORS, FEW_POINTS, IsoSeries, check_dark, collect_series
 from radiometry.luminance.results import Aperture, Coefficient, Fit, IsoFit, ModelFit, SpectralQuality
@@ -32,13 +30,6 @@ from radiometry.luminance.scenes import (
     check_scenes,
     meter_calibration_u_rel,
     summarise_scenes,
-)
-from radiometry.luminance.suggestions import (
-    list_doubted,
-    list_missing,
-    list_unread_scenes,
-    name_unread,
-    require_shares,
 )
 from radiometry.luminance.verdicts import inspect_darks
 from radiometry.spectral.mismatch import compute_f1_prime, describe_curve, list_lamps, list_responses
@@ -52,9 +43,9 @@ _CHANCE = 0.01
 _AICC_DIFFERENCE = 10.0
 
 
-def extract(frame: Frame, polygon: Polygon) -> tuple[ChannelStatistics, ...]:
+def extract(frame: Frame, polygon: roi.Polygon) -> tuple[statistics.ChannelStatistics, ...]:
     """Compute the statistics of a region, one row per channel."""
-    return compute_statistics(frame, require_pixels(mask(polygon, frame.window)))
+    return statistics.compute_statistics(frame, roi.require_pixels(roi.mask(polygon, frame.window)))
 
 
 def make_row(evidence: FrameEvidence[None]) -> FrameRow:
@@ -84,10 +75,10 @@ def missing(
     A scene without a reading is named although the other scenes may be enough: `fit` then leaves it out. A
     reading that is off its frames by a factor of two is named too.
     """
-    awaited = list_unread_scenes(rows, readings, params)
-    lacking = list_missing(rows, readings, params, unread=unread, awaited=awaited)
-    doubted = list_doubted(rows, readings, params, gravely=True)
-    return (*lacking, *name_unread(awaited), *doubted)
+    awaited = suggestions.list_unread_scenes(rows, readings, params)
+    lacking = suggestions.list_missing(rows, readings, params, unread=unread, awaited=awaited)
+    doubted = suggestions.list_doubted(rows, readings, params, gravely=True)
+    return (*lacking, *suggestions.name_unread(awaited), *doubted)
 
 
 def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> Fit:
@@ -96,8 +87,8 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
     The same input in any order gives the same result to the last bit. All values are finite; what does not
     exist is None.
     """
-    require_complete(list_missing(rows, readings, params))
-    require_shares(rows, params)
+    require_complete(suggestions.list_missing(rows, readings, params))
+    suggestions.require_shares(rows, params)
     calibration_u_rel, certified = meter_calibration_u_rel(readings)
     scenes = summarise_scenes(readings, panel_rho=params.panel_rho)
     series = collect_series(rows, readings, params)

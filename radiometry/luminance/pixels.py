@@ -10,11 +10,8 @@ from numpy.typing import NDArray
 
 from radiometry.findings import Raised, shared
 from radiometry.fitting.sources import shows_scatter
-from radiometry.frame import Frame
-from radiometry.frame.roi import Polygon, mask
-from radiometry.frame.statistics import GREY, Signal, name_site
-from radiometry.luminance import codes
-from radiometry.luminance.maps import Sums, compute_shares, find_measured, name_channels, sum_signal
+from radiometry.frame import Frame, roi, statistics
+from radiometry.luminance import codes, maps
 from radiometry.records import Record
 from radiometry.vignetting.lens import Lens, LensShare
 
@@ -65,12 +62,12 @@ class NoiseCurve(Record, kw_only=False):
 
 def order_pixels(
     frame: Frame,
-    polygon: Polygon,
+    polygon: roi.Polygon,
     *,
     channel: str,
     lens: Lens | None = None,
     dark_signal_dn: float = 0.0,
-    signal: tuple[Sums, int] | None = None,
+    signal: tuple[maps.Sums, int] | None = None,
 ) -> PixelSignals:
     """Compute the extremes, the median and the percentiles of a region's pixels.
 
@@ -81,11 +78,11 @@ def order_pixels(
 
     [1] M. G. Kendall, A. Stuart, The Advanced Theory of Statistics 1, section 10.11
     """
-    sums, parts = signal or sum_signal(frame, channel=channel)
-    inside = mask(polygon, frame.window) & find_measured(frame, channel=channel)
+    sums, parts = signal or maps.sum_signal(frame, channel=channel)
+    inside = roi.mask(polygon, frame.window) & maps.find_measured(frame, channel=channel)
     if not inside.any():
         raise shared.ROI_EMPTY.reject(f"The region holds no {channel} pixel of the frame: draw it larger.")
-    noise = estimate_pixel_noise(sums, inside, parts=parts, lag=4 if channel == GREY else 2)
+    noise = estimate_pixel_noise(sums, inside, parts=parts, lag=4 if channel == statistics.GREY else 2)
     if lens is None:
         values = sums[inside]
         ends = [int(values.min()), int(values.max())]
@@ -118,7 +115,7 @@ def _order_corrected(
 ) -> list[PixelSignal]:
     """Return the same of (N - dark) / V, each as the N that a pixel at its place has or would have."""
     rows, cols = np.nonzero(inside)
-    corrected = (raw - dark_signal_dn) / compute_shares(frame, lens, channel=channel)[inside]
+    corrected = (raw - dark_signal_dn) / maps.compute_shares(frame, lens, channel=channel)[inside]
     found = []
     for number in (corrected.min(), corrected.max(), *np.percentile(corrected, _ORDERED)):
         nearest = int(np.argmin(np.abs(corrected - number)))
@@ -138,10 +135,10 @@ def _order_corrected(
 
 def _name_own(frame: Frame, row: int, col: int, *, channel: str) -> tuple[str, ...]:
     """Name the channels that a measured pixel's value is made of: for a green position its own alone."""
-    names = name_channels(frame.cfa, channel=channel)
-    if frame.cfa in ("rgb", GREY) or channel == GREY:
+    names = maps.name_channels(frame.cfa, channel=channel)
+    if frame.cfa in ("rgb", statistics.GREY) or channel == statistics.GREY:
         return names
-    return (name_site(frame.cfa, 2 * ((row + frame.row0) % 2) + (col + frame.col0) % 2),)
+    return (statistics.name_site(frame.cfa, 2 * ((row + frame.row0) % 2) + (col + frame.col0) % 2),)
 
 
 def estimate_pixel_noise(
@@ -202,12 +199,12 @@ def _variance(squares: NDArray[np.float64]) -> float:
 
 
 def average_signals(
-    signals: Sequence[Signal],
+    signals: Sequence[statistics.Signal],
     *,
     dark_signal_dn: float,
     expected_rel: float = 0.0,
     drift_rel: Values | None = None,
-) -> tuple[Signal, float]:
+) -> tuple[statistics.Signal, float]:
     """Average the signals of one region in repeated frames.
 
     Noise averages, the error of rounding does not: it is the same in frames that are alike. With u_i the
@@ -235,7 +232,7 @@ def average_signals(
     return mean, evaluate_scatter(steady, noise + (expected_rel * steady.mean()) ** 2)
 
 
-def add_signal(summed: tuple[Sums, int] | None, signal: tuple[Sums, int]) -> tuple[Sums, int]:
+def add_signal(summed: tuple[maps.Sums, int] | None, signal: tuple[maps.Sums, int]) -> tuple[maps.Sums, int]:
     """Add the signal of each pixel of one more frame."""
     if summed is None:
         return signal
@@ -265,7 +262,7 @@ def evaluate_scatter(values: Values, noise_variances: Values) -> float:
 
 
 def find_drift(
-    cells: Sequence[Sequence[Signal]], *, dark_signal_dn: float, expected_rel: float = 0.0
+    cells: Sequence[Sequence[statistics.Signal]], *, dark_signal_dn: float, expected_rel: float = 0.0
 ) -> tuple[Values, float]:
     """Find how the light of all cells together differs between repeated frames."""
     values = np.array([[signal.value_dn for signal in cell] for cell in cells]) - dark_signal_dn
@@ -278,7 +275,7 @@ def find_drift(
     return totals - 1.0, evaluate_scatter(totals, noise + expected_rel**2)
 
 
-def flag_scatter(signals: Sequence[Signal], *, dark_signal_dn: float) -> tuple[Raised, ...]:
+def flag_scatter(signals: Sequence[statistics.Signal], *, dark_signal_dn: float) -> tuple[Raised, ...]:
     """Return the flag `frames_disagree` if repeated frames differ beyond noise, and by 1 % or more."""
     count = len(signals)
     if count == 1:

@@ -10,20 +10,9 @@ from radiometry.drawing.text import name_few, name_range, sort_naturally
 from radiometry.findings import shared
 from radiometry.findings.grouping import Cause, name_frames
 from radiometry.fitting.evidence import list_unknown_exclusions
-from radiometry.luminance import codes
-from radiometry.luminance.brightness import find_doubted, measure_light
-from radiometry.luminance.corrections import compute_flicker
-from radiometry.luminance.points import (
-    FEW_POINTS,
-    FEWEST_SCENES,
-    IsoSeries,
-    check_dark,
-    collect_series,
-    is_saturated,
-)
+from radiometry.luminance import brightness, codes, corrections, points, verdicts
 from radiometry.luminance.rows import FrameRow, Params, Reading, find_modulation
 from radiometry.luminance.scenes import check_reading_times, check_scenes, summarise_scenes
-from radiometry.luminance.verdicts import show_time
 from radiometry.specification.roles import Gap
 
 GOOD_SCENES = 5
@@ -69,12 +58,12 @@ def list_missing(
     if waiting:  # they may be of any ISO value
         return found
     unmeasured = {row.exposure.iso for row in light if not row.statistics}
-    for series in collect_series(rows, readings, params):
+    for series in points.collect_series(rows, readings, params):
         usable = len(_count_on(series, awaited))
-        if usable < FEWEST_SCENES and series.iso not in unmeasured:
+        if usable < points.FEWEST_SCENES and series.iso not in unmeasured:
             found.append(
                 f"ISO {series.iso:g} has {usable} usable scene{'' if usable == 1 else 's'}, "
-                f"a fit needs {FEWEST_SCENES}: {_reasons(series)}"
+                f"a fit needs {points.FEWEST_SCENES}: {_reasons(series)}"
             )
     return found
 
@@ -91,9 +80,9 @@ def require_shares(rows: Sequence[FrameRow], params: Params) -> None:
         )
 
 
-def _count_on(series: IsoSeries, awaited: Collection[str]) -> set[str]:
+def _count_on(series: points.IsoSeries, awaited: Collection[str]) -> set[str]:
     """Return the scenes that count, and those that lack their reading alone."""
-    waiting = {c.scene for c in series.candidates if c.scene in awaited and not is_saturated(c.signal)}
+    waiting = {c.scene for c in series.candidates if c.scene in awaited and not points.is_saturated(c.signal)}
     return {candidate.scene for candidate in series.used} | waiting
 
 
@@ -129,7 +118,7 @@ def list_doubted(
             (f"scene {each.scene}",),
             {"reading_cd_m2": each.reading_cd_m2, "frames_cd_m2": each.frames_cd_m2},
         )
-        for each in find_doubted(collect_series(rows, readings, params), readings)
+        for each in brightness.find_doubted(points.collect_series(rows, readings, params), readings)
         if gravely == (each.is_grave and curved.isdisjoint(each.frames))
     ]
 
@@ -148,7 +137,7 @@ def _list_unmeasured(rows: Sequence[FrameRow]) -> list[str]:
     return found
 
 
-def _reasons(series: IsoSeries) -> str:
+def _reasons(series: points.IsoSeries) -> str:
     """State why the frames of the scenes that do not count were left out."""
     usable = {candidate.scene for candidate in series.used}
     lost = {c.scene: c.left_out for c in series.candidates if c.scene not in usable}
@@ -176,7 +165,7 @@ def plan(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) 
     ]
     awaited = list_unread_scenes(rows, readings, params)
     light = {row.exposure.iso for row in rows if row.role == "light"}
-    series = {one.iso: one for one in collect_series(rows, readings, params)}
+    series = {one.iso: one for one in points.collect_series(rows, readings, params)}
     darks = {row.exposure.iso for row in rows if row.role == "dark"}
     found += [
         Cause(f"no dark frames at ISO {iso:g}", shared.DARK_FROM_BLACK_LEVEL, (f"iso {iso:g}",))
@@ -192,7 +181,7 @@ def plan(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) 
     return (*found, *_plan_readings(rows, readings, params))
 
 
-def _plan_darks(series: IsoSeries) -> list[str]:
+def _plan_darks(series: points.IsoSeries) -> list[str]:
     """Convert the flags of the fit to advice."""
     if not series.dark_times_s or not series.used:
         return []
@@ -203,11 +192,11 @@ def _plan_darks(series: IsoSeries) -> list[str]:
     }
     return [
         advice[found.flag].format(iso=f"ISO {series.iso:g}", detail=found.detail.rstrip("."))
-        for found in check_dark(series)
+        for found in points.check_dark(series)
     ]
 
 
-def _plan_levels(series: IsoSeries, awaited: Collection[str]) -> list[str]:
+def _plan_levels(series: points.IsoSeries, awaited: Collection[str]) -> list[str]:
     """State how many light levels to add, and where: in the widest gap, or beyond the ends."""
     levels = sorted({c.luminance_cd_m2 for c in series.used if c.luminance_cd_m2 is not None})
     scenes = len(_count_on(series, awaited))
@@ -236,29 +225,29 @@ def place_levels(levels: Sequence[float]) -> str:
     return f"between {low:.3g} and {high:.3g} cd/m2"
 
 
-def _plan_settings(series: IsoSeries) -> list[str]:
+def _plan_settings(series: points.IsoSeries) -> list[str]:
     found = []
     where, count = f"ISO {series.iso:g}", len(series.used)
     apertures = sorted({candidate.settings.f_number for candidate in series.used})
     if len(apertures) == 1:
         error = f"one aperture only at {where} (f/{apertures[0]:g}): its f-number error cannot average out"
         found.append(error)
-    if 0 < count < FEW_POINTS:
-        found.append(f"{where} has {count} usable frames: add {FEW_POINTS - count} more")
+    if 0 < count < points.FEW_POINTS:
+        found.append(f"{where} has {count} usable frames: add {points.FEW_POINTS - count} more")
     return found
 
 
-def _plan_times(series: IsoSeries, params: Params) -> list[str]:
+def _plan_times(series: points.IsoSeries, params: Params) -> list[str]:
     """Name the exposure times that catch a part of a period of the lamp's flicker."""
     mains, (_, depth) = params.mains_frequency_hz, find_modulation(params.lamp_kind, params.lamp_modulation)
     if mains is None:
         return []
     found = []
     for time_s in sorted({candidate.settings.exposure_time_s for candidate in series.used}):
-        error = depth * compute_flicker(time_s, mains_frequency_hz=mains)
+        error = depth * corrections.compute_flicker(time_s, mains_frequency_hz=mains)
         if error > _FLICKER:
             found.append(
-                f"{show_time(time_s)} at ISO {series.iso:g} is no whole number of half periods of "
+                f"{verdicts.show_time(time_s)} at ISO {series.iso:g} is no whole number of half periods of "
                 f"{mains:g} Hz mains: flicker errs by up to {error:.1%}, use multiples of "
                 f"1/{2 * mains:g} s"
             )
@@ -308,9 +297,9 @@ def find_gaps(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Par
     scenes = sort_naturally({row.scene for row in lit if row.scene} | read.keys())
     taken_s = [row.exposure.exposure_time_s for row in rows]
     common = Counter((iso, f_number) for _, iso, f_number in shown)
-    series = collect_series(rows, readings, params)
+    series = points.collect_series(rows, readings, params)
     spans = {each.iso: min(c.span_dn for c in each.candidates) for each in series if each.candidates}
-    light = measure_light(series)
+    light = brightness.measure_light(series)
     ks = [value / read[scene] for scene, value in light.items() if scene in read]
     if ks:
         light = {scene: python_statistics.median(ks) * value for scene, value in read.items()} | light

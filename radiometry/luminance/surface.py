@@ -11,17 +11,13 @@ from numpy.typing import NDArray
 from radiometry.findings import Raised, shared
 from radiometry.fitting.evidence import FieldCorrection, Quantity
 from radiometry.fitting.sources import FLICKER
-from radiometry.frame import Frame
+from radiometry.frame import Frame, roi
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.grid import MAX_CELLS_A_SIDE, Grid, find_homography
-from radiometry.frame.roi import MAX_COORDINATE_PX, Polygon
 from radiometry.frame.statistics import ChannelStatistics, Signal, measure_signal
-from radiometry.luminance import codes, method
+from radiometry.luminance import codes, maps, method, pixels, results
 from radiometry.luminance.application import NOISE, AppliedLuminance, Effect, apply_to_signal
 from radiometry.luminance.corrections import apply_corrections
-from radiometry.luminance.maps import correct_signal
-from radiometry.luminance.pixels import SCATTER, Values, average_signals, find_drift
-from radiometry.luminance.results import Coefficient
 from radiometry.records import Record
 from radiometry.vignetting.lens import Lens, LensShare
 
@@ -74,7 +70,7 @@ class Cells(Record):
     local_cd_m2: Array
 
 
-def lay_grid(grid: Grid) -> tuple[tuple[Polygon, ...], ...]:
+def lay_grid(grid: Grid) -> tuple[tuple[roi.Polygon, ...], ...]:
     """Divide the image of a surface into the images of its equal cells.
 
     A camera maps a plane to a plane by a homography [1]. With h from the unit square to the corners::
@@ -92,7 +88,7 @@ def lay_grid(grid: Grid) -> tuple[tuple[Polygon, ...], ...]:
     points = lay_lattice(grid)
     return tuple(
         tuple(
-            Polygon.from_points(
+            roi.Polygon.from_points(
                 [points[row, col], points[row, col + 1], points[row + 1, col + 1], points[row + 1, col]]
             )
             for col in range(grid.columns)
@@ -101,10 +97,10 @@ def lay_grid(grid: Grid) -> tuple[tuple[Polygon, ...], ...]:
     )
 
 
-def outline(grid: Grid) -> Polygon:
+def outline(grid: Grid) -> roi.Polygon:
     """Return the quadrilateral of the surface itself."""
     _require_convex(grid.corners)
-    return Polygon.from_points(grid.corners)
+    return roi.Polygon.from_points(grid.corners)
 
 
 def lay_lattice(grid: Grid) -> Array:
@@ -129,7 +125,7 @@ def lay_lattice(grid: Grid) -> Array:
 def _require_convex(corners: Sequence[tuple[float, float]]) -> None:
     """Refuse corners that cannot be the image of a rectangle in front of the camera."""
     points = np.array(corners, np.float64)
-    if points.shape != (4, 2) or not np.all(np.abs(points) <= MAX_COORDINATE_PX):
+    if points.shape != (4, 2) or not np.all(np.abs(points) <= roi.MAX_COORDINATE_PX):
         raise codes.GRID_INVALID.reject("A grid has four corners [x, y] in pixels.")
     edges = np.roll(points, -1, axis=0) - points
     following = np.roll(edges, -1, axis=0)
@@ -334,7 +330,7 @@ class CalibratedCamera(Record, kw_only=False):
     """Exposure, coefficient, lens and corrections with which every region of a frame is measured."""
 
     exposure: Exposure
-    coefficient: Coefficient
+    coefficient: results.Coefficient
     lens: Lens | None
     corrections: tuple[FieldCorrection, ...]
 
@@ -346,7 +342,7 @@ class CalibratedCamera(Record, kw_only=False):
         """Return the relative scatter of a frame, of which the coefficient has that of the frames' mean."""
         return (self.coefficient.frame_scatter_rel or 0.0) * math.sqrt(frames)
 
-    def read_signal(self, frame: Frame, polygon: Polygon, *, of_grid: bool = False) -> Read:
+    def read_signal(self, frame: Frame, polygon: roi.Polygon, *, of_grid: bool = False) -> Read:
         """Return the signal of a region, and V if vignetting is corrected."""
         statistics = method.extract(frame, polygon)
         if of_grid:
@@ -354,7 +350,7 @@ class CalibratedCamera(Record, kw_only=False):
         signal = measure_signal(statistics, channel=self.coefficient.channel)
         if self.lens is None:
             return signal, None
-        return correct_signal(
+        return maps.correct_signal(
             frame,
             polygon,
             signal,
@@ -364,13 +360,13 @@ class CalibratedCamera(Record, kw_only=False):
         )
 
     def apply_to_region(
-        self, read: Sequence[Read], *, drift: tuple[Values, float] | None = None
+        self, read: Sequence[Read], *, drift: tuple[pixels.Values, float] | None = None
     ) -> AppliedLuminance:
         """Apply the coefficient to the mean of a region's signals.
 
         ``drift`` is that of the whole grid (see `pixels.find_drift`): the shared part of the scatter.
         """
-        signal, scatter_dn = average_signals(
+        signal, scatter_dn = pixels.average_signals(
             [signal for signal, _ in read],
             dark_signal_dn=self.coefficient.dark_signal_dn,
             expected_rel=0.0 if drift else self.scatter_of_one(len(read)),
@@ -381,11 +377,11 @@ class CalibratedCamera(Record, kw_only=False):
         if len(read) == 1:
             return applied
         per_dn = add_up(applied.effects, source=NOISE) / signal.standard_uncertainty_dn
-        own = Effect(source=SCATTER, shared=drift is None, effect_cd_m2=scatter_dn * per_dn)
+        own = Effect(source=pixels.SCATTER, shared=drift is None, effect_cd_m2=scatter_dn * per_dn)
         more = [own]
         if drift is not None:
             shared = drift[1] * applied.luminance_cd_m2.value
-            more.append(Effect(source=SCATTER, shared=True, effect_cd_m2=shared))
+            more.append(Effect(source=pixels.SCATTER, shared=True, effect_cd_m2=shared))
         effects = (*applied.effects, *more)
         u = math.hypot(*(effect.effect_cd_m2 for effect in effects))
         luminance = replace(applied.luminance_cd_m2, standard_uncertainty=u)
@@ -418,7 +414,7 @@ def measure_surface(
     drift = None
     if len(frames) > 1:
         signals = [[signal for signal, _ in cell] for line in cells for cell in line]
-        drift = find_drift(
+        drift = pixels.find_drift(
             signals,
             dark_signal_dn=camera.coefficient.dark_signal_dn,
             expected_rel=camera.scatter_of_one(len(frames)),

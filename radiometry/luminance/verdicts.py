@@ -9,9 +9,7 @@ from statistics import NormalDist
 from radiometry.drawing.text import name_few, sort_naturally
 from radiometry.findings import Reason, shared
 from radiometry.fitting.evidence import Exclusion
-from radiometry.frame import verdicts
-from radiometry.frame.exposure import Settings
-from radiometry.frame.statistics import ChannelStatistics, Signal, select_rows
+from radiometry.frame import exposure, statistics, verdicts
 from radiometry.frame.verdicts import ReviewedFrame, Verdict
 from radiometry.luminance import codes, points
 from radiometry.luminance.brightness import (
@@ -111,7 +109,7 @@ def _inspect_series(
     # a tone curve bends noise, and a table may not state it
     rendered = {row.frame for row in rows if row.rendered or row.from_table}
     darks = [
-        select_rows(row.statistics, channel=channel)
+        statistics.select_rows(row.statistics, channel=channel)
         for row in rows
         if row.role == "dark"
         and row.statistics
@@ -165,7 +163,7 @@ def name_unusable(rows: Sequence[FrameRow], found: Mapping[str, Sequence[Reason]
     return sorted(unusable)
 
 
-def _above_others(row: FrameRow, darkest: FrameRow, signals: dict[str, Signal]) -> Reason | None:
+def _above_others(row: FrameRow, darkest: FrameRow, signals: dict[str, statistics.Signal]) -> Reason | None:
     signal, least = signals[row.frame], signals[darkest.frame]
     excess = signal.value_dn - least.value_dn
     error = math.hypot(signal.standard_uncertainty_dn, least.standard_uncertainty_dn)
@@ -229,7 +227,7 @@ def _inspect_weakness(candidate: Candidate) -> list[Reason]:
 
 
 def _clipped(
-    candidate: Candidate, rows: Sequence[ChannelStatistics], expected_signal_dn: float | None
+    candidate: Candidate, rows: Sequence[statistics.ChannelStatistics], expected_signal_dn: float | None
 ) -> Reason:
     dark_dn = candidate.dark.signal_dn
     excess = [_estimate_highlights(row) - dark_dn for row in rows if row.saturated_share < 0.5]
@@ -246,7 +244,7 @@ def _clipped(
     return shared.CLIPPED.reason(detail)
 
 
-def _estimate_highlights(row: ChannelStatistics) -> float:
+def _estimate_highlights(row: statistics.ChannelStatistics) -> float:
     """Estimate the level that 0.1 % of the samples would exceed if nothing had clipped them [DN]."""
     if row.saturated_share <= 0.0:
         return row.mean_dn + _HIGHLIGHT_SIGMAS * row.std_dn
@@ -307,7 +305,7 @@ def _measure(
 
 
 def _measure_spread(
-    rows: Sequence[ChannelStatistics], adjusted_dn: float, dark_std_dn: float
+    rows: Sequence[statistics.ChannelStatistics], adjusted_dn: float, dark_std_dn: float
 ) -> tuple[float, float]:
     """Compute (std^2 - std_dark^2) / S and its standard error [DN]: var(std^2) = 2 std^4 / n."""
     variance = math.fsum(row.std_dn**2 for row in rows) / len(rows)
@@ -315,7 +313,7 @@ def _measure_spread(
     return (variance - dark_std_dn**2) / adjusted_dn, error / adjusted_dn
 
 
-def _measure_skew(row: ChannelStatistics, adjusted_dn: float) -> float:
+def _measure_skew(row: statistics.ChannelStatistics, adjusted_dn: float) -> float:
     """Compute mean minus median beyond noise, relative to the signal."""
     difference = row.mean_dn - row.median_dn
     noise = _ERRORS * _NORMAL_MEDIAN * row.std_dn / math.sqrt(row.n)
@@ -377,7 +375,7 @@ def _reading_missing(scene: str, read: Sequence[str]) -> Reason:
 
 def find_repeats(rows: Sequence[FrameRow], params: Params) -> dict[str, list[Reason]]:
     """Find the light frames that repeat another of the same scene and settings."""
-    groups: dict[tuple[str, Settings], list[str]] = {}
+    groups: dict[tuple[str, exposure.Settings], list[str]] = {}
     for row in sorted(rows, key=lambda row: row.frame):
         if row.role == "light" and row.scene:
             groups.setdefault((row.scene, row.settings_on(params.exposure_basis)), []).append(row.frame)
@@ -400,7 +398,7 @@ def show_time(time_s: float) -> str:
     return f"{time_s:g} s"
 
 
-def show_settings(settings: Settings) -> str:
+def show_settings(settings: exposure.Settings) -> str:
     return f"ISO {settings.iso:g}, {show_time(settings.exposure_time_s)}, f/{settings.f_number:g}"
 
 

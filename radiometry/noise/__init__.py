@@ -11,57 +11,52 @@ quantum efficiency and no threshold in photons.
 
 from typing import Final
 
-from radiometry.noise import codes
+from radiometry.noise import codes, fit, results, verdicts
 from radiometry.noise import fit as noise_fit
-from radiometry.noise.fit import missing
-from radiometry.noise.results import PLOTS, Features, Fit, Params, extract_features, list_key_figures, split
-from radiometry.noise.verdicts import find_gaps, judge, plan
-from radiometry.specification.certificate import FRAME, CertificateText, Column
-from radiometry.specification.method import MethodSpec, drop_readings
-from radiometry.specification.roles import DARK, FLAT, LIGHT, Grid
+from radiometry.specification import certificate, method, roles
 
-_CERTIFICATE: Final = CertificateText(
+_CERTIFICATE: Final = certificate.CertificateText(
     procedure="Temporal noise, system gain, linearity and nonuniformity per ISO value and channel, from "
     "stacks of frames with equal settings, by the definitions of EMVA 1288",
     equation="var_y - var_dark = K (mu_y - mu_dark)",
     headlines=frozenset({"system_gain_dn_per_e", "read_noise_e", "full_well_e", "dynamic_range_stops"}),
     columns=(
-        FRAME,
-        Column(name="channel", head="channel", form="text", share=0.8),
-        Column(name="role", head="role", form="text", share=0.7),
-        Column(name="iso", head="ISO", share=0.8),
-        Column(name="exposure_time_s", head="t [s]"),
-        Column(name="mean_dn", head="mean [DN]", share=1.2),
-        Column(name="clipped_share", head="clipped", form="percent"),
-        Column(name="frames_of_setting", head="frames in stack"),
+        certificate.FRAME,
+        certificate.Column(name="channel", head="channel", form="text", share=0.8),
+        certificate.Column(name="role", head="role", form="text", share=0.7),
+        certificate.Column(name="iso", head="ISO", share=0.8),
+        certificate.Column(name="exposure_time_s", head="t [s]"),
+        certificate.Column(name="mean_dn", head="mean [DN]", share=1.2),
+        certificate.Column(name="clipped_share", head="clipped", form="percent"),
+        certificate.Column(name="frames_of_setting", head="frames in stack"),
     ),
     traceability="Numbers of electrons follow from the statistics of the light itself; no external standard "
     "enters.",
     holds_for_lens=False,
 )
 
-SPEC: Final = MethodSpec(
+SPEC: Final = method.MethodSpec(
     name="noise",
     label="Noise and linearity",
     description="System gain, read noise, dynamic range and linearity, from pairs of equal frames.",
     schema_version=1,
-    roles=(FLAT, LIGHT, DARK),
-    params=Params,
-    result=Fit,
-    features=Features,
+    roles=(roles.FLAT, roles.LIGHT, roles.DARK),
+    params=results.Params,
+    result=results.Fit,
+    features=results.Features,
     whole_frame=True,
     coefficients=noise_fit.COEFFICIENTS,
     findings=codes.FINDINGS,
-    extract=lambda frame, regions, *, header, **_: extract_features(frame, regions, header=header),
-    missing=drop_readings(missing),
-    judge=lambda frames, rows, _, params: judge(frames, rows, params),
-    plan=drop_readings(plan),
-    grid=Grid(rows="exposure_time_s", columns=("iso",)),
-    find_gaps=drop_readings(find_gaps),
-    fit=drop_readings(noise_fit.fit),
+    extract=lambda frame, regions, *, header, **_: results.extract_features(frame, regions, header=header),
+    missing=method.drop_readings(fit.missing),
+    judge=lambda frames, rows, _, params: verdicts.judge(frames, rows, params),
+    plan=method.drop_readings(verdicts.plan),
+    grid=roles.Grid(rows="exposure_time_s", columns=("iso",)),
+    find_gaps=method.drop_readings(verdicts.find_gaps),
+    fit=method.drop_readings(noise_fit.fit),
     list_coefficients=noise_fit.list_coefficients,
-    list_key_figures=list_key_figures,
-    plots=PLOTS,
-    split=split,
+    list_key_figures=results.list_key_figures,
+    plots=results.PLOTS,
+    split=results.split,
     certificate=_CERTIFICATE,
 )

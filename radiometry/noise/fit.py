@@ -3,11 +3,9 @@
 import math
 from collections.abc import Sequence
 
-from radiometry.findings import Finding, Raised, shared
-from radiometry.findings.grouping import name_frames
+from radiometry.findings import Finding, Raised, grouping, shared
 from radiometry.fitting.evidence import MOST_DOF, CoefficientValue, Quantity, require_complete
-from radiometry.frame.statistics import CHANNELS
-from radiometry.frame.verdicts import flag_assumed_black, flag_rendered, name_not_dark
+from radiometry.frame import statistics, verdicts
 from radiometry.noise import codes, results
 from radiometry.noise.channels import FittedChannel, fit_channel
 from radiometry.noise.results import ChannelFit, Fit, FrameRow, Params, Point
@@ -27,7 +25,7 @@ def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] =
     here = [row for row in rows if row.frame not in excluded]
     waiting = [row.frame for row in here if row.features is None]
     lacking: list[str] = [
-        name_frames(what, group, finding)
+        grouping.name_frames(what, group, finding)
         for group, what, finding in (
             (unread, "not read yet", shared.NOT_READ),
             (waiting, "not extracted yet", shared.NOT_EXTRACTED),
@@ -136,8 +134,8 @@ def check_fits(fitted: Sequence[FittedChannel]) -> tuple[Raised, ...]:
 
 def check_headers(rows: Sequence[FrameRow]) -> tuple[Raised, ...]:
     """Check for rendered frames, whose tone curve lies between light and numbers, and for black levels."""
-    found = flag_rendered([row.header.rendered for row in rows])
-    return (*found, *flag_assumed_black([row.header for row in rows]))
+    found = verdicts.flag_rendered([row.header.rendered for row in rows])
+    return (*found, *verdicts.flag_assumed_black([row.header for row in rows]))
 
 
 def _check_stacks(each: FittedChannel) -> list[tuple[Finding, str]]:
@@ -152,7 +150,7 @@ def _check_stacks(each: FittedChannel) -> list[tuple[Finding, str]]:
     darks = [stack for stack in each.stacks if stack.setting.role == results.DARK]
     doubted = {frame: why for stack in darks for frame, why in find_not_dark(stack).items()}
     if doubted:
-        found.append((shared.DARK_NOT_DARK, name_not_dark(doubted)))
+        found.append((shared.DARK_NOT_DARK, verdicts.name_not_dark(doubted)))
     zeros = max(stack.zero_share for stack in darks)
     if zeros > UNDERFLOW_SHARE:
         found.append((codes.DARK_CLIPPED, f"Up to {zeros:.1%} of a dark frame's samples are 0."))
@@ -267,7 +265,7 @@ def list_coefficients(fit: Fit) -> tuple[CoefficientValue, ...]:
             unit=quantity.unit,
             model=results.TRANSFER_EQUATION,
             iso=channel.iso,
-            band=None if channel.channel in CHANNELS else channel.channel,
+            band=None if channel.channel in statistics.CHANNELS else channel.channel,
             channel=channel.channel,
             flags=_flags_of(fit, channel),
             effective_dof=channel.effective_dof.get(name, MOST_DOF) if channel.effective_dof else None,

@@ -10,9 +10,7 @@ from radiometry.drawing.figure import Axis, Figure, Mark, Plot, Series
 from radiometry.drawing.text import write_exposure
 from radiometry.findings import Raised, shared
 from radiometry.fitting.evidence import Exclusion, Extracted, FrameEvidence, Quantity, Region
-from radiometry.frame import Frame, FrameHeader
-from radiometry.frame.packing import Packed, pack
-from radiometry.frame.roi import mask, require_pixels
+from radiometry.frame import Frame, FrameHeader, packing, roi
 from radiometry.frame.statistics import GREY, compute_statistics, name_site
 from radiometry.records import Record, about
 from radiometry.specification.certificate import KeyFigure, choose_channel, of_quantity
@@ -31,7 +29,7 @@ class ChannelBlock(Record):
     row0: int  # Position of its first sample in the visible area [px]
     col0: int
     step: int  # Distance to the next sample of the channel [px]
-    samples_dn: Packed  # Raw samples [DN]
+    samples_dn: packing.Packed  # Raw samples [DN]
     clipped_share: float  # Fraction of samples at or above the white level
     zero_share: float  # Fraction of samples that are 0
     black_level_dn: float
@@ -53,7 +51,7 @@ def extract_features(frame: Frame, regions: Sequence[Region], *, header: FrameHe
     In a mosaic the square consists of whole 2 x 2 cells, so that every channel has the same place. It is
     the same square in every frame of one region: differences of frames are differences of the same pixels.
     """
-    inside = require_pixels(mask(regions[0].polygon, frame.window))
+    inside = roi.require_pixels(roi.mask(regions[0].polygon, frame.window))
     step = 1 if frame.cfa in (GREY, "rgb") else 2
     skip_row, skip_col = frame.row0 % step, frame.col0 % step
     cells = _join_cells(inside[skip_row:, skip_col:], step)
@@ -117,7 +115,7 @@ def _describe(
         row0=at[0],
         col0=at[1],
         step=step,
-        samples_dn=pack(samples, dtype="<u2"),
+        samples_dn=packing.pack(samples, dtype="<u2"),
         clipped_share=float(np.mean(samples >= white)),
         zero_share=float(np.mean(samples == 0)),
         black_level_dn=frame.black_level_dn[level % len(frame.black_level_dn)],

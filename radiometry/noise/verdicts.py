@@ -4,19 +4,16 @@ from collections.abc import Sequence
 
 from radiometry.findings import Finding, Outcome, Reason, shared
 from radiometry.frame.verdicts import ReviewedFrame, Verdict, assume_whole_frame, conclude, inspect_frames
-from radiometry.noise import codes
-from radiometry.noise.channels import FittedChannel, fit_channel
-from radiometry.noise.fit import DRIFT_REL, collect_stacks
+from radiometry.noise import channels, codes, fit, transfer
 from radiometry.noise.results import DARK, FrameRow, Params
 from radiometry.noise.stacks import Stack
-from radiometry.noise.transfer import find_not_dark
 from radiometry.specification.roles import Gap
 
 
 def judge(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], params: Params) -> dict[str, Verdict]:
     reasons = inspect_frames([assume_whole_frame(frame) for frame in frames])
     found: dict[str, dict[Finding, Reason]] = {}
-    for stacks in collect_stacks(rows, params).values():
+    for stacks in fit.collect_stacks(rows, params).values():
         for stack in stacks:
             for frame, reason in _inspect(stack, params):
                 found.setdefault(frame, {}).setdefault(reason.code, reason)
@@ -32,7 +29,7 @@ def _inspect(stack: Stack, params: Params) -> list[tuple[str, Reason]]:
     ]
     of_all = _inspect_pairing(stack, params)
     if stack.setting.role == DARK:
-        found += find_not_dark(stack).items()
+        found += transfer.find_not_dark(stack).items()
     elif stack.clipped:
         detail = (
             f"{stack.clipped_share:.1%} of {stack.setting.channel} is at white: that shows where the signal "
@@ -49,7 +46,7 @@ def _inspect_pairing(stack: Stack, params: Params) -> list[Reason]:
             "frames alike. Take it again with the same settings."
         )
         return [codes.UNPAIRED.reason(detail)]
-    if stack.setting.role == DARK or stack.drift_rel <= DRIFT_REL:
+    if stack.setting.role == DARK or stack.drift_rel <= fit.DRIFT_REL:
         return []
     outcome: Outcome = "fail" if stack.drift_rel > params.largest_drift_rel else "warn"
     detail = (
@@ -69,9 +66,9 @@ GOOD_STACK = 16
 def plan(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
     gravest: list[str] = []
     others: list[str] = []
-    for (iso, _), stacks in collect_stacks(rows, params).items():
+    for (iso, _), stacks in fit.collect_stacks(rows, params).items():
         where = f"ISO {iso:g}"
-        fitted = fit_channel(stacks, params)
+        fitted = channels.fit_channel(stacks, params)
         if fitted is None:
             gravest.append(f"{where} has no pair of dark frames: add two of one exposure time, lens covered")
             continue
@@ -82,8 +79,8 @@ def plan(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
 
 def find_gaps(rows: Sequence[FrameRow], params: Params) -> tuple[Gap, ...]:
     gaps: dict[tuple[str, float], Gap] = {}
-    for (iso, _), stacks in collect_stacks(rows, params).items():
-        fitted = fit_channel(stacks, params)
+    for (iso, _), stacks in fit.collect_stacks(rows, params).items():
+        fitted = channels.fit_channel(stacks, params)
         if fitted is None:
             gaps["dark", iso] = Gap(role=DARK, at={"iso": iso}, text="Two of one time")
             continue
@@ -93,7 +90,7 @@ def find_gaps(rows: Sequence[FrameRow], params: Params) -> tuple[Gap, ...]:
     return tuple(gaps.values())
 
 
-def _plan_levels(where: str, fitted: FittedChannel) -> list[str]:
+def _plan_levels(where: str, fitted: channels.FittedChannel) -> list[str]:
     name = f"{where} {fitted.fit.channel}"
     usable = sum(not level.left_out for level in fitted.levels)
     if fitted.transfer is None:
@@ -117,7 +114,7 @@ def _plan_darks(where: str, stacks: Sequence[Stack]) -> list[str]:
     ]
 
 
-def _plan_patterns(where: str, fitted: FittedChannel) -> list[str]:
+def _plan_patterns(where: str, fitted: channels.FittedChannel) -> list[str]:
     found = []
     if not fitted.dsnu_resolved:
         found.append(f"{where}: add dark frames of one setting up to {GOOD_STACK} for the DSNU")

@@ -2,19 +2,13 @@
 
 from typing import Final
 
-from radiometry.reflectance import codes, indices, measurement, method
+from radiometry.reflectance import codes, indices, measurement, method, presentation, results, sun, sunshine
 from radiometry.reflectance import method as reflectance_method
 from radiometry.reflectance.findings import judge, plan, review_frame
 from radiometry.reflectance.imaging import RADIANCE_UNIT, Features, extract_features
 from radiometry.reflectance.panel_code import take_region
-from radiometry.reflectance.presentation import CERTIFICATE, PLOTS, list_budgets, list_key_figures
-from radiometry.reflectance.results import Fit, Params, Reading
-from radiometry.reflectance.sun import GroundHeight, find_place
-from radiometry.reflectance.sunshine import measure_sunshine
-from radiometry.specification.application import BandApplication
-from radiometry.specification.certificate import CoefficientEffect, CoefficientKind
+from radiometry.specification import application, certificate, roles
 from radiometry.specification.method import MethodSpec
-from radiometry.specification.roles import FIELD, PANEL, Grid
 
 SPEC: Final = MethodSpec(
     name="reflectance",
@@ -22,21 +16,21 @@ SPEC: Final = MethodSpec(
     description="The coefficient K of each band of a multispectral camera with its sunshine sensor, from a "
     "panel of known reflectance.",
     schema_version=1,
-    roles=(PANEL,),
-    applied_roles=(FIELD,),
-    params=Params,
-    result=Fit,
+    roles=(roles.PANEL,),
+    applied_roles=(roles.FIELD,),
+    params=results.Params,
+    result=results.Fit,
     features=Features,
     reference="panel",
-    reading=Reading,
+    reading=results.Reading,
     finds_region=True,
     manual_exposure=False,
     coefficients=(
-        CoefficientKind(
+        certificate.CoefficientKind(
             name="reflectance_k",
             label="Reflectance K",
             units=("1/s", "1", "sr", "m2*sr*nm/W", "s"),
-            effect=CoefficientEffect(of="of the reflectance"),
+            effect=certificate.CoefficientEffect(of="of the reflectance"),
         ),
     ),
     findings=codes.FINDINGS,
@@ -50,18 +44,18 @@ SPEC: Final = MethodSpec(
     missing=method.missing,
     judge=judge,
     plan=plan,
-    grid=Grid(rows="capture_id", columns=("band",)),
+    grid=roles.Grid(rows="capture_id", columns=("band",)),
     fit=method.fit,
     list_coefficients=method.list_coefficients,
-    list_key_figures=list_key_figures,
-    plots=PLOTS,
+    list_key_figures=presentation.list_key_figures,
+    plots=presentation.PLOTS,
     of_one_flight=True,
-    certificate=CERTIFICATE,
-    application=BandApplication(
+    certificate=presentation.CERTIFICATE,
+    application=application.BandApplication(
         quantity="reflectance",
         unit="1",
         options=("incidence_angle_deg", "index", "quantity"),
-        conditions=GroundHeight,
+        conditions=sun.GroundHeight,
         summarise=measurement.summarise,
         read_formula=indices.read_formula,
         align_band=indices.align_band,
@@ -80,11 +74,11 @@ SPEC: Final = MethodSpec(
         require_radiance=measurement.require_radiance,
         measure_radiance=measurement.measure_radiance,
         scale_pixels=reflectance_method.scale_pixels,
-        find_place=find_place,
+        find_place=sun.find_place,
         change=reflectance_method.change_reflectance,
     ),
     applied="band_fits",
-    measure_light=measure_sunshine,
-    list_budgets=list_budgets,
+    measure_light=sunshine.measure_sunshine,
+    list_budgets=presentation.list_budgets,
     configure=method.configure,
 )

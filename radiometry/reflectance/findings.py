@@ -5,15 +5,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from radiometry.findings import InputRejected, Raised, Reason, interface, shared
-from radiometry.frame import FrameHeader, has_set_clock
+from radiometry.frame import FrameHeader, has_set_clock, multispectral
 from radiometry.frame.exposure import Exposure
-from radiometry.frame.multispectral import Multispectral
 from radiometry.frame.verdicts import ReviewedFrame, Verdict, conclude, inspect_frames
-from radiometry.reflectance import codes, points
-from radiometry.reflectance.imaging import describe_kind, find_black_dn, inspect_band
+from radiometry.reflectance import codes, imaging, points, sun, sunshine
 from radiometry.reflectance.results import HALF_HOUR_S, BandFit, FrameRow, Params, Reading, interpolate
-from radiometry.reflectance.sun import read_clock
-from radiometry.reflectance.sunshine import measure_sunshine
 
 STEEPEST_GRADIENT_REL = 0.03
 LARGEST_DRIFT_REL = 0.03
@@ -27,16 +23,16 @@ def review_frame(header: FrameHeader, *, exposure: Exposure | None) -> list[Rais
     """Check a file when it is read, so that nothing is drawn on one that cannot be used."""
     band = header.multispectral
     if band is not None and band.kind is not None:
-        return [shared.FRAME_LEFT_OUT.at("", describe_kind(band))]
+        return [shared.FRAME_LEFT_OUT.at("", imaging.describe_kind(band))]
     if exposure is not None:
-        inspect_band(header, exposure.on_basis("nominal"))
+        imaging.inspect_band(header, exposure.on_basis("nominal"))
     return [*check_frame(header), *(_find_second_channel(band) if band is not None else ())]
 
 
-def _find_second_channel(band: Multispectral) -> list[Raised]:
+def _find_second_channel(band: multispectral.Multispectral) -> list[Raised]:
     """Return the flag of a file whose every reading of channel 0 was left out."""
     try:
-        found = measure_sunshine(band).flags
+        found = sunshine.measure_sunshine(band).flags
     except InputRejected:
         return []
     return [raised for raised in found if raised.flag == codes.SUNSHINE_SECOND_CHANNEL]
@@ -48,13 +44,13 @@ def check_frame(header: FrameHeader, *, where: str = "") -> list[Raised]:
     band = header.multispectral
     if band is None:
         return []
-    raised, at = [], read_clock(header)
+    raised, at = [], sun.read_clock(header)
     if at is not None and not has_set_clock(at):
         raised.append(codes.CLOCK_NOT_SET.at(where, f"{at:%Y-%m-%d}."))
     if band.sensor_model is not None and band.sensor_model.a > _NEWER_SCALE:
         raised.append(codes.SENSOR_MODEL_SCALE.at(where, f"A = {band.sensor_model.a:g}."))
     black_dn = sum(header.black_level_dn) / len(header.black_level_dn)
-    used_dn = find_black_dn(band, header.black_level_dn)
+    used_dn = imaging.find_black_dn(band, header.black_level_dn)
     if header.black_level_origin == "tag" and abs(used_dn - black_dn) > _BLACK_TOLERANCE_REL * min(
         header.white_level_dn
     ):
@@ -189,7 +185,7 @@ def _inspect_sunshine(row: FrameRow, params: Params) -> list[Reason]:
     if band is None:
         return []
     try:
-        found = measure_sunshine(band, choice=params.sunshine_choice)
+        found = sunshine.measure_sunshine(band, choice=params.sunshine_choice)
     except InputRejected as rejected:
         return [codes.SUNSHINE_UNUSABLE.reason(rejected.message)]
     second = codes.SUNSHINE_SECOND_CHANNEL

@@ -11,18 +11,8 @@ import numpy as np
 from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
-from radiometry.frame import Frame, FrameHeader
+from radiometry.frame import Frame, FrameHeader, multispectral
 from radiometry.frame.exposure import Exposure, Settings
-from radiometry.frame.multispectral import (
-    CAMERAS,
-    GainModel,
-    Multispectral,
-    RadialVignetting,
-    RadianceModel,
-    Response,
-    SensorModel,
-    VignettingPolynomial,
-)
 from radiometry.frame.roi import Polygon, Window, mask, require_pixels
 from radiometry.frame.statistics import ChannelStatistics, compute_statistics
 from radiometry.records import Record
@@ -48,7 +38,9 @@ class FrameSize(Record):
     width_px: int
 
 
-def evaluate_polynomial(lens: VignettingPolynomial, window: Window, *, size: FrameSize) -> Plane:
+def evaluate_polynomial(
+    lens: multispectral.VignettingPolynomial, window: Window, *, size: FrameSize
+) -> Plane:
     """Compute V(x/W, y/H) = sum c_n (x/W)^i_n (y/H)^j_n in a window of a frame of W x H pixels.
 
     x is a pixel's column and y its row, counted from 0. What leaves 5 % to 200 % is not a lens's polynomial.
@@ -56,12 +48,12 @@ def evaluate_polynomial(lens: VignettingPolynomial, window: Window, *, size: Fra
     return _require_lens(_evaluate(lens, *_pixels(window), size=size))
 
 
-def evaluate_band(band: Multispectral, window: Window, *, size: FrameSize) -> Plane:
+def evaluate_band(band: multispectral.Multispectral, window: Window, *, size: FrameSize) -> Plane:
     """Compute the relative illumination V of a band in a window, in whichever form its file states it."""
     return _require_lens(_illuminate(band, *_pixels(window), size=size))
 
 
-def require_lens(band: Multispectral, *, size: FrameSize) -> None:
+def require_lens(band: multispectral.Multispectral, *, size: FrameSize) -> None:
     """Refuse a relative illumination that is not a lens's somewhere in the frame."""
     x, y = (np.linspace(0.0, length - 1.0, _PROBES) for length in (size.width_px, size.height_px))
     _require_lens(_illuminate(band, x, y, size=size))
@@ -72,7 +64,7 @@ def _pixels(window: Window) -> tuple[Plane, Plane]:
     return x, np.arange(window.row0, window.row0 + window.height, dtype=np.float64)
 
 
-def _illuminate(band: Multispectral, x: Plane, y: Plane, *, size: FrameSize) -> Plane:
+def _illuminate(band: multispectral.Multispectral, x: Plane, y: Plane, *, size: FrameSize) -> Plane:
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         if band.vignetting_polynomial is not None:
             return _evaluate(band.vignetting_polynomial, x, y, size=size)
@@ -86,7 +78,7 @@ def _illuminate(band: Multispectral, x: Plane, y: Plane, *, size: FrameSize) -> 
     )
 
 
-def _evaluate(lens: VignettingPolynomial, x: Plane, y: Plane, *, size: FrameSize) -> Plane:
+def _evaluate(lens: multispectral.VignettingPolynomial, x: Plane, y: Plane, *, size: FrameSize) -> Plane:
     highest = np.max(np.array(lens.exponents), axis=0)
     terms = np.zeros(highest + 1)
     for (power_x, power_y), coefficient in zip(lens.exponents, lens.coefficients, strict=True):
@@ -95,7 +87,7 @@ def _evaluate(lens: VignettingPolynomial, x: Plane, y: Plane, *, size: FrameSize
     return _sum_powers(x / size.width_px, of_each_row[:, :, None], (len(y), len(x)))
 
 
-def _evaluate_radial(lens: RadialVignetting, x: Plane, y: Plane) -> Plane:
+def _evaluate_radial(lens: multispectral.RadialVignetting, x: Plane, y: Plane) -> Plane:
     radius = np.hypot((y - lens.centre_y_px)[:, None], (x - lens.centre_x_px)[None, :])
     return _sum_powers(radius, np.array([1.0, *lens.coefficients]), radius.shape)
 
@@ -123,7 +115,7 @@ def _require_lens(share: Plane) -> Plane:
     return share
 
 
-def scale_to_irradiance(signal_dn: Plane, *, model: SensorModel, settings: Settings) -> Plane:
+def scale_to_irradiance(signal_dn: Plane, *, model: multispectral.SensorModel, settings: Settings) -> Plane:
     """Compute I_sq = f^2 signal / (A eps gamma + C) of a Sequoia's signal (p - B) / V.
 
     eps is the exposure time [s], gamma the ISO value. I_sq is in a unit of its own, the same for all bands of
@@ -139,7 +131,9 @@ def scale_to_irradiance(signal_dn: Plane, *, model: SensorModel, settings: Setti
     return signal_dn * (settings.f_number**2 / response)
 
 
-def scale_to_radiance(signal: Plane, *, model: RadianceModel, settings: Settings, row0: int) -> Plane:
+def scale_to_radiance(
+    signal: Plane, *, model: multispectral.RadianceModel, settings: Settings, row0: int
+) -> Plane:
     """Compute the radiance of a MicaSense camera's signal V(r) (p - p_BL) / 2^bits [W/m2/sr/nm].
 
         L = V(r) (a1/g) (p - p_BL) / (te + a2 y - a3 te y)          p, p_BL as fractions of 2^bits
@@ -162,7 +156,7 @@ def scale_to_radiance(signal: Plane, *, model: RadianceModel, settings: Settings
     return signal * (model.a1 / gain) / exposure_s[:, None]
 
 
-def scale_to_rate(signal: Plane, *, model: GainModel) -> Plane:
+def scale_to_rate(signal: Plane, *, model: multispectral.GainModel) -> Plane:
     """Compute a DJI camera's rate of a signal, which is proportional to radiance [1/s].
 
         camera = G(r) (p - p_BL) p_cam / (gain t)          p, p_BL as fractions of 2^bits
@@ -181,15 +175,16 @@ def scale_to_rate(signal: Plane, *, model: GainModel) -> Plane:
     return signal * (model.adjustment / (model.gain * model.exposure_time_s))
 
 
-def require_band(header: FrameHeader) -> Multispectral:
+def require_band(header: FrameHeader) -> multispectral.Multispectral:
     """Return the metadata of a band that has a reflectance."""
     band = header.multispectral
     if band is None:
         name = " ".join(filter(None, (header.make, header.model))) or "of an unknown make"
         raise codes.SENSOR_MODEL_UNUSABLE.reject(
             f"The camera {name} does not say which band the file holds nor how its sensor responds. "
-            f"Reflectance works with original files of {'; '.join(CAMERAS.values())}. If the camera is one "
-            "of these, the file's XMP was lost or damaged: upload the file that the camera wrote."
+            f"Reflectance works with original files of {'; '.join(multispectral.CAMERAS.values())}. If the "
+            "camera is one of these, the file's XMP was lost or damaged: upload the file that the camera "
+            "wrote."
         )
     if band.kind is not None:
         raise codes.SENSOR_MODEL_UNUSABLE.reject(describe_kind(band))
@@ -202,7 +197,7 @@ def require_band(header: FrameHeader) -> Multispectral:
     return band
 
 
-def describe_kind(band: Multispectral) -> str:
+def describe_kind(band: multispectral.Multispectral) -> str:
     """Describe why a thermal or panchromatic band has no reflectance."""
     why = {"thermal": "emitted heat, not reflected light", "panchromatic": "one wide range of wavelengths"}
     seen = why.get(band.kind or "", "")
@@ -223,16 +218,16 @@ def inspect_band(header: FrameHeader, settings: Settings) -> None:
         )
 
 
-def find_black_dn(band: Multispectral, levels_dn: Sequence[float]) -> float:
+def find_black_dn(band: multispectral.Multispectral, levels_dn: Sequence[float]) -> float:
     if band.sensor_model is not None:
         return band.sensor_model.b
     return sum(levels_dn) / len(levels_dn) if band.black_dn is None else band.black_dn
 
 
-def signal_unit(band: Multispectral) -> str:
-    if isinstance(band.response, SensorModel):
+def signal_unit(band: multispectral.Multispectral) -> str:
+    if isinstance(band.response, multispectral.SensorModel):
         return SEQUOIA_UNIT
-    return RADIANCE_UNIT if isinstance(band.response, RadianceModel) else DJI_UNIT
+    return RADIANCE_UNIT if isinstance(band.response, multispectral.RadianceModel) else DJI_UNIT
 
 
 def compute_signal(frame: Frame, *, header: FrameHeader, settings: Settings) -> Plane:
@@ -246,17 +241,17 @@ def compute_signal(frame: Frame, *, header: FrameHeader, settings: Settings) -> 
     band = require_band(header)
     black_dn = find_black_dn(band, header.black_level_dn)
     signal = np.subtract(frame.samples_dn, black_dn, dtype=np.float64)
-    if not isinstance(band.response, SensorModel):
+    if not isinstance(band.response, multispectral.SensorModel):
         signal /= float(1 << header.bits_per_sample)
     size = FrameSize(height_px=frame.height_px, width_px=frame.width_px)
     signal /= evaluate_band(band, frame.window, size=size)
     return _scale(signal, band.response, settings, row0=frame.row0)
 
 
-def _scale(signal: Plane, response: Response | None, settings: Settings, *, row0: int) -> Plane:
-    if isinstance(response, SensorModel):
+def _scale(signal: Plane, response: multispectral.Response | None, settings: Settings, *, row0: int) -> Plane:
+    if isinstance(response, multispectral.SensorModel):
         return scale_to_irradiance(signal, model=response, settings=settings)
-    if isinstance(response, RadianceModel):
+    if isinstance(response, multispectral.RadianceModel):
         return scale_to_radiance(signal, model=response, settings=settings, row0=row0)
     assert response is not None  # noqa: S101  `require_band` refused a band without one
     return scale_to_rate(signal, model=response)

@@ -10,13 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected
-from radiometry.frame import FrameHeader
+from radiometry.frame import FrameHeader, roi
 from radiometry.frame.multispectral import MOST_LETTERS, NAMED_INDICES, Alignment, RigGeometry
-from radiometry.frame.roi import Polygon, Window, mask
 from radiometry.records import Record
-from radiometry.reflectance import codes
+from radiometry.reflectance import codes, imaging
 from radiometry.reflectance.alignment import IDENTITY, align, move_region, register, require_lens_data
-from radiometry.reflectance.imaging import require_band
 
 Values = NDArray[np.floating]
 
@@ -191,10 +189,10 @@ def align_band(band: BandMap, first: BandMap) -> AlignedBand:
     of, onto, turned = _read_lenses(band.header, first.header)
     plane = align(band.reflectance, of=of, onto=onto)
     found = register(first.reflectance, plane, reach_px=_REACH_PX if turned else _WIDE_REACH_PX)
-    name = require_band(band.header).band
+    name = imaging.require_band(band.header).band
     if not found.trusted or found.residual_px is None:
-        require_lens_data(require_band(band.header).geometry)
-        require_lens_data(require_band(first.header).geometry)
+        require_lens_data(imaging.require_band(band.header).geometry)
+        require_lens_data(imaging.require_band(first.header).geometry)
         alignment = Alignment(
             band=name,
             by="lens_data",
@@ -230,8 +228,8 @@ def compute_index(formula: Formula, planes: Mapping[str, NDArray[np.float32]]) -
 
 
 def move_regions(
-    polygon: Polygon, first: FrameHeader, others: Sequence[tuple[FrameHeader, tuple[float, ...] | None]]
-) -> tuple[Polygon, ...]:
+    polygon: roi.Polygon, first: FrameHeader, others: Sequence[tuple[FrameHeader, tuple[float, ...] | None]]
+) -> tuple[roi.Polygon, ...]:
     """Return a region of a frame as it and the other bands of its capture see it."""
     here, there = polygon, []
     # once more than there are bands: what the last of them does not see is cut off for the first too
@@ -246,7 +244,7 @@ def move_regions(
 
 def require_capture(one: FrameHeader, other: FrameHeader) -> None:
     """Refuse two files that are not bands of one capture."""
-    captures = [require_band(each).capture_id for each in (one, other)]
+    captures = [imaging.require_band(each).capture_id for each in (one, other)]
     same = captures[0] is not None and captures[0] == captures[1]
     sizes = {(each.height_px, each.width_px) for each in (one, other)}
     if not same or one.serial != other.serial or len(sizes) > 1:
@@ -262,7 +260,7 @@ def _refuse_capture() -> InputRejected:
 
 def _read_lenses(band: FrameHeader, first: FrameHeader) -> tuple[RigGeometry, RigGeometry, bool]:
     """Return both lenses, and True if their files state how they are turned against each other."""
-    lenses = [require_lens_data(require_band(each).geometry, turned=False) for each in (band, first)]
+    lenses = [require_lens_data(imaging.require_band(each).geometry, turned=False) for each in (band, first)]
     turned = all(each.offset_px or each.rotation_deg is not None for each in lenses)
     if not turned:
         lenses = [replace(each, rotation_deg=(0.0, 0.0, 0.0), offset_px=None) for each in lenses]
@@ -275,12 +273,12 @@ def spread_plane(plane: NDArray[np.float32], *, residual_px: float) -> NDArray[n
     return np.asarray(np.hypot(down, across) * (residual_px / math.sqrt(2.0)), np.float32)
 
 
-def displace_region(plane: NDArray[np.float32], polygon: Polygon, *, residual_px: float) -> float:
+def displace_region(plane: NDArray[np.float32], polygon: roi.Polygon, *, residual_px: float) -> float:
     """Compute by how much a region's mean may differ for what remains of the band's displacement."""
     step = residual_px / math.sqrt(2.0)
     reach = max(1, round(step))
     height, width = plane.shape
-    inside = mask(polygon, Window(row0=0, col0=0, height=height, width=width))
+    inside = roi.mask(polygon, roi.Window(row0=0, col0=0, height=height, width=width))
     changes = []
     for axis in (0, 1):
         slope = (np.roll(plane, -reach, axis) - np.roll(plane, reach, axis)) / (2.0 * reach)

@@ -9,15 +9,10 @@ from numpy.typing import NDArray
 
 from radiometry.findings import Raised, shared
 from radiometry.fitting.evidence import Quantity
-from radiometry.frame import Frame, FrameHeader
+from radiometry.frame import Frame, FrameHeader, multispectral, roi
 from radiometry.frame.exposure import Exposure
-from radiometry.frame.multispectral import Alignment, LightBasis
-from radiometry.frame.roi import Polygon, mask
 from radiometry.records import Record, later
-from radiometry.reflectance import codes, imaging
-from radiometry.reflectance.indices import Formula, compute, spread_plane
-from radiometry.reflectance.method import apply_features, choose_angle, choose_coefficient
-from radiometry.reflectance.points import MOST_SATURATED_SHARE
+from radiometry.reflectance import codes, imaging, indices, method, points
 from radiometry.reflectance.results import REFLECTANCE_UNIT, AppliedReflectance, Coefficient, Effect
 from radiometry.specification.application import Summary
 
@@ -72,12 +67,12 @@ class MeasuredReflectance(Record):
     saturated_share: float
     flags: tuple[Raised, ...]
     i_ss_oriented: float | None = later()
-    i_ss_basis: LightBasis | None = later()
+    i_ss_basis: multispectral.LightBasis | None = later()
 
 
 def measure_region(
     frame: Frame,
-    polygon: Polygon,
+    polygon: roi.Polygon,
     *,
     header: FrameHeader,
     exposure: Exposure,
@@ -91,11 +86,11 @@ def measure_region(
     outliers beyond 5 sigma, so that texture has little effect.
     """
     features = imaging.extract_features(frame, polygon, header=header, exposure=exposure)
-    applied = apply_features(
+    applied = method.apply_features(
         features, header=header, coefficients=coefficients, incidence_angle_deg=incidence_angle_deg
     )
     signal = imaging.compute_signal(frame, header=header, settings=exposure.on_basis("nominal"))
-    inside = mask(polygon, frame.window)
+    inside = roi.mask(polygon, frame.window)
     factor = applied.reflectance.value / features.i_sq if features.i_sq else 0.0
     values = signal[inside] * factor
     noise = estimate_noise(signal * factor, inside)
@@ -111,7 +106,7 @@ def measure_region(
         i_sq=applied.i_sq,
         i_ss=applied.i_ss,
         reflectance_k=applied.reflectance_k,
-        incidence_angle_deg=choose_angle(coefficients, band=features.band, stated=incidence_angle_deg),
+        incidence_angle_deg=method.choose_angle(coefficients, band=features.band, stated=incidence_angle_deg),
         below_zero_share=float(np.mean(values < 0.0)),
         above_one_share=float(np.mean(values > 1.0)),
         saturated_share=features.statistics.saturated_share,
@@ -203,7 +198,7 @@ def require_radiance(header: FrameHeader) -> None:
 
 
 def measure_radiance(
-    frame: Frame, polygon: Polygon, *, header: FrameHeader, exposure: Exposure
+    frame: Frame, polygon: roi.Polygon, *, header: FrameHeader, exposure: Exposure
 ) -> MeasuredRadiance:
     """Measure the radiance of a region, L = V(x, y) a1 / (g (t + a2 y - a3 t y)) (p - B) [1].
 
@@ -212,10 +207,10 @@ def measure_radiance(
     require_radiance(header)
     features = imaging.extract_features(frame, polygon, header=header, exposure=exposure)
     signal = imaging.compute_signal(frame, header=header, settings=exposure.on_basis("nominal"))
-    inside = mask(polygon, frame.window)
+    inside = roi.mask(polygon, frame.window)
     flags = [codes.RADIANCE_UNCERTAINTY_UNKNOWN.at("", "Only the noise of the pixels is stated.")]
     share = features.statistics.saturated_share
-    if share > MOST_SATURATED_SHARE:
+    if share > points.MOST_SATURATED_SHARE:
         flags.append(shared.SATURATED.at("", f"{share:.2%} of the samples."))
     noise = estimate_noise(signal, inside)
     return MeasuredRadiance(
@@ -235,7 +230,7 @@ class MeasuredIndex(Record):
     bands: tuple[AppliedReflectance, ...]  # that of the first band first
     flags: tuple[Raised, ...]
     formula: str = ""
-    alignment: tuple[Alignment, ...] = ()
+    alignment: tuple[multispectral.Alignment, ...] = ()
     budget: tuple[Share, ...] = ()  # the largest first
 
 
@@ -244,7 +239,7 @@ def list_effects(
 ) -> dict[str, float]:
     """List the effects on a band's reflectance with the panel's part of K apart."""
     effects = {each.source: abs(each.effect) for each in applied.effects}
-    shared_u_rel = choose_coefficient(coefficients, band=applied.band).shared_u_rel
+    shared_u_rel = method.choose_coefficient(coefficients, band=applied.band).shared_u_rel
     whole = effects.get(_K, 0.0)
     panel = min(whole, shared_u_rel * abs(applied.reflectance.value))
     return effects | {_K: math.sqrt(whole**2 - panel**2), PANEL: panel, ALIGNMENT: displaced}
@@ -277,15 +272,15 @@ def combine(
 
 
 def measure_index(
-    formula: Formula,
+    formula: indices.Formula,
     bands: Sequence[AppliedReflectance],
     *,
     coefficients: Sequence[Coefficient],
-    alignment: Sequence[Alignment] = (),
+    alignment: Sequence[multispectral.Alignment] = (),
     displaced: Mapping[str, float] | None = None,
 ) -> MeasuredIndex:
     values = {each.band: np.asarray(each.reflectance.value) for each in bands}
-    value, slopes = compute(formula, values)
+    value, slopes = indices.compute(formula, values)
     if np.isnan(value):
         told = ", ".join(f"{band} {float(reflectance):.4g}" for band, reflectance in values.items())
         raise codes.INDEX_UNDEFINED.reject(
@@ -329,14 +324,14 @@ def measure_index(
 
 
 def map_uncertainty(
-    formula: Formula,
+    formula: indices.Formula,
     planes: Mapping[str, NDArray[np.float32]],
     bands: Sequence[AppliedReflectance],
     *,
     coefficients: Sequence[Coefficient],
-    alignment: Sequence[Alignment],
+    alignment: Sequence[multispectral.Alignment],
 ) -> NDArray[np.float32]:
-    _, slopes = compute(formula, planes)
+    _, slopes = indices.compute(formula, planes)
     left = {each.band: each.residual_px for each in alignment}
     effects: dict[str, dict[str, NDArray[np.floating]]] = {}
     for each in bands:
@@ -348,12 +343,12 @@ def map_uncertainty(
         }
         noise = estimate_noise(plane.astype(np.float64), np.isfinite(plane))
         of_band[_NOISE] = np.asarray(np.float32(noise))
-        of_band[ALIGNMENT] = spread_plane(plane, residual_px=left.get(each.band, 0.0))
+        of_band[ALIGNMENT] = indices.spread_plane(plane, residual_px=left.get(each.band, 0.0))
         effects[each.band] = of_band
     return np.asarray(np.sqrt(sum(combine(slopes, effects).values())), np.float32)
 
 
-def flag_alignment(alignment: Sequence[Alignment]) -> list[Raised]:
+def flag_alignment(alignment: Sequence[multispectral.Alignment]) -> list[Raised]:
     """Flag bands that were aligned by lens data alone."""
     return [
         codes.ALIGNMENT_NOT_REFINED.at(

@@ -30,10 +30,8 @@ from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.multispectral import LightBasis, Multispectral
 from radiometry.records import Record
-from radiometry.reflectance import codes, imaging, points
-from radiometry.reflectance.findings import check_candidates, check_fit
+from radiometry.reflectance import codes, findings, imaging, panel_code, points, sun
 from radiometry.reflectance.fit import check_times, describe_point, find_scale, fit_bands
-from radiometry.reflectance.panel_code import FoundPanel, find_panel, find_stated_panel
 from radiometry.reflectance.results import (
     REFLECTANCE_UNIT,
     AppliedReflectance,
@@ -46,7 +44,6 @@ from radiometry.reflectance.results import (
     Reading,
     evaluate_k,
 )
-from radiometry.reflectance.sun import read_clock_s
 from radiometry.reflectance.sunshine import SINGLE_READING_U_REL, Gain, Sunshine, measure_light
 
 _SAME_SCALE_REL = 0.01
@@ -105,7 +102,7 @@ def find_scale_of_frame(
             sunshine = _doubt_sky(sunshine, band)
     else:
         flags.append(codes.PANEL_ONLY.at("", "Its light was not compared with this frame's."))
-    k = evaluate_k(coefficient, at_s=read_clock_s(header))
+    k = evaluate_k(coefficient, at_s=sun.read_clock_s(header))
     if k.outside_s != 0.0:
         flags.append(codes.OUTSIDE_PANEL_TIMES.at("", _describe_outside(k)))
     sources = _list_sources(coefficient, k, sunshine)
@@ -301,7 +298,7 @@ def extract(
     return Extracted(statistics=(features.statistics,), features=features)
 
 
-def find_region(frame: Frame, *, header: FrameHeader) -> FoundPanel | None:
+def find_region(frame: Frame, *, header: FrameHeader) -> panel_code.FoundPanel | None:
     """Find the panel in a whole frame of one band: as the camera states it, else by its code."""
     band = header.multispectral
     if band is None or frame.samples_dn.ndim != 2:
@@ -309,10 +306,10 @@ def find_region(frame: Frame, *, header: FrameHeader) -> FoundPanel | None:
     stated = None
     if band.panel_region is not None:
         black_dn = imaging.find_black_dn(band, header.black_level_dn)
-        stated = find_stated_panel(frame.samples_dn, band.panel_region, black_dn=black_dn)
+        stated = panel_code.find_stated_panel(frame.samples_dn, band.panel_region, black_dn=black_dn)
     if stated and band.panel_serial:
         return stated
-    read = find_panel(frame.samples_dn)
+    read = panel_code.find_panel(frame.samples_dn)
     return replace(stated, serial=read.serial if read else None) if stated else read
 
 
@@ -357,9 +354,9 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
     points.require_one_panel((each.row for each in used), readings)
     used, doubts = check_times(used)
     fits = fit_bands(used, params)
-    flags: list[Raised] = [*check_candidates(candidates), *doubts]
+    flags: list[Raised] = [*findings.check_candidates(candidates), *doubts]
     for band, band_fit in fits.items():
-        flags += check_fit(band_fit, [each for each in used if each.band.band == band])
+        flags += findings.check_fit(band_fit, [each for each in used if each.band.band == band])
     if params.normalisation == "panel_only":
         flags.append(codes.PANEL_ONLY.at("", "Chosen by the parameters of this fit."))
     return Fit(

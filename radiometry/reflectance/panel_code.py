@@ -8,10 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected
-from radiometry.frame import Frame, FrameHeader
-from radiometry.frame.multispectral import PANEL_SERIAL, name_panel
+from radiometry.frame import Frame, FrameHeader, multispectral, roi
 from radiometry.frame.opencv import cv2
-from radiometry.frame.roi import Polygon
 from radiometry.records import Record
 from radiometry.reflectance.alignment import move_region
 from radiometry.specification.application import FoundBy
@@ -94,7 +92,7 @@ def measure_unevenness(inner: Plane, black: float, white: float) -> float | None
 class FoundPanel(Record):
     """A panel that was found."""
 
-    region: Polygon | None  # well within the panel; None if its place is not certain
+    region: roi.Polygon | None  # well within the panel; None if its place is not certain
     serial: str | None  # None if no code was read
     by: FoundBy = "code"
     text: str = ""  # of the code
@@ -150,14 +148,14 @@ def find_panel(samples_dn: NDArray[np.uint16]) -> FoundPanel | None:
     if plane is None:
         return None
     read = _read_codes(plane)
-    names = {name_panel(text) for text, _ in read}
+    names = {multispectral.name_panel(text) for text, _ in read}
     if len(names) != 1:
         return None
     (name,) = names
     layout = _EARLY if int(name[2:4]) < _FIRST_LATE else _LATE
     square = _find_square(plane, read[0][1], layout) if len(read) == 1 else None
     # a tenth of a pixel is finer than the corners are known
-    region = None if square is None else Polygon.from_points(np.round(square * factor, 1).tolist())
+    region = None if square is None else roi.Polygon.from_points(np.round(square * factor, 1).tolist())
     return FoundPanel(region=region, serial=name, text=read[0][0])
 
 
@@ -207,7 +205,7 @@ def _search(grey: Grey) -> Iterator[tuple[str, Corners]]:
     codes = zxingcpp.BarcodeFormats(zxingcpp.BarcodeFormat.QRCode)
     for image, way in ((grey, 1), (np.ascontiguousarray(grey.T), -1)):
         for code in zxingcpp.read_barcodes(image, formats=codes):
-            if serial := PANEL_SERIAL.search(code.text):
+            if serial := multispectral.PANEL_SERIAL.search(code.text):
                 at = code.position
                 corners = [(c.x, c.y) for c in (at.top_left, at.top_right, at.bottom_right, at.bottom_left)]
                 yield code.text[serial.start() :].strip(), np.array(corners, float)[:, ::way]
@@ -272,13 +270,13 @@ def find_stated_panel(
     if not is_even(samples_dn.astype(np.float32), square, black_dn=black_dn):
         return None
     return FoundPanel(
-        region=Polygon.from_points(np.round(square, 1).tolist()), serial=None, by="reflect_area"
+        region=roi.Polygon.from_points(np.round(square, 1).tolist()), serial=None, by="reflect_area"
     )
 
 
 def take_region(
-    frame: Frame, *, header: FrameHeader, other: Frame, other_header: FrameHeader, region: Polygon
-) -> tuple[Polygon, float] | None:
+    frame: Frame, *, header: FrameHeader, other: Frame, other_header: FrameHeader, region: roi.Polygon
+) -> tuple[roi.Polygon, float] | None:
     """Find a panel where another band of the same capture has found it.
 
     `RigRelatives` give the rotation between the bands, which places the panel as if it were far away; where a
@@ -321,7 +319,7 @@ def take_region(
     sure = peak >= max(LEAST_CORRELATION, rest.max() / MOST_ALIKE)
     if not sure or not inside or not is_even(plane, moved.astype(float), black_dn=black_dn):
         return None
-    return Polygon.from_points(np.round(moved, 1).tolist()), float(peak)
+    return roi.Polygon.from_points(np.round(moved, 1).tolist()), float(peak)
 
 
 def _find_edges(samples_dn: NDArray[np.uint16]) -> Plane:

@@ -10,13 +10,10 @@ from typing import Final
 from radiometry.findings import Finding, InputRejected, Raised, interface, shared
 from radiometry.findings.grouping import Cause, name_frames
 from radiometry.fitting.evidence import list_unknown_exclusions
-from radiometry.frame import has_set_clock
-from radiometry.frame.multispectral import Multispectral, name_panel
+from radiometry.frame import has_set_clock, multispectral
 from radiometry.records import Record
-from radiometry.reflectance import codes
-from radiometry.reflectance.imaging import Features
+from radiometry.reflectance import codes, imaging, sun
 from radiometry.reflectance.results import FrameRow, Params, Reading
-from radiometry.reflectance.sun import read_clock, read_clock_s
 from radiometry.reflectance.sunshine import Gain, Sunshine, compare_channels, measure_light
 
 OLD_DAYS: Final = 730.5
@@ -47,7 +44,7 @@ class PanelValue(Record):
 def list_named(row: FrameRow) -> list[str]:
     """Return the panels that a frame names, by the camera's statement and by the code in the image."""
     stated = row.header.multispectral.panel_serial if row.header.multispectral else None
-    return sorted({name_panel(each) for each in (stated, row.panel_serial) if each})
+    return sorted({multispectral.name_panel(each) for each in (stated, row.panel_serial) if each})
 
 
 def describe_difference(row: FrameRow, readings: Sequence[Reading]) -> str:
@@ -55,7 +52,7 @@ def describe_difference(row: FrameRow, readings: Sequence[Reading]) -> str:
     named = list_named(row)
     if len(named) > 1:
         return f"Frame {row.frame} names panel {named[0]} and panel {named[1]}, in its tags and by its code."
-    own = {name_panel(reading.panel): reading.panel for reading in readings}
+    own = {multispectral.name_panel(reading.panel): reading.panel for reading in readings}
     if not named or not own or named[0] in own:
         return ""
     return f"Frame {row.frame} shows panel {named[0]}, and the campaign's panel is {', '.join(own.values())}."
@@ -84,7 +81,7 @@ def choose_readings(readings: Sequence[Reading], params: Params) -> list[Reading
 
 
 def find_value(
-    band: Multispectral, readings: Sequence[Reading], params: Params, *, at: datetime | None
+    band: multispectral.Multispectral, readings: Sequence[Reading], params: Params, *, at: datetime | None
 ) -> PanelValue | None:
     """Return what the panel reflected in a band: by its measurements, else as the camera read its code.
 
@@ -177,7 +174,7 @@ class Candidate(Record):
     """A panel frame with all that its point needs."""
 
     row: FrameRow
-    band: Multispectral
+    band: multispectral.Multispectral
     at_s: float | None  # on the camera's clock
     visit: int  # number of the panel capture, from 1
     panel: PanelValue | None  # in this band on that day; None if not known
@@ -186,7 +183,7 @@ class Candidate(Record):
     left_out_code: Finding | None = None  # of the InputRejected that it would be
 
     @property
-    def features(self) -> Features:
+    def features(self) -> imaging.Features:
         if self.row.features is None:
             raise ValueError(f"{self.row.frame} has no features")
         return self.row.features
@@ -263,7 +260,7 @@ def collect_candidates(
 
 def _count_visits(panels: Sequence[FrameRow]) -> dict[str, int]:
     """Number the panel captures; a frame without a time belongs to the only one, else to none (0)."""
-    times = {row.frame: read_clock_s(row.header) for row in panels}
+    times = {row.frame: sun.read_clock_s(row.header) for row in panels}
     known = sorted(at for at in times.values() if at is not None)
     starts = [after for before, after in itertools.pairwise(known) if after - before > VISIT_GAP_S]
     return {
@@ -283,7 +280,7 @@ def _judge(
 ) -> Candidate:
     band = row.header.multispectral
     assert band is not None  # noqa: S101  the caller chose rows with one
-    panel = find_value(band, readings, params, at=read_clock(row.header))
+    panel = find_value(band, readings, params, at=sun.read_clock(row.header))
     sunshine = None
     left_out, code = (excluded, None) if excluded else _inspect(row)
     if not left_out and panel is None:
@@ -304,7 +301,7 @@ def _judge(
     return Candidate(
         row=row,
         band=band,
-        at_s=read_clock_s(row.header),
+        at_s=sun.read_clock_s(row.header),
         visit=visit,
         panel=panel,
         sunshine=sunshine,

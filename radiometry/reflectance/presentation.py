@@ -13,14 +13,7 @@ from radiometry.drawing.text import label_axis, write_quantity, write_unit
 from radiometry.fitting.evidence import BudgetEntry
 from radiometry.frame.multispectral import label_band
 from radiometry.reflectance.results import HALF_HOUR_S, USUAL_DRIFT_REL, Fit, KAtTime, Knot, interpolate
-from radiometry.specification.certificate import (
-    FRAME,
-    Budget,
-    CertificateText,
-    Column,
-    KeyFigure,
-    of_coefficient,
-)
+from radiometry.specification import certificate
 
 Node = dict[str, Any]
 
@@ -168,9 +161,11 @@ PLOTS: Final = (
 )
 
 
-def list_key_figures(result: dict[str, Any]) -> tuple[KeyFigure, ...]:
+def list_key_figures(result: dict[str, Any]) -> tuple[certificate.KeyFigure, ...]:
     coefficients = (fit["coefficient"] for fit in result["band_fits"])
-    return tuple(of_coefficient(c["band"], "Reflectance K", c, "reflectance_k") for c in coefficients)
+    return tuple(
+        certificate.of_coefficient(c["band"], "Reflectance K", c, "reflectance_k") for c in coefficients
+    )
 
 
 class BudgetLine(BudgetEntry):
@@ -179,9 +174,9 @@ class BudgetLine(BudgetEntry):
     u: float  # in the unit of K
 
 
-def list_budgets(fitted: Fit) -> tuple[Budget, ...]:
+def list_budgets(fitted: Fit) -> tuple[certificate.Budget, ...]:
     return tuple(
-        Budget(
+        certificate.Budget(
             holds_for={"band": fit.coefficient.band},
             lines=tuple(
                 BudgetLine(**asdict(entry), u=entry.u_rel * abs(fit.coefficient.reflectance_k))
@@ -192,7 +187,7 @@ def list_budgets(fitted: Fit) -> tuple[Budget, ...]:
     )
 
 
-CERTIFICATE: Final = CertificateText(
+CERTIFICATE: Final = certificate.CertificateText(
     procedure="Reflectance coefficient K of each band of a camera with its sunshine sensor, from frames of a "
     "panel of known reflectance",
     equation="R cos θ = K I_sq / I_ss, where I_sq is the band's signal after black-level and vignetting "
@@ -201,18 +196,18 @@ CERTIFICATE: Final = CertificateText(
     headlines=frozenset({"reflectance_k"}),
     vignetting="as stated in each file",
     columns=(
-        FRAME,
-        Column(name="band", head="band", form="text"),
-        Column(name="visit", head="capture", share=0.7),
-        Column(name="i_sq", head="I_sq"),
-        Column(name="i_ss", head="I_ss"),
-        Column(name="i_ss_oriented", head="as oriented"),
-        Column(name="i_ss_basis", head="I_ss is", form="text"),
-        Column(name="sunshine_spread_rel", head="s(I_ss) / I_ss", form="percent"),
-        Column(name="gradient_rel", head="gradient", form="percent"),
-        Column(name="panel_reflectance", head="R of panel"),
-        Column(name="reflectance_k", head="K"),
-        Column(name="residual_rel", head="deviation", form="percent"),
+        certificate.FRAME,
+        certificate.Column(name="band", head="band", form="text"),
+        certificate.Column(name="visit", head="capture", share=0.7),
+        certificate.Column(name="i_sq", head="I_sq"),
+        certificate.Column(name="i_ss", head="I_ss"),
+        certificate.Column(name="i_ss_oriented", head="as oriented"),
+        certificate.Column(name="i_ss_basis", head="I_ss is", form="text"),
+        certificate.Column(name="sunshine_spread_rel", head="s(I_ss) / I_ss", form="percent"),
+        certificate.Column(name="gradient_rel", head="gradient", form="percent"),
+        certificate.Column(name="panel_reflectance", head="R of panel"),
+        certificate.Column(name="reflectance_k", head="K"),
+        certificate.Column(name="residual_rel", head="deviation", form="percent"),
     ),
     holds_for_lens=False,
     statements=(

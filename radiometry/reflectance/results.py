@@ -8,13 +8,10 @@ from typing import Literal
 
 from radiometry.findings import Raised
 from radiometry.fitting.evidence import BudgetEntry, Exclusion, Quantity
-from radiometry.frame import FrameHeader
+from radiometry.frame import FrameHeader, multispectral
 from radiometry.frame.exposure import Exposure
-from radiometry.frame.multispectral import LightBasis
 from radiometry.records import Record, about, later
-from radiometry.reflectance.imaging import Features
-from radiometry.reflectance.sun import TiltParams
-from radiometry.reflectance.sunshine import Choice
+from radiometry.reflectance import imaging, sun, sunshine
 from radiometry.specification.parameters import check_parameters, parameter
 
 Normalisation = Literal["sunshine", "panel_only"]
@@ -32,7 +29,7 @@ class Params(Record):
         "for the light of the panel capture.",
         labels={"sunshine": "The sunshine sensor", "panel_only": "The panel alone: holds for one light"},
     )
-    sunshine_choice: Choice = parameter(
+    sunshine_choice: sunshine.Choice = parameter(
         "mean",
         label="Sunshine reading",
         description="Which of a file's valid readings of the sunshine sensor is used.",
@@ -79,7 +76,7 @@ class Params(Record):
         "attitude, time and position.",
         labels={"level": "A level surface", "oriented": "As the sensor was oriented"},
     )
-    tilt: TiltParams | None = parameter(
+    tilt: sun.TiltParams | None = parameter(
         None,
         label="Tilt correction",
         description="Assumptions about sky and sensor for a reading on a level surface.",
@@ -100,9 +97,9 @@ class Params(Record):
         check_parameters(self)
 
     @property
-    def levelling(self) -> TiltParams | None:
+    def levelling(self) -> sun.TiltParams | None:
         """Assumptions with which readings are converted to a level surface; None if they are not."""
-        return None if self.sunshine_surface == "oriented" else self.tilt or TiltParams()
+        return None if self.sunshine_surface == "oriented" else self.tilt or sun.TiltParams()
 
 
 class FrameRow(Record):
@@ -112,7 +109,7 @@ class FrameRow(Record):
     role: str
     header: FrameHeader
     exposure: Exposure
-    features: Features | None  # None until the frame is extracted
+    features: imaging.Features | None  # None until the frame is extracted
     has_region: bool = True
     panel_serial: str | None = None  # as the panel's code in the image states it
 
@@ -167,9 +164,9 @@ class Coefficient(Record):
     expanded_uncertainty: float = about("Of K, for a coverage probability of 95 %.")
     coverage_factor: float
     normalisation: Normalisation
-    sunshine_choice: Choice = about("Choice among the sunshine readings.")
+    sunshine_choice: sunshine.Choice = about("Choice among the sunshine readings.")
     interpolation: Interpolation = about('"constant", or "linear" if K follows the knots.')
-    tilt: TiltParams | None = about("Assumptions of the tilt correction; None without it.")
+    tilt: sun.TiltParams | None = about("Assumptions of the tilt correction; None without it.")
     camera_serial: str | None
     sunshine_serial: str | None
     wavelength_nm: float | None
@@ -224,7 +221,7 @@ class Point(Record):
     reflectance_k: float | None
     residual_rel: float | None = about("K of this frame relative to the coefficient's at its time, minus 1.")
     i_ss_oriented: float | None = later("Sunshine reading as the sensor was oriented.")
-    i_ss_basis: LightBasis | None = later("Surface for which `i_ss` holds.")
+    i_ss_basis: multispectral.LightBasis | None = later("Surface for which `i_ss` holds.")
 
 
 class BandFit(Record):
@@ -263,7 +260,7 @@ class AppliedReflectance(Record):
     effects: tuple[Effect, ...]
     flags: tuple[Raised, ...]
     i_ss_oriented: float | None = later()
-    i_ss_basis: LightBasis | None = later()
+    i_ss_basis: multispectral.LightBasis | None = later()
 
 
 class KAtTime(Record):

@@ -9,11 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected
-from radiometry.frame import FrameHeader, has_set_clock, writes_utc
-from radiometry.frame.place import HeightSource, Place, PlaceShare
+from radiometry.frame import FrameHeader, has_set_clock, place, writes_utc
 from radiometry.records import Record
-from radiometry.reflectance import codes
-from radiometry.reflectance.alignment import find_directions, require_lens_data, rotate_into_rig
+from radiometry.reflectance import alignment, codes
 from radiometry.specification.parameters import check_parameters, parameter
 from radiometry.tools.motion import Attitude, rotate
 
@@ -246,7 +244,7 @@ _CORNERS: Final = ((0, 0), (0, -1), (-1, -1), (-1, 0))
 _U_POSITION_M: Final = 2.5
 """Along each axis, of a receiver that states no deviation; DJI's at times is off by this without RTK."""
 
-_U_HEIGHT: Final[dict[HeightSource, tuple[float, float]]] = {
+_U_HEIGHT: Final[dict[place.HeightSource, tuple[float, float]]] = {
     "request": (1.0, 0.05),
     "ground_altitude": (5.0, 0.0),
     "take_off": (3.0, 0.05),
@@ -307,7 +305,7 @@ class GroundHeight(Record):
         check_parameters(self)
 
 
-def find_place(header: FrameHeader, ground: GroundHeight) -> Place:
+def find_place(header: FrameHeader, ground: GroundHeight) -> place.Place:
     """Return where the pixels of a frame lie on level ground, as far as the file and a request state it.
 
     A pixel's direction d in the camera is turned by the body's axes A and by yaw, pitch and roll into north,
@@ -328,23 +326,23 @@ def find_place(header: FrameHeader, ground: GroundHeight) -> Place:
         missing = "the file states no position between 89 degrees north and south"
     lens = header.multispectral.geometry if header.multispectral is not None else None
     try:
-        lens = require_lens_data(lens, turned=False)
+        lens = alignment.require_lens_data(lens, turned=False)
     except InputRejected:
         missing = "the file does not state its lens"
     if missing or height_m is None or source is None or lens is None or attitude is None:
-        return Place(form="none", detail=f"Not placed: {missing}.")
+        return place.Place(form="none", detail=f"Not placed: {missing}.")
     assert latitude_deg is not None  # noqa: S101  else something is missing
     assert longitude_deg is not None  # noqa: S101
     cols, rows = np.meshgrid(
         np.linspace(0.0, header.width_px, _POINTS), np.linspace(0.0, header.height_px, _POINTS)
     )
-    seen = find_directions(lens, x=cols - 0.5, y=rows - 0.5)
+    seen = alignment.find_directions(lens, x=cols - 0.5, y=rows - 0.5)
     of = _MOUNTS[mount]
-    turn = rotate(attitude) @ np.array(of.axes) @ rotate_into_rig(lens)
+    turn = rotate(attitude) @ np.array(of.axes) @ alignment.rotate_into_rig(lens)
     turned = seen @ turn.T
     if not np.all(turned[..., 2] > math.cos(math.radians(_LARGEST_ANGLE_DEG))):
         detail = f"Not placed: part of the frame looks more than {_LARGEST_ANGLE_DEG:g} deg off the vertical."
-        return Place(form="none", detail=detail)
+        return place.Place(form="none", detail=detail)
     shown = _meet_ground(turned, height_m)
     sources = _list_uncertainties(header, ground, turned, height_m=height_m, source=source, mount=of)
     known = np.sqrt(sum(np.square(each) for each in sources.values()))
@@ -362,7 +360,7 @@ def find_place(header: FrameHeader, ground: GroundHeight) -> Place:
     thinned = [
         each[_TIE_POINTS, _TIE_POINTS].ravel() for each in (cols, rows, places[..., 1], places[..., 0])
     ]
-    return Place(
+    return place.Place(
         form="affine" if affine else "tie_points",
         detail=f"Lens and tilt leave {residual_m:.2g} m of an affine transformation, "
         + ("less than the place is uncertain." if affine else "more than the place is uncertain."),
@@ -379,13 +377,13 @@ def find_place(header: FrameHeader, ground: GroundHeight) -> Place:
         u_centre_m=float(total[_CENTRE]),
         u_corner_m=float(total[worst]),
         budget=tuple(
-            PlaceShare(source=name, u_centre_m=float(each[_CENTRE]), u_corner_m=float(each[worst]))
+            place.PlaceShare(source=name, u_centre_m=float(each[_CENTRE]), u_corner_m=float(each[worst]))
             for name, each in sources.items()
         ),
     )
 
 
-def _find_height(header: FrameHeader, ground: GroundHeight) -> tuple[float | None, HeightSource | None]:
+def _find_height(header: FrameHeader, ground: GroundHeight) -> tuple[float | None, place.HeightSource | None]:
     stated, below = ground.height_above_ground_m, ground.ground_altitude_m
     if stated is not None and below is not None:
         raise codes.HEIGHT_UNUSABLE.refuse("Both height_above_ground_m and ground_altitude_m are stated.")
@@ -423,7 +421,7 @@ def _list_uncertainties(
     turned: Plane,
     *,
     height_m: float,
-    source: HeightSource,
+    source: place.HeightSource,
     mount: _Mount,
 ) -> dict[str, Plane]:
     """Return the root mean square distance that each source moves each point by [m]."""

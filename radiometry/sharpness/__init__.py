@@ -11,15 +11,10 @@ diameter; both are corrected here.
 
 from typing import Final
 
-from radiometry.sharpness import codes, fit
+from radiometry.sharpness import codes, fit, positions, results, verdicts
 from radiometry.sharpness.fit import extract
-from radiometry.sharpness.positions import missing
-from radiometry.sharpness.results import PLOTS, Features, Fit, Params, Target, list_key_figures
-from radiometry.sharpness.verdicts import judge, plan
-from radiometry.specification import certificate
+from radiometry.specification import certificate, method, roles
 from radiometry.specification.certificate import CertificateText, CoefficientEffect, CoefficientKind, Column
-from radiometry.specification.method import MethodSpec, drop_readings
-from radiometry.specification.roles import CHART, Grid
 
 _FREQUENCIES = (
     ("cycles_per_pixel", "cycles/px"),
@@ -46,16 +41,16 @@ _CERTIFICATE: Final = CertificateText(
     "pairs per millimetre depend on the pixel pitch that is stated for the camera.",
 )
 
-SPEC: Final = MethodSpec(
+SPEC: Final = method.MethodSpec(
     name="sharpness",
     label="Sharpness",
     description="The MTF from slanted edges or Siemens stars, in the centre and towards the corners.",
     schema_version=1,
-    roles=(CHART,),
-    params=Params,
-    result=Fit,
-    features=Features,
-    target=Target,
+    roles=(roles.CHART,),
+    params=results.Params,
+    result=results.Fit,
+    features=results.Features,
+    target=results.Target,
     target_example={"kind": "siemens_star", "cycles": 48},
     manual_exposure=False,
     several_regions=True,
@@ -90,13 +85,13 @@ SPEC: Final = MethodSpec(
     ),
     findings=codes.FINDINGS,
     extract=extract,
-    missing=drop_readings(missing),
-    judge=lambda frames, rows, _, params: judge(frames, rows, params),
-    plan=drop_readings(plan),
-    grid=Grid(rows="f_number"),
-    fit=drop_readings(fit.fit),
+    missing=method.drop_readings(positions.missing),
+    judge=lambda frames, rows, _, params: verdicts.judge(frames, rows, params),
+    plan=method.drop_readings(verdicts.plan),
+    grid=roles.Grid(rows="f_number"),
+    fit=method.drop_readings(fit.fit),
     list_coefficients=fit.list_coefficients,
-    list_key_figures=list_key_figures,
-    plots=PLOTS,
+    list_key_figures=results.list_key_figures,
+    plots=results.PLOTS,
     certificate=_CERTIFICATE,
 )

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.sharpness import codes
+from radiometry.sharpness import codes, results, sampling
 from radiometry.sharpness.profile import (
     BINS_PER_PIXEL,
     NYQUIST_CYCLES_PER_PIXEL,
@@ -20,8 +20,6 @@ from radiometry.sharpness.profile import (
     locate_edge,
     measure_lengths,
 )
-from radiometry.sharpness.results import EdgePlace, EdgeResponse, Estimate
-from radiometry.sharpness.sampling import Plane
 
 Vector = NDArray[np.float64]
 
@@ -42,8 +40,8 @@ _INNER = 0.9  # of the region: lines that every channel has
 
 
 def measure_edge(
-    plane: Plane, *, order: int, orientation: str, box: tuple[float, float, float, float]
-) -> EdgeResponse:
+    plane: sampling.Plane, *, order: int, orientation: str, box: tuple[float, float, float, float]
+) -> results.EdgeResponse:
     """Measure an edge that crosses the plane's lines.
 
     The uncertainties are a delete-one jackknife over eight blocks of neighbouring lines, u^2 = 7/8 sum (t_i
@@ -72,7 +70,7 @@ def measure_edge(
     spread[0] = _propagate_crossing(best[0], best[6:], spread[6:])
     figures = [_estimate(value, u) for value, u in zip(best[:6], spread[:6], strict=True)]
     span_px = float(plane.line_px[lines - 1] - plane.line_px[0]) + _line_step(plane)
-    return EdgeResponse(
+    return results.EdgeResponse(
         channel=plane.channel,
         orientation=orientation,
         angle_deg=math.degrees(math.atan(abs(edge.slope))),
@@ -94,8 +92,8 @@ def measure_edge(
 
 
 def _place(
-    plane: Plane, edge: Edge, *, order: int, vertical: bool, box: tuple[float, float, float, float]
-) -> EdgePlace:
+    plane: sampling.Plane, edge: Edge, *, order: int, vertical: bool, box: tuple[float, float, float, float]
+) -> results.EdgePlace:
     """Return the mean of the curve over the lines of the box, less its middle, with its uncertainty."""
     first, last, low, high = box
     middle, half = (first + last) / 2.0, (last - first) / 2.0
@@ -106,7 +104,7 @@ def _place(
     scale2 = edge.residual_px**2 * plane.line_px.size / dof
     cosine = 1.0 / math.hypot(1.0, edge.slope)
     normal = (cosine, -edge.slope * cosine)  # across the lines, and along them
-    return EdgePlace(
+    return results.EdgePlace(
         normal=normal[::-1] if vertical else normal,
         place_px=(float(edge.curve(every).mean()) - (low + high) / 2.0) * cosine,
         place_u_px=math.sqrt(scale2 * float(mean @ np.linalg.solve(basis.T @ basis, mean))) * cosine,
@@ -142,24 +140,24 @@ def _propagate_crossing(crossing: float, mtf: Vector, mtf_u: Vector) -> float:
     return float(np.interp(crossing, frequency, mtf_u) * (ends[1] - ends[0]) / (before - after))
 
 
-def _estimate(value: float, u: float) -> Estimate | None:
+def _estimate(value: float, u: float) -> results.Estimate | None:
     """Return an estimate, or None where it or one of its parts does not exist."""
     if not (math.isfinite(value) and math.isfinite(u)):
         return None
-    return Estimate(value=float(value), standard_uncertainty=float(u))
+    return results.Estimate(value=float(value), standard_uncertainty=float(u))
 
 
-def _line_step(plane: Plane) -> float:
+def _line_step(plane: sampling.Plane) -> float:
     return float(plane.line_px[-1] - plane.line_px[0]) / (plane.line_px.size - 1)
 
 
-def _count_whole_periods(plane: Plane, edge: Edge) -> int:
+def _count_whole_periods(plane: sampling.Plane, edge: Edge) -> int:
     """Return how many lines contain whole passes of the edge over a sample: every phase equally often."""
     per_line = abs(edge.slope) * _line_step(plane) / plane.pitch_px
     return min(plane.line_px.size, round(math.floor(plane.line_px.size * per_line) / per_line))
 
 
-def _require_signal(plane: Plane) -> tuple[float, float]:
+def _require_signal(plane: sampling.Plane) -> tuple[float, float]:
     """Refuse what no edge can be found in; give the contrast, and the noise relative to the step."""
     lines, samples = plane.values.shape
     if lines < FEWEST_LINES or samples * plane.pitch_px < 2.0 * LEAST_REACH_PX + 4.0 or samples < 10:
@@ -195,7 +193,7 @@ def _require_signal(plane: Plane) -> tuple[float, float]:
     return contrast, noise
 
 
-def _require_edge(plane: Plane, edge: Edge) -> tuple[float, float]:
+def _require_edge(plane: sampling.Plane, edge: Edge) -> tuple[float, float]:
     """Refuse an edge that is none, lies badly or ends too soon; give the range that all lines reach [px]."""
     if edge.residual_px > _MOST_RESIDUAL_PX:
         raise codes.EDGE_NOT_FOUND.reject(
@@ -228,7 +226,7 @@ def _require_edge(plane: Plane, edge: Edge) -> tuple[float, float]:
     return low, high
 
 
-def _require_phases(plane: Plane, edge: Edge) -> None:
+def _require_phases(plane: sampling.Plane, edge: Edge) -> None:
     """Refuse an edge whose slope leaves places between the pixels unseen.
 
     A line sees the profile at one place of a sample's pitch; between the places of all lines no gap may be

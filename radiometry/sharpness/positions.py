@@ -6,27 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from radiometry.findings import shared
-from radiometry.findings.grouping import name_frames
-from radiometry.fitting.evidence import MOST_DOF, Quantity
-from radiometry.fitting.sources import merge_variances
+from radiometry.findings import grouping, shared
+from radiometry.fitting import evidence, sources
 from radiometry.records import Record
+from radiometry.sharpness import profile, results
 from radiometry.sharpness.edges import JACKKNIFE_DOF
-from radiometry.sharpness.profile import list_frequencies
-from radiometry.sharpness.results import (
-    Coefficient,
-    Contrasts,
-    Curve,
-    Direction,
-    EdgeResponse,
-    Estimate,
-    Features,
-    FrameRow,
-    Params,
-    PositionFit,
-    RegionResponse,
-    StarResponse,
-)
 
 SMALL_FORMAT_HEIGHT_MM = 24.0
 
@@ -75,8 +59,8 @@ def unresolved_diameter(resolving_power: float, *, cycles: int) -> float:
 
 
 def find_resolving_power(
-    frequency: tuple[float, ...], curve: Contrasts, *, contrast: float
-) -> Estimate | None:
+    frequency: tuple[float, ...], curve: results.Contrasts, *, contrast: float
+) -> results.Estimate | None:
     """Find the frequency at which a star's contrast first falls below a level.
 
     Between the last ring above the level and the first below, ln(contrast) is interpolated over f^2, where
@@ -104,7 +88,7 @@ def find_resolving_power(
     if fall <= 0.0:
         fall, span = values[pair][0] - values[pair][1], f[1] - f[0]
     noise_u = math.hypot((1.0 - line) * ring_u[0], line * ring_u[1]) * span / fall
-    return Estimate(value=root, standard_uncertainty=math.hypot(float(noise_u), straight - root))
+    return results.Estimate(value=root, standard_uncertainty=math.hypot(float(noise_u), straight - root))
 
 
 MTF50 = "mtf50_cycles_per_pixel"
@@ -118,11 +102,13 @@ class Candidate(Record):
     """One channel of one region of one frame."""
 
     frame: str
-    features: Features
-    region: RegionResponse  # Responses of the region
+    features: results.Features
+    region: results.RegionResponse  # Responses of the region
     channel: str
     f_number: float | None
-    response: EdgeResponse | StarResponse | None  # Response of the channel; None if the channel was refused
+    response: (
+        results.EdgeResponse | results.StarResponse | None
+    )  # Response of the channel; None if the channel was refused
     left_out: str  # "" if it counts, else the reason
 
     @property
@@ -139,12 +125,12 @@ class Candidate(Record):
         """Name of the coefficient that is compared between frames and positions."""
         return MTF50 if self.kind == "slanted_edge" else RESOLVING_POWER
 
-    def measure(self, params: Params) -> Estimate | None:
+    def measure(self, params: results.Params) -> results.Estimate | None:
         """Return the coefficient that is compared between frames and positions."""
         match self.response:
-            case EdgeResponse():
+            case results.EdgeResponse():
                 return self.response.mtf50
-            case StarResponse():
+            case results.StarResponse():
                 return find_resolving_power(
                     self.response.frequency, self.response.whole, contrast=params.star_contrast
                 )
@@ -152,7 +138,7 @@ class Candidate(Record):
                 return None
 
 
-def collect_candidates(rows: Sequence[FrameRow], params: Params) -> tuple[Candidate, ...]:
+def collect_candidates(rows: Sequence[results.FrameRow], params: results.Params) -> tuple[Candidate, ...]:
     excluded = {exclusion.frame: exclusion for exclusion in params.exclude}
     found = []
     for row in rows:
@@ -162,7 +148,10 @@ def collect_candidates(rows: Sequence[FrameRow], params: Params) -> tuple[Candid
         left_out = f"excluded by {exclusion.by}: {exclusion.reason}" if exclusion else ""
         f_number = row.exposure.f_number if row.exposure is not None else None
         for region in row.features.regions:
-            responses: tuple[EdgeResponse | StarResponse, ...] = (*region.edges, *region.stars)
+            responses: tuple[results.EdgeResponse | results.StarResponse, ...] = (
+                *region.edges,
+                *region.stars,
+            )
             outcomes = [
                 *((each.channel, each, left_out) for each in responses),
                 *((each.channel, None, left_out or each.message) for each in region.refused),
@@ -182,37 +171,39 @@ def collect_candidates(rows: Sequence[FrameRow], params: Params) -> tuple[Candid
     return tuple(sorted(found, key=lambda each: (each.key, each.frame)))
 
 
-def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] = ()) -> tuple[str, ...]:
+def missing(
+    rows: Sequence[results.FrameRow], params: results.Params, *, unread: Sequence[str] = ()
+) -> tuple[str, ...]:
     excluded = {exclusion.frame for exclusion in params.exclude}
     wanted = [row for row in rows if row.role == "chart" and row.frame not in excluded]
     found = []
     if not wanted and not unread:
         found.append("no chart frame that can be used: photograph edges or stars in role chart")
     if unread:
-        found.append(name_frames("not read yet", unread, shared.NOT_READ))
+        found.append(grouping.name_frames("not read yet", unread, shared.NOT_READ))
     undrawn = [row.frame for row in wanted if row.features is None and not row.has_region]
     waiting = [row.frame for row in wanted if row.features is None and row.has_region]
     if undrawn:
-        found.append(name_frames("no region", undrawn, shared.NO_REGION))
+        found.append(grouping.name_frames("no region", undrawn, shared.NO_REGION))
     if waiting:
-        found.append(name_frames("not extracted yet", waiting, shared.NOT_EXTRACTED))
+        found.append(grouping.name_frames("not extracted yet", waiting, shared.NOT_EXTRACTED))
     return tuple(found)
 
 
 _CYCLES_PER_PIXEL = "cycles/px"
 
 
-def merge_position(candidates: Sequence[Candidate], params: Params) -> PositionFit:
+def merge_position(candidates: Sequence[Candidate], params: results.Params) -> results.PositionFit:
     """Return the result of one channel of one position from the frames that count."""
     first = candidates[0]
-    edges = [each.response for each in candidates if isinstance(each.response, EdgeResponse)]
-    stars = [each.response for each in candidates if isinstance(each.response, StarResponse)]
+    edges = [each.response for each in candidates if isinstance(each.response, results.EdgeResponse)]
+    stars = [each.response for each in candidates if isinstance(each.response, results.StarResponse)]
     height, width = first.features.height_px, first.features.width_px
     row = float(np.mean([each.region.row_px for each in candidates]))
     col = float(np.mean([each.region.col_px for each in candidates]))
     away = math.hypot(row + 0.5 - height / 2.0, col + 0.5 - width / 2.0)
     coefficients = _merge_edges(edges) if edges else _merge_stars(stars, params)
-    return PositionFit(
+    return results.PositionFit(
         kind=first.kind,
         position=first.region.name,
         channel=first.channel,
@@ -232,7 +223,7 @@ def merge_position(candidates: Sequence[Candidate], params: Params) -> PositionF
 
 
 def merge_estimates(
-    estimates: Sequence[Estimate], *, dof: float = math.inf
+    estimates: Sequence[results.Estimate], *, dof: float = math.inf
 ) -> tuple[float, float, float | None, float]:
     """Compute mean, its standard uncertainty, the standard deviation s of one frame, and degrees of freedom.
 
@@ -244,24 +235,24 @@ def merge_estimates(
     if values.size == 1:
         return float(values[0]), math.sqrt(predicted), None, dof
     seen = float(values.var(ddof=1))
-    u, freedom = merge_variances(seen, predicted, values.size, dof=values.size * dof)
+    u, freedom = sources.merge_variances(seen, predicted, values.size, dof=values.size * dof)
     return float(values.mean()), u, math.sqrt(seen), freedom
 
 
 def _coefficient(
-    name: str, unit: str, estimates: Sequence[Estimate | None], *, dof: float = math.inf
-) -> list[Coefficient]:
+    name: str, unit: str, estimates: Sequence[results.Estimate | None], *, dof: float = math.inf
+) -> list[results.Coefficient]:
     """Return the coefficient, or none where a frame lacks it."""
     present = [each for each in estimates if each is not None]
     if not present or len(present) < len(estimates):
         return []
     value, u, repeatability, freedom = merge_estimates(present, dof=dof)
-    quantity = Quantity(value, u, unit)
-    dof = min(freedom, MOST_DOF)
-    return [Coefficient(name=name, quantity=quantity, repeatability=repeatability, effective_dof=dof)]
+    quantity = evidence.Quantity(value, u, unit)
+    dof = min(freedom, evidence.MOST_DOF)
+    return [results.Coefficient(name=name, quantity=quantity, repeatability=repeatability, effective_dof=dof)]
 
 
-def _merge_edges(edges: Sequence[EdgeResponse]) -> list[Coefficient]:
+def _merge_edges(edges: Sequence[results.EdgeResponse]) -> list[results.Coefficient]:
     parts = (
         (MTF50, _CYCLES_PER_PIXEL, [edge.mtf50 for edge in edges]),
         ("edge_rise_10_90_px", "px", [edge.rise_px for edge in edges]),
@@ -273,7 +264,7 @@ def _merge_edges(edges: Sequence[EdgeResponse]) -> list[Coefficient]:
     return [found for part in parts for found in _coefficient(*part, dof=JACKKNIFE_DOF)]
 
 
-def _merge_stars(stars: Sequence[StarResponse], params: Params) -> list[Coefficient]:
+def _merge_stars(stars: Sequence[results.StarResponse], params: results.Params) -> list[results.Coefficient]:
     powers = [
         find_resolving_power(star.frequency, star.whole, contrast=params.star_contrast) for star in stars
     ]
@@ -283,12 +274,14 @@ def _merge_stars(stars: Sequence[StarResponse], params: Params) -> list[Coeffici
     for power in found:
         across_px = unresolved_diameter(power.quantity.value, cycles=stars[0].cycles)
         u = across_px * power.quantity.standard_uncertainty / power.quantity.value
-        quantity = Quantity(across_px, u, "px")
+        quantity = evidence.Quantity(across_px, u, "px")
         diameter.append(replace(power, name="unresolved_diameter_px", quantity=quantity, repeatability=None))
     return [*found, *diameter, *_coefficient(MTF50, _CYCLES_PER_PIXEL, halves)]
 
 
-def _convert(found: Sequence[Coefficient], picture_height_px: int, params: Params) -> list[Coefficient]:
+def _convert(
+    found: Sequence[results.Coefficient], picture_height_px: int, params: results.Params
+) -> list[results.Coefficient]:
     """Return the frequencies in line pairs and line widths too."""
     more = []
     for each in found:
@@ -308,20 +301,22 @@ def _convert(found: Sequence[Coefficient], picture_height_px: int, params: Param
     return more
 
 
-def _scale(coefficient: Coefficient, name: str, unit: str, factor: float) -> Coefficient:
+def _scale(coefficient: results.Coefficient, name: str, unit: str, factor: float) -> results.Coefficient:
     old = coefficient.quantity
     scatter = coefficient.repeatability
     return replace(
         coefficient,
         name=name,
-        quantity=Quantity(old.value * factor, old.standard_uncertainty * factor, unit),
+        quantity=evidence.Quantity(old.value * factor, old.standard_uncertainty * factor, unit),
         repeatability=None if scatter is None else scatter * factor,
     )
 
 
-def _merge_curves(edges: Sequence[EdgeResponse], stars: Sequence[StarResponse]) -> tuple[Curve, ...]:
+def _merge_curves(
+    edges: Sequence[results.EdgeResponse], stars: Sequence[results.StarResponse]
+) -> tuple[results.Curve, ...]:
     if edges:
-        frequency = tuple(float(each) for each in list_frequencies())
+        frequency = tuple(float(each) for each in profile.list_frequencies())
         return (_merge_curve(None, frequency, [(edge.mtf, edge.mtf_u) for edge in edges]),)
     # rings of several frames differ: what they share is the frequency range of the first, read off by lines
     frequency = stars[0].frequency
@@ -337,7 +332,7 @@ def _merge_curves(edges: Sequence[EdgeResponse], stars: Sequence[StarResponse]) 
 
 
 def _resample(
-    frequency: tuple[float, ...], star: StarResponse, curve: Contrasts
+    frequency: tuple[float, ...], star: results.StarResponse, curve: results.Contrasts
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
     contrast = np.interp(frequency, star.frequency, curve.contrast)
     u = np.interp(frequency, star.frequency, curve.contrast_u)
@@ -348,12 +343,12 @@ def _merge_curve(
     direction_deg: float | None,
     frequency: tuple[float, ...],
     pairs: Sequence[tuple[tuple[float, ...], tuple[float, ...]]],
-) -> Curve:
+) -> results.Curve:
     merged = [
-        merge_estimates([Estimate(value=value[k], standard_uncertainty=u[k]) for value, u in pairs])
+        merge_estimates([results.Estimate(value=value[k], standard_uncertainty=u[k]) for value, u in pairs])
         for k in range(len(frequency))
     ]
-    return Curve(
+    return results.Curve(
         direction_deg=direction_deg,
         frequency=frequency,
         response=tuple(each[0] for each in merged),
@@ -361,7 +356,9 @@ def _merge_curve(
     )
 
 
-def _merge_directions(stars: Sequence[StarResponse], params: Params) -> tuple[Direction, ...]:
+def _merge_directions(
+    stars: Sequence[results.StarResponse], params: results.Params
+) -> tuple[results.Direction, ...]:
     found = []
     for curves in zip(*(star.sectors for star in stars), strict=True):
         powers = [
@@ -370,7 +367,7 @@ def _merge_directions(stars: Sequence[StarResponse], params: Params) -> tuple[Di
         ]
         merged = _coefficient(RESOLVING_POWER, _CYCLES_PER_PIXEL, powers)
         found.append(
-            Direction(
+            results.Direction(
                 direction_deg=float(curves[0].direction_deg or 0.0),
                 resolving_power=merged[0].quantity if merged else None,
             )

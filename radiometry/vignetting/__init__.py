@@ -10,29 +10,21 @@ fitted centre; dividing by V corrects.
 
 from typing import Final
 
-from radiometry.specification import certificate
-from radiometry.specification.application import Correction
+from radiometry.specification import application, certificate, method, roles
 from radiometry.specification.certificate import CertificateText, CoefficientEffect, CoefficientKind, Column
-from radiometry.specification.method import MethodSpec, drop_readings
-from radiometry.specification.roles import DARK, FLAT, Grid
-from radiometry.vignetting import codes, fit
-from radiometry.vignetting.blocks import Features, extract_features
-from radiometry.vignetting.lens import EXPORTS, Lens, average_over_polygon
-from radiometry.vignetting.points import missing
-from radiometry.vignetting.results import PLOTS, Fit, Params, list_budgets, list_key_figures
-from radiometry.vignetting.verdicts import find_gaps, judge, plan
+from radiometry.vignetting import blocks, codes, fit, lens, points, results, verdicts
 
 _IN_CORNER: Final = CoefficientEffect(of="of the signal in the corner", factor=lambda _: 100.0)
 
-SPEC: Final = MethodSpec(
+SPEC: Final = method.MethodSpec(
     name="vignetting",
     label="Vignetting",
     description="The light falloff of a lens towards the corners, per f-number, from flat fields.",
     schema_version=1,
-    roles=(FLAT, DARK),
-    params=Params,
-    result=Fit,
-    features=Features,
+    roles=(roles.FLAT, roles.DARK),
+    params=results.Params,
+    result=results.Fit,
+    features=blocks.Features,
     whole_frame=True,
     several_regions=True,
     coefficients=(
@@ -45,17 +37,17 @@ SPEC: Final = MethodSpec(
         CoefficientKind(name="centre_col_px", label="Centre column", units=("px",)),
     ),
     findings=codes.FINDINGS,
-    extract=lambda frame, regions, *, header, **_: extract_features(frame, regions, header=header),
-    missing=drop_readings(missing),
-    judge=lambda frames, rows, _, params: judge(frames, rows, params),
-    plan=drop_readings(plan),
-    grid=Grid(rows="f_number"),
-    find_gaps=drop_readings(find_gaps),
-    fit=drop_readings(fit.fit),
+    extract=lambda frame, regions, *, header, **_: blocks.extract_features(frame, regions, header=header),
+    missing=method.drop_readings(points.missing),
+    judge=lambda frames, rows, _, params: verdicts.judge(frames, rows, params),
+    plan=method.drop_readings(verdicts.plan),
+    grid=roles.Grid(rows="f_number"),
+    find_gaps=method.drop_readings(verdicts.find_gaps),
+    fit=method.drop_readings(fit.fit),
     list_coefficients=fit.list_coefficients,
-    list_key_figures=list_key_figures,
-    list_budgets=list_budgets,
-    plots=PLOTS,
+    list_key_figures=results.list_key_figures,
+    list_budgets=results.list_budgets,
+    plots=results.PLOTS,
     certificate=CertificateText(
         procedure="Light falloff over the frame, one per f-number and channel, from frames of a uniform "
         "surface; centre and coefficients fitted by weighted least squares",
@@ -74,7 +66,7 @@ SPEC: Final = MethodSpec(
         traceability="The result is a ratio of light within one frame; no external standard enters. The "
         "frames themselves are tested for non-uniform light, which is reported among the flags.",
     ),
-    exports=EXPORTS,
+    exports=lens.EXPORTS,
     applied="channel_fits",
-    correction=Correction(lens=Lens, average_over_polygon=average_over_polygon),
+    correction=application.Correction(lens=lens.Lens, average_over_polygon=lens.average_over_polygon),
 )

@@ -8,10 +8,7 @@ from numpy.typing import NDArray
 
 from radiometry.findings import shared
 from radiometry.fitting.evidence import Extracted, FrameEvidence, Region
-from radiometry.frame import Frame, FrameHeader
-from radiometry.frame.packing import Packed, pack
-from radiometry.frame.roi import mask, require_pixels
-from radiometry.frame.statistics import GREY, compute_statistics, name_site
+from radiometry.frame import Frame, FrameHeader, packing, roi, statistics
 from radiometry.records import Record
 
 Vector = NDArray[np.float64]
@@ -130,11 +127,11 @@ class ChannelBlocks(Record):
     site: Site  # Pixels of the channel
     black_level_dn: float
     white_level_dn: float
-    mean_dn: Packed  # Mean, black included [DN]; 0 where n is 0
+    mean_dn: packing.Packed  # Mean, black included [DN]; 0 where n is 0
     # Standard deviation of one pixel without the slope of the light, from differences of neighbours [DN]
-    noise_dn: Packed
-    n: Packed  # Pixels of a block; 0 for one that is not entirely in the region
-    clipped_share: Packed  # Fraction of pixels at or above the white level
+    noise_dn: packing.Packed
+    n: packing.Packed  # Pixels of a block; 0 for one that is not entirely in the region
+    clipped_share: packing.Packed  # Fraction of pixels at or above the white level
 
 
 class Features(Record):
@@ -163,11 +160,11 @@ def extract_features(frame: Frame, regions: Sequence[Region], *, header: FrameHe
     noise^2 = sum d^2 / (2 m) over the m differences d of neighbours of one colour within a block, along
     rows and along columns: for a light that slopes by s per pixel only s^2 / 2 remains.
     """
-    masks = [mask(region.polygon, frame.window) for region in regions]
-    inside = require_pixels(np.logical_or.reduce(masks))
+    masks = [roi.mask(region.polygon, frame.window) for region in regions]
+    inside = roi.require_pixels(np.logical_or.reduce(masks))
     grid = Grid.over(frame.height_px, frame.width_px)
     samples, known = _embed(frame, inside)
-    band = header.multispectral.band if header.multispectral else GREY
+    band = header.multispectral.band if header.multispectral else statistics.GREY
     blocks = [
         _average_blocks(channel, frame, samples, known, grid) for channel in list_channels(frame.cfa, band)
     ]
@@ -177,7 +174,7 @@ def extract_features(frame: Frame, regions: Sequence[Region], *, header: FrameHe
             "or leave it out, so that the whole frame counts."
         )
     features = Features(grid=grid, cfa=frame.cfa, channels=tuple(averaged for averaged, _ in blocks))
-    return Extracted(statistics=compute_statistics(frame, inside), features=features)
+    return Extracted(statistics=statistics.compute_statistics(frame, inside), features=features)
 
 
 def list_channels(cfa: str, band: str) -> list[Channel]:
@@ -185,10 +182,10 @@ def list_channels(cfa: str, band: str) -> list[Channel]:
         return [
             Channel(name, plane, plane, Site(row0=0, col0=0, step=1)) for plane, name in enumerate(_COLOURS)
         ]
-    if cfa == GREY:
+    if cfa == statistics.GREY:
         return [Channel(band, 0, 0, Site(row0=0, col0=0, step=1))]
     return [
-        Channel(name_site(cfa, index), 0, index, Site(row0=index // 2, col0=index % 2, step=2))
+        Channel(statistics.name_site(cfa, index), 0, index, Site(row0=index // 2, col0=index % 2, step=2))
         for index in range(4)
     ]
 
@@ -230,10 +227,10 @@ def _average_blocks(
         site=site,
         black_level_dn=black,
         white_level_dn=white,
-        mean_dn=pack(np.where(n > 0, mean, 0.0), dtype="<f4"),
-        noise_dn=pack(np.where(n > 0, noise, 0.0), dtype="<f4"),
-        n=pack(n, dtype="<i4"),
-        clipped_share=pack(np.where(n > 0, clipped, 0.0), dtype="<f4"),
+        mean_dn=packing.pack(np.where(n > 0, mean, 0.0), dtype="<f4"),
+        noise_dn=packing.pack(np.where(n > 0, noise, 0.0), dtype="<f4"),
+        n=packing.pack(n, dtype="<i4"),
+        clipped_share=packing.pack(np.where(n > 0, clipped, 0.0), dtype="<f4"),
     )
     return averaged, n
 

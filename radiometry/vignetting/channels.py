@@ -12,11 +12,8 @@ from radiometry.findings import shared
 from radiometry.fitting.evidence import MOST_DOF
 from radiometry.frame.packing import pack
 from radiometry.records import Record
-from radiometry.vignetting import codes, falloff
+from radiometry.vignetting import codes, falloff, light, points, results
 from radiometry.vignetting.falloff import Blocks, Matrix, Solution
-from radiometry.vignetting.light import merge_dark_errors
-from radiometry.vignetting.points import measure_gradient
-from radiometry.vignetting.results import ChannelFit, Coefficient, CornerVariance
 
 Plane2 = tuple[Matrix, Matrix]  # Gradient per half diagonal, (2,), row first, and its covariance, (2, 2)
 
@@ -122,7 +119,7 @@ def _average_flats(flats: Sequence[Blocks], everywhere: NDArray[np.bool_]) -> Bl
         flats[0],
         light=np.divide(summed, total, out=np.zeros_like(total), where=known),
         standard_error=np.divide(1.0, np.sqrt(total), out=np.full_like(total, np.inf), where=known),
-        dark=merge_dark_errors(darks, shares),
+        dark=light.merge_dark_errors(darks, shares),
     )
 
 
@@ -140,7 +137,7 @@ CENTRE_DRIFT_U = 0.02  # By so much the centre differs from one f-number to the 
 class FittedChannel(Record, kw_only=False):
     """One f-number and channel: the stored result, and the fits on which it rests."""
 
-    fit: ChannelFit
+    fit: results.ChannelFit
     solution: Solution
     alone: Solution  # The same without knowledge of the centre from another f-number
     not_turned: bool  # True if the light did not turn in the frame as the camera was stated to turn
@@ -197,7 +194,7 @@ def find_best(fitted: Iterable[FittedChannel]) -> FittedChannel:
 
 def _conclude(
     solution: Solution, blocks: Blocks, *, f_number: float, channel: str, frames: int
-) -> ChannelFit:
+) -> results.ChannelFit:
     # u(e/A), e the error of the dark level and A the light at the centre
     dark_u = math.hypot(blocks.dark.shared, blocks.dark.own)
     dark_u_rel = dark_u / abs(solution.level) if solution.level else 0.0
@@ -205,7 +202,7 @@ def _conclude(
     by_dark = np.outer(of_dark, of_dark)
     covariance = solution.find_covariance_of_lens() + by_dark
     coefficient, slopes, corner_u = _build(solution, covariance, blocks, f_number=f_number, channel=channel)
-    gradient, gradient_u = measure_gradient(solution, blocks)
+    gradient, gradient_u = points.measure_gradient(solution, blocks)
     counted = np.isfinite(blocks.standard_error)
     corners = np.array(falloff.list_corners(blocks.grid.height_px, blocks.grid.width_px))
     mean_corner = float(np.mean(1.0 - coefficient.evaluate(corners[:, 0], corners[:, 1])[0]))
@@ -225,7 +222,7 @@ def _conclude(
         "corner_falloff": (variances["dark level", "A"], math.fsum(variances.values())),
         **{f"k{n + 1}": (by_dark[n, n], total[n]) for n in range(len(solution.k))},
     }
-    return ChannelFit(
+    return results.ChannelFit(
         coefficient=coefficient,
         frames=frames,
         chi_squared=solution.chi_squared,
@@ -242,7 +239,7 @@ def _conclude(
         block_px=blocks.grid.block_px,
         dark_u_rel=dark_u_rel,
         corner_variances=tuple(
-            CornerVariance(source=source, kind=kind, variance=max(0.0, variance))
+            results.CornerVariance(source=source, kind=kind, variance=max(0.0, variance))
             for (source, kind), variance in variances.items()
         ),
         effective_dof={
@@ -252,14 +249,14 @@ def _conclude(
     )
 
 
-def find_largest_falloff(coefficient: Coefficient) -> float:
+def find_largest_falloff(coefficient: results.Coefficient) -> float:
     """Return 1 - V where it is largest, from the centre to the farthest corner."""
     return 1.0 - float(
         falloff.evaluate_curve(falloff.sample_radii(farthest_radius(coefficient)) ** 2, coefficient.k).min()
     )
 
 
-def farthest_radius(coefficient: Coefficient) -> float:
+def farthest_radius(coefficient: results.Coefficient) -> float:
     """Return r at the corner that is farthest from the centre."""
     corner = falloff.find_farthest_corner(
         coefficient.height_px, coefficient.width_px, centre_px=coefficient.centre_px
@@ -285,7 +282,7 @@ def _measure_misfit(solution: Solution, blocks: Blocks) -> float:
 
 def _build(
     solution: Solution, covariance: Matrix, blocks: Blocks, *, f_number: float, channel: str
-) -> tuple[Coefficient, Matrix, float]:
+) -> tuple[results.Coefficient, Matrix, float]:
     """Return the coefficient, the derivatives of V at its farthest corner, and the curve's own u there."""
     grid = blocks.grid
     row, col = falloff.find_farthest_corner(grid.height_px, grid.width_px, centre_px=solution.centre_px)
@@ -310,7 +307,7 @@ def _build(
     farthest = math.dist((row, col), solution.centre_px) / grid.half_diagonal_px
     corner_u = max(model_u_rel * float(share), float(solution.find_left(np.array([farthest]))[0]))
     of_curve = float(falloff.propagate(slopes, covariance))
-    coefficient = Coefficient(
+    coefficient = results.Coefficient(
         f_number=f_number,
         channel=channel,
         height_px=grid.height_px,

@@ -9,31 +9,24 @@ from radiometry.drawing.text import name_few
 from radiometry.findings import Reason, shared
 from radiometry.frame.verdicts import ReviewedFrame, Verdict, assume_whole_frame, conclude, inspect_frames
 from radiometry.specification.roles import Gap
-from radiometry.vignetting import codes
-from radiometry.vignetting.blocks import FrameRow
+from radiometry.vignetting import blocks, codes, points, results
 from radiometry.vignetting.light import EXPOSURE_RATIO, find_not_dark
-from radiometry.vignetting.points import (
-    WEAK_SIGNAL_SHARE,
-    Candidate,
-    Quality,
-    collect_candidates,
-    describe_spots,
-)
-from radiometry.vignetting.results import DARK, Params
 
 
-def judge(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], params: Params) -> dict[str, Verdict]:
+def judge(
+    frames: Sequence[ReviewedFrame], rows: Sequence[blocks.FrameRow], params: results.Params
+) -> dict[str, Verdict]:
     reasons = inspect_frames([assume_whole_frame(frame) for frame in frames])
-    for candidate in collect_candidates(rows, params):
+    for candidate in points.collect_candidates(rows, params):
         if candidate.quality is not None:
             reasons[candidate.row.frame] += _inspect_flat(candidate.quality)
     for row in rows:
-        if row.role == DARK and (seen := find_not_dark(row)) is not None:
+        if row.role == results.DARK and (seen := find_not_dark(row)) is not None:
             reasons[row.frame].append(seen)
     return {frame: conclude(found) for frame, found in reasons.items()}
 
 
-def _inspect_flat(quality: Quality) -> list[Reason]:
+def _inspect_flat(quality: points.Quality) -> list[Reason]:
     if quality.problem:
         return [quality.problem.reason(f"{quality.left_out[0].upper()}{quality.left_out[1:]}.")]
     found = []
@@ -43,14 +36,16 @@ def _inspect_flat(quality: Quality) -> list[Reason]:
             "the target."
         )
         found.append(shared.UNEVEN.reason(detail, "warn"))
-    if quality.signal_share < WEAK_SIGNAL_SHARE:
+    if quality.signal_share < points.WEAK_SIGNAL_SHARE:
         detail = (
             f"The weakest channel has {quality.signal_share:.1%} of the span from black to white: an error "
             "of the dark signal counts. Expose longer."
         )
         found.append(shared.WEAK_SIGNAL.reason(detail))
     if quality.spots:
-        detail = f"{describe_spots(quality.spots)} Clean the sensor or move the target, and take it again."
+        detail = (
+            f"{points.describe_spots(quality.spots)} Clean the sensor or move the target, and take it again."
+        )
         found.append(codes.DUST.reason(detail, "warn"))
     return found
 
@@ -67,15 +62,15 @@ WIDEST_GAP_STOPS = 1.1
 UNSEEN_GRADIENT_REL = 0.01  # Standard error of the plane of light across the frame
 
 
-def plan(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
-    candidates = collect_candidates(rows, params)
+def plan(rows: Sequence[blocks.FrameRow], params: results.Params) -> tuple[str, ...]:
+    candidates = points.collect_candidates(rows, params)
     used = [candidate for candidate in candidates if not candidate.left_out]
     spoilt: dict[str, list[str]] = {}
     for each in candidates:
         if each.quality is not None and each.left_out:
             spoilt.setdefault(each.left_out, []).append(each.row.frame)
     advice = [f"take again: {name_few('frame', frames)} ({why})" for why, frames in spoilt.items()]
-    by_f_number: dict[float, list[Candidate]] = {}
+    by_f_number: dict[float, list[points.Candidate]] = {}
     for candidate in used:
         if candidate.light:
             by_f_number.setdefault(candidate.light.f_number, []).append(candidate)
@@ -94,8 +89,10 @@ def plan(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
     return (*advice, *_plan_f_numbers(sorted(by_f_number)))
 
 
-def find_gaps(rows: Sequence[FrameRow], params: Params) -> tuple[Gap, ...]:
-    lights = [each.light for each in collect_candidates(rows, params) if not each.left_out and each.light]
+def find_gaps(rows: Sequence[blocks.FrameRow], params: results.Params) -> tuple[Gap, ...]:
+    lights = [
+        each.light for each in points.collect_candidates(rows, params) if not each.left_out and each.light
+    ]
     counts = Counter(light.f_number for light in lights)
     f_numbers = sorted(counts)
     between = [
@@ -111,7 +108,7 @@ def find_gaps(rows: Sequence[FrameRow], params: Params) -> tuple[Gap, ...]:
     )
 
 
-def _plan_darks(used: Sequence[Candidate]) -> list[str]:
+def _plan_darks(used: Sequence[points.Candidate]) -> list[str]:
     advice = []
     lights = [(each.row.exposure, each.light) for each in used if each.row.exposure and each.light]
     for iso in sorted({exposure.iso for exposure, _ in lights}):
