@@ -32,7 +32,7 @@ def look_up(house, camera, **query):
 def test_ready_answers_are_those_of_the_usual_way(house, camera, monkeypatch):
     look_up(house, camera)
     with monkeypatch.context() as patch:
-        patch.setattr("service.http.operations.identify", None)
+        patch.setattr("service.http.auth.identify", None)
         quick = [look_up(house, camera, **query) for query in QUERIES]
     monkeypatch.setattr(routes, "_read_query", lambda _: None)
     usual = [look_up(house, camera, **query) for query in QUERIES]
