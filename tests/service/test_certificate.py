@@ -165,6 +165,14 @@ def test_the_budget_adds_up_to_the_uncertainty(house, version):
                 assert line["sensitivity"] * line["input_uncertainty"] == pytest.approx(line["u_rel"])
 
 
+def test_nothing_in_it_is_null(house, version):
+    def leaves(value):
+        members = value.values() if isinstance(value, dict) else value if isinstance(value, list) else None
+        return [value] if members is None else [leaf for member in members for leaf in leaves(member)]
+
+    assert None not in leaves(certificate_of(house, version))
+
+
 def test_who_fitted_and_who_approved_sign_it_by_name_and_role(house, version):
     head = {"name": "laptop 4", "scopes": ["read", "publish"], "person": "B. Head", "role": "head"}
     client = house.with_key(house.post("/v1/keys", head)["secret"])
