@@ -4,7 +4,7 @@ import re
 import sys
 import traceback
 from io import TextIOWrapper
-from typing import Annotated, Any, Final
+from typing import Any, Final
 
 import typer
 from typer.core import TyperGroup
@@ -87,12 +87,9 @@ def _tell_version(asked: bool) -> None:  # noqa: FBT001  as typer calls it
 @app.callback()
 def _start(
     *,
-    _version: Annotated[
-        bool,
-        typer.Option(
-            "--version", is_eager=True, callback=_tell_version, help="Print the version of the client."
-        ),
-    ] = False,
+    _version: bool = typer.Option(
+        False, "--version", is_eager=True, callback=_tell_version, help="Print the version of the client."
+    ),
 ) -> None:
     """Field work with a stilb calibration service: frames in, coefficients out."""
 

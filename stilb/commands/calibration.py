@@ -41,11 +41,9 @@ _POINT = re.compile(r"([\d.]+),([\d.]+)")
 def roi(
     output: Output,
     campaign: CampaignNamed,
-    polygon: Annotated[str | None, typer.Option(help='Corners in pixels: "x,y x,y x,y ...".')] = None,
-    imagej: Annotated[str | None, typer.Option(help="makePolygon(...), or a file with it.")] = None,
-    frame: Annotated[
-        list[str] | None, typer.Option(help="Only this frame, by id or file name; repeatable.")
-    ] = None,
+    polygon: str | None = typer.Option(None, help='Corners in pixels: "x,y x,y x,y ...".'),
+    imagej: str | None = typer.Option(None, help="makePolygon(...), or a file with it."),
+    frame: list[str] | None = typer.Option(None, help="Only this frame, by id or file name; repeatable."),
 ) -> None:
     """Set or show the region of a campaign's frames."""
     if polygon is not None and imagej is not None:
@@ -88,17 +86,16 @@ def _current_roi(client: Client, campaign_id: str, named: str) -> dict[str, Any]
 def calibrate(
     output: Output,
     campaign: CampaignNamed,
-    model: Annotated[
-        str | None, typer.Option(help="proportional, affine, power, semilog.", autocompletion=complete_model)
-    ] = None,
-    tolerance: Annotated[float | None, typer.Option(help="Largest accepted error of L: 0.04 is 4 %.")] = None,
-    exclude: Annotated[
-        list[str] | None, typer.Option(metavar="FRAME=REASON", help="Exclude a frame; repeatable.")
-    ] = None,
-    option: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help="Any other parameter of the method; repeatable."),
-    ] = None,
+    model: str | None = typer.Option(
+        None, help="proportional, affine, power, semilog.", autocompletion=complete_model
+    ),
+    tolerance: float | None = typer.Option(None, help="Largest accepted error of L: 0.04 is 4 %."),
+    exclude: list[str] | None = typer.Option(
+        None, metavar="FRAME=REASON", help="Exclude a frame; repeatable."
+    ),
+    option: list[str] | None = typer.Option(
+        None, "--set", metavar="NAME=VALUE", help="Any other parameter of the method; repeatable."
+    ),
 ) -> None:
     """Fit a campaign and show the draft. It has no effect until it is published."""
     if tolerance is not None and not 0.0 < tolerance < 1.0:
@@ -119,13 +116,11 @@ def calibrate(
 def publish(
     output: Output,
     calibration: CalibrationId,
-    reason: Annotated[str, typer.Option(help="Reason, for the record.")],
-    valid_from: Annotated[str, typer.Option("--from", help="In force from: a day, a time, or now.")],
-    valid_to: Annotated[
-        str | None, typer.Option("--to", help="In force until; default: until it is replaced.")
-    ] = None,
+    reason: str = typer.Option(..., help="Reason, for the record."),
+    valid_from: str = typer.Option(..., "--from", help="In force from: a day, a time, or now."),
+    valid_to: str | None = typer.Option(None, "--to", help="In force until; default: until it is replaced."),
     *,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only show what it would change.")] = False,
+    dry_run: bool = typer.Option(False, "--dry-run", help="Only show what it would change."),
 ) -> None:
     """Publish a version after showing what it changes."""
     start, end = read_moment(valid_from), read_moment(valid_to)
@@ -146,7 +141,7 @@ def publish(
 def revoke(
     output: Output,
     calibration: CalibrationId,
-    reason: Annotated[str, typer.Option(help="Reason, for the record.")],
+    reason: str = typer.Option(..., help="Reason, for the record."),
 ) -> None:
     """Take a version out of force permanently.
 
@@ -162,8 +157,8 @@ def revoke(
 @command
 def history(
     output: Output,
-    camera: Annotated[str, typer.Argument(help="Its id or serial number.", autocompletion=complete_camera)],
-    method: Annotated[str | None, typer.Option(help="Only of this method.")] = None,
+    camera: str = typer.Argument(..., help="Its id or serial number.", autocompletion=complete_camera),
+    method: str | None = typer.Option(None, help="Only of this method."),
 ) -> None:
     """List a camera's versions and when each is in force."""
     with output.client() as client:
@@ -185,10 +180,10 @@ def history(
 @command
 def export(
     output: Output,
-    calibration: Annotated[str, typer.Argument(metavar="ID", help="Of a calibration version.")],
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Created if it does not exist.")],
+    calibration: str = typer.Argument(..., metavar="ID", help="Of a calibration version."),
+    folder: Path = typer.Argument(..., metavar="FOLDER", help="Created if it does not exist."),
     *,
-    measurement: Annotated[bool, typer.Option(help="ID is that of a measurement.")] = False,
+    measurement: bool = typer.Option(False, help="ID is that of a measurement."),
 ) -> None:
     """Download everything that a version depends on.
 
@@ -311,16 +306,16 @@ def _text_or_file(text: str) -> str:
 @command
 def k(
     output: Output,
-    camera: Annotated[
-        str, typer.Argument(metavar="CAMERA", help="Its id or serial number.", autocompletion=complete_camera)
-    ],
-    method: Annotated[
-        str, typer.Option(help="Method of the coefficients.", autocompletion=complete_method)
-    ] = DEFAULT_METHOD,
-    iso: Annotated[float | None, typer.Option(help="Only this ISO value.")] = None,
-    f_number: Annotated[float | None, typer.Option(help="At this f-number; default: in general.")] = None,
-    at: Annotated[str | None, typer.Option(help="In force at this time; default: now.")] = None,
-    known_at: Annotated[str | None, typer.Option(help="As known at this time; default: now.")] = None,
+    camera: str = typer.Argument(
+        ..., metavar="CAMERA", help="Its id or serial number.", autocompletion=complete_camera
+    ),
+    method: str = typer.Option(
+        DEFAULT_METHOD, help="Method of the coefficients.", autocompletion=complete_method
+    ),
+    iso: float | None = typer.Option(None, help="Only this ISO value."),
+    f_number: float | None = typer.Option(None, help="At this f-number; default: in general."),
+    at: str | None = typer.Option(None, help="In force at this time; default: now."),
+    known_at: str | None = typer.Option(None, help="As known at this time; default: now."),
 ) -> None:
     """Show the K in force of a camera, with its uncertainty.
 
@@ -343,11 +338,11 @@ def k(
 @command
 def fleet(
     output: Output,
-    method: Annotated[str, typer.Argument(metavar="METHOD", autocompletion=complete_method)],
-    cameras: Annotated[list[str], typer.Argument(metavar="CAMERA...", help="Ids or serial numbers.")],
-    tolerance: Annotated[
-        float, typer.Option(help="Largest accepted deviation: 0.04 is 4 %; of geometry, in pixels.")
-    ],
+    method: str = typer.Argument(..., metavar="METHOD", autocompletion=complete_method),
+    cameras: list[str] = typer.Argument(..., metavar="CAMERA...", help="Ids or serial numbers."),
+    tolerance: float = typer.Option(
+        ..., help="Largest accepted deviation: 0.04 is 4 %; of geometry, in pixels."
+    ),
 ) -> None:
     """Show whether cameras of a model can share coefficients.
 
@@ -381,23 +376,19 @@ _NUMBERS = ("yaw", "pitch", "roll", "x", "y", "z")
 @command
 def rig(
     output: Output,
-    name: Annotated[str, typer.Argument(metavar="RIG", help="Its name or id.")],
-    camera: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Register the rig with this camera, by id or serial number; repeated, the reference first."
-        ),
-    ] = None,
-    tolerance_deg: Annotated[
-        float | None, typer.Option(metavar="DEG", help="Largest accepted change of an angle over all sets.")
-    ] = None,
-    tolerance_m: Annotated[
-        float | None, typer.Option(metavar="M", help="Largest accepted change of a place over all sets.")
-    ] = None,
-    save: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Save it; the name says as what: opencv.yaml or rig.json."),
-    ] = None,
+    name: str = typer.Argument(..., metavar="RIG", help="Its name or id."),
+    camera: list[str] | None = typer.Option(
+        None, help="Register the rig with this camera, by id or serial number; repeated, the reference first."
+    ),
+    tolerance_deg: float | None = typer.Option(
+        None, metavar="DEG", help="Largest accepted change of an angle over all sets."
+    ),
+    tolerance_m: float | None = typer.Option(
+        None, metavar="M", help="Largest accepted change of a place over all sets."
+    ),
+    save: Path | None = typer.Option(
+        None, metavar="FILE", help="Save it; the name says as what: opencv.yaml or rig.json."
+    ),
 ) -> None:
     """Show how the cameras of a rig are oriented.
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 from rich.console import RenderableType
@@ -36,22 +36,18 @@ app = typer.Typer(help="A campaign in a folder: camera, meter, readings and fram
 @command
 def init(  # noqa: PLR0913, PLR0917 (the command's options)
     output: Output,
-    folder: Annotated[Path, typer.Argument(metavar="[FOLDER]", exists=True, file_okay=False)] = Path(),
-    make: Annotated[str, typer.Option(help="Of the camera; default: as its files state it.")] = "",
-    model: Annotated[str, typer.Option(help="Of the camera; default: as its files state it.")] = "",
-    serial: Annotated[str, typer.Option(help="Of the camera; default: as its files state it.")] = "",
-    method: Annotated[
-        str, typer.Option(help="Method; the refusal of another lists them all.")
-    ] = DEFAULT_METHOD,
-    project: Annotated[str | None, typer.Option(help="Project number; default: the folder's name.")] = None,
-    lamp: Annotated[str | None, typer.Option(metavar="KIND", help=LAMP_HELP)] = None,
-    mains: Annotated[
-        float | None, typer.Option(help="Mains frequency of the lamps in Hz; 0 for direct current.")
-    ] = None,
+    folder: Path = typer.Argument(Path(), metavar="[FOLDER]", exists=True, file_okay=False),
+    make: str = typer.Option("", help="Of the camera; default: as its files state it."),
+    model: str = typer.Option("", help="Of the camera; default: as its files state it."),
+    serial: str = typer.Option("", help="Of the camera; default: as its files state it."),
+    method: str = typer.Option(DEFAULT_METHOD, help="Method; the refusal of another lists them all."),
+    project: str | None = typer.Option(None, help="Project number; default: the folder's name."),
+    lamp: str | None = typer.Option(None, metavar="KIND", help=LAMP_HELP),
+    mains: float | None = typer.Option(
+        None, help="Mains frequency of the lamps in Hz; 0 for direct current."
+    ),
     *,
-    night: Annotated[
-        bool, typer.Option("--night", help="A night of measurements, not a calibration.")
-    ] = False,
+    night: bool = typer.Option(False, "--night", help="A night of measurements, not a calibration."),
 ) -> None:
     """Write a campaign.toml to fill in. An existing file is kept."""
     if method not in read_methods():
@@ -81,12 +77,12 @@ def run(
     output: Output,
     folder: Folder,
     *,
-    fit: Annotated[
-        bool, typer.Option("--fit/--no-fit", help="Fit, or measure a night, when all frames are read.")
-    ] = True,
-    replace_readings: Annotated[
-        bool, typer.Option("--replace-readings", help="Withdraw readings that are not in the folder.")
-    ] = False,
+    fit: bool = typer.Option(
+        True, "--fit/--no-fit", help="Fit, or measure a night, when all frames are read."
+    ),
+    replace_readings: bool = typer.Option(
+        False, "--replace-readings", help="Withdraw readings that are not in the folder."
+    ),
 ) -> None:
     """Run a campaign from card to draft, as in campaign.toml.
 
@@ -177,9 +173,7 @@ def _offer(found: dict[str, Any], campaign: str) -> list[str]:
 def panel(
     output: Output,
     campaign: CampaignNamed,
-    serial: Annotated[
-        str | None, typer.Option(help="Serial number; default: the panel that the frames name.")
-    ] = None,
+    serial: str | None = typer.Option(None, help="Serial number; default: the panel that the frames name."),
 ) -> None:
     """Name the panel that the frames show.
 
@@ -204,11 +198,10 @@ def panel(
 def readings(
     output: Output,
     campaign: CampaignNamed,
-    spreadsheet: Annotated[
-        Path,
-        typer.Argument(metavar="FILE.csv", exists=True, dir_okay=False, help="scene,quantity,value,unit"),
-    ],
-    meter: Annotated[list[str] | None, typer.Option(help="Id of the meter; repeatable.")] = None,
+    spreadsheet: Path = typer.Argument(
+        ..., metavar="FILE.csv", exists=True, dir_okay=False, help="scene,quantity,value,unit"
+    ),
+    meter: list[str] | None = typer.Option(None, help="Id of the meter; repeatable."),
 ) -> None:
     """Send a spreadsheet of readings. The service converts units and reports invalid rows by line."""
     text = read_spreadsheet(spreadsheet)
@@ -223,14 +216,14 @@ def readings(
 def points(
     output: Output,
     campaign: CampaignNamed,
-    spreadsheet: Annotated[
-        Path, typer.Argument(metavar="FILE.csv", exists=True, dir_okay=False, help="As ImageJ's Results.")
-    ],
-    white_level_dn: Annotated[float, typer.Option(help="Where the sensor clips: 255 of 8 bits.")],
-    black_level_dn: Annotated[float | None, typer.Option(help="Default: unknown.")] = None,
-    exposure_time_s: Annotated[float | None, typer.Option(help="Of rows that state none.")] = None,
-    f_number: Annotated[float | None, typer.Option(help="Of rows that state none.")] = None,
-    iso: Annotated[float | None, typer.Option(help="Of rows that state none.")] = None,
+    spreadsheet: Path = typer.Argument(
+        ..., metavar="FILE.csv", exists=True, dir_okay=False, help="As ImageJ's Results."
+    ),
+    white_level_dn: float = typer.Option(..., help="Where the sensor clips: 255 of 8 bits."),
+    black_level_dn: float | None = typer.Option(None, help="Default: unknown."),
+    exposure_time_s: float | None = typer.Option(None, help="Of rows that state none."),
+    f_number: float | None = typer.Option(None, help="Of rows that state none."),
+    iso: float | None = typer.Option(None, help="Of rows that state none."),
 ) -> None:
     """Send a table of statistics in the place of raw frames."""
     text = read_spreadsheet(spreadsheet)
@@ -275,20 +268,14 @@ _WORDS = {True: "within", False: "BEYOND", None: "unknown"}
 def motion(
     output: Output,
     campaign: CampaignNamed,
-    focal_length: Annotated[float, typer.Option(metavar="MM", help="Focal length of the lens [mm].")],
-    pixel_pitch: Annotated[
-        float | None, typer.Option(metavar="UM", help="Pixel pitch [um]; default: the camera's.")
-    ] = None,
-    limit: Annotated[
-        float | None, typer.Option(metavar="PX", help="Largest tolerable motion; default: 0.5 px.")
-    ] = None,
-    speed: Annotated[
-        float | None, typer.Option(metavar="M/S", help="Speed over ground; with --height.")
-    ] = None,
-    height: Annotated[
-        float | None, typer.Option(metavar="M", help="Height above ground; with --speed.")
-    ] = None,
-    role: Annotated[str | None, typer.Option(help="Only frames of this role, such as field.")] = None,
+    focal_length: float = typer.Option(..., metavar="MM", help="Focal length of the lens [mm]."),
+    pixel_pitch: float | None = typer.Option(
+        None, metavar="UM", help="Pixel pitch [um]; default: the camera's."
+    ),
+    limit: float | None = typer.Option(None, metavar="PX", help="Largest tolerable motion; default: 0.5 px."),
+    speed: float | None = typer.Option(None, metavar="M/S", help="Speed over ground; with --height."),
+    height: float | None = typer.Option(None, metavar="M", help="Height above ground; with --speed."),
+    role: str | None = typer.Option(None, help="Only frames of this role, such as field."),
 ) -> None:
     """Show the image motion in each frame.
 

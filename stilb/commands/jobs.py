@@ -17,14 +17,12 @@ KindChosen = Annotated[str | None, typer.Option(help="Kind of job, such as fit."
 @command
 def jobs(
     output: Output,
-    job: Annotated[str | None, typer.Argument(metavar="[JOB]", help="One job; default: the newest.")] = None,
-    state: Annotated[
-        str | None, typer.Option(help="queued, running, succeeded, failed, quarantined.")
-    ] = None,
+    job: str | None = typer.Argument(None, metavar="[JOB]", help="One job; default: the newest."),
+    state: str | None = typer.Option(None, help="queued, running, succeeded, failed, quarantined."),
     kind: KindChosen = None,
-    limit: Annotated[int, typer.Option(min=1, help="Largest number of jobs.")] = _SHOWN,
+    limit: int = typer.Option(_SHOWN, min=1, help="Largest number of jobs."),
     *,
-    wait: Annotated[bool, typer.Option("--wait", help="Wait until the job ends.")] = False,
+    wait: bool = typer.Option(False, "--wait", help="Wait until the job ends."),
 ) -> None:
     """Show the newest jobs, or one job with its result."""
     with output.client() as client:
@@ -45,7 +43,7 @@ def jobs(
 @command
 def events(
     output: Output,
-    followed: Annotated[str, typer.Argument(metavar="JOB|CAMPAIGN", help="Id of a job, or a campaign.")],
+    followed: str = typer.Argument(..., metavar="JOB|CAMPAIGN", help="Id of a job, or a campaign."),
 ) -> None:
     """Print a line for each change, until the job ends.
 
@@ -67,12 +65,12 @@ def events(
 @command
 def dismiss(
     output: Output,
-    state: Annotated[str, typer.Option(help="failed, quarantined.")],
+    state: str = typer.Option(..., help="failed, quarantined."),
     kind: KindChosen = None,
-    code: Annotated[str | None, typer.Option(help="Error code, such as not_a_raw_file.")] = None,
+    code: str | None = typer.Option(None, help="Error code, such as not_a_raw_file."),
     campaign: CampaignChosen = None,
     *,
-    undo: Annotated[bool, typer.Option("--undo", help="List them again.")] = False,
+    undo: bool = typer.Option(False, "--undo", help="List them again."),
 ) -> None:
     """Dismiss failed jobs: they are not listed as failures."""
     with output.client() as client:
@@ -84,12 +82,10 @@ def dismiss(
 @command
 def retry(
     output: Output,
-    job: Annotated[
-        str | None, typer.Argument(metavar="[JOB]", help="One job; default: all that match.")
-    ] = None,
-    state: Annotated[str | None, typer.Option(help="failed, quarantined.")] = None,
+    job: str | None = typer.Argument(None, metavar="[JOB]", help="One job; default: all that match."),
+    state: str | None = typer.Option(None, help="failed, quarantined."),
     kind: KindChosen = None,
-    code: Annotated[str | None, typer.Option(help="Error code, such as temporarily_unavailable.")] = None,
+    code: str | None = typer.Option(None, help="Error code, such as temporarily_unavailable."),
     campaign: CampaignChosen = None,
 ) -> None:
     """Retry a failed job, or with --state all that match."""

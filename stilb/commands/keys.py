@@ -22,7 +22,7 @@ RoleNamed = Annotated[str | None, typer.Option(help="Of the person in the labora
 @app.command("list", epilog="Example: stilb key list")
 @command
 def list_keys(
-    output: Output, *, every: Annotated[bool, typer.Option("--all", help="Also those that ended.")] = False
+    output: Output, *, every: bool = typer.Option(False, "--all", help="Also those that ended.")
 ) -> None:
     """Show keys with scopes, end and last use."""
     with output.client() as client:
@@ -46,9 +46,9 @@ def list_keys(
 @command
 def create_key(
     output: Output,
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Person or device that uses it.")],
-    scope: Annotated[list[str], typer.Option(help="read, upload, calibrate, publish, admin; repeatable.")],
-    expires: Annotated[str | None, typer.Option(help="Day, or time with its zone.")] = None,
+    name: str = typer.Argument(..., metavar="NAME", help="Person or device that uses it."),
+    scope: list[str] = typer.Option(..., help="read, upload, calibrate, publish, admin; repeatable."),
+    expires: str | None = typer.Option(None, help="Day, or time with its zone."),
     person: PersonNamed = None,
     role: RoleNamed = None,
 ) -> None:
@@ -63,7 +63,7 @@ def create_key(
 @command
 def change_key(
     output: Output,
-    named: Annotated[str, typer.Argument(metavar="KEY", help="Its id or name.")],
+    named: str = typer.Argument(..., metavar="KEY", help="Its id or name."),
     person: PersonNamed = None,
     role: RoleNamed = None,
 ) -> None:
@@ -77,7 +77,7 @@ def change_key(
 @app.command("revoke", epilog="Example: stilb key revoke key_01")
 @command
 def revoke_key(
-    output: Output, named: Annotated[str, typer.Argument(metavar="KEY", help="Its id or name.")]
+    output: Output, named: str = typer.Argument(..., metavar="KEY", help="Its id or name.")
 ) -> None:
     """Revoke a key and end its sessions."""
     with output.client() as client:
@@ -88,12 +88,11 @@ def revoke_key(
 @command
 def organisation(
     output: Output,
-    time_zone: Annotated[
-        str | None,
-        typer.Option(help='Of the cameras, for files without an offset: Europe/Berlin, +02:00, or "".'),
-    ] = None,
-    name: Annotated[str | None, typer.Option(help="As certificates print it.")] = None,
-    address: Annotated[str | None, typer.Option(help='As certificates print it, or "" for none.')] = None,
+    time_zone: str | None = typer.Option(
+        None, help='Of the cameras, for files without an offset: Europe/Berlin, +02:00, or "".'
+    ),
+    name: str | None = typer.Option(None, help="As certificates print it."),
+    address: str | None = typer.Option(None, help='As certificates print it, or "" for none.'),
 ) -> None:
     """Show your organisation, or change what it states."""
     said = {"time_zone": time_zone, "name": name, "address": address}
@@ -107,9 +106,9 @@ def organisation(
 @command
 def audit(
     output: Output,
-    save: Annotated[Path | None, typer.Option(help="Also save the entries, as .csv or .jsonl.")] = None,
-    start: Annotated[str | None, typer.Option("--from", help="Save those since this day or time.")] = None,
-    end: Annotated[str | None, typer.Option("--to", help="Save those before it.")] = None,
+    save: Path | None = typer.Option(None, help="Also save the entries, as .csv or .jsonl."),
+    start: str | None = typer.Option(None, "--from", help="Save those since this day or time."),
+    end: str | None = typer.Option(None, "--to", help="Save those before it."),
 ) -> None:
     """Check the chain of the audit trail."""
     period = {"from": read_moment(start), "to": read_moment(end)}

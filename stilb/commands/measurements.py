@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import Annotated, Any, cast
+from typing import Any, cast
 
 import typer
 from rich.console import RenderableType
@@ -25,93 +25,71 @@ _GRID = re.compile(r"(\d+)x(\d+)")
 @command
 def measure(  # noqa: PLR0913, PLR0917 (the command's options)
     output: Output,
-    frames: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="[FRAME]...|FOLDER", help="Ids of frames, or a folder to send and measure."),
-    ] = None,
-    campaign: Annotated[
-        str | None,
-        typer.Option(
-            help="All field frames of this campaign, or that of the folder.", autocompletion=complete_campaign
-        ),
-    ] = None,
-    calibration: Annotated[
-        str | None, typer.Option(help="Default: in force at the time of the frame.")
-    ] = None,
-    region: Annotated[
-        str | None,
-        typer.Option(help="Region \"x,y x,y x,y ...\"; default: --grid, the frame's own, its campaign's."),
-    ] = None,
-    regions: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE.csv", help='Regions of frames, kept: lines of frame,"x,y x,y x,y".'),
-    ] = None,
-    grid: Annotated[
-        str | None, typer.Option(help='A surface: "3x5 x,y x,y x,y x,y", rows x columns.')
-    ] = None,
-    lanes: Annotated[
-        str | None,
-        typer.Option(help='Lanes of EN 13201-3: "2x3.5x30 x,y x,y x,y x,y", lanes x width x spacing in m.'),
-    ] = None,
-    reflectance: Annotated[
-        float | None, typer.Option(help="Reflectance of the surface, for its illuminance.")
-    ] = None,
-    light: Annotated[
-        str | None,
-        typer.Option(metavar="NAME|FILE.csv", help="Light source: a lamp of the library, or its spectrum."),
-    ] = None,
-    distance: Annotated[float | None, typer.Option(help="To the surface, in m.")] = None,
-    lamp: Annotated[
-        str | None, typer.Option(metavar="KIND", help=f"{template.LAMP_HELP} Default: the campaign's.")
-    ] = None,
-    mains: Annotated[
-        float | None,
-        typer.Option(help="Mains frequency in Hz, 0 for direct current; default: the campaign's."),
-    ] = None,
-    modulation: Annotated[float | None, typer.Option(help="Modulation depth of the light, 0 to 1.")] = None,
-    glare: Annotated[float | None, typer.Option(help="Glare of a black trap over the frame's mean.")] = None,
-    mismatch: Annotated[
-        float | None, typer.Option(help="Standard uncertainty of L from the spectrum; default: estimated.")
-    ] = None,
-    index: Annotated[
-        str | None,
-        typer.Option(help='ndvi, ndre, gndvi, evi2, savi, or a formula: "(nir - red) / (nir + red)".'),
-    ] = None,
-    quantity: Annotated[
-        str | None, typer.Option(help="Of a band: reflectance, or radiance in W/(m2 sr nm).")
-    ] = None,
-    height: Annotated[
-        float | None, typer.Option(help="Of the camera above level ground, in m: places maps of bands.")
-    ] = None,
-    ground: Annotated[
-        float | None, typer.Option(help="Altitude of the ground in m, in place of --height.")
-    ] = None,
-    height_u: Annotated[float | None, typer.Option(help="Standard uncertainty of the height, in m.")] = None,
-    allow: Annotated[
-        list[str] | None,
-        typer.Option(metavar="FLAG", help="Measure frames despite this flag: image_part_empty."),
-    ] = None,
-    save_map: Annotated[
-        Path | None, typer.Option("--map", metavar="FOLDER", help="Save a map of each frame in this folder.")
-    ] = None,
-    save_cells: Annotated[
-        Path | None, typer.Option("--cells", metavar="FOLDER", help="Save cells as CSV and GeoJSON.")
-    ] = None,
-    save_report: Annotated[
-        Path | None,
-        typer.Option("--report", metavar="FOLDER", help="Save a two-page report (PDF) of each luminance."),
-    ] = None,
-    save: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Save all of the campaign: .csv, .geojson or .json.")
-    ] = None,
+    frames: list[str] | None = typer.Argument(
+        None, metavar="[FRAME]...|FOLDER", help="Ids of frames, or a folder to send and measure."
+    ),
+    campaign: str | None = typer.Option(
+        None,
+        help="All field frames of this campaign, or that of the folder.",
+        autocompletion=complete_campaign,
+    ),
+    calibration: str | None = typer.Option(None, help="Default: in force at the time of the frame."),
+    region: str | None = typer.Option(
+        None, help="Region \"x,y x,y x,y ...\"; default: --grid, the frame's own, its campaign's."
+    ),
+    regions: Path | None = typer.Option(
+        None, metavar="FILE.csv", help='Regions of frames, kept: lines of frame,"x,y x,y x,y".'
+    ),
+    grid: str | None = typer.Option(None, help='A surface: "3x5 x,y x,y x,y x,y", rows x columns.'),
+    lanes: str | None = typer.Option(
+        None, help='Lanes of EN 13201-3: "2x3.5x30 x,y x,y x,y x,y", lanes x width x spacing in m.'
+    ),
+    reflectance: float | None = typer.Option(None, help="Reflectance of the surface, for its illuminance."),
+    light: str | None = typer.Option(
+        None, metavar="NAME|FILE.csv", help="Light source: a lamp of the library, or its spectrum."
+    ),
+    distance: float | None = typer.Option(None, help="To the surface, in m."),
+    lamp: str | None = typer.Option(
+        None, metavar="KIND", help=f"{template.LAMP_HELP} Default: the campaign's."
+    ),
+    mains: float | None = typer.Option(
+        None, help="Mains frequency in Hz, 0 for direct current; default: the campaign's."
+    ),
+    modulation: float | None = typer.Option(None, help="Modulation depth of the light, 0 to 1."),
+    glare: float | None = typer.Option(None, help="Glare of a black trap over the frame's mean."),
+    mismatch: float | None = typer.Option(
+        None, help="Standard uncertainty of L from the spectrum; default: estimated."
+    ),
+    index: str | None = typer.Option(
+        None, help='ndvi, ndre, gndvi, evi2, savi, or a formula: "(nir - red) / (nir + red)".'
+    ),
+    quantity: str | None = typer.Option(None, help="Of a band: reflectance, or radiance in W/(m2 sr nm)."),
+    height: float | None = typer.Option(
+        None, help="Of the camera above level ground, in m: places maps of bands."
+    ),
+    ground: float | None = typer.Option(None, help="Altitude of the ground in m, in place of --height."),
+    height_u: float | None = typer.Option(None, help="Standard uncertainty of the height, in m."),
+    allow: list[str] | None = typer.Option(
+        None, metavar="FLAG", help="Measure frames despite this flag: image_part_empty."
+    ),
+    save_map: Path | None = typer.Option(
+        None, "--map", metavar="FOLDER", help="Save a map of each frame in this folder."
+    ),
+    save_cells: Path | None = typer.Option(
+        None, "--cells", metavar="FOLDER", help="Save cells as CSV and GeoJSON."
+    ),
+    save_report: Path | None = typer.Option(
+        None, "--report", metavar="FOLDER", help="Save a two-page report (PDF) of each luminance."
+    ),
+    save: Path | None = typer.Option(
+        None, metavar="FILE", help="Save all of the campaign: .csv, .geojson or .json."
+    ),
     *,
-    bands: Annotated[
-        bool, typer.Option("--bands", help="With --map: all bands of the capture, aligned, in one file.")
-    ] = False,
-    stac: Annotated[bool, typer.Option("--stac", help="With --map: a STAC item beside each map.")] = False,
-    average: Annotated[
-        bool, typer.Option("--average", help="Average the frames: repeats of one scene.")
-    ] = False,
+    bands: bool = typer.Option(
+        False, "--bands", help="With --map: all bands of the capture, aligned, in one file."
+    ),
+    stac: bool = typer.Option(False, "--stac", help="With --map: a STAC item beside each map."),
+    average: bool = typer.Option(False, "--average", help="Average the frames: repeats of one scene."),
 ) -> None:
     """Measure frames with a calibrated camera.
 
@@ -225,15 +203,15 @@ def _refuse_file(frame: str) -> None:
 @command
 def compare(
     output: Output,
-    old: Annotated[str, typer.Argument(help="Id of the older measurement.")],
-    new: Annotated[str, typer.Argument(help="Id of the newer measurement.")],
+    old: str = typer.Argument(..., help="Id of the older measurement."),
+    new: str = typer.Argument(..., help="Id of the newer measurement."),
     *,
-    other_region: Annotated[
-        bool, typer.Option("--other-region", help="Compare even if their outlines in the image differ.")
-    ] = False,
-    same_light: Annotated[
-        bool, typer.Option("--same-light", help="The same lamps lit both: their spectral mismatch cancels.")
-    ] = False,
+    other_region: bool = typer.Option(
+        False, "--other-region", help="Compare even if their outlines in the image differ."
+    ),
+    same_light: bool = typer.Option(
+        False, "--same-light", help="The same lamps lit both: their spectral mismatch cancels."
+    ),
 ) -> None:
     """Compare two measurements of the same outline."""
     with output.client() as client:
@@ -305,12 +283,10 @@ def format_measurements(
 @command
 def read_map(
     output: Output,
-    measurement: Annotated[str, typer.Argument(help="Id of a measurement that was made with a map.")],
-    levels: Annotated[
-        str | None, typer.Option(help='Levels of isolines: "0.5,1,2"; default: round ones.')
-    ] = None,
-    area: Annotated[str, typer.Option(help="region, grid or frame.")] = "frame",
-    save: Annotated[Path, typer.Option(metavar="FOLDER", help="Where the file goes.")] = Path(),
+    measurement: str = typer.Argument(..., help="Id of a measurement that was made with a map."),
+    levels: str | None = typer.Option(None, help='Levels of isolines: "0.5,1,2"; default: round ones.'),
+    area: str = typer.Option("frame", help="region, grid or frame."),
+    save: Path = typer.Option(Path(), metavar="FOLDER", help="Where the file goes."),
 ) -> None:
     """Save the isolines of a map as GeoJSON."""
     if area not in {"region", "grid", "frame"}:

@@ -44,26 +44,20 @@ Every = Annotated[float, typer.Option(min=0.1, help="With --watch: seconds betwe
 def push(  # noqa: PLR0913  each is an option
     output: Output,
     folder: Folder,
-    campaign: Annotated[
-        str | None,
-        typer.Option(
-            help="Its id or project number; default: campaign.toml.", autocompletion=complete_campaign
-        ),
-    ] = None,
-    role: Annotated[
-        str | None,
-        typer.Option(help=f"Role of every file: {', '.join(ROLES)}.", autocompletion=complete_role),
-    ] = None,
-    scene: Annotated[str | None, typer.Option(help="Light level of every file.")] = None,
+    campaign: str | None = typer.Option(
+        None, help="Its id or project number; default: campaign.toml.", autocompletion=complete_campaign
+    ),
+    role: str | None = typer.Option(
+        None, help=f"Role of every file: {', '.join(ROLES)}.", autocompletion=complete_role
+    ),
+    scene: str | None = typer.Option(None, help="Light level of every file."),
     *,
-    watch: Annotated[bool, typer.Option("--watch", help="Follow the folder until Ctrl-C.")] = False,
+    watch: bool = typer.Option(False, "--watch", help="Follow the folder until Ctrl-C."),
     every: Every = 2.0,
     at_login: AtLogin = None,
     wait: Wait = True,
-    receipt: Annotated[Path | None, typer.Option(help="Where to write the receipt.")] = None,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Only show role and scene of each file.")
-    ] = False,
+    receipt: Path | None = typer.Option(None, help="Where to write the receipt."),
+    dry_run: bool = typer.Option(False, "--dry-run", help="Only show role and scene of each file."),
 ) -> None:
     """Send the frames of a folder that are not yet uploaded.
 

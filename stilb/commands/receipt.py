@@ -42,9 +42,7 @@ def verify(
     key: Key = None,
     card: Card = None,
     *,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="The result as one JSON document on stdout.")
-    ] = False,
+    as_json: bool = typer.Option(False, "--json", help="The result as one JSON document on stdout."),
 ) -> None:
     """Verify a receipt without a network.
 

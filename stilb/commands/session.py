@@ -2,7 +2,7 @@
 
 from dataclasses import asdict, dataclass
 from http import HTTPStatus
-from typing import Annotated, Literal
+from typing import Literal
 
 import typer
 
@@ -18,7 +18,7 @@ from stilb.transport import without_none
 
 @command
 def login(
-    output: Output, address: Annotated[str, typer.Argument(metavar="URL", help="Address of the service.")]
+    output: Output, address: str = typer.Argument(..., metavar="URL", help="Address of the service.")
 ) -> None:
     """Sign in: the key is checked, then stored for you only.
 
