@@ -23,7 +23,7 @@ from radiometry.records import Record
 from simulation.camera import Camera, Shot
 from simulation.camera import take as expose
 from simulation.dng import write_dng
-from stilb.records import CampaignDetails, LensDetails
+from stilb.records import CampaignDetails
 
 Advance = Callable[[float], None]  # takes the share that is done, 0..1
 
@@ -128,7 +128,7 @@ class Stage(Record):
 def register(stage: Stage, camera: Camera, **details: Any) -> str:  # noqa: ANN401  the client's own
     """Return the camera's id."""
     body = camera.body
-    lens: LensDetails = {"make": body.lens_make, "model": body.lens_model, "serial": body.lens_serial}
+    lens = {"make": body.lens_make, "model": body.lens_model, "serial": body.lens_serial}
     return stage.client.create_camera(
         body.make, body.model, body.serial, lens=lens, pixel_pitch_um=body.pixel_pitch_um, **details
     ).id

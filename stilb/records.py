@@ -7,7 +7,7 @@ service learnt yesterday is within reach today. Times are aware datetimes.
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from datetime import UTC, datetime
-from typing import Any, Final, NotRequired, Required, Self, TypedDict, dataclass_transform, overload
+from typing import Any, Final, NotRequired, Self, TypedDict, dataclass_transform, overload
 
 DEFAULT_METHOD: Final = "luminance"
 """Of commands and calls that name none."""
@@ -312,28 +312,6 @@ Polygon = Sequence[tuple[float, float]]
 Moment = datetime | str
 
 
-class LensDetails(TypedDict, total=False):
-    make: str
-    model: str
-    serial: str
-
-
-class CameraDetails(TypedDict, total=False):
-    lens: LensDetails
-    pixel_pitch_um: float
-    sensor_width_mm: float
-    note: str
-
-
-class Certificate(TypedDict):
-    number: str
-    laboratory: str
-    issued_on: str
-    due_on: str
-    expanded_uncertainty_rel: float
-    coverage_factor: float
-
-
 class CampaignDetails(TypedDict, total=False):
     kind: str  # calibration, or measurement: a night whose frames no fit uses
     project_number: str
@@ -344,7 +322,7 @@ class CampaignDetails(TypedDict, total=False):
     started_at: Moment
     ended_at: Moment
     time_zone: str  # of the camera's clock, for files without an offset: Europe/Berlin, or +02:00
-    lens: LensDetails  # where it is not the one registered with the camera
+    lens: dict[str, str]  # make, model and serial, where it is not the one registered with the camera
     comments: str
     surface_reflectance: float
     lamp: str  # a name of the library, or a table: wavelength in nm and value
@@ -365,69 +343,6 @@ class CampaignChange(CampaignDetails, total=False):
 
     camera_id: str  # every frame is checked against another camera; none is sent again
     archived: bool
-
-
-class PersonDetails(TypedDict, total=False):
-    """Person who uses a key, as certificates name who fitted and approved; a text of "" is taken away."""
-
-    person: str
-    role: str
-
-
-class OrganisationChange(TypedDict, total=False):
-    """Statements of an organisation; a text of "" is taken away."""
-
-    name: str  # as certificates print it; it cannot be taken away
-    address: str  # as certificates print it
-    refuses_incomplete_certificates: bool
-    time_zone: str  # of its cameras' clocks, for files without an offset: Europe/Berlin, or +02:00
-
-
-class CardFile(TypedDict):
-    """A file of a card, by its path below the card's folder."""
-
-    name: str
-    size_bytes: int
-
-
-class SentFile(CardFile):
-    sha256: str
-
-
-class ChosenJobs(TypedDict, total=False):
-    kind: str | None
-    code: str | None
-    campaign_id: str | None
-
-
-class InForce(TypedDict, total=False):
-    """Which coefficients; ``at`` and ``known_at``: now, where they are left out."""
-
-    iso: float | None
-    f_number: float | None
-    at: Moment | None
-    known_at: Moment | None
-
-
-class TableSettings(TypedDict, total=False):
-    """Settings of the rows of a table that state none."""
-
-    white_level_dn: Required[float]
-    black_level_dn: float | None
-    exposure_time_s: float | None
-    f_number: float | None
-    iso: float | None
-
-
-class Motion(TypedDict, total=False):
-    """Geometry and limits of the motion during exposures."""
-
-    focal_length_mm: Required[float]
-    pixel_pitch_um: float | None  # where it is not that of the camera's record
-    limit_px: float | None
-    ground_speed_m_s: float | None
-    distance_m: float | None  # the height above ground
-    role: str | None
 
 
 class PanelBand(TypedDict):

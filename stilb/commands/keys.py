@@ -1,13 +1,12 @@
 """The organisation, its keys and its audit trail."""
 
 from pathlib import Path
-from typing import Annotated, cast
+from typing import Annotated
 
 import typer
 
 from stilb.commands.output import Exit, Output, command, read_moment
 from stilb.commands.terminal import table
-from stilb.records import OrganisationChange, PersonDetails
 from stilb.transport import without_none
 
 app = typer.Typer(no_args_is_help=True, help="Manage the keys of your organisation.")
@@ -54,7 +53,8 @@ def create_key(
 ) -> None:
     """Make a key and print its secret, once."""
     with output.client() as client:
-        made = client.create_key(name, scope, expires_at=read_moment(expires), **_describe(person, role))
+        who = without_none({"person": person, "role": role})
+        made = client.create_key(name, scope, expires_at=read_moment(expires), **who)
     output.note(f"Key {made.name!r} ({made.id}) was made. The secret is not shown again:")
     output.answer(made.raw, str(made.secret))
 
@@ -69,7 +69,7 @@ def change_key(
 ) -> None:
     """State who uses a key, as certificates name them."""
     with output.client() as client:
-        changed = client.change_key(named, **_describe(person, role))
+        changed = client.change_key(named, **without_none({"person": person, "role": role}))
     whose = f"{changed.person}, {changed.role}" if changed.person else "nobody"
     output.answer(changed.raw, f"Key {changed.name!r} ({changed.id}) is used by {whose}")
 
@@ -95,8 +95,7 @@ def organisation(
     address: str | None = typer.Option(None, help='As certificates print it, or "" for none.'),
 ) -> None:
     """Show your organisation, or change what it states."""
-    said = {"time_zone": time_zone, "name": name, "address": address}
-    change = cast("OrganisationChange", without_none(said))
+    change = without_none({"time_zone": time_zone, "name": name, "address": address})
     with output.client() as client:
         found = client.change_organisation(**change) if change else client.organisation()
     rows = [(name, str(found[name])) for name in ("id", "name", "address", "time_zone") if name in found]
@@ -123,7 +122,3 @@ def audit(
     )
     if found.state != "intact":
         raise typer.Exit(Exit.FINDINGS)
-
-
-def _describe(person: str | None, role: str | None) -> PersonDetails:
-    return cast("PersonDetails", without_none({"person": person, "role": role}))

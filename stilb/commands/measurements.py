@@ -15,7 +15,7 @@ from stilb.commands import push, terminal
 from stilb.commands.calibration import read_polygon, set_regions
 from stilb.commands.output import Exit, Output, command, complete_campaign
 from stilb.field import files, plan, template
-from stilb.records import Grid, MeasureDetails, Measurement
+from stilb.records import Grid, Measurement
 from stilb.resources.measurements import Area
 from stilb.transport import without_none
 
@@ -122,7 +122,7 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
         "height_u_m": height_u,
         "allow": allow or None,
     }
-    details = cast("MeasureDetails", without_none(given))
+    details = without_none(given)
     refused: list[dict[str, Any]] = []
     sent = None if folder is None else push.send_night(output, folder, campaign)
     with output.client() as client, terminal.showing(output.err) as listener:

@@ -19,7 +19,6 @@ from stilb.receipt import (
     read_keys,
     verify_receipt,
 )
-from stilb.records import CardFile, SentFile
 
 app = typer.Typer(
     no_args_is_help=True, rich_markup_mode=None, help="Verify receipts; list the service's keys."
@@ -91,13 +90,12 @@ def write_receipt(
     """Write the receipt, by default among this user's own; None, with a note, if it is refused."""
     try:
         hashes = {plain_name(file.name): file.sha256 for file in report.files}
-        sent, others = list[SentFile](), list[CardFile]()
-        for file in list_files(folder):
-            name, size_bytes = plain_name(file.relative_to(folder).as_posix()), file.stat().st_size
-            if name in hashes:
-                sent.append({"name": name, "size_bytes": size_bytes, "sha256": hashes[name]})
-            else:
-                others.append({"name": name, "size_bytes": size_bytes})
+        files: list[dict[str, Any]] = [
+            {"name": plain_name(file.relative_to(folder).as_posix()), "size_bytes": file.stat().st_size}
+            for file in list_files(folder)
+        ]
+        sent = [file | {"sha256": hashes[file["name"]]} for file in files if file["name"] in hashes]
+        others = [file for file in files if file["name"] not in hashes]
         manifest = client.send_manifest(report.campaign_id, sent, others=others)
         signed = client.receipt(report.campaign_id, manifest["id"])
         _known_keys().keep(client.signing_keys(), output.login().url)

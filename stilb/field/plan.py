@@ -13,7 +13,7 @@ from typing import Any, cast
 from stilb.client import Client
 from stilb.field.files import NIGHT_RULES, ROLES, Rule, quote
 from stilb.problem import Unclear
-from stilb.records import CameraDetails, Campaign, CampaignDetails, MeasureDetails, Polygon, Reading
+from stilb.records import Campaign, CampaignDetails, MeasureDetails, Polygon, Reading
 from stilb.upload import FrameDetails
 
 FILENAME = "campaign.toml"
@@ -64,10 +64,10 @@ class Plan:
     make: str
     model: str
     serial: str
-    camera: CameraDetails
+    camera: dict[str, Any]
     method: str
     project_number: str
-    campaign: CampaignDetails
+    campaign: dict[str, Any]
     panels: tuple[dict[str, Any], ...] = ()
     meters: tuple[dict[str, Any], ...] = ()
     rules: tuple[Rule, ...] = ()
@@ -77,11 +77,11 @@ class Plan:
     imagej: str | None = None
     parts: dict[str, Polygon] | None = None
     fit: dict[str, Any] = field(default_factory=dict)
-    measure: MeasureDetails = field(default_factory=MeasureDetails)
+    measure: dict[str, Any] = field(default_factory=dict)
 
     @property
     def kind(self) -> str:
-        return self.campaign.get("kind", "calibration")
+        return str(self.campaign.get("kind", "calibration"))
 
 
 def read_plan(folder: Path) -> Plan:
@@ -125,10 +125,10 @@ def _plan(said: dict[str, Any], folder: Path) -> Plan:
         make=camera.pop("make"),
         model=camera.pop("model"),
         serial=camera.pop("serial"),
-        camera=cast("CameraDetails", camera),
+        camera=camera,
         method=campaign.pop("method"),
         project_number=campaign["project_number"],
-        campaign=cast("CampaignDetails", campaign),
+        campaign=campaign,
         panels=_list_panels(said.get("panel", [])),
         meters=tuple(said.get("meter", ())),
         rules=(NIGHT_RULES if night else ()) if frames is None else tuple(map(_rule, frames)),
@@ -136,7 +136,7 @@ def _plan(said: dict[str, Any], folder: Path) -> Plan:
         readings_csv=None if csv is None else read_spreadsheet(folder / csv),
         **_region(said.get("region", {}), folder),
         fit=said.get("fit", {}),
-        measure=cast("MeasureDetails", measure),
+        measure=measure,
     )
 
 
@@ -297,16 +297,16 @@ def ensure_readings(client: Client, plan: Plan, campaign_id: str) -> tuple[int, 
     return len(own), others
 
 
-def _details(client: Client, plan: Plan) -> CampaignDetails:
+def _details(client: Client, plan: Plan) -> dict[str, Any]:
     measured = [client.create_panel(**panel).id for panel in plan.panels if "bands" in panel]
     return {**plan.campaign, "panel_id": measured[-1]} if measured else plan.campaign
 
 
-def _correct(client: Client, campaign: Campaign, details: CampaignDetails) -> Campaign:
+def _correct(client: Client, campaign: Campaign, details: dict[str, Any]) -> Campaign:
     """Correct the details that differ; a time may be written in several ways, so it stays."""
     said = {name: value for name, value in details.items() if name not in {"started_at", "ended_at"}}
     changed = {name: value for name, value in said.items() if not _holds(campaign.raw.get(name), value)}
-    return client.change_campaign(campaign.id, **cast("CampaignDetails", changed)) if changed else campaign
+    return client.change_campaign(campaign.id, **changed) if changed else campaign
 
 
 def _holds(stored: object, said: object) -> bool:
@@ -316,7 +316,7 @@ def _holds(stored: object, said: object) -> bool:
     return stored == said
 
 
-def _create(client: Client, plan: Plan, details: CampaignDetails) -> Campaign:
+def _create(client: Client, plan: Plan, details: dict[str, Any]) -> Campaign:
     camera = client.create_camera(plan.make, plan.model, plan.serial, **plan.camera)
     # Two runs that begin at once, or one that is killed before its answer, make one campaign.
     key = _digest("campaign", camera.id, plan.method, details)

@@ -2,11 +2,11 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Any
 
 from stilb.export import OnExport, export
 from stilb.problem import Problem, Unclear
-from stilb.records import DEFAULT_METHOD, Calibration, Coefficient, InForce, Job, Moment, as_text, as_times
+from stilb.records import DEFAULT_METHOD, Calibration, Coefficient, Job, Moment, as_text, as_times
 from stilb.resources import campaigns, equipment, frames
 from stilb.transport import Call, PathLike, address, without_none
 
@@ -131,7 +131,7 @@ class Coefficients(equipment.Equipment):
         rows = self._items(address("cameras", camera_id, "coefficients"), {**query, **times})
         return [Coefficient.of(row) for row in rows]
 
-    def k(self, camera: str, **chosen: Unpack[InForce]) -> Coefficient:
+    def k(self, camera: str, **chosen: Any) -> Coefficient:  # noqa: ANN401  see `coefficients`
         """The luminance coefficient K [DN*m2/(cd*s)] of a camera, by its id or its serial.
 
         With ``f_number``, K at that f-number; see `coefficients`. ``iso`` may be left out where there is

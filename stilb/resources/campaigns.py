@@ -145,23 +145,25 @@ class Campaigns(Connection):
         table: str,
         *,
         idempotency_key: str | None = None,
-        **settings: Unpack[records.TableSettings],
+        **settings: float | None,
     ) -> dict[str, Any]:
         """Add frames of which only a CSV text of statistics exists, such as ImageJ's Results.
 
-        Settings are those of rows that state none. Their jobs are awaited as those of other frames.
+        ``settings``: white_level_dn and, of rows that state none, black_level_dn, exposure_time_s, f_number
+        and iso. Their jobs are awaited as those of other frames.
         """
         headers = {**_idempotent(idempotency_key), "Content-Type": "text/csv; charset=utf-8"}
         path = address("campaigns", campaign_id, "points")
-        call = Call(method="POST", path=path, query={**settings}, text=table, headers=headers)
+        call = Call(method="POST", path=path, query=settings, text=table, headers=headers)
         return dict(self._transport.json(call))
 
-    def motion(self, campaign_id: str, **geometry: Unpack[records.Motion]) -> dict[str, Any]:
+    def motion(self, campaign_id: str, **geometry: float | str | None) -> dict[str, Any]:
         """How far the picture moved during each frame's exposure: a row each, and how many stay within it.
 
-        From the attitudes that the files record; those that record none say so.
+        From the attitudes that the files record; those that record none say so. ``geometry``:
+        focal_length_mm, pixel_pitch_um, limit_px, ground_speed_m_s, distance_m (height above ground), role.
         """
-        return self._get(address("campaigns", campaign_id, "motion"), {**geometry})
+        return self._get(address("campaigns", campaign_id, "motion"), geometry)
 
     def readings(self, campaign_id: str) -> Iterator[dict[str, Any]]:
         return self._items(address("campaigns", campaign_id, "readings"))

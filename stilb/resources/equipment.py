@@ -2,17 +2,18 @@
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Any
 
 from stilb.problem import Problem, Unclear, missing
-from stilb.records import Camera, CameraDetails, Certificate, Meter, Panel, PanelBand, Rig
+from stilb.records import Camera, Meter, Panel, PanelBand, Rig
 from stilb.transport import Connection, PathLike, address, without_none
 
 
 class Equipment(Connection):
     """Cameras, meters and panels."""
 
-    def create_camera(self, make: str, model: str, serial: str, **details: Unpack[CameraDetails]) -> Camera:
+    def create_camera(self, make: str, model: str, serial: str, **details: Any) -> Camera:  # noqa: ANN401  JSON
+        """``details``: lens (make, model, serial), pixel_pitch_um, sensor_width_mm and note."""
         body = {"make": make, "model": model, "serial": serial, **details}
         return Camera.of(self._post(address("cameras"), body))
 
@@ -41,9 +42,15 @@ class Equipment(Connection):
         return found[0]
 
     def create_meter(
-        self, kind: str, make: str, model: str, serial: str, *, certificate: Certificate | None = None
+        self,
+        kind: str,
+        make: str,
+        model: str,
+        serial: str,
+        *,
+        certificate: dict[str, Any] | None = None,
     ) -> Meter:
-        """``kind``: luminance, illuminance or sunshine."""
+        """``kind``: luminance, illuminance or sunshine; ``certificate``: as its answer has it."""
         body = {"kind": kind, "make": make, "model": model, "serial": serial, "certificate": certificate}
         return Meter.of(self._post(address("meters"), without_none(body)))
 

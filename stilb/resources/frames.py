@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Unpack, overload
 
 from stilb import problem, transport, upload
-from stilb.records import CardFile, ChosenJobs, Frame, Job, KnownFrame, Polygon, SentFile
+from stilb.records import Frame, Job, KnownFrame, Polygon
 from stilb.resources.campaigns import region
 
 _MOST_HASHES = 1000  # in one question
@@ -123,8 +123,8 @@ class Jobs(transport.Connection):
         job_id = job if isinstance(job, str) else job.id
         return Job.of(self._post(f"{transport.address('jobs', job_id)}/retry", {}))
 
-    def retry_jobs(self, state: str, **chosen: Unpack[ChosenJobs]) -> int:
-        """Try all jobs again that are ``failed``, or ``quarantined``, and fit the rest; how many they are."""
+    def retry_jobs(self, state: str, **chosen: str | None) -> int:
+        """Try all ``failed`` or ``quarantined`` jobs of a kind, code or campaign_id again; how many."""
         body = transport.without_none({"state": state, **chosen})
         return int(self._post(transport.address("jobs", "retry"), body)["retried"])
 
@@ -140,8 +140,8 @@ class Jobs(transport.Connection):
         items = self._get(transport.address("jobs", "causes"))["items"]
         return [(each["count"], Job.of(each["newest"])) for each in items]
 
-    def dismiss_jobs(self, state: str, *, dismissed: bool = True, **chosen: Unpack[ChosenJobs]) -> int:
-        """Dismiss all jobs that are ``failed``, or ``quarantined``, and fit the rest; how many they are."""
+    def dismiss_jobs(self, state: str, *, dismissed: bool = True, **chosen: str | None) -> int:
+        """The same, but dismiss them; or list them again."""
         body = transport.without_none({"state": state, "dismissed": dismissed, **chosen})
         return int(self._post(transport.address("jobs", "dismiss"), body)["dismissed"])
 
@@ -172,11 +172,16 @@ class Receipts(transport.Connection):
     """Manifests and receipts."""
 
     def send_manifest(
-        self, campaign_id: str, files: Iterable[SentFile], *, others: Iterable[CardFile] = ()
+        self,
+        campaign_id: str,
+        files: Iterable[dict[str, Any]],
+        *,
+        others: Iterable[dict[str, Any]] = (),
     ) -> dict[str, Any]:
         """State what a card holds; the answer lists what is ``missing``, each with its reason.
 
-        ``others`` are files that are not sent: a receipt names them as not covered.
+        Of each file `name`, its path below the card's folder, `size_bytes` and `sha256`; ``others`` are not
+        sent and have none: a receipt names them as not covered.
         """
         body = {"files": [*files], "others": [*others]}
         return self._post(transport.address("campaigns", campaign_id, "manifest"), body)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from email.utils import parsedate_to_datetime
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Any
 
 import httpx
 
@@ -89,8 +89,9 @@ class Organisation(Connection):
         """Return name, address and time zone of the organisation, and what it uses."""
         return self._get(address("organisation"))
 
-    def change_organisation(self, **details: Unpack[records.OrganisationChange]) -> dict[str, Any]:
-        return self._patch(address("organisation"), dict(details))
+    def change_organisation(self, **details: str | bool) -> dict[str, Any]:
+        """Change name, address, time_zone or refuses_incomplete_certificates; "" takes a text away."""
+        return self._patch(address("organisation"), details)
 
     def api_keys(self) -> Iterator[records.Key]:
         """Return all keys, also those that have ended, without their secrets."""
@@ -102,17 +103,17 @@ class Organisation(Connection):
         scopes: Sequence[str],
         *,
         expires_at: records.Moment | None = None,
-        **person: Unpack[records.PersonDetails],
+        **person: str,
     ) -> records.Key:
-        """Make a key; its ``secret`` is in this answer only."""
+        """Make a key, for a `person` and `role`; its ``secret`` is in this answer only."""
         end = {"expires_at": records.as_text(expires_at)} if expires_at else {}
         return records.Key.of(
             self._post(address("keys"), {"name": name, "scopes": list(scopes), **end, **person})
         )
 
-    def change_key(self, key: records.Key | str, **person: Unpack[records.PersonDetails]) -> records.Key:
-        """State who uses a key, by its id or its name: that person signs the certificates it publishes."""
-        return records.Key.of(self._patch(address("keys", self._id_of(key)), dict(person)))
+    def change_key(self, key: records.Key | str, **person: str) -> records.Key:
+        """State the `person` and `role` that use a key, by its id or name; "" takes one away."""
+        return records.Key.of(self._patch(address("keys", self._id_of(key)), person))
 
     def revoke_key(self, key: records.Key | str) -> records.Key:
         """Revoke a key, by its id or its name, and end its sessions."""
