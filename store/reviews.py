@@ -18,6 +18,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
 from radiometry import methods, records
+from radiometry.drawing.text import name_few
 from radiometry.findings import Reason, shared
 from radiometry.findings.grouping import Cause, FindingGroup, Occurrence, group_causes, group_findings
 from radiometry.frame.roi import Polygon
@@ -119,7 +120,7 @@ def _list_lone_readings(rows: Sequence[FrameColumns], evidence: Evidence) -> Ite
             finding=shared.READING_WITHOUT_FRAMES,
             severity="warn",
             subject=f"scene {scene}",
-            detail="",
+            detail=f"{name_few('scene', [scene])} has none",
             values={"readings": read[scene]},
         )
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from radiometry.drawing.text import write_exposure
 from radiometry.findings import Raised, shared
 from radiometry.fitting import evidence, sources
 from radiometry.fitting.comparison import PERCENT, MeasuredChange
@@ -166,7 +167,8 @@ def _flags(
     raised: list[Raised] = []
     times = coefficient.exposure_times_s
     if not any(abs(settings.exposure_time_s / time - 1.0) <= _SAME_TIME_REL for time in times):
-        detail = f"{settings.exposure_time_s:g} s; calibrated: {', '.join(f'{time:g}' for time in times)} s."
+        calibrated = ", ".join(map(write_exposure, times))
+        detail = f"{write_exposure(settings.exposure_time_s)}; calibrated: {calibrated}."
         raised.append(codes.OUTSIDE_EXPOSURE_TIMES.at("", detail))
     for flag, value, (low, high), unit in (
         (codes.OUTSIDE_F_NUMBERS, settings.f_number, coefficient.f_number_range, ""),

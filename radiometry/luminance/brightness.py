@@ -66,6 +66,7 @@ class Doubted(Record):
     reading_cd_m2: float
     frames_cd_m2: float  # what they say, by the K of the other scenes
     frames: tuple[str, ...]
+    fits: str  # scene beside it whose frames agree, where a list was typed a row off
 
     @property
     def is_grave(self) -> bool:
@@ -73,7 +74,8 @@ class Doubted(Record):
 
     def describe(self) -> str:
         said = f"{self.reading_cd_m2:.3g} cd/m2, its frames say {self.frames_cd_m2:.2g}"
-        return f"{name_few('scene', [self.scene])}: {said}"
+        fits = f", and it fits {name_few('scene', [self.fits])}" if self.fits else ""
+        return f"{name_few('scene', [self.scene])}: {said}{fits}"
 
 
 def find_doubted(series: Sequence[IsoSeries], readings: Sequence[Reading]) -> list[Doubted]:
@@ -85,8 +87,8 @@ def find_doubted(series: Sequence[IsoSeries], readings: Sequence[Reading]) -> li
             read.setdefault(each.scene, []).append(each.value)
     if len(read) < points.FEWEST_SCENES:
         return []
-    usual = python_statistics.median(
-        light[scene] / python_statistics.median(values) for scene, values in read.items()
+    usual, misplaced = _compare_rows(
+        light, {scene: python_statistics.median(values) for scene, values in read.items()}
     )
     frames: dict[str, set[str]] = {}
     for one in series:
@@ -98,11 +100,35 @@ def find_doubted(series: Sequence[IsoSeries], readings: Sequence[Reading]) -> li
             reading_cd_m2=value,
             frames_cd_m2=light[scene] / usual,
             frames=tuple(sorted(frames[scene])),
+            fits=misplaced.get(scene, ""),
         )
         for scene in sort_naturally(read)
         for value in sorted(set(read[scene]))
-        if not abs(math.log(value * usual / light[scene])) <= math.log1p(DOUBTFUL_REL)
+        if not _agrees(light[scene] / value, usual)
     ]
+
+
+def _agrees(ratio: float, usual: float) -> bool:
+    return abs(math.log(ratio / usual)) <= math.log1p(DOUBTFUL_REL)
+
+
+def _compare_rows(light: dict[str, float], read: dict[str, float]) -> tuple[float, dict[str, str]]:
+    """Return the ratio of light and reading that most scenes have, and what scenes misplaced readings fit.
+
+    A list that is typed a row off may hold more wrong readings than right ones.
+    """
+    scenes = sort_naturally(light)
+    own = {scene: light[scene] / value for scene, value in read.items()}
+    usual = python_statistics.median(own.values())
+    most, found = sum(_agrees(ratio, usual) for ratio in own.values()), (usual, dict[str, str]())
+    for row, meant in ((scenes[1:], scenes), (scenes, scenes[1:])):
+        beside = {at: (light[to] / read[at], to) for at, to in zip(row, meant, strict=False) if at in read}
+        usual = python_statistics.median(ratio for ratio, _ in beside.values())
+        kept = [scene for scene, ratio in own.items() if _agrees(ratio, usual)]
+        moved = {at: to for at, (ratio, to) in beside.items() if at not in kept and _agrees(ratio, usual)}
+        if len(moved) > 1 and len(kept) + len(moved) > most:
+            most, found = len(kept) + len(moved), (usual, moved)
+    return found
 
 
 def expect_signals(series: IsoSeries, brightness: dict[str, dict[str, float]]) -> dict[str, float]:

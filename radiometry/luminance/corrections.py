@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from radiometry.drawing.text import write_exposure
 from radiometry.findings import Raised
 from radiometry.fitting.comparison import FOCUS, STRAY
 from radiometry.fitting.evidence import FieldCorrection, Quantity, Values
@@ -276,7 +277,9 @@ def correct_flicker(
         values["lamp_kind"] = kind
         depth = f"{LABELS[kind]}: {depth}"
     basis = (
-        f"{supply}, {depth}, of which {time_s:g} s show {largest:.1%}" if mains != 0.0 else "direct current"
+        f"{supply}, {depth}, of which {write_exposure(time_s)} shows {largest:.1%}"
+        if mains != 0.0
+        else "direct current"
     )
     line = FieldCorrection(
         source=FLICKER,
@@ -287,7 +290,7 @@ def correct_flicker(
     )
     if mains is not None or line.u_rel <= _NAMED_FLICKER:
         return line, ()
-    detail = f"At {time_s:g} s, light of 50 or 60 Hz mains can err by {high * largest:.1%}."
+    detail = f"At {write_exposure(time_s)}, light of 50 or 60 Hz mains can err by {high * largest:.1%}."
     return line, (codes.FLICKER_UNKNOWN.at("", detail),)
 
 

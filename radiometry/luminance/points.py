@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache, cached_property
 
+from radiometry.drawing.text import write_exposure
 from radiometry.findings import Raised, shared
 from radiometry.fitting.evidence import Exclusion, Quantity
 from radiometry.frame.exposure import Settings, compute_rhs
@@ -226,8 +227,9 @@ def check_dark(series: IsoSeries) -> list[Raised]:
         if not span[0] <= time <= span[1] and time_ratio(time, dark_times_s) > EXPOSURE_RATIO
     ]
     if far:
-        times = ", ".join(f"{time:g} s" for time in far)
-        detail = f"No dark frame within a factor of {EXPOSURE_RATIO:g} of the exposure time {times}."
+        times = [write_exposure(time) for time in far]
+        said = ", ".join(times if len(times) < 4 else (times[0], "…", times[-1]))
+        detail = f"No dark frame within a factor of {EXPOSURE_RATIO:g} of the exposure time {said}."
         raised.append(shared.DARK_EXPOSURE_DIFFERS.at(where, detail))
     return raised
 

@@ -6,11 +6,11 @@ import statistics as python_statistics
 from collections import Counter
 from collections.abc import Collection, Sequence
 
-from radiometry.drawing.text import name_few, name_range, sort_naturally
+from radiometry.drawing.text import name_few, name_range, sort_naturally, write_exposure
 from radiometry.findings import shared
 from radiometry.findings.grouping import Cause, name_frames
 from radiometry.fitting.evidence import list_unknown_exclusions
-from radiometry.luminance import brightness, codes, corrections, points, verdicts
+from radiometry.luminance import brightness, codes, corrections, points
 from radiometry.luminance.rows import FrameRow, Params, Reading, find_modulation
 from radiometry.luminance.scenes import check_reading_times, check_scenes, summarise_scenes
 from radiometry.specification.roles import Gap
@@ -113,7 +113,7 @@ def list_doubted(
     curved = {row.frame for row in rows if row.rendered or row.from_table}
     return [
         Cause(
-            f"{each.describe()}: check it, and its unit",
+            f"{each.describe()}: check {'its row' if each.fits else 'it, and its unit'}",
             codes.READING_OFF,
             (f"scene {each.scene}",),
             {"reading_cd_m2": each.reading_cd_m2, "frames_cd_m2": each.frames_cd_m2},
@@ -247,7 +247,7 @@ def _plan_times(series: points.IsoSeries, params: Params) -> list[str]:
         error = depth * corrections.compute_flicker(time_s, mains_frequency_hz=mains)
         if error > _FLICKER:
             found.append(
-                f"{verdicts.show_time(time_s)} at ISO {series.iso:g} is no whole number of half periods of "
+                f"{write_exposure(time_s)} at ISO {series.iso:g} is no whole number of half periods of "
                 f"{mains:g} Hz mains: flicker errs by up to {error:.1%}, use multiples of "
                 f"1/{2 * mains:g} s"
             )

@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import cache
 from statistics import NormalDist
 
-from radiometry.drawing.text import name_few, sort_naturally
+from radiometry.drawing.text import name_few, sort_naturally, write_exposure
 from radiometry.findings import Reason, shared
 from radiometry.fitting.evidence import Exclusion
 from radiometry.frame import exposure, statistics, verdicts
@@ -391,15 +391,8 @@ def find_repeats(rows: Sequence[FrameRow], params: Params) -> dict[str, list[Rea
     return found
 
 
-def show_time(time_s: float) -> str:
-    reciprocal = round(1.0 / time_s)
-    if reciprocal > 2 and abs(time_s * reciprocal - 1.0) < 0.01:
-        return f"1/{reciprocal} s"
-    return f"{time_s:g} s"
-
-
 def show_settings(settings: exposure.Settings) -> str:
-    return f"ISO {settings.iso:g}, {show_time(settings.exposure_time_s)}, f/{settings.f_number:g}"
+    return f"ISO {settings.iso:g}, {write_exposure(settings.exposure_time_s)}, f/{settings.f_number:g}"
 
 
 def show_stops(ratio: float) -> str:

@@ -202,7 +202,7 @@ def test_a_pasted_column_is_held_against_the_frames_before_it_is_stored(page, te
     check_access(page, DIALOG)
     dialog.get_by_role("radio", name="As pasted, from Scene 2").check()
     dialog.get_by_role("button", name="Store").click()
-    expect(dialog.get_by_role("alert").last).to_contain_text("Line 6: the scene is missing.")
+    expect(dialog.get_by_role("alert").last).to_contain_text("Line 6: there is no scene for this value.")
     dialog.get_by_role("radio", name="One row up").check()
     dialog.get_by_role("button", name="Store").click()
     expect(page.locator(".toast")).to_contain_text("6 readings recorded")
@@ -211,7 +211,10 @@ def test_a_pasted_column_is_held_against_the_frames_before_it_is_stored(page, te
     page.get_by_role("button", name="Paste readings…").click()
     dialog.get_by_label("Lines").fill("Scene 1\t54,2\nScene 7\t1,0\nScene 2\t23,1")
     expect(dialog).to_contain_text("no frames of Scene 7")
-    dialog.get_by_label("Lines").fill("Scene 1\t54,2\nScene 2\t23,1")
+    dialog.get_by_label("Lines").fill("L [mcd/m²]\n54400\n23100\n7350")
+    expect(dialog.get_by_role("table")).to_contain_text("23.1 cd/m²")
+    # as people name columns and scenes
+    dialog.get_by_label("Lines").fill("Scene\tLuminance (mcd/m2)\nscene 1\t54 200\n2\t23,1 nit")
     dialog.get_by_role("button", name="Store").click()
     expect(page.locator(".toast").filter(has_text="1 reading recorded")).to_be_visible()
     assert stored(team, campaign) == {**{scene: [value] for scene, value in MEANT.items()}, "Scene 1": [54.2]}

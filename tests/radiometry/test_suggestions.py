@@ -74,7 +74,7 @@ def test_dark_frames_at_another_time():
     rows = (*lights(*LEVELS), *(dark(f"d{n}", time_s=0.1) for n in range(3)))
     (sentence,) = advice(rows)
     assert sentence.startswith("no dark frames at ISO 3200 with a like exposure time: No dark frame within")
-    assert sentence.endswith("0.01 s, 0.025 s, 0.25 s, 1 s")
+    assert sentence.endswith("the exposure time 1/100 s, …, 1 s")
 
 
 def test_dark_frames_that_differ():
@@ -142,6 +142,25 @@ def test_a_reading_in_foot_lamberts():
     assert off == "scene c: 1.46 cd/m2, its frames say 5: check it, and its unit"
     assert (off.finding, off.subjects, again.subjects) == (codes.READING_OFF, ("scene c",), ("scene c",))
     assert off.values == pytest.approx({"reading_cd_m2": 5.0 / 3.4263, "frames_cd_m2": 5.0}, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("typed", "off"),
+    [
+        ({"b": "a", "c": "b", "d": "c", "e": "d"}, "bcde"),  # begun a row low
+        ({"a": "a", "b": "b", "d": "c", "e": "d"}, "de"),  # a row was skipped
+        ({"a": "a", "b": "a", "c": "b", "d": "c", "e": "d"}, "bcde"),  # a value was typed twice
+        ({"a": "a", "b": "c", "c": "d", "d": "e"}, "bcd"),  # a value was left out
+    ],
+)
+def test_a_list_that_is_typed_a_row_off(typed, off):
+    """Where more readings are wrong than right, the right ones are not doubted."""
+    found = luminance.missing(GOOD, [reading(scene, LEVELS[of]) for scene, of in typed.items()], Params())
+    assert [cause for cause in found if cause.finding is codes.READING_OFF] == [
+        f"scene {scene}: {LEVELS[typed[scene]]:g} cd/m2, its frames say {LEVELS[scene]:g}, "
+        f"and it fits scene {typed[scene]}: check its row"
+        for scene in off
+    ]
 
 
 @pytest.mark.parametrize(

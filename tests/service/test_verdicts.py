@@ -232,7 +232,8 @@ def test_equal_findings_of_a_campaign_are_one(house, campaign):
     lone = found["reading_without_frames"]
     assert (lone["severity"], lone["count"]) == ("warn", 3)
     assert lone["subjects"] == ["scene level-1", "scene level-2", "scene level-3"]
-    assert lone["values"] == {"readings": [2, 2, 1]}
+    assert lone["values"]["readings"] == [2, 2, 1]
+    assert lone["values"]["detail"][0] == "scene level-1 has none"
     assert lone["action"].startswith("Correct the name of the scene")
 
 

@@ -5,12 +5,13 @@ import math
 
 import pytest
 
+from radiometry.drawing.text import write_exposure
 from radiometry.findings import shared
 from radiometry.fitting.evidence import Exclusion
 from radiometry.frame.statistics import measure_signal
 from radiometry.luminance.brightness import DOUBTFUL_REL
 from radiometry.luminance.points import estimate_dark
-from radiometry.luminance.verdicts import judge, show_stops, show_time
+from radiometry.luminance.verdicts import judge, show_stops
 from tests.radiometry.evidence import (
     DARK,
     DARKS,
@@ -154,7 +155,7 @@ def test_stops_are_rounded_up_to_thirds(ratio, text):
     [(1 / 125, "1/125 s"), (0.008, "1/125 s"), (0.5, "0.5 s"), (8.0, "8 s"), (0.3, "0.3 s")],
 )
 def test_times_are_written_as_marked(time_s, text):
-    assert show_time(time_s) == text
+    assert write_exposure(time_s) == text
 
 
 # --- uneven

@@ -42,9 +42,12 @@ export function openPaste(book, scenes, { text = "", from = scenes[0] }) {
 
   function draw() {
     const cells = lines.value.trimEnd().split(/\r\n|\r|\n/);
-    const isColumn = cells.every((cell) => /^\s*([\d.,+−-][^\t]*)?$/.test(cell));
-    const placed = (by) => readSheet(cells.map((cell, at) => cell.trim() && `${scenes[begin + at + by] ?? ""}\t${cell}`).join("\n"), { unit: book.unit, headless: true });
-    const ways = isColumn ? [...WAYS.keys()].map((by) => ({ by, ...judge(placed(by)) })) : [{ by: 0, ...judge(readSheet(lines.value, { unit: book.unit })) }];
+    // a column may have a heading
+    const head = cells.length > 1 && /^[^\t\d][^\t]*\D$/.test(cells[0]) ? 1 : 0;
+    const isColumn = cells.slice(head).every((cell) => /^\s*([\d.,+−-][^\t]*)?$/.test(cell));
+    const lined = (by) => cells.map((cell, at) => (at < head ? `scene\tvalue ${/[[(].*/.exec(cell) ?? ""}` : cell.trim() && `${scenes[begin + at - head + by] ?? ""}\t${cell}`)).join("\n");
+    const judged = (text, headless) => judge(readSheet(text, { unit: book.unit, headless, scenes }));
+    const ways = isColumn ? [...WAYS.keys()].map((by) => ({ by, ...judged(lined(by), !head) })) : [{ by: 0, ...judged(lines.value) }];
     const best = ways.reduce((one, other) => (other.agreeing > one.agreeing && other.agreeing >= FEWEST ? other : one));
     read = ways.find(({ by }) => by === (shift ?? best.by));
     const told = ({ scene, agrees }) => (!book.state.scenes.includes(scene) ? [mark("warn"), ` no frames of ${scene}`] : agrees === null ? "" : agrees ? [mark("good"), " agrees"] : [mark("bad"), " differs"]);
