@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any, get_args
 
 import numpy as np
+import scipy
 
 from radiometry.findings import shared
 from radiometry.fitting import components, evidence, gls, sources
@@ -54,30 +55,28 @@ def fit_series(
 def _judge(
     points: Sequence[Point], coefficient: Coefficient, params: Params, *, certified: bool
 ) -> dict[str, Any]:
-    """Return the verdict: each point with U of K at its f-number, where that was calibrated."""
-    own = {each.f_number: each for each in coefficient.apertures or ()}
-    against = {"tolerance_rel": params.tolerance_rel}
-    judged = [
-        (abs(point.residual_rel), own.get(point.f_number, coefficient))
-        for point in points
-        if point.residual_rel is not None
+    """Return the verdict: the residuals of the points, and u of K at each f-number, against the tolerance."""
+    errors = [
+        (k.luminance_k_standard_uncertainty / abs(k.luminance_k), k.effective_dof or math.inf)
+        for k in coefficient.apertures or (coefficient,)
     ]
-    widths = [(error, k.expanded_uncertainty / abs(k.luminance_k)) for error, k in judged]
+    risk, u_rel, dof = max(
+        (compute_risk(u_rel=u, dof=dof, tolerance_rel=params.tolerance_rel), u, dof) for u, dof in errors
+    )
+    residual = max(abs(point.residual_rel) for point in points if point.residual_rel is not None)
     verdict: dict[str, Any] = {
-        "largest_residual_rel": max(error for error, _ in judged),
-        "passed": all(
-            decide(params.acceptance, error_rel=error, expanded_u_rel=width if certified else None, **against)
-            for error, width in widths
+        "largest_residual_rel": residual,
+        "passed": decide(
+            params.acceptance,
+            residual_rel=residual,
+            u_rel=u_rel if certified else math.inf,
+            dof=dof,
+            tolerance_rel=params.tolerance_rel,
         ),
     }
     if params.acceptance and certified:
-        verdict["expanded_u_rel"] = max(widths, key=sum)[1]
-        verdict["beyond_tolerance_risk"] = max(
-            compute_risk(
-                error_rel=error, u_rel=k.luminance_k_standard_uncertainty / abs(k.luminance_k), **against
-            )
-            for error, k in judged
-        )
+        verdict["expanded_u_rel"] = coverage_factor(dof) * u_rel
+        verdict["beyond_tolerance_risk"] = risk
     return verdict
 
 
@@ -190,39 +189,32 @@ def _estimate_flicker(used: Sequence[Candidate], params: Params) -> components.V
 
 
 def decide(
-    rule: Acceptance | None, *, error_rel: float, expanded_u_rel: float | None, tolerance_rel: float
+    rule: Acceptance | None, *, residual_rel: float, u_rel: float, dof: float, tolerance_rel: float
 ) -> bool:
-    """Return True if the error of a point passes by a decision rule.
+    """Return True if K is accepted by a decision rule.
 
-    With the error e and the tolerance T [1]: simple e <= T; guard band w = U, e + U <= T; shared risk e <= T
-    and U <= T, so that a passed item is not accepted by a measurement that cannot tell. An unknown U is
-    accepted by neither of them.
+    With the largest residual r, the tolerance T and Student's t of u(K) [1]: simple r <= T; guarded
+    t_95 u(K) <= T, one-sided; shared risk r <= T and U = t_97.5 u(K) <= T. A residual holds the error of its
+    scene's reading, too: it cannot say how far off K is, whose own estimated error is 0.
 
-    [1] ILAC-G8:09/2019, Guidelines on decision rules and statements of conformity, section 4; JCGM 106:2012,
-    section 8, doi:10.59161/JCGM106-2012
+    [1] JCGM 106:2012, sections 8 and 9.3, doi:10.59161/JCGM106-2012
     """
-    if rule in {None, "simple"}:
-        return error_rel <= tolerance_rel
-    if expanded_u_rel is None:
-        return False
     if rule == "guarded":
-        return error_rel + expanded_u_rel <= tolerance_rel
-    return max(error_rel, expanded_u_rel) <= tolerance_rel
+        return float(scipy.special.stdtrit(dof, 0.95)) * u_rel <= tolerance_rel
+    widest = coverage_factor(dof) * u_rel if rule == "shared_risk" else 0.0
+    return max(residual_rel, widest) <= tolerance_rel
 
 
-def compute_risk(*, error_rel: float, u_rel: float, tolerance_rel: float) -> float:
-    """Compute the probability that an error is really beyond the tolerance.
+def compute_risk(*, u_rel: float, dof: float, tolerance_rel: float) -> float:
+    """Compute the probability that K is off by more than the tolerance.
 
-    The specific risk of a decision [1]::
+    The specific risk of a decision [1] for an error of mean 0, with Student's t of its degrees of freedom::
 
-        p = 1 - Phi((T - e) / u) + Phi((-T - e) / u)
+        p = 2 P(t > T / u)
 
     [1] JCGM 106:2012, section 9.3, doi:10.59161/JCGM106-2012
     """
-    if u_rel == 0.0:
-        return float(abs(error_rel) > tolerance_rel)
-    above, below = ((tolerance_rel + sign * error_rel) / (u_rel * math.sqrt(2.0)) for sign in (-1.0, 1.0))
-    return 0.5 * (math.erfc(above) + math.erfc(below))
+    return 2.0 * float(scipy.special.stdtr(dof, -tolerance_rel / u_rel)) if u_rel else 0.0
 
 
 def report_model(fit: CurveFit, curve: Curve) -> ModelFit:

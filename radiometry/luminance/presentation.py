@@ -22,8 +22,8 @@ _TAKEN: Final = Axis(label="time taken, UTC", is_time=True)
 _RULES: Final = {
     "simple": "The verdict compares the largest deviation of a point from the luminance meter with the "
     "tolerance. Measurement uncertainty is not taken into account in this decision.",
-    "guarded": "Decision rule (ILAC-G8:09/2019, guard band w = U): the largest deviation of a point from the "
-    "luminance meter plus the expanded uncertainty of K at its f-number must not exceed the tolerance.",
+    "guarded": "Decision rule (JCGM 106:2012, guarded acceptance): K at each f-number must be within "
+    "the tolerance with a probability of 95 % to either side: 1.645 u(K) of many degrees of freedom.",
     "shared_risk": "Decision rule (JCGM 106:2012, shared risk): the largest deviation of a point from the "
     "luminance meter must not exceed the tolerance, and the expanded uncertainty of K must not exceed it "
     "either. The parties share the risk of a wrong decision.",
@@ -342,7 +342,7 @@ def state_conditions(parameters: Mapping[str, Any], result: Mapping[str, Any]) -
     risks = [fit["beyond_tolerance_risk"] for fit in result["iso_fits"] if "beyond_tolerance_risk" in fit]
     risk = ""
     if risks:
-        risk = f" A deviation is beyond the tolerance with a probability of up to {max(risks):.0%}."
+        risk = f" K is off by more than the tolerance with a probability of up to {max(risks):.1%}."
     elif rule != "simple":
         risk = " K is relative only: its expanded uncertainty is unknown, and this rule accepts nothing."
     spectral = result.get("spectral") or {"lamp": "not recorded", "camera_response": "not recorded"}

@@ -185,11 +185,11 @@ class IsoFit(Record):
     largest_residual_rel: float = about("Largest |residual| of the points used.")
     passed: bool = about("True if it passes by the campaign's decision rule.")
     expanded_u_rel: float | None = later(
-        "Relative U of K at the f-number of the point with the largest |error| + U; None without a "
-        "decision rule, or if K is relative only."
+        "Relative U of K at its least certain f-number; None without a decision rule, or if K is relative "
+        "only."
     )
     beyond_tolerance_risk: float | None = later(
-        "Largest probability that a point's error is really beyond the tolerance; None as before."
+        "Probability that K at that f-number is off by more than the tolerance; None as before."
     )
 
 

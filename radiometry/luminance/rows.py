@@ -395,9 +395,9 @@ class Params(Record, Keeping):
         description="How the verdict takes the expanded uncertainty U of K into account, as ILAC-G8 asks to "
         "agree beforehand.",
         labels={
-            "simple": "Simple: the error passes, U is ignored",
-            "guarded": "Guard band: error + U passes",
-            "shared_risk": "Shared risk: the error passes and U is within the tolerance",
+            "simple": "Simple: the residuals pass, u(K) is ignored",
+            "guarded": "Guarded: 1.645 u(K) is within the tolerance",
+            "shared_risk": "Shared risk: the residuals pass and U is within the tolerance",
         },
         default_text="`simple`",
         example="guarded",

@@ -27,6 +27,6 @@ def test_installed_client_states_the_version_of_its_package(monkeypatch, tmp_pat
 
 def test_content_hashes_are_those_of_the_stored_versions():
     """A release keeps the fit code version as long as it fits as before."""
-    assert software.FIT_CODE_VERSION == "0.1.7"
-    expected = "58a9860e8de7156b31912bd1c04895e7d8fdd951384cde5ecb131eeac0d95f66"
+    assert software.FIT_CODE_VERSION == "0.1.8"
+    expected = "8d47557dddf5736429bef4482061548e45628a3bc8dd0e5e6979ebd4dcfc6b69"
     assert hash_content({"frames": []}, {"model": "proportional"}) == expected

@@ -165,22 +165,22 @@ def test_mean_cells_and_map_contain_the_same_corrections():
 
 
 def test_decision_rules_by_hand():
-    against = {"error_rel": 0.03, "tolerance_rel": 0.04}
-    passed = {
-        (rule, u): decide(rule, expanded_u_rel=u, **against)
-        for rule in (None, "simple", "guarded", "shared_risk")
-        for u in (0.005, 0.02, 0.05)
-    }
-    assert [rule for (rule, u), good in passed.items() if u == 0.02 and good] == [
-        None,
-        "simple",
-        "shared_risk",
-    ]
-    assert all(good for (_, u), good in passed.items() if u == 0.005)
-    assert [rule for (rule, u), good in passed.items() if u == 0.05 and good] == [None, "simple"]
-    # one standard uncertainty below the tolerance: 15.9 % beyond it
-    assert compute_risk(error_rel=0.03, u_rel=0.01, tolerance_rel=0.04) == pytest.approx(0.1587, abs=1e-4)
-    assert compute_risk(error_rel=0.03, u_rel=0.0, tolerance_rel=0.04) == 0.0
+    """Two-sided 95 % of Student's t is 1.960 for infinite degrees of freedom and 2.776 for 4."""
+    inf, simple, guarded, shared = math.inf, "simple", "guarded", "shared_risk"
+    for residual, u, dof, accepting in (
+        (0.03, 0.019, inf, {None, simple, guarded, shared}),
+        (0.03, 0.022, inf, {None, simple, guarded}),  # 1.645 u = 3.6 %, U = 4.3 %
+        (0.03, 0.022, 4, {None, simple}),  # t_95 = 2.132
+        (0.05, 0.019, inf, {guarded}),
+        (0.03, inf, inf, {None, simple}),
+    ):
+        stated = {"residual_rel": residual, "u_rel": u, "dof": dof, "tolerance_rel": 0.04}
+        assert {rule for rule in (None, simple, guarded, shared) if decide(rule, **stated)} == accepting
+    # one, and two and a half standard uncertainties; two of four degrees of freedom
+    assert compute_risk(u_rel=0.04, dof=inf, tolerance_rel=0.04) == pytest.approx(0.3173, abs=1e-4)
+    assert compute_risk(u_rel=0.016, dof=inf, tolerance_rel=0.04) == pytest.approx(0.0124, abs=1e-4)
+    assert compute_risk(u_rel=0.02, dof=4, tolerance_rel=0.04) == pytest.approx(0.1161, abs=1e-4)
+    assert compute_risk(u_rel=0.0, dof=inf, tolerance_rel=0.04) == 0.0
 
 
 CAMERAS = ("Hasselblad L2D-20c", "Hasselblad L1D-20c", "Nikon D5100", "Panasonic DC-GX9")
