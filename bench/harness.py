@@ -6,17 +6,19 @@ import os
 import platform
 import re
 import secrets
-import socket
 import statistics
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 import httpx
+
+from tests.support.ports import pick_port
+from tests.support.waiting import wait_for
 
 Seconds = list[float]
 Ways = Mapping[str, Callable[[], object]]
@@ -24,7 +26,6 @@ KEY = f"stilb_{secrets.token_urlsafe(32)}"
 HEADERS = {"Authorization": f"Bearer {KEY}"}
 ROOT = Path(__file__).resolve().parent.parent
 _LIBRARIES = ("numpy", "rawpy", "imagecodecs", "fastapi", "uvicorn", "httpx")
-_READY_WITHIN_S = 180.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -166,15 +167,6 @@ def forget_peak(pid: int) -> None:
     Path(f"/proc/{pid}/clear_refs").write_text("5", encoding="ascii")
 
 
-def list_tree(pid: int) -> list[int]:
-    """Return a process and all that descend from it."""
-    found = [pid]
-    for each in found:
-        for children in Path(f"/proc/{each}/task").glob("*/children"):
-            found += map(int, children.read_text(encoding="ascii").split())
-    return found
-
-
 def read_cpu_s(*pids: int) -> float:
     """Return the CPU time that processes have used; /proc counts it in hundredths of a second."""
     scheduled = 2
@@ -196,7 +188,7 @@ class Service:
 def serving(data: Path, database_url: str | None = None, *, workers: int = 1) -> Iterator[Service]:
     """Run `python -m service` on a database, new unless one is there, without a broker: hints go nowhere."""
     data.mkdir(exist_ok=True)
-    port = find_port()
+    port = pick_port()
     environment = {
         **make_environment(data),
         "STILB_PORT": str(port),
@@ -209,14 +201,8 @@ def serving(data: Path, database_url: str | None = None, *, workers: int = 1) ->
     log = data / "service.log"
     with log.open("wb") as file, running(["-m", "service"], environment, file) as process:
         url = f"http://127.0.0.1:{port}"
-        await_answer(f"{url}/readyz", process, log)
+        await_answer(f"{url}/readyz", log)
         yield Service(url=url, pid=process.pid)
-
-
-def find_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def make_environment(data: Path) -> dict[str, str]:
@@ -239,12 +225,10 @@ def running(
         process.communicate()
 
 
-def await_answer(url: str, process: "subprocess.Popen[bytes]", log: Path) -> None:
-    deadline = time.monotonic() + _READY_WITHIN_S
-    while time.monotonic() < deadline and process.poll() is None:
-        try:
-            if httpx.get(url, timeout=5).is_success:
-                return
-        except httpx.TransportError:
-            time.sleep(0.05)
-    raise RuntimeError(f"it did not start: {log.read_text(errors='replace')[-2000:]}")
+def await_answer(url: str, log: Path) -> None:
+    def answers() -> bool:
+        with suppress(httpx.TransportError):
+            return httpx.get(url, timeout=5).is_success
+        return False
+
+    wait_for(answers, url, timeout_s=180.0, seen=lambda: log.read_text(errors="replace")[-2000:])

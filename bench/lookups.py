@@ -3,18 +3,18 @@
 import csv
 import hashlib
 import io
-import itertools
 import json
 import os
-import selectors
 import socket
 import statistics
 import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from datetime import UTC, datetime, timedelta
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -41,6 +41,7 @@ from store.tables import (
     Publication,
     Slot,
 )
+from tests.support.ports import pick_port
 from tests.support.postgres import PostgresServer
 
 _CONNECTIONS = 4
@@ -123,32 +124,21 @@ def _ask(url: str, paths: Sequence[str], *, count: int) -> Seconds:
     """
     parts = urlsplit(url)
     head = f" HTTP/1.1\r\nHost: {parts.netloc}\r\nAuthorization: Bearer {harness.KEY}\r\n\r\n"
-    requests = itertools.cycle([f"GET {path}{head}".encode() for path in paths])
-    seconds: Seconds = []
-    began: dict[socket.socket, float] = {}
-    received: dict[socket.socket, bytes] = {}
-    with selectors.DefaultSelector() as selector:
 
-        def send(connection: socket.socket) -> None:
-            received[connection] = b""
-            began[connection] = time.perf_counter()
-            connection.sendall(next(requests))
+    def ask_often(first: int) -> Seconds:
+        seconds: Seconds = []
+        with socket.create_connection((parts.hostname or "", parts.port or 80)) as connection:
+            for number in range(first, count, _CONNECTIONS):
+                began = time.perf_counter()
+                connection.sendall(f"GET {paths[number % len(paths)]}{head}".encode())
+                answer = connection.recv(1 << 18)
+                while not _is_whole(answer):
+                    answer += connection.recv(1 << 18)
+                seconds.append(time.perf_counter() - began)
+        return seconds
 
-        for _ in range(_CONNECTIONS):
-            connection = socket.create_connection((parts.hostname or "", parts.port or 80))
-            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            selector.register(connection, selectors.EVENT_READ)
-            send(connection)
-        while len(seconds) < count:
-            for key, _ in selector.select():
-                connection = key.fileobj  # type: ignore[assignment]
-                received[connection] += connection.recv(1 << 18)
-                if _is_whole(received[connection]):
-                    seconds.append(time.perf_counter() - began[connection])
-                    send(connection)
-        for connection in received:
-            connection.close()
-    return seconds[:count]
+    with ThreadPoolExecutor(_CONNECTIONS) as threads:
+        return list(chain.from_iterable(threads.map(ask_often, range(_CONNECTIONS))))
 
 
 def _is_whole(answer: bytes) -> bool:
@@ -208,7 +198,7 @@ def _measure_series(scale: Scale, service: Service, lookup: str) -> Iterator[boo
 @contextmanager
 def _serving_bare(service: Service, address: str, data: Path) -> Iterator[str]:
     """Serve what the service answers there from memory: the least that can answer."""
-    answer, port = data / "bare.json", harness.find_port()
+    answer, port = data / "bare.json", pick_port()
     answer.write_bytes(
         httpx.get(f"{service.url}{address}", headers=harness.HEADERS).raise_for_status().content
     )
@@ -217,9 +207,9 @@ def _serving_bare(service: Service, address: str, data: Path) -> Iterator[str]:
     environment = harness.make_environment(data) | {"BARE": str(answer), "PYTHONWARNINGS": "ignore"}
     with (
         log.open("wb") as file,
-        harness.running([*words, "--log-level", "error"], environment, file) as process,
+        harness.running([*words, "--log-level", "error"], environment, file),
     ):
-        harness.await_answer(f"http://127.0.0.1:{port}{address}", process, log)
+        harness.await_answer(f"http://127.0.0.1:{port}{address}", log)
         yield f"http://127.0.0.1:{port}"
 
 
@@ -239,7 +229,7 @@ def _fill(database: Database, *, coefficients: int, first: int) -> list[str]:
     with database.writing("bench") as session:
         organisation = session.query(Organisation).filter(Organisation.operator).one().id
         made = (each for camera in cameras for each in _make_camera(organisation, camera))
-        while page := list(itertools.islice(made, 20_000)):
+        while page := list(islice(made, 20_000)):
             rows: dict[type[Base], list[Row]] = {}
             for table, row in page:
                 rows.setdefault(table, []).append(row)

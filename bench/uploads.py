@@ -178,21 +178,8 @@ def cut_lines(
     lasts_s: float = 8.0,
 ) -> list[bool]:
     """Send files, each of which takes so long, over a line that is reset, silent, or loses the service."""
-    with deployment.team() as team:
-        return _cut(deployment, team, send, folder, kinds, file_bytes, file_bytes / lasts_s)
-
-
-def _cut(
-    deployment: Deployment,
-    team: Team,
-    send: Callable[[Team, str, str, Path], None],
-    folder: Path,
-    kinds: Sequence[str],
-    file_bytes: int,
-    rate: float,
-) -> list[bool]:
     rng = Random(1)  # noqa: S311
-    campaign, over = team.campaign().id, threading.Event()
+    over = threading.Event()
     waits_s: list[float] = []
     host, port = deployment.url.removeprefix("http://").split(":")
     path = folder / "cut.DNG"
@@ -209,7 +196,12 @@ def _cut(
                 wrong += sender.get(f"/v1/frames/{there.frame_id}/content").content != content
         return files, wrong
 
-    with Proxy((host, int(port)), rate=rate) as line, ThreadPoolExecutor(1) as pool:
+    with (
+        deployment.team() as team,
+        Proxy((host, int(port)), rate=file_bytes / lasts_s) as line,
+        ThreadPoolExecutor(1) as pool,
+    ):
+        campaign = team.campaign().id
         sending = pool.submit(send_all)
 
         def wait(condition: Callable[[], bool]) -> None:

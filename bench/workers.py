@@ -4,8 +4,9 @@ import os
 import subprocess
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 
 import redis
@@ -20,9 +21,11 @@ from store.migrate import migrate
 from store.tables import Job, Organisation
 from store.tables.base import new_id
 from tests.support.postgres import PostgresServer
+from tests.support.processes import family
+from tests.support.waiting import wait_for
 
-_WITHIN_S = 300.0
 _NEWCOMER = "org_newcomer"
+_wait_until = partial(wait_for, timeout_s=300.0)
 
 
 class _Queue:
@@ -171,7 +174,7 @@ def _wait_beside_a_worker(queue: _Queue, scale: Scale, folder: Path) -> Iterator
         queue.add(scale.waiting_jobs, lane="extract")
         _wait_until(lambda: queue.count(Job.waits_for.is_not(None)) > 0)
         time.sleep(min(1.0, scale.waits_s))
-        worker = harness.list_tree(parent)
+        worker = family(parent)
         before_s, before = harness.read_cpu_s(*worker), count_messages()
         time.sleep(scale.waits_s)
         percent, sent = (
@@ -193,7 +196,7 @@ def run_start(scale: Scale) -> list[bool]:
                 seconds.append(time.perf_counter() - began)
                 if number == scale.starts:
                     time.sleep(min(8.0, scale.rests_s))
-                    tree = harness.list_tree(pid)
+                    tree = family(pid)
                     before_s = harness.read_cpu_s(*tree)
                     time.sleep(scale.rests_s)
                     percent = 100 * (harness.read_cpu_s(*tree) - before_s) / scale.rests_s
@@ -215,11 +218,3 @@ def up(data: Path) -> Iterator[int]:
         if not (launcher.stdout and launcher.stdout.readline().startswith(b"ready")):
             raise RuntimeError("the service did not start")
         yield launcher.pid
-
-
-def _wait_until(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + _WITHIN_S
-    while not condition():
-        if time.monotonic() > deadline:
-            raise TimeoutError("the queue is not as it should be")
-        time.sleep(0.01)
