@@ -33,12 +33,14 @@ _DRAWN_NUMBERS = text("SELECT nextval('audit_entry_number') FROM generate_series
 def record_changes(session: Session, _context: object) -> None:
     """Note an audit entry for each audited row that a flush has just inserted, changed or deleted."""
     entries = [_entry(session, row, "create") for row in session.new if isinstance(row, Audited)]
-    entries += [_entry(session, row, "change") for row in session.dirty if _is_changed(session, row)]
+    changed = (row for row in session.dirty if isinstance(row, Audited) and session.is_modified(row))
+    entries += [_entry(session, row, "change") for row in changed]
     entries += [_entry(session, row, "delete") for row in session.deleted if isinstance(row, Audited)]
     entries += _entries_together(session, [row for row in session.new if isinstance(row, AuditedTogether)])
     session.info.setdefault("audit_entries", []).extend(entries)
     for founded in [row.id for row in session.new if isinstance(row, Organisation)]:
-        _begin_chain(session, founded)
+        start = select(literal(founded), AuditHead.seq, AuditHead.sha256)
+        session.execute(insert(AuditChain).from_select(["name", "seq", "sha256"], start))
 
 
 def record_act(
@@ -70,11 +72,6 @@ def name_chain(organisation_id: str | None) -> str:
     return organisation_id or ""
 
 
-def _begin_chain(session: Session, organisation_id: str) -> None:
-    start = select(literal(organisation_id), AuditHead.seq, AuditHead.sha256)
-    session.execute(insert(AuditChain).from_select(["name", "seq", "sha256"], start))
-
-
 def _lock_chain(session: Session, mine: ColumnElement[bool], count: int) -> list[Any]:
     """Return a chain's last link, and the next numbers, drawn behind its lock: they rise in each chain."""
     link = select(AuditChain.sha256).where(mine)
@@ -86,11 +83,6 @@ def _lock_chain(session: Session, mine: ColumnElement[bool], count: int) -> list
     return [sha256, *session.scalars(_DRAWN_NUMBERS, {"count": count})]
 
 
-def forget_entries(session: Session) -> None:
-    """Drop the entries of what was rolled back: it was never done."""
-    session.info.pop("audit_entries", None)
-
-
 def digest(entry: Mapping[str, Any]) -> str:
     """The hash of an entry: over its place, its content and the hash before it."""
     covered = {name: entry[name] for name in _COVERED} | {"at": entry["at"].isoformat()}
@@ -99,7 +91,8 @@ def digest(entry: Mapping[str, Any]) -> str:
 
 def digest_value(value: Any) -> str:  # noqa: ANN401
     """The hash of what a column holds, as it comes back from either database."""
-    return hashlib.sha256(json.dumps(_as_kept(value), sort_keys=True).encode()).hexdigest()
+    kept = json.loads(json.dumps(_plain(value)))
+    return hashlib.sha256(json.dumps(kept, sort_keys=True).encode()).hexdigest()
 
 
 def digest_row(row: Base, names: Iterable[str]) -> str:
@@ -118,26 +111,17 @@ def _as_column_keeps(column: Column[Any], value: Any) -> Any:  # noqa: ANN401
     return float(value) + 0.0 if isinstance(column.type, Float) and value is not None else value
 
 
-def _as_kept(value: Any) -> Any:  # noqa: ANN401
-    return json.loads(json.dumps(_plain(value)))
-
-
-def _is_changed(session: Session, row: object) -> bool:
-    return isinstance(row, Audited) and session.is_modified(row)
-
-
 def _entries_together(session: Session, rows: list[Any]) -> list[dict[str, Any]]:
     parts: dict[tuple[type[Base], str], list[Base]] = defaultdict(list)
     for row in rows:
         parts[type(row), str(inspect(row).mapper.primary_key_from_instance(row)[0])].append(row)
-    return [_entry_together(session, of_one) for of_one in parts.values()]
-
-
-def _entry_together(session: Session, rows: list[Base]) -> dict[str, Any]:
-    # the columns are named, because a later version's table may have more
-    names = sorted(attribute.key for attribute in inspect(type(rows[0])).column_attrs)
-    hashes = {name_part(row): digest_row(row, names) for row in rows}
-    return _named(session, rows[0], "create", {}, {"columns": names, "rows": hashes})
+    entries = []
+    for (kind, _), of_one in parts.items():
+        # the columns are named, because a later version's table may have more
+        names = sorted(attribute.key for attribute in inspect(kind).column_attrs)
+        said = {"columns": names, "rows": {name_part(row): digest_row(row, names) for row in of_one}}
+        entries.append(_named(session, of_one[0], "create", {}, said))
+    return entries
 
 
 def _entry(session: Session, row: Audited, verb: str) -> dict[str, Any]:

@@ -64,7 +64,8 @@ class _Comparison:
         self._name = table.__tablename__
         self._report = report
         self._columns = list(inspect(table).columns)
-        self._first, *self._rest = _key_names(table)
+        mapper = inspect(table)
+        self._first, *self._rest = (mapper.get_property_by_column(each).key for each in mapper.primary_key)
         self._recorded_from = session.scalar(
             select(func.min(AuditEntry.at)).where(AuditEntry.subject_type == self._name)
         )
@@ -221,21 +222,13 @@ def _replay(entries: list[Any], key: list[str]) -> dict[_Key, _State]:
 def _is_same(value: Any, known: Any, column: Any) -> bool:  # noqa: ANN401
     if known is _MISSING:
         # absent in an entry is None, or the default of a column that was added later
-        return value is None or value in ([], {}) or value == _default(column)
+        default = column.default.arg if column.default is not None and column.default.is_scalar else _MISSING
+        return value is None or value in ([], {}) or value == default
     if isinstance(value, datetime) and isinstance(column.type, UtcDateTime):
         return isinstance(known, str) and datetime.fromisoformat(known) == value
     if isinstance(value, date) and isinstance(column.type, Date):
         return bool(known == value.isoformat())
     return (type(value) is not bool and type(known) is not bool and value == known) or value is known
-
-
-def _default(column: Any) -> Any:  # noqa: ANN401
-    return column.default.arg if column.default is not None and column.default.is_scalar else _MISSING
-
-
-def _key_names(table: type[Base]) -> list[str]:
-    mapper = inspect(table)
-    return [mapper.get_property_by_column(column).key for column in mapper.primary_key]
 
 
 def _born(row_id: str) -> datetime:

@@ -53,7 +53,11 @@ def check_backup(folder: Path, *, database_url: str = "", blobs_url: str = "") -
                 migrate(database)
             with database.reading() as session:
                 require_own_schema(session)
-            rows = _check_rows(database)
+            _, fault = check_audit(database)
+            if fault is not None:
+                rows = [f"the audit trail is broken at entry {fault.seq}: {fault.what}"]
+            else:
+                rows = check_rows(database).faults
         except (_Unusable, NewerSchema) as found:
             return Proven(faults=(f"the database: {found}",))
         except (SQLAlchemyError, sqlite3.Error) as error:
@@ -80,16 +84,8 @@ def _copy_database(folder: Path, target: Path) -> Path:
     return copy
 
 
-def _check_rows(database: Database) -> tuple[str, ...]:
-    _, fault = check_audit(database)
-    if fault is not None:
-        return (f"the audit trail is broken at entry {fault.seq}: {fault.what}",)
-    return tuple(check_rows(database).faults)
-
-
-def _check_files(database: Database, blobs: Blobs, faults: tuple[str, ...]) -> Proven:
+def _check_files(database: Database, blobs: Blobs, found: list[str]) -> Proven:
     files = size_bytes = 0
-    found = list(faults)
     for sha256, size in _list_files(database):
         try:
             blobs.prove(sha256, lambda _size: None)

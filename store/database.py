@@ -196,8 +196,7 @@ class Database:
             session.info["organisation_id"] = organisation_id
             event.listen(session, "after_flush", audit.record_changes)
             event.listen(session, "after_flush", revisions.note_changes)
-            event.listen(session, "after_rollback", audit.forget_entries)
-            event.listen(session, "after_rollback", revisions.forget_changes)
+            event.listen(session, "after_rollback", _forget_noted)
             if self._guarded:
                 require_own_schema(session)
             yield session
@@ -216,6 +215,12 @@ class Database:
             self._asking.close()
         self._reader.dispose()
         self._writer.dispose()
+
+
+def _forget_noted(session: Session) -> None:
+    """Forget what was noted of changes that were rolled back: they were never made."""
+    for name in ("audit_entries", "changes"):
+        session.info.pop(name, None)
 
 
 def read_plainly(session: Session, wanted: Executable) -> list[Any]:

@@ -70,7 +70,9 @@ class Files:
 
     def find_absent(self, sizes: Mapping[str, int]) -> set[str]:
         """Return which files are damaged or not there, and mark those that are found missing."""
-        damaged = set(self._read_damage(sizes))
+        known = select(Blob.sha256).where(Blob.sha256.in_(sizes), Blob.damage.is_not(None))
+        with self._database.reading() as session:
+            damaged = set(session.scalars(known))
         began = utc_now()
         absent = self._blobs.find_absent({name: size for name, size in sizes.items() if name not in damaged})
         for sha256 in absent:
@@ -82,7 +84,7 @@ class Files:
         with self._database.reading() as session:
             size_bytes, digests, damage = session.execute(columns).one()
         if damage is not None:
-            raise _error(sha256, damage)
+            raise BlobMissing(sha256) if damage == "missing" else BlobDamaged(sha256)
         if digests is None:
             return self.prove(sha256)
         return StoredBlob(sha256, size_bytes, digests)
@@ -112,19 +114,9 @@ class Files:
                 _change_damage(session, row, damage)
         return True
 
-    def _read_damage(self, names: Mapping[str, int]) -> dict[str, Damage]:
-        rows = select(Blob.sha256, Blob.damage).where(Blob.sha256.in_(names), Blob.damage.is_not(None))
-        with self._database.reading() as session:
-            return {row[0]: row[1] for row in session.execute(rows) if row[1] is not None}
-
-
-def keep_blob(session: Session, blob: StoredBlob) -> None:
-    """Add the row of a file that has just been stored; one that was there before is whole again."""
-    keep_blobs(session, [blob])
-
 
 def keep_blobs(session: Session, blobs: Iterable[StoredBlob]) -> set[str]:
-    """Do so for several files, of which some may be the same; return the hashes of those that are new."""
+    """Add the rows of stored files, some perhaps the same; return the new hashes. Others are whole again."""
     stored = {blob.sha256: blob for blob in blobs}
     # in one order, so that two who bring the same files do not wait for each other
     rows = [
@@ -163,28 +155,20 @@ def find_proof_age_s(session: Session) -> float:
     return (utc_now() - oldest).total_seconds() if oldest else 0.0
 
 
-def _error(sha256: str, damage: Damage) -> BlobDamaged:
-    return BlobMissing(sha256) if damage == "missing" else BlobDamaged(sha256)
-
-
 def _keep_whole(session: Session, row: Blob, blob: StoredBlob) -> None:
     """Note that all of a file has just been proven; whatever failed for its damage goes on."""
     row.digests, row.proven_at = blob.digests, utc_now()
     if row.damage is not None:
         _change_damage(session, row, None)
-        _retry_jobs(session, blob.sha256)
+        # a job names the file that it lacked in its error
+        for_its_damage = Job.error["code"].as_string() == interface.STORED_FILE_DAMAGED
+        if retried := jobs.retry(session, for_its_damage & (Job.error["sha256"].as_string() == blob.sha256)):
+            add_jobs(session, retried)
 
 
 def _change_damage(session: Session, row: Blob, damage: Damage | None) -> None:
     before, row.damage = row.damage, damage
     record_act(session, "damage" if damage else "heal", row, {"damage": before}, {"damage": damage})
-
-
-def _retry_jobs(session: Session, sha256: str) -> None:
-    """Queue what failed because of this file; a job names the file that it lacked in its error."""
-    for_its_damage = Job.error["code"].as_string() == interface.STORED_FILE_DAMAGED
-    if retried := jobs.retry(session, for_its_damage & (Job.error["sha256"].as_string() == sha256)):
-        add_jobs(session, retried)
 
 
 SIDE_PX: Final = 160

@@ -1,6 +1,7 @@
 """The revision of a campaign rises with every change that its review depends on, in the same transaction."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 from sqlalchemy import ColumnElement, insert, or_, select, update
@@ -33,26 +34,31 @@ _SHARED: dict[type, Callable[[Any], ColumnElement[bool]]] = {
 }
 
 
-_NOTED = (
-    *("changed_campaigns", "changed_of_campaigns", "campaigns_changed_themselves"),
-    *("changed_frames", "changed_of_frames"),
-)
+@dataclass
+class _Noted:
+    """Changes that a transaction has flushed."""
+
+    own: set[str] = field(default_factory=set)
+    shared: set[tuple[type, Any]] = field(default_factory=set)
+    whole: set[str] = field(default_factory=set)
+    """Campaigns that have changed themselves."""
+    frames: dict[str, str] = field(default_factory=dict)
+    """Their campaigns."""
+    of_frames: set[str] = field(default_factory=set)
+
+
 _STAMP = ("frame_id", "campaign_id", "revision")
 
 
 def note_changes(session: Session, _context: object) -> None:
     """Note the campaigns that a flush has just changed."""
     rows = [*session.new, *session.deleted, *(row for row in session.dirty if session.is_modified(row))]
-    frames = session.info.setdefault("changed_frames", {})
-    frames |= {row.id: row.campaign_id for row in rows if isinstance(row, FrameRow)}
-    of_frames = session.info.setdefault("changed_of_frames", set())
-    of_frames |= {row.frame_id for row in rows if isinstance(row, Extraction)}
-    whole = session.info.setdefault("campaigns_changed_themselves", set())
-    whole |= {row.id for row in rows if isinstance(row, Campaign)}
-    own = session.info.setdefault("changed_campaigns", set())
-    own |= {_OWN[type(row)](row) for row in rows if type(row) in _OWN}
-    shared = {(type(row), row) for row in rows if type(row) in _SHARED}
-    session.info.setdefault("changed_of_campaigns", set()).update(shared)
+    noted: _Noted = session.info.setdefault("changes", _Noted())
+    noted.frames |= {row.id: row.campaign_id for row in rows if isinstance(row, FrameRow)}
+    noted.of_frames |= {row.frame_id for row in rows if isinstance(row, Extraction)}
+    noted.whole |= {row.id for row in rows if isinstance(row, Campaign)}
+    noted.own |= {_OWN[type(row)](row) for row in rows if type(row) in _OWN}
+    noted.shared |= {(type(row), row) for row in rows if type(row) in _SHARED}
     new = [{"campaign_id": row.id} for row in session.new if isinstance(row, Campaign)]
     if new:
         session.execute(insert(CampaignReview), new)
@@ -60,10 +66,9 @@ def note_changes(session: Session, _context: object) -> None:
 
 def raise_revisions(session: Session) -> None:
     """Raise the revision of each campaign that was noted; called before the audit entries are chained."""
-    changed: set[str] = session.info.pop("changed_campaigns", set())
-    shared = session.info.pop("changed_of_campaigns", set())
-    where = [_SHARED[kind](row) for kind, row in shared]
-    if where:
+    noted: _Noted = session.info.pop("changes", _Noted())
+    changed = noted.own
+    if where := [_SHARED[kind](row) for kind, row in noted.shared]:
         changed |= set(session.scalars(select(Campaign.id).where(or_(*where))))
     if not changed:
         return
@@ -77,15 +82,12 @@ def raise_revisions(session: Session) -> None:
         raised.returning(CampaignReview.campaign_id, CampaignReview.revision)
     )
     revisions: dict[str, int] = {row[0]: row[1] for row in revised}
-    whole: set[str] = session.info.pop("campaigns_changed_themselves", set())
-    # its time zone holds for all frames
-    whole |= changed if any(kind is Organisation for kind, _ in shared) else set()
-    if whole:
+    # an organisation's time zone holds for all frames
+    if whole := noted.whole | (changed if any(kind is Organisation for kind, _ in noted.shared) else set()):
         themselves = update(CampaignReview).where(CampaignReview.campaign_id.in_(whole))
         session.execute(themselves.values(whole_revision=CampaignReview.revision))
-    frames: dict[str, str] = session.info.pop("changed_frames", {})
-    described: set[str] = session.info.pop("changed_of_frames", set()) - frames.keys()
-    if described:
+    frames = noted.frames
+    if described := noted.of_frames - frames.keys():
         found = select(FrameRow.id, FrameRow.campaign_id).where(FrameRow.id.in_(described))
         frames |= {row[0]: row[1] for row in session.execute(found)}
     stamp_frames(
@@ -103,9 +105,3 @@ def stamp_frames(session: Session, stamps: Sequence[tuple[str, str, int]]) -> No
             added.on_conflict_do_update(index_elements=[FrameChange.frame_id], set_=newer),
             [dict(zip(_STAMP, each, strict=True)) for each in some],
         )
-
-
-def forget_changes(session: Session) -> None:
-    """Forget what was rolled back."""
-    for noted in _NOTED:
-        session.info.pop(noted, None)

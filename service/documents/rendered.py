@@ -81,7 +81,7 @@ def render_and_keep(context: Context, source: str, order: bytes) -> bytes:
             writer.write(rendered)
             blob = writer.commit()
         with context.database.writing("rendering") as session:
-            files.keep_blob(session, blob)
+            files.keep_blobs(session, [blob])
             session.merge(Rendering(source_sha256=source, sha256=blob.sha256))
     except (SQLAlchemyError, StorageFull, StorageUnavailable) as error:
         log.warning("a rendered file is not kept: %s", error)

@@ -65,17 +65,14 @@ class PieceDigester:
             self._hash.update(taken)
             self._missing -= len(taken)
             if not self._missing:
-                self._close_piece()
+                self._done.append(self._hash.digest())
+                self._hash.reset()
+                self._missing = PIECE_BYTES
 
     def digests(self) -> bytes:
         """Return the digests of all that was taken, joined in the order of the pieces."""
         last = [self._hash.digest()] if self._missing < PIECE_BYTES else []
         return b"".join([*self._done, *last])
-
-    def _close_piece(self) -> None:
-        self._done.append(self._hash.digest())
-        self._hash.reset()
-        self._missing = PIECE_BYTES
 
 
 @dataclass(frozen=True)

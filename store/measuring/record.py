@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 from radiometry.frame.roi import Polygon
 from radiometry.records import Record
 from store.blobs import StoredBlob
-from store.files import keep_blob
+from store.files import keep_blobs
 from store.ready.rows import make_measured
 from store.software import MEASURER, read_version
 from store.tables import Blob, Calibration, Camera, Campaign, FrameRow, MeasuredRow, Measurement
@@ -70,8 +70,8 @@ def write_measurement(
     by: str,
 ) -> Measurement:
     """Write it once; the same content again is the measurement that exists."""
-    for blob in (products.tif, products.png) if products else ():
-        keep_blob(session, blob)
+    if products:
+        keep_blobs(session, [products.tif, products.png])
     found = find_measurement(session, frame, calibration, parameters)
     if found is not None:
         return found

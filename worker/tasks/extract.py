@@ -19,7 +19,7 @@ from store import tables
 from store.blobs import StoredBlob, StoredFile
 from store.blobs.proof import BlobDamaged
 from store.codec import decode, decode_header, encode, encode_statistics
-from store.files import keep_blob, keep_small_previews, reduce_preview
+from store.files import keep_blobs, keep_small_previews, reduce_preview
 from store.jobs import Claim, enqueue_extraction
 from store.queries import campaigns, frames, usage
 from store.tables import Blob, Campaign, Extraction, FrameRow, Roi
@@ -315,7 +315,7 @@ def _store(session: Session, subject: _Subject, found: _Found) -> dict[str, Any]
     frame = session.get_one(FrameRow, subject.frame.id, with_for_update=True)
     campaign = session.get_one(Campaign, frame.campaign_id)
     if found.preview is not None:
-        keep_blob(session, found.preview.blob)
+        keep_blobs(session, [found.preview.blob])
         keep_small_previews(session, {found.preview.blob.sha256: found.preview.small})
         frame.preview_sha256 = found.preview.blob.sha256
     frame.header, frame.proof = encode(found.header), encode(found.proof)
