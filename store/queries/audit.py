@@ -9,45 +9,28 @@ from sqlalchemy import Select, select
 from sqlalchemy.orm import Session
 
 from radiometry.methods import get_method
+from store import tables
 from store.database import Database
-from store.tables import (
-    ApiKey,
-    AuditEntry,
-    Calibration,
-    Camera,
-    Campaign,
-    Extraction,
-    FrameRow,
-    Manifest,
-    Measurement,
-    Meter,
-    Organisation,
-    Panel,
-    Publication,
-    Reading,
-    Rig,
-    WebSession,
-)
 
 _PAGE = 1000
 _RECENT = 20
 
 NAMES: dict[str, tuple[Any, Callable[[Any], str | None], str | None]] = {
-    "cal": (Calibration, lambda row: f"{get_method(row.method).label}, version {row.version}", "id"),
-    "cam": (Camera, lambda row: f"{row.make} {row.model} {row.serial}", "id"),
-    "cmp": (Campaign, lambda row: row.project_number, "id"),
-    "ext": (Extraction, lambda _: None, "frame_id"),
-    "frm": (FrameRow, lambda row: row.filename, "campaign_id"),
-    "key": (ApiKey, lambda row: row.name, None),
-    "man": (Manifest, lambda _: None, "campaign_id"),
-    "met": (Meter, lambda row: f"{row.make} {row.model} {row.serial}", None),
-    "msr": (Measurement, lambda _: None, "id"),
-    "org": (Organisation, lambda row: row.name, None),
-    "pnl": (Panel, lambda row: row.serial, None),
-    "pub": (Publication, lambda _: None, "calibration_id"),
-    "rdg": (Reading, lambda row: row.scene, "campaign_id"),
-    "rig": (Rig, lambda row: row.name, "id"),
-    "ses": (WebSession, lambda _: None, "key_id"),
+    "cal": (tables.Calibration, lambda row: f"{get_method(row.method).label}, version {row.version}", "id"),
+    "cam": (tables.Camera, lambda row: f"{row.make} {row.model} {row.serial}", "id"),
+    "cmp": (tables.Campaign, lambda row: row.project_number, "id"),
+    "ext": (tables.Extraction, lambda _: None, "frame_id"),
+    "frm": (tables.FrameRow, lambda row: row.filename, "campaign_id"),
+    "key": (tables.ApiKey, lambda row: row.name, None),
+    "man": (tables.Manifest, lambda _: None, "campaign_id"),
+    "met": (tables.Meter, lambda row: f"{row.make} {row.model} {row.serial}", None),
+    "msr": (tables.Measurement, lambda _: None, "id"),
+    "org": (tables.Organisation, lambda row: row.name, None),
+    "pnl": (tables.Panel, lambda row: row.serial, None),
+    "pub": (tables.Publication, lambda _: None, "calibration_id"),
+    "rdg": (tables.Reading, lambda row: row.scene, "campaign_id"),
+    "rig": (tables.Rig, lambda row: row.name, "id"),
+    "ses": (tables.WebSession, lambda _: None, "key_id"),
 }
 """By the beginning of an id: its table, its own name, and the column of what it is about."""
 
@@ -58,25 +41,27 @@ def select_entries(
     start: datetime | None = None,
     end: datetime | None = None,
     **equal: str | None,
-) -> Select[AuditEntry]:
+) -> Select[tables.AuditEntry]:
     """Return the query of an organisation's entries from `start` until before `end`, with these values."""
     chosen = {name: value for name, value in equal.items() if value is not None}
-    rows = select(AuditEntry).filter_by(organisation_id=organisation_id, **chosen)
+    rows = select(tables.AuditEntry).filter_by(organisation_id=organisation_id, **chosen)
     if start is not None:
-        rows = rows.where(AuditEntry.at >= start)
-    return rows if end is None else rows.where(AuditEntry.at < end)
+        rows = rows.where(tables.AuditEntry.at >= start)
+    return rows if end is None else rows.where(tables.AuditEntry.at < end)
 
 
-def read_entries(database: Database, rows: Select[AuditEntry]) -> Iterator[tuple[AuditEntry, dict[str, str]]]:
+def read_entries(
+    database: Database, rows: Select[tables.AuditEntry]
+) -> Iterator[tuple[tables.AuditEntry, dict[str, str]]]:
     """Read entries oldest first with the names of each, a page at a time; none that is appended meanwhile."""
     after, last = -1, None
     while True:
         with database.reading() as session:
-            last = last or session.scalar(rows.order_by(AuditEntry.seq.desc()).limit(1))
+            last = last or session.scalar(rows.order_by(tables.AuditEntry.seq.desc()).limit(1))
             if last is None:
                 return
-            within = rows.where(AuditEntry.seq > after, AuditEntry.seq <= last.seq)
-            page = list(session.scalars(within.order_by(AuditEntry.seq).limit(_PAGE)))
+            within = rows.where(tables.AuditEntry.seq > after, tables.AuditEntry.seq <= last.seq)
+            page = list(session.scalars(within.order_by(tables.AuditEntry.seq).limit(_PAGE)))
             named = name_entries(session, page)
         yield from zip(page, named, strict=True)
         if len(page) < _PAGE:
@@ -84,7 +69,7 @@ def read_entries(database: Database, rows: Select[AuditEntry]) -> Iterator[tuple
         after = page[-1].seq
 
 
-def name_entries(session: Session, entries: Sequence[AuditEntry]) -> list[dict[str, str]]:
+def name_entries(session: Session, entries: Sequence[tables.AuditEntry]) -> list[dict[str, str]]:
     """Return for each entry, where known: `actor_name`, `subject_name`, and the id `about_id` of its subject.
 
     What a row without a name is about gives it one: a session its key, a publication its version.
@@ -108,7 +93,11 @@ def name_entries(session: Session, entries: Sequence[AuditEntry]) -> list[dict[s
 
 def name_last_actor(session: Session, subject_id: str) -> str | None:
     """Return the name of the person who changed something last, if one did."""
-    rows = select(AuditEntry).where(AuditEntry.subject_id == subject_id).order_by(AuditEntry.seq.desc())
+    rows = (
+        select(tables.AuditEntry)
+        .where(tables.AuditEntry.subject_id == subject_id)
+        .order_by(tables.AuditEntry.seq.desc())
+    )
     named = name_entries(session, session.scalars(rows.limit(_RECENT)).all())
     return next((each["actor_name"] for each in named if "actor_name" in each), None)
 

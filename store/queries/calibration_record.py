@@ -14,33 +14,17 @@ from radiometry.frame.statistics import ChannelStatistics
 from radiometry.methods import get_method
 from radiometry.records import Record
 from radiometry.specification.application import FoundBy
+from store import tables
 from store.codec import decode, drop_absent, encode
 from store.queries import calibrations, organisations
 from store.queries.checklist import ChecklistItem, RecordState, read_checklist, read_signature
 from store.queries.frames import statistics_of
-from store.tables import (
-    ApiKey,
-    Blob,
-    Calibration,
-    Camera,
-    Campaign,
-    ChecklistSignature,
-    CoefficientRow,
-    Extraction,
-    FrameRow,
-    Meter,
-    Organisation,
-    Publication,
-    Reading,
-    Revocation,
-    Roi,
-)
 
 
 class MeterAsUsed(Record):
     """A meter with the certificate that it had when the version was made, whatever it has now."""
 
-    row: Meter
+    row: tables.Meter
     certificate: dict[str, Any]
 
 
@@ -68,37 +52,37 @@ class CalibrationRecord(Record):
     person's.
     """
 
-    calibration: Calibration
-    camera: Camera
-    campaign: Campaign
-    organisation: Organisation
+    calibration: tables.Calibration
+    camera: tables.Camera
+    campaign: tables.Campaign
+    organisation: tables.Organisation
     status: calibrations.VersionStatus
-    revocation: Revocation | None
+    revocation: tables.Revocation | None
     acts: list[calibrations.Act]
-    coefficients: list[CoefficientRow]
-    readings: list[Reading | None]
+    coefficients: list[tables.CoefficientRow]
+    readings: list[tables.Reading | None]
     meters: dict[str, MeterAsUsed]
     frames: dict[str, FrameAsUsed]
     checklist: list[ChecklistItem]
-    signature: ChecklistSignature | None
+    signature: tables.ChecklistSignature | None
     flight: list[datetime]
     names: dict[str, str]
     fitted_by: organisations.Person | None
 
 
 def read_calibration_record(
-    session: Session, calibration: Calibration, state: RecordState | None
+    session: Session, calibration: tables.Calibration, state: RecordState | None
 ) -> CalibrationRecord:
     """Collect it, as it stands now; what the version rests on, as it stood when it was made."""
-    campaign = session.get_one(Campaign, calibration.campaign_id)
+    campaign = session.get_one(tables.Campaign, calibration.campaign_id)
     readings = _readings_used(session, calibration)
     return CalibrationRecord(
         calibration=calibration,
-        camera=session.get_one(Camera, calibration.camera_id),
+        camera=session.get_one(tables.Camera, calibration.camera_id),
         campaign=campaign,
-        organisation=session.get_one(Organisation, calibration.organisation_id),
+        organisation=session.get_one(tables.Organisation, calibration.organisation_id),
         status=calibrations.read_version_statuses(session, [calibration.id])[calibration.id],
-        revocation=session.get(Revocation, calibration.id),
+        revocation=session.get(tables.Revocation, calibration.id),
         acts=_acts(session, calibration),
         coefficients=calibrations.coefficients_of(session, [calibration.id])[calibration.id],
         readings=readings,
@@ -108,28 +92,31 @@ def read_calibration_record(
         signature=read_signature(session, campaign),
         flight=calibrations.list_flight(session, calibration),
         names=organisations.name_people(session, calibration.organisation_id, unnamed=organisations.UNNAMED),
-        fitted_by=organisations.Person.behind(session.get(ApiKey, calibration.created_by)),
+        fitted_by=organisations.Person.behind(session.get(tables.ApiKey, calibration.created_by)),
     )
 
 
-def _acts(session: Session, calibration: Calibration) -> list[calibrations.Act]:
+def _acts(session: Session, calibration: tables.Calibration) -> list[calibrations.Act]:
     """The publishings of this version, oldest first."""
-    slots = select(Publication.slot_id).where(Publication.calibration_id == calibration.id)
+    slots = select(tables.Publication.slot_id).where(tables.Publication.calibration_id == calibration.id)
     acts = calibrations.list_publishings(session, slots)
     return [act for act in acts if act.publication.calibration_id == calibration.id]
 
 
-def _readings_used(session: Session, calibration: Calibration) -> list[Reading | None]:
+def _readings_used(session: Session, calibration: tables.Calibration) -> list[tables.Reading | None]:
     """Find the row of each meter reading that went in, also where it was withdrawn later."""
     if get_method(calibration.method).reference != "meter":
         return []
     rows = session.execute(
-        select(Reading, Meter)
-        .outerjoin(Meter, Meter.id == Reading.meter_id)
-        .where(Reading.campaign_id == calibration.campaign_id, Reading.created_at <= calibration.created_at)
-        .order_by(Reading.id.desc())
+        select(tables.Reading, tables.Meter)
+        .outerjoin(tables.Meter, tables.Meter.id == tables.Reading.meter_id)
+        .where(
+            tables.Reading.campaign_id == calibration.campaign_id,
+            tables.Reading.created_at <= calibration.created_at,
+        )
+        .order_by(tables.Reading.id.desc())
     )
-    waiting: dict[tuple[Any, ...], list[Reading]] = defaultdict(list)
+    waiting: dict[tuple[Any, ...], list[tables.Reading]] = defaultdict(list)
     for reading, meter in rows:
         name = f"{meter.make} {meter.model} {meter.serial}" if meter else None
         waiting[reading.scene, reading.quantity, reading.value, name].append(reading)
@@ -141,10 +128,10 @@ def _readings_used(session: Session, calibration: Calibration) -> list[Reading |
 
 
 def _meters_used(
-    session: Session, readings: list[Reading | None], calibration: Calibration
+    session: Session, readings: list[tables.Reading | None], calibration: tables.Calibration
 ) -> dict[str, MeterAsUsed]:
     ids = {reading.meter_id for reading in readings if reading and reading.meter_id}
-    meters = session.scalars(select(Meter).where(Meter.id.in_(ids)).order_by(Meter.id))
+    meters = session.scalars(select(tables.Meter).where(tables.Meter.id.in_(ids)).order_by(tables.Meter.id))
     certificates = {
         (used["kind"], used["make"], used["model"], used["serial"]): used.get("certificate", {})
         for used in calibration.inputs.get("meters", [])
@@ -157,25 +144,31 @@ def _meters_used(
     }
 
 
-def _frames_used(session: Session, calibration: Calibration) -> dict[str, FrameAsUsed]:
+def _frames_used(session: Session, calibration: tables.Calibration) -> dict[str, FrameAsUsed]:
     """The frames, each with the statistics that the fit read."""
     used = {frame["sha256"]: frame["roi_sha256"] for frame in calibration.inputs["frames"]}
-    header = FrameRow.header
+    header = tables.FrameRow.header
     rows = session.execute(
         select(
-            *(FrameRow.id, FrameRow.sha256, FrameRow.warnings, FrameRow.found, FrameRow.preview_sha256),
+            *(
+                tables.FrameRow.id,
+                tables.FrameRow.sha256,
+                tables.FrameRow.warnings,
+                tables.FrameRow.found,
+                tables.FrameRow.preview_sha256,
+            ),
             header["taken_at"].as_string().label("taken_at"),
             header["width_px"].as_integer().label("width_px"),
             header["height_px"].as_integer().label("height_px"),
-            Blob.size_bytes,
-            Extraction.id.label("extraction_id"),
-            *(Roi.id.label("roi_id"), Roi.sha256.label("roi_sha256")),
+            tables.Blob.size_bytes,
+            tables.Extraction.id.label("extraction_id"),
+            *(tables.Roi.id.label("roi_id"), tables.Roi.sha256.label("roi_sha256")),
         )
-        .join(Blob, Blob.sha256 == FrameRow.sha256)
-        .join(Extraction, Extraction.frame_id == FrameRow.id)
-        .join(Roi, Roi.id == Extraction.roi_id)
-        .where(FrameRow.campaign_id == calibration.campaign_id)
-        .where(Extraction.extractor == calibration.inputs["extractor"])
+        .join(tables.Blob, tables.Blob.sha256 == tables.FrameRow.sha256)
+        .join(tables.Extraction, tables.Extraction.frame_id == tables.FrameRow.id)
+        .join(tables.Roi, tables.Roi.id == tables.Extraction.roi_id)
+        .where(tables.FrameRow.campaign_id == calibration.campaign_id)
+        .where(tables.Extraction.extractor == calibration.inputs["extractor"])
     )
     mine = [row for row in rows if used.get(row.sha256) == row.roi_sha256]
     statistics = statistics_of(session, [row.extraction_id for row in mine])

@@ -10,25 +10,14 @@ from radiometry.fleet.determinations import Determination, Key, LeftOut, Source,
 from radiometry.fleet.drift import RigVersion
 from radiometry.methods import METHODS, get_method
 from radiometry.specification.exports import RigMember
+from store import tables
 from store.codec import decode, decode_header
 from store.fits import read_result
 from store.queries.calibrations import coefficients_of
-from store.tables import (
-    Calibration,
-    Camera,
-    Campaign,
-    CoefficientRow,
-    Extraction,
-    FrameRow,
-    Publication,
-    Revocation,
-    Rig,
-    Roi,
-)
 
 
 def list_determinations(
-    session: Session, cameras: Sequence[Camera], method: str, lenses: Mapping[str, str]
+    session: Session, cameras: Sequence[tables.Camera], method: str, lenses: Mapping[str, str]
 ) -> list[Determination]:
     """The coefficients of the cameras' published versions, not those revoked, by camera and version.
 
@@ -47,28 +36,28 @@ def list_determinations(
 
 
 def list_sources(
-    session: Session, cameras: Sequence[Camera], method: str, lenses: Mapping[str, str]
+    session: Session, cameras: Sequence[tables.Camera], method: str, lenses: Mapping[str, str]
 ) -> list[Source]:
     serials = {camera.id: camera.serial for camera in cameras}
     published = (
-        select(Publication.calibration_id, func.min(Publication.valid_from).label("valid_from"))
-        .group_by(Publication.calibration_id)
+        select(tables.Publication.calibration_id, func.min(tables.Publication.valid_from).label("valid_from"))
+        .group_by(tables.Publication.calibration_id)
         .subquery()
     )
     rows = session.execute(
         select(
-            Calibration.id,
-            Calibration.camera_id,
-            Calibration.campaign_id,
-            Calibration.configuration,
-            Campaign.started_at,
+            tables.Calibration.id,
+            tables.Calibration.camera_id,
+            tables.Calibration.campaign_id,
+            tables.Calibration.configuration,
+            tables.Campaign.started_at,
             published.c.valid_from,
         )
-        .join(published, published.c.calibration_id == Calibration.id)
-        .join(Campaign, Campaign.id == Calibration.campaign_id)
-        .where(Calibration.camera_id.in_(serials), Calibration.method == method)
-        .where(Calibration.id.not_in(select(Revocation.calibration_id)))
-        .order_by(Calibration.camera_id, Calibration.version)
+        .join(published, published.c.calibration_id == tables.Calibration.id)
+        .join(tables.Campaign, tables.Campaign.id == tables.Calibration.campaign_id)
+        .where(tables.Calibration.camera_id.in_(serials), tables.Calibration.method == method)
+        .where(tables.Calibration.id.not_in(select(tables.Revocation.calibration_id)))
+        .order_by(tables.Calibration.camera_id, tables.Calibration.version)
     ).all()
     written = _read_lenses(session, {row.campaign_id for row in rows})
     return [
@@ -88,18 +77,22 @@ def list_sources(
 def _read_lenses(session: Session, campaign_ids: set[str]) -> dict[str, str]:
     """The lens's serial number as each campaign's first frame states it; a lens stays on for a campaign."""
     first = (
-        select(func.min(FrameRow.id))
-        .where(FrameRow.campaign_id.in_(campaign_ids), FrameRow.state.in_(("read", "extracted")))
-        .group_by(FrameRow.campaign_id)
+        select(func.min(tables.FrameRow.id))
+        .where(
+            tables.FrameRow.campaign_id.in_(campaign_ids), tables.FrameRow.state.in_(("read", "extracted"))
+        )
+        .group_by(tables.FrameRow.campaign_id)
     )
-    rows = session.execute(select(FrameRow.campaign_id, FrameRow.header).where(FrameRow.id.in_(first)))
+    rows = session.execute(
+        select(tables.FrameRow.campaign_id, tables.FrameRow.header).where(tables.FrameRow.id.in_(first))
+    )
     headers = ((campaign_id, header or {}) for campaign_id, header in rows)
     return {
         campaign_id: header["lens_serial"] for campaign_id, header in headers if header.get("lens_serial")
     }
 
 
-def _key(row: CoefficientRow) -> Key:
+def _key(row: tables.CoefficientRow) -> Key:
     return Key(
         name=row.name,
         unit=row.unit,
@@ -114,36 +107,36 @@ def _key(row: CoefficientRow) -> Key:
 METHOD, SPEC = next((each.name, each.rig) for each in METHODS if each.rig)
 
 
-def list_cameras(session: Session, rig: Rig) -> list[Camera]:
+def list_cameras(session: Session, rig: tables.Rig) -> list[tables.Camera]:
     """The cameras of a rig, the reference first."""
-    return [session.get_one(Camera, camera_id) for camera_id in rig.camera_ids]
+    return [session.get_one(tables.Camera, camera_id) for camera_id in rig.camera_ids]
 
 
-def list_versions(session: Session, camera: Camera) -> tuple[list[RigVersion], tuple[LeftOut, ...]]:
+def list_versions(session: Session, camera: tables.Camera) -> tuple[list[RigVersion], tuple[LeftOut, ...]]:
     """The published versions of a camera that its rig's orientation can follow from, one per campaign."""
     kept, left_out = keep_repeats(list_sources(session, [camera], METHOD, {}))
     found = [
         RigVersion(
             version=source.version,
             at=source.at,
-            member=read_member(session, session.get_one(Calibration, source.version), camera),
+            member=read_member(session, session.get_one(tables.Calibration, source.version), camera),
         )
         for source in kept
     ]
     return found, left_out
 
 
-def read_member(session: Session, calibration: Calibration, camera: Camera) -> RigMember:
+def read_member(session: Session, calibration: tables.Calibration, camera: tables.Camera) -> RigMember:
     """A version with its frames; their scenes are as they are now, so that a wrong one can be corrected."""
     spec = get_method(calibration.method)
     names = {each["sha256"]: (each["frame"], each["roi_sha256"]) for each in calibration.inputs["frames"]}
     rows = session.execute(
-        select(FrameRow, Extraction.features, Roi.sha256)
-        .join(Extraction, Extraction.frame_id == FrameRow.id)
-        .join(Roi, Roi.id == Extraction.roi_id)
-        .where(FrameRow.campaign_id == calibration.campaign_id)
-        .where(Extraction.extractor == calibration.inputs["extractor"])
-        .order_by(FrameRow.id, Extraction.id)
+        select(tables.FrameRow, tables.Extraction.features, tables.Roi.sha256)
+        .join(tables.Extraction, tables.Extraction.frame_id == tables.FrameRow.id)
+        .join(tables.Roi, tables.Roi.id == tables.Extraction.roi_id)
+        .where(tables.FrameRow.campaign_id == calibration.campaign_id)
+        .where(tables.Extraction.extractor == calibration.inputs["extractor"])
+        .order_by(tables.FrameRow.id, tables.Extraction.id)
     )
     frames = {
         names[row.sha256][0]: FrameEvidence(
