@@ -201,7 +201,8 @@ class Restrictions:
     def __init__(self) -> None:
         self._linux = sys.platform == "linux"
         self._libc = ctypes.CDLL(None, use_errno=True)
-        self._landlock = self._ask_landlock() if self._linux else 0
+        version = (_LANDLOCK_CREATE_RULESET, None, 0, _LANDLOCK_VERSION)
+        self._landlock: int = max(0, self._libc.syscall(*version)) if self._linux else 0
         self._filter = build_filter(platform.machine()) if self._linux else []
 
     def die_with_parent(self) -> None:
@@ -235,10 +236,6 @@ class Restrictions:
         call = _SECCOMP[platform.machine()]
         done: int = self._libc.syscall(call, _SET_MODE_FILTER, _OF_ALL_THREADS, ctypes.byref(program))
         return done == 0
-
-    def _ask_landlock(self) -> int:
-        version: int = self._libc.syscall(_LANDLOCK_CREATE_RULESET, None, 0, _LANDLOCK_VERSION)
-        return max(0, version)
 
     def _restrict_files(self) -> bool:
         version = self._landlock

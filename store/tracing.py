@@ -2,10 +2,10 @@
 
 import logging
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import Any, Protocol
+from typing import Any
 
 from store.software import read_version
 
@@ -35,13 +35,8 @@ def present_request_id() -> str | None:
 log = logging.getLogger(__name__)
 
 
-class Note(Protocol):
-    """Adds attributes to a span, and names it better."""
-
-    def __call__(
-        self, known: Mapping[str, Any], *, name: str | None = None, failed: bool = False
-    ) -> None: ...
-
+Note = Callable[..., None]
+"""Adds attributes to a span, may name it better, and tell that it failed."""
 
 _EXPORTED_EVERY_MS = 1000
 _EXPORT_WITHIN_S = 5.0
@@ -77,7 +72,7 @@ def span(
 ) -> Iterator[Note]:
     """Trace what happens meanwhile, below the `traceparent` of a request or job if there is one."""
     if not (_tracers and wanted):
-        yield _forget
+        yield lambda _known, **_: None
         return
     from opentelemetry.propagate import extract  # noqa: PLC0415
     from opentelemetry.trace import SpanKind, StatusCode  # noqa: PLC0415
@@ -106,10 +101,6 @@ def present_traceparent() -> str | None:
     carrier: dict[str, str] = {}
     inject(carrier)
     return carrier.get("traceparent")
-
-
-def _forget(known: Mapping[str, Any], *, name: str | None = None, failed: bool = False) -> None:
-    """Drop what is noted: nothing is traced."""
 
 
 def _label(known: Mapping[str, Any]) -> dict[str, Any]:

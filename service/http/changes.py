@@ -126,8 +126,7 @@ def _run_all(
             charge(
                 session,
                 caller.organisation_id,
-                context.quotas,
-                context.partials,
+                context.settings,
                 sizes_bytes=sizes,
                 had_room=all(reply.had_room for reply in replies if reply.frame_bytes),
                 jobs=len(jobs),

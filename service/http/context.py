@@ -19,7 +19,6 @@ from store.blobs import Blobs
 from store.blobs.partials import Partials
 from store.database import Database
 from store.files import Files
-from store.queries.usage import Quotas
 from store.reviews import Reviews
 from store.settings import Settings
 
@@ -106,10 +105,6 @@ class Context(Record):
     def refused(self) -> counts.Attempts:
         """Requests without a key that is known, of which many are answered late."""
         return counts.Attempts(free=50)
-
-    @cached_property
-    def quotas(self) -> Quotas:
-        return Quotas.of(self.settings)
 
     @property
     def partials(self) -> Partials:

@@ -20,7 +20,7 @@ from service.http.problems import Problem, invalid, not_found
 from store.audit_check import check_chain
 from store.queries.audit import name_entries, read_entries, select_entries
 from store.queries.organisations import Person, create_key, end_sessions, has_other_admin, is_open, new_secret
-from store.queries.usage import Quotas, Used, read_usage
+from store.queries.usage import Used, read_usage
 from store.settings import Settings
 from store.tables import ApiKey, AuditEntry, Organisation, WebSession
 from store.tables.base import utc_now
@@ -62,12 +62,12 @@ class UsageAnswer(Answer):
     requests_in_minute_limit: int | None = None
 
     @classmethod
-    def of(cls, used: Used, quotas: Quotas, requests: int, settings: Settings) -> "UsageAnswer":
+    def of(cls, used: Used, requests: int, settings: Settings) -> "UsageAnswer":
         return cls.restate(
             used,
-            frames_limit=quotas.frames or None,
-            stored_bytes_limit=quotas.stored_bytes or None,
-            jobs_waiting_limit=quotas.jobs_waiting or None,
+            frames_limit=settings.quota_frames or None,
+            stored_bytes_limit=settings.quota_bytes or None,
+            jobs_waiting_limit=settings.quota_jobs_waiting or None,
             requests_in_minute=requests,
             requests_in_minute_limit=settings.quota_requests_per_minute or None,
         )
@@ -90,7 +90,7 @@ def get_organisation(caller: auth.Reader, context: UsesContext) -> Any:  # noqa:
     with context.database.reading() as session:
         row = session.get_one(Organisation, caller.organisation_id)
         used = read_usage(session, row.id)
-    usage = UsageAnswer.of(used, context.quotas, context.rates.used(row.id), context.settings)
+    usage = UsageAnswer.of(used, context.rates.used(row.id), context.settings)
     return OwnOrganisationAnswer.restate(row, usage=usage).respond()
 
 

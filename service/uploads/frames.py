@@ -31,7 +31,7 @@ from store.jobs import enqueue_extraction
 from store.queries.campaigns import Drawing, find_known, find_or_add_roi
 from store.queries.frames import NewFrame, extractions_of, find_or_add_frames, require_role, statistics_of
 from store.queries.jobs import find_reading_jobs
-from store.queries.usage import QuotaExceeded, check_room, recount_if_old
+from store.queries.usage import QuotaExceeded, check_room, limits_files, recount_if_old
 from store.reviews import judge_alone
 from store.tables import Blob, Campaign, FrameRow, Job
 
@@ -300,7 +300,7 @@ def admit(
 
     False where there is none and the file is not known yet. ``begin`` : takes the room that was found
     """
-    keeps = begin is not None and context.quotas.limits_files
+    keeps = begin is not None and limits_files(context.settings)
 
     def check() -> bool:
         database, by = context.database, (caller.key_id, caller.organisation_id)
@@ -311,8 +311,7 @@ def admit(
                 check_room(
                     session,
                     caller.organisation_id,
-                    context.quotas,
-                    context.partials,
+                    context.settings,
                     size_bytes=size_bytes,
                     keep=keeps,
                 )

@@ -194,15 +194,12 @@ def _fill(session: Session, queue: str) -> Iterator[Message]:
     turn = session.get_one(Turn, queue, with_for_update=True, populate_existing=True)
     held_back = is_held_back(session, queue)
     for _ in range(WINDOW - _count(session, sent)):
-        message = _retry_next(session, queue) if held_back else _serve_next(session, turn)
+        # what was tried while the file store was away is tried again, ever more seldom
+        away = of_queue(queue) & IS_QUEUED & Job.waits_for.is_not(None)
+        message = _mark_first(session, away) if held_back else _serve_next(session, turn)
         if message is None:
             return
         yield message
-
-
-def _retry_next(session: Session, queue: str) -> Message | None:
-    """Choose what was tried while the file store was away: it is tried again, ever more seldom."""
-    return _mark_first(session, of_queue(queue) & IS_QUEUED & Job.waits_for.is_not(None))
 
 
 def _serve_next(session: Session, turn: Turn) -> Message | None:

@@ -7,7 +7,6 @@ from typing import Any, Final, Literal
 
 from radiometry.findings import InputRejected, interface
 from radiometry.fitting import comparison
-from radiometry.frame.exposure import Exposure
 from radiometry.methods import get_method
 from radiometry.records import Record
 from radiometry.specification.application import BandApplication, Summary, SurfaceApplication
@@ -41,9 +40,6 @@ def _certificates(calibration: Calibration) -> set[tuple[str, ...]] | None:
     if not readings or not all(reading["meter"] in named for reading in readings):
         return None
     return {(m["make"], m["model"], m["serial"], m["certificate"]["number"]) for m in meters}
-
-
-_PANEL = "panel reflectance"
 
 
 def compare_panels(old: Calibration, new: Calibration) -> tuple[Reference, dict[str, float]]:
@@ -89,11 +85,11 @@ def _panels(version: Calibration) -> set[tuple[str, str]]:
 
 
 def _panel_u_rel(version: Calibration) -> dict[str, float]:
-    return {fit["coefficient"]["band"]: _share_of_panel(fit["budget"]) for fit in version.result["band_fits"]}
-
-
-def _share_of_panel(budget: list[dict[str, Any]]) -> float:
-    return next((float(entry["u_rel"]) for entry in budget if entry["source"] == _PANEL), 0.0)
+    found = dict.fromkeys((fit["coefficient"]["band"] for fit in version.result["band_fits"]), 0.0)
+    lines = (
+        (fit["coefficient"]["band"], line) for fit in version.result["band_fits"] for line in fit["budget"]
+    )
+    return found | {band: line["u_rel"] for band, line in lines if line["source"] == "panel reflectance"}
 
 
 SURE: Final = 2.0
@@ -230,7 +226,10 @@ def find_common(old: Side, new: Side) -> set[str]:
     if old.frame.exposure is None or new.frame.exposure is None:
         return set()
     before, after = codec.decode_exposure(old.frame.exposure), codec.decode_exposure(new.frame.exposure)
-    common = _common_settings(before, after) if _same_camera(old, new) else set()
+    settings = {"exposure time": "exposure_time_s", "f-number": "f_number", "ISO setting": "iso"}
+    common = {name for name, field in settings.items() if getattr(before, field) == getattr(after, field)}
+    if old.calibration.camera_id != new.calibration.camera_id:
+        common = set()
     if same_version and before.iso == after.iso:
         common |= {"meter calibration", "dark signal"}
         # more parameters than one have a correlation that the budget does not keep
@@ -239,15 +238,6 @@ def find_common(old: Side, new: Side) -> set[str]:
     elif same_version or compare_meters(old.calibration, new.calibration)[0] == "common":
         common |= {"meter calibration"}
     return common
-
-
-def _common_settings(before: Exposure, after: Exposure) -> set[str]:
-    names = {"exposure time": "exposure_time_s", "f-number": "f_number", "ISO setting": "iso"}
-    return {source for source, name in names.items() if getattr(before, name) == getattr(after, name)}
-
-
-def _same_camera(old: Side, new: Side) -> bool:
-    return old.calibration.camera_id == new.calibration.camera_id
 
 
 def _budget(side: Side) -> comparison.Budgeted:

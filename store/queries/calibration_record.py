@@ -76,6 +76,8 @@ def read_calibration_record(
     """Collect it, as it stands now; what the version rests on, as it stood when it was made."""
     campaign = session.get_one(tables.Campaign, calibration.campaign_id)
     readings = _readings_used(session, calibration)
+    slots = select(tables.Publication.slot_id).where(tables.Publication.calibration_id == calibration.id)
+    acts = calibrations.list_publishings(session, slots)
     return CalibrationRecord(
         calibration=calibration,
         camera=session.get_one(tables.Camera, calibration.camera_id),
@@ -83,7 +85,7 @@ def read_calibration_record(
         organisation=session.get_one(tables.Organisation, calibration.organisation_id),
         status=calibrations.read_version_statuses(session, [calibration.id])[calibration.id],
         revocation=session.get(tables.Revocation, calibration.id),
-        acts=_acts(session, calibration),
+        acts=[act for act in acts if act.publication.calibration_id == calibration.id],
         coefficients=calibrations.coefficients_of(session, [calibration.id])[calibration.id],
         readings=readings,
         meters=_meters_used(session, readings, calibration),
@@ -94,13 +96,6 @@ def read_calibration_record(
         names=organisations.name_people(session, calibration.organisation_id, unnamed=organisations.UNNAMED),
         fitted_by=organisations.Person.behind(session.get(tables.ApiKey, calibration.created_by)),
     )
-
-
-def _acts(session: Session, calibration: tables.Calibration) -> list[calibrations.Act]:
-    """The publishings of this version, oldest first."""
-    slots = select(tables.Publication.slot_id).where(tables.Publication.calibration_id == calibration.id)
-    acts = calibrations.list_publishings(session, slots)
-    return [act for act in acts if act.publication.calibration_id == calibration.id]
 
 
 def _readings_used(session: Session, calibration: tables.Calibration) -> list[tables.Reading | None]:
@@ -181,15 +176,12 @@ def _frames_used(session: Session, calibration: tables.Calibration) -> dict[str,
             preview_sha256=row.preview_sha256,
             size_px=(row.width_px, row.height_px) if row.width_px else None,
             statistics=statistics[row.extraction_id],
-            **_find_panel(row.found or {}, row.roi_id),
+            found_by=found.get("by", "code") if found.get("roi_id") == row.roi_id else None,
+            panel_serial=found.get("serial"),
         )
         for row in mine
+        for found in (row.found or {},)
     }
-
-
-def _find_panel(found: dict[str, Any], roi_id: str) -> dict[str, Any]:
-    by = found.get("by", "code") if found.get("roi_id") == roi_id else None
-    return {"found_by": by, "panel_serial": found.get("serial")}
 
 
 Json = dict[str, Any]

@@ -188,7 +188,7 @@ def _gather_facts(session: Session, campaign: Campaign, evidence: Evidence) -> F
 
 
 def _frame_facts(frame: Any, header: FrameHeader) -> FrameFacts:  # noqa: ANN401  the method's own
-    exposure = frame.exposure
+    exposure, said = frame.exposure, header.exposure_mode or header.exposure_program
     origins = {
         "exposure time": exposure.exposure_time_origin,
         "f-number": exposure.f_number_origin,
@@ -200,18 +200,13 @@ def _frame_facts(frame: Any, header: FrameHeader) -> FrameFacts:  # noqa: ANN401
         scene=frame.scene,
         container=header.container,
         rendered=frame.rendered,
-        manual=_is_manual(header),
+        manual=said == "manual" if said and said != "not_defined" else None,
         exposure_time_s=exposure.exposure_time_s,
         f_number=exposure.f_number,
         iso=exposure.iso,
         typed_in=tuple(name for name, origin in origins.items() if origin == "supplied"),
         extracted=frame.statistics is not None,
     )
-
-
-def _is_manual(header: FrameHeader) -> bool | None:
-    said = header.exposure_mode or header.exposure_program
-    return said == "manual" if said and said != "not_defined" else None
 
 
 def _newest_version(session: Session, campaign: Campaign) -> Calibration | None:

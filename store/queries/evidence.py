@@ -35,26 +35,20 @@ _ENGRAVED = ("kind", "make", "model", "serial")
 _CERTIFICATE = ("number", "laboratory", "issued_on", "due_on", "expanded_uncertainty_rel", "coverage_factor")
 
 
-class Reference(Record):
-    """``readings``: as the method's fit wants them; ``sources``: by kind, each as engraved and certified."""
-
-    readings: list[Any]
-    sources: dict[str, list[dict[str, Any]]]
-
-
-def find_reference(session: Session, campaign: Campaign, frames: Sequence[FrameColumns]) -> Reference:
-    """Return what the campaign's method measures against; most measure against nothing."""
-    spec = get_method(campaign.method)
+def find_reference(
+    session: Session, campaign: Campaign, spec: MethodSpec, frames: Sequence[FrameColumns]
+) -> tuple[list[Any], dict[str, list[dict[str, Any]]]]:
+    """Return the readings as the method's fit wants them, and by kind what they were made with."""
     if spec.reference == "meter":
-        meters = _meters(session, campaign)
-        return Reference(readings=_read_meters(session, campaign, spec), sources={"meters": meters})
+        return _read_meters(session, campaign, spec), {"meters": _meters(session, campaign)}
     if spec.reference == "panel":
         measured = list_measurements(session, campaign, frames)
-        return Reference(
-            readings=[reading for panel in measured for reading in _read_panel(panel, spec)],
-            sources={"panels": [_describe_panel(panel) for panel in measured]},
-        )
-    return Reference(readings=[], sources={})
+        described = [
+            {"serial": each.serial, "measured_on": each.measured_on.isoformat(), "bands": each.bands}
+            for each in measured
+        ]
+        return [reading for each in measured for reading in _read_panel(each, spec)], {"panels": described}
+    return [], {}
 
 
 def list_measurements(session: Session, campaign: Campaign, frames: Sequence[FrameColumns]) -> list[Panel]:
@@ -140,10 +134,6 @@ def _read_panel(panel: Panel, spec: MethodSpec) -> list[Any]:
     ]
 
 
-def _describe_panel(panel: Panel) -> dict[str, Any]:
-    return {"serial": panel.serial, "measured_on": panel.measured_on.isoformat(), "bands": panel.bands}
-
-
 def _read_meters(session: Session, campaign: Campaign, spec: MethodSpec) -> list[Any]:
     rows = session.execute(
         select(Reading, Meter)
@@ -226,7 +216,7 @@ def gather(
     current = read_extractions(session, campaign, regions, memory=memory)
     names = _names(rows)
     read = [row for row in rows if _is_read(row)]
-    reference: Reference = find_reference(session, campaign, read)
+    readings, references = find_reference(session, campaign, spec, read)
     zones = read_zones(session, campaign) if spec.reference else Zones()
     offsets = {row.id: offset for row in read if (offset := find_offset(row.header, zones))}
     return Evidence(
@@ -240,7 +230,7 @@ def gather(
                 ),
             )
         ],
-        readings=reference.readings,
+        readings=readings,
         names=names,
         hashes={names[row.id]: row.sha256 for row in read},
         headers={names[row.id]: row.header for row in read if row.header},
@@ -255,7 +245,7 @@ def gather(
             for row in read
             if row.left_out or shared.IMAGE_PART_EMPTY in row.warnings
         ),
-        references=reference.sources,
+        references=references,
     )
 
 

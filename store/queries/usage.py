@@ -36,26 +36,6 @@ class QuotaExceeded(Exception):  # noqa: N818  it says what was found
         self.used = used
 
 
-class Quotas(Record):
-    """The most that an organisation may use; 0 is no limit."""
-
-    stored_bytes: int
-    frames: int
-    jobs_waiting: int
-
-    @property
-    def limits_files(self) -> bool:
-        return bool(self.stored_bytes or self.frames)
-
-    @classmethod
-    def of(cls, settings: Settings) -> "Quotas":
-        return cls(
-            stored_bytes=settings.quota_bytes,
-            frames=settings.quota_frames,
-            jobs_waiting=settings.quota_jobs_waiting,
-        )
-
-
 class Used(Record):
     """Usage of an organisation."""
 
@@ -74,29 +54,26 @@ def read_usage(session: Session, organisation_id: str) -> Used:
     )
 
 
+def limits_files(settings: Settings) -> bool:
+    return bool(settings.quota_bytes or settings.quota_frames)
+
+
 def check_room(
-    session: Session,
-    organisation_id: str,
-    quotas: Quotas,
-    partials: Partials,
-    *,
-    size_bytes: int,
-    keep: bool = False,
+    session: Session, organisation_id: str, settings: Settings, *, size_bytes: int, keep: bool = False
 ) -> None:
     """Raise QuotaExceeded when one more frame is too much as it looks now: before its bytes are sent."""
     row = _lock(session, organisation_id)[0] if keep else session.get(Usage, organisation_id)
     row = row or _count(session, organisation_id)
     used = {"frames": row.frames, "stored_bytes": row.stored_bytes}
-    _refuse_over(session, organisation_id, quotas, partials, [size_bytes], **used)
-    if quotas.jobs_waiting and row.jobs_most >= quotas.jobs_waiting:
-        _refuse_long_queue(session, organisation_id, quotas.jobs_waiting, room_for=1)
+    _refuse_over(session, organisation_id, settings, [size_bytes], **used)
+    if settings.quota_jobs_waiting and row.jobs_most >= settings.quota_jobs_waiting:
+        _refuse_long_queue(session, organisation_id, settings.quota_jobs_waiting, room_for=1)
 
 
 def charge(
     session: Session,
     organisation_id: str,
-    quotas: Quotas,
-    partials: Partials,
+    settings: Settings,
     *,
     sizes_bytes: Sequence[int],
     had_room: bool,
@@ -124,9 +101,9 @@ def charge(
     used = row or _lock(session, organisation_id)[0]
     if not had_room:
         before = {"frames": used.frames - frames, "stored_bytes": used.stored_bytes - size_bytes}
-        _refuse_over(session, organisation_id, quotas, partials, sizes_bytes, **before)
-    if jobs and quotas.jobs_waiting and used.jobs_most > quotas.jobs_waiting:
-        _refuse_long_queue(session, organisation_id, quotas.jobs_waiting)
+        _refuse_over(session, organisation_id, settings, sizes_bytes, **before)
+    if jobs and settings.quota_jobs_waiting and used.jobs_most > settings.quota_jobs_waiting:
+        _refuse_long_queue(session, organisation_id, settings.quota_jobs_waiting)
         bound = _count_jobs(session, organisation_id, "queued", "running")
         mine = update(Usage).where(Usage.organisation_id == organisation_id)
         session.execute(mine.values(jobs_most=bound).execution_options(synchronize_session=False))
@@ -158,22 +135,21 @@ def recount_all(session: Session) -> None:
 def _refuse_over(
     session: Session,
     organisation_id: str,
-    quotas: Quotas,
-    partials: Partials,
+    settings: Settings,
     sizes_bytes: Sequence[int],
     *,
     frames: int,
     stored_bytes: int,
 ) -> None:
     """Raise QuotaExceeded if new frames have no room beside those that are stored and those under way."""
-    if not sizes_bytes or not quotas.limits_files:
+    if not sizes_bytes or not limits_files(settings):
         return
-    begun = _list_begun(session, partials.list_facts(organisation_id))
+    begun = _list_begun(session, Partials.of(settings).list_facts(organisation_id))
     frames, stored_bytes = frames + len(begun), stored_bytes + sum(begun)
-    if quotas.frames and frames + len(sizes_bytes) > quotas.frames:
-        raise QuotaExceeded("frames", limit=quotas.frames, used=frames)
-    if quotas.stored_bytes and stored_bytes + sum(sizes_bytes) > quotas.stored_bytes:
-        raise QuotaExceeded("stored_bytes", limit=quotas.stored_bytes, used=stored_bytes)
+    if 0 < settings.quota_frames < frames + len(sizes_bytes):
+        raise QuotaExceeded("frames", limit=settings.quota_frames, used=frames)
+    if 0 < settings.quota_bytes < stored_bytes + sum(sizes_bytes):
+        raise QuotaExceeded("stored_bytes", limit=settings.quota_bytes, used=stored_bytes)
 
 
 def _list_begun(session: Session, begun: Sequence[Facts]) -> list[int]:

@@ -195,16 +195,13 @@ def _write_records(
         write_record(
             (
                 *(calibration.method, calibration.version, calibration.id, row.name, float(row.value)),
-                *(float(row.standard_uncertainty), row.unit, *map(_as_float, (row.iso, row.f_number))),
+                *(float(row.standard_uncertainty), row.unit),
+                *(None if each is None else float(each) for each in (row.iso, row.f_number)),
                 *(row.band, row.channel, row.model, " ".join(row.flags), *tail),
             )
         )
         for row in coefficients
     )
-
-
-def _as_float(value: float | None) -> float | None:
-    return None if value is None else float(value)
 
 
 def key_of(item: dict[str, Any]) -> tuple[object, ...]:

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 from sqlalchemy import ColumnElement, Select, and_, case, func, literal, select, tuple_
 from sqlalchemy.orm import Session
@@ -51,22 +51,6 @@ class Asked:
     end: datetime | None = None
     computed_start: datetime | None = None
     computed_end: datetime | None = None
-
-
-class Series(Protocol):
-    """Rows in a stable order."""
-
-    def is_place(self, key: Key) -> bool:
-        """Return whether a list from outside can be a place in this series."""
-
-    def read_state(self, session: Session) -> str:
-        """Return what changes whenever a row of the organisation is added or changes."""
-
-    def find_end(self, session: Session, *, after: Key | None, limit: int) -> Key | None:
-        """Return the place of the last row within the limit; None if no row follows it."""
-
-    def read(self, *, after: Key | None, until: Key | None) -> Iterator[Page]:
-        """Read the rows after one place up to another one."""
 
 
 def cut(records: list[str]) -> Iterator[Page]:
@@ -143,6 +127,7 @@ class CoefficientSeries:
         self._asked = asked
 
     def is_place(self, key: Key) -> bool:
+        """Return whether a list from outside can be a place in this series."""
         return (
             len(key) == 5
             and all(map(is_text, key[:4]))
@@ -152,9 +137,11 @@ class CoefficientSeries:
         )
 
     def read_state(self, session: Session) -> str:
+        """Return what changes whenever a row of the organisation is added or changes."""
         return read_state(session, self._asked.organisation_id)
 
     def find_end(self, session: Session, *, after: Key | None, limit: int) -> Key | None:
+        """Return the place of the last row within the limit; None if no row follows it."""
         known = self._read_known(session)
         total, more = 0, self._select(known, after, None)
         # most series end within the limit: one sum, instead of each version's place
@@ -347,7 +334,11 @@ def _settle(rows: list[Any], states: dict[str, State], names: dict[str, str]) ->
         if (of, corrector) not in known:
             version, state = states[of]
             stored = f",{of},{version},"
-            known[of, corrector] = (f"{stored},", f"{stored}{state},", _raise_flags(states, of, corrector))
+            # of what has become of the version, and of the one that corrected its frames
+            raised = [STATE_FLAGS[state].code] if state in STATE_FLAGS else []
+            if corrector is not None and states[corrector][1] == "revoked":
+                raised.append(shared.CALIBRATION_REVOKED.code)
+            known[of, corrector] = (f"{stored},", f"{stored}{state},", raised)
         stored, settled, raised = known[of, corrector]
         if is_plain(record):
             cells = record.replace(stored, settled, 1).rsplit(",", _AFTER_FLAGS)
@@ -366,14 +357,6 @@ def _settle(rows: list[Any], states: dict[str, State], names: dict[str, str]) ->
 
 def _join_flags(flags: str, raised: list[str]) -> str:
     return " ".join(dict.fromkeys([*flags.split(), *raised]))
-
-
-def _raise_flags(states: dict[str, State], calibration_id: str, corrector_id: str | None) -> list[str]:
-    """Return the flags of what has become of a version, and of the one that corrected its frames."""
-    _, state = states[calibration_id]
-    flags = [STATE_FLAGS[state].code] if state in STATE_FLAGS else []
-    revoked = corrector_id is not None and states[corrector_id][1] == "revoked"
-    return [*flags, *([shared.CALIBRATION_REVOKED.code] if revoked else [])]
 
 
 def _read_names(session: Session, camera_ids: set[str]) -> dict[str, str]:
@@ -403,3 +386,7 @@ def _read_states(session: Session, calibration_ids: set[str]) -> dict[str, State
     wanted = select(Calibration.id, Calibration.version, state)
     rows = session.execute(wanted.where(Calibration.id.in_(calibration_ids)))
     return {row[0]: (row[1], row[2]) for row in rows}
+
+
+Series = CoefficientSeries | MeasurementSeries
+"""Rows of an organisation in a stable order."""

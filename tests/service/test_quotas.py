@@ -14,7 +14,7 @@ from service.http.counts import Rates
 from service.http.problems import Problem
 from store.blobs.partials import Partial
 from store.database import is_full
-from store.queries.usage import Quotas, recount_all
+from store.queries.usage import recount_all
 from store.settings import Settings
 from store.tables import Usage
 from store.tables.base import utc_now
@@ -233,17 +233,17 @@ def test_the_last_minute_counts_wherever_it_begins():
     Rates(0).take("org")
 
 
-def test_who_sends_a_large_file_hears_why_it_is_refused(sqlite_house, tmp_path):
+def test_who_sends_a_large_file_hears_why_it_is_refused(sqlite_house, monkeypatch, tmp_path):
     """Before its bytes are sent, and not as a connection that breaks."""
     path = tmp_path / "large.dng"
     path.write_bytes(b"x" * (8 << 20))
     with serving(sqlite_house) as live, stilb.Client(live.url, KEY, retries=0) as client:
         context = sqlite_house.app.state.context
-        context.__dict__["quotas"] = Quotas(stored_bytes=1 << 20, frames=0, jobs_waiting=0)
+        smaller = context.settings.model_copy(update={"quota_bytes": 1 << 20})
+        monkeypatch.setitem(context.__dict__, "settings", smaller)
         campaign = sqlite_house.campaign()["id"]
         with pytest.raises(stilb.Problem) as refused:
             client.push(campaign, path, role="dark")
-        del context.__dict__["quotas"]
     assert (refused.value.status, refused.value.code) == (507, "quota_exceeded")
     assert refused.value.retry_after_s == 60
     assert (refused.value.raw["limit"], refused.value.raw["used"]) == (1 << 20, 0)
