@@ -15,7 +15,6 @@ from radiometry.findings import files
 from radiometry.frame import FrameHeader
 from worker.decode import layout, limits, tiff
 from worker.decode.limits import Allow
-from worker.decode.metadata import Metadata
 
 # Before 0.28.0 rawpy carried a LibRaw with known heap overflows in DNG decoding.
 _OLDEST_RAWPY = (0, 28)
@@ -83,12 +82,12 @@ class LibRawFile:
             raise files.TRUNCATED.refuse("Lines of the image are missing.")
         return mosaic
 
-    def header(self, metadata: Metadata | None) -> FrameHeader:
+    def header(self, metadata: dict[str, Any] | None) -> FrameHeader:
         """Return the header by LibRaw, and by the file's own EXIF where it could be read."""
         cfa = self._read_cfa()
         sites = 1 if cfa == "grey" else 4
         white = float(self._raw.white_level)
-        stated = vars(metadata) if metadata is not None else self._read_metadata()
+        stated = metadata if metadata is not None else self._read_metadata()
         return FrameHeader(
             container="raw",
             decoder="libraw",

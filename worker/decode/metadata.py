@@ -3,9 +3,8 @@
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from datetime import datetime
-from typing import Final
+from typing import Any, Final
 from xml.parsers import expat
 
 from radiometry.findings import InputRejected
@@ -203,17 +202,8 @@ _FIXES: Final = (
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Position:
-    """Latitude and longitude come together or not at all; an altitude only with them."""
-
-    latitude_deg: float | None = None
-    longitude_deg: float | None = None
-    altitude_m: float | None = None
-
-
-def read_position(main: Directory) -> Position:
-    """Read the position that the file states, unless it says that it does not know.
+def read_position(main: Directory) -> dict[str, float | None]:
+    """Read latitude and longitude, and the altitude with them, unless the file does not know them.
 
     Not known: no hemisphere, a zero denominator, an interrupted fix (status V), and zero degrees both ways,
     which is what a receiver without a fix writes.
@@ -221,14 +211,14 @@ def read_position(main: Directory) -> Position:
     try:
         gps = main.directory(tags.GPS)
         if gps is None or _letter(gps, tags.GPS_STATUS) == "V":
-            return Position()
+            return {}
         latitude = _angle(gps, tags.GPS_LATITUDE, tags.GPS_LATITUDE_REF, "NS", 90.0)
         longitude = _angle(gps, tags.GPS_LONGITUDE, tags.GPS_LONGITUDE_REF, "EW", 180.0)
     except InputRejected:
-        return Position()
+        return {}
     if latitude is None or longitude is None or latitude == longitude == 0.0:
-        return Position()
-    return Position(latitude_deg=latitude, longitude_deg=longitude, altitude_m=_altitude(gps))
+        return {}
+    return {"latitude_deg": latitude, "longitude_deg": longitude, "altitude_m": _altitude(gps)}
 
 
 def read_fix(xmp: Xmp) -> PositionFix | None:
@@ -240,12 +230,6 @@ def read_fix(xmp: Xmp) -> PositionFix | None:
     latitude, longitude, height = (each if each and 0.0 < each < _HIGHEST_M else None for each in deviations)
     kind = next((kind for states, kind in _FIXES if state in states), "other")
     return PositionFix(kind=kind, u_latitude_m=latitude, u_longitude_m=longitude, u_height_m=height)
-
-
-def read_height(xmp: Xmp) -> float | None:
-    """Read the height above the take-off point, by the barometer of a DJI aircraft [m]."""
-    height = xmp.number("drone-dji:RelativeAltitude")
-    return height if height is not None and abs(height) <= _HIGHEST_M else None
 
 
 def _angle(gps: Directory, tag: int, ref: int, letters: str, largest_deg: float) -> float | None:
@@ -277,7 +261,7 @@ def _letter(gps: Directory, tag: int) -> str:
 
 
 _ASK_ELSEWHERE: Final = 65_535  # EXIF 2.3: the ISO does not fit, another tag has it
-_PROGRAMS: Final = {
+_PROGRAMS: Final[dict[int | None, str]] = {
     1: "manual",
     2: "program",
     3: "aperture_priority",
@@ -287,7 +271,7 @@ _PROGRAMS: Final = {
     7: "portrait",
     8: "landscape",
 }
-_MODES: Final = {0: "auto", 1: "manual", 2: "bracket"}
+_MODES: Final[dict[int | None, str]] = {0: "auto", 1: "manual", 2: "bracket"}
 # Compiled here, once, rather than by each cell.
 _FRACTION: Final = re.compile(r"[0-9]{1,9}")
 _OFFSET: Final = re.compile(r"[+-]([01][0-9]|2[0-3]):[0-5][0-9]|Z")
@@ -297,38 +281,6 @@ _ISO_TAGS: Final = (
     tags.ISO_SPEED,
     tags.STANDARD_OUTPUT_SENSITIVITY,
 )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Metadata:
-    """The fields of FrameHeader of the same names.
-
-    There is no sensor temperature: neither EXIF nor DNG has a tag for it (AmbientTemperature is the air's),
-    and maker notes are not read.
-    """
-
-    exposure_time_s: float | None
-    exposure_time_apex_s: float | None
-    f_number: float | None
-    f_number_apex: float | None
-    iso: float | None
-    exposure_mode: str | None
-    exposure_program: str | None
-    make: str | None
-    model: str | None
-    serial: str | None
-    lens_make: str | None
-    lens_model: str | None
-    lens_serial: str | None
-    taken_at: str | None
-    orientation: int | None
-    software: str | None
-    latitude_deg: float | None
-    longitude_deg: float | None
-    altitude_m: float | None
-    position_fix: PositionFix | None
-    height_above_takeoff_m: float | None
-    attitude: tuple[StatedAngle, ...]
 
 
 class _Tags:
@@ -375,38 +327,41 @@ class _Tags:
         return None
 
 
-def read_metadata(main: Directory) -> Metadata:
-    found = _Tags(main)
+def read_metadata(main: Directory) -> dict[str, Any]:
+    """Return the fields of FrameHeader that the tags and the packet state.
+
+    There is no sensor temperature: neither EXIF nor DNG has a tag for it (AmbientTemperature is the air's),
+    and maker notes are not read.
+    """
+    found, xmp = _Tags(main), Xmp(read_xmp(main))
     exposure_time_s, f_number = found.number(tags.EXPOSURE_TIME), found.number(tags.F_NUMBER)
-    position, xmp = read_position(main), Xmp(read_xmp(main))
-    return Metadata(
-        latitude_deg=position.latitude_deg,
-        longitude_deg=position.longitude_deg,
-        altitude_m=position.altitude_m,
-        position_fix=read_fix(xmp),
-        height_above_takeoff_m=read_height(xmp),
-        attitude=read_attitude(xmp),
-        exposure_time_s=exposure_time_s,
-        exposure_time_apex_s=_from_apex(found.numbers(tags.SHUTTER_SPEED_VALUE), -1.0, exposure_time_s),
-        f_number=f_number,
-        f_number_apex=_from_apex(found.numbers(tags.APERTURE_VALUE), 0.5, f_number),
-        iso=_read_iso(found),
-        exposure_mode=_MODES.get(_or_none(found.code(tags.EXPOSURE_MODE))),
-        exposure_program=_PROGRAMS.get(_or_none(found.code(tags.EXPOSURE_PROGRAM))),
-        make=found.text(tags.MAKE),
-        model=found.text(tags.MODEL, tags.UNIQUE_CAMERA_MODEL),
-        serial=found.text(tags.CAMERA_SERIAL, tags.BODY_SERIAL),
-        lens_make=found.text(tags.LENS_MAKE),
-        lens_model=found.text(tags.LENS_MODEL),
-        lens_serial=found.text(tags.LENS_SERIAL),
-        taken_at=_read_time(found),
-        orientation=_read_orientation(found),
-        software=found.text(tags.SOFTWARE),
-    )
-
-
-def _or_none(code: int | None) -> int:
-    return -1 if code is None else code
+    # above the take-off point, by the barometer of a DJI aircraft
+    height_m = xmp.number("drone-dji:RelativeAltitude")
+    orientation = found.code(tags.ORIENTATION)
+    # the first that is stated and positive; a zero only when nothing better is there
+    isos = [iso for tag in _ISO_TAGS for iso in found.numbers(tag) if iso >= 0 and iso != _ASK_ELSEWHERE]
+    return {
+        **read_position(main),
+        "position_fix": read_fix(xmp),
+        "height_above_takeoff_m": height_m if height_m is not None and abs(height_m) <= _HIGHEST_M else None,
+        "attitude": read_attitude(xmp),
+        "exposure_time_s": exposure_time_s,
+        "exposure_time_apex_s": _from_apex(found.numbers(tags.SHUTTER_SPEED_VALUE), -1.0, exposure_time_s),
+        "f_number": f_number,
+        "f_number_apex": _from_apex(found.numbers(tags.APERTURE_VALUE), 0.5, f_number),
+        "iso": next((iso for iso in isos if iso > 0), isos[0] if isos else None),
+        "exposure_mode": _MODES.get(found.code(tags.EXPOSURE_MODE)),
+        "exposure_program": _PROGRAMS.get(found.code(tags.EXPOSURE_PROGRAM)),
+        "make": found.text(tags.MAKE),
+        "model": found.text(tags.MODEL, tags.UNIQUE_CAMERA_MODEL),
+        "serial": found.text(tags.CAMERA_SERIAL, tags.BODY_SERIAL),
+        "lens_make": found.text(tags.LENS_MAKE),
+        "lens_model": found.text(tags.LENS_MODEL),
+        "lens_serial": found.text(tags.LENS_SERIAL),
+        "taken_at": _read_time(found),
+        "orientation": orientation if orientation is not None and 1 <= orientation <= 8 else None,
+        "software": found.text(tags.SOFTWARE),
+    }
 
 
 def _clean(raw: bytes) -> str | None:
@@ -428,19 +383,6 @@ def _from_apex(exponents: list[float], factor: float, nominal: float | None) -> 
     if not exponents or abs(exponents[0]) > 64 or (exponents[0] == nominal == 0):
         return None
     return math.exp2(factor * exponents[0])
-
-
-def _read_iso(found: _Tags) -> float | None:
-    """The first one that is stated and positive; a zero only when nothing better is there."""
-    stated = [
-        value for tag in _ISO_TAGS for value in found.numbers(tag) if value >= 0 and value != _ASK_ELSEWHERE
-    ]
-    return next((value for value in stated if value > 0), stated[0] if stated else None)
-
-
-def _read_orientation(found: _Tags) -> int | None:
-    code = found.code(tags.ORIENTATION)
-    return code if code is not None and 1 <= code <= 8 else None
 
 
 def _read_time(found: _Tags) -> str | None:

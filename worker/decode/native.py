@@ -159,7 +159,7 @@ def _describe(
         white, white_origin = (band.full_scale_dn,), "camera"
     if band is not None and band.black_dn is not None and black.origin == "default":
         black = replace(black, pattern=np.full((1, 1, 1), band.black_dn), origin="camera")
-    stated = vars(metadata.read_metadata(main))
+    stated = metadata.read_metadata(main)
     header = FrameHeader(
         container=container,
         decoder="stilb",

@@ -4,7 +4,7 @@ import re
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import imagecodecs
 import numpy as np
@@ -22,21 +22,23 @@ _OTHER_FRAMES: Final = frozenset({0xC3, *range(0xC5, 0xC8), *range(0xC9, 0xCC), 
 # In coded data FF is followed by 0 (a stuffed byte), a restart, or another FF that only fills.
 _MARKER: Final = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]", re.DOTALL)
 _MOST_SEGMENTS: Final = 10_000
+_CUT: Final = "The JPEG ends before its own end marker: it was cut short."
 # A block of 8 x 8 samples takes at least a bit in some scan: no picture is smaller than that.
 _PIXELS_PER_BYTE: Final = 512
 
 
 @dataclass(frozen=True, kw_only=True)
-class JpegClaims:
-    """``exif`` : the TIFF structure within its EXIF segment, empty where there is none."""
+class Claims:
+    """What a picture says of itself. ``exif`` : the TIFF structure of its EXIF, empty where there is none."""
 
     height_px: int
     width_px: int
     samples: int
+    bits: int
     exif: bytes
 
 
-def _read_jpeg(buffer: bytes) -> JpegClaims:
+def _read_jpeg(buffer: bytes) -> Claims:
     """Walk the file's segments to its end; nothing is decoded."""
     frame: tuple[int, int, int] | None = None
     exif = b""
@@ -55,8 +57,10 @@ def _read_jpeg(buffer: bytes) -> JpegClaims:
         elif marker == _EXIF and body.startswith(_EXIF_HEAD):
             exif = exif or body[len(_EXIF_HEAD) :]
         elif marker == _START_OF_SCAN:
-            start, place = place, _skip_coded(buffer, place)
-            scanned += place - start
+            if (found := _MARKER.search(buffer, place)) is None:
+                raise files.TRUNCATED.refuse(_CUT)
+            scanned += found.start() - place
+            place = found.start()
     else:
         raise files.UNSUPPORTED_LAYOUT.refuse("The JPEG is cut into more pieces than is sane.")
     if frame is None:
@@ -64,18 +68,18 @@ def _read_jpeg(buffer: bytes) -> JpegClaims:
     height, width, samples = frame
     if height * width > scanned * _PIXELS_PER_BYTE:
         raise files.SIZE_MISMATCH.refuse(f"The JPEG claims {width} x {height} pixels and holds far fewer.")
-    return JpegClaims(height_px=height, width_px=width, samples=samples, exif=exif)
+    return Claims(height_px=height, width_px=width, samples=samples, bits=8, exif=exif)
 
 
 def _next_marker(buffer: bytes, place: int) -> tuple[int, int]:
     if place + 2 > len(buffer):
-        raise files.TRUNCATED.refuse("The JPEG ends before its own end marker: it was cut short.")
+        raise files.TRUNCATED.refuse(_CUT)
     if buffer[place] != 0xFF:
         raise files.SIZE_MISMATCH.refuse("The JPEG's segments do not follow each other.")
     while place + 1 < len(buffer) and buffer[place + 1] == 0xFF:
         place += 1
     if place + 1 >= len(buffer):
-        raise files.TRUNCATED.refuse("The JPEG ends before its own end marker: it was cut short.")
+        raise files.TRUNCATED.refuse(_CUT)
     return buffer[place + 1], place + 2
 
 
@@ -87,13 +91,6 @@ def _read_segment(buffer: bytes, place: int) -> tuple[bytes, int]:
     if length < 2:
         raise files.SIZE_MISMATCH.refuse("The JPEG has a segment without a length.")
     return bytes(buffer[place + 2 : end]), end
-
-
-def _skip_coded(buffer: bytes, place: int) -> int:
-    found = _MARKER.search(buffer, place)
-    if found is None:
-        raise files.TRUNCATED.refuse("The JPEG ends before its own end marker: it was cut short.")
-    return found.start()
 
 
 def _read_jpeg_frame(body: bytes) -> tuple[int, int, int]:
@@ -115,18 +112,7 @@ _MOST_EXIF_BYTES: Final = 1 << 20
 _EXPANSION: Final = 1032
 
 
-@dataclass(frozen=True, kw_only=True)
-class PngClaims:
-    """``exif`` : the TIFF structure of its eXIf chunk, empty where there is none."""
-
-    height_px: int
-    width_px: int
-    samples: int
-    bits: int
-    exif: bytes
-
-
-def _read_png(buffer: bytes) -> PngClaims:
+def _read_png(buffer: bytes) -> Claims:
     """Walk the file's chunks to its end; nothing is decompressed."""
     width, height, bits, samples = _read_png_head(buffer)
     place, packed, exif = len(PNG_MAGIC), 0, b""
@@ -147,7 +133,7 @@ def _read_png(buffer: bytes) -> PngClaims:
         raise files.UNSUPPORTED_LAYOUT.refuse("The PNG is cut into more pieces than is sane.")
     if height * width * samples * (bits // 8) > packed * _EXPANSION:
         raise files.SIZE_MISMATCH.refuse(f"The PNG claims {width} x {height} pixels and holds far fewer.")
-    return PngClaims(height_px=height, width_px=width, samples=samples, bits=bits, exif=exif)
+    return Claims(height_px=height, width_px=width, samples=samples, bits=bits, exif=exif)
 
 
 def _read_png_head(buffer: bytes) -> tuple[int, int, int, int]:
@@ -182,16 +168,8 @@ class PictureFile:
         self._source = source
         content = source[:]
         self._jpeg = content[:3] == _JPEG_MAGIC
-        if self._jpeg:
-            claims = _read_jpeg(content)
-            self.header = _describe(
-                "jpeg", claims.height_px, claims.width_px, claims.samples, bits=8, exif=claims.exif
-            )
-        else:
-            found = _read_png(content)
-            self.header = _describe(
-                "png", found.height_px, found.width_px, found.samples, bits=found.bits, exif=found.exif
-            )
+        claims = _read_jpeg(content) if self._jpeg else _read_png(content)
+        self.header = _describe("jpeg" if self._jpeg else "png", claims)
 
     def read(self, row0: int, col0: int, height: int, width: int) -> NDArray[np.uint16]:
         window = self._decode()[row0 : row0 + height, col0 : col0 + width]
@@ -224,9 +202,8 @@ class PictureFile:
         return samples
 
 
-def _describe(
-    container: str, height_px: int, width_px: int, samples: int, *, bits: int, exif: bytes
-) -> FrameHeader:
+def _describe(container: str, claims: Claims) -> FrameHeader:
+    height_px, width_px, samples = claims.height_px, claims.width_px, claims.samples
     limits.check_frame_size(height_px, width_px)
     if height_px * width_px > MAX_PICTURE_PX:
         raise files.FRAME_TOO_LARGE.refuse(
@@ -238,22 +215,22 @@ def _describe(
         decoder="imagecodecs",
         rendered=True,
         compression="jpeg" if container == "jpeg" else "deflate",
-        bits_per_sample=bits,
+        bits_per_sample=claims.bits,
         width_px=width_px,
         height_px=height_px,
         cfa="rgb" if samples == 3 else "grey",
         black_level_dn=(0.0,) * samples,
         black_level_origin="default",
-        white_level_dn=(float((1 << bits) - 1),) * samples,
+        white_level_dn=(float((1 << claims.bits) - 1),) * samples,
         white_level_origin="default",
         # Whoever needs bands reads the picture in one: each would decode all of it.
         band_rows=height_px,
         first_band_rows=height_px,
-        **vars(_read_exif(exif)),
+        **_read_exif(claims.exif),
     )
 
 
-def _read_exif(exif: bytes) -> metadata.Metadata:
+def _read_exif(exif: bytes) -> dict[str, Any]:
     """Read what the camera wrote beside the picture; damage there costs the metadata and not the picture."""
     try:
         main = tiff.read_directories(exif)[0] if tiff.is_tiff(exif) else _NOTHING

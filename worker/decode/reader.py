@@ -4,7 +4,7 @@ import json
 import operator
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Final, NamedTuple, Self, TypeVar
+from typing import Any, Final, NamedTuple, Self, TypeVar
 
 import imagecodecs
 import numpy as np
@@ -15,7 +15,7 @@ from radiometry.frame import Frame, FrameHeader, TableRow
 from radiometry.frame.proof import PieceRun, Proof, Voucher, WholenessCheck
 from worker.decode import layout, limits, native, pictures, tags, tiff
 from worker.decode.libraw import LibRawFile
-from worker.decode.metadata import Metadata, read_metadata
+from worker.decode.metadata import read_metadata
 
 _GAMMA = 1 / 2.2
 _BRIGHT_PERCENTILE = 99.7
@@ -132,7 +132,7 @@ class OtherRawFile:
 
     band_rows = 1 << 16
 
-    def __init__(self, libraw: LibRawFile, metadata: Metadata | None) -> None:
+    def __init__(self, libraw: LibRawFile, metadata: dict[str, Any] | None) -> None:
         self._libraw = libraw
         self.header = libraw.header(metadata)
 
@@ -196,7 +196,9 @@ def _open_tiff(source: tiff.Source, allow: limits.Allow) -> OpenedFile:
         return _allowed(native.NativeFile(source, native.describe_dng(raw, main, len(source)), allow), allow)
     is_cfa = any(_photometric(each) == tags.PHOTOMETRIC_CFA for each in directories)
     canon = source[8:10] == b"CR"
-    if not is_cfa and not canon and _is_picture(main):
+    reduced = main.integer(tags.NEW_SUBFILE_TYPE, 0) & 1
+    grey_or_rgb = _photometric(main) in (tags.PHOTOMETRIC_GREY, tags.PHOTOMETRIC_RGB)
+    if not is_cfa and not canon and not reduced and grey_or_rgb:
         return _allowed(native.NativeFile(source, native.describe_tiff(main, len(source)), allow), allow)
     _refuse_cut_mosaics(directories, len(source))
     return OtherRawFile(LibRawFile(source, allow), read_metadata(main))
@@ -214,12 +216,6 @@ def _allowed(opened: _Opened, allow: limits.Allow) -> _Opened:
 
 def _photometric(directory: tiff.Directory) -> int:
     return directory.integer(tags.PHOTOMETRIC, -1)
-
-
-def _is_picture(directory: tiff.Directory) -> bool:
-    reduced = directory.integer(tags.NEW_SUBFILE_TYPE, 0) & 1
-    known = _photometric(directory) in (tags.PHOTOMETRIC_GREY, tags.PHOTOMETRIC_RGB)
-    return not reduced and known
 
 
 def _find_raw(directories: list[tiff.Directory]) -> tiff.Directory:

@@ -182,8 +182,8 @@ def test_black_level_deltas_are_those_of_the_window(save):
 def test_truncated_file_still_tells_its_exposure(real_files):
     content = (real_files / "dng" / "truncated_libraw_reads_zeros.dng").read_bytes()
     found = read_metadata(read_directories(content)[0])
-    assert (found.exposure_time_s, found.f_number, found.iso) == (1 / 15, 8.0, 400)
-    assert (found.serial, found.make) == ("012345678", "Canon")
+    assert (found["exposure_time_s"], found["f_number"], found["iso"]) == (1 / 15, 8.0, 400)
+    assert (found["serial"], found["make"]) == ("012345678", "Canon")
 
 
 def test_real_file_with_zeros_for_its_exposure(real_files):

@@ -46,8 +46,9 @@ def test_a_map_says_of_band_and_lens_what_the_camera_s_file_says(name, tmp_path)
     assert found.geometry.pixels_per_mm == pytest.approx(told.geometry.pixels_per_mm, rel=1e-8)
     assert len(header.attitude) == ANGLES[told.system]
     again = read_metadata(main)
-    assert (again.attitude, again.taken_at) == (header.attitude, header.taken_at)
-    place, told_place = ((each.latitude_deg, each.longitude_deg, each.altitude_m) for each in (again, header))
+    assert (again["attitude"], again["taken_at"]) == (header.attitude, header.taken_at)
+    names = ("latitude_deg", "longitude_deg", "altitude_m")
+    place, told_place = (tuple(map(each.get, names)) for each in (again, vars(header)))
     # the Sequoia's file says no place
     assert place == (told_place if None in told_place else pytest.approx(told_place, rel=1e-9))
     assert (None in place) == (told.system == "sequoia")
