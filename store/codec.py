@@ -8,14 +8,13 @@ from typing import Any, get_args, get_type_hints
 
 from pydantic import TypeAdapter
 
-from radiometry.frame import FrameHeader, exposure, statistics
+from radiometry.frame import FrameHeader, exposure
 from radiometry.methods import get_method
 from store.tables import Calibration
 from store.tables.base import Json
 
 _HEADER = TypeAdapter(FrameHeader)
 _EXPOSURE = TypeAdapter(exposure.Exposure)
-_STATISTICS = tuple(field.name for field in fields(statistics.ChannelStatistics))
 # one a type, built once: building an adapter costs far more than using it
 _adapter: Callable[[Any], TypeAdapter[Any]] = cache(TypeAdapter)
 
@@ -56,10 +55,6 @@ def decode_header(stored: dict[str, Any]) -> FrameHeader:
 
 def decode_exposure(stored: dict[str, Any]) -> exposure.Exposure:
     return _EXPOSURE.validate_python(stored)
-
-
-def encode_statistics(row: statistics.ChannelStatistics) -> dict[str, Any]:
-    return {name: getattr(row, name) for name in _STATISTICS}
 
 
 def _find_later(kind: Any) -> frozenset[str]:  # noqa: ANN401

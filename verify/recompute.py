@@ -1,7 +1,7 @@
 """Recomputation from the bytes of frames, readings and panels, with the code that the service runs."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import fields, replace
+from dataclasses import asdict, fields, replace
 from typing import Any
 
 from radiometry import methods, records
@@ -12,7 +12,7 @@ from radiometry.frame.exposure import Camera, Exposure, SuppliedExposure, accept
 from radiometry.frame.statistics import ChannelStatistics, measure_signal
 from radiometry.specification import application, method
 from stilb.transport import hash_file
-from store.codec import decode, drop_absent, encode, encode_statistics
+from store.codec import decode, drop_absent, encode
 from store.queries.campaigns import Drawing
 from verify.compare import take_stated
 from verify.data import Data, Node, find_frame
@@ -185,7 +185,7 @@ def _expose(stated: Node, header: FrameHeader, certificate: Node) -> Exposure | 
 
 def _signal(statistics: tuple[ChannelStatistics, ...], certificate: Node) -> Node:
     ordered = _in_order(statistics)
-    rows = {"statistics": [drop_absent(encode_statistics(row)) for row in ordered]}
+    rows = {"statistics": [drop_absent(asdict(row)) for row in ordered]}
     if "channel" not in certificate["parameters"]:
         return rows
     signal = measure_signal(ordered, channel=certificate["parameters"]["channel"])

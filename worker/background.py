@@ -120,7 +120,9 @@ class Scrub:
             for sha256 in due:
                 self._prove(sha256)
         if time.monotonic() >= self._look_again_at:
-            for sha256 in self._find_damaged():
+            with self._database.reading() as session:
+                damaged = session.scalars(select(Blob.sha256).where(Blob.damage.is_not(None))).all()
+            for sha256 in damaged:
                 self._prove(sha256)
             self._redraw_previews()
             self._look_again_at = time.monotonic() + _LOOK_AGAIN_S
@@ -140,10 +142,6 @@ class Scrub:
         )
         with self._database.reading() as session:
             return list(session.scalars(due.order_by(Blob.proven_at).limit(_PROVEN_AT_ONCE)))
-
-    def _find_damaged(self) -> list[str]:
-        with self._database.reading() as session:
-            return list(session.scalars(select(Blob.sha256).where(Blob.damage.is_not(None))))
 
     def _redraw_previews(self) -> None:
         """Have the frames read again whose preview is damaged: nobody else could bring it back."""

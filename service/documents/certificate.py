@@ -1,6 +1,7 @@
 """The certificate of a version, built from its record. No value is changed here."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
 from datetime import date
 from typing import Any
 
@@ -36,7 +37,7 @@ from service.documents.schemas import (
 )
 from service.equipment.schemas import CameraAnswer
 from service.http.models import rfc3339
-from store.codec import drop_absent, encode_statistics
+from store.codec import drop_absent
 from store.queries.calibration_record import CalibrationRecord, state_budgets, state_coefficients
 from store.queries.organisations import Person, name_laboratory
 from store.tables import Calibration
@@ -333,7 +334,7 @@ def _frame(record: CalibrationRecord, used: dict[str, Any]) -> UsedFrame:
 
 def _measured(record: CalibrationRecord, statistics: list[ChannelStatistics]) -> dict[str, Any]:
     """Return the statistics of a frame, with the signal that entered the fit if that is one channel's."""
-    stored = {"statistics": [encode_statistics(row) for row in statistics]}
+    stored = {"statistics": [asdict(row) for row in statistics]}
     version = record.calibration
     if "channel" not in version.parameters:
         return stored

@@ -70,33 +70,18 @@ class Source:
         if self._digests is None or first >= last:
             return
         for index in range(first // PIECE_BYTES, (min(last, len(self)) - 1) // PIECE_BYTES + 1):
-            if not self._proven[index]:
-                self._prove_piece(index, self._digests)
-
-    def _prove_piece(self, index: int, digests: bytes) -> None:
-        piece = self._content[index * PIECE_BYTES : (index + 1) * PIECE_BYTES]
-        if digest_piece(piece) != digests[index * DIGEST_BYTES : (index + 1) * DIGEST_BYTES]:
-            raise SourceDamagedError(f"MiB {index} of the stored file is not what was uploaded")
-        self._proven[index] = 1
+            if self._proven[index]:
+                continue
+            piece = self._content[index * PIECE_BYTES : (index + 1) * PIECE_BYTES]
+            if digest_piece(piece) != self._digests[index * DIGEST_BYTES : (index + 1) * DIGEST_BYTES]:
+                raise SourceDamagedError(f"MiB {index} of the stored file is not what was uploaded")
+            self._proven[index] = 1
 
 
 TYPE_SIZES: Final = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4}
-_DTYPES: Final = {
-    1: "u1",
-    2: "u1",
-    3: "u2",
-    4: "u4",
-    5: "u4",
-    6: "i1",
-    7: "u1",
-    8: "i2",
-    9: "i4",
-    10: "i4",
-} | {
-    11: "f4",
-    12: "f8",
-    13: "u4",
-}
+_DTYPES: Final = dict(
+    enumerate(["u1", "u1", "u2", "u4", "u4", "i1", "u1", "i2", "i4", "i4", "f4", "f8", "u4"], start=1)
+)
 _RATIONALS: Final = (5, 10)
 
 Buffer = bytes | Source

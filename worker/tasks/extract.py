@@ -1,7 +1,7 @@
 """A frame's metadata, refusal or warnings, its preview, and the statistics of its region."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from sqlalchemy import select
@@ -18,7 +18,7 @@ from radiometry.specification.application import FoundBy, FoundRegion
 from store import tables
 from store.blobs import StoredBlob, StoredFile
 from store.blobs.proof import BlobDamaged
-from store.codec import decode, decode_header, encode, encode_statistics
+from store.codec import decode, decode_header, encode
 from store.files import keep_blobs, keep_small_previews, reduce_preview
 from store.jobs import Claim, enqueue_extraction
 from store.queries import campaigns, frames, usage
@@ -28,6 +28,7 @@ from worker.decode.pool import DecoderCrashed
 
 _CAPTURE = ("multispectral", "capture_id")
 _ACTOR = "sweeper"
+_Preview = tuple[StoredBlob, bytes]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,19 +134,13 @@ class _Extracted:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Preview:
-    blob: StoredBlob
-    small: bytes
-
-
-@dataclass(frozen=True, kw_only=True)
 class _Found:
     header: FrameHeader
     acceptance: Acceptance
     flags: tuple[str, ...]
     """Of the frame's acceptance, and what the method finds in its metadata."""
-    preview: "_Preview | None"
-    """None where one is stored already."""
+    preview: _Preview | None
+    """With its reduction; None where one is stored already."""
     proof: Proof
     extracted: _Extracted | None
     region_refused: InputRejected | None
@@ -192,7 +187,7 @@ def _load(session: Session, frame_id: str) -> _Subject:
 
 def _copy(session: Session, extraction: Extraction) -> _Extracted:
     statistics = frames.statistics_of(session, [extraction.id])[extraction.id]
-    return _Extracted(rows=[encode_statistics(row) for row in statistics], features=extraction.features)
+    return _Extracted(rows=[asdict(row) for row in statistics], features=extraction.features)
 
 
 def _read(context: Context, claim: Claim, subject: _Subject, file: StoredFile) -> _Found:
@@ -285,7 +280,7 @@ def _measure(
         target=decode(room.target, target) if room.target and target else None,
     )
     return _Extracted(
-        rows=[encode_statistics(row) for row in extracted.statistics],
+        rows=[asdict(row) for row in extracted.statistics],
         features=encode(extracted.features) if extracted.features is not None else None,
     )
 
@@ -307,7 +302,7 @@ def _inspect(context: Context, subject: _Subject, file: StoredFile) -> tuple[_Pr
     preview, proof = context.decoders.inspect(file)
     with context.blobs.writer() as writer:
         writer.write(preview)
-        return _Preview(blob=writer.commit(), small=reduce_preview(preview)), proof
+        return (writer.commit(), reduce_preview(preview)), proof
 
 
 def _store(session: Session, subject: _Subject, found: _Found) -> dict[str, Any]:
@@ -315,9 +310,10 @@ def _store(session: Session, subject: _Subject, found: _Found) -> dict[str, Any]
     frame = session.get_one(FrameRow, subject.frame.id, with_for_update=True)
     campaign = session.get_one(Campaign, frame.campaign_id)
     if found.preview is not None:
-        keep_blobs(session, [found.preview.blob])
-        keep_small_previews(session, {found.preview.blob.sha256: found.preview.small})
-        frame.preview_sha256 = found.preview.blob.sha256
+        blob, small = found.preview
+        keep_blobs(session, [blob])
+        keep_small_previews(session, {blob.sha256: small})
+        frame.preview_sha256 = blob.sha256
     frame.header, frame.proof = encode(found.header), encode(found.proof)
     _store_acceptance(frame, found)
     roi = subject.roi

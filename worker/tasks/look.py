@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected, files
 from radiometry.frame import Frame, roi, statistics
-from store.codec import decode_header, encode_statistics
+from store.codec import decode_header
 from store.jobs import Claim
 from store.queries.campaigns import keep_crop, say_asked
 from store.tables import Crop, FrameRow
@@ -28,10 +28,13 @@ def look(context: Context, claim: Claim) -> Outcome:
     polygon = roi.Polygon.from_points(claim.parameters["polygon"])
     window = roi.bounding_window(polygon, height_px=header.height_px, width_px=header.width_px)
     pixels = read_pixels(context, frame, (window.row0, window.col0, window.height, window.width))
+    inside = roi.mask(polygon, window)
     result = {
         "frame_id": frame.id,
         "polygon": claim.parameters["polygon"],
-        **_describe(pixels, polygon, window),
+        "statistics": [asdict(row) for row in statistics.compute_statistics(pixels, inside)],
+        "histogram": asdict(statistics.count_histogram(pixels, inside)),
+        "clipping": asdict(statistics.map_clipping(pixels, inside)),
     }
     return Outcome(store=lambda _session: result)
 
@@ -44,15 +47,6 @@ def read_pixels(context: Context, frame: FrameRow, window: tuple[int, int, int, 
     except DecoderCrashed as crash:
         context.files.prove(frame.sha256)
         raise InputRejected(files.DECODER_CRASHED, crash.message) from crash
-
-
-def _describe(pixels: Frame, polygon: roi.Polygon, window: roi.Window) -> dict[str, Any]:
-    inside = roi.mask(polygon, window)
-    return {
-        "statistics": [encode_statistics(row) for row in statistics.compute_statistics(pixels, inside)],
-        "histogram": asdict(statistics.count_histogram(pixels, inside)),
-        "clipping": asdict(statistics.map_clipping(pixels, inside)),
-    }
 
 
 _GAMMA: Final = 1 / 2.2
@@ -71,7 +65,10 @@ def crop(context: Context, claim: Claim) -> Outcome:
     asked = say_asked(window, low_dn, high_dn)
     pixels = read_pixels(context, frame, (row0, col0, height, width))
     clipped = statistics.find_clipped(pixels, np.ones((height, width), np.bool_))
-    low_dn, high_dn = _choose_range(pixels, low_dn, high_dn)
+    dark, bright = (float(value) for value in np.percentile(pixels.samples_dn, _PERCENTILES))
+    # shown black is the black level or a darker one, white what is near the brightest
+    low_dn = min(dark, float(np.mean(pixels.black_level_dn))) if low_dn is None else low_dn
+    high_dn = max(bright, low_dn + 1.0) if high_dn is None else high_dn
     png = _draw(pixels, clipped, low_dn, high_dn, linear=not (frame.header or {}).get("rendered"))
 
     def store(session: Session) -> dict[str, Any]:
@@ -98,13 +95,6 @@ def crop(context: Context, claim: Claim) -> Outcome:
         }
 
     return Outcome(store=store)
-
-
-def _choose_range(pixels: Frame, low_dn: float | None, high_dn: float | None) -> tuple[float, float]:
-    """Return the values shown black, the black level or a darker one, and white, near the brightest."""
-    dark, bright = (float(value) for value in np.percentile(pixels.samples_dn, _PERCENTILES))
-    low = min(dark, float(np.mean(pixels.black_level_dn))) if low_dn is None else low_dn
-    return low, max(bright, low + 1.0) if high_dn is None else high_dn
 
 
 def _draw(pixels: Frame, clipped: NDArray[np.bool_], low_dn: float, high_dn: float, *, linear: bool) -> bytes:

@@ -51,7 +51,7 @@ def read_band(packet: Packet, problems: tuple[str, ...], **lens: Any) -> Multisp
     model, no_model = xmp.require("micasense:RadiometricCalibration", 3)
     irradiance = _read_irradiance(packet)
     reference = xmp.index("camera:RigRelativesReferenceRigCameraIndex")
-    capture, flight = IDENTITIES
+    (capture, flight), started_s = IDENTITIES, xmp.number("micasense:BootTimestamp")
     return Multispectral(
         **describe_band(packet, sensor_bits=_SENSOR_BITS),
         **lens,
@@ -62,7 +62,7 @@ def read_band(packet: Packet, problems: tuple[str, ...], **lens: Any) -> Multisp
         sunshine_serial=xmp.text("dls:Serial"),
         sunshine_missing=irradiance if isinstance(irradiance, str) else "",
         irradiance=None if isinstance(irradiance, str) else irradiance,
-        exposed_at_us=_read_time_since_start(xmp),
+        exposed_at_us=round(started_s * 1e6) if started_s and 0.0 < started_s < _LONGEST_RUN_S else None,
         panel_serial=xmp.text("micasense:PanelSerial") or xmp.text("camera:PanelSerial"),
         panel_albedo=xmp.first_number("micasense:Albedo", "camera:Albedo"),
         panel_region=_read_corners(xmp),
@@ -70,11 +70,6 @@ def read_band(packet: Packet, problems: tuple[str, ...], **lens: Any) -> Multisp
             packet, reference=reference is not None and reference == xmp.index("camera:RigCameraIndex")
         ),
     )
-
-
-def _read_time_since_start(xmp: Xmp) -> int | None:
-    started_s = xmp.number("micasense:BootTimestamp")
-    return round(started_s * 1e6) if started_s is not None and 0.0 < started_s < _LONGEST_RUN_S else None
 
 
 def _read_corners(xmp: Xmp) -> tuple[tuple[float, float], ...] | None:

@@ -5,13 +5,13 @@ import binascii
 import itertools
 import re
 import struct
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from typing import Final
 
 from radiometry.findings import InputRejected
 from radiometry.frame import multispectral
-from worker.decode import metadata, tags, tiff
+from worker.decode import tags, tiff
 from worker.decode.packet import (
     Packet,
     describe_band,
@@ -73,9 +73,8 @@ def _decode(encoded: str) -> bytes:
         return b""
 
 
-def _unpack(raw: bytes, layout: struct.Struct) -> "itertools.chain[tuple[float, ...]]":
-    whole = len(raw) - len(raw) % layout.size
-    return itertools.chain(layout.iter_unpack(raw[:whole]))
+def _unpack(raw: bytes, layout: struct.Struct) -> Iterator[tuple[float, ...]]:
+    return layout.iter_unpack(raw[: len(raw) - len(raw) % layout.size])
 
 
 def _is_list(raw: bytes, layout: struct.Struct) -> bool:
@@ -120,7 +119,12 @@ def read(packet: Packet) -> multispectral.Multispectral:
     xmp = packet.xmp
     model, no_model = xmp.require("camera:SensorModel", 3)
     lens, no_lens = read_polynomial(xmp)
-    counts = _read_counts(xmp)
+    encoded = xmp.whole("camera:IrradianceList")
+    counts: multispectral.SunshineCounts | str
+    if encoded is None:
+        counts = "the file has no IrradianceList: no sunshine sensor was connected"
+    else:
+        counts = read_counts(encoded, xmp.numbers("camera:IrradianceCalibrationMeasurement"))
     capture, flight = IDENTITIES
     return multispectral.Multispectral(
         system="sequoia",
@@ -136,13 +140,6 @@ def read(packet: Packet) -> multispectral.Multispectral:
         exposed_at_us=_read_monotonic_time(packet.main),
         geometry=read_geometry(packet, reference=xmp.index("camera:RigCameraIndex") == 0),
     )
-
-
-def _read_counts(xmp: metadata.Xmp) -> multispectral.SunshineCounts | str:
-    encoded = xmp.whole("camera:IrradianceList")
-    if encoded is None:
-        return "the file has no IrradianceList: no sunshine sensor was connected"
-    return read_counts(encoded, xmp.numbers("camera:IrradianceCalibrationMeasurement"))
 
 
 def _read_monotonic_time(main: tiff.Directory) -> int | None:
