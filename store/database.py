@@ -218,7 +218,9 @@ class Database:
 
 
 def _forget_noted(session: Session) -> None:
-    """Forget what was noted of changes that were rolled back: they were never made."""
+    """Forget what was noted of changes that were rolled back; a part that is leaves the rest standing."""
+    if session.in_nested_transaction():
+        return
     for name in ("audit_entries", "changes"):
         session.info.pop(name, None)
 
