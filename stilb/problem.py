@@ -85,11 +85,14 @@ def from_response(response: httpx.Response) -> Problem:
 
 def from_transport(error: httpx.TransportError) -> Problem:
     """A connection that failed: refused, lost in the middle or silent for too long."""
+    said = re.sub(r"^\[Errno -?\d+\] ", "", str(error)) or type(error).__name__
+    if "WRONG_VERSION" in said:
+        said = "it uses http, not https: begin the address with http://"
     passing = isinstance(error, httpx.NetworkError | httpx.TimeoutException | httpx.RemoteProtocolError)
     return Problem(
         status=0,
         code=UNREACHABLE if passing else "not_sent",
-        detail=f"{_asked(error)}{_format_error(error)}",
+        detail=f"{_asked(error)}{said}",
         retryable=passing,
     )
 
@@ -100,11 +103,6 @@ def _asked(error: httpx.TransportError) -> str:
     except RuntimeError:  # it has none where no request was made
         return ""
     return f"{url.scheme}://{url.netloc.decode()} does not answer: "
-
-
-def _format_error(error: httpx.TransportError) -> str:
-    said = re.sub(r"^\[Errno -?\d+\] ", "", str(error)) or type(error).__name__
-    return "it uses http, not https: begin the address with http://" if "WRONG_VERSION" in said else said
 
 
 def _object(response: httpx.Response) -> dict[str, Any]:

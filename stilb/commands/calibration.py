@@ -51,7 +51,9 @@ def roi(
     with output.client() as client:
         campaign_id = client.find_campaign(campaign).id
         if frame:
-            drawn = read_polygon(polygon) if polygon is not None else _text_or_file(_need(imagej))
+            if polygon is None and imagej is None:
+                raise typer.BadParameter("--frame needs --polygon or --imagej")
+            drawn = read_polygon(polygon) if polygon is not None else _text_or_file(imagej or "")
             ids = _find_frames(client, campaign_id, frame, "--frame")
             items = [client.set_frame_roi(each, drawn) for each in ids]
             output.answer({"items": items}, f"frames with their own region, being read again: {len(items)}")
@@ -105,7 +107,11 @@ def calibrate(
     with output.client() as client:
         campaign_id = client.find_campaign(campaign).id
         if exclude:
-            said["exclude"] = _exclusions(client, campaign_id, exclude)
+            names, reasons = zip(*(_pair(each, "FRAME=REASON") for each in exclude), strict=True)
+            ids = _find_frames(client, campaign_id, names, "--exclude")
+            said["exclude"] = [
+                {"frame_id": each, "reason": reason} for each, reason in zip(ids, reasons, strict=True)
+            ]
         with showing(output.err) as listener:
             read = partial(listener.on_count, "read")
             calibration = client.calibrate(campaign_id, on_progress=read, **said)
@@ -251,13 +257,6 @@ def _format_impact(impact: dict[str, Any]) -> list[str]:
     return [impact["said"], *changes, *([f"{touched} measurements were made with it"] if touched else [])]
 
 
-def _exclusions(client: Client, campaign_id: str, named: list[str]) -> list[dict[str, str]]:
-    """Frames by id or by file name, each with its reason."""
-    names, reasons = zip(*(_pair(each, "FRAME=REASON") for each in named), strict=True)
-    ids = _find_frames(client, campaign_id, names, "--exclude")
-    return [{"frame_id": each, "reason": reason} for each, reason in zip(ids, reasons, strict=True)]
-
-
 def _find_frames(client: Client, campaign_id: str, names: Sequence[str], option: str) -> list[str]:
     """The ids of frames by id or by file name."""
     frames = list(client.frames(campaign_id))
@@ -271,12 +270,6 @@ def _find_frames(client: Client, campaign_id: str, names: Sequence[str], option:
             raise typer.BadParameter(f"{option}: {how_many} called {name!r} here{meant}")
         found += fitting
     return found
-
-
-def _need(imagej: str | None) -> str:
-    if imagej is None:
-        raise typer.BadParameter("--frame needs --polygon or --imagej")
-    return imagej
 
 
 def _pair(text: str, shape: str = "NAME=VALUE") -> tuple[str, str]:

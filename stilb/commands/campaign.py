@@ -148,7 +148,7 @@ def show(output: Output, campaign: CampaignNamed) -> None:
     """Show received frames, missing items and advice."""
     with output.client() as client:
         found = client.campaign(client.find_campaign(campaign).id).raw
-    frames = found["frames"]
+    frames, offered = found["frames"], found.get("panel_offered")
     night = found.get("kind") == "measurement"
     ready = f"ready: stilb {'measure --campaign' if night else 'calibrate'} {campaign}"
     output.answer(
@@ -159,13 +159,8 @@ def show(output: Output, campaign: CampaignNamed) -> None:
         *([f"missing: {each}" for each in found["missing"]] or [ready]),
         *(f"advice: {each}" for each in found["advice"]),
         *format_findings(found["findings"]),
-        *_offer(found, campaign),
+        *([f"the frames show panel {offered['serial']}: stilb campaign panel {campaign}"] if offered else []),
     )
-
-
-def _offer(found: dict[str, Any], campaign: str) -> list[str]:
-    offered = found.get("panel_offered")
-    return [f"the frames show panel {offered['serial']}: stilb campaign panel {campaign}"] if offered else []
 
 
 @app.command("panel", epilog="Example: stilb campaign panel P-17 --serial RP04-1832179-SC")

@@ -95,30 +95,18 @@ def _console(*, stderr: bool) -> Console:
     return Console(file=stream, width=width, markup=False, highlight=False, emoji=False, soft_wrap=not width)
 
 
-def _shared(name: str, kind: object, default: object) -> inspect.Parameter:
-    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
+def _shared(
+    *,
+    url: str | None = typer.Option(
+        None, envvar="STILB_URL", help="Address of the service; default: the stored login."
+    ),
+    key: str | None = typer.Option(None, envvar="STILB_KEY", help="Key; default: the stored login."),
+    as_json: bool = typer.Option(False, "--json", help="The result as one JSON document on stdout."),
+) -> None:
+    """Have the options of all commands."""
 
 
-_SHARED = [
-    _shared(
-        "url",
-        Annotated[
-            str | None,
-            typer.Option(envvar="STILB_URL", help="Address of the service; default: the stored login."),
-        ],
-        None,
-    ),
-    _shared(
-        "key",
-        Annotated[str | None, typer.Option(envvar="STILB_KEY", help="Key; default: the stored login.")],
-        None,
-    ),
-    _shared(
-        "as_json",
-        Annotated[bool, typer.Option("--json", help="The result as one JSON document on stdout.")],
-        False,
-    ),
-]
+_SHARED = list(inspect.signature(_shared).parameters.values())
 
 
 class Exit(IntEnum):

@@ -72,9 +72,13 @@ def push(  # noqa: PLR0913  each is an option
     if at_login is not None and not watch:
         raise typer.BadParameter("--at-login needs --watch")
     if at_login is False:
-        output.answer(*_end_at_login(folder))
+        ended = describe_entry(folder, []).remove()
+        words = "is not followed after a login any more" if ended else "was not followed after a login"
+        output.answer({"ended": ended}, f"{folder} {words}")
         return
-    rules = _rules(folder, role, scene)
+    # what the caller or campaign.toml states of the files; nothing where it is to be proposed
+    planned = role is None and (folder / FILENAME).exists()
+    rules = read_plan(folder).rules if planned else (Rule(role=role, scene=scene),) if role else ()
     if dry_run:
         output.answer(*_preview(output, folder, campaign, rules, raw_only=role is None))
         return
@@ -134,7 +138,10 @@ def _list_files(
 ) -> tuple[list[FieldFile], list[str]]:
     files, left_out = sort_files(folder, rules, raw_only=raw_only)
     if not files:
-        raise Unclear(f"No file in {folder} matches a rule. {_how(left_out)}")
+        how = "It contains no raw files."
+        if left_out:
+            how = f"{', '.join(left_out[:5])}: give their role with --role, or in {FILENAME}."
+        raise Unclear(f"No file in {folder} matches a rule. {how}")
     return files, left_out
 
 
@@ -240,12 +247,6 @@ def _begin_at_login(output: Output, folder: Path, options: Sequence[str]) -> Non
     output.note(f"followed again after each login, by {entry.path}; --watch --no-at-login ends that")
 
 
-def _end_at_login(folder: Path) -> tuple[dict[str, bool], str]:
-    ended = describe_entry(folder, []).remove()
-    words = "is not followed after a login any more" if ended else "was not followed after a login"
-    return {"ended": ended}, f"{folder} {words}"
-
-
 def _list_or_note(
     output: Output, list_files: Callable[[], tuple[list[FieldFile], list[str]]]
 ) -> list[FieldFile]:
@@ -270,13 +271,6 @@ def _wait_for_service(output: Output, find: Callable[[], Campaign], *, every_s: 
                 output.note(f"{problem}; waiting for the service, stop with Ctrl-C")
             told = True
         sleep(every_s)
-
-
-def _rules(folder: Path, role: str | None, scene: str | None) -> tuple[Rule, ...]:
-    """Return what the caller or campaign.toml states of the files; nothing where it is to be proposed."""
-    if role is not None:
-        return (Rule(role=role, scene=scene),)
-    return read_plan(folder).rules if (folder / FILENAME).exists() else ()
 
 
 def place(
@@ -306,9 +300,3 @@ def _find_campaign(output: Output, folder: Path, named: str | None) -> Campaign:
                 f"Create it and send all frames: stilb campaign run {quote(folder)}"
             )
         return found
-
-
-def _how(left_out: Sequence[str]) -> str:
-    if left_out:
-        return f"{', '.join(left_out[:5])}: give their role with --role, or in {FILENAME}."
-    return "It contains no raw files."

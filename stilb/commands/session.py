@@ -112,11 +112,14 @@ def examine_health(health: Health) -> list[Finding]:
     """Evaluate the health data of a service."""
     answer = f"{health.detail}; answered in {health.answered_in_s:.2f} s"
     ready: tuple[State, str] = ("ok" if health.ready else "fail", answer)
+    quarantine: tuple[State, str] | None = None if health.quarantined_jobs is None else ("ok", "no jobs")
+    if lost := health.quarantined_jobs:
+        quarantine = "warn", f"{lost} jobs have lost three workers each: stilb jobs --state quarantined"
     checks: dict[str, tuple[State, str] | None] = {
         "ready": ready,
         "version": None if health.version is None else ("ok", health.version),
         "queue": None if health.oldest_queued_s is None else _judge_queue(health.oldest_queued_s),
-        "quarantine": None if health.quarantined_jobs is None else _judge_jobs(health.quarantined_jobs),
+        "quarantine": quarantine,
         "disk": None if health.free_bytes is None else _judge_disk(health.free_bytes),
         "clock": None if health.clock_ahead_s is None else _judge_clock(health.clock_ahead_s),
     }
@@ -130,12 +133,6 @@ def _judge_queue(oldest_s: float) -> tuple[State, str]:
         busy = "the workers are busy or down; tell the operator"
         return "warn", f"a job has waited for {oldest_s:.0f} s: {busy}"
     return "ok", f"the oldest job has waited for {oldest_s:.0f} s"
-
-
-def _judge_jobs(quarantined: int) -> tuple[State, str]:
-    if quarantined:
-        return "warn", f"{quarantined} jobs have lost three workers each: stilb jobs --state quarantined"
-    return "ok", "no jobs"
 
 
 def _judge_disk(free_bytes: int) -> tuple[State, str]:

@@ -55,7 +55,9 @@ class Rule:
         if self.pattern is None:
             return {} if is_raw(name) else None
         subject = name if "/" in self.pattern else own
-        found = re.fullmatch(_regular(_compose(self.pattern)), subject, re.IGNORECASE)
+        parts = _WILD.split(_compose(self.pattern))
+        regular = "".join(_PARTS.get(part) or re.escape(part) for part in parts)
+        found = re.fullmatch(regular, subject, re.IGNORECASE)
         return None if found is None else found.groupdict()
 
 
@@ -116,10 +118,6 @@ def _judge(path: Path, name: str, rules: Sequence[Rule]) -> FieldFile | None:
 def _compose(name: str) -> str:
     """Return a name as keyboards write it: macOS writes an accent apart from its letter."""
     return unicodedata.normalize("NFC", name)
-
-
-def _regular(pattern: str) -> str:
-    return "".join(_PARTS.get(part) or re.escape(part) for part in _WILD.split(pattern))
 
 
 _CAMERA: Final = {
@@ -256,7 +254,8 @@ def _measure_centre(file: BinaryIO, tags: Mapping[str, Any]) -> float | None:
             read("RowsPerStrip", height),
         )
         first, count = width // 3, math.ceil(2 * width / 3) - width // 3
-        order = ">" if _is_big_endian(file) else "<"
+        file.seek(0)
+        order = ">" if file.read(2) == b"MM" else "<"
         values: list[int] = []
         for step in range(_ROWS):
             row = height // 3 + height * step // (3 * _ROWS)
@@ -264,11 +263,6 @@ def _measure_centre(file: BinaryIO, tags: Mapping[str, Any]) -> float | None:
             values += struct.unpack(f"{order}{count}H", file.read(2 * count))
         return (sum(values) / len(values) - black) / (white - black) if white > black else None
     return None
-
-
-def _is_big_endian(file: BinaryIO) -> bool:
-    file.seek(0)
-    return file.read(2) == b"MM"
 
 
 _FORBIDDEN = re.compile(r'[<>:"/\\|?*\x00-\x1f\x7f]')

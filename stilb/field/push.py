@@ -257,7 +257,8 @@ def _wait_until_read(push: _Push) -> dict[str, records.Frame]:
     least, patient_until = len(wanted) + 1, 0.0
     while True:
         found = {frame.id: frame for frame in push.client.frames(push.campaign_id) if frame.id in wanted}
-        unread = sum(_is_unread(frame) for frame in found.values())
+        pending = (frame for frame in found.values() if frame.outcome == "pending")
+        unread = sum(any(reason.code in _UNREAD for reason in frame.reasons) for frame in pending)
         if unread < least:
             least, patient_until = unread, time.monotonic() + _PATIENCE_S
         if not unread or time.monotonic() > patient_until:
@@ -265,16 +266,14 @@ def _wait_until_read(push: _Push) -> dict[str, records.Frame]:
         time.sleep(_POLL_S)
 
 
-def _is_unread(frame: records.Frame) -> bool:
-    return frame.outcome == "pending" and any(reason.code in _UNREAD for reason in frame.reasons)
-
-
 def _tell(push: _Push, file: FieldFile, frames: dict[str, records.Frame]) -> Told:
     sha256 = push.hashes.get(file.name, "")
     frame_id = push.frames.get(sha256, "")
     frame = frames.get(frame_id)
     if not frame_id:
-        reason = push.errors.get(file.name) or push.errors.get(_twin(push, sha256), "it was not sent")
+        # of the same content one was sent in the place of all
+        same = (name for name, each in push.hashes.items() if each == sha256 and name in push.errors)
+        reason = push.errors.get(file.name) or push.errors.get(next(same, ""), "it was not sent")
         return Told.unsent(file.name, reason, sha256)
     reasons: tuple[records.Reason, ...] = () if frame is None else frame.reasons
     note = push.notes.get(file.name)
@@ -286,11 +285,6 @@ def _tell(push: _Push, file: FieldFile, frames: dict[str, records.Frame]) -> Tol
         reasons=tuple(reason.detail for reason in reasons) + ((note,) if note else ()),
         codes=tuple(reason.code for reason in reasons),
     )
-
-
-def _twin(push: _Push, sha256: str) -> str:
-    """The file of the same content that was sent in this one's place."""
-    return next((name for name, each in push.hashes.items() if each == sha256 and name in push.errors), "")
 
 
 def _words(role: str, scene: str | None) -> str:

@@ -72,24 +72,7 @@ def describe_entry(
     platform: str = sys.platform,
     environment: Mapping[str, str] = os.environ,
 ) -> StartupEntry:
-    """Return the entry of a folder; a folder has one.
-
-    Parameters
-    ----------
-    folder : Path
-        The folder that the command watches.
-    command : sequence of str
-        The program and its arguments.
-    platform : str, optional
-        As ``sys.platform``.
-    environment : mapping, optional
-        Where the user's folders are.
-
-    Returns
-    -------
-    StartupEntry
-        Nothing is written yet.
-    """
+    """Return the entry of the one command that watches a folder; nothing is written yet."""
     name = f"stilb-push-{hashlib.sha256(os.fsencode(folder.resolve())).hexdigest()[:12]}"
     home = Path(environment.get("HOME") or Path.home())
     if platform == "darwin":
@@ -108,13 +91,9 @@ def describe_entry(
         programs = Path(environment["APPDATA"], "Microsoft/Windows/Start Menu/Programs/Startup")
         return StartupEntry(path=programs / f"{name}.cmd", content=text.encode())
     units = Path(environment.get("XDG_CONFIG_HOME") or home / ".config", "systemd/user")
-    text = _UNIT.format(command=" ".join(map(_quote, command)))
+    # as systemd reads each word back
+    escapes = str.maketrans({"\\": "\\\\", '"': '\\"', "%": "%%", "$": "$$"})
+    text = _UNIT.format(command=" ".join(f'"{word.translate(escapes)}"' for word in command))
     unit = units / f"{name}.service"
     wants = units / "default.target.wants" / unit.name
     return StartupEntry(path=unit, content=text.encode(), enabled_by=wants)
-
-
-def _quote(word: str) -> str:
-    """Return a word as systemd reads it back."""
-    escaped = word.replace("\\", "\\\\").replace('"', '\\"').replace("%", "%%").replace("$", "$$")
-    return f'"{escaped}"'
