@@ -316,7 +316,9 @@ def _segment_shape(directory: Directory, rows: int, cols: int) -> tuple[bool, in
     tile_cols = directory.integer(tags.TILE_WIDTH, 0)
     if tile_rows < 1 or tile_cols < 1:
         raise files.SIZE_MISMATCH.refuse("The image is cut into tiles without pixels.")
-    limits.check_segment_size(tile_rows * tile_cols, rows * cols)
+    # a tile may overhang a small frame, but not by much more than tiles are large
+    if tile_rows * tile_cols > max(4 * rows * cols, 1 << 22):
+        raise files.FRAME_TOO_LARGE.refuse("The file claims tiles that are far larger than its image.")
     return True, tile_rows, tile_cols
 
 

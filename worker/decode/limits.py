@@ -19,9 +19,6 @@ MAX_SEGMENTS = 1 << 20
 MAX_OPCODES = 256
 MAX_TEXT = 200
 
-# A tile may overhang a small frame, but not by much more than tiles are large.
-_SMALL_SEGMENT_PX = 1 << 22
-
 
 def check_frame_size(rows: int, cols: int) -> None:
     if rows < MIN_SIDE_PX or cols < MIN_SIDE_PX:
@@ -37,11 +34,6 @@ def check_backed(claimed: float, held: float) -> None:
     """Refuse a claim that what the file holds cannot back, however well it was compressed."""
     if claimed > held:
         raise files.SIZE_MISMATCH.refuse("The file claims an image far larger than its data can hold.")
-
-
-def check_segment_size(segment_px: int, frame_px: int) -> None:
-    if segment_px > max(4 * frame_px, _SMALL_SEGMENT_PX):
-        raise files.FRAME_TOO_LARGE.refuse("The file claims tiles that are far larger than its image.")
 
 
 def check_segment_count(count: int) -> None:

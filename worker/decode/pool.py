@@ -205,7 +205,11 @@ class Nursery:
             while True:  # what the one before may have said last
                 ours.recv(_LONGEST_WORD, socket.MSG_DONTWAIT)
         self._process = subprocess.Popen(  # noqa: S603  our own interpreter, our own module
-            [*build_command("worker.decode"), *_arguments(self._bounds)],
+            [
+                *build_command("worker.decode"),
+                *("--parent", str(os.getpid()), "--memory-bytes", str(self._bounds.memory_bytes)),
+                *("--cpu-seconds", str(self._bounds.cpu_seconds)),
+            ],
             stdin=its.fileno(),
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
@@ -247,14 +251,6 @@ class Nursery:
         elif not self._is_owner and self._pid[0]:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(self._pid[0], signal.SIGKILL)
-
-
-def _arguments(bounds: DecoderLimits) -> list[str]:
-    return [
-        *("--parent", str(os.getpid())),
-        *("--memory-bytes", str(bounds.memory_bytes)),
-        *("--cpu-seconds", str(bounds.cpu_seconds)),
-    ]
 
 
 _PREVIEW_BYTES: Final = 64 << 20

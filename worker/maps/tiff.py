@@ -31,15 +31,10 @@ Entry = tuple[int, int, int, bytes]  # tag, type, count, value
 
 def append_directories(path: Path, header: FrameHeader, exposure: Exposure | None) -> None:
     """Hang what is known of the exposure and the place into a little-endian TIFF with empty pointers."""
-    if has_exif(header, exposure):
-        _append(path, tags.EXIF, _exif_entries(header, exposure))
+    if entries := _exif_entries(header, exposure):
+        _append(path, tags.EXIF, entries)
     if header.latitude_deg is not None and header.longitude_deg is not None:
         _append(path, tags.GPS, _gps_entries(header.latitude_deg, header.longitude_deg, header.altitude_m))
-
-
-def has_exif(header: FrameHeader, exposure: Exposure | None) -> bool:
-    """Return True if there is anything to write: a directory without an entry is none."""
-    return bool(_exif_entries(header, exposure))
 
 
 def _exif_entries(header: FrameHeader, exposure: Exposure | None) -> list[Entry]:
@@ -51,8 +46,9 @@ def _exif_entries(header: FrameHeader, exposure: Exposure | None) -> list[Entry]
         tags.LENS_SERIAL: header.lens_serial,
     }
     if header.taken_at is not None:
-        clock, offset = header.taken_at[:19], header.taken_at[19:]
-        fraction, offset = ("", offset) if not offset.startswith(".") else _split_fraction(offset)
+        clock, rest = header.taken_at[:19], header.taken_at[19:].removeprefix(".")
+        offset = rest.lstrip("0123456789")
+        fraction = rest.removesuffix(offset)
         texts[tags.DATE_TIME_ORIGINAL] = clock.replace("-", ":").replace("T", " ")
         texts[tags.SUB_SEC_TIME_ORIGINAL] = fraction
         texts[tags.OFFSET_TIME_ORIGINAL] = "+00:00" if offset == "Z" else offset
@@ -89,12 +85,6 @@ def _focal_plane(header: FrameHeader) -> list[Entry]:
         _rational(tags.FOCAL_PLANE_Y_RESOLUTION, y),
         unit,
     ]
-
-
-def _split_fraction(rest: str) -> tuple[str, str]:
-    digits = rest[1:]
-    length = len(digits) - len(digits.lstrip("0123456789"))
-    return digits[:length], digits[length:]
 
 
 def _gps_entries(latitude_deg: float, longitude_deg: float, altitude_m: float | None) -> list[Entry]:
@@ -284,7 +274,7 @@ def _tags(facts: MapFacts) -> list[tuple[int | str, int, int, Any, bool]]:
     if facts.place is not None:
         named += _describe_place(facts.place)
     # by their names: by number tifffile would refuse them; the values follow in append_directories
-    if has_exif(header, facts.exposure):
+    if _exif_entries(header, facts.exposure):  # a directory without an entry is none
         named.append(("ExifTag", _LONG, 1, 0, True))
     if header.latitude_deg is not None:
         named.append(("GPSTag", _LONG, 1, 0, True))

@@ -95,7 +95,6 @@ def _map_band(task: Task, application: BandApplication) -> tuple[Made, record.Pr
     radiance, band = _is_radiance(task, application), header.multispectral
     assert band is not None  # noqa: S101  the plan refused files without one
     unit = application.radiance_unit if radiance else application.unit
-    said = {"wavelength_nm": band.wavelength_nm, "width_nm": band.width_nm}
     facts = MapFacts(
         header=header,
         exposure=exposure,
@@ -108,7 +107,7 @@ def _map_band(task: Task, application: BandApplication) -> tuple[Made, record.Pr
             Layer(
                 name=band.band_name,
                 unit=unit,
-                said={name: value for name, value in said.items() if value is not None},
+                said=drop_absent({"wavelength_nm": band.wavelength_nm, "width_nm": band.width_nm}),
             ),
         ),
     )
@@ -134,18 +133,19 @@ def describe(task: Task, application: BandApplication, **more: Any) -> dict[str,
     """Return what ImageDescription says of a map of a band, or of an index on its pixels."""
     band = task.header.multispectral
     assert band is not None  # noqa: S101  the plan refused files without one
-    said = {
-        "band": band.band_name,
-        "wavelength_nm": band.wavelength_nm,
-        "width_nm": band.width_nm,
-        "capture_id": band.capture_id,
-    }
-    known = {name: value for name, value in said.items() if value is not None}
+    known = {"wavelength_nm": band.wavelength_nm, "width_nm": band.width_nm, "capture_id": band.capture_id}
     angle_deg = read_angle(task)
     if angle_deg is None:
         angle_deg = read_applied(task.calibration)[0].incidence_angle_deg
     place = tell_place(task, application)
-    return task.describe(**more, saturated="NaN", incidence_angle_deg=angle_deg, place=place, **known)
+    return task.describe(
+        **more,
+        saturated="NaN",
+        incidence_angle_deg=angle_deg,
+        place=place,
+        band=band.band_name,
+        **drop_absent(known),
+    )
 
 
 def draw_planes(
@@ -349,10 +349,7 @@ def _list_layers(capture: Capture, application: BandApplication) -> list[Layer]:
         assert found is not None  # noqa: S101  the plan refused files without one
         radiance = _is_radiance(task, application)
         said: dict[str, Any] = {"band": band, "frame_sha256": task.frame.sha256}
-        if found.wavelength_nm is not None:
-            said |= {"wavelength_nm": found.wavelength_nm}
-        if found.width_nm is not None:
-            said |= {"width_nm": found.width_nm}
+        said |= drop_absent({"wavelength_nm": found.wavelength_nm, "width_nm": found.width_nm})
         if band in left:
             said |= {"alignment": left[band].by, "alignment_residual_px": round(left[band].residual_px, 3)}
         if not radiance:

@@ -1,10 +1,10 @@
 """Input of every method's measuring, and the products that it leaves."""
 
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +66,15 @@ class Task:
         with tempfile.TemporaryDirectory(prefix="stilb-map-") as folder:
             target = Path(folder) / "map.tif"
             made = write(target)
-            return made, Products(tif=_keep_file(self.blobs, target), png=_keep(self.blobs, made.picture))
+            with target.open("rb") as file:
+                tif = self._keep(iter(partial(file.read, _COPY_BYTES), b""))
+            return made, Products(tif=tif, png=self._keep([made.picture]))
+
+    def _keep(self, pieces: Iterable[bytes]) -> StoredBlob:
+        with self.blobs.writer() as writer:
+            for piece in pieces:
+                writer.write(piece)
+            return writer.commit()
 
     def describe(self, **more: Any) -> dict[str, Any]:  # noqa: ANN401
         """Return ImageDescription, so that a map that has left its place still names what it is."""
@@ -85,16 +93,3 @@ class Task:
             },
             "software": {"stilb": read_version(), "measurer": MEASURER},
         }
-
-
-def _keep_file(blobs: Blobs, path: Path) -> StoredBlob:
-    with blobs.writer() as writer, path.open("rb") as file:
-        while piece := file.read(_COPY_BYTES):
-            writer.write(piece)
-        return writer.commit()
-
-
-def _keep(blobs: Blobs, content: bytes) -> StoredBlob:
-    with blobs.writer() as writer:
-        writer.write(content)
-        return writer.commit()
