@@ -29,7 +29,7 @@ _PIXELS_PER_BYTE: Final = 512
 
 @dataclass(frozen=True, kw_only=True)
 class Claims:
-    """What a picture says of itself. ``exif`` : the TIFF structure of its EXIF, empty where there is none."""
+    """A picture by its own words. ``exif`` : the TIFF structure of its EXIF, empty where there is none."""
 
     height_px: int
     width_px: int
