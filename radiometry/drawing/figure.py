@@ -106,4 +106,5 @@ class Plot(Record):
     build: Callable[[dict[str, Any], Callable[[], Sequence[Any]]], Iterable[Figure]]
     note: str = ""
     is_wide: bool = False  # True for a plot that takes the whole width of a page
+    leads: bool = False  # True for a plot that a page shows at once, while it folds those that do not
     most_printed: int = 0  # How many of its figures a certificate prints at most

@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from radiometry.drawing.figure import Axis, Figure, Mark, Plot, Series
-from radiometry.drawing.text import label_axis, sort_naturally, write_exposure, write_quantity
+from radiometry.drawing.text import label_axis, write_exposure, write_quantity
 from radiometry.fitting.sources import DARK_CURRENT, READING, SCATTER, predict
 from radiometry.luminance.results import IsoFit
 from radiometry.records import Record
@@ -97,7 +97,7 @@ def _draw_residuals(result: Node, x: Axis, place: Callable[[Node], float | None]
         )
         for c, points in _by_iso(result)
     )
-    if not any(each.marks for each in series):
+    if not _spread(series):
         return ()
     # one scale for all plots of residuals, symmetric
     used = [abs(100.0 * p["residual_rel"]) for p in result["points"] if p["used"] and p.get("rhs")]
@@ -107,22 +107,17 @@ def _draw_residuals(result: Node, x: Axis, place: Callable[[Node], float | None]
     return (Figure(x=x, y=y, series=series, band=(-limit, limit), levels=levels, cuts_left_out=True),)
 
 
-def _build_scene_residuals(result: Node, _: Rows) -> tuple[Figure, ...]:
-    levels = {p["scene"]: p["luminance_cd_m2"] for p in result["points"] if p.get("rhs")}
-    places = {
-        scene: float(n) for n, scene in enumerate(sorted(sort_naturally(levels), key=levels.__getitem__))
-    }
-    ticks = tuple((at, scene) for scene, at in places.items())
-    x = Axis(label="scene, from dark to bright", ticks=ticks, include=(-0.5, len(ticks) - 0.5))
-    return _draw_residuals(result, x, lambda p: places[p["scene"]])
+def _build_by_luminance(result: Node, _: Rows) -> tuple[Figure, ...]:
+    x = Axis(label="L meter [cd/m²], logarithmic", logarithmic=True)
+    return _draw_residuals(result, x, lambda p: p["luminance_cd_m2"])
 
 
-def _build_f_number_residuals(result: Node, _: Rows) -> tuple[Figure, ...]:
+def _build_by_f_number(result: Node, _: Rows) -> tuple[Figure, ...]:
     x = Axis(label="f-number", logarithmic=True, ticks=_tick(result, "f_number", "f/{:g}"))
     return _draw_residuals(result, x, lambda p: float(p["f_number"]))
 
 
-def _build_time_residuals(result: Node, rows: Rows) -> tuple[Figure, ...]:
+def _build_by_time(result: Node, rows: Rows) -> tuple[Figure, ...]:
     times = {row.frame: at for row in rows() if (at := _read_time(row)) is not None}
     return _draw_residuals(result, _TAKEN, lambda p: times.get(p["frame"]))
 
@@ -169,7 +164,12 @@ def _draw_dark(result: Node, rows: Rows, x: Axis, place: Callable[[Any], float |
             marks.append(Mark(x=at, y=mean, low=mean - u, high=mean + u, name=row.frame, told=told))
         series.append(Series(name=_name(c), marks=tuple(marks), place=n))
     shown = tuple(each for each in series if each.marks)
-    return (Figure(x=x, y=Axis(label="dark signal [DN]"), series=shown),) if shown else ()
+    return (Figure(x=x, y=Axis(label="dark signal [DN]"), series=shown),) if _spread(shown) else ()
+
+
+def _spread(series: Sequence[Series]) -> bool:
+    """Return True if marks stand at two places of x or more: at one, a plot shows no dependence on x."""
+    return len({mark.x for each in series for mark in each.marks}) > 1
 
 
 def _build_dark_by_iso(result: Node, rows: Rows) -> tuple[Figure, ...]:
@@ -238,17 +238,13 @@ PLOTS: Final = (
         note="95 % intervals; “all” is the K of the ISO value",
         build=_build_apertures,
     ),
-    Plot(
-        name="residuals-f-number",
-        title="Residuals and f-number",
-        note="(L fit \N{MINUS SIGN} L meter) / L meter; shaded: tolerance",
-        build=_build_f_number_residuals,
-    ),
-    Plot(name="residuals-scene", title="Residuals and scene", build=_build_scene_residuals),
-    Plot(name="residuals-time", title="Residuals and time", build=_build_time_residuals),
+    Plot(name="residuals-f-number", title="Residuals and f-number", leads=True, build=_build_by_f_number),
+    Plot(name="residuals-luminance", title="Residuals and luminance", leads=True, build=_build_by_luminance),
+    Plot(name="residuals-time", title="Residuals and time", leads=True, build=_build_by_time),
     Plot(
         name="residuals-signal",
         title="Residuals and signal",
+        leads=True,
         most_printed=1,
         build=lambda result, _: _draw_residuals(
             result,

@@ -79,6 +79,9 @@ def test_patterns_say_what_the_camera_s_files_are(page, shots):
     page.get_by_role("button", name=f"Send {len(shots)} files").click()
     expect(page.get_by_text(f"{len(shots)} of {len(shots)} received", exact=False)).to_be_visible()
     settle(page)
+    # one list of files, and the one that is worked in is in view
+    expect(page.get_by_role("table", name="Upload list")).to_be_hidden()
+    assert page.locator(".grid").evaluate("each => each.getBoundingClientRect().top + scrollY") < 900
     look(page, "campaign")
 
     page.goto("/campaigns")

@@ -4,7 +4,7 @@ import pytest
 from playwright.sync_api import expect
 
 from radiometry.methods import get_method
-from tests.support.browser import check_access, look, settle, sign_in, visit
+from tests.support.browser import check_access, look, open_folds, settle, sign_in, visit
 from tests.support.every_method import make_version
 from tests.support.house import House
 
@@ -42,7 +42,8 @@ def test_a_version_is_shown_and_published_and_stands_on_its_camera_s_page(servic
             expect(page.get_by_role("heading", level=1)).to_have_text(f"{label} version 1")
             for figure in version["key_figures"]:
                 expect(page.locator(".key-figures")).to_contain_text(figure["label"])
-            expect(page.locator("#verdict table")).to_be_hidden()
+            expect(page.locator("#coefficients table")).to_be_hidden()
+            open_folds(page)
             shown = page.locator(".plot-card .chart")
             expect(shown.first).to_be_visible()
             # those that this version has nothing for are gone: linearity
@@ -53,7 +54,6 @@ def test_a_version_is_shown_and_published_and_stands_on_its_camera_s_page(servic
             assert page.request.get(certificate).body().startswith(b"%PDF-")
             expect(page.locator("#points").get_by_role("row")).not_to_have_count(0)
             if version["inputs"].get("panels"):
-                page.locator("#made").get_by_text("readings").click()
                 reflecting = page.locator("#made").get_by_role(
                     "row", name=version["inputs"]["panels"][0]["serial"]
                 )

@@ -19,6 +19,7 @@ FORMAT = """async ([base, name, values]) => {
     const found = await import(`${base}/format.js`);
     return values.map((value) => found[name](value));
 }"""
+HOLDS_FOR = """async ([base, row]) => (await import(`${base}/coefficients.js`)).holdsFor(row)"""
 TIME = """async ([base, at]) => (await import(`${base}/format.js`)).time(at).textContent"""
 IN_ORDER = """async ([base, names]) => (await import(`${base}/groups.js`)).inOrder(names, (name) => name)"""
 ISO_VALUES = """async ([base, cases]) => {
@@ -128,7 +129,10 @@ def test_times_numbers_and_names_are_written_for_people(run):
         "1.234 \u00d7 10⁻⁵",
     ]
     assert run("async ([base]) => (await import(`${base}/format.js`)).fixed(-0.004, 2)") == "0.00"
-    assert run(FORMAT, "percent", [3.9e-7, 0.0, 0.00044]) == ["< 0.001 %", "0 %", "0.044 %"]
+    shares = [3.9e-7, 0.0, -0.0, 0.00044, 0.007, 0.0073, 0.02, 0.0996, -0.019, 1.0]
+    said = ["< 0.001 %", "0 %", "0 %", "0.044 %", "0.70 %", "0.73 %", "2.0 %", "10 %", "\u22121.9 %", "100 %"]
+    assert run(FORMAT, "percent", shares) == said
+    assert run(HOLDS_FOR, {"iso": 12800.0, "f_number": 2.8}) == "ISO 12800, f/2.8"
     assert run(FORMAT, "words", ["noise_high"]) == ["noise high"]
     assert run(TIME, "2026-05-01T21:29:00+02:00") == "2026-05-01 19:29 UTC"
     assert run(TIME, "2026-05-01T21:29:00") == "2026-05-01 21:29"  # as the clock showed it, wherever it was

@@ -13,7 +13,7 @@ from playwright.sync_api import Browser, expect
 from radiometry.methods import get_method
 from tests.journeys.door import Certificate, Door
 from tests.journeys.plan import Corners, Figure, File, Plan
-from tests.support.browser import look, settle, sign_in, visit
+from tests.support.browser import complete_certificate, look, settle, sign_in, visit
 
 # For what a worker computes, on a machine that has other work.
 PATIENCE_MS = 120_000
@@ -142,6 +142,7 @@ class Pages(Door):
     def publish(self, version: str, *, valid_from: str, valid_to: str | None = None, reason: str) -> None:
         page = self.page
         self._open_version(version)
+        complete_certificate(page)
         page.get_by_role("button", name="Publish…").click()
         dialog = page.get_by_role("dialog", name="Publish version")
         for label, day in (("In force from", valid_from), ("Until", valid_to)):

@@ -105,6 +105,8 @@ def test_dark_signal_against_iso_exposure_and_time_has_each_dark_frame_with_two_
     (first,), (second,) = (each.marks for each in by_time.series)
     assert (second.x - first.x, second.name) == (3600.0, "b")
     assert figures("luminance", "dark-time", result, rows[3:]) == []
+    # of one exposure time nothing is seen that would depend on it
+    assert figures("luminance", "dark-exposure", result, rows[:1]) == []
 
 
 def test_k_of_each_aperture_has_its_interval_above_that_of_all():

@@ -363,17 +363,6 @@ def test_vignetting_shows_the_curve_of_green_and_the_map_of_what_is_left():
     assert [each.get("class") for each in rects[:24]].count("cell unknown") == 1
 
 
-def test_sharpness_shows_half_the_contrast_at_mtf50():
-    picture = draw("sharpness")
-    (half,) = [line for line in lines(picture, "limit") if line[0][1] == line[1][1]]
-    for css, mtf50 in (("line s0", 0.3), ("line s1", 0.2)):
-        curve = lines(picture, css)[0]
-        assert curve[1][1] == half[0][1]
-        share = (curve[1][0] - curve[0][0]) / (curve[2][0] - curve[0][0])
-        assert share == pytest.approx(mtf50, abs=0.001)
-    assert {"centre", "corner"} <= set(texts(picture))
-
-
 def test_geometry_shows_barrel_below_zero_and_rows_from_the_top():
     picture = draw("geometry")
     (seen,), (beyond,) = lines(picture, "line s0"), lines(picture, "line s1")
@@ -397,21 +386,3 @@ def test_the_surface_is_dark_in_the_corner_and_downward_as_the_frame_is():
     shades = [float(each.get("fill-opacity")) for each in cells]
     assert max(shades) == shades[0] > 0.9
     assert min(shades) < 0.01
-
-
-def test_noise_shows_the_variance_on_the_line_of_the_gain():
-    picture = draw("noise")
-    transfer, snr = lines(picture, "line s0")[:2]
-    points = [
-        (*place_of(each), each.get("class"))
-        for each in picture.iter(f"{GRAPH}path")
-        if each.find(f"{GRAPH}title") is not None and each.get("class").endswith("s0")
-    ]
-    # of the first channel: three levels on the transfer's line, three on the square root of the electrons
-    for line, mine in ((transfer, points[:3]), (snr, points[3:6])):
-        xs, ys = zip(*line, strict=True)
-        for x, y, _ in mine:
-            assert np.interp(x, xs, ys) == pytest.approx(y, abs=0.3)
-    assert [css for *_, css in points[:3]] == ["point s0", "point s0", "point out s0"]
-    # no line for a channel without a gain
-    assert lines(picture, "line s1") == []

@@ -1,19 +1,14 @@
 """What the pages are sent with: the policy, the files that they stand on, and problems as pages."""
 
 import gzip
-import io
-import math
 import re
 from pathlib import Path
 from urllib.parse import urljoin
 
 import numpy as np
 import pytest
-from PIL import Image
 
-from service.frames.pictures import draw_light_thumbnail
 from service.pages.rendering import describe_fields
-from store.files import reduce_preview
 from tests.support.house import KEY
 
 STATIC = Path(__file__).parents[2] / "service" / "pages" / "static"
@@ -116,41 +111,6 @@ def test_no_import_is_written_so_that_it_is_not_found(house, path):
     for name in named:
         target = (path.parent / name).resolve().relative_to(STATIC.resolve()).as_posix()
         assert f"/static/{release}/{target}" in imported
-
-
-def raw_size(visitor, address):
-    """Bytes on the line, with those of an answer's and a request's headers."""
-    with visitor.stream("GET", address, headers=PAGE | {"Accept-Encoding": "gzip"}) as answer:
-        assert answer.status_code == 200
-        return sum(map(len, answer.iter_raw())) + 600
-
-
-def test_a_campaign_shows_its_frames_within_three_seconds_on_a_slow_line(house, visitor):
-    """On a first visit at 1.6 Mbit/s with 150 ms to the service, six connections to it, no HTTP/2."""
-    campaign = house.campaign()
-    house.upload(campaign, house.frame_bytes(), role="light", scene="level-1")
-
-    def wait_s(sizes):
-        return 0.15 * math.ceil(len(sizes) / 6) + 8 * sum(sizes) / 1.6e6
-
-    html = visitor.get(f"/campaigns/{campaign['id']}", headers=PAGE).text
-    first = re.findall(r'<link rel="(?:stylesheet|modulepreload)" href="([^"]+)">', html)
-    first += re.findall(r'<script type="module" src="([^"]+)"', html)
-    later = re.findall(r'<link rel="modulepreload" href="([^"]+)" fetchpriority="low">', html)
-    assert {"grid.js", "page.js"} <= {path.rpartition("/")[2] for path in first}
-    assert {"region.js", "upload.js"} <= {path.rpartition("/")[2] for path in later}
-    noise = np.random.default_rng(1).integers(0, 255, (1200, 1600), np.uint8)
-    preview = io.BytesIO()
-    Image.fromarray(noise).save(preview, "PNG")
-    thumbnail = draw_light_thumbnail(reduce_preview(preview.getvalue()), 1600, None)
-    stages = {
-        "connection": 0.15,
-        "page": wait_s([len(html.encode())]),
-        "modules": wait_s([raw_size(visitor, path) for path in first]),
-        "grid": wait_s([raw_size(visitor, f"/v1/campaigns/{campaign['id']}/grid?limit=200")]),
-        "thumbnails": wait_s([32 * 4 / 3 * len(thumbnail) + 600]),
-    }
-    assert sum(stages.values()) < 3.0, stages
 
 
 def test_own_scripts_are_served_packed(house):

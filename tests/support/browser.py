@@ -109,6 +109,27 @@ def settle(page: Page) -> None:
     expect(page.locator("[aria-busy=true]")).to_have_count(0)
 
 
+def open_folds(page: Page) -> None:
+    """Open all that a page folds, as somebody does who reads it whole."""
+    page.locator("main details").evaluate_all("folds => folds.forEach((each) => (each.open = true))")
+    settle(page)
+
+
+def complete_certificate(page: Page) -> None:
+    """Enter what a certificate needs and a draft still lacks: who signs, once, and the customer."""
+    needed = page.locator("#lacking").get_by_role("listitem").filter(has_text="needed")
+    for button, typed in (
+        ("State your name", {"Person": "A. Meier", "Role": "physicist"}),
+        ("Fill in", {"Customer": "City of Mill", "Place": "Photometry lab"}),
+    ):
+        if (mends := needed.get_by_role("button", name=button)).count():
+            mends.click()
+            for label, text in typed.items():
+                page.get_by_role("dialog").get_by_label(label).fill(text)
+            page.get_by_role("dialog").get_by_role("button", name="Save").click()
+            expect(mends).to_have_count(0)
+
+
 class Held(list[Route]):
     """Requests that are held back, in the order in which they were made."""
 

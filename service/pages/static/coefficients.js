@@ -1,13 +1,13 @@
 // Coefficients as the pages show them: what they hold for, and which of a series are in force.
 
 import { h } from "./dom.js";
-import { isUsual, number, words } from "./format.js";
+import { isUsual, number, quantity, words } from "./format.js";
 import { METHODS, coefficientLabel, headlineOf } from "./methods.js";
 
 /** "ISO 3200, f/2.8, band 650": what a coefficient holds for. */
 export function holdsFor(row) {
   return [
-    row.iso != null ? `ISO ${number(row.iso, 6)}` : "",
+    row.iso != null ? `ISO ${row.iso}` : "",
     row.f_number != null ? `f/${number(row.f_number)}` : "",
     row.band != null ? `band ${words(row.band)}` : "",
     row.channel != null ? `channel ${row.channel}` : "",
@@ -21,6 +21,15 @@ export function holdsFor(row) {
 /** A coefficient by its label and what it holds for. */
 export const named = (row, method = row.method) => h("span", { title: row.name }, coefficientLabel(method, row.name), h("span", { class: "muted" }, ` ${holdsFor(row)}`));
 
+const MOST_HEADLINES = 4;
+
+/** The coefficient that a method is known for, each with U = 2 u; those of one f-number stand on the page of their version. */
+export function headlines({ method, rows }) {
+  const found = rows.filter((row) => row.name === headlineOf(method) && row.f_number === null);
+  const line = (row) => h("div", {}, h("span", { class: "muted" }, `${holdsFor({ ...row, channel: null })} `), quantity({ ...row, expanded_uncertainty: 2 * row.standard_uncertainty }, { expanded: true }));
+  return [found.slice(0, MOST_HEADLINES).map(line), found.length > MOST_HEADLINES ? h("div", { class: "muted small" }, `and ${found.length - MOST_HEADLINES} more`) : null];
+}
+
 const rankOf = ({ method }) => METHODS.findIndex(({ name }) => name === method);
 
 /** The versions of a series (/v1/series/coefficients) that are in force at a time, each with its rows. */
@@ -32,8 +41,6 @@ export function inForce(rows, at = new Date()) {
     versions.get(row.calibration_id).rows.push(row);
   }
   for (const version of versions.values()) {
-    const shares = version.rows.filter((row) => row.value && row.name === headlineOf(row.method)).map((row) => Math.abs(row.standard_uncertainty / row.value));
-    version.largest = shares.length ? Math.max(...shares) : undefined;
     version.flags = [...new Set(version.rows.flatMap((row) => row.flags.split(/[ ,;]+/).filter((flag) => flag && !isUsual(flag))))];
   }
   return [...versions.values()].sort((a, b) => rankOf(a) - rankOf(b) || a.version - b.version);

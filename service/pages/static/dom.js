@@ -1,16 +1,18 @@
 // Elements from values. Text is always text: nothing here reads HTML.
 
-/** Bars with their names and figures: {name, share 0..1, said, more?}. */
-export function bars(rows) {
-  return h(
-    "dl",
-    { class: "bars" },
-    rows.map(({ name, share, said, more }) => {
-      const bar = h("span", { class: "bar", "aria-hidden": "true" });
-      bar.style.width = `${Math.max(0.5, 100 * share)}%`;
-      return h("div", { title: more }, h("dt", {}, name), h("dd", {}, h("span", { class: "track" }, bar), h("span", { class: "said" }, said)));
-    }),
-  );
+const NAMED = 0.06;
+
+/** A budget as one bar, by share of the variance: rows are {source, share, said}, the largest first; the small ones are its thin end. */
+export function budgetBar(rows) {
+  const named = rows.filter(({ share }) => share >= NAMED);
+  const rest = rows.slice(named.length);
+  const parts = [...named, ...(rest.length ? [{ share: rest.reduce((sum, { share }) => sum + share, 0) }] : [])].map(({ source, share, said }) => {
+    const part = h("span", source ? { title: `${source} ${said}` } : {}, source ? `${source} ${said}` : null);
+    part.style.flexGrow = Math.max(share, 0.004);
+    return part;
+  });
+  const bar = h("div", { class: "budget-bar", role: "img", "aria-label": named.map(({ source, share }) => `${source} ${Math.round(100 * share)} % of the variance`).join(", ") }, parts);
+  return [bar, h("p", { class: "caption" }, `Width: share of the variance.${rest.length ? ` Thin end: ${rest.map(({ source, said }) => `${source} ${said}`).join(", ")}.` : ""}`)];
 }
 
 const AT_FIRST = 14;

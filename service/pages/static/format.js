@@ -41,25 +41,28 @@ export function withUncertainty(value, uncertainty) {
   return `${grouped(String(Math.round(value / step) * step))} ± ${grouped(String(Math.round(uncertainty / step) * step))}`;
 }
 
-/** A reported quantity {value, standard_uncertainty, unit} as an element. */
-export function quantity(reported) {
+/** A reported quantity {value, standard_uncertainty, unit} as an element; with `expanded` its U. */
+export function quantity(reported, { expanded = false } = {}) {
   if (!reported) return h("span", { class: "muted" }, "–");
-  const [value, uncertainty] = withUncertainty(reported.value, reported.standard_uncertainty).split(" ± ");
+  const [value, uncertainty] = withUncertainty(reported.value, expanded ? reported.expanded_uncertainty : reported.standard_uncertainty).split(" ± ");
   return h(
     "span",
-    { class: "quantity", title: "value ± standard uncertainty" },
+    { class: "quantity", title: expanded ? "value ± expanded uncertainty, 95 %" : "value ± standard uncertainty" },
     h("span", { class: "nowrap" }, value, uncertainty ? h("span", { class: "u" }, ` ± ${uncertainty}`) : null),
     reported.unit && reported.unit !== "1" ? h("span", { class: "unit" }, ` ${unit(reported.unit)}`) : null,
   );
 }
 
 /** The uncertainty as a share of the value, in %. */
-export function relative(value, uncertainty) {
-  return value ? `${number((100 * uncertainty) / Math.abs(value), 2)} %` : "–";
-}
+export const relative = (value, uncertainty) => (value ? percent(uncertainty / Math.abs(value)) : "–");
 
-/** A share in percent; one that is too small to matter is no power of ten, unless more digits are wanted. */
-export const percent = (share, digits = 2) => (digits <= 2 && share !== 0 && Math.abs(share) < LEAST_SHARE ? `< ${100 * LEAST_SHARE} %` : `${number(100 * share, digits)} %`);
+/** A share in percent at two significant digits, zeros among them, as an uncertainty has; with more `digits` as it was stated. */
+export function percent(share, digits = 2) {
+  const value = 100 * share;
+  if (digits > 2 || !value) return `${number(value, digits)} %`;
+  if (Math.abs(share) < LEAST_SHARE) return `< ${100 * LEAST_SHARE} %`;
+  return `${grouped(Math.abs(value) < 9.95 ? value.toPrecision(2) : String(Math.round(value)))} %`;
+}
 
 /** DN*m2/(cd*s) as DN·m²/(cd·s). */
 export function unit(text) {

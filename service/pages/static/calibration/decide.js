@@ -4,8 +4,10 @@ import { all, get, getOr, post } from "../api.js";
 import { ask } from "../ask.js";
 import { editDetails } from "../campaign/details.js";
 import { named } from "../coefficients.js";
-import { fill, h, may, table, toast } from "../dom.js";
+import { causeFold, small, smallLink } from "../causes.js";
+import { byId, fill, h, may, table, toast } from "../dom.js";
 import { fixed, number, quantity, tag, withUncertainty } from "../format.js";
+import { statePerson } from "../organisation/person.js";
 import { editCamera } from "../pages/camera-edit.js";
 import { act, load } from "../states.js";
 import { fitAnew } from "./refit.js";
@@ -37,8 +39,8 @@ function coefficients(rows, method) {
 
 function gains({ isos_gained: plus, isos_lost: minus, flags_gained: raised, flags_lost: gone }) {
   const said = [
-    plus.length ? `Gains ISO ${plus.map((iso) => number(iso, 6)).join(", ")}.` : null,
-    minus.length ? `Loses ISO ${minus.map((iso) => number(iso, 6)).join(", ")}.` : null,
+    plus.length ? `Gains ISO ${plus.map((iso) => iso).join(", ")}.` : null,
+    minus.length ? `Loses ISO ${minus.map((iso) => iso).join(", ")}.` : null,
   ].filter(Boolean);
   const flags = (rows, kind) => [...new Set(rows.map((each) => each.flag))].map((flag) => tag(flag, kind));
   return [
@@ -64,22 +66,34 @@ function changeOf(change) {
   return h("span", { class: "nowrap" }, `${change.value > 0 ? "+" : ""}${text} %`);
 }
 
-/** The field of the campaign that fills a gap of its certificate. */
-const FIELD_OF_GAP = { customer_missing: "customer", place_missing: "place", conditions_missing: "conditions", date_missing: "started_at", recorder_missing: "recorder" };
+/** The field of the campaign that fills a gap of its certificate, and how it is called. */
+const FIELD_OF_GAP = { customer_missing: ["customer", "customer"], place_missing: ["place", "place"], conditions_missing: ["conditions", "conditions"], date_missing: ["started_at", "start"], recorder_missing: ["recorder", "recorder"] };
 
 /** Gaps that are filled on the pages of the organisation: with its keys, and in its details. */
 const OF_ORGANISATION = new Set(["approver_missing", "author_missing", "laboratory_name_missing", "laboratory_address_missing"]);
 
-/** Buttons for what this key may decide; `decided(said)` hears of it. */
-export function offerDecisions(place, calibration, decided) {
-  const button = (text, style, onclick) => h("button", { type: "button", class: style, onclick }, text);
-  const revoked = calibration.state === "revoked";
+/** Without these a certificate is none that a laboratory signs: they stop the button. */
+const NEEDED = new Set(["approver_missing", "customer_missing", "place_missing"]);
+
+/** Buttons for what this key may decide, and before a draft is published what its certificate would lack; `decided(said)` hears of a decision. */
+export function offerDecisions(calibration, decided) {
+  const button = (text, style, onclick, more) => h("button", { type: "button", class: style, onclick, ...more }, text);
+  const { state } = calibration;
+  const [mayPublish, draft] = [may("publish") && state !== "revoked", state === "draft"];
+  const publishing = button(draft ? "Publish…" : "Publish again…", draft ? "primary" : null, (event) => publish(event.target, calibration, decided), { disabled: draft });
   fill(
-    place,
+    byId("decide"),
     may("calibrate") ? button("Refit…", null, () => fitAnew(calibration)) : null,
-    may("publish") && !revoked ? button("Revoke…", "danger", () => revoke(calibration, decided)) : null,
-    may("publish") && !revoked ? button(calibration.state === "draft" ? "Publish…" : "Publish again…", calibration.state === "draft" ? "primary" : null, (event) => publish(event.target, calibration, decided)) : null,
+    mayPublish ? button("Revoke…", "danger", () => revoke(calibration, decided)) : null,
+    mayPublish ? publishing : null,
   );
+  byId("lacking-section").hidden = !(mayPublish && draft);
+  const show = () =>
+    load(byId("lacking"), () => get(`/v1/calibrations/${calibration.id}/impact`), ({ warnings }) => {
+      publishing.disabled = warnings.some(({ code }) => NEEDED.has(code));
+      return drawGaps(warnings, calibration, show);
+    });
+  if (mayPublish && draft) show();
 }
 
 async function publish(button, calibration, decided) {
@@ -90,7 +104,7 @@ async function publish(button, calibration, decided) {
   const impact = h("div", { class: "impact", "aria-live": "polite" });
   const show = () => {
     const at = instant(document.getElementById("ask-valid_from").value);
-    if (at) load(impact, () => get(`/v1/calibrations/${calibration.id}/impact?at=${encodeURIComponent(at)}`), (found) => [drawGaps(found.warnings, calibration, show), drawImpact(found, calibration.method)]);
+    if (at) load(impact, () => get(`/v1/calibrations/${calibration.id}/impact?at=${encodeURIComponent(at)}`), (found) => [calibration.state === "draft" ? null : drawGaps(found.warnings, calibration, show), drawImpact(found, calibration.method)]);
   };
   const asked = ask({
     title: `Publish version ${calibration.version}`,
@@ -109,31 +123,32 @@ async function publish(button, calibration, decided) {
   const answer = await asked;
   if (!answer) return;
   toast(`Version ${answer.version} is published.`);
-  decided(answer.warnings?.length ? h("div", { class: "note warn" }, h("p", {}, h("strong", {}, "Published. Items of ISO/IEC 17025, 7.8, that the certificate lacks:")), h("ul", {}, answer.warnings.map((gap) => h("li", {}, gap.message)))) : null);
+  decided(null);
 }
 
-/** What the certificate would lack, with the fields that are filled in at once. */
+/** What the certificate would lack, one line for each thing to do; `again` looks once more. */
 function drawGaps(gaps, calibration, again) {
   if (!gaps.length) return h("p", { class: "note good" }, "The certificate lacks nothing that ISO/IEC 17025, 7.8, asks for.");
-  const only = gaps.map(({ code }) => FIELD_OF_GAP[code]).filter(Boolean);
-  const fillIn = async (event) => act(event.target, async () => (await editDetails(await get(`/v1/campaigns/${calibration.campaign_id}`), { only })) && again());
-  const lens = gaps.some(({ code }) => code === "lens_missing");
-  return h(
-    "div",
-    { class: "note warn" },
-    h("p", {}, h("strong", {}, "Before you publish: the certificate would lack")),
-    h("ul", {}, gaps.map((gap) => h("li", {}, gap.message))),
-    may("calibrate")
-      ? h(
-          "p",
-          { class: "actions" },
-          only.length ? h("button", { type: "button", onclick: fillIn }, "Fill in") : null,
-          gaps.some(({ code }) => OF_ORGANISATION.has(code)) ? h("a", { class: "button quiet", href: "/organisation" }, "Open the organisation") : null,
-          lens ? h("button", { type: "button", onclick: async (event) => act(event.target, async () => (await editCamera(calibration.camera_id)) && again()) }, "Register the lens") : null,
-          h("a", { class: "button quiet", href: `/campaigns/${calibration.campaign_id}#checklist` }, "Open the campaign"),
-        )
-      : null,
-  );
+  const does = (action) => async (event) => act(event.target, async () => (await action()) && again());
+  const fields = gaps.map(({ code }) => FIELD_OF_GAP[code]).filter(Boolean);
+  const actionOf = (code) => {
+    if (code === "approver_missing" && may("admin")) return small("State your name", does(async () => statePerson(await get("/v1/keys/own"))));
+    if (OF_ORGANISATION.has(code)) return smallLink("Open the organisation", "/organisation");
+    if (!may("calibrate")) return null;
+    if (code === "lens_missing") return small("Register the lens", does(() => editCamera(calibration.camera_id)));
+    return smallLink("Open the campaign", `/campaigns/${calibration.campaign_id}#checklist`);
+  };
+  const line = (title, codes, action) => {
+    const needed = codes.some((code) => NEEDED.has(code));
+    return { title, mark: needed ? "warn" : "wait", tag: needed ? tag("needed", "warn") : null, actions: [action].filter(Boolean) };
+  };
+  const [names, last] = [fields.slice(0, -1).map(([, name]) => name), fields.at(-1)?.[1]];
+  const campaign = does(async () => editDetails(await get(`/v1/campaigns/${calibration.campaign_id}`), { only: fields.map(([field]) => field) }));
+  const lines = [
+    fields.length ? line(`The campaign does not state ${names.length ? `${names.join(", ")} and ${last}` : last}`, gaps.map(({ code }) => code).filter((code) => FIELD_OF_GAP[code]), may("calibrate") ? small("Fill in", campaign) : null) : null,
+    ...gaps.filter(({ code }) => !FIELD_OF_GAP[code]).map(({ code, message }) => line(message.replace(/\.$/, ""), [code], actionOf(code))),
+  ];
+  return causeFold(lines.filter(Boolean).sort((a, b) => (b.mark === "warn") - (a.mark === "warn")), 4);
 }
 
 async function revoke(calibration, decided) {

@@ -63,26 +63,27 @@ class Choice extends EventTarget {
   }
 }
 
-/** Where the version stands, and what took its place if anything did: a row of facts. */
+/** Where the version stands, what took its place if anything did, and what it was made from: one line. */
 function drawStatus([calibration, successor]) {
-  const { state, valid_from: from, valid_to: to, superseded_by: by } = calibration;
+  const { state, valid_from: from, valid_to: to, superseded_by: by, points } = calibration;
   const facts = [
-    ["State", stillHolds(calibration) ? h("span", {}, tag(state), h("span", { class: "sub" }, `from ${day(to)} on; in force until then`)) : tag(state)],
-    from ? ["In force", h("span", { class: "nowrap" }, `${day(from)} – ${to ? day(to) : "open"}`)] : null,
-    by ? ["Replaced by", h("a", { href: `/calibrations/${by}` }, successor ? `version ${successor.version}` : "another version")] : null,
-    calibration.revoked_reason ? ["Revoked because", calibration.revoked_reason] : null,
-    ["Fitted", time(calibration.created_at)],
-    ["Campaign", h("a", { href: `/campaigns/${calibration.campaign_id}` }, methodOf(calibration.method).reference === "meter" ? "frames and readings" : "its frames")],
-    ["Certificate", certificates(calibration)],
+    [tag(state), stillHolds(calibration) ? ` from ${day(to)} on; in force until then` : null],
+    from ? ["In force ", h("span", { class: "nowrap" }, `${day(from)} – ${to ? day(to) : "open"}`)] : null,
+    by ? ["Replaced by ", h("a", { href: `/calibrations/${by}` }, successor ? `version ${successor.version}` : "another version")] : null,
+    calibration.revoked_reason ? `Revoked because: ${calibration.revoked_reason}` : null,
+    ["From ", h("a", { href: `/campaigns/${calibration.campaign_id}` }, methodOf(calibration.method).reference === "meter" ? "frames and readings" : "its frames")],
+    points.length ? `${points.filter((point) => point.used).length} of ${counted(points.length, "point")} used` : null,
+    ["Fitted ", time(calibration.created_at)],
+    ...certificates(calibration),
   ];
-  return h("dl", { class: "facts status card" }, facts.filter(Boolean).map((each) => figure(...each)));
+  return h("ul", { class: "under" }, facts.filter(Boolean).map((each) => h("li", {}, each)));
 }
 
 /** What was issued, the original first; of a draft, what would be. */
 function certificates({ id, certificates: issued = [] }) {
   const links = (query) => [h("a", { href: `/v1/calibrations/${id}/certificate.pdf${query}` }, "PDF"), " · ", h("a", { href: `/v1/calibrations/${id}/certificate.json${query}` }, "JSON")];
-  if (!issued.length) return h("span", {}, links(""));
-  return issued.map((each) => h("div", { title: each.number }, each.amendment ? `Amendment ${each.amendment}: ` : null, links(each.amendment ? `?amendment=${each.amendment}` : ""), h("span", { class: "sub" }, `${each.at_upgrade ? "issued at an upgrade" : "issued"} ${day(each.issued_at)}, ${each.approved_by ? `signed by ${each.approved_by.name}, ${each.approved_by.role}` : "not signed"}`)));
+  if (!issued.length) return [["Preview of the certificate: ", links("")]];
+  return issued.map((each) => [h("span", { title: each.number }, each.amendment ? `Amendment ${each.amendment}: ` : "Certificate: "), links(each.amendment ? `?amendment=${each.amendment}` : ""), `, ${each.at_upgrade ? "issued at an upgrade" : "issued"} ${day(each.issued_at)}, ${each.approved_by ? `signed by ${each.approved_by.name}, ${each.approved_by.role}` : "not signed"}`]);
 }
 
 /** Of a superseded version: whether what is left of its time is now. */
@@ -92,12 +93,11 @@ function stillHolds({ state, valid_from: from, valid_to: to }) {
 }
 
 function drawVerdict(calibration) {
-  const [shown, behind] = calibration.diagnostics.iso_fits ? curves(calibration) : [null, coefficients(calibration)];
-  const figures = keyFigures(calibration);
-  return [shown, figures, figures ? h("details", { class: "fold" }, h("summary", {}, "All coefficients"), behind) : behind];
+  const { diagnostics, parameters, method } = calibration;
+  return [diagnostics.iso_fits ? [verdictOf(diagnostics), conditions(diagnostics, parameters, method)] : null, keyFigures(calibration)];
 }
 
-/** The few figures that the method chooses; what an uncertainty without its scale would promise is left out. */
+/** The few figures that the method chooses, with U where it is known, else with u. */
 function keyFigures({ key_figures: rows = [], uncertainty_scope: scope }) {
   if (!rows.length) return null;
   return h(
@@ -105,35 +105,40 @@ function keyFigures({ key_figures: rows = [], uncertainty_scope: scope }) {
     { class: "key-figures" },
     rows.map((row) => {
       const stated = row.expanded_uncertainty !== undefined && scope !== "relative_only";
+      const u = row.unit === "%" ? null : `u = ${relative(row.value, row.standard_uncertainty)}`;
       return h(
         "div",
         {},
         h("dt", {}, h("span", {}, words(row.group)), h("span", { class: "muted" }, ` ${row.label}`), row.passed === undefined ? null : mark(row.passed ? "good" : "bad", row.passed ? "Passes" : "Fails")),
-        h("dd", {}, quantity(row), h("small", {}, row.unit === "%" ? null : `u = ${relative(row.value, row.standard_uncertainty)}`, stated ? ` · U = ${number(row.expanded_uncertainty, 2)} (k = ${number(row.coverage_factor, 3)}, 95 %)` : null)),
+        h("dd", {}, quantity(row, { expanded: stated }), h("small", {}, [u, stated ? `95 %, k = ${number(row.coverage_factor, 3)}` : scope === "relative_only" ? "relative only" : null].filter(Boolean).join(" · "))),
       );
     }),
   );
 }
 
-/** One curve for each ISO value, against a tolerance. */
-function curves({ method, diagnostics, coefficients: rows, parameters, uncertainty_scope: scope }) {
-  const fits = diagnostics.iso_fits;
-  const tolerance = percent(diagnostics.tolerance_rel);
+function verdictOf({ iso_fits: fits, tolerance_rel: limit }) {
+  const tolerance = percent(limit, 3);
   const failing = fits.filter((fit) => !fit.passed);
-  const columns = [
-    { head: "ISO", header: true, class: "number", cell: ({ coefficient }) => number(coefficient.iso, 6) },
-    { head: "K", class: "number", cell: ({ coefficient: c }) => quantity({ value: c.luminance_k, standard_uncertainty: c.luminance_k_standard_uncertainty, unit: c.luminance_k_unit }) },
-    { head: "Verdict", cell: (fit) => (fit.passed ? tag("pass") : tag("beyond tolerance", "bad")) },
-    { head: "Largest residual", class: "number", cell: (fit) => percent(fit.largest_residual_rel) },
-    { head: "u(K)", class: "number", cell: ({ coefficient: c }) => relative(c.luminance_k, c.luminance_k_standard_uncertainty) },
-    { head: "U, 95 %", class: "number", cell: ({ coefficient: c }) => expanded(c, scope) },
-    { head: "Dark signal", class: "number", cell: ({ coefficient: c }) => h("span", {}, withUncertainty(c.dark_signal_dn, c.dark_signal_standard_uncertainty_dn), h("span", { class: "unit" }, " DN")) },
-    { head: "Flags", class: "wide-only", cell: ({ coefficient }) => flagsOf(rows.find((row) => row.iso === coefficient.iso)) },
-  ];
-  const note = failing.length
+  return failing.length
     ? h("p", { class: "note bad" }, h("strong", {}, `${failing.length} of ${fits.length} ISO values exceed the tolerance of ${tolerance}. `), "Check the residuals. Do not exclude a point without a reason.")
     : h("p", { class: "note good" }, h("strong", {}, `Passes${["", "", " at both ISO values"][fits.length] ?? ` at all ${fits.length} ISO values`}. `), `The largest residual is ${percent(Math.max(...fits.map((fit) => fit.largest_residual_rel)))} of L; the tolerance is ${tolerance}.`);
-  return [[note, conditions(diagnostics, parameters, method)], [table(columns, fits, { caption: "K of each ISO value" }), apertures(fits, scope)]];
+}
+
+/** K of each ISO value, and at the f-numbers of the calibration; a version from before they were fitted has none. */
+function curves({ diagnostics: { iso_fits: fits }, coefficients: rows, uncertainty_scope: scope }) {
+  const shown = fits.flatMap((fit) => [{ ...fit.coefficient, whole: fit.coefficient, fit }, ...(fit.coefficient.apertures ?? []).map((each) => ({ ...each, whole: fit.coefficient }))]);
+  const columns = [
+    { head: "ISO", header: true, class: "number", cell: ({ whole }) => whole.iso },
+    { head: "f-number", class: "number", cell: (row) => (row.fit ? "all" : `f/${number(row.f_number, 3)}`) },
+    { head: "K", class: "number", cell: (row) => quantity({ value: row.luminance_k, standard_uncertainty: row.luminance_k_standard_uncertainty, unit: row.whole.luminance_k_unit }) },
+    { head: "u(K)", class: "number", cell: (row) => relative(row.luminance_k, row.luminance_k_standard_uncertainty) },
+    { head: "U, 95 %", class: "number", cell: (row) => (scope === "relative_only" ? tag("relative only", "warn") : h("span", {}, number(row.expanded_uncertainty, 2), h("span", { class: "unit" }, ` k = ${number(row.coverage_factor, 3)}`))) },
+    { head: "From K of the ISO", class: "number", cell: (row) => (row.fit ? "" : percent(row.luminance_k / row.whole.luminance_k - 1)) },
+    { head: "Largest residual", class: "number wide-only", cell: ({ fit }) => (fit ? percent(fit.largest_residual_rel) : "") },
+    { head: "Dark signal", class: "number wide-only", cell: ({ fit, whole }) => (fit ? [withUncertainty(whole.dark_signal_dn, whole.dark_signal_standard_uncertainty_dn), h("span", { class: "unit" }, " DN")] : "") },
+    { head: "Flags", class: "wide-only", cell: ({ fit, whole }) => (fit ? flagsOf(rows.find((row) => row.iso === whole.iso)) : "") },
+  ];
+  return shorten(shown, (some) => table(columns, some, { caption: "K of each ISO value, and at each f-number, which measurements at it use" }));
 }
 
 /** The light that K holds for, and the rule of the verdict, as far as the campaign states them. */
@@ -143,29 +148,6 @@ function conditions({ spectral, iso_fits: fits }, { acceptance }, method) {
     acceptance ? `Decision rule: ${choiceLabel(method, "acceptance", acceptance)}; ${fits.some((fit) => fit.expanded_u_rel === undefined) ? "U of K is unknown, because K is relative only" : `U of K up to ${percent(Math.max(...fits.map((fit) => fit.expanded_u_rel)))}, beyond the tolerance with a probability of up to ${percent(Math.max(...fits.map((fit) => fit.beyond_tolerance_risk)))}`}.` : null,
   ].filter(Boolean);
   return said.length ? h("p", { class: "small muted" }, said.join(" ")) : null;
-}
-
-/** U of a K with its coverage factor; what is relative only has none. */
-function expanded(row, scope) {
-  if (scope === "relative_only") return tag("relative only", "warn");
-  return h("span", { title: `coverage factor ${number(row.coverage_factor, 3)}` }, number(row.expanded_uncertainty, 2), h("span", { class: "unit" }, ` k = ${number(row.coverage_factor, 3)}`));
-}
-
-/** K at the f-numbers of the calibration; a version from before they were fitted has none. */
-function apertures(fits, scope) {
-  const rows = fits.flatMap(({ coefficient: c }) => (c.apertures ?? []).map((aperture) => ({ ...aperture, c })));
-  if (!rows.length) return null;
-  const columns = [
-    { head: "ISO", header: true, class: "number", cell: ({ c }) => number(c.iso, 6) },
-    { head: "f-number", class: "number", cell: (row) => `f/${number(row.f_number, 3)}` },
-    { head: "K", class: "number", cell: (row) => quantity({ value: row.luminance_k, standard_uncertainty: row.luminance_k_standard_uncertainty, unit: row.c.luminance_k_unit }) },
-    { head: "u(K)", class: "number", cell: (row) => relative(row.luminance_k, row.luminance_k_standard_uncertainty) },
-    { head: "U, 95 %", class: "number wide-only", cell: (row) => expanded(row, scope) },
-    { head: "From K of the ISO", class: "number", cell: (row) => percent(row.luminance_k / row.c.luminance_k - 1) },
-    { head: "Scenes", class: "number wide-only", cell: (row) => row.scenes },
-  ];
-  const says = "K at each f-number, which measurements at it use";
-  return h("div", {}, h("p", { class: "small muted" }, `${says}.`), shorten(rows, (some) => table(columns, some, { caption: says })));
 }
 
 function coefficients({ coefficients: rows, method }) {
@@ -183,15 +165,18 @@ function flagsOf(row) {
   return row?.flags.length ? row.flags.map((flag) => tag(flag, "warn")) : h("span", { class: "muted" }, "none");
 }
 
+/** Those that are folded once they are opened: only then they have a width. */
 function drawPlots(calibration, choice) {
-  const places = [...document.querySelectorAll("[data-plot]")];
   const usable = new Set(calibration.points.filter((point) => point.used).map((point) => point.frame_id));
   const mark = (name, holds) => {
     for (const point of document.querySelectorAll(".point[data-frame-id]")) point.classList.toggle(name, holds(point.dataset.frameId));
   };
   const show = () => mark("chosen", (id) => choice.has(id));
-  for (const place of places) {
-    plot(place, `/plots/calibrations/${calibration.id}/${place.dataset.plot}`, show);
+  for (const place of document.querySelectorAll("[data-plot]")) {
+    const fold = place.closest("details");
+    const draw = () => plot(place, `/plots/calibrations/${calibration.id}/${place.dataset.plot}`, show);
+    if (fold) fold.addEventListener("toggle", draw, { once: true });
+    else draw();
     place.addEventListener("pointerover", ({ target: { dataset } }) => mark("lit", (id) => id === dataset.frameId));
     if (!may("calibrate")) continue;
     place.addEventListener("click", ({ target: { dataset } }) => {
@@ -211,14 +196,21 @@ async function start() {
   const calibration = get(`/v1/calibrations/${id}`);
   showStatus(calibration);
   load(byId("verdict"), () => calibration, drawVerdict);
+  load(byId("coefficients"), () => calibration, (found) => (found.diagnostics.iso_fits ? curves(found) : coefficients(found)));
   load(byId("flags"), async () => (await calibration).findings, drawFindings);
   load(byId("points"), () => calibration, (found) => drawPoints(found, choice));
   load(byId("made"), () => calibration, drawMade);
   try {
     const found = await calibration;
-    show("models", drawModels(found));
-    fill(byId("models-note"), reportedModel(found));
-    show("budget", drawBudget(found));
+    noteFolds(found);
+    byId("coefficients-fold").open = !found.key_figures.length;
+    // what fails is looked into
+    byId("points-fold").open = found.diagnostics.iso_fits?.some((fit) => !fit.passed) ?? false;
+    const [models, budget] = [drawModels(found), drawBudget(found)];
+    byId("models-fold").hidden = !models;
+    fill(byId("models"), models);
+    byId("budget-section").hidden = !budget;
+    fill(byId("budget"), budget);
     choice.offer(found);
     drawPlots(found, choice);
     if (byId("drawn")) drawOwnPlot();
@@ -226,6 +218,19 @@ async function start() {
     // each region tells it
     if (!error.code) throw error;
   }
+}
+
+/** What is in each fold, beside its name. */
+function noteFolds({ coefficients: rows, points, findings, inputs, diagnostics, method }) {
+  const notes = {
+    coefficients: diagnostics.iso_fits ? "with U, dark signal and K at each f-number" : String(rows.length),
+    points: `${points.length} rows, ${points.filter((point) => point.used).length} used`,
+    models: reportedModel({ diagnostics, method }),
+    flags: findings.length ? findings.map(({ code }) => tag(code, "warn")) : "no flags",
+    made: `${[counted(inputs.frames.length, "frame"), inputs.readings?.length ? counted(inputs.readings.length, "reading") : null].filter(Boolean).join(", ")}, parameters, software`,
+    history: "decisions, other versions of the campaign",
+  };
+  for (const [name, note] of Object.entries(notes)) fill(byId(`${name}-note`), note);
 }
 
 /** State, history and what can be decided: what a decision changes. */
@@ -248,7 +253,7 @@ function showStatus(calibration) {
     ([found, versions]) => drawSiblings(found, versions),
   );
   calibration.then(
-    (found) => offerDecisions(byId("decide"), found, (said) => (fill(byId("said"), said), showStatus(get(`/v1/calibrations/${id}`)))),
+    (found) => offerDecisions(found, (said) => (fill(byId("said"), said), showStatus(get(`/v1/calibrations/${id}`)))),
     () => {},
   );
 }
@@ -256,11 +261,6 @@ function showStatus(calibration) {
 async function withSuccessor(calibration) {
   const found = await calibration;
   return [found, found.superseded_by ? await getOr(`/v1/calibrations/${found.superseded_by}`, undefined) : undefined];
-}
-
-function show(name, drawn) {
-  byId(`${name}-section`).hidden = !drawn;
-  if (drawn) fill(byId(name), drawn);
 }
 
 async function drawOwnPlot() {

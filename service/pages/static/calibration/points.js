@@ -38,7 +38,7 @@ const residualColumn = { head: "Residual", class: "number", cell: (point) => (pr
 
 const CURVE = [
   { head: "Scene", class: "nowrap", cell: (point) => point.scene },
-  { head: "Exposure", cell: (point) => h("span", { class: "nowrap" }, `${exposureTime(point.exposure_time_s)}, f/${number(point.f_number, 3)}, ISO ${number(point.iso, 6)}`) },
+  { head: "Exposure", cell: (point) => h("span", { class: "nowrap" }, `${exposureTime(point.exposure_time_s)}, f/${number(point.f_number, 3)}, ISO ${point.iso}`) },
   { head: "L meter", class: "number", cell: (point) => withUnit(point.luminance_cd_m2, "cd/m²") },
   { head: "X", class: "number", cell: (point) => number(point.rhs) },
   { head: "Signal above dark", class: "number", cell: (point) => withUnit(point.adjusted_signal_dn, "DN", 5) },

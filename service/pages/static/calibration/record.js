@@ -1,6 +1,6 @@
 // Decisions, other versions of the campaign, and the inputs.
 
-import { bars, filename, h, table } from "../dom.js";
+import { budgetBar, filename, fill, h, table } from "../dom.js";
 import { counted, day, number, percent, quantity, tag, time, withUncertainty, words } from "../format.js";
 import { inOrder } from "../groups.js";
 import { choiceLabel, coefficientLabel, methodOf, roleLabel } from "../methods.js";
@@ -15,7 +15,7 @@ export function drawModels({ diagnostics, method }) {
     return models.map((model, index) => ({ ...model, coefficient, best, first: index === 0 }));
   });
   const columns = [
-    { head: "ISO", header: true, class: "number", cell: (row) => (row.first ? number(row.coefficient.iso, 6) : h("span", { class: "hidden" }, number(row.coefficient.iso, 6))) },
+    { head: "ISO", header: true, class: "number", cell: (row) => (row.first ? row.coefficient.iso : h("span", { class: "hidden" }, row.coefficient.iso)) },
     { head: "Model", cell: (row) => h("span", { class: "nowrap" }, choiceLabel(method, "model", row.model), row.model === row.coefficient.model ? [" ", tag("reported", "live")] : null) },
     { head: "Parameters", cell: parameters },
     { head: "R²", class: "number", cell: (row) => number(row.r_squared, 5) },
@@ -44,25 +44,49 @@ function parameters(row) {
   );
 }
 
-/** A card of bars for each coefficient that has a budget; null where none has. */
+/** What would lower a source, and to which share of itself at best. */
+const LOWERED = { "f-number": ["Measure the true f-numbers", 0], "meter calibration": ["A meter with half the uncertainty", 0.5] };
+const WORTH = 0.95;
+
+/** A bar for the coefficient that is chosen; null where none has a budget. */
 export function drawBudget({ diagnostics }) {
-  const fits = diagnostics.iso_fits ?? diagnostics.band_fits ?? [];
-  const cards = fits.filter((fit) => fit.budget?.length).map(({ coefficient, budget }) => card(titleOf(coefficient), budget));
-  return cards.length ? cards : null;
+  const fits = (diagnostics.iso_fits ?? diagnostics.band_fits ?? []).filter((fit) => fit.budget?.length);
+  if (!fits.length) return null;
+  const place = h("div", {});
+  const buttons = fits.map((fit) => h("button", { type: "button", onclick: () => show(fit) }, titleOf(fit.coefficient)));
+  const show = (shown) => {
+    fits.forEach((fit, n) => buttons[n].setAttribute("aria-pressed", String(fit === shown)));
+    fill(place, budgetOf(shown));
+  };
+  show(fits[0]);
+  return h("div", { class: "card budget" }, fits.length > 1 ? h("div", { class: "segments", role: "group", "aria-label": "Budget of" }, buttons) : null, place);
 }
 
-const titleOf = (coefficient) => (coefficient.iso === undefined ? `Band ${words(coefficient.band)}` : `ISO ${number(coefficient.iso, 6)}`);
+const titleOf = (coefficient) => (coefficient.iso === undefined ? `Band ${words(coefficient.band)}` : `ISO ${coefficient.iso}`);
 
-function card(title, budget) {
-  const rows = [...budget].sort((a, b) => b.u_rel - a.u_rel);
+function budgetOf({ budget, coefficient }) {
+  const rows = budget.filter((row) => row.u_rel > 0).sort((a, b) => b.u_rel - a.u_rel);
   const whole = Math.hypot(...rows.map((row) => row.u_rel));
-  return h(
-    "figure",
-    { class: "card budget" },
-    h("figcaption", {}, h("strong", {}, title), h("span", { class: "muted" }, ` together ${percent(whole)}`)),
-    bars(rows.map((row) => ({ name: row.source, share: row.u_rel / rows[0].u_rel, said: percent(row.u_rel), more: row.kind === "A" ? "type A, from scatter" : "type B, from other information" }))),
-  );
+  const lowered = rows.map((row) => {
+    const [title, left] = LOWERED[row.source] ?? (row.kind === "A" ? ["Twice as many frames and readings", Math.SQRT1_2] : [`Half of ${row.source}`, 0.5]);
+    return [title, Math.sqrt(whole ** 2 - (1 - left ** 2) * row.u_rel ** 2)];
+  });
+  for (const { f_number: f, luminance_k: k, luminance_k_standard_uncertainty: u } of coefficient.apertures ?? []) lowered.push([`Measure at f/${number(f, 3)} alone: its own K is used`, u / k]);
+  const worth = lowered.filter(([, to]) => to < WORTH * whole).sort((a, b) => a[1] - b[1]);
+  return [
+    h("p", {}, h("strong", {}, `u = ${percent(whole)}`), h("span", { class: "muted" }, ` k = 1${coefficient.expanded_uncertainty ? `; k = ${number(coefficient.coverage_factor, 3)} for 95 %` : ""}`)),
+    budgetBar(rows.map((row) => ({ source: row.source, share: (row.u_rel / whole) ** 2, said: percent(row.u_rel) }))),
+    worth.length ? h("ul", { class: "lower", "aria-label": "What would lower it, at best" }, worth.slice(0, 4).map(([title, to]) => h("li", {}, h("strong", {}, title), h("b", {}, `${percent(whole)} → ${percent(to)}`)))) : null,
+    h("details", { class: "more" }, h("summary", {}, "As a table"), table(BUDGET, budget, { caption: `Budget of ${titleOf(coefficient)}` })),
+  ];
 }
+
+const BUDGET = [
+  { head: "Source", header: true, cell: (row) => row.source },
+  { head: "Type", cell: (row) => (row.kind === "A" ? "A, from scatter" : "B, from other information") },
+  { head: "u", class: "number", cell: (row) => percent(row.u_rel) },
+  { head: "Share of the variance", class: "number", cell: (row) => percent(row.variance_share) },
+];
 
 export function drawHistory(items) {
   if (!items.length) return empty("No decisions yet");

@@ -45,6 +45,6 @@ export function beforeTheFit(campaign, title, { refused, sending, askForPanel })
     "section",
     { id: "before", class: "tight", "aria-labelledby": "before-head" },
     h("div", { class: "section-head" }, h("h2", { id: "before-head" }, title), h("p", {}, lines.some(({ mark }) => mark !== "gap") ? "" : "Nothing is needed; these lines would improve it")),
-    causeFold(lines),
+    causeFold(lines, 4),
   );
 }

@@ -1,6 +1,6 @@
 // The parts of a campaign's page that come after its frames, each with its place there.
 
-import { all, get, patch, post } from "../api.js";
+import { all, get, getOr, patch, post } from "../api.js";
 import { ask } from "../ask.js";
 import { byId, fill, h, leave, may, table, toast } from "../dom.js";
 import { ago, counted, number, quantity, tag, time } from "../format.js";
@@ -141,7 +141,7 @@ function signature(list, change) {
   const { signature: signed } = list;
   const said = signed ? h("p", { class: `note ${signed.changed ? "warn" : "good"}` }, "Signed by ", h("strong", {}, signed.name), ", ", time(signed.signed_at), signed.state_sha256 ? [", for the state ", h("code", { title: signed.state_sha256 }, signed.state_sha256.slice(0, 12))] : null, signed.changed ? ". Details, frames, readings, region or ticks have changed since: check them, and sign again." : ".") : null;
   if (!may("calibrate") || (signed && !signed.changed)) return said;
-  const sign = () => ask({ title: "Sign the checklist", body: list.open ? h("p", {}, `${list.open} items are open. The signature applies to the list as it is.`) : null, fields: [{ name: "name", label: "Operator", of: ["NewSignature", "name"], hint: "As signed below the printed checklist." }], submit: "Sign", action: ({ name }) => change({ signature: { name } }) });
+  const sign = async () => ask({ title: "Sign the checklist", body: list.open ? h("p", {}, `${list.open} items are open. The signature applies to the list as it is.`) : null, fields: [{ name: "name", label: "Operator", of: ["NewSignature", "name"], value: (await getOr("/v1/keys/own", {})).person, hint: "As signed below the printed checklist." }], submit: "Sign", action: ({ name }) => change({ signature: { name } }) });
   return [said, h("p", { class: "actions" }, h("button", { type: "button", onclick: sign }, signed ? "Sign again" : "Sign the checklist"))];
 }
 
@@ -204,7 +204,7 @@ function list(found) {
   const first = (version) => {
     const [coefficient, ...more] = version.coefficients;
     if (!coefficient) return "–";
-    const of = [coefficient.iso && `ISO ${number(coefficient.iso, 6)}`, coefficient.f_number && `f/${number(coefficient.f_number, 3)}`, coefficient.band, coefficient.channel].filter(Boolean);
+    const of = [coefficient.iso && `ISO ${coefficient.iso}`, coefficient.f_number && `f/${number(coefficient.f_number, 3)}`, coefficient.band, coefficient.channel].filter(Boolean);
     return [quantity(coefficient), h("span", { class: "sub" }, [coefficientLabel(version.method, coefficient.name), ...of, more.length ? `and ${more.length} more` : ""].filter(Boolean).join(" · "))];
   };
   return table(

@@ -10,72 +10,29 @@ import { groupBy } from "../groups.js";
 import { goOn, takeHanded } from "../handover.js";
 import { roleLabel, roleOptions } from "../methods.js";
 import { act } from "../states.js";
-import { filesOf } from "./drop.js";
+import { acceptDrops, choosers } from "./drop.js";
 import { select } from "./forms.js";
 import { titleOf } from "./named.js";
 import { judge, patternsPart } from "./patterns.js";
 import { OPEN, UploadQueue } from "./queue.js";
 import { mendButtons } from "./refused.js";
 
-const MARGIN = 6;
-
 /**
- * columns: [{head, class?}]; draw(item) gives the cells' contents; keyOf(item) names it; markOf(item) changes when
- * the row must be redrawn. Answers {element, show(items)}.
+ * A table whose rows are drawn again when markOf(item) changes; columns: [{head, class?}]; draw(item) gives the cells' contents, keyOf(item)
+ * names it. Answers {element, show(items)}.
  */
-function virtualTable({ columns, rowHeight, caption, draw, keyOf, markOf, classOf = () => null }) {
-  const above = h("tr", { "aria-hidden": "true" }, h("td", { class: "gap" }));
-  const below = h("tr", { "aria-hidden": "true" }, h("td", { class: "gap" }));
-  const body = h("tbody", {}, above, below);
-  const grid = h(
-    "table",
-    {},
-    h("caption", { class: "hidden" }, caption),
-    h("thead", {}, h("tr", { "aria-rowindex": "1" }, columns.map((c) => h("th", { scope: "col", class: c.class }, c.head)))),
-    body,
-  );
-  const element = h("div", { class: "table virtual", tabindex: "0", role: "region", "aria-label": caption }, grid);
-  let items = [];
+function keyedTable({ columns, caption, draw, keyOf, markOf }) {
+  const body = h("tbody", {});
+  const head = h("thead", {}, h("tr", {}, columns.map((c) => h("th", { scope: "col", class: c.class }, c.head))));
+  const element = h("div", { class: "table virtual", tabindex: "0", role: "region", "aria-label": caption }, h("table", {}, h("caption", { class: "hidden" }, caption), head, body));
   let drawn = new Map();
-  let waiting = false;
   let walked;
 
-  function update() {
-    waiting = false;
-    const seen = element.clientHeight || 600;
-    const from = Math.max(0, Math.floor(element.scrollTop / rowHeight) - MARGIN);
-    const to = Math.min(items.length, Math.ceil((element.scrollTop + seen) / rowHeight) + MARGIN);
-    const next = new Map();
-    for (let index = from; index < to; index += 1) next.set(keyOf(items[index]), rowOf(items[index], index));
-    let left;
-    for (const [key, row] of drawn) {
-      if (next.has(key)) continue;
-      if (row.element.contains(document.activeElement)) left = row.element.rowIndex;
-      row.element.remove();
-    }
-    let place = above;
-    for (const row of next.values()) {
-      // moved only where it must be: a row that stays keeps its focus
-      if (place.nextSibling !== row.element) place.after(row.element);
-      place = row.element;
-    }
-    drawn = next;
-    above.firstChild.style.height = `${from * rowHeight}px`;
-    below.firstChild.style.height = `${(items.length - to) * rowHeight}px`;
-    above.hidden = from === 0;
-    below.hidden = to === items.length;
-    setStops();
-    // the row that follows takes the focus of one that is gone
-    if (left) controlsOf(grid.rows[Math.min(left, next.size + 1)] ?? below).at(-1)?.focus({ preventScroll: true });
-  }
-
-  // ---- walking: the controls of one row alone are in the order of Tab, up and down lead to the others
-
+  // the controls of one row alone are in the order of Tab, up and down lead to the others
   const controlsOf = (row) => [...row.querySelectorAll("button, input, select")];
   function setStops() {
-    const rows = [...drawn.values()].map((row) => row.element);
-    const active = rows.find((row) => row === walked) ?? rows[0];
-    for (const row of rows) for (const control of controlsOf(row)) control.tabIndex = row === active ? 0 : -1;
+    const active = walked?.isConnected ? walked : body.firstChild;
+    for (const row of body.children) for (const control of controlsOf(row)) control.tabIndex = row === active ? 0 : -1;
   }
   body.addEventListener("focusin", (event) => {
     walked = event.target.closest("tr");
@@ -85,46 +42,37 @@ function virtualTable({ columns, rowHeight, caption, draw, keyOf, markOf, classO
     const way = { ArrowDown: "nextElementSibling", ArrowUp: "previousElementSibling" }[event.key];
     if (!way || event.target.matches("select")) return;
     const at = controlsOf(walked).indexOf(event.target) - controlsOf(walked).length;
-    controlsOf(walked[way] ?? above).at(at)?.focus();
+    if (walked[way]) controlsOf(walked[way]).at(at)?.focus();
     event.preventDefault();
   });
 
-  function rowOf(item, index) {
-    const mark = markOf(item);
-    const row = drawn.get(keyOf(item)) ?? { element: h("tr", {}), mark: undefined };
-    row.element.setAttribute("aria-rowindex", index + 2);
-    if (row.mark !== mark && !typedIn(row.element)) {
-      row.mark = mark;
-      row.element.className = classOf(item) ?? "";
-      fill(row.element, draw(item).map((cell, at) => h("td", { class: columns[at].class }, cell)));
-      row.element.style.height = `${rowHeight}px`;
+  function show(items) {
+    const next = new Map(items.map((item) => [keyOf(item), drawn.get(keyOf(item)) ?? { element: h("tr", {}) }]));
+    let left;
+    for (const [key, row] of drawn) {
+      if (next.has(key)) continue;
+      if (row.element.contains(document.activeElement)) left = row.element.sectionRowIndex;
+      row.element.remove();
     }
-    return row;
+    for (const item of items) {
+      const [row, mark] = [next.get(keyOf(item)), markOf(item)];
+      // a row that stays keeps its focus
+      if (!row.element.isConnected) body.append(row.element);
+      if (row.mark === mark || typedIn(row.element)) continue;
+      row.mark = mark;
+      fill(row.element, draw(item).map((cell, at) => h("td", { class: columns[at].class }, cell)));
+    }
+    drawn = next;
+    setStops();
+    // the row that follows takes the focus of one that is gone
+    if (left !== undefined) controlsOf(body.rows[Math.min(left, body.rows.length - 1)] ?? body).at(-1)?.focus({ preventScroll: true });
   }
-
-  const soon = () => {
-    if (waiting) return;
-    waiting = true;
-    requestAnimationFrame(update);
-  };
-  body.addEventListener("focusout", soon);
-  element.addEventListener("scroll", soon, { passive: true });
-  new ResizeObserver(soon).observe(element);
-
-  return {
-    element,
-    show(some) {
-      items = some;
-      grid.setAttribute("aria-rowcount", items.length + 1);
-      update();
-    },
-  };
+  return { element, show };
 }
 
 /** What somebody types is not taken from under their hands. */
 const typedIn = (row) => row.contains(document.activeElement) && document.activeElement.matches("select, input:not([type=checkbox])");
 
-const ROW_PX = 48;
 const MOST_NAMED = 5;
 const EDITABLE = ["hashing", "asking", "ready", "failed"];
 
@@ -160,6 +108,7 @@ export function uploadSection(state) {
     else if (twins.length + videos.length) toast(`Skipped: ${[twins.length && counted(twins.length, "JPEG twin"), videos.length && counted(videos.length, "video")].filter(Boolean).join(", ")}.`);
   };
   const list = itemTable(state, queue);
+  const zone = dropZone(take);
   const head = h("div", { class: "upload-head" });
   const panel = h("div", { class: "upload-panel card", hidden: true }, head, patterns.element, list.element);
   let [waiting, isSending] = [false, false];
@@ -174,12 +123,15 @@ export function uploadSection(state) {
     if (isPressed(head) || head.querySelector("[aria-busy=true]")) return void requestAnimationFrame(draw);
     waiting = false;
     panel.hidden = queue.items.length === 0;
+    zone.classList.toggle("slim", !panel.hidden || state.frames.length > 0);
     const sending = queue.items.some((item) => item.armed && OPEN.includes(item.state));
     if (sending !== isSending) tellSending((isSending = sending));
     if (panel.hidden) return;
     fill(head, summary(state, queue, given));
     patterns.element.hidden = !queue.items.some((item) => !item.armed && !item.edited && EDITABLE.includes(item.state));
-    list.show([...queue.items]);
+    // what is sent, or on its way without trouble, is listed in the grid alone
+    list.element.hidden = queue.items.every((item) => ["sent", "there"].includes(item.state) || (item.armed && item.state !== "retrying" && OPEN.includes(item.state)));
+    if (!list.element.hidden) list.show([...queue.items]);
   };
   const soon = () => {
     if (!waiting) requestAnimationFrame(draw);
@@ -200,16 +152,12 @@ export function uploadSection(state) {
   addEventListener("beforeunload", (event) => {
     if (queue.items.some((item) => item.armed && OPEN.includes(item.state)) && !queue.journal.kept) event.preventDefault();
   });
-  return [dropZone(take), trouble, panel];
+  soon();
+  return [zone, trouble, panel];
 }
 
 function dropZone(take) {
-  const choose = (attributes) => h("input", { type: "file", multiple: true, hidden: true, ...attributes, onchange: (event) => {
-    take([...event.target.files].map((file) => ({ file, name: file.webkitRelativePath || file.name })));
-    event.target.value = "";
-  } });
-  const files = choose({ "aria-label": "Files to send" });
-  const folder = choose({ "aria-label": "Folder to send", webkitdirectory: true });
+  const [files, folder] = choosers(take, "send");
   const zone = h(
     "div",
     { class: "drop" },
@@ -217,16 +165,7 @@ function dropZone(take) {
     h("p", { class: "muted small" }, "Files are compared by content first; files that the service already has are not sent again. A lost connection or a reload loses nothing."),
     h("p", { class: "actions" }, h("button", { type: "button", onclick: () => files.click() }, "Choose files"), h("button", { type: "button", class: "quiet", onclick: () => folder.click() }, "Choose a folder"), files, folder),
   );
-  let inside = 0;
-  const over = (by) => zone.classList.toggle("over", (inside += by) > 0);
-  zone.addEventListener("dragenter", () => over(1));
-  zone.addEventListener("dragleave", () => over(-1));
-  zone.addEventListener("dragover", (event) => event.preventDefault());
-  zone.addEventListener("drop", async (event) => {
-    event.preventDefault();
-    over(-inside);
-    take(await filesOf(event.dataTransfer));
-  });
+  acceptDrops(zone, take);
   return zone;
 }
 
@@ -348,9 +287,8 @@ function itemTable(state, queue) {
     Object.assign(item, values, { edited: true, upload: undefined, once: undefined });
     queue.changed();
   };
-  return virtualTable({
+  return keyedTable({
     columns: [{ head: "File", class: "name" }, { head: "Progress", class: "how-far" }, { head: "Role", class: "role" }, { head: "Scene", class: "scene" }, { head: "Size", class: "number size" }, { head: h("span", { class: "hidden" }, "Remove"), class: "remove" }],
-    rowHeight: ROW_PX,
     caption: "Upload list",
     keyOf: (item) => item.key,
     markOf: (item) => [item.state, item.role, item.edited ? "" : item.scene, item.error, editable(item), item.state === "sent" ? standingOf(state, item) : "", item.state === "sending" ? Math.floor((100 * item.sent) / item.size) : ""].join("|"),

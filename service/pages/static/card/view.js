@@ -161,7 +161,7 @@ const SAID = {
   overexposed: ({ frames }) =>
     frames.length === 1
       ? [`${shortName(frames[0].name)} is overexposed`, `${percent(frames[0].centre.clipped)} of its centre is white (${list([frames[0].scene, frames[0].header.iso && `ISO ${frames[0].header.iso}`, exposureTime(frames[0].header.exposure_time_s)])}).`]
-      : [`${frames.length} frames are overexposed`, `More than ${percent(LIMITS.clipped)} of the centre is white: ${names(frames)}.`],
+      : [`${frames.length} frames are overexposed`, `More than ${percent(LIMITS.clipped, 3)} of the centre is white: ${names(frames)}.`],
   misplaced: ({ frames: [frame], ratio, scene }) => [`${shortName(frame.name)} may belong to ${scene}`, `It is ${number(ratio > 1 ? ratio : 1 / ratio, 2)} times as ${ratio > 1 ? "bright" : "dark"} as the rest of ${frame.scene}, at equal exposure.`],
   uneven: ({ frames }) => [`${counted(frames.length, "frame")} of ${frames[0].scene} ${frames.length === 1 ? "differs" : "differ"} in brightness`, `At equal exposure, by more than a factor of ${LIMITS.misplacedRatio} from the rest: ${names(frames)}.`],
   no_exposure: ({ frames }) => [`${counted(frames.length, "frame")} without exposure`, `Exposure time, f-number or ISO is missing in ${shortName(frames[0].name)}${frames.length > 1 ? " and others" : ""}; it can be entered after sending.`],

@@ -3,7 +3,7 @@
 import { get } from "../api.js";
 import { field } from "../campaign/forms.js";
 import { drawFindings } from "../causes.js";
-import { bars, byId, figure, fill, h, may, prose, svg, table } from "../dom.js";
+import { budgetBar, byId, figure, fill, h, may, prose, svg, table } from "../dom.js";
 import { number, percent, quantity, relative, tag, time, typeset, unit, withUncertainty, words } from "../format.js";
 import { labelOf, methodOf } from "../methods.js";
 import { act, empty, failed, load } from "../states.js";
@@ -287,11 +287,10 @@ function drawBudget({ budget, mean }) {
   const rows = budget.filter((row) => row.variance_share > 0).sort((a, b) => b.variance_share - a.variance_share);
   if (!rows.length) return h("p", { class: "muted" }, "No budget is stored for this value.");
   const ofRow = (row) => row.standard_uncertainty_cd_m2 ?? row.standard_uncertainty;
-  const largest = ofRow(rows[0]);
   return h(
     "div",
     { class: "card" },
-    bars(rows.map((row) => ({ name: row.source, share: ofRow(row) / largest, said: mean.value ? percent(ofRow(row) / Math.abs(mean.value)) : number(ofRow(row), 2), more: row.shared ? "the same error in every pixel" : "of this region only" }))),
+    budgetBar(rows.map((row) => ({ source: row.source, share: row.variance_share, said: mean.value ? percent(ofRow(row) / Math.abs(mean.value)) : number(ofRow(row), 2) }))),
     h("p", { class: "small muted budget-note" }, "Uncertainty of the mean. All errors except pixel noise are the same in every pixel of the frame; averaging over pixels does not reduce them."),
   );
 }

@@ -1,6 +1,6 @@
 // The keys of the organisation: what each may do, until when, and when it was last used.
 
-import { all, get, patch, post, send } from "../api.js";
+import { all, get, post, send } from "../api.js";
 import { ask } from "../ask.js";
 import { about, boxes } from "../campaign/forms.js";
 import { small } from "../causes.js";
@@ -8,6 +8,7 @@ import { byId, fill, h, mark, may, table, toast } from "../dom.js";
 import { ago, counted, day, tag, time } from "../format.js";
 import { inOrder } from "../groups.js";
 import { act, empty, load } from "../states.js";
+import { signing, statePerson } from "./person.js";
 
 const BROWSERS = [["Edg", "Edge"], ["OPR", "Opera"], ["Firefox", "Firefox"], ["Chrom", "Chrome"], ["Safari", "Safari"]];
 const SYSTEMS = [["Android", "Android"], ["iPhone", "iPhone"], ["iPad", "iPad"], ["Windows", "Windows"], ["Mac OS", "macOS"], ["CrOS", "ChromeOS"], ["Linux", "Linux"]];
@@ -133,21 +134,8 @@ async function make() {
   await show();
 }
 
-/** Name and role of who uses a key, one field each. */
-const signing = ({ person, role } = {}) => [
-  { name: "person", label: "Person", of: "NewKey", value: person, maxlength: 200, required: false },
-  { name: "role", label: "Role", of: "NewKey", value: role, maxlength: 200, required: false },
-];
-
 async function name(key) {
-  const changed = await ask({
-    title: `Person of “${key.name}”`,
-    body: h("p", {}, "Certificates name who fitted and who approved. Without a person, what is published with this key is marked as a draft."),
-    fields: signing(key),
-    submit: "Save",
-    action: ({ person, role }) => patch(`/v1/keys/${key.id}`, { person: person ?? "", role: role ?? "" }),
-  });
-  if (changed) await show();
+  if (await statePerson(key)) await show();
 }
 
 async function revoke(key) {

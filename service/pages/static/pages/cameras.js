@@ -1,10 +1,10 @@
 import { all, get } from "../api.js";
 import { byId, h, may, table, toast } from "../dom.js";
-import { ago, cameraName, counted, day, number, tag } from "../format.js";
+import { ago, cameraName, counted, day, tag } from "../format.js";
 import { empty, load } from "../states.js";
-import { inForce } from "../coefficients.js";
+import { headlines, inForce } from "../coefficients.js";
 import { inOrder } from "../groups.js";
-import { coefficientLabel, headlineOf, labelOf } from "../methods.js";
+import { labelOf } from "../methods.js";
 import { registerCamera } from "./camera-edit.js";
 
 const region = byId("cameras");
@@ -33,7 +33,7 @@ const columns = [
   { head: "In force", cell: ({ held }) => (held ? labelOf(held.method) : tag("none", "warn")) },
   { head: "Version", class: "number", cell: ({ held }) => (held ? h("a", { href: `/calibrations/${held.calibration_id}` }, String(held.version)) : "") },
   { head: "Since", cell: ({ held }) => (held ? h("span", { class: "nowrap" }, day(held.valid_from), h("span", { class: "muted" }, ` ${ago(held.valid_from)}`)) : "") },
-  { head: "Largest u", cell: ({ held }) => (held?.largest === undefined ? "" : h("span", { title: "Largest relative standard uncertainty of this coefficient in the version" }, `${number(100 * held.largest, 2)} % `, h("span", { class: "small muted" }, coefficientLabel(held.method, headlineOf(held.method))))) },
+  { head: "Coefficient ± U (k = 2)", cell: ({ held }) => (held ? headlines(held) : "") },
   { head: "Flags", cell: ({ held }) => (held?.flags.length ? tag(counted(held.flags.length, "flag"), "warn") : held ? h("span", { class: "muted" }, "none") : "") },
 ];
 

@@ -1,7 +1,7 @@
 // The first page: a card to start with, what needs somebody, campaigns in progress, and what is in force.
 
 import { all, get, newOnce, post } from "../api.js";
-import { filesOf } from "../campaign/drop.js";
+import { acceptDrops, choosers } from "../campaign/drop.js";
 import { askForMeter } from "../campaign/meters.js";
 import { causesOf } from "../campaign/missing.js";
 import { titleOf } from "../campaign/named.js";
@@ -9,7 +9,7 @@ import { readCard } from "../card/files.js";
 import { propose } from "../card/propose.js";
 import { cardView } from "../card/view.js";
 import { causeFold, small, smallLink } from "../causes.js";
-import { inForce, inForce as inForceOf } from "../coefficients.js";
+import { headlines, inForce, inForce as inForceOf } from "../coefficients.js";
 import { byId, fill, h, mark, may, table, toast } from "../dom.js";
 import { ago, number, span, stateWords } from "../format.js";
 import { groupBy } from "../groups.js";
@@ -20,15 +20,10 @@ import { act, empty, failed, load } from "../states.js";
 
 /** `zone` takes the card, `place` shows it, and `rest` of the page gives way to it. */
 function startCard(zone, place, rest) {
-  const [folder, files] = [chooser({ "aria-label": "Folder to read", webkitdirectory: true }), chooser({ "aria-label": "Files to read" })];
+  const [files, folder] = choosers(read, "read");
   zone.querySelector("[data-choose=folder]").addEventListener("click", () => folder.click());
   zone.querySelector("[data-choose=files]").addEventListener("click", () => files.click());
   zone.append(folder, files);
-  for (const input of [folder, files])
-    input.addEventListener("change", () => {
-      read([...input.files].map((file) => ({ file, name: file.webkitRelativePath || file.name })));
-      input.value = "";
-    });
   acceptDrops(zone, read);
   let reading = null;
   const handed = takeHanded();
@@ -78,25 +73,6 @@ function startCard(zone, place, rest) {
     rest.hidden = false;
     zone.querySelector("button").focus();
   }
-}
-
-const chooser = (attributes) => h("input", { type: "file", multiple: true, hidden: true, ...attributes });
-
-/** The whole window takes a drop. */
-function acceptDrops(zone, take) {
-  let inside = 0;
-  const over = (by) => zone.classList.toggle("over", (inside = Math.max(0, inside + by)) > 0);
-  const holdsFiles = (event) => event.dataTransfer?.types.includes("Files");
-  const until = new AbortController();
-  const on = (name, listener) => addEventListener(name, (event) => (zone.isConnected ? holdsFiles(event) && listener(event) : until.abort()), { signal: until.signal });
-  on("dragenter", () => over(1));
-  on("dragleave", () => over(-1));
-  on("dragover", (event) => event.preventDefault());
-  on("drop", async (event) => {
-    event.preventDefault();
-    over(-inside);
-    take(await filesOf(event.dataTransfer));
-  });
 }
 
 async function readKnown() {
@@ -173,7 +149,7 @@ load(byId("in-force"), () => Promise.all([cameras, series]), ([bodies, { rows }]
   return table(
     [{ head: "Camera", header: true, cell: (camera) => h("a", { href: `/cameras/${camera.id}` }, `${camera.model} ${camera.serial}`) }, ...columns, { head: "Oldest", class: "number", cell: (camera) => (oldest(camera) ? ago(oldest(camera)).replace(" ago", "") : h("span", { class: "muted" }, "none in force")) }],
     bodies.slice(0, AT_MOST),
-    { caption: "Versions in force", stack: true },
+    { caption: "Versions in force, with U (k = 2)", stack: true },
   );
 });
 
@@ -186,7 +162,7 @@ function firstSteps() {
 
 const lackOf = ([first, ...more]) => (first ? `${first.title}${more.length ? ` and ${more.length} more` : ""}` : "Nothing");
 
-const version = (row) => (row ? [mark(row.flags.length ? "warn" : "good"), ` version ${row.version}${row.flags.length ? ", with flags" : ""}`] : h("span", { class: "muted" }, "none"));
+const version = (held) => (held ? [mark(held.flags.length ? "warn" : "good"), ` version ${held.version}${held.flags.length ? ", with flags" : ""}`, headlines(held)] : h("span", { class: "muted" }, "none"));
 
 /** The newest campaigns with what they lack, their versions, and whether anything was measured. */
 async function latestCampaigns() {
