@@ -13,20 +13,13 @@ from store.blobs import proof, spool
 _UNREADABLE = {errno.EIO, errno.EBADMSG, errno.EUCLEAN}
 
 
-class LocalBlobs:
+class LocalBlobs(spool.Blobs):
     """The blobs below one folder, which processes of one machine may share."""
 
     def __init__(self, folder: Path) -> None:
-        self._folder = folder
         # Below the same folder, hence on the same filesystem, where a rename is atomic.
-        self._temporary = folder / "tmp"
-
-    def writer(self) -> spool.BlobWriter:
-        return spool.BlobWriter(self._temporary, self._place)
-
-    def open(self, blob: proof.StoredBlob) -> Iterator[bytes]:
-        self._size(blob.sha256)
-        return proof.prove_pieces(blob, self._pieces(blob.sha256))
+        super().__init__(folder / "tmp")
+        self._folder = folder
 
     @contextmanager
     def local_file(self, blob: proof.StoredBlob) -> Iterator[proof.StoredFile]:
@@ -34,14 +27,8 @@ class LocalBlobs:
             raise proof.BlobDamaged(blob.sha256)
         yield proof.StoredFile(self._path(blob.sha256), blob)
 
-    def prove(self, sha256: str, pace: Callable[[int], object]) -> proof.StoredBlob:
-        return proof.prove_whole(sha256, self._pieces(sha256, pace=pace))
-
     def find_absent(self, sizes: Mapping[str, int]) -> set[str]:
         return {sha256 for sha256, size in sizes.items() if not self._holds(sha256, size)}
-
-    def sweep_temporary(self, older_than_s: float) -> int:
-        return spool.sweep(self._temporary, older_than_s)
 
     def check(self) -> None:
         try:
@@ -67,7 +54,6 @@ class LocalBlobs:
             return False
 
     def _pieces(self, sha256: str, *, pace: Callable[[int], object] | None = None) -> Iterator[bytes]:
-        """Read a blob from its start; with a pace from the disk itself, not from what memory holds of it."""
         with self._read_errors_named(sha256), self._path(sha256).open("rb", buffering=0) as file:
             if pace is not None:
                 os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)

@@ -88,7 +88,7 @@ _ASKED_AT_ONCE = 16
 _ENDPOINTS = ("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT")
 
 
-class ObjectBlobs:
+class ObjectBlobs(spool.Blobs):
     """Blobs as objects `<prefix>/ab/cd/<sha256>`; keys, region and endpoint come from the AWS_* environment.
 
     `AWS_ACCESS_KEY_ID_FILE`, `AWS_SECRET_ACCESS_KEY_FILE`, `AWS_SESSION_TOKEN_FILE` may name their files.
@@ -108,18 +108,12 @@ class ObjectBlobs:
         retry_for_s: float = 30.0,
         silence_s: float = 15.0,
     ) -> None:
+        super().__init__(cache_folder / "tmp")
         self._url = url
         self._store = _s3_store(url, endpoint, retry_for_s=retry_for_s, silence_s=silence_s)
         # Whoever only asks whether it serves waits for no second attempt.
         self._asked = _s3_store(url, endpoint, retry_for_s=0.0, silence_s=min(silence_s, _CHECK_WITHIN_S))
-        self._temporary = cache_folder / "tmp"
         self._cache = Cache(cache_folder, cache_bytes)
-
-    def writer(self) -> spool.BlobWriter:
-        return spool.BlobWriter(self._temporary, self._upload)
-
-    def open(self, blob: proof.StoredBlob) -> Iterator[bytes]:
-        return proof.prove_pieces(blob, self._stream(blob.sha256))
 
     @contextmanager
     def local_file(self, blob: proof.StoredBlob) -> Iterator[proof.StoredFile]:
@@ -136,26 +130,20 @@ class ObjectBlobs:
             self._fetch(blob.sha256)
             fetched = True
 
-    def prove(self, sha256: str, pace: Callable[[int], object]) -> proof.StoredBlob:
-        return proof.prove_whole(sha256, self._stream(sha256, pace=pace))
-
     def find_absent(self, sizes: Mapping[str, int]) -> set[str]:
         with ThreadPoolExecutor(_ASKED_AT_ONCE, thread_name_prefix="heads") as pool:
             held = pool.map(self._holds, sizes.keys(), sizes.values())
             return {sha256 for sha256, there in zip(sizes, held, strict=True) if not there}
 
-    def sweep_temporary(self, older_than_s: float) -> int:
-        return spool.sweep(self._temporary, older_than_s)
-
     def check(self) -> None:
         with self._answers():
             obstore.list_with_delimiter(self._asked)
 
-    def _upload(self, spooled: Path, stored: proof.StoredBlob) -> None:
+    def _place(self, temporary: Path, stored: proof.StoredBlob) -> None:
         # Also over what is there: whether that is still whole could be told only by fetching all of it. S3
         # shows an object only once all of it has arrived: who reads meanwhile reads one or the other.
         with self._answers():
-            obstore.put(self._store, _key(stored.sha256), spooled)
+            obstore.put(self._store, _key(stored.sha256), temporary)
 
     def _fetch(self, sha256: str) -> None:
         def place(fetched: Path, stored: proof.StoredBlob) -> None:
@@ -164,11 +152,11 @@ class ObjectBlobs:
             self._cache.add(sha256, fetched)
 
         with spool.BlobWriter(self._temporary, place) as writer:
-            for chunk in self._stream(sha256):
+            for chunk in self._pieces(sha256):
                 writer.write(chunk)
             writer.commit()
 
-    def _stream(self, sha256: str, *, pace: Callable[[int], object] | None = None) -> Iterator[bytes]:
+    def _pieces(self, sha256: str, *, pace: Callable[[int], object] | None = None) -> Iterator[bytes]:
         with self._found(sha256):
             stream = obstore.get(self._store, _key(sha256)).stream(min_chunk_size=proof.PIECE_BYTES)
         return self._chunks(sha256, iter(stream), pace)

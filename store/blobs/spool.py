@@ -6,13 +6,22 @@ import os
 import re
 import tempfile
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Self
 
-from store.blobs.proof import PieceDigester, StorageFull, StorageUnavailable, StoredBlob, StoredFile
+from store.blobs.proof import (
+    PieceDigester,
+    StorageFull,
+    StorageUnavailable,
+    StoredBlob,
+    StoredFile,
+    prove_pieces,
+    prove_whole,
+)
 
 PREFIX = "blob-"
 
@@ -128,29 +137,46 @@ def hashes_to(path: Path, sha256: str) -> bool:
 _SHA256 = re.compile(r"[0-9a-f]{64}")
 
 
-class Blobs(Protocol):
+class Blobs(ABC):
     """Content-addressed bytes; every method may be called from any thread and any process."""
+
+    def __init__(self, temporary: Path) -> None:
+        self._temporary = temporary
 
     def writer(self) -> BlobWriter:
         """Start a blob: use as a context manager; leaving it without `commit` leaves nothing behind."""
+        return BlobWriter(self._temporary, self._place)
 
     def open(self, blob: StoredBlob) -> Iterator[bytes]:
         """Yield the bytes MiB by MiB, each proven."""
-
-    def local_file(self, blob: StoredBlob) -> AbstractContextManager[StoredFile]:
-        """Lend a real file; whoever reads it proves what it reads, and raises BlobDamaged in the context."""
+        return prove_pieces(blob, self._pieces(blob.sha256))
 
     def prove(self, sha256: str, pace: Callable[[int], object]) -> StoredBlob:
         """Read all of a blob where it is kept, past every cache, and return what it is known by."""
-
-    def find_absent(self, sizes: Mapping[str, int]) -> set[str]:
-        """Return which of these names are not stored, or not in their size; nothing is read."""
+        return prove_whole(sha256, self._pieces(sha256, pace=pace))
 
     def sweep_temporary(self, older_than_s: float) -> int:
         """Remove what killed processes left half written for that long; return how many files."""
+        return sweep(self._temporary, older_than_s)
 
+    @abstractmethod
+    def local_file(self, blob: StoredBlob) -> AbstractContextManager[StoredFile]:
+        """Lend a real file; whoever reads it proves what it reads, and raises BlobDamaged in the context."""
+
+    @abstractmethod
+    def find_absent(self, sizes: Mapping[str, int]) -> set[str]:
+        """Return which of these names are not stored, or not in their size; nothing is read."""
+
+    @abstractmethod
     def check(self) -> None:
         """Raise StorageUnavailable or StorageFull unless blobs can be written now."""
+
+    @abstractmethod
+    def _place(self, temporary: Path, stored: StoredBlob) -> None: ...
+
+    @abstractmethod
+    def _pieces(self, sha256: str, *, pace: Callable[[int], object] | None = None) -> Iterator[bytes]:
+        """Read a blob from its start; with a pace past what memory holds of it."""
 
 
 def checked_name(sha256: str) -> str:

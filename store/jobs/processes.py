@@ -171,15 +171,10 @@ def list_parts(session: Session) -> list[Part]:
     now = utc_now()
     return [
         Part(
-            id=row.id,
-            kind=row.kind,
-            host=row.host,
-            pid=row.pid,
-            started_at=row.started_at,
+            **{name: getattr(row, name) for name in ("id", "kind", "host", "pid", "started_at", "details")},
             # A beat from the future was written before the clock was set back: as far away as one as old.
             seen_s_ago=abs((now - row.seen_at).total_seconds()),
             worked_s_ago=abs((now - row.worked_at).total_seconds()),
-            details=row.details,
         )
         for row in session.scalars(select(PartRow).order_by(PartRow.started_at, PartRow.id))
     ]

@@ -1,6 +1,7 @@
 """Versions as repeats of one determination, and what orients the cameras of a rig."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
@@ -93,15 +94,7 @@ def _read_lenses(session: Session, campaign_ids: set[str]) -> dict[str, str]:
 
 
 def _key(row: tables.CoefficientRow) -> Key:
-    return Key(
-        name=row.name,
-        unit=row.unit,
-        model=row.model,
-        iso=row.iso,
-        f_number=row.f_number,
-        band=row.band,
-        channel=row.channel,
-    )
+    return Key(**{each.name: getattr(row, each.name) for each in fields(Key)})
 
 
 METHOD, SPEC = next((each.name, each.rig) for each in METHODS if each.rig)

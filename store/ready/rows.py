@@ -81,6 +81,10 @@ def _write(value: Value) -> str:
 _ITEM = ("name", "value", "standard_uncertainty", "unit", "iso", "f_number", "band", "channel", "model")
 
 
+_PUBLISHED = ("slot_id", "valid_from", "valid_to", "known_from", "known_to")
+_CALIBRATED = ("organisation_id", "camera_id", "campaign_id", "method", "version")
+
+
 def show_instant(instant: datetime) -> str:
     """Format an instant for a sentence, to the second."""
     return write_instant(instant.replace(microsecond=0))
@@ -120,19 +124,11 @@ def make_ready(
 ) -> dict[type[Base], dict[str, Any]]:
     """Return the columns of a publication's ready row, of its answer and of its cells, by table."""
     ready = {
+        **{name: getattr(publication, name) for name in _PUBLISHED},
+        **{name: getattr(calibration, name) for name in _CALIBRATED},
         "publication_id": publication.id,
-        "slot_id": publication.slot_id,
-        "organisation_id": calibration.organisation_id,
-        "camera_id": calibration.camera_id,
-        "campaign_id": calibration.campaign_id,
-        "method": calibration.method,
         "calibration_id": calibration.id,
-        "version": calibration.version,
         "computed_at": calibration.created_at,
-        "valid_from": publication.valid_from,
-        "valid_to": publication.valid_to,
-        "known_from": publication.known_from,
-        "known_to": publication.known_to,
         "coefficients": len(coefficients),
     }
     records = _write_records(publication, calibration, coefficients)

@@ -59,7 +59,7 @@ def test_what_was_never_stored_is_missing(blobs):
     with pytest.raises(BlobMissing, match=ABSENT):
         blobs.prove(ABSENT, int)
     with pytest.raises(BlobMissing, match=ABSENT):
-        blobs.open(absent)
+        list(blobs.open(absent))
     with pytest.raises(BlobMissing, match=ABSENT), blobs.local_file(absent):
         pass
 
