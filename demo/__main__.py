@@ -19,7 +19,7 @@ from pathlib import Path
 from rich.console import Console
 
 import stilb
-from demo.child import NotServing, Service, serving
+from demo.child import NotServing, serving
 from demo.journey import Display, Stage
 from radiometry.methods import METHODS
 
@@ -42,7 +42,11 @@ def main() -> int:
         return 2
     given = os.environ.get("STILB_DATA")
     keep = os.environ.get("KEEP", "") not in {"", "0"}
-    data = Path(given).absolute() if given else _new_folder()
+    parent = Path("stilb-data").absolute()
+    if not given:
+        parent.mkdir(exist_ok=True)
+    prefix = time.strftime("demo-%Y%m%d-%H%M%S-")
+    data = Path(given).absolute() if given else Path(tempfile.mkdtemp(prefix=prefix, dir=parent))
     try:
         code = _run(asked, camera, data, Display(console), keep=keep)
     except (stilb.Problem, NotServing) as error:
@@ -66,25 +70,15 @@ def _run(method: str, camera: str, data: Path, display: Display, *, keep: bool) 
         display.say(f"every route: {service.url}/docs")
         display.say(f"in {time.monotonic() - began:.1f} s")
         if keep:
-            _keep_serving(service, display)
+            display.say(f"serving {service.url} key {service.key} until Ctrl-C")
+            with suppress(KeyboardInterrupt):
+                service.process.wait()
     return 0 if agrees else 1
 
 
 def play(method: str, stage: Stage) -> bool:
     """Run the demo of a method, in the module of its name; return True if all agrees with the truth."""
     return bool(importlib.import_module(f"demo.{method}").run(stage))
-
-
-def _keep_serving(service: Service, display: Display) -> None:
-    display.say(f"serving {service.url} key {service.key} until Ctrl-C")
-    with suppress(KeyboardInterrupt):
-        service.wait_for_end()
-
-
-def _new_folder() -> Path:
-    parent = Path("stilb-data").absolute()
-    parent.mkdir(exist_ok=True)
-    return Path(tempfile.mkdtemp(prefix=time.strftime("demo-%Y%m%d-%H%M%S-"), dir=parent))
 
 
 if __name__ == "__main__":

@@ -28,10 +28,6 @@ class Service(Record):
     key: str
     process: subprocess.Popen[str]
 
-    def wait_for_end(self) -> None:
-        """Return when the service has ended without being asked."""
-        self.process.wait()
-
 
 @contextmanager
 def serving(data: Path, *, command: Sequence[str] = COMMAND) -> Iterator[Service]:

@@ -56,7 +56,7 @@ def append_entries(session: Session) -> None:
     entries = session.info.pop("audit_entries", [])
     if not entries:
         return
-    mine = AuditChain.name == name_chain(session.info["organisation_id"])
+    mine = AuditChain.name == (session.info["organisation_id"] or "")
     sha256, *numbers = _lock_chain(session, mine, len(entries))
     for entry, seq in zip(entries, numbers, strict=True):
         entry |= {"seq": seq, "previous_sha256": sha256}
@@ -65,11 +65,6 @@ def append_entries(session: Session) -> None:
     connection.execute(insert(AuditEntry), entries)
     last = {"seq": entries[-1]["seq"], "sha256": sha256}
     connection.execute(update(AuditChain).where(mine), last)
-
-
-def name_chain(organisation_id: str | None) -> str:
-    """Return the name of the chain that an organisation's entries belong to."""
-    return organisation_id or ""
 
 
 def _lock_chain(session: Session, mine: ColumnElement[bool], count: int) -> list[Any]:

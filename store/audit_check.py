@@ -22,7 +22,7 @@ from sqlalchemy import ColumnElement, Date, collate, func, inspect, select, text
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
-from store.audit import digest, digest_row, digest_value, name_chain, name_part
+from store.audit import digest, digest_row, digest_value, name_part
 from store.database import OTHER_SCHEMA_EXIT, Database, SchemaDiffers, require_own_schema
 from store.files import count_damaged
 from store.settings import read_settings
@@ -310,7 +310,7 @@ def check_chain(
             after = entry["seq"]
         if len(entries) > most:
             return replace(last, seq=after), None, False
-        chain = session.get(AuditChain, name_chain(organisation_id), populate_existing=True)
+        chain = session.get(AuditChain, organisation_id, populate_existing=True)
         _compare_end(last, chain, "")
     except Fault as fault:
         return last, fault, True
@@ -354,7 +354,7 @@ class _Trail:
             self._common = _follow(self._common, entry)
         else:
             self._end_common()
-            name = name_chain(entry["organisation_id"])
+            name = entry["organisation_id"] or ""
             self._chains[name] = _follow(self._chains.get(name, self._closed), entry)
         self.last, self._entries = seq, self._entries + 1
 

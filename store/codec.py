@@ -1,7 +1,7 @@
 """Between the science's dataclasses and what the tables keep."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import fields, is_dataclass
 from functools import cache
 from typing import Any, get_args, get_type_hints
@@ -23,7 +23,7 @@ def encode(value: Any) -> Any:  # noqa: ANN401
     """A dataclass as plain JSON values; tuples become lists, so that what is stored equals what is read."""
     plain = _adapter(type(value)).dump_python(value, mode="json")
     later = _list_later(type(value))
-    return _drop_later(plain, later) if later else plain
+    return drop_absent(plain, later) if later else plain
 
 
 def decode(kind: Any, stored: Any) -> Any:  # noqa: ANN401
@@ -73,21 +73,15 @@ def _find_later(kind: Any) -> frozenset[str]:  # noqa: ANN401
 _list_later: Callable[[Any], frozenset[str]] = cache(_find_later)
 
 
-def _drop_later(value: Any, later: frozenset[str]) -> Any:  # noqa: ANN401
+def drop_absent(value: Any, among: Collection[str] | None = None) -> Any:  # noqa: ANN401
+    """The same without what does not exist, of all names or these: absent is left out, never null."""
     if isinstance(value, dict):
         return {
-            name: _drop_later(member, later)
+            name: drop_absent(member, among)
             for name, member in value.items()
-            if member is not None or name not in later
+            if member is not None or (among is not None and name not in among)
         }
-    return [_drop_later(member, later) for member in value] if isinstance(value, list) else value
-
-
-def drop_absent(value: Any) -> Any:  # noqa: ANN401
-    """The same without what does not exist: absent is left out, never null."""
-    if isinstance(value, dict):
-        return {name: drop_absent(member) for name, member in value.items() if member is not None}
-    return [drop_absent(member) for member in value] if isinstance(value, list) else value
+    return [drop_absent(member, among) for member in value] if isinstance(value, list) else value
 
 
 def read_applied(calibration: Calibration) -> Any:  # noqa: ANN401  the method's own

@@ -94,7 +94,9 @@ def make_version(
     """Describe a fit as it will be stored."""
     spec = methods.get_method(campaign.method)
     inputs, parameters = _inputs(session, campaign, evidence), encode(params)
-    kept = CoefficientRow.__table__.c
+    kept, camera = CoefficientRow.__table__.c, session.get_one(Camera, campaign.camera_id)
+    registered = {"make": camera.lens_make, "model": camera.lens_model, "serial": camera.lens_serial}
+    lens = {name: value for name, value in (campaign.lens or registered).items() if value}
     return NewVersion(
         columns={
             "organisation_id": campaign.organisation_id,
@@ -102,7 +104,8 @@ def make_version(
             "campaign_id": campaign.id,
             "method": campaign.method,
             "configuration": {
-                **_configuration(campaign, session.get_one(Camera, campaign.camera_id)),
+                # the campaign's lens, else the camera's, where one is named
+                **({"lens": lens} if "model" in lens else {}),
                 **spec.configure(fit),
             },
             "parameters": parameters,
@@ -188,13 +191,6 @@ def read_result(calibration: Calibration) -> Any:  # noqa: ANN401 (the method's 
         for point in calibration.result["points"]
     ]
     return decode(methods.get_method(calibration.method).result, {**calibration.result, "points": points})
-
-
-def _configuration(campaign: Campaign, camera: Camera) -> dict[str, Any]:
-    """Return what else a version holds for: the campaign's lens, else the camera's, where one is named."""
-    registered = {"make": camera.lens_make, "model": camera.lens_model, "serial": camera.lens_serial}
-    lens = {name: value for name, value in (campaign.lens or registered).items() if value}
-    return {"lens": lens} if "model" in lens else {}
 
 
 @cache

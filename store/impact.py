@@ -239,7 +239,12 @@ def find_versions(session: Session, organisation_id: str, cause: dict[str, str])
             by_software = mine.where(Calibration.software["stilb"].as_string() == value)
             return sorted(session.scalars(by_software))
         case _:
-            return sorted(session.scalars(mine.where(Calibration.campaign_id.in_(_recorded_by(value)))))
+            # campaigns that name this recorder, or did before
+            once = select(AuditEntry.subject_id).where(
+                AuditEntry.subject_type == "campaign", AuditEntry.after["recorder"].as_string() == value
+            )
+            named = select(Campaign.id).where(or_(Campaign.recorder == value, Campaign.id.in_(once)))
+            return sorted(session.scalars(mine.where(Calibration.campaign_id.in_(named))))
 
 
 def propose(session: Session, organisation_id: str, cause: dict[str, str], *, reason: str, by: str) -> Recall:
@@ -324,11 +329,3 @@ def _by_certificate(session: Session, mine: Select[Any], number: str) -> list[st
         for row in rows
         if any(used.get("certificate", {}).get("number") == number for used in row[1] or [])
     )
-
-
-def _recorded_by(recorder: str) -> Select[Any]:
-    """Select the campaigns that name this recorder, or did before."""
-    once = select(AuditEntry.subject_id).where(
-        AuditEntry.subject_type == "campaign", AuditEntry.after["recorder"].as_string() == recorder
-    )
-    return select(Campaign.id).where(or_(Campaign.recorder == recorder, Campaign.id.in_(once)))

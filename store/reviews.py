@@ -298,14 +298,13 @@ def _find_kept(session: Session, campaign_id: str, verdicts_of: Collection[str] 
         findings=codec.decode(tuple[FindingGroup, ...], findings or []),
         record=codec.decode(RecordState, checklist) if checklist else None,
         verdicts=dict.fromkeys(ids, conclude(()))
-        | {frame_id: _decode_verdict(text) for frame_id, text in reasons},
-    )
-
-
-def _decode_verdict(reasons: str) -> Verdict:
-    return conclude(
-        Reason(code=FINDINGS[code], outcome=outcome, detail=detail)
-        for code, outcome, detail in json.loads(reasons)
+        | {
+            frame_id: conclude(
+                Reason(code=FINDINGS[code], outcome=outcome, detail=detail)
+                for code, outcome, detail in json.loads(text)
+            )
+            for frame_id, text in reasons
+        },
     )
 
 

@@ -20,6 +20,9 @@ _DECIDED_LATER = (
 
 def check(certificate: Node, data: Data, found: Recomputed) -> list[Row]:
     """All rows, the same and the different, in the order of the work: software, data, figures, whole."""
+    both = certificate, data.find_copy(certificate)
+    left_out = () if all("issued" in each for each in both) else _DECIDED_LATER
+    kept, theirs = ({name: each[name] for name in each if name not in left_out} for each in both)
     return [
         *_software(certificate),
         *_frames(found),
@@ -38,7 +41,8 @@ def check(certificate: Node, data: Data, found: Recomputed) -> list[Row]:
             certificate["content_sha256"],
             fits.hash_content(inputs_of(certificate, found, data), codec.encode(found.params)),
         ),
-        *_own_copy(certificate, data),
+        # the data bring the certificate as it was handed out with them
+        *compare("the data's own certificate", kept, theirs),
         *_issued_files(data),
     ]
 
@@ -88,14 +92,6 @@ def _figures(certificate: Node, found: Recomputed) -> Iterator[Row]:
     yield from compare("budgets", certificate["budgets"], state_budgets(method, stored), "budgets")
     flags = [_without(flag, "meaning") for flag in certificate["flags"]]
     yield from compare("flags in words", flags, result["flags"], "flags")
-
-
-def _own_copy(certificate: Node, data: Data) -> Iterator[Row]:
-    """The data bring the certificate as it was handed out with them."""
-    both = certificate, data.find_copy(certificate)
-    left_out = () if all("issued" in each for each in both) else _DECIDED_LATER
-    kept, theirs = ({name: each[name] for name in each if name not in left_out} for each in both)
-    yield from compare("the data's own certificate", kept, theirs)
 
 
 def _issued_files(data: Data) -> Iterator[Row]:

@@ -99,8 +99,13 @@ def _read(
             around = roi.Polygon.from_points(region["points"])
             window = roi.bounding_window(around, height_px=header.height_px, width_px=header.width_px)
             pixels = decoders.read_window(path, (window.row0, window.col0, window.height, window.width))
-        extracted = methods.get_method(certificate["method"]).extract(
-            pixels, _parts(region), header=header, exposure=exposure, target=_target(certificate)
+        spec, target = methods.get_method(certificate["method"]), certificate.get("target")
+        extracted = spec.extract(
+            pixels,
+            _parts(region),
+            header=header,
+            exposure=exposure,
+            target=decode(spec.target, target) if spec.target and target else None,
         )
         row = _make_row(stated, certificate, header, exposure, extracted, around)
     except (InputRejected, DecoderCrashed) as refusal:
@@ -121,11 +126,6 @@ def _parts(region: Node) -> list[Region]:
     return [Region(name=part["name"], polygon=roi.Polygon.from_points(part["points"])) for part in parts]
 
 
-def _target(certificate: Node) -> Any:  # noqa: ANN401 (the method's own)
-    kind = methods.get_method(certificate["method"]).target
-    return decode(kind, certificate["target"]) if kind and certificate.get("target") else None
-
-
 def _make_row(
     stated: Node,
     certificate: Node,
@@ -134,7 +134,7 @@ def _make_row(
     extracted: Extracted[Any],
     around: roi.Polygon,
 ) -> Any:  # noqa: ANN401 (the method's own)
-    kind = methods.get_method(certificate["method"]).features
+    spec = methods.get_method(certificate["method"])
     evidence = FrameEvidence(
         frame=stated["frame"],
         role=stated["role"],
@@ -143,10 +143,9 @@ def _make_row(
         exposure=exposure,
         statistics=_in_order(extracted.statistics),
         # by way of JSON, as the service keeps them
-        features=decode(kind, encode(extracted.features)) if kind else None,
+        features=decode(spec.features, encode(extracted.features)) if spec.features else None,
         identified=stated.get("panel_serial"),
     )
-    spec = methods.get_method(certificate["method"])
     row = spec.make_row(evidence)
     if not certificate.get("falloff") or stated["role"] != "light" or exposure is None:
         return row
@@ -222,14 +221,11 @@ def _references(certificate: Node, data: Data) -> Node:
     """Return what the readings were made with, and what the signals were corrected with."""
     spec = methods.get_method(certificate["method"])
     falloff = certificate.get("falloff")
+    names = ("kind", "make", "model", "serial", "certificate")
+    meters = [{name: meter[name] for name in names if name in meter} for meter in certificate["meters"]]
+    meters.sort(key=lambda meter: [meter[name] for name in names[:4]])
     return {
-        **({"meters": _meters_of(certificate)} if spec.reference == "meter" else {}),
+        **({"meters": meters} if spec.reference == "meter" else {}),
         **({"panels": data.panels} if spec.reference == "panel" else {}),
         **({spec.corrected_by: falloff} if falloff and spec.corrected_by else {}),
     }
-
-
-def _meters_of(certificate: Node) -> list[Node]:
-    names = ("kind", "make", "model", "serial", "certificate")
-    meters = [{name: meter[name] for name in names if name in meter} for meter in certificate["meters"]]
-    return sorted(meters, key=lambda meter: [meter[name] for name in names[:4]])
