@@ -1,7 +1,6 @@
 """Signed receipts: verified without the service, against a public key that is known already."""
 
 import base64
-import hashlib
 import json
 import re
 import unicodedata
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from stilb.problem import Unclear
+from stilb.transport import hash_file
 
 _TYPE = "stilb receipt 1"
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
@@ -97,10 +97,8 @@ def compare_card(receipt: Mapping[str, Any], folder: Path) -> list[str]:
         hashes = listed.get(unicodedata.normalize("NFC", name))
         if hashes is None:
             found.append(f"{name}: not in the receipt")
-            continue
-        with path.open("rb") as file:
-            if hashlib.file_digest(file, "sha256").hexdigest() not in hashes:
-                found.append(f"{name}: not the file of the receipt")
+        elif hash_file(path) not in hashes:
+            found.append(f"{name}: not the file of the receipt")
     return found
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
-from stilb import problem, records, upload
+from stilb import problem, records, transport, upload
 from stilb.client import Client
 from stilb.field.files import FieldFile
 
@@ -45,8 +45,7 @@ class Journal:
         known = self._known.get(str(path))
         if known is not None and known[:2] == before:
             return known[2]
-        with path.open("rb") as file:
-            sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+        sha256 = transport.hash_file(path)
         if _stamp(path) != before:
             raise OSError(f"{path} is still being written: push again when it is complete")
         self._append(path, (*before, sha256))

@@ -61,7 +61,8 @@ class StripReader:
         """Rows [first, last) of the frame; what lies above them is forgotten."""
         self._held = [frame for frame in self._held if _end(frame) > first]
         while not self._held or _end(self._held[-1]) < last:
-            self._held.append(self._take())
+            self._held.append(self._coming.popleft().result())
+            self._fetch()
         parts = [
             frame.samples_dn[max(0, first - frame.row0) : last - frame.row0]
             for frame in self._held
@@ -69,11 +70,6 @@ class StripReader:
         ]
         samples = parts[0] if len(parts) == 1 else np.concatenate(parts)
         return replace(self._held[0], samples_dn=samples, row0=first)
-
-    def _take(self) -> Frame:
-        frame = self._coming.popleft().result()
-        self._fetch()
-        return frame
 
     def _fetch(self) -> None:
         strip = next(self._left, None)

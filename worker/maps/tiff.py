@@ -62,7 +62,8 @@ def _exposure_entries(exposure: Exposure) -> list[Entry]:
         _iso(exposure.iso),
     ]
     if exposure.exposure_time_apex_s is not None:
-        entries.append(_signed(tags.SHUTTER_SPEED_VALUE, -math.log2(exposure.exposure_time_apex_s)))
+        ratio = struct.pack("<ii", *_ratio(-math.log2(exposure.exposure_time_apex_s)))
+        entries.append((tags.SHUTTER_SPEED_VALUE, _SRATIONAL, 1, ratio))
     if exposure.f_number_apex is not None:
         entries.append(_rational(tags.APERTURE_VALUE, 2 * math.log2(exposure.f_number_apex)))
     return entries
@@ -143,10 +144,6 @@ def _iso(iso: float) -> Entry:
 
 def _rational(tag: int, value: float) -> Entry:
     return tag, _RATIONAL, 1, struct.pack("<II", *_ratio(value))
-
-
-def _signed(tag: int, value: float) -> Entry:
-    return tag, _SRATIONAL, 1, struct.pack("<ii", *_ratio(value))
 
 
 def _angle(tag: int, degrees: float) -> Entry:

@@ -1,27 +1,17 @@
-"""Dialects of the makers of multispectral cameras: a module each, whose name is its key in `CAMERAS`."""
+"""Dialects of the makers of multispectral cameras: a module each, whose name is its key in `CAMERAS`.
+
+`knows` tells from the packet whether a file is of one of its cameras, `read` reads the band, and `IDENTITIES`
+are the names under which the files state the capture and the flight.
+"""
 
 from importlib import import_module
-from typing import Final, Protocol, cast
+from typing import Final
 
 from radiometry.frame.multispectral import CAMERAS, Multispectral
-from worker.decode.packet import Packet, open_packet
+from worker.decode.packet import open_packet
 from worker.decode.tiff import Directory
 
-
-class Dialect(Protocol):
-    """A module that reads the files of some cameras."""
-
-    IDENTITIES: tuple[str, str]
-    """Names under which the files state the capture and the flight."""
-
-    def knows(self, packet: Packet) -> bool:
-        """Return True if the file is of one of its cameras."""
-
-    def read(self, packet: Packet) -> Multispectral:
-        """Read the band."""
-
-
-DIALECTS: Final = tuple(cast("Dialect", import_module(f"{__name__}.{name}")) for name in CAMERAS)
+DIALECTS: Final = tuple(import_module(f"{__name__}.{name}") for name in CAMERAS)
 BY_SYSTEM: Final = dict(zip(CAMERAS, DIALECTS, strict=True))
 
 
