@@ -90,7 +90,6 @@ def send_frame(
 
 
 def do_jobs(worker: context.Context) -> None:
-    """Do every job that is due."""
     due = select(Job.id).where(Job.state == "queued", Job.due_at <= utc_now()).order_by(Job.due_at)
     with worker.database.reading() as session:
         job_ids = session.scalars(due).all()
@@ -101,7 +100,6 @@ def do_jobs(worker: context.Context) -> None:
 
 
 def review_all(worker: context.Context) -> None:
-    """Compute every review that is stale."""
     while (campaign_id := worker.reviews.claim_next()) is not None:
         worker.reviews.renew(campaign_id)
 

@@ -163,7 +163,6 @@ def _read_kb(pid: int, file: str, name: str) -> float:
 
 
 def forget_peak(pid: int) -> None:
-    """Reset the peak to what is used now."""
     Path(f"/proc/{pid}/clear_refs").write_text("5", encoding="ascii")
 
 

@@ -144,7 +144,6 @@ def run_campaign(scale: Scale) -> list[bool]:
 
 
 def send_by_client(team: Team, through: str, campaign: str, path: Path) -> None:
-    """Send as `stilb push` does."""
     with stilb.Client(through, team.key, retries=12, timeout=2.0) as client:
         client.push(campaign, path, role="field")
 

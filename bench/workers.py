@@ -75,7 +75,6 @@ class _Queue:
     def add(
         self, count: int, *, lane: str = "fit", lasts_s: float = 0.0, organisation: str = "org_bench"
     ) -> None:
-        """Queue jobs, whose messages are sent after the commit."""
         kind = "fit" if lane == "fit" else "extract"
         row = {"organisation_id": organisation, "kind": kind, "lane": lane, "created_by": "bench"}
         row |= {"parameters": {"lasts_s": lasts_s}}

@@ -10,14 +10,11 @@ from stilb.problem import Unclear
 
 @dataclass(frozen=True, kw_only=True)
 class Login:
-    """A service and the key for it."""
-
     url: str
     key: str
 
 
 def read_login(folder: Path) -> Login | None:
-    """Read what was kept, if anything."""
     path = _path(folder)
     try:
         kept = json.loads(path.read_text(encoding="utf-8"))

@@ -401,7 +401,6 @@ def _compare(last: Head, noted: Head) -> None:
 
 
 def _compare_end(last: Head, head: Head | AuditChain | None, whose: str) -> None:
-    """Compare the end of a chain with what its head says."""
     if head is None:
         raise Fault(
             last.seq + 1, f"the head's row{whose} is missing: whether entries are missing cannot be told"

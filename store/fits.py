@@ -91,7 +91,6 @@ def make_version(
     *,
     by: str,
 ) -> NewVersion:
-    """Describe a fit as it will be stored."""
     spec = methods.get_method(campaign.method)
     inputs, parameters = _inputs(session, campaign, evidence), encode(params)
     kept, camera = CoefficientRow.__table__.c, session.get_one(Camera, campaign.camera_id)

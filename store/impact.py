@@ -218,8 +218,6 @@ _ENGRAVED = ("kind", "make", "model", "serial")
 
 
 class Condemned(Record):
-    """A version found by a recall, its status, and the measurements made with it."""
-
     calibration: Calibration
     camera: Camera
     status: VersionStatus

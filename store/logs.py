@@ -30,7 +30,6 @@ def configure_logging(form: str) -> None:
 
 
 def add_fields(record: logging.LogRecord) -> bool:
-    """Add the fields of the present request or job."""
     record.fields = {**present_fields(), **getattr(record, "fields", {})}
     return True
 

@@ -227,7 +227,6 @@ def list_issued(session: Session, calibration_id: str) -> list[IssuedCertificate
 
 
 def is_published(session: Session, calibration_id: str) -> bool:
-    """Return True if a version is or was in force."""
     mine = select(Publication.id).where(Publication.calibration_id == calibration_id)
     return session.scalar(mine.limit(1)) is not None
 

@@ -233,7 +233,6 @@ class Reviews:
             return campaign_id if _update(session, mine, not_before=now + _CLAIM) else None
 
     def renew(self, campaign_id: str) -> None:
-        """Compute the review of a campaign."""
         with self._computing[campaign_id], self._database.reading() as session:
             self._compute(session, campaign_id)
 

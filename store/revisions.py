@@ -51,7 +51,6 @@ _STAMP = ("frame_id", "campaign_id", "revision")
 
 
 def note_changes(session: Session, _context: object) -> None:
-    """Note the campaigns that a flush has just changed."""
     rows = [*session.new, *session.deleted, *(row for row in session.dirty if session.is_modified(row))]
     noted: _Noted = session.info.setdefault("changes", _Noted())
     noted.frames |= {row.id: row.campaign_id for row in rows if isinstance(row, FrameRow)}

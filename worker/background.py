@@ -38,7 +38,6 @@ class Renewal:
         """The last frame that was queued: each is queued once, whatever comes of it."""
 
     def start(self) -> None:
-        """Renew in a thread that ends with the process."""
         repeat("renewal", self.do_round)
 
     def do_round(self) -> float:
@@ -108,7 +107,6 @@ class Scrub:
         self._look_again_at = 0.0
 
     def start(self) -> None:
-        """Scrub in a thread that ends with the process."""
         repeat("scrub", self.do_round)
 
     def do_round(self) -> float:

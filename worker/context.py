@@ -84,7 +84,6 @@ def open_database(settings: Settings) -> Database:
 
 
 def build_context(settings: Settings, decoders: DecoderPool, database: Database | None = None) -> Context:
-    """Open the world that the settings name."""
     return Context(
         settings=settings,
         database=database or open_database(settings),

@@ -130,7 +130,6 @@ def _said(error: Exception) -> str:
 
 
 def _end(error: Exception, *, as_json: bool) -> int:
-    """Report an error, on stderr for a person, on stdout for a machine."""
     code = output.exit_of(error)
     lines = [f"stilb: {_said(error)}", *getattr(error, "__notes__", ()), output.next_step(error)]
     sys.stderr.write("".join(f"{line}\n" for line in lines if line))

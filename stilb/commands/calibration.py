@@ -208,7 +208,6 @@ def export(
 
 
 def format_calibration(calibration: Calibration) -> list[RenderableType]:
-    """Format a version as text, with the next step."""
     shown: list[RenderableType] = [of_coefficients(calibration.coefficients)]
     shown.append(f"{calibration.id}: version {calibration.version}, {calibration.state}")
     shown += format_findings(calibration.raw.get("findings", ()))
@@ -258,7 +257,6 @@ def _format_impact(impact: dict[str, Any]) -> list[str]:
 
 
 def _find_frames(client: Client, campaign_id: str, names: Sequence[str], option: str) -> list[str]:
-    """The ids of frames by id or by file name."""
     frames = list(client.frames(campaign_id))
     found = []
     for name in names:

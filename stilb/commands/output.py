@@ -57,7 +57,6 @@ class Output:
             self.out.print(each)
 
     def note(self, text: str) -> None:
-        """Write a note on stderr."""
         self.err.print(text)
 
 
@@ -141,7 +140,6 @@ _STEPS = {
 
 
 def exit_of(error: BaseException) -> Exit:
-    """Return the exit code of an error that ends a command."""
     match error:
         case problem.Problem():
             return _exit_of_status(error.status)
@@ -225,7 +223,6 @@ def complete_method(incomplete: str) -> list[str]:
 
 
 def complete_model(incomplete: str) -> list[str]:
-    """Return the models of the default method's fit."""
     return [model for model in template.list_choices(DEFAULT_METHOD, "model") if model.startswith(incomplete)]
 
 

@@ -184,7 +184,6 @@ def add_unread(report: Report, names: Sequence[str]) -> Report:
 
 
 def finish(output: Output, report: Report) -> None:
-    """Report the outcome of a push; each kind of failure has its own exit code."""
     output.answer(as_json(report), *lines(report))
     if not report.is_well:
         raise typer.Exit(Exit.FINDINGS)
@@ -259,7 +258,6 @@ def _list_or_note(
 
 
 def _wait_for_service(output: Output, find: Callable[[], Campaign], *, every_s: float) -> Campaign:
-    """Return the campaign as soon as the service answers."""
     told = False
     while True:
         try:

@@ -109,7 +109,6 @@ def doctor(output: Output) -> None:
 
 
 def examine_health(health: Health) -> list[Finding]:
-    """Evaluate the health data of a service."""
     answer = f"{health.detail}; answered in {health.answered_in_s:.2f} s"
     ready: tuple[State, str] = ("ok" if health.ready else "fail", answer)
     quarantine: tuple[State, str] | None = None if health.quarantined_jobs is None else ("ok", "no jobs")

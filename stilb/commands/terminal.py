@@ -155,7 +155,6 @@ class _Screen:
 
 @contextmanager
 def showing(console: Console) -> Iterator[Listener]:
-    """Show one push as it goes."""
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), DownloadColumn())
     with Progress(
         *columns,

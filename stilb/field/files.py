@@ -145,7 +145,6 @@ logging.getLogger("exifread").setLevel(logging.CRITICAL)  # what a file lacks is
 
 
 def read_header(path: Path) -> dict[str, Any]:
-    """Return what a file states of its camera, time and exposure, and the signal of its centre."""
     try:
         with path.open("rb") as file:
             tags = exifread.process_file(file, extract_thumbnail=False)
@@ -273,7 +272,6 @@ _MOST_BYTES = 180
 
 
 def quote(path: Path) -> str:
-    """Return a path as it is typed in a command."""
     return (subprocess.list2cmdline if os.name == "nt" else shlex.join)([str(path)])
 
 

@@ -291,7 +291,6 @@ def _words(role: str, scene: str | None) -> str:
 
 
 def as_json(report: Report) -> dict[str, Any]:
-    """The report for a machine."""
     return {
         "campaign_id": report.campaign_id,
         "expected": len(report.files),

@@ -174,7 +174,6 @@ class Campaigns(Connection):
 
 
 def region(polygon: records.Polygon) -> dict[str, Any]:
-    """Corners as the service reads them."""
     return {"polygon": [[x, y] for x, y in polygon]}
 
 

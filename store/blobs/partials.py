@@ -74,7 +74,6 @@ class Partials:
 
     @classmethod
     def of(cls, settings: Settings) -> Self:
-        """Return those of an installation."""
         return cls(settings.data / "uploads")
 
     def begin(self, token: str, facts: Facts) -> "Partial":
@@ -116,11 +115,9 @@ class Partials:
         return known is not None and not known.read_facts().frame_id
 
     def count(self, organisation_id: str) -> int:
-        """Return how many uploads of an organisation are under way."""
         return sum(1 for _ in self._under_way(organisation_id))
 
     def list_facts(self, organisation_id: str) -> list[Facts]:
-        """Return what the uploads under way will be."""
         found = []
         for partial in self._under_way(organisation_id):
             with suppress(FileNotFoundError):
@@ -147,8 +144,6 @@ class Partials:
 
 
 class Partial:
-    """One upload."""
-
     def __init__(self, path: Path) -> None:
         self._begun = path
 

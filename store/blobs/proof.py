@@ -45,7 +45,6 @@ def digest_piece(piece: bytes | memoryview) -> bytes:
 
 
 def count_pieces(size_bytes: int) -> int:
-    """Return in how many pieces a file of this size is proven."""
     return -(-size_bytes // PIECE_BYTES)
 
 

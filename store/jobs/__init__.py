@@ -148,7 +148,6 @@ def begin(session: Session, job_id: str, *, lease_s: float) -> Claim | None:
 
 
 def name_holder(pid: int) -> str:
-    """Return the name of a process that runs jobs on this machine."""
     return f"{socket.gethostname()}:{pid}"
 
 
@@ -208,7 +207,6 @@ def succeed(session: Session, held: Claim, result: dict[str, Any]) -> None:
 
 
 def fail(session: Session, held: Claim, error: dict[str, Any], traceback: str | None = None) -> None:
-    """End a job that cannot succeed, with the reason."""
     _held(
         session,
         held,

@@ -132,8 +132,6 @@ class Side(Record):
 
 
 class MeasurementComparison(Record):
-    """A comparison of two measurements."""
-
     mean: comparison.Comparison
     common: tuple[str, ...]
     same_region: bool

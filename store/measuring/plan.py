@@ -48,7 +48,6 @@ class Captures:
         return self._session.get_one(FrameRow, found)
 
     def list_bands(self, frame: FrameRow) -> dict[str, str]:
-        """Return the ids of all frames of a frame's capture by band."""
         capture_id = ((frame.header or {}).get("multispectral") or {}).get("capture_id")
         frames = self._of_campaign(frame.campaign_id) if capture_id else {}
         return {band: frame_id for (capture, band), frame_id in frames.items() if capture == capture_id}
@@ -90,7 +89,6 @@ def require_read(frame: FrameRow, method: str) -> None:
 
 
 def read_proof(frame: FrameRow) -> Proof | None:
-    """Return the proof of a frame's pixels; None for one that was never read as a whole."""
     return decode(Proof, frame.proof) if frame.proof else None
 
 

@@ -22,8 +22,6 @@ RESULT_SCHEMA = 1
 
 
 class Products(Record):
-    """The map's two blobs."""
-
     tif: StoredBlob
     png: StoredBlob
 
@@ -53,7 +51,6 @@ def hash_content(frame: FrameRow, calibration: Calibration, parameters: dict[str
 
 
 def has_lost_products(session: Session, measurement: Measurement) -> bool:
-    """Return whether the stored map or its picture is known to be damaged."""
     names = (measurement.map_tif_sha256, measurement.map_png_sha256)
     blobs = [session.get_one(Blob, name) for name in names if name is not None]
     return any(blob.damage is not None for blob in blobs)

@@ -92,7 +92,6 @@ def name_entries(session: Session, entries: Sequence[tables.AuditEntry]) -> list
 
 
 def name_last_actor(session: Session, subject_id: str) -> str | None:
-    """Return the name of the person who changed something last, if one did."""
     rows = (
         select(tables.AuditEntry)
         .where(tables.AuditEntry.subject_id == subject_id)

@@ -29,8 +29,6 @@ class MeterAsUsed(Record):
 
 
 class FrameAsUsed(Record):
-    """Columns of a frame that a certificate states."""
-
     id: str
     size_bytes: int
     taken_at: str | None
@@ -218,7 +216,6 @@ def state_coefficients(method: str, result: Json, figures: Iterable[Json]) -> li
 
 
 def state_budgets(method: str, result: Json) -> list[Json]:
-    """Return the uncertainty budget of each coefficient that has one, with what it holds for."""
     spec = get_method(method)
     return [
         {**budget.holds_for, "lines": [drop_absent(encode(line)) for line in budget.lines]}

@@ -39,7 +39,6 @@ class VersionStatus(Record):
 
 
 def read_version_statuses(session: Session, calibration_ids: list[str]) -> dict[str, VersionStatus]:
-    """How each version stands now."""
     revoked = {
         row.calibration_id: row
         for row in session.scalars(select(Revocation).where(Revocation.calibration_id.in_(calibration_ids)))
@@ -143,8 +142,6 @@ class Act(Record):
 
 
 class Decision(Record):
-    """One decision about a version."""
-
     act: Literal["made", "published", "revoked"]
     calibration: Calibration
     at: datetime
@@ -203,8 +200,6 @@ def list_decisions(session: Session, camera_id: str) -> list[Decision]:
 
 
 class Lifetime(Record):
-    """A published version as known at a time."""
-
     calibration: Calibration
     coefficients: list[CoefficientRow]
     in_force: list[Publication] = field(default_factory=list)

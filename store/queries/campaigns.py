@@ -42,8 +42,6 @@ _FEW = 500
 
 
 class Counts(Record):
-    """How many frames and readings a campaign has."""
-
     received: int = about("All frames of the campaign.")
     being_read: int = about("Frames with a job that waits or runs.")
     extracted: int
@@ -72,7 +70,6 @@ def count(session: Session, campaign: Campaign) -> Counts:
 
 
 def count_measured(session: Session, campaign: Campaign) -> int:
-    """Count the frames of a campaign that have a measurement."""
     measured = select(func.count(Measurement.frame_id.distinct()))
     return session.scalar(measured.where(Measurement.campaign_id == campaign.id)) or 0
 
@@ -325,7 +322,6 @@ MOST_KEPT: Final = 32
 
 
 def say_asked(window: Sequence[int], low_dn: float | None, high_dn: float | None) -> str:
-    """Return the text under which a crop is found again."""
     return " ".join(map(str, (*window, low_dn, high_dn)))
 
 
@@ -369,7 +365,6 @@ def find_known_anywhere(session: Session, organisation_id: str, hashes: Sequence
 
 
 def read_sizes(session: Session, hashes: Iterable[str]) -> dict[str, int]:
-    """Return the size [bytes] in which each of these files was stored."""
     rows = session.execute(select(Blob.sha256, Blob.size_bytes).where(Blob.sha256.in_(set(hashes))))
     return {row[0]: row[1] for row in rows}
 

@@ -37,8 +37,6 @@ KEYS = frozenset(item.key for item in ITEMS)
 
 
 class ChecklistItem(Record):
-    """A line of the checklist as it stands."""
-
     key: str
     section: str
     text: str

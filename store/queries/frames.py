@@ -48,8 +48,6 @@ class _Turns(dict[Any, Any]):
 
 
 class Memory:
-    """Decoded parts of a campaign."""
-
     def __init__(self) -> None:
         self.frames, self.extractions, self.regions = _Turns(), _Turns(), _Turns()
 

@@ -111,7 +111,6 @@ def find_reading_jobs(session: Session, frame_ids: Collection[str]) -> dict[str,
 
 
 def frames_of(session: Session, jobs: Sequence[Job]) -> dict[str, FrameRow]:
-    """The frames that jobs work on, by id."""
     ids = {job.subject_id for job in jobs}
     return {row.id: row for row in session.scalars(select(FrameRow).where(FrameRow.id.in_(ids)))}
 

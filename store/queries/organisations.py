@@ -32,7 +32,6 @@ class Person:
 
     @classmethod
     def behind(cls, key: ApiKey | None) -> "Person | None":
-        """Return the person that a key states; None without."""
         return cls(key.person, key.role) if key and key.person and key.role else None
 
 
@@ -167,12 +166,10 @@ def find_session_key(session: Session, session_id: str) -> tuple[WebSession, Api
 
 
 def is_open() -> tuple[ColumnElement[bool], ...]:
-    """Return the condition of a session that has not ended."""
     return WebSession.ended_at.is_(None), WebSession.expires_at > utc_now()
 
 
 def end_sessions(session: Session, key: ApiKey) -> None:
-    """End every session of a key."""
     for row in session.scalars(select(WebSession).where(WebSession.key_id == key.id, *is_open())):
         row.ended_at = utc_now()
 

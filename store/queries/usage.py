@@ -37,8 +37,6 @@ class QuotaExceeded(Exception):  # noqa: N818  it says what was found
 
 
 class Used(Record):
-    """Usage of an organisation."""
-
     stored_bytes: int
     frames: int
     jobs_waiting: int

@@ -47,7 +47,6 @@ def is_plain(records: str) -> bool:
 
 
 def split_records(records: Sequence[str]) -> list[Sequence[str]]:
-    """Split records into columns of cells."""
     joined = ",".join(records)
     if not is_plain(joined):
         return list(zip(*csv.reader(records), strict=True))
@@ -281,7 +280,6 @@ BODY = slice(COLUMNS.index(_BODY[0]), COLUMNS.index(_BODY[-1]) + 1)
 def make_measured(
     row: Measurement, frame: FrameRow, calibration: Calibration, camera: Camera
 ) -> dict[str, Any]:
-    """Return the columns of a measurement's row."""
     spec = get_method(row.method)
     taken = read_frame_time(frame, Zones(campaign=row.parameters.get("time_zone")))
     named = row.parameters.get(spec.corrected_by) if spec.corrected_by else None

@@ -54,7 +54,6 @@ class Asked:
 
 
 def cut(records: list[str]) -> Iterator[Page]:
-    """Cut rows that were read into pages."""
     return (records[first : first + _ROWS] for first in range(0, len(records), _ROWS))
 
 
@@ -90,7 +89,6 @@ def is_instant(text: str) -> bool:
 
 
 def read_instant(text: str) -> datetime:
-    """Read an instant of a cursor."""
     return datetime.fromisoformat(text).astimezone(UTC)
 
 

@@ -152,6 +152,6 @@ def test_a_folder_that_is_not_there_is_no_loss_of_its_blobs(tmp_path):
     stored = put(blobs, b"kept")
     (tmp_path / "blobs").rename(tmp_path / "away")
     with pytest.raises(StorageUnavailable, match="is not there"):
-        blobs.open(stored)
+        list(blobs.open(stored))
     with pytest.raises(StorageUnavailable, match="is not there"):
         blobs.find_absent({stored.sha256: 4})

@@ -75,7 +75,6 @@ def check_header(answer: dict[str, Any]) -> FrameHeader:
 
 
 def _texts(value: object) -> Iterator[str]:
-    """Every text of a header, however deep."""
     if isinstance(value, str):
         yield value
     elif isinstance(value, dict | tuple):
@@ -84,7 +83,6 @@ def _texts(value: object) -> Iterator[str]:
 
 
 def check_frame(answer: dict[str, Any], body: memoryview, window: tuple[int, int, int, int]) -> Frame:
-    """A frame of exactly the window that was asked for."""
     told = _validate(_FRAME, answer, "frame")
     sites, (row0, col0, height, width) = _SITES.get(told.cfa), window
     shape = (height, width, 3) if told.cfa == "rgb" else (height, width)

@@ -50,8 +50,6 @@ class Header:
 
 @dataclass(frozen=True)
 class Stream:
-    """One checked stream."""
-
     header: Header
     scan: memoryview
     stuffed: int  # bytes of the scan that only follow an FF
@@ -110,7 +108,6 @@ def _read_header(data: bytes) -> Header:
 
 @functools.lru_cache(maxsize=64)
 def rebuild(header: Header) -> bytes:
-    """The same header of our own making."""
     single = len(set(header.tables)) == 1
     numbers = range(1, header.components + 1)
     frame = struct.pack(">BHHB", header.bits, header.rows, header.cols, header.components)

@@ -206,8 +206,6 @@ def _refuse_hidden_mosaic(image: tiff.Directory) -> None:
 
 
 class NativeFile:
-    """An opened DNG or TIFF."""
-
     def __init__(self, source: tiff.Source, description: ImageDescription, allow: limits.Allow) -> None:
         self._source = source
         self._allow = allow

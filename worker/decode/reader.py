@@ -45,7 +45,6 @@ class PreviewMaker:
                 self._grey[first:last] += lines[:, self._cols + col_phase]
 
     def finish(self) -> bytes:
-        """The PNG, when all rows have been seen."""
         self._grey /= self._cell**2
         return bytes(imagecodecs.png_encode(_stretch(self._grey, self._black), level=1))
 

@@ -120,7 +120,6 @@ class Made:
 def make_map(
     decoders: DecoderPool, subject: Subject, facts: MapFacts, target: Path, *, style: Style, caption: str
 ) -> Made:
-    """Write the TIFF to ``target``, and draw its picture."""
     return _finish(write_map(decoders, subject, facts, target), style, caption)
 
 

@@ -52,7 +52,6 @@ def read_angle(task: Task) -> float | None:
 
 
 def find_place(task: Task, application: BandApplication) -> Place:
-    """Return where the pixels of the task's frame lie."""
     place: Place = application.find_place(
         task.header, decode(application.conditions, task.parameters.get("conditions", {}))
     )
@@ -80,7 +79,6 @@ def _read_region(task: Task) -> Frame:
 
 
 def _find_factor(task: Task, application: BandApplication) -> float:
-    """Return the factor from the signal to the quantity of the map."""
     if _is_radiance(task, application):
         application.require_radiance(task.header)
         return 1.0
@@ -174,7 +172,6 @@ def draw_planes(
 
 
 def apply_version(task: Task, application: BandApplication) -> Any:  # noqa: ANN401  the method's own
-    """Return the reflectance of the task's region."""
     features = application.extract_features(
         _read_region(task), _region(task), header=task.header, exposure=task.exposure
     )
