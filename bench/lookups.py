@@ -27,20 +27,9 @@ from sqlalchemy import text
 from bench import harness
 from bench.frames import CAMERA, write_rows
 from bench.harness import Scale, Seconds, Service, judge, say
+from store import tables
 from store.database import Database
 from store.ready.rows import make_ready
-from store.tables import (
-    Base,
-    Blob,
-    Calibration,
-    Camera,
-    Campaign,
-    CoefficientRow,
-    IssuedCertificate,
-    Organisation,
-    Publication,
-    Slot,
-)
 from tests.support.ports import pick_port
 from tests.support.postgres import PostgresServer
 
@@ -227,10 +216,10 @@ def _fill(database: Database, *, coefficients: int, first: int) -> list[str]:
     """Add cameras until there are so many coefficients; return their ids."""
     cameras = range(first, coefficients // (_VERSIONS * 10))
     with database.writing("bench") as session:
-        organisation = session.query(Organisation).filter(Organisation.operator).one().id
+        organisation = session.query(tables.Organisation).filter(tables.Organisation.operator).one().id
         made = (each for camera in cameras for each in _make_camera(organisation, camera))
         while page := list(islice(made, 20_000)):
-            rows: dict[type[Base], list[Row]] = {}
+            rows: dict[type[tables.Base], list[Row]] = {}
             for table, row in page:
                 rows.setdefault(table, []).append(row)
             write_rows(session, rows)
@@ -239,14 +228,14 @@ def _fill(database: Database, *, coefficients: int, first: int) -> list[str]:
     return [f"cam_{camera}" for camera in cameras]
 
 
-def _make_camera(organisation: str, camera: int) -> Iterator[tuple[type[Base], Row]]:
+def _make_camera(organisation: str, camera: int) -> Iterator[tuple[type[tables.Base], Row]]:
     body, of = CAMERA.body, {"camera_id": f"cam_{camera}", "method": _METHOD}
     named = {"make": body.make, "model": body.model, "serial": f"{camera:08}"}
-    yield Camera, {"id": f"cam_{camera}", "organisation_id": organisation, **named}
-    yield Campaign, {"id": f"cmp_{camera}", "organisation_id": organisation, **of}
-    yield Slot, {"id": camera + 1, "organisation_id": organisation, "configuration": "{}", **of}
+    yield tables.Camera, {"id": f"cam_{camera}", "organisation_id": organisation, **named}
+    yield tables.Campaign, {"id": f"cmp_{camera}", "organisation_id": organisation, **of}
+    yield tables.Slot, {"id": camera + 1, "organisation_id": organisation, "configuration": "{}", **of}
     document = _sha(f"certificate {camera}")
-    yield Blob, {"sha256": document, "size_bytes": 1}
+    yield tables.Blob, {"sha256": document, "size_bytes": 1}
     for version in range(1, _VERSIONS + 1):
         calibration = _calibration(organisation, camera, version)
         publication = {
@@ -272,11 +261,11 @@ def _make_camera(organisation: str, camera: int) -> Iterator[tuple[type[Base], R
             }
             for place in range(10)
         ]
-        yield Calibration, calibration
-        yield Publication, publication
+        yield tables.Calibration, calibration
+        yield tables.Publication, publication
         # or the service would issue them, beside what is measured
         yield (
-            IssuedCertificate,
+            tables.IssuedCertificate,
             {
                 "calibration_id": calibration["id"],
                 "amendment": 0,
@@ -288,9 +277,11 @@ def _make_camera(organisation: str, camera: int) -> Iterator[tuple[type[Base], R
                 "issued_at": publication["known_from"],
             },
         )
-        yield from ((CoefficientRow, each) for each in coefficients)
-        rows = [CoefficientRow(**each) for each in coefficients]
-        yield from make_ready(Publication(**publication), Calibration(**calibration), rows).items()
+        yield from ((tables.CoefficientRow, each) for each in coefficients)
+        rows = [tables.CoefficientRow(**each) for each in coefficients]
+        yield from make_ready(
+            tables.Publication(**publication), tables.Calibration(**calibration), rows
+        ).items()
 
 
 def _calibration(organisation: str, camera: int, version: int) -> Row:

@@ -13,15 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from store.blobs.proof import (
-    PieceDigester,
-    StorageFull,
-    StorageUnavailable,
-    StoredBlob,
-    StoredFile,
-    prove_pieces,
-    prove_whole,
-)
+from store.blobs import proof
 
 PREFIX = "blob-"
 
@@ -30,7 +22,7 @@ _NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 _BROKEN = {errno.EIO, errno.EROFS, errno.ENODEV, errno.ENXIO, errno.ESTALE, errno.ETIMEDOUT}
 
 
-Place = Callable[[Path, StoredBlob], None]
+Place = Callable[[Path, proof.StoredBlob], None]
 """Puts the finished, synced temporary file where it belongs; it may move the file or leave it."""
 
 
@@ -41,7 +33,7 @@ class BlobWriter:
         self._folder = folder
         self._place = place
         self._hash = hashlib.sha256()
-        self._digester = PieceDigester()
+        self._digester = proof.PieceDigester()
         self._size_bytes = 0
         self._fd = -1
         self._path = folder
@@ -72,9 +64,9 @@ class BlobWriter:
     def size_bytes(self) -> int:
         return self._size_bytes
 
-    def commit(self) -> StoredBlob:
+    def commit(self) -> proof.StoredBlob:
         """Make the bytes durable under their name; nobody may be told that they are kept before."""
-        stored = StoredBlob(self.sha256, self._size_bytes, self._digester.digests())
+        stored = proof.StoredBlob(self.sha256, self._size_bytes, self._digester.digests())
         with disk_errors_named(self._folder):
             os.fchmod(self._fd, 0o440)
             os.fsync(self._fd)
@@ -97,9 +89,11 @@ def disk_errors_named(folder: Path) -> Iterator[None]:
         yield
     except OSError as error:
         if error.errno in _NO_ROOM:
-            raise StorageFull(f"no room left for blobs below {folder}: {error.strerror}") from error
+            raise proof.StorageFull(f"no room left for blobs below {folder}: {error.strerror}") from error
         if error.errno in _BROKEN:
-            raise StorageUnavailable(f"nothing can be written below {folder}: {error.strerror}") from error
+            raise proof.StorageUnavailable(
+                f"nothing can be written below {folder}: {error.strerror}"
+            ) from error
         raise
 
 
@@ -147,20 +141,20 @@ class Blobs(ABC):
         """Start a blob: use as a context manager; leaving it without `commit` leaves nothing behind."""
         return BlobWriter(self._temporary, self._place)
 
-    def open(self, blob: StoredBlob) -> Iterator[bytes]:
+    def open(self, blob: proof.StoredBlob) -> Iterator[bytes]:
         """Yield the bytes MiB by MiB, each proven."""
-        return prove_pieces(blob, self._pieces(blob.sha256))
+        return proof.prove_pieces(blob, self._pieces(blob.sha256))
 
-    def prove(self, sha256: str, pace: Callable[[int], object]) -> StoredBlob:
+    def prove(self, sha256: str, pace: Callable[[int], object]) -> proof.StoredBlob:
         """Read all of a blob where it is kept, past every cache, and return what it is known by."""
-        return prove_whole(sha256, self._pieces(sha256, pace=pace))
+        return proof.prove_whole(sha256, self._pieces(sha256, pace=pace))
 
     def sweep_temporary(self, older_than_s: float) -> int:
         """Remove what killed processes left half written for that long; return how many files."""
         return sweep(self._temporary, older_than_s)
 
     @abstractmethod
-    def local_file(self, blob: StoredBlob) -> AbstractContextManager[StoredFile]:
+    def local_file(self, blob: proof.StoredBlob) -> AbstractContextManager[proof.StoredFile]:
         """Lend a real file; whoever reads it proves what it reads, and raises BlobDamaged in the context."""
 
     @abstractmethod
@@ -172,7 +166,7 @@ class Blobs(ABC):
         """Raise StorageUnavailable or StorageFull unless blobs can be written now."""
 
     @abstractmethod
-    def _place(self, temporary: Path, stored: StoredBlob) -> None: ...
+    def _place(self, temporary: Path, stored: proof.StoredBlob) -> None: ...
 
     @abstractmethod
     def _pieces(self, sha256: str, *, pace: Callable[[int], object] | None = None) -> Iterator[bytes]:
