@@ -13,8 +13,8 @@ from radiometry.methods import get_method
 from store.tables import Calibration
 from store.tables.base import Json
 
-_HEADER = TypeAdapter(FrameHeader)
-_EXPOSURE = TypeAdapter(exposure.Exposure)
+decode_header: Callable[[Json], FrameHeader] = TypeAdapter(FrameHeader).validate_python
+decode_exposure: Callable[[Json], exposure.Exposure] = TypeAdapter(exposure.Exposure).validate_python
 # one a type, built once: building an adapter costs far more than using it
 _adapter: Callable[[Any], TypeAdapter[Any]] = cache(TypeAdapter)
 
@@ -47,14 +47,6 @@ def read_strictly(kind: type[Any], said: Any) -> Json:  # noqa: ANN401
 def _read_number(text: str) -> float:
     number = float(text)
     return int(number) if number.is_integer() else number
-
-
-def decode_header(stored: dict[str, Any]) -> FrameHeader:
-    return _HEADER.validate_python(stored)
-
-
-def decode_exposure(stored: dict[str, Any]) -> exposure.Exposure:
-    return _EXPOSURE.validate_python(stored)
 
 
 def _find_later(kind: Any) -> frozenset[str]:  # noqa: ANN401

@@ -191,6 +191,14 @@ def _within(gen: PQGen[Result], limit_s: float) -> Generator[Any, Any, Result]:
 
 
 def _limits(url: URL, limit_s: float | None) -> dict[str, Any]:
+    options = ""
+    if limit_s is not None and "options" not in url.query:  # else the operator's own
+        limits = {
+            "statement_timeout": limit_s,
+            "lock_timeout": limit_s / 3,
+            "idle_in_transaction_session_timeout": limit_s / 6,  # sooner than others give up
+        }
+        options = " ".join(f"-c {name}={round(1000 * value)}" for name, value in limits.items())
     return {
         "connect_timeout": math.ceil(min(_CONNECT_WITHIN_S, limit_s or _CONNECT_WITHIN_S)),
         "keepalives": 1,
@@ -198,16 +206,5 @@ def _limits(url: URL, limit_s: float | None) -> dict[str, Any]:
         "keepalives_interval": 5,
         "keepalives_count": 3,
         "tcp_user_timeout": 20_000,
-        **_server_limits(url, limit_s),
+        **({"options": options} if options else {}),
     }
-
-
-def _server_limits(url: URL, limit_s: float | None) -> dict[str, str]:
-    if limit_s is None or "options" in url.query:
-        return {}  # the operator's own
-    limits = {
-        "statement_timeout": limit_s,
-        "lock_timeout": limit_s / 3,
-        "idle_in_transaction_session_timeout": limit_s / 6,  # sooner than others give up
-    }
-    return {"options": " ".join(f"-c {name}={round(1000 * value)}" for name, value in limits.items())}
