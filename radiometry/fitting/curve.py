@@ -19,6 +19,7 @@ F_NUMBER_U_REL = 0.015
 
 _FEWEST_F_NUMBERS = 3
 _MAX_ITERATIONS = 200
+_PATIENCE = 25
 _RELATIVE_TOLERANCE = 1e-11
 _COVERAGE = 0.95
 
@@ -79,8 +80,10 @@ def coverage_factor(dof: float) -> float:
     return float(scipy.special.stdtrit(dof, (1 + _COVERAGE) / 2))
 
 
-def fit_curve(curve: Curve, *, model: str) -> CurveFit | None:
+def fit_curve(curve: Curve, *, model: str, near: CurveFit | None = None) -> CurveFit | None:
     """Fit one model to a calibration curve by iterated generalised least squares.
+
+    With the scatter of a fit ``near`` it that needed one, another is sought at once.
 
     The first three models are fitted to ln N. For N = K X the covariance of ln N is
     [1]::
@@ -111,6 +114,10 @@ def fit_curve(curve: Curve, *, model: str) -> CurveFit | None:
         return None
     start = sources.start(model, curve.rhs, curve.signal_dn)
     curve = _complete(curve, model, start)
+    if near is not None and near.scatter_u_rel:
+        scattered = _add_scatter(curve, model, sources.to_theta(model, near.parameters))
+        if scattered is not None:
+            return _judge(curve, model, scattered, scattered.solution.chi_squared)
     stated = _converge(curve, model, start, scattered=False)
     if stated is not None and (model == "semilog" or stated.solution.chi_squared <= stated.dof):
         return _judge(curve, model, stated, stated.solution.chi_squared)
@@ -135,9 +142,14 @@ def _complete(curve: Curve, model: str, theta: Vector) -> Curve:
 
 
 def _converge(curve: Curve, model: str, theta: Vector, *, scattered: bool) -> gls.Converged | None:
-    """Update the weights until the parameters converge; None if they do not, or if no weights are left."""
+    """Update the weights until the parameters converge; None if they do not, or if no weights are left.
+
+    Where each step is the one before it times a rate near 1, as an offset's that hardly counts, all the steps
+    to come are taken at once: they are a geometric series (Aitken).
+    """
     start: Sequence[float] | None = None
-    for _ in range(_MAX_ITERATIONS):
+    last = np.zeros(len(curve.rhs))
+    for turn in range(1, _MAX_ITERATIONS + 1):
         linear = linearise_curve(curve, model, theta)
         if linear is None:
             return None
@@ -146,10 +158,15 @@ def _converge(curve: Curve, model: str, theta: Vector, *, scattered: bool) -> gl
             solution = gls.solve(linear.design, linear.response, components, start=start)
         except LinAlgError:
             return None
-        step = np.abs(linear.design @ (solution.parameters - theta))
+        change = solution.parameters - theta
+        step = linear.design @ change
         theta, start = solution.parameters, solution.variances
-        if model == "semilog" or np.max(step) < _RELATIVE_TOLERANCE:
+        if model == "semilog" or np.max(np.abs(step)) < _RELATIVE_TOLERANCE:
             return gls.Converged(linear=linear, components=components, solution=solution)
+        rate = float(step @ last / (last @ last)) if turn % _PATIENCE == 0 else 0.0
+        if 0.0 < rate < 1.0:
+            theta = theta + rate / (1.0 - rate) * change
+        last = step
     return None
 
 
@@ -287,8 +304,9 @@ def weigh_points(curve: Curve, *, model: str) -> Curve:
     """
     if len(set(curve.scenes)) == len(curve.scenes) and curve.repeatability_u_rel is None:
         curve = replace(curve, repeatability_u_rel=0.0)
+    fit = None
     for _ in range(_MOST_ITERATIONS):
-        fit = fit_curve(curve, model=model)
+        fit = fit_curve(curve, model=model, near=fit)
         if fit is None:
             break
         spread: Vector = fit.scatter_errors_rel / max(fit.scatter_u_rel, _SMALLEST_SCATTER_REL)

@@ -120,7 +120,7 @@ def learn_dark_rate(series: IsoSeries, params: Params) -> tuple[IsoSeries, Curve
         converged = abs(rate - curve.dark_rate_shift_dn_per_s) < _TOLERANCE * u_rate
         series = found
         curve = replace(
-            _curve(series, params),
+            _curve(series, params, curve.scatter_weights),
             dark_rate_u_dn_per_s=max(prior.rate_u_dn_per_s, math.hypot(rate, u_rate)),
             dark_rate_shift_dn_per_s=rate,
         )
@@ -144,7 +144,8 @@ def learn_lamp(curve: Curve) -> Curve:
     return replace(curve, lamp_level_u_rel=size * curve.lamp_level_u_rel)
 
 
-def _curve(series: IsoSeries, params: Params) -> Curve:
+def _curve(series: IsoSeries, params: Params, weights: components.Vector | None = None) -> Curve:
+    """Return the points of a series; a robust fit begins with the ``weights`` of an earlier one."""
     used = series.used
     shares = [c.lens_share or _NO_LENS for c in used]
     through = np.array([share.value for share in shares])
@@ -169,7 +170,7 @@ def _curve(series: IsoSeries, params: Params) -> Curve:
         lamp_labels=tuple(c.lamp.label for c in used),
         lamp_level_u_rel=np.array([c.lamp.level_u_rel for c in used]),
         flicker_u_rel=_estimate_flicker(used, params),
-        scatter_weights=np.ones(len(used)),
+        scatter_weights=np.ones(len(used)) if weights is None else weights,
         f_number_u_rel=params.f_number_u_rel,
         time_u_rel=params.exposure_time_u_rel,
         repeatability_u_rel=params.meter_repeatability_rel,

@@ -223,7 +223,7 @@ def check_iso_fit(series: IsoSeries, iso_fit: IsoFit, params: Params) -> list[Ra
     if "power" in by_model and abs(by_model["power"].parameters[1] - 1.0) > _NONLINEARITY:
         exponent, error = by_model["power"].parameters[1], by_model["power"].covariance[1][1] ** 0.5
         flags.append(codes.NONLINEAR.at(where, f"Exponent {exponent:.4f}, standard error {error:.4f}."))
-    k = by_model["proportional"].parameters[0]  # one parameter, points above dark: it always converges
+    k = by_model.get("proportional", by_model[params.model]).parameters[0]
     if not 1 / _IMPLAUSIBLE_RATIO <= k / iso_fit.expected_k <= _IMPLAUSIBLE_RATIO:
         flags.append(codes.IMPLAUSIBLE_K.at(where, f"K {k:.4g}, expected {iso_fit.expected_k:.4g}."))
     flags += _check_scatter(by_model[params.model], where)

@@ -19,6 +19,7 @@ from radiometry.luminance.results import Coefficient
 from radiometry.luminance.rows import Params
 from radiometry.luminance.suggestions import plan
 from tests.radiometry.coefficients import apply_coefficient
+from tests.radiometry.evidence import reading
 from tests.radiometry.luminance.exact import (
     DARK,
     DARKS,
@@ -201,6 +202,31 @@ def test_guarded_verdicts_with_a_meter_that_repeats_to_2_percent():
     assert max(off) < stated.tolerance_rel
     assert np.mean(risks) < 0.1
     assert sum(accepted) >= 10
+
+
+def test_an_offset_that_hardly_counts_converges():
+    """Frames without noise: nearly every offset is as likely, and each step is 0.999 of the one before."""
+    random = np.random.default_rng(0)
+    scenes = {scene: 50.0 / 2.5**n for n, scene in enumerate("abcdefg")}
+    rows = [
+        light(scene, f, time_s=0.5 / value, mean_dn=DARK + K * 0.5 * 3200.0 / f**2)
+        for scene, value in scenes.items()
+        for f in (2.8, 4.0, 5.6, 8.0)
+    ]
+    rows += DARKS
+    quiet = [
+        dataclasses.replace(row, statistics=(dataclasses.replace(row.statistics[0], std_dn=1.0),))
+        for row in rows
+    ]
+    readings = [
+        reading(scene, value * (1.0 + 0.005 * random.standard_normal()))
+        for scene, value in scenes.items()
+        for _ in range(2)
+    ]
+    stated = Params(model="affine", f_number_u_rel=0.015)
+    found = fit(quiet, readings, stated).iso_fits[0].coefficient
+    assert abs(found.parameters[1]) < 2.0 * math.sqrt(found.covariance[1][1])
+    assert found.luminance_k == pytest.approx(K, rel=0.01)
 
 
 def test_flicker_of_the_lamp_is_a_line_of_k_where_the_mains_is_stated():
