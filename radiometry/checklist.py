@@ -348,7 +348,7 @@ def _dark(facts: Facts) -> dict[str, Finding]:
     light, dark = _of_role(facts, "light"), _of_role(facts, "dark")
     waiting = [frame for frame in dark if not frame.extracted]
     isos = facts.version.isos if facts.version else ()
-    undarkened = [iso for iso in isos if not iso.dark_frames]
+    undarkened = [f"ISO {iso.iso:g}" for iso in isos if not iso.dark_frames]
     return {
         "dark_frames": _judge(
             "frames",
@@ -365,7 +365,7 @@ def _dark(facts: Facts) -> dict[str, Finding]:
         "dark_median": _judge(
             "version",
             _lack_of_version(facts)
-            or (undarkened and f"From the black level, not from dark frames: {_list_isos(undarkened)}.")
+            or (undarkened and f"From the black level, not from dark frames: {', '.join(undarkened)}.")
             or "",
             (
                 "; ".join(
@@ -486,10 +486,6 @@ def _format_k(iso: IsoFacts) -> str:
 
 def _cd(values: Sequence[float]) -> str:
     return ", ".join(f"{value:.6g}" for value in values) + " cd/m2"
-
-
-def _list_isos(isos: Iterable[IsoFacts]) -> str:
-    return ", ".join(f"ISO {iso.iso:g}" for iso in isos)
 
 
 def _list(frames: Sequence[FrameFacts]) -> str:

@@ -18,7 +18,7 @@ EXTRACTOR = "extract-3"
 """Of the decoder and the statistics. Part of an extraction's key."""
 
 
-RENDERER = "render-3"
+RENDERER = "render-4"
 """Of how certificates, reports and plots are laid out and drawn. A kept file of another is rendered again."""
 
 

@@ -14,15 +14,7 @@ from radiometry.methods import get_method
 from verify.compare import Agreement, Row
 from verify.data import Node, is_measurement
 
-_HEADLINES = {
-    "luminance_k": "K",
-    "luminance_k_standard_uncertainty": "u(K)",
-    "expanded_uncertainty": "U(K)",
-    "coverage_factor": "k",
-    "effective_dof": "dof",
-    "dark_signal_dn": "D",
-}
-_HELD_FOR = ("iso", "f_number", "band", "channel")
+_HELD_FOR = {"iso": "ISO {:g}", "f_number": "f/{:g}", "band": "{}", "channel": "{}"}
 _MOST_IN_GROUP = 12
 _OF_MEASUREMENT = tuple(
     f"{name}.{part}" for name in ("mean", "value") for part in ("value", "standard_uncertainty")
@@ -62,23 +54,17 @@ def tabulate(certificate: Node, rows: list[Row]) -> Table:
 
 
 def _list_headlines(certificate: Node, rows: list[Row]) -> Iterator[tuple[str, Row]]:
-    """The results by name: of luminance per ISO value, of other methods every coefficient with u."""
+    """The results by name: every coefficient with u."""
     # the whole certificate is compared with the data's copy too, under the same names
     figures = {row.quantity: row for row in rows if row.group in ("iso_fits", "coefficients")}
     if is_measurement(certificate):
         means = {row.quantity: row for row in rows if row.group == "result"}
         yield from ((name, means[name]) for name in _OF_MEASUREMENT if name in means)
         return
-    if get_method(certificate["method"]).certificate.layout == "curve":
-        for index, fit in enumerate(certificate["result"]["iso_fits"]):
-            for name, symbol in _HEADLINES.items():
-                row = figures.get(f"iso_fits[{index}].coefficient.{name}")
-                if row is not None:
-                    yield f"ISO {fit['coefficient']['iso']:g} {symbol}", row
-        return
     for index, coefficient in enumerate(certificate["coefficients"]):
-        held = [f"{name} {coefficient[name]}" for name in _HELD_FOR if name in coefficient]
-        named = ", ".join([coefficient["name"], *held])
+        held = [form.format(coefficient[name]) for name, form in _HELD_FOR.items() if name in coefficient]
+        label = get_method(certificate["method"]).label_coefficient(coefficient["name"])
+        named = ", ".join([label, *held])
         for name, symbol in (("value", named), ("standard_uncertainty", f"u({named})")):
             row = figures.get(f"coefficients[{index}].{name}")
             if row is not None:

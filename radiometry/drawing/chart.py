@@ -454,24 +454,18 @@ _COLUMNS: Final = 3
 _LEFT_PX, _GAP_PX, _RIGHT_PX, _TOP_PX, _BELOW_PX = 64, 82, 42, 44, 4
 
 
-def draw_sheet(rows: Iterable[Iterable[tuple[str, Figure]]], label: str) -> str:
-    """Draw figures with their titles as an SVG document, with a text for screen readers.
-
-    What begins a row stands in ``rows`` each; what does not fit beside it goes below.
-    """
+def draw_sheet(figures: Sequence[tuple[str, Figure]], label: str) -> str:
+    """Draw figures with their titles as an SVG document, with a text for screen readers."""
     parts: list[str] = []
-    columns, bottom = 1, 0.0
-    for row in rows:
-        figures = list(row)
-        for first in range(0, len(figures), _COLUMNS):
-            top, shown = bottom + _TOP_PX, figures[first : first + _COLUMNS]
-            for column, (title, figure) in enumerate(shown):
-                left = _LEFT_PX + column * (_WIDE_PX + _GAP_PX)
-                box = (left, top, left + _WIDE_PX, top + _HIGH_PX)
-                panel = place_figure(figure, box, title=title, in_print=True)
-                drawn, end = draw_figure(figure, panel, in_print=True)
-                parts += drawn
-                bottom = max(bottom, end + _BELOW_PX)
-            columns = max(columns, len(shown))
+    columns, bottom = min(max(len(figures), 1), _COLUMNS), 0.0
+    for first in range(0, len(figures), _COLUMNS):
+        top = bottom + _TOP_PX
+        for column, (title, figure) in enumerate(figures[first : first + _COLUMNS]):
+            left = _LEFT_PX + column * (_WIDE_PX + _GAP_PX)
+            box = (left, top, left + _WIDE_PX, top + _HIGH_PX)
+            panel = place_figure(figure, box, title=title, in_print=True)
+            drawn, end = draw_figure(figure, panel, in_print=True)
+            parts += drawn
+            bottom = max(bottom, end + _BELOW_PX)
     width = _LEFT_PX + columns * _WIDE_PX + (columns - 1) * _GAP_PX + _RIGHT_PX
     return document(parts, width_px=width, height_px=math.ceil(bottom), label=label, style=STYLE)

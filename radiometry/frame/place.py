@@ -4,7 +4,6 @@ from typing import Literal
 
 from radiometry.records import Record, about
 
-Form = Literal["affine", "tie_points", "none"]
 HeightSource = Literal["request", "ground_altitude", "take_off"]
 
 
@@ -19,7 +18,7 @@ class PlaceShare(Record):
 class Place(Record):
     """Place of a frame's pixels on level ground."""
 
-    form: Form = about(
+    form: Literal["affine", "tie_points", "none"] = about(
         '"affine" if one affine transformation is as good as the place is known; "tie_points" if lens '
         'and tilt bend the picture more than that; "none" if the place is not determined.'
     )

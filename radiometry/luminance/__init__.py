@@ -6,7 +6,7 @@ from radiometry.findings import shared
 from radiometry.fitting.evidence import Extracted
 from radiometry.frame.statistics import state_row
 from radiometry.luminance import application, codes, maps, measurement, method, suggestions, surface, verdicts
-from radiometry.luminance.presentation import CERTIFICATE, PLOTS, explain_budget, list_key_figures, split
+from radiometry.luminance.presentation import CERTIFICATE, PLOTS, explain_budget, list_key_figures
 from radiometry.luminance.results import Fit
 from radiometry.luminance.rows import FieldConditions, Params, Reading
 from radiometry.specification.application import SurfaceApplication
@@ -60,7 +60,6 @@ SPEC: Final = MethodSpec(
     list_coefficients=method.list_coefficients,
     list_key_figures=list_key_figures,
     plots=PLOTS,
-    split=split,
     certificate=CERTIFICATE,
     application=SurfaceApplication(
         quantity="luminance",

@@ -11,7 +11,7 @@ from radiometry.drawing.text import label_axis, write_exposure, write_quantity
 from radiometry.fitting.sources import DARK_CURRENT, READING, SCATTER, predict
 from radiometry.luminance.results import IsoFit
 from radiometry.records import Record
-from radiometry.specification.certificate import CertificateText, KeyFigure, of_coefficient
+from radiometry.specification.certificate import CertificateText, Column, KeyFigure, of_coefficient
 
 Node = dict[str, Any]
 Rows = Callable[[], Sequence[Any]]
@@ -28,11 +28,6 @@ _RULES: Final = {
     "luminance meter must not exceed the tolerance, and the expanded uncertainty of K must not exceed it "
     "either. The parties share the risk of a wrong decision.",
 }
-
-
-def split(result: Node) -> Iterator[Node]:
-    """Yield a result per ISO value."""
-    return ({**result, "iso_fits": [fit]} for fit in result["iso_fits"])
 
 
 def _build_signal(result: Node, _: Rows) -> Iterator[Figure]:
@@ -230,7 +225,7 @@ PLOTS: Final = (
         title="Signal and exposure \N{MULTIPLICATION SIGN} luminance",
         build=_build_signal,
         is_wide=True,
-        most_printed=3,
+        most_printed=2,
     ),
     Plot(
         name="apertures",
@@ -289,14 +284,9 @@ class BudgetLine(Record):
 
 
 def explain_budget(iso_fit: IsoFit) -> tuple[BudgetLine, ...]:
-    """List the uncertainty of each source and the sensitivity of K to it.
+    """List the uncertainty of each source and the sensitivity c of K to it: u_j(K) / K = c_j u(x_j).
 
-    u_j(K) / K = c_j u(x_j), with c_j the sensitivity of K to a source that all points share in part. An
-    f-number enters squared (c = 2 if every frame has the same), and less if several average out [1]. A
-    frame's own scatter averages: c = 0.3 for eleven frames alike. Birge's excess is a statement about K
-    itself: its sensitivity is 1.
-
-    [1] JCGM 100:2008, 5.1.3 and 5.2.2, doi:10.59161/JCGM100-2008E
+    An f-number enters squared (c = 2), less where several average out (JCGM 100:2008, 5.1.3 and 5.2.2).
     """
     coefficient = iso_fit.coefficient
     chosen = next(model for model in iso_fit.models if model.model == coefficient.model)
@@ -355,13 +345,36 @@ def state_conditions(parameters: Mapping[str, Any], result: Mapping[str, Any]) -
     )
 
 
+def describe_fits(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield for each ISO value what K is valid for, and its parameters."""
+    for c in [fit["coefficient"] for fit in result["iso_fits"]]:
+        ranges = ("f_number_range", "signal_range_dn", "rhs_range")
+        f_numbers, signals, x = (" to ".join(f"{end:.5g}" for end in c[name]) for name in ranges)
+        valid = (
+            f"Valid for {', '.join(map(write_exposure, c['exposure_times_s']))}; f/{f_numbers}; signals of "
+            f"{signals} DN above dark; X of {x} cd·s/m²; channel {c['channel']}; exposure values "
+            f"{c['exposure_basis']}. An f-number not listed below has u = {100 * c['f_number_u_rel']:.2f} %."
+        )
+        parameters = ", ".join(map("{} = {:.8g}".format, c["parameter_names"], c["parameters"]))
+        covariance = "; ".join(", ".join(f"{value:.4e}" for value in row) for row in c["covariance"])
+        model = (
+            f"Model {c['model']}: {parameters}; covariance {covariance} (without the meter's calibration)."
+        )
+        yield _name(c), f"{valid}\n{model}"
+
+
 CERTIFICATE: Final = CertificateText(
     procedure="Luminance coefficient K of a camera against a luminance meter, one per ISO value and one at "
     "each f-number, following the standard operating procedure “Drone Camera Calibration”; K fitted by "
     "generalised least squares",
     equation="N - D = K X,  X = t S L / f²",
     headlines=frozenset({"luminance_k"}),
-    layout="curve",
-    columns=(),  # luminance has sheets of its own
+    columns=(
+        Column(name="luminance_cd_m2", head="L [cd/m²]", share=0.9),
+        Column(name="adjusted_signal_dn", head="N - D"),
+        Column(name="residual_rel", head="error of L", form="percent"),
+    ),
     state=state_conditions,
+    verdicts=lambda result: [(fit["largest_residual_rel"], fit["passed"]) for fit in result["iso_fits"]],
+    describe=describe_fits,
 )

@@ -57,6 +57,5 @@ SPEC: Final = method.MethodSpec(
     list_coefficients=noise_fit.list_coefficients,
     list_key_figures=results.list_key_figures,
     plots=results.PLOTS,
-    split=results.split,
     certificate=_CERTIFICATE,
 )

@@ -6,7 +6,7 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.drawing.figure import Axis, Figure, Mark, Plot, Series
+from radiometry.drawing.figure import MOST, Axis, Figure, Mark, Plot, Series
 from radiometry.drawing.text import write_exposure
 from radiometry.findings import Raised, shared
 from radiometry.fitting.evidence import Exclusion, Extracted, FrameEvidence, Quantity, Region
@@ -291,11 +291,6 @@ Node = dict[str, Any]
 Build = Callable[[Node, Any], Iterator[Figure]]
 
 
-def split(result: Node) -> Iterator[Node]:
-    """Yield a result per ISO value."""
-    return ({**result, "channel_fits": fits} for _, fits in _by_iso(result))
-
-
 def _draw(x: str, y: str, labels: tuple[str, str], predict: Callable[[float, float], float]) -> Build:
     """Return what draws a field of the levels against another, with what the gain predicts."""
 
@@ -353,7 +348,7 @@ PLOTS: Final = (
             ("signal above dark [DN]", "variance [DN²]"),
             lambda signal, gain: gain * signal,
         ),
-        most_printed=1,
+        most_printed=MOST,
     ),
     Plot(
         name="snr",
@@ -365,7 +360,7 @@ PLOTS: Final = (
             ("light [DN]", "signal / noise"),
             lambda light, gain: float((light / gain) ** 0.5),
         ),
-        most_printed=1,
+        most_printed=MOST,
     ),
-    Plot(name="linearity", title="Linearity", build=_build_linearity, most_printed=1),
+    Plot(name="linearity", title="Linearity", build=_build_linearity, most_printed=MOST),
 )

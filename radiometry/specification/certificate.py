@@ -1,11 +1,9 @@
 """Reports of a version: certificate text, coefficients with their budgets, and key figures."""
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any, Final, Literal
 
 from radiometry.records import Record, about
-
-Form = Literal["text", "number", "percent"]
 
 
 class Column(Record):
@@ -13,7 +11,7 @@ class Column(Record):
 
     name: str
     head: str
-    form: Form = "number"
+    form: Literal["text", "number", "percent"] = "number"
     share: float = 1.0
 
 
@@ -21,7 +19,9 @@ class CertificateText(Record):
     """Certificate text of one method.
 
     ``headlines`` : coefficients on the first page; all others have a table of their own
-    ``layout`` : "curve" for a method that fits a curve per ISO value, with sheets of its own
+    ``verdicts`` : ``(result) -> (largest error, passed)`` of each headline, in its order; empty without any
+    ``describe`` : ``(result) -> (label, text)``, what is to be said of the fit beside its coefficients
+    ``columns`` : of the points; without `FRAME` they stand beside the frames, of which each is one point
     ``traceability`` : "" where it depends on the meters or panels used
     ``vignetting`` : what corrected the signals, where no vignetting version did
     ``holds_for_lens`` : the result is valid for one lens; a certificate without a lens then has a gap
@@ -33,7 +33,8 @@ class CertificateText(Record):
     equation: str
     headlines: frozenset[str]
     columns: tuple[Column, ...]
-    layout: Literal["general", "curve"] = "general"
+    verdicts: Callable[[Mapping[str, Any]], Sequence[tuple[float, bool]]] = lambda _: ()
+    describe: Callable[[Mapping[str, Any]], Iterable[tuple[str, str]]] = lambda _: ()
     traceability: str = ""
     vignetting: str = "none"
     holds_for_lens: bool = True

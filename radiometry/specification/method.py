@@ -1,7 +1,7 @@
 """The specification of a calibration method: all that the rest of the product may know of it."""
 
 import itertools
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import field
 from functools import cached_property
 from types import GenericAlias
@@ -119,8 +119,6 @@ class MethodSpec(Record):
     #: Plots of a version that pages show, the most looked-for first; what they read of a stored result may be
     #: None or missing if it does not exist
     plots: tuple[Plot, ...] = ()
-    #: `(stored result) -> stored results`, parts whose plots are printed in a row each
-    split: Callable[[dict[str, Any]], Iterable[dict[str, Any]]] = field(default=lambda result: (result,))
     #: `(stored result) -> tuple of KeyFigure`, what a person looks for first; empty for the coefficients
     list_key_figures: Callable[[dict[str, Any]], tuple[KeyFigure, ...]] = field(default=_none)
     #: True if a version holds for the flight of its campaign: frames of the campaign are measured with it,
@@ -160,8 +158,7 @@ class MethodSpec(Record):
 
     def draw(self, result: dict[str, Any]) -> str:
         """Draw what certificates print of a stored result, as SVG."""
-        rows = (self._list_printed(part) for part in self.split(result))
-        return draw_sheet(rows, f"{self.label} calibration")
+        return draw_sheet(list(self._list_printed(result)), f"{self.label} calibration")
 
     def _list_printed(self, result: dict[str, Any]) -> Iterator[tuple[str, Figure]]:
         for plot in self.plots:

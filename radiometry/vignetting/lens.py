@@ -54,7 +54,8 @@ def evaluate(
     ends = []
     for coefficient, weight in bracket(coefficients, channel=channel, f_number=f_number):
         value, slopes = coefficient.evaluate(np.asarray(row_px), np.asarray(col_px))
-        ends.append((weight, value, _total_u(coefficient, value, slopes)))
+        of_curve = propagate(slopes, np.array(coefficient.covariance))
+        ends.append((weight, value, np.asarray(np.hypot(of_curve, coefficient.model_u_rel * value))))
     return _interpolate(ends)
 
 
@@ -105,11 +106,6 @@ def list_windows(height_px: int, width_px: int) -> Iterator[Window]:
     """Return the bands of rows of a frame, so that a whole map needs little memory."""
     for row0 in range(0, height_px, BAND_ROWS):
         yield Window(row0=row0, col0=0, height=min(BAND_ROWS, height_px - row0), width=width_px)
-
-
-def _total_u(coefficient: Coefficient, value: Matrix, slopes: Matrix) -> Matrix:
-    of_curve = propagate(slopes, np.array(coefficient.covariance))
-    return np.asarray(np.hypot(of_curve, coefficient.model_u_rel * value))
 
 
 def _interpolate(ends: Sequence[tuple[float, Matrix, Matrix]]) -> Share:

@@ -121,7 +121,7 @@ def _of_readings(certificate: CertificateAnswer) -> Iterator[Found]:
         yield Found(
             code=interface.METER_UNKNOWN,
             message=f"{len(unknown)} of {len(certificate.readings)} readings have no meter. "
-            "Send readings with their meter_id.",
+            "Choose the meter of each reading on the campaign.",
         )
 
 

@@ -1,18 +1,16 @@
-"""Pages of a certificate: titles, tables and drawings, with every number as text."""
+"""Pages of a certificate: one to sign, and an annex with the evidence; every number as text."""
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from datetime import datetime, time
 
-from radiometry.drawing.text import in_step, write_unit
+from radiometry.drawing.text import in_step, natural_key, sort_naturally, write_exposure, write_unit
 from radiometry.methods import get_method
-from radiometry.specification.certificate import Column
+from radiometry.specification.certificate import FRAME, Column
 from radiometry.specification.method import MethodSpec
-from service.documents.sections import evidence_sections, result_sections
 from service.documents.sheets import (
     Node,
-    degrees,
-    expanded,
     facts,
     figure,
     flow,
@@ -26,69 +24,126 @@ from service.documents.sheets import (
     write_json,
 )
 
+STAMPS = {
+    "draft": "Draft: nobody has signed",
+    "revoked": "Revoked",
+    "superseded": "Superseded",
+    "published": "",
+}
 _LEGEND = (
-    "u: standard uncertainty. U = k u: expanded uncertainty. k: coverage factor (95 %). dof: effective "
+    "U = k u: expanded uncertainty for 95 %. u: standard uncertainty. k: coverage factor. dof: effective "
     "degrees of freedom, printed up to 1000."
 )
-_EXACT = "fixed"
+_VERIFY = "stilb export {id} calibration && stilb-verify calibration/{file}.json --data calibration"
+_MOST_BIG = 8
+_MOST_SOURCES = 3
+_MOST_NOTES = 3
 
 
-def summarise(certificate: Node) -> Node:
-    """Return the table of the first page: the headline coefficients."""
+def find_state(certificate: Node) -> str:
+    """Return the state that a certificate is marked with; one that nobody has signed stays a draft."""
+    state: str = certificate["validity"]["state"]
+    return "draft" if state == "published" and "approved_by" not in certificate else state
+
+
+def lay_out(certificate: Node, preview: str) -> Node:
+    """Return everything that the template sets. ``preview`` : an SVG of a frame with the region, or ""."""
     spec = get_method(certificate["method"])
-    rows = [row for row in certificate["coefficients"] if row["name"] in spec.certificate.headlines]
-    return _tabulate(spec, rows)
+    headlines, others = _split(spec, certificate["coefficients"])
+    return {
+        **{name: certificate[name] for name in ("title", "number", "created_at", "laboratory")},
+        "attached": write_json(certificate),
+        "stamp": STAMPS[find_state(certificate)],
+        "heading": f"{spec.label} calibration of a camera",
+        "results": _summarise(spec, certificate, headlines),
+        "big": len(headlines) <= _MOST_BIG,
+        "notes": [f"{certificate['procedure']}. {certificate['equation']}.", _LEGEND],
+        "item": _item(certificate),
+        "work": _list_work(certificate),
+        "meters": _tabulate_meters(certificate["meters"]) if certificate["meters"] else None,
+        "traceability": [certificate["traceability"], _count_evidence(certificate)],
+        "budget": _shorten_budget(certificate, headlines),
+        "validity": _list_validity(certificate),
+        "signatures": _list_signatures(certificate),
+        "verify": _VERIFY.format(id=certificate["calibration_id"], file=_name_file(certificate)),
+        "fingerprint": certificate["content_sha256"],
+        "sections": [
+            *_list_gaps(certificate),
+            section("Result", list(_show_result(spec, certificate)), wide=True),
+            *([section("Further coefficients", [_tabulate(spec, others)], wide=True)] if others else []),
+            *_list_flags(certificate["flags"]),
+            *_budgets(certificate),
+            *([section("Readings", [_readings(certificate)])] if certificate["readings"] else []),
+            *([section("Panel", list(_panels(certificate)))] if certificate["panels"] else []),
+            section("Region", region_blocks(certificate, preview)),
+            section("Statements", [flow(statement) for statement in certificate["statements"]]),
+            section("Parameters", [facts(_list_parameters(spec, certificate))]),
+            *_checklist(certificate["checklist"]),
+            _list_software(certificate),
+            *_list_points(spec.certificate.columns, certificate),
+        ],
+    }
 
 
-def list_notes(certificate: Node) -> list[str]:
-    """Return the sentences below the table of the first page."""
-    return [f"{certificate['procedure']}. {certificate['equation']}.", _LEGEND, certificate["traceability"]]
+def _split(spec: MethodSpec, rows: list[Node]) -> tuple[list[Node], list[Node]]:
+    """Return the coefficients of the first page, and the others: also one at an f-number of the first's."""
+    named = [row for row in rows if row["name"] in spec.certificate.headlines]
+    whole = [row for row in named if "f_number" not in row] or named
+    return whole, [row for row in rows if row not in whole]
 
 
-def list_sections(certificate: Node, preview: str) -> list[Node]:
-    """Return the sections from the result to the points of the fit."""
-    spec = get_method(certificate["method"])
-    others = [row for row in certificate["coefficients"] if row["name"] not in spec.certificate.headlines]
-    return [
-        section("Result", [_drawn(certificate), facts(_conditions(certificate))]),
-        *([section("Further coefficients", [_tabulate(spec, others)])] if others else []),
-        *_budgets(certificate),
-        *([section("Panel", list(_panels(certificate)))] if certificate["panels"] else []),
-        section("Region", region_blocks(certificate, preview)),
-        *_frames(certificate),
-        section(
-            "Points of the fit", [_tabulate_points(spec.certificate.columns, certificate["result"]["points"])]
-        ),
+def _summarise(spec: MethodSpec, certificate: Node, rows: list[Node]) -> Node:
+    """Return the table of the first page: value ± U, with the verdict where a method gives one."""
+    result = certificate["result"]
+    words = {True: "✓ passes", False: "✗ fails"}
+    stated = [
+        [percent(error), f"{words[passed]}\ntolerance {plain(100 * result['tolerance_rel'])} %"]
+        for error, passed in spec.certificate.verdicts(result)
     ]
+    judged, between = bool(stated), "\n" if len(rows) <= _MOST_BIG else ", "
+    printed = [
+        [
+            f"{spec.label_coefficient(row['name'])}{between}{_holds_for(row)}".removesuffix(f"{between}-"),
+            *_state(row),
+            write_unit(row["unit"]),
+            *verdict,
+        ]
+        for row, verdict in zip(rows, stated or [[]] * len(rows), strict=True)
+    ]
+    head = ["", "value ± U", "U / value", "k", "dof", "unit", *(["largest error", "verdict"] * judged)]
+    widths = [2.4, 2.3, 1.2, 0.7, 0.9, 1.7, *([1.2, 1.5] * judged)]
+    return table(head, printed, align="lrrrrl" + "rl" * judged, widths=widths)
 
 
-def _drawn(certificate: Node) -> Node:
-    flight = {"flight": certificate.get("flight", [])}
-    plot = get_method(certificate["method"]).draw(certificate["result"] | flight)
-    return figure(plot, "Bars and bands: expanded uncertainty. Hollow: excluded or rejected.", width=1.0)
+def _state(row: Node) -> list[str]:
+    """Return value ± U, the relative U, k and dof; what is relative only, or exact, has neither."""
+    if not row.get("expanded_uncertainty"):
+        value, u = in_step(row["value"], row["standard_uncertainty"])
+        why = "relative only" if row["standard_uncertainty"] else "fixed"
+        return [f"{value}\nu = {u}" if row["standard_uncertainty"] else value, why, "-", "-"]
+    dof = row.get("effective_dof", math.inf)
+    relative = abs(row["expanded_uncertainty"] / row["value"]) if row["value"] else math.inf
+    return [
+        " ± ".join(in_step(row["value"], row["expanded_uncertainty"])),
+        f"{100 * relative:.2g} %" if relative < 1.0 else "-",
+        f"{row['coverage_factor']:.2f}",
+        plain(dof, 3) if dof <= 1000.0 else "> 1000",
+    ]
 
 
 def _tabulate(spec: MethodSpec, rows: list[Node]) -> Node:
     """Return a table of coefficients and what each is valid for, in the version's order."""
-    printed = []
-    for row in rows:
-        value, u = in_step(row["value"], row["standard_uncertainty"])
-        _, expanded = in_step(row["value"], row["expanded_uncertainty"])
-        exact = row["standard_uncertainty"] == 0.0
-        printed.append(
-            [
-                spec.label_coefficient(row["name"]),
-                _holds_for(row),
-                value,
-                _EXACT if exact else u,
-                "-" if exact else expanded,
-                "-" if exact else f"{row['coverage_factor']:.2f}",
-                plain(row["effective_dof"], 3) if row.get("effective_dof", math.inf) <= 1000.0 else "",
-                write_unit(row["unit"]),
-            ]
-        )
-    head = ["coefficient", "valid for", "value", "u", "U", "k", "dof", "unit"]
-    return table(head, printed, align="llrrrrrl", widths=[2.6, 2.6, 1.4, 1, 1, 0.6, 0.6, 1])
+    printed = [
+        [
+            spec.label_coefficient(row["name"]),
+            _holds_for(row),
+            *(text.replace("\n", ", ") for text in _state(row)),
+            write_unit(row["unit"]),
+        ]
+        for row in rows
+    ]
+    head = ["coefficient", "valid for", "value ± U", "U / value", "k", "dof", "unit"]
+    return table(head, printed, align="llrrrrl", widths=[2.6, 2.4, 2.2, 1, 0.6, 0.8, 1.4])
 
 
 def _holds_for(row: Node) -> str:
@@ -103,22 +158,190 @@ def _holds_for(row: Node) -> str:
     return ", ".join(name for name in named if name) or "-"
 
 
-def _conditions(certificate: Node) -> list[list[str]]:
-    """Return the configuration, target, parameters and scalar results, one line each."""
-    rows = [["Camera", f"{certificate['item']['make']} {certificate['item']['model']}"]]
-    for name, value in _flatten(certificate["configuration"]):
-        rows.append([name, value])
-    for name, value in _flatten({"target": certificate.get("target", {})}):
-        rows.append([name, value])
-    rows += [[f"parameter {name}", value] for name, value in _flatten(certificate["parameters"])]
-    scalars = {
-        name: value for name, value in certificate["result"].items() if not isinstance(value, list | dict)
-    }
-    rows += [list(pair) for pair in _flatten(scalars)]
+def _item(certificate: Node) -> list[list[str]]:
+    item, work = certificate["item"], certificate["work"]
+    lens = item.get("lens")
+    rows = [["Camera", _name_device(item)], ["Lens", _name_device(lens) if lens else "not recorded"]]
+    if "pixel_pitch_um" in item:
+        rows.append(["Pixel pitch", f"{plain(item['pixel_pitch_um'])} µm"])
+    named = [["Customer", work.get("customer")], ["Project", work.get("project_number")]]
+    return rows + [[label, value or "not recorded"] for label, value in named]
+
+
+def _name_device(device: Node) -> str:
+    serial = f", serial {device['serial']}" if "serial" in device else ""
+    return f"{device['make']} {device['model']}{serial}"
+
+
+def _list_work(certificate: Node) -> list[list[str]]:
+    """Return where, when and by whom."""
+    work = certificate["work"]
+    days = sorted({work[name] for name in ("first_day", "last_day") if name in work})
+    source = {"readings": "", "campaign": " (as stated for the campaign)", "frames": " (camera clock)"}[
+        work.get("days_from", "readings")
+    ]
+    named = [
+        ["Date", " to ".join(map(_date, days)) + source if days else None],
+        ["Place", work.get("place")],
+        ["Conditions", work.get("conditions")],
+        ["Recorded by", work.get("recorder")],
+        ["Comments", work.get("comments")],
+    ]
+    return [[label, value or "not recorded"] for label, value in named if value or label != "Comments"]
+
+
+def _date(moment: str) -> str:
+    """Return a day in words, with the time where it does not begin the day."""
+    at = datetime.fromisoformat(moment)
+    return f"{at.day} {at:%B %Y}" + (f", {at:%H:%M} UTC" if at.time() != time() else "")
+
+
+def _tabulate_meters(meters: list[Node]) -> Node:
+    rows = []
+    for meter in meters:
+        stated, u = meter.get("certificate", {}), "-"
+        if stated:
+            u = f"{percent(stated['expanded_uncertainty_rel'])}\nk = {plain(stated['coverage_factor'])}"
+        rows.append(
+            [
+                f"{meter['kind'].capitalize()} meter {_name_device(meter)}",
+                f"{stated['number']}, {_date(stated['issued_on'])}" if stated else "none",
+                stated.get("laboratory", "-"),
+                u,
+                optional(stated, "due_on", _date),
+            ]
+        )
+    head = ["standard", "certificate", "issued by", "U", "valid until"]
+    return table(head, rows, align="lllrl", widths=[2.6, 2.2, 1.8, 0.8, 1.2])
+
+
+def _count_evidence(certificate: Node) -> str:
+    """Return how many scenes, readings and frames there are, and how far the checklist is."""
+    roles: dict[str, int] = defaultdict(int)
+    for frame in certificate["frames"]:
+        roles[frame["role"]] += 1
+    scenes = {frame["scene"] for frame in certificate["frames"] if "scene" in frame}
+    counts = [
+        *([f"{len(scenes)} scenes"] if scenes else []),
+        *([f"{len(certificate['readings'])} readings"] if certificate["readings"] else []),
+        *(f"{count} {role} frame{'s' * (count != 1)}" for role, count in roles.items()),
+    ]
+    items = certificate["checklist"]["items"]
+    done = sum("done_by" in item for item in items)
+    signed = certificate["checklist"].get("signature")
+    by = f", signed by {signed['name']} on {_date(signed['signed_at'][:10])}" if signed else ", not signed"
+    return f"{', '.join(counts)}." + (f" Checklist: {done} of {len(items)} items{by}." if items else "")
+
+
+def _shorten_budget(certificate: Node, headlines: list[Node]) -> list[list[str]]:
+    """Return the largest sources of the first headline's uncertainty, and what the others make together."""
+    if not certificate["budgets"] or not headlines[0]["value"]:
+        return []
+    lines = sorted(certificate["budgets"][0]["lines"], key=lambda line: -line["variance_share"])
+    parts = {line["source"].capitalize(): line["u"] for line in lines[:_MOST_SOURCES]}
+    if len(lines) > _MOST_SOURCES:
+        parts["All others"] = math.hypot(*(line["u"] for line in lines[_MOST_SOURCES:]))
+    parts["u / value"] = headlines[0]["standard_uncertainty"]
+    value = abs(headlines[0]["value"])
+    shown = [[name, f"{100 * u / value:.2g} %"] for name, u in parts.items()]
+    return [["For", f"{_holds_for(headlines[0])}; the complete budget is in the annex"], *shown]
+
+
+def _list_validity(certificate: Node) -> list[list[str]]:
+    validity, issued = certificate["validity"], certificate.get("issued", {})
+    rows = []
+    if "valid_from" in validity:
+        end = _date(validity["valid_to"]) if "valid_to" in validity else "replaced or withdrawn"
+        rows += [["From", _date(validity["valid_from"])], ["Until", end]]
+    if not certificate["published"]:
+        rows.append(["Published", "no; this is a draft"])
+    rows += [["Reason", act["reason"]] for act in certificate["published"]]
+    if "amends" in issued:
+        amended = issued["amends"]
+        rows.append(["Amends", f"certificate {amended['number']}, issued {stamp(amended['issued_at'])}"])
+    if issued.get("at_upgrade"):
+        when = "at an upgrade of the service: the version was published before certificates were kept"
+        rows.append(["Issued", f"{stamp(issued['at'])}, {when}"])
+    if "revoked" in validity:
+        revoked = validity["revoked"]
+        rows.append(["Revoked", f"{stamp(revoked['at'])}: {revoked['reason']}"])
+    notes = list(dict.fromkeys(flag["meaning"] for flag in certificate["flags"]))
+    more = f"{len(notes) - _MOST_NOTES} more in the annex" if len(notes) > _MOST_NOTES else ""
+    shown = "\n".join([*notes[:_MOST_NOTES], *([more] if more else [])])
+    return [*rows, *([["Notes", shown]] if notes else [])]
+
+
+def _list_signatures(certificate: Node) -> list[list[str]]:
+    """Return who fitted and who approved: a person with role and day, or else a line to fill in."""
+    acts = certificate["published"]
+    signed = [
+        ("Fitted by", certificate.get("fitted_by"), certificate["created_at"]),
+        ("Approved by", certificate.get("approved_by"), acts[-1]["at"] if acts else ""),
+    ]
+    return [
+        [
+            f"{label}: {person['name']}, {person['role']}" if person else label,
+            f"{_date(at[:10])} · signature" if at and person else "name, date and signature",
+        ]
+        for label, person, at in signed
+    ]
+
+
+def _name_file(certificate: Node) -> str:
+    amends = certificate.get("issued", {}).get("amends")
+    return f"amendment-{amends['amendment']}" if amends else "certificate"
+
+
+def _list_gaps(certificate: Node) -> Iterator[Node]:
+    """Yield what a draft lacks; once it is published, its page says so."""
+    if certificate["gaps"] and not certificate["published"]:
+        lacks = [flow(gap["message"]) for gap in certificate["gaps"]]
+        yield section("Before you publish: items of ISO/IEC 17025, 7.8, that are missing", lacks, wide=True)
+
+
+def _list_flags(flags: list[Node]) -> Iterator[Node]:
+    """Yield a table with a row for each flag: its meaning, and where it was raised with what values."""
+    by_meaning: dict[str, list[str]] = defaultdict(list)
+    for flag in flags:
+        where = f"{flag['where'].replace('iso ', 'ISO ')}: " if flag["where"] else ""
+        by_meaning[flag["meaning"]].append(f"{where}{flag['detail']}")
+    rows = [[meaning, " ".join(values)] for meaning, values in by_meaning.items()]
+    if rows:
+        found = table(["meaning", "where, values"], rows, align="ll", widths=[1, 1])
+        yield section("Flags", [found], wide=True)
+
+
+def _show_result(spec: MethodSpec, certificate: Node) -> Iterator[Node]:
+    """Yield the plots, and what the method says of its result, or else what is one number or word of it."""
+    result = certificate["result"]
+    plot = spec.draw(result | {"flight": certificate.get("flight", [])})
+    yield figure(plot, "Bars and bands: expanded uncertainty. Hollow: excluded or rejected.", width=1.0)
+    scalars = {name: value for name, value in result.items() if not isinstance(value, list | dict)}
+    described = list(spec.certificate.describe(result)) or _flatten(scalars)
+    yield facts(
+        [
+            *([label.replace("_", " "), value] for label, value in described),
+            *([["vignetting correction", certificate["vignetting"]]] if spec.corrected_by else []),
+        ]
+    )
+
+
+def _list_parameters(spec: MethodSpec, certificate: Node) -> list[list[str]]:
+    """Return the configuration, target and parameters, one line each."""
+    named = {each.field: each for each in spec.parameters}
+    rows = [
+        *_flatten({name: value for name, value in certificate["configuration"].items() if name != "lens"}),
+        *_flatten({"target": certificate.get("target", {})}),
+    ]
+    for name, value in certificate["parameters"].items():
+        known = named.get(name)
+        label = known.label if known else name
+        unit = f" {write_unit(known.unit)}" if known and known.unit not in ("", "1") else ""
+        rows += [(text, f"{shown}{unit}") for text, shown in _flatten({label: value})]
     return [[label.replace("_", " "), value] for label, value in rows]
 
 
-def _flatten(node: Node, stem: str = "") -> Iterator[tuple[str, str]]:
+def _flatten(node: Mapping[str, object], stem: str = "") -> Iterator[tuple[str, str]]:
     for name, value in node.items():
         label = f"{stem} {name}".strip()
         if isinstance(value, dict):
@@ -138,29 +361,39 @@ def _format(value: object) -> str:
 
 
 def _budgets(certificate: Node) -> Iterator[Node]:
-    """Yield the budgets of the headline coefficients: a table each, or all as rows where there are many."""
-    budgets = certificate["budgets"]
-    if not budgets:
-        return
-    names = sorted(get_method(certificate["method"]).certificate.headlines)
-    caption = (
-        f"Uncertainty budget of {', '.join(names)}. Type A: from scatter; type B: from other information."
-    )
-    head = ["valid for", "source", "type", "u, relative", "u", "fraction of u²"]
-    rows = [
-        [
-            _holds_for({"model": "", **budget}) if line is budget["lines"][0] else "",
-            line["source"],
-            line["kind"],
-            percent(line["u_rel"]),
-            plain(line["u"], 3),
-            percent(line["variance_share"]),
-        ]
-        for budget in budgets
-        for line in budget["lines"]
-    ]
-    widths = [1.4, 2.6, 0.6, 1.2, 1.2, 1.2]
-    yield section("Uncertainty", [table(head, rows, align="lllrrr", widths=widths, caption=caption)])
+    """Yield the budgets of the headline coefficients as rows of one table."""
+    explained = any("input_uncertainty" in line for each in certificate["budgets"] for line in each["lines"])
+    rows: list[list[str]] = []
+    for budget in certificate["budgets"]:
+        rows.append([f"§{_holds_for({'model': '', **budget})}"])
+        for line in budget["lines"]:
+            row = [line["source"], line["kind"], percent(line["u_rel"]), plain(line["u"], 3)]
+            if explained:
+                x = f"{plain(line['input_uncertainty'], 3)} {line['input_unit']}".removesuffix(" 1")
+                row[2:2] = [x, optional(line, "sensitivity", lambda value: plain(value, 3))]
+            rows.append([*row, percent(line["variance_share"])])
+    head = ["source", "type", *(["u(x)", "sens."] * explained), "u, rel.", "u", "of u²"]
+    relative = " u(x) without a unit is relative; sens.: sensitivity." * explained
+    caption = f"Type A: from scatter; type B: from other information.{relative}"
+    widths = [2.2, 0.6, *([1.4, 1.2] * explained), 1, 1.2, 1.1]
+    if rows:
+        budget = table(head, rows, align="ll" + "r" * (len(head) - 2), widths=widths, caption=caption)
+        yield section("Uncertainty budget", [budget])
+
+
+def _readings(certificate: Node) -> Node:
+    """Return a row for each scene and meter, with all its readings as entered."""
+    found: dict[tuple[str, str], list[str]] = defaultdict(list)
+    for row in certificate["readings"]:
+        unit = write_unit(row.get("entered_unit", row["unit"]))
+        meter = row.get("meter", f"{row['quantity']} meter not recorded")
+        found[row["scene"], f"{meter} [{unit}]"].append(plain(row.get("entered_value", row["value"]), 6))
+    rows: list[list[str]] = []
+    for meter in dict.fromkeys(meter for _, meter in found):
+        rows.append([f"§{meter}"])
+        of_meter = {scene: values for (scene, each), values in found.items() if each == meter}
+        rows += [[scene, ", ".join(of_meter[scene])] for scene in sort_naturally(of_meter)]
+    return table(["scene", "readings as entered"], rows, align="ll", widths=[1, 3])
 
 
 def _panels(certificate: Node) -> Iterator[Node]:
@@ -182,32 +415,50 @@ def _panels(certificate: Node) -> Iterator[Node]:
         yield table(["band", "R", "u(R)"], rows, align="lrr", widths=[2, 1, 1])
 
 
-def _frames(certificate: Node) -> Iterator[Node]:
-    """Yield one section per role, in the order of first appearance."""
+def _list_points(columns: Sequence[Column], certificate: Node) -> Iterator[Node]:
+    """Yield the points of the fit and the frames by their roles, in one table where a point is a frame."""
+    points, beside = certificate["result"]["points"], FRAME not in columns
+    if not beside:
+        yield section("Points of the fit", [_tabulate_points(columns, points)], wide=True)
     by_role: dict[str, list[Node]] = defaultdict(list)
     for frame in certificate["frames"]:
         by_role[frame["role"]].append(frame)
+    of_frame = {point["frame"]: point for point in points} if beside else {}
     for role, frames in by_role.items():
-        yield section(f"{role.capitalize()} frames", [_frame_table(frames)])
+        shown = columns if any(frame["frame"] in of_frame for frame in frames) else ()
+        table_of_role = _tabulate_frames(frames, shown, of_frame)
+        yield section(f"{role.capitalize()} frames", [table_of_role], wide=True)
 
 
-def _frame_table(frames: list[Node]) -> Node:
+def _tabulate_frames(frames: list[Node], columns: Sequence[Column], points: Mapping[str, Node]) -> Node:
     rows = []
-    for frame in frames:
-        exposure = frame.get("exposure", {})
-        means = [f"{row['channel']} {plain(row['mean_dn'], 6)}" for row in frame["statistics"]]
+    for frame in sorted(frames, key=lambda each: natural_key(f"{each.get('scene', '')} {each['frame']}")):
+        exposure, point = frame.get("exposure", {}), points.get(frame["frame"], {})
+        left_out = [point["left_out"]] if point.get("left_out") else []
         rows.append(
             [
-                "\n".join([frame["frame"], *frame["warnings"]]),
-                optional(exposure, "exposure_time_s", plain),
+                "\n".join([frame["frame"], *left_out, *frame["warnings"]]),
+                optional(frame, "scene"),
+                optional(exposure, "exposure_time_s", write_exposure),
                 optional(exposure, "f_number", plain),
                 optional(exposure, "iso", plain),
-                ", ".join(means) or "-",
+                _signal(frame),
+                *(_cell(point, column) for column in columns),
                 frame["sha256"],
             ]
         )
-    head = ["frame", "t [s]", "f/", "ISO", "mean [DN]", "SHA-256"]
-    return table(head, rows, align="lrrrlh", widths=[2.4, 0.8, 0.5, 0.8, 2.2, 3])
+    return table(
+        ["frame", "scene", "t", "f/", "ISO", "signal [DN]", *(each.head for each in columns), "SHA-256"],
+        rows,
+        align="llrrrr" + "r" * len(columns) + "h",
+        widths=[2.3, 1.1, 0.9, 0.5, 0.8, 1.9, *(each.share for each in columns), 5.8],
+    )
+
+
+def _signal(frame: Node) -> str:
+    if "signal_dn" in frame:
+        return " ± ".join(in_step(frame["signal_dn"], frame["signal_standard_uncertainty_dn"]))
+    return ", ".join(f"{row['channel']} {plain(row['mean_dn'], 6)}" for row in frame["statistics"]) or "-"
 
 
 def _tabulate_points(columns: Sequence[Column], points: list[Node]) -> Node:
@@ -219,7 +470,7 @@ def _tabulate_points(columns: Sequence[Column], points: list[Node]) -> Node:
         [*(column.head for column in columns), "status"],
         rows,
         align="".join("l" if column.form == "text" else "r" for column in columns) + "l",
-        widths=[*(column.share for column in columns), 1.6],
+        widths=[*(column.share for column in columns), 1.2],
     )
 
 
@@ -233,166 +484,18 @@ def _cell(point: Node, column: Column) -> str:
             return optional(point, column.name, percent)
 
 
-STAMPS = {
-    "draft": "Draft: nobody has signed",
-    "revoked": "Revoked",
-    "superseded": "Superseded",
-    "published": "",
-}
-_LEGEND_OF_K = (
-    "u(K): standard uncertainty. U(K): expanded uncertainty. k: coverage factor (95 %). dof: degrees of "
-    "freedom."
-)
-
-
-def find_state(certificate: Node) -> str:
-    """Return the state that a certificate is marked with; one that nobody has signed stays a draft."""
-    state: str = certificate["validity"]["state"]
-    return "draft" if state == "published" and "approved_by" not in certificate else state
-
-
-def lay_out(certificate: Node, preview: str) -> Node:
-    """Return everything that the template sets. ``preview`` : an SVG of a frame with the region, or ""."""
-    is_curve = get_method(certificate["method"]).certificate.layout == "curve"
-    return {
-        **{name: certificate[name] for name in ("title", "number", "created_at", "laboratory")},
-        "attached": write_json(certificate),
-        "stamp": STAMPS[find_state(certificate)],
-        "item": _item(certificate),
-        "work": _list_work(certificate),
-        "results": _summary(certificate) if is_curve else summarise(certificate),
-        "summary": _sentences(certificate) if is_curve else list_notes(certificate),
-        "authority": _authority(certificate),
-        "gaps": [gap["message"] for gap in certificate["gaps"]],
-        "flags": [[flag["where"] or "all", flag["meaning"], flag["detail"]] for flag in certificate["flags"]],
-        "sections": [
-            *(
-                [*result_sections(certificate), *evidence_sections(certificate, preview)]
-                if is_curve
-                else list_sections(certificate, preview)
-            ),
-            *([_checklist(certificate)] if certificate["checklist"]["items"] else []),
-            _list_software(certificate),
-        ],
-        "statements": certificate["statements"],
-    }
-
-
-def _item(certificate: Node) -> list[list[str]]:
-    item = certificate["item"]
-    lens = item.get("lens", {})
-    rows = [
-        ["Camera", f"{item['make']} {item['model']}"],
-        ["Serial number", item["serial"]],
-        ["Lens", f"{lens['make']} {lens['model']}" if lens else "not recorded"],
-    ]
-    if "serial" in lens:
-        rows.append(["Lens serial number", lens["serial"]])
-    if "pixel_pitch_um" in item:
-        rows.append(["Pixel pitch", f"{plain(item['pixel_pitch_um'])} µm"])
-    return rows
-
-
-def _list_work(certificate: Node) -> list[list[str]]:
-    """Return where, when, for whom and by whom."""
-    work = certificate["work"]
-    days = sorted({work[name] for name in ("first_day", "last_day") if name in work})
-    source = {"readings": "", "campaign": " (as stated for the campaign)", "frames": " (camera clock)"}[
-        work.get("days_from", "readings")
-    ]
-    named = [
-        ["Customer", work.get("customer")],
-        ["Project", work.get("project_number")],
-        ["Place", work.get("place")],
-        ["Performed", " to ".join(days) + source if days else None],
-        ["Recorded by", work.get("recorder")],
-        ["Conditions", work.get("conditions")],
-        ["Comments", work.get("comments")],
-    ]
-    return [[label, value or "not recorded"] for label, value in named if value or label != "Comments"]
-
-
-def _summary(certificate: Node) -> Node:
-    rows = []
-    for fit in certificate["result"]["iso_fits"]:
-        c = fit["coefficient"]
-        k, u = in_step(c["luminance_k"], c["luminance_k_standard_uncertainty"])
-        rows.append(
-            [
-                plain(c["iso"]),
-                k,
-                u,
-                *expanded(certificate, c["luminance_k"], c),
-                degrees(c),
-                write_unit(c["luminance_k_unit"]),
-                percent(fit["largest_residual_rel"]),
-                "passed" if fit["passed"] else "failed",
-            ]
-        )
-    head = ["ISO", "K", "u(K)", "U(K)", "k", "dof", "unit", "largest error", "verdict"]
-    return table(head, rows, align="rrrrrrlrl", widths=[1, 1.2, 1, 1, 0.8, 0.8, 2.1, 1.5, 1.2])
-
-
-def _sentences(certificate: Node) -> list[str]:
-    result = certificate["result"]
-    models = sorted({fit["coefficient"]["model"] for fit in result["iso_fits"]})
-    return [
-        f"{certificate['procedure']}. Model: {', '.join(models)}. {certificate['equation']}.",
-        f"{_LEGEND_OF_K} Verdict against a tolerance of {percent(result['tolerance_rel'])} of L.",
-        certificate["traceability"],
-    ]
-
-
-def _authority(certificate: Node) -> list[list[str]]:
-    validity = certificate["validity"]
-    fitted_by = _name(certificate.get("fitted_by"), certificate["author"])
-    rows = [["Calibrated", f"{fitted_by}, {stamp(certificate['created_at'])}"]]
-    for act in certificate["published"]:
-        end = f"to {stamp(act['valid_to'])}" if "valid_to" in act else "on"
-        by = _name(certificate.get("approved_by"), act["by"])
-        text = f"{by}, {stamp(act['at'])}: {act['reason']} (from {stamp(act['valid_from'])} {end})"
-        rows.append(["Approved" if "approved_by" in certificate else "Published", text])
-    issued = certificate.get("issued", {})
-    if "amends" in issued:
-        amended = issued["amends"]
-        rows.append(["Amends", f"certificate {amended['number']}, issued {stamp(amended['issued_at'])}"])
-    if issued.get("at_upgrade"):
-        when = "at an upgrade of the service: the version was published before certificates were kept"
-        rows.append(["Issued", f"{stamp(issued['at'])}, {when}"])
-    if "valid_from" in validity:
-        start = stamp(validity["valid_from"])
-        end = f"to {stamp(validity['valid_to'])}" if "valid_to" in validity else "until superseded or revoked"
-        rows.append(["Valid", f"from {start} {end}"])
-    if "revoked" in validity:
-        revoked = validity["revoked"]
-        rows.append(["Revoked", f"{revoked['by']}, {stamp(revoked['at'])}: {revoked['reason']}"])
-    if not certificate["published"]:
-        rows.append(["Published", "no; this is a draft"])
-    return rows
-
-
-def _name(person: Node | None, unnamed: str) -> str:
-    return f"{person['name']}, {person['role']}" if person else unnamed
-
-
-def _checklist(certificate: Node) -> Node:
-    checklist = certificate["checklist"]
-    rows, last = [], None
+def _checklist(checklist: Node) -> Iterator[Node]:
+    """Yield how many items of each section are done; the items are in the JSON certificate."""
+    sections: dict[str, list[Node]] = defaultdict(list)
     for item in checklist["items"]:
-        if item["section"] != last:
-            last = item["section"]
-            rows.append([f"§{last}"])
-        done = "done_by" in item
-        notes = [item[name] for name in ("evidence", "note") if name in item]
-        who = f"{item['done_by']}, {stamp(item['done_at'])}" if done else "-"
-        rows.append(["✓" if done else "○", "\n".join([item["text"], *notes]), who])
-    signature = checklist.get("signature")
-    signed = "Not signed."
-    if signature:
-        when = stamp(signature["signed_at"])
-        signed = f"Signed by {signature['name']} on {when}."
-    lines = table(["", "item", "done by, time"], rows, align="lll", widths=[0.3, 7, 2.4])
-    return section("Checklist of the procedure", [lines, flow(signed)])
+        sections[item["section"]].append(item)
+    rows = [
+        [name, f"{sum('done_by' in item for item in items)} of {len(items)}"]
+        for name, items in sections.items()
+    ]
+    if rows:
+        done = table(["section", "done"], rows, align="lr", widths=[4, 1])
+        yield section("Checklist of the procedure", [done])
 
 
 def _list_software(certificate: Node) -> Node:
@@ -400,8 +503,4 @@ def _list_software(certificate: Node) -> Node:
     rows = [
         [words.get(name, name), str(version)] for name, version in sorted(certificate["software"].items())
     ]
-    rows += [
-        ["calibration", certificate["calibration_id"]],
-        ["content SHA-256", certificate["content_sha256"]],
-    ]
-    return section("Software and identifiers", [facts(rows)])
+    return section("Software", [facts([*rows, ["calibration", certificate["calibration_id"]]])])

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 import typst
+import zxingcpp  # noqa: TID253  this process alone draws codes; shut in, it could not import it later
 
 from radiometry.methods import get_method
 from service.documents.pages import lay_out
@@ -34,8 +35,15 @@ def start_threads() -> None:
     _LOCAL.compiler.compile(format="pdf", timestamp=0)
 
 
+def add_code(sheets: dict[str, Any]) -> dict[str, Any]:
+    """Add the command to verify with as a QR code."""
+    code = zxingcpp.create_barcode(sheets["verify"], zxingcpp.BarcodeFormat.QRCode)
+    return sheets | {"code": code.to_svg()}
+
+
 def typeset(sheets: dict[str, Any]) -> bytes:
     """Set the sheets of `lay_out` or `lay_out_report`."""
+    sheets = add_code(sheets) if "verify" in sheets else sheets
     try:
         return _set(sheets, _STANDARD)
     except typst.TypstError:

@@ -2,13 +2,10 @@
 
 import base64
 import json
-import math
 from collections import defaultdict
 from collections.abc import Sequence
 from datetime import datetime
 from typing import Any, Final
-
-from radiometry.drawing.text import in_step
 
 Node = dict[str, Any]
 
@@ -21,8 +18,9 @@ def write_json(certificate: Node) -> str:
     return json.dumps(certificate, ensure_ascii=False, allow_nan=False)
 
 
-def section(title: str, blocks: list[Node]) -> Node:
-    return {"title": title, "blocks": blocks}
+def section(title: str, blocks: list[Node], *, wide: bool = False) -> Node:
+    """``wide``: across the page; else in the shorter of its two columns."""
+    return {"title": title, "blocks": blocks, "wide": wide}
 
 
 def flow(text: str) -> Node:
@@ -55,13 +53,6 @@ def figure(svg: str, caption: str, *, width: float) -> Node:
     return {"kind": "figure", "svg": svg, "caption": caption, "width": width}
 
 
-def expanded(certificate: dict[str, Any], value: float, row: dict[str, Any]) -> tuple[str, str]:
-    """Return U and k as printed; what is relative only has neither."""
-    if certificate.get("uncertainty_scope") == "relative_only":
-        return "relative only", "-"
-    return in_step(value, row["expanded_uncertainty"])[1], f"{row['coverage_factor']:.2f}"
-
-
 def plain(value: float, digits: int = 5) -> str:
     """A number to so many significant digits, without zeros that say nothing."""
     return f"{value:.{digits}g}"
@@ -69,16 +60,6 @@ def plain(value: float, digits: int = 5) -> str:
 
 def percent(share: float) -> str:
     return f"{100 * share:.2f} %"
-
-
-def extent(limits: list[float]) -> str:
-    return f"{plain(limits[0])} to {plain(limits[1])}"
-
-
-def degrees(row: dict[str, Any]) -> str:
-    """Degrees of freedom: beyond a thousand there is nothing to tell apart."""
-    dof = row.get("effective_dof", math.inf)
-    return plain(dof, 3) if dof <= 1000.0 else "> 1000"
 
 
 def stamp(moment: str) -> str:
@@ -115,7 +96,7 @@ def region_blocks(certificate: Node, preview: str) -> list[Node]:
         for region in certificate["regions"]
         for part in region.get("parts", [region])
     ]
-    drawn = [figure(preview, "The region on a frame's preview.", width=0.62)] if preview else []
+    drawn = [figure(preview, "The region on a frame's preview.", width=0.7)] if preview else []
     return [
         table(["corners (x, y) [px]", "frames", "SHA-256"], rows, align="lrh", widths=[4, 0.7, 3]),
         *drawn,

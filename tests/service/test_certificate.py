@@ -190,9 +190,8 @@ def test_who_fitted_and_who_approved_sign_it_by_name_and_role(house, version):
     assert certificate["validity"] == {"state": "published", "valid_from": "2026-05-01T00:00:00Z"}
     page = lay_out(certificate, "")
     assert page["stamp"] == ""
-    said = dict(page["authority"])
-    assert said["Calibrated"].startswith("A. Meier, physicist, ")
-    assert said["Approved"].startswith("B. Head, head, ")
+    (fitted, _), (approved, _) = page["signatures"]
+    assert (fitted, approved) == ("Fitted by: A. Meier, physicist", "Approved by: B. Head, head")
     assert "laptop 4" not in json.dumps(certificate)
 
 
@@ -206,7 +205,7 @@ def test_a_key_without_a_person_signs_nothing(house, staged):
     assert {"approver_missing", "author_missing", "laboratory_name_missing"} <= set(codes(certificate))
     page = lay_out(certificate, "")
     assert page["stamp"] == "Draft: nobody has signed"
-    assert "Approved" not in dict(page["authority"])
+    assert page["signatures"] == [[who, "name, date and signature"] for who in ("Fitted by", "Approved by")]
     for raw in ("bootstrap", '"operator"', "/v1/"):
         assert raw not in json.dumps(page | {"attached": ""})
     ordered = certificate | {"work": certificate["work"] | {"customer": "Lansing"}}

@@ -107,7 +107,7 @@ def test_a_later_publication_issues_an_amendment_beside_the_original(house, vers
     said = amended["statements"][0]
     assert said.startswith(f"Amendment 1 to certificate {first['number']}, issued {first['issued_at']}")
     assert said.endswith("Reason: the customer was missing")
-    assert dict(lay_out(amended, "")["authority"])["Amends"].startswith(f"certificate {first['number']}, ")
+    assert dict(lay_out(amended, "")["validity"])["Amends"].startswith(f"certificate {first['number']}, ")
     assert sha256(fetch(house, version, "pdf", 1).content).hexdigest() == second["pdf_sha256"]
     assert {form: fetch(house, version, form).content for form in original} == original
     answer = house.http.get(f"/v1/calibrations/{version['id']}/certificate.pdf", params={"amendment": 2})

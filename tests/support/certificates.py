@@ -1,7 +1,10 @@
 """A campaign whose certificate lacks nothing, and a connection of the client to a house without a socket."""
 
+import math
+import re
 from pathlib import Path
 
+from radiometry.methods import get_method
 from stilb.export import export
 from stilb.transport import Transport
 from tests.support.campaigns import LEVELS, calibrate, upload_campaign
@@ -77,6 +80,50 @@ def complete_version(house: House, *, meter=METER, work=WORK, taken_at="2026-05-
 
 def certificate_of(house: House, version: dict) -> dict:
     return house.get(f"/v1/calibrations/{version['id']}/certificate.json")
+
+
+# with a point, and no part of a name, a version or a date
+_NUMBER = re.compile(r"(?<![\w.])[-+]?\d+\.\d+(?:e[-+]?\d+)?(?![\w]|\.\d)")
+
+
+def leaves(value):
+    members = value.values() if isinstance(value, dict) else value if isinstance(value, list) else None
+    return [value] if members is None else [leaf for member in members for leaf in leaves(member)]
+
+
+def numbers_of(certificate: dict) -> list[float]:
+    """Every number of a certificate, and what its first page makes of them: U and u over the value."""
+    found = [float(leaf) for leaf in leaves(certificate) if type(leaf) in (int, float)]
+    rows = [row for row in certificate["coefficients"] if row["value"]]
+    names = ("expanded_uncertainty", "standard_uncertainty")
+    found += [abs(row[name] / row["value"]) for row in rows for name in names if name in row]
+    for budget in certificate["budgets"][:1]:
+        parts = sorted((line["u"] for line in budget["lines"]), reverse=True)
+        headlines = get_method(certificate["method"]).certificate.headlines
+        value = next(abs(row["value"]) for row in rows if row["name"] in headlines)
+        found += [part / value for part in [*parts, math.hypot(*parts[3:])]]
+    return found + [100 * value for value in found]  # percent
+
+
+def is_printed(token: str, numbers: list[float]) -> bool:
+    """Whether a printed number is one of these, rounded to the digits that are printed."""
+    mantissa, _, exponent = token.lstrip("+").partition("e")
+    digits, kind = len(mantissa.partition(".")[2]), "e" if exponent else "f"
+    # the sign of a zero is not printed by everybody
+    return any(abs(float(f"{n:.{digits}{kind}}") - float(token)) <= 1e-12 * abs(n) for n in numbers)
+
+
+def find_misprints(certificate: dict, plot: str, pages: list[str]) -> tuple[int, list[str]]:
+    """How many numbers stand on the pages, and those that are neither the certificate's nor the plot's."""
+    texts = [
+        *(leaf for leaf in leaves(certificate) if isinstance(leaf, str)),
+        *re.findall(r">([^<]*)<", plot),
+    ]
+    # the clause of the standard stands over the gaps
+    quoted = {"7.8"} | set(_NUMBER.findall(" ".join(texts)))
+    numbers = numbers_of(certificate)
+    tokens = [token for page in pages for token in _NUMBER.findall(page)]
+    return len(tokens), [token for token in tokens if token not in quoted and not is_printed(token, numbers)]
 
 
 class InHouse(Transport):

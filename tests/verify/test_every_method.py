@@ -149,7 +149,7 @@ def test_a_changed_panel_is_found_and_moves_k(capsys, reflectance):
     code, said = run(capsys, reflectance)
     assert code == 1
     assert "panels: [0].bands[0].reflectance │ 0.18 │ 0.1818" in said
-    k = said.split("reflectance_k, band green │")[1].split("u(reflectance_k")[0]
+    k = said.split("Reflectance K, green │")[1].split("u(Reflectance K")[0]
     assert "NO" in k
     assert "content hash: content SHA-256" in said
 

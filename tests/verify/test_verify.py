@@ -30,7 +30,7 @@ def test_an_untouched_export_agrees(capsys, exported):
     certificate = json.loads((exported / "certificate.json").read_text())
     (fit,) = certificate["result"]["iso_fits"]
     k = repr(fit["coefficient"]["luminance_k"])
-    assert f"ISO 3200 K │ {k} │ {k} │ yes" in said
+    assert f"Luminance K, ISO 3200, green │ {k} │ {k} │ yes" in said
     assert "NO" not in said
 
 
@@ -62,7 +62,7 @@ def test_a_changed_frame_is_found_by_its_hash_and_moves_k(capsys, exported):
     assert f"frame files: {frame['frame']} SHA-256 │ {frame['sha256']}" in said
     assert f"frame statistics: {frame['frame']}.signal_dn" in said
     assert "content hash: content SHA-256" in said
-    k = said.split("ISO 3200 K │")[1].split("ISO 3200 u(K)")[0]
+    k = said.split("Luminance K, ISO 3200, green │")[1].split("u(Luminance K")[0]
     assert "NO" in k
 
 
@@ -88,7 +88,7 @@ def test_a_changed_reading_is_found_and_moves_k(capsys, exported):
     assert code == 1
     assert "readings: [0].value │" in said
     assert "+1.00e-03" in said
-    assert "NO" in said.split("ISO 3200 K │")[1].split("ISO 3200 u(K)")[0]
+    assert "NO" in said.split("Luminance K, ISO 3200, green │")[1].split("u(Luminance K")[0]
 
 
 def test_a_region_that_was_moved_is_found(capsys, exported):
