@@ -67,6 +67,9 @@ def _run(method: str, camera: str, data: Path, display: Display, *, keep: bool) 
         with stilb.Client(service.url, service.key) as client:
             folder = data / "demo" / method / camera
             agrees = play(method, Stage(client=client, folder=folder, display=display, camera=camera))
+            for each in client.cameras():
+                for version in client.history(each.id, method=method, state="published"):
+                    display.say(f"in a browser: {service.url}/calibrations/{version.id}")
         display.say(f"every route: {service.url}/docs")
         display.say(f"in {time.monotonic() - began:.1f} s")
         if keep:

@@ -34,6 +34,7 @@ def test_the_demo_prints_these_figures_and_then_serves_them(tmp_path):
         finally:
             os.killpg(demo.pid, signal.SIGTERM)
     assert [line.strip() for line in expected if line.strip() not in lines] == [expected[-1]]
+    assert any(re.fullmatch(r"in a browser: \S+/calibrations/cal_\w+", line) for line in lines)
     assert not told, "".join(told)
 
 

@@ -61,7 +61,6 @@ alone = pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
 def test_every_number_on_paper_is_one_of_the_jsons(printed):
     count, misprints = find_misprints(*printed)
     assert (count > 200, misprints) == (True, [])
-    # and the check can fail
     assert find_misprints(printed[0], "", ["2.718281"]) == (1, ["2.718281"])
 
 
