@@ -119,6 +119,7 @@ def move_to_dusk_and_undo(page, frame_id):
         asked.fulfill(response=answer)
     page.wait_for_timeout(500)
     assert "dusk" not in (page.evaluate("window.shown") or "")
+    expect(page.get_by_role("rowheader").filter(has_text="dusk")).to_have_count(0)
 
 
 def see_pixels_and_compare(page, dialog):

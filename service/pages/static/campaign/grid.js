@@ -334,24 +334,29 @@ export function gridSection(state) {
     show(id);
   }
   function show(id) {
-    sheet = openFrame(state, id, {
+    const opened = (sheet = openFrame(state, id, {
       order: model.order,
       walked: (frame) => writeAddress({ frame }),
       back(last) {
-        sheet = null;
-        focusOn(last);
-        if (!readAddress().frame) return;
+        // the history closes a frame first, and may have opened one again before this is told
+        const isClosed = sheet !== opened;
+        if (!isClosed) sheet = null;
+        if (!sheet) focusOn(last);
+        if (isClosed || !readAddress().frame) return;
         if (isStep()) history.back();
         else writeAddress({ frame: "" });
       },
-    });
+    }));
   }
   /** The frame that the address names, if the campaign has it. */
   const openNamed = () => {
     const { frame } = readAddress();
     if (sheet && frame) sheet.show(frame);
-    else if (sheet) sheet.close();
-    else if (state.byId.has(frame)) show(frame);
+    else if (sheet) {
+      const { close } = sheet;
+      sheet = null;
+      close();
+    } else if (state.byId.has(frame)) show(frame);
     else writeAddress({ frame: "" });
   };
   addEventListener("popstate", () => state.left || openNamed());
