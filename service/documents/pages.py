@@ -125,7 +125,7 @@ def _state(row: Node) -> list[str]:
     relative = abs(row["expanded_uncertainty"] / row["value"]) if row["value"] else math.inf
     return [
         " ± ".join(in_step(row["value"], row["expanded_uncertainty"])),
-        f"{100 * relative:.2g} %" if relative < 1.0 else "-",
+        f"{in_step(0.0, 100 * relative)[1]} %" if relative < 1.0 else "-",
         f"{row['coverage_factor']:.2f}",
         plain(dof, 3) if dof <= 1000.0 else "> 1000",
     ]
@@ -243,7 +243,7 @@ def _shorten_budget(certificate: Node, headlines: list[Node]) -> list[list[str]]
         parts["All others"] = math.hypot(*(line["u"] for line in lines[_MOST_SOURCES:]))
     parts["u / value"] = headlines[0]["standard_uncertainty"]
     value = abs(headlines[0]["value"])
-    shown = [[name, f"{100 * u / value:.2g} %"] for name, u in parts.items()]
+    shown = [[name, f"{in_step(0.0, 100 * u / value)[1]} %"] for name, u in parts.items()]
     return [["For", f"{_holds_for(headlines[0])}; the complete budget is in the annex"], *shown]
 
 
