@@ -11,6 +11,8 @@ from radiometry.records import Record, later
 
 MAX_CELLS_A_SIDE: Final = 50
 
+Matrix = NDArray[np.float64]
+
 
 class Grid(Record):
     """Equal cells of a rectangular surface, given by the image of its corners."""
@@ -22,16 +24,27 @@ class Grid(Record):
     columns: int
     #: Length of the surface along its rows over that along its columns; None if it is not stated
     aspect: float | None = later()
-    #: Standard uncertainty of each coordinate of a corner [px]; None of older measurements, which do not
-    #: contain it
+    #: Standard uncertainty of each coordinate of a marked corner [px]; None of older measurements, which do
+    #: not contain it
     corner_u_px: float | None = later()
+    #: Length of the rectangle whose corners were marked, from the first side on, over the surface's; None if
+    #: it is the surface
+    marked_share: float | None = later()
+
+    def move_corners(self) -> list[Matrix]:
+        """Return the corners with each of the eight marked coordinates moved by its standard uncertainty."""
+        marked = np.array(self.corners, np.float64)
+        if self.marked_share is not None:
+            marked = _stretch(marked, self.marked_share)
+        moved = [marked + move for move in np.eye(8).reshape(8, 4, 2) * (self.corner_u_px or 0.0)]
+        return (
+            moved if self.marked_share is None else [_stretch(each, 1 / self.marked_share) for each in moved]
+        )
 
 
 POINTS_ACROSS: Final = 3  # Points across each lane (EN 13201-3)
 _FEWEST_ALONG, _WIDEST_M = 10, 3.0
 _UNIT_SQUARE: Final = ((0, 0), (1, 0), (1, 1), (0, 1))
-
-Matrix = NDArray[np.float64]
 
 
 class LaneGrid(Record):
@@ -51,7 +64,7 @@ class LaneGrid(Record):
         return max(_FEWEST_ALONG, math.ceil(self.spacing_m / _WIDEST_M - 1e-9))
 
 
-def find_homography(corners: Sequence[tuple[float, float]]) -> Matrix:
+def find_homography(corners: Sequence[tuple[float, float]] | Matrix) -> Matrix:
     """Solve for the homography with h[2, 2] = 1 from the unit square to the corners in the same order.
 
     Parameters
@@ -80,24 +93,21 @@ def lay_lanes(lanes: LaneGrid) -> Grid:
     lanes : LaneGrid
         Lanes and the marked rectangle.
     """
-    corners = lanes.corners
+    corners, share = np.array(lanes.corners, np.float64), None
     if lanes.spacing_m != lanes.length_m:
-        share = lanes.spacing_m / lanes.length_m
         try:
-            h = find_homography(corners)
+            corners = _stretch(corners, lanes.spacing_m / lanes.length_m)
+            share = lanes.length_m / lanes.spacing_m
         except np.linalg.LinAlgError:  # three on one line: the grid is refused for that
-            h = None
-        if h is not None:
-            far = _project(h, np.array([(share, 0.0), (share, 1.0)]))
-            corners = (corners[0], (far[0, 0], far[0, 1]), (far[1, 0], far[1, 1]), corners[3])
+            pass
     plain = tuple((float(x), float(y)) for x, y in corners)
     return Grid(
         corners=plain,
         rows=POINTS_ACROSS * lanes.lanes,
         columns=lanes.columns,
         aspect=lanes.spacing_m / (lanes.lanes * lanes.lane_width_m),
-        # beyond the marked rectangle a corner errs by more than those that were picked
-        corner_u_px=lanes.corner_u_px * max(1.0, lanes.spacing_m / lanes.length_m),
+        corner_u_px=lanes.corner_u_px,
+        marked_share=share,
     )
 
 
@@ -127,7 +137,7 @@ def describe_lanes(lanes: LaneGrid) -> dict[str, Any]:
         for axis in range(2):
             moved = np.array(lanes.corners, np.float64)
             moved[corner, axis] += lanes.corner_u_px
-            inverse: Matrix = np.linalg.inv(find_homography(moved.tolist())).astype(np.float64)
+            inverse: Matrix = np.linalg.inv(find_homography(moved)).astype(np.float64)
             back = _project(inverse, seen) * size
             variance += np.sum((back - points.reshape(-1, 2)) ** 2, axis=1)
     stated = ("lanes", "lane_width_m", "spacing_m", "length_m", "corner_u_px")
@@ -144,3 +154,9 @@ def describe_lanes(lanes: LaneGrid) -> dict[str, Any]:
 def _project(h: Matrix, points: Matrix) -> Matrix:
     projected = np.column_stack([points, np.ones(len(points))]) @ h.T
     return projected[:, :2] / projected[:, 2:]
+
+
+def _stretch(corners: Matrix, by: float) -> Matrix:
+    """Return the image of a rectangle ``by`` times as long from its first side on."""
+    far = _project(find_homography(corners), np.array([(by, 0.0), (by, 1.0)]))
+    return np.stack([corners[0], far[0], far[1], corners[3]])

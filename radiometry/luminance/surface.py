@@ -22,7 +22,7 @@ from radiometry.records import Record
 from radiometry.vignetting.lens import Lens, LensShare
 
 Array = NDArray[np.float64]
-Corners = Sequence[tuple[float, float]]
+Corners = Sequence[tuple[float, float]] | Array
 Read = tuple[Signal, LensShare | None]
 
 _OF_CELLS = {
@@ -172,7 +172,7 @@ def _judge_shape(grid: Grid, diagonal_px: float, centre: tuple[float, float]) ->
     if misfits[best] <= 1.0:
         return []
     u_angle = u_ratio = 0.0
-    for moved in _move_corners(grid.corners, grid.corner_u_px or 0.0):
+    for moved in grid.move_corners():
         angle, ratio = _compute_shape(moved, focal_px[best : best + 1], centre)
         u_angle = math.hypot(u_angle, angle[0] - angles[best])
         u_ratio = math.hypot(u_ratio, math.log(ratio[0] / ratios[best]))
@@ -198,12 +198,6 @@ def _compute_shape(corners: Corners, focal_px: Array, centre: tuple[float, float
     return np.degrees(np.arccos(cosine)), np.sqrt(sizes[0] / sizes[1])
 
 
-def _move_corners(corners: Corners, by_px: float) -> list[list[tuple[float, float]]]:
-    """Return the corners with each of the eight coordinates moved in turn."""
-    moves = np.eye(8).reshape(8, 4, 2) * by_px
-    return [[(float(x), float(y)) for x, y in np.array(corners) + move] for move in moves]
-
-
 def _is_mirrored(corners: Corners) -> bool:
     """Return True for corners that run counterclockwise on the screen."""
     x, y = np.array(corners).T
@@ -225,7 +219,7 @@ def _measure_narrowest(points: Array) -> float:
 
 
 def displace_cells(grid: Grid, values: Array) -> Array:
-    """Compute the effect of one standard uncertainty of each corner coordinate on the cells' values.
+    """Compute the effect of one standard uncertainty of each marked coordinate on the cells' values.
 
     A corner that moves takes the middle of each cell to another place of the surface, by the homography; the
     value there differs by the gradient of the cells' values.
@@ -244,7 +238,7 @@ def displace_cells(grid: Grid, values: Array) -> Array:
         np.gradient(values, axis=axis) if values.shape[axis] > 1 else 0.0 * values for axis in (1, 0)
     )
     effects = []
-    for moved in _move_corners(grid.corners, grid.corner_u_px):
+    for moved in grid.move_corners():
         u, v, w = back @ find_homography(moved) @ middles
         shift_u, shift_v = (
             size * (there / w - here).reshape(values.shape)

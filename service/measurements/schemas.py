@@ -330,7 +330,7 @@ def _describe_grid(row: Measurement) -> GridAnswer | None:
         return None
     surface = row.result["surface"]
     return GridAnswer(
-        **{name: value for name, value in row.parameters["grid"].items() if name != "aspect"},
+        **{name: value for name, value in row.parameters["grid"].items() if name in GridAnswer.model_fields},
         cell_model=surface["cell_model"],
         cells=surface["cells"],
         lanes=row.parameters.get("lanes"),

@@ -51,6 +51,27 @@ def test_a_skew_quadrilateral_and_narrow_cells_are_named():
     assert (raised.flag, raised.detail) == ("cells_small", "The narrowest cell is 3.0 px wide.")
 
 
+def test_corners_beyond_a_marked_rectangle_err_as_when_it_is_marked_again():
+    """A third of the field is marked."""
+    above = lanes_of(((0, 0), (100, 0), (100, 70), (0, 70)), length_m=10.0)
+    assert above.corners == ((0.0, 0.0), (300.0, 0.0), (300.0, 70.0), (0.0, 70.0))
+    in_x, in_y = above.move_corners()[:2]
+    assert in_x[1:3] == pytest.approx(np.array([(3 * 100 - 2 * 2, 0), (300, 70)]))
+    # sides of 68 and 70 px: x = 100 u 68 / (70 - 2 u) at u = 3, on a line that falls by 2 px in 100
+    assert in_y[1:3] == pytest.approx(np.array([(318.75, 2 - 0.02 * 318.75), (318.75, 70)]))
+
+    random = np.random.default_rng(3)
+    seen = find_homography(photograph(ROAD_M, tilt_deg=30, turn_deg=20))
+    near = seen @ np.array([(0, 0, 1), (1 / 3, 0, 1), (1 / 3, 1, 1), (0, 1, 1)]).T
+    marked = (near[:2] / near[2]).T
+    laid = lanes_of(marked, length_m=10.0, corner_u_px=0.5)
+    told = np.sqrt(np.sum((np.array(laid.move_corners()) - laid.corners) ** 2, axis=(0, 2)))
+    again = [lanes_of(marked + random.normal(0.0, 0.5, (4, 2)), length_m=10.0).corners for _ in range(200)]
+    scatter = np.sqrt(np.mean(np.sum((np.array(again) - laid.corners) ** 2, axis=2), axis=0))
+    assert told == pytest.approx(scatter, rel=0.2)
+    assert told[1] > 5 * told[0]
+
+
 def test_figures_have_the_error_of_picked_corners():
     """U_o and L_av of a slope of light, measured again with 400 draws of the corners."""
     corners, random = photograph(ROAD_M, tilt_deg=30, turn_deg=20), np.random.default_rng(2)
