@@ -11,7 +11,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-import httpx
 from sqlalchemy import func, select
 from sqlalchemy.exc import SQLAlchemyError
 
@@ -20,6 +19,7 @@ from store.jobs import FINAL_STATES
 from store.tables import Job
 from tests.support.deployments import spawn
 from tests.support.ports import pick_port
+from tests.support.waiting import status_of
 
 _EVERY_S = 0.25
 _WITHIN_S = 8.0
@@ -86,10 +86,7 @@ class Watch:
     def _probe(self, route: str) -> None:
         while not self._ended.wait(_EVERY_S):
             at = time.monotonic()
-            try:
-                status = httpx.get(self._urls[route], timeout=_WITHIN_S).status_code
-            except httpx.TransportError:
-                status = 0
+            status = status_of(self._urls[route], timeout_s=_WITHIN_S)
             self.probes[route].append(Probe(at=at, status=status, took_s=time.monotonic() - at))
 
     def _count(self) -> None:

@@ -2,13 +2,13 @@
 
 import time
 
-import httpx
 import pytest
 
 from tests.support.blobs import files
 from tests.support.deployments import Embedded, short_folder
 from tests.support.disks import filled, small_disk
 from tests.support.processes import wait_until
+from tests.support.waiting import status_of
 
 # Long enough for a part that is started again and again to be given up.
 FULL_S = 6.0
@@ -45,7 +45,7 @@ def test_a_full_disk_refuses_uploads_and_ends_nothing(deployment, shots):
         with filled(deployment.data):
             time.sleep(FULL_S)
             answers.append(post(shots[5]))
-            assert httpx.get(f"{team.url}/livez").status_code == 200
+            assert status_of(f"{team.url}/livez") == 200
         assert deployment.launcher.poll() is None
         assert {refusal(answer) for answer in answers} == {(507, "storage_full", True)}
         wait_until(deployment.serves, "readiness once there is room", timeout_s=60)

@@ -11,7 +11,7 @@ import pytest
 from store.database import Database
 from store.jobs.processes import list_parts
 from tests.support.ports import pick_port
-from tests.support.waiting import wait_for
+from tests.support.waiting import status_of, wait_for
 
 KEY = "stilb_0123456789abcdefghijklmnopqrstuvwxyzABCDEF"
 # a minute: few enough to be reached where a request takes a second
@@ -50,7 +50,7 @@ def test_several_processes_are_one_service(service):
         with database.reading() as session:
             return {part.pid for part in list_parts(session) if part.state == "working"}
 
-    wait_for(lambda: ask("/readyz").status_code == 200 and len(pids()) == 3)
+    wait_for(lambda: status_of(f"{url}/readyz") == 200 and len(pids()) == 3)
     made = httpx.post(
         f"{url}/v1/keys",
         headers={"Authorization": f"Bearer {KEY}"},

@@ -10,7 +10,7 @@ import pytest
 from tests.support.alone import alone
 from tests.support.fieldwork import Shot
 from tests.support.frames import write_frame
-from tests.support.waiting import PATIENCE_S, wait_for
+from tests.support.waiting import PATIENCE_S, status_of, wait_for
 
 MEGABYTE = 1 << 20
 
@@ -52,10 +52,6 @@ class SlowBody:
         yield self._content[half:]
 
 
-def is_ready(service):
-    return httpx.get(f"{service.url}/readyz", timeout=5.0)
-
-
 def test_a_stop_leaves_an_upload_its_grace_and_serves_who_waits_or_comes_meanwhile(start, shots):
     with start() as service, service.team() as team, team.http() as http, ThreadPoolExecutor(2) as pool:
         campaign = team.campaign()
@@ -69,8 +65,8 @@ def test_a_stop_leaves_an_upload_its_grace_and_serves_who_waits_or_comes_meanwhi
         # who waits for a job is given it as it is
         answer = waiting.result(PATIENCE_S)
         assert (answer.status_code, answer.json()["state"]) == (200, "queued")
-        wait_for(lambda: is_ready(service).status_code == 503)
-        answer = is_ready(service)
+        wait_for(lambda: status_of(f"{service.url}/readyz") == 503)
+        answer = httpx.get(f"{service.url}/readyz", timeout=5.0)
         assert (answer.json()["code"], answer.json()["retryable"]) == ("service_stopping", True)
         assert answer.headers["Connection"] == "close"
         assert team.client.campaign(campaign.id).id == campaign.id

@@ -12,7 +12,6 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
 
-import httpx
 import pytest
 import redis
 
@@ -22,6 +21,7 @@ from service.up import ROSTER, give_grace
 from tests.support.disks import filled, small_disk
 from tests.support.launcher import launched, ready
 from tests.support.processes import alive, family, marked, wait_until
+from tests.support.waiting import status_of
 
 GIVEN = "given-to-the-launcher-by-its-environment"
 FOLLOW_MAKE = """
@@ -63,7 +63,7 @@ def hint(socket_path):
 def test_it_says_in_one_line_where_it_serves(tmp_path):
     with launched(tmp_path) as process:
         address, key = ready(process)
-        assert httpx.get(f"{address}/readyz").status_code == 200
+        assert status_of(f"{address}/readyz") == 200
         assert address.startswith("http://127.0.0.1:")
         assert (tmp_path / "key").read_text() == f"{key}\n"
         assert (tmp_path / "key").stat().st_mode & 0o777 == 0o600
@@ -155,11 +155,8 @@ def test_a_killed_child_is_started_again_without_its_leftovers(tmp_path, name):
 
         def serves():
             try:
-                return (
-                    httpx.get(f"{address}/readyz").status_code == 200
-                    and hint(tmp_path / "valkey.sock").ping()
-                )
-            except (httpx.TransportError, redis.ConnectionError):
+                return status_of(f"{address}/readyz") == 200 and hint(tmp_path / "valkey.sock").ping()
+            except redis.ConnectionError:
                 return False
 
         wait_until(serves)

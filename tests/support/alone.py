@@ -7,11 +7,10 @@ import sys
 from contextlib import contextmanager
 from pathlib import Path
 
-import httpx
-
-from tests.support.deployments import spawn, wait_for
+from tests.support.deployments import spawn
 from tests.support.fieldwork import Team, new_team
 from tests.support.ports import pick_port
+from tests.support.waiting import status_of, wait_for
 
 KEY = "stilb_key_of_a_service_that_is_alone_here"
 
@@ -37,13 +36,7 @@ class Alone:
     def begin(self) -> None:
         """Start, and wait until it answers."""
         self.start()
-        wait_for(self.lives)
-
-    def lives(self) -> bool:
-        try:
-            return httpx.get(f"{self.url}/livez", timeout=5.0).status_code == 200
-        except httpx.TransportError:
-            return False
+        wait_for(lambda: status_of(f"{self.url}/livez") == 200)
 
     def ask_to_stop(self) -> None:
         self.process.send_signal(signal.SIGTERM)

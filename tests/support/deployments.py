@@ -14,7 +14,6 @@ from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 
-import httpx
 import redis
 from sqlalchemy import select
 
@@ -28,7 +27,7 @@ from tests.support.fieldwork import Team, new_team
 from tests.support.ports import pick_port
 from tests.support.processes import alive, children, command
 from tests.support.proxy import Proxy
-from tests.support.waiting import PATIENCE_S, state_of, text_of, wait_for
+from tests.support.waiting import PATIENCE_S, state_of, status_of, text_of, wait_for
 
 # What is lost is found again within seconds.
 QUICK = {"STILB_LEASE_S": "3"}
@@ -128,11 +127,7 @@ class Deployment(ABC):
 
     def serves(self, name: str = "") -> bool:
         """Return whether the service is ready; of several the one of this name."""
-        try:
-            url = self.url_of(name) if name else self.url
-            return httpx.get(f"{url}/readyz", timeout=5.0).status_code == 200
-        except httpx.TransportError:
-            return False
+        return status_of(f"{self.url_of(name) if name else self.url}/readyz") == 200
 
     def last_words(self) -> str:
         tails = [f"--- {path.name}\n{path.read_text()[-9000:]}" for path in sorted(self.logs.glob("*.log"))]
