@@ -114,6 +114,7 @@ def test_a_deleted_end_is_named(trail, first):
     )
 
 
+@pytest.mark.either_database
 def test_a_deleted_end_with_the_head_set_back_is_seen_by_the_noted_head(trail):
     noted, _ = check_audit(trail)
     tamper(
@@ -153,6 +154,7 @@ def test_an_entry_in_anothers_place_is_named(trail, statements, found_at):
     assert (seq, "it was moved" in what) == (found_at, True)
 
 
+@pytest.mark.either_database
 def test_an_entry_inserted_at_the_end_is_named(trail):
     tamper(
         trail,
@@ -168,6 +170,7 @@ def test_an_entry_inserted_at_the_end_is_named(trail):
     assert fault_of(trail) == (7, "entry 7 lies beyond the head: inserted at the end")
 
 
+@pytest.mark.either_database
 def test_an_entry_that_was_hashed_anew_breaks_the_next(trail):
     with trail.reading() as session:
         entry = dict(
@@ -180,6 +183,7 @@ def test_an_entry_that_was_hashed_anew_breaks_the_next(trail):
     assert "entry 5 does not continue entry 4" in what
 
 
+@pytest.mark.either_database
 def test_only_a_noted_head_catches_who_hashes_everything_anew(trail):
     noted, _ = check_audit(trail)
     add(trail, "later")
@@ -192,6 +196,7 @@ def test_only_a_noted_head_catches_who_hashes_everything_anew(trail):
     assert "was rewritten" in what
 
 
+@pytest.mark.either_database
 def test_a_head_that_is_missing_or_other_is_named(trail):
     for table in ("audit_chain", "audit_head"):
         tamper(trail, f"UPDATE {table} SET sha256 = '" + "1" * 64 + "'")
@@ -249,6 +254,7 @@ def test_the_chain_of_each_organisation_tells(two, statement, rehashed, found_at
     assert seq == found_at, what
 
 
+@pytest.mark.either_database
 def test_a_chain_that_vanished_with_its_head_is_missed(two):
     trail, one, _ = two
     tamper(

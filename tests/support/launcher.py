@@ -136,11 +136,6 @@ def _fail() -> None:
     sys.exit(7)
 
 
-def _newer() -> None:
-    sys.stderr.write("stilb: the database has schema 9999, which is newer than this stilb\n")
-    sys.exit(3)
-
-
 def _raise() -> None:
     raise RuntimeError("no such database")
 
