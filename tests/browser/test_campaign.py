@@ -262,7 +262,7 @@ def test_a_frame_is_dragged_and_readings_are_typed_in_the_grid(page, team, servi
     expect(page.locator("#before")).not_to_contain_text("cd/m2")
     see_in_time(page, team, campaign)
     moved = page.locator(".cell", has=page.locator("img")).nth(1)
-    name = moved.get_attribute("aria-label").split(":")[0]
+    name = moved.text_content().split(":")[0]
     target = page.get_by_role("rowheader").filter(has_text="level-1")
     target.scroll_into_view_if_needed()  # a page that scrolls under the pointer drags nothing
     moved.drag_to(target)
@@ -381,7 +381,7 @@ def both_move(page, other):
     """What another user has changed meanwhile is neither changed again nor undone, and is told."""
     first, second = (each.locator(".grid .cell") for each in (page, other))
     move(page, first, "dusk")
-    expect(second).to_have_attribute("aria-label", re.compile("dusk"))
+    expect(second).to_contain_text("dusk")
     page.route("**/grid?*", lambda _: None)  # what the other does is not shown yet
     move(other, second, "dawn")
     page.locator(".toast").get_by_role("button", name="Undo").click()
@@ -390,7 +390,7 @@ def both_move(page, other):
     )
     move(page, first, "night", told="changed_meanwhile")
     page.unroute_all()
-    expect(first).to_have_attribute("aria-label", re.compile("dawn"))
+    expect(first).to_contain_text("dawn")
 
 
 def move(page, cell, scene, told=None):
@@ -439,7 +439,7 @@ def test_the_first_rows_do_not_wait_for_a_thousand(page, team, service, tmp_path
     expect(page.locator("#frames-note")).to_have_text("1000 of this campaign", timeout=30_000)
     # repeats of one cell are a count until they are asked for
     expect(page.locator(".grid .cell")).to_have_count(3)
-    page.get_by_role("button", name=re.compile("^997 more, level-1")).press("Enter")
+    page.get_by_role("button", name=re.compile(r"^997 more .*\(level-1")).press("Enter")
     assert page.locator(".grid tbody tr").count() < 60
     page.locator(".grid").evaluate("element => element.scrollTo(0, element.scrollHeight)")
     expect(page.get_by_role("button", name=re.compile(r"^frame-999\.DNG"))).to_be_visible()

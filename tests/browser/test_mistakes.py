@@ -290,6 +290,7 @@ def sign_in_again(page, team):
     page.context.clear_cookies()
     typed.press("Enter")
     dialog = page.get_by_role("dialog", name="Your session has ended")
+    expect(dialog.get_by_label("Key")).to_be_focused()
     dialog.get_by_label("Key").fill("stilb_nobody_has_this")
     dialog.get_by_role("button", name="Sign in").click()
     expect(dialog.get_by_role("alert")).to_contain_text("This key is not known")

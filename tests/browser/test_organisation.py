@@ -92,7 +92,7 @@ def test_the_audit_trail_is_chosen_exported_and_its_chain_told(browser, service,
         look(page, "dark-audit")
         page.get_by_label("What").select_option("registered a camera")
         expect(page.locator("#counted")).to_have_text("3 entries, all there are")
-        page.get_by_role("button", name="Only the entries of DJI FC6520 0K1XE8").click()
+        page.get_by_role("button", name="only this (DJI FC6520 0K1XE8)").click()
         expect(page.locator("#counted")).to_have_text("1 entry, all there are")
         page.locator("#entries summary").click()
         expect(page.locator("#entries")).to_contain_text("pixel pitch um")

@@ -222,7 +222,8 @@ def _ask_axe(
 ) -> list[tuple[str, str, list[str]]]:
     page.emulate_media(color_scheme=scheme, reduced_motion="reduce")
     # what it would load before it looks, it would load in ways that the page's policy refuses
-    options = {"resultTypes": ["violations"], "preload": False, "runOnly": rules}
+    more = {"label-content-name-mismatch": {"enabled": rules is _LINES}}
+    options = {"resultTypes": ["violations"], "preload": False, "runOnly": rules, "rules": more}
     answer = Axe().run(page, part, options=options).response
     return [
         (scheme, each["id"], [node["html"][:200] for node in each["nodes"]]) for each in answer["violations"]

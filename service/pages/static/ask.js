@@ -20,7 +20,7 @@ export function ask({ title, body, fields = [], after, submit, danger = false, a
       { method: "dialog" },
       h("h2", {}, title),
       body,
-      fields.map(ofField),
+      fields.map((each, at) => ofField({ autofocus: at === 0, ...each })),
       after,
       h("div", { class: "actions" }, h("button", { type: "button", onclick: () => dialog.close() }, "Cancel"), button),
     );

@@ -5,7 +5,7 @@ import { counted, shortly } from "./format.js";
 import { natural } from "./groups.js";
 import { roleLabel } from "./methods.js";
 
-const [WIDE, NARROW, LEFT] = [860, 330, 20];
+const [WIDE, NARROW, LEFT] = [860, 316, 20];
 const [LANE, READINGS] = [66, 18];
 const [LETTER, NAME, MOST_ROWS, MOST_LETTERS] = [6.5, 14, 3, 24];
 const SHAPES = [

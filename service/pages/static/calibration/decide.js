@@ -142,10 +142,9 @@ function drawGaps(gaps, calibration, again) {
     const needed = codes.some((code) => NEEDED.has(code));
     return { title, mark: needed ? "warn" : "wait", tag: needed ? tag("needed", "warn") : null, actions: [action].filter(Boolean) };
   };
-  const [names, last] = [fields.slice(0, -1).map(([, name]) => name), fields.at(-1)?.[1]];
   const campaign = does(async () => editDetails(await get(`/v1/campaigns/${calibration.campaign_id}`), { only: fields.map(([field]) => field) }));
   const lines = [
-    fields.length ? line(`The campaign does not state ${names.length ? `${names.join(", ")} and ${last}` : last}`, gaps.map(({ code }) => code).filter((code) => FIELD_OF_GAP[code]), may("calibrate") ? small("Fill in", campaign) : null) : null,
+    fields.length ? line(`Not stated on the campaign: ${fields.map(([, name]) => name).join(", ")}`, gaps.map(({ code }) => code).filter((code) => FIELD_OF_GAP[code]), may("calibrate") ? small("Fill in", campaign) : null) : null,
     ...gaps.filter(({ code }) => !FIELD_OF_GAP[code]).map(({ code, message }) => line(message.replace(/\.$/, ""), [code], actionOf(code))),
   ];
   return causeFold(lines.filter(Boolean).sort((a, b) => (b.mark === "warn") - (a.mark === "warn")), 4);

@@ -92,10 +92,7 @@ function stillHolds({ state, valid_from: from, valid_to: to }) {
   return state === "superseded" && from && to && new Date(from) <= now && now < new Date(to);
 }
 
-function drawVerdict(calibration) {
-  const { diagnostics, parameters, method } = calibration;
-  return [diagnostics.iso_fits ? [verdictOf(diagnostics), conditions(diagnostics, parameters, method)] : null, keyFigures(calibration)];
-}
+const drawVerdict = (found) => [found.diagnostics.iso_fits ? [verdictOf(found.diagnostics), conditions(found.diagnostics, found.parameters, found.method)] : null, keyFigures(found)];
 
 /** The few figures that the method chooses, with U where it is known, else with u. */
 function keyFigures({ key_figures: rows = [], uncertainty_scope: scope }) {
@@ -228,7 +225,6 @@ function noteFolds({ coefficients: rows, points, findings, inputs, diagnostics, 
     models: reportedModel({ diagnostics, method }),
     flags: findings.length ? findings.map(({ code }) => tag(code, "warn")) : "no flags",
     made: `${[counted(inputs.frames.length, "frame"), inputs.readings?.length ? counted(inputs.readings.length, "reading") : null].filter(Boolean).join(", ")}, parameters, software`,
-    history: "decisions, other versions of the campaign",
   };
   for (const [name, note] of Object.entries(notes)) fill(byId(`${name}-note`), note);
 }

@@ -19,7 +19,7 @@ export function drawPoints({ points, parameters, diagnostics }, choice) {
     if (choice) mark(drawn, choice);
     return drawn;
   };
-  return shorten(inOrder(points, (point) => point.scene ?? ""), draw, 12);
+  return shorten(inOrder(points, (point) => `${point.scene ?? ""} ${point.frame}`), draw, 12);
 }
 
 const frameColumn = { head: "Frame", header: true, class: "frame-name", cell: (point) => filename(point.frame) };

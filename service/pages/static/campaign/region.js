@@ -2,6 +2,7 @@
 
 import { get, put } from "../api.js";
 import { byId, fill, h, may, toast } from "../dom.js";
+import { inOrder } from "../groups.js";
 import { act, empty, wrong } from "../states.js";
 import { RegionCanvas, RegionEditor } from "./canvas.js";
 import { select } from "./forms.js";
@@ -17,7 +18,7 @@ export function regionSection(state) {
   let tool = null;
   const draw = () => {
     // one that was refused for its region needs another
-    const drawable = state.frames.filter((frame) => frame.thumbnail);
+    const drawable = inOrder(state.frames.filter((frame) => frame.thumbnail), (frame) => frame.filename);
     if (tool) tool.offer(drawable);
     else if (drawable.length) fill(element, (tool = build(state, drawable)).element);
     else if (!element.firstChild) fill(element, empty("No preview yet", "The preview of the first frame appears here once it has been read."));
@@ -139,7 +140,7 @@ function build(state, drawable) {
 }
 
 const regionsOf = (roi) =>
-  !roi ? [] : roi.regions ? roi.regions.map(({ name, polygon }) => ({ name, points: polygon, closed: true })) : [{ name: "", points: roi.polygon, closed: true }];
+  !roi ? [] : roi.regions ? inOrder(roi.regions, ({ name }) => name).map(({ name, polygon }) => ({ name, points: polygon, closed: true })) : [{ name: "", points: roi.polygon, closed: true }];
 
 function partsOf(editor) {
   const name = (region, index) => region.name || `Part ${index + 1}`;

@@ -149,18 +149,21 @@ const sayExposure = (frame) => (frame.exposure_time_s ? `${exposureTime(frame.ex
 
 const thumbnail = (frame) =>
   frame.thumbnail
-    ? h("img", { class: "picture", ...imageOf(frame), alt: "", decoding: "async", width: 76, height: 57, draggable: "false" })
+    ? h("img", { class: "picture", ...imageOf(frame), alt: "", decoding: "async", width: 60, height: 45, draggable: "false" })
     : h("span", { class: "picture" }, mark(frame.state === "refused" ? "bad" : "wait"));
 
 /** What changes the look of a frame's cell. */
 const lookOf = (frame) => [frame.id, frame.state, frame.outcome, frame.code, frame.left_out, frame.withdrawn, frame.signal_dn, frame.exposure_time_s, frame.scene, frame.thumbnail];
+
+const hidden = (text) => h("span", { class: "hidden" }, text);
 
 export function frameCell(frame, { place, chosen, compact }) {
   const kind = kindOf(frame);
   const why = ["warn", "bad"].includes(kind) && frame.code ? stateWords(frame.code) : kind === "out" ? sayState(frame).toLowerCase() : frame.state === "received" ? "received" : "";
   return h(
     "button",
-    { type: "button", class: `cell ${kind}${chosen ? " chosen" : ""}`, tabindex: "-1", draggable: "true", "data-id": frame.id, "aria-label": `${frame.filename}: ${[place, sayExposure(frame), sayState(frame).toLowerCase(), why].filter(Boolean).join(", ")}${chosen ? ", selected" : ""}`, title: frame.detail ?? frame.filename },
+    { type: "button", class: `cell ${kind}${chosen ? " chosen" : ""}`, tabindex: "-1", draggable: "true", "data-id": frame.id, title: frame.detail ?? frame.filename },
+    hidden(`${frame.filename}: ${[place, place && !compact ? "" : sayExposure(frame), sayState(frame).toLowerCase(), chosen ? "selected" : ""].filter(Boolean).join(", ")}, `),
     thumbnail(frame),
     h("span", { class: "pv" }, mark(kind)),
     compact ? null : h("span", { class: "says" }, h("b", {}, frame.exposure_time_s ? exposureTime(frame.exposure_time_s) : frame.filename), frame.signal_dn === null ? null : `${number(frame.signal_dn, 4)} DN`, why ? h("em", {}, why) : null),
@@ -174,8 +177,9 @@ function gapCell(gap, { place, compact }) {
   const how = typeset([gap.exposure_time_s && suggest(gap.exposure_time_s), gap.text].filter(Boolean).join(": "));
   return h(
     "button",
-    { type: "button", class: "cell-gap", tabindex: "-1", title: how, "aria-label": `${["To photograph", place, how].filter(Boolean).join(", ")}` },
-    compact ? h("b", {}, "+") : [h("b", {}, "To photograph"), h("span", {}, how)],
+    { type: "button", class: "cell-gap", tabindex: "-1", title: how },
+    compact ? [h("b", { "aria-hidden": "true" }, "+"), hidden(`To photograph ${how}`)] : [h("b", {}, "To photograph"), " ", h("span", {}, how)],
+    place ? hidden(`(${place})`) : null,
   );
 }
 
@@ -185,9 +189,10 @@ function pileCell({ key, more, toCheck }, { place }) {
   const check = toCheck ? `${number(toCheck, 6)} to check` : "";
   return h(
     "button",
-    { type: "button", class: "cell-pile", tabindex: "-1", "data-pile": key, "aria-expanded": String(!more), "aria-label": [said, place, check].filter(Boolean).join(", ") },
+    { type: "button", class: "cell-pile", tabindex: "-1", "data-pile": key, "aria-expanded": String(!more) },
     h("b", {}, said),
     check ? h("span", {}, mark("warn"), " ", check) : null,
+    place ? hidden(`(${place})`) : null,
   );
 }
 
@@ -278,7 +283,7 @@ export function gridRows({ method, book, chosen, table, shown, choose }) {
   }
 
   function headOf(row) {
-    const menu = row.frames.length && may("calibrate") ? h("button", { type: "button", class: "menu-dots", "aria-label": `Select the frames of ${row.label}`, title: "Select these frames", onclick: () => choose(row.frames.map((frame) => frame.id)) }, "···") : null;
+    const menu = row.frames.length && may("calibrate") ? h("button", { type: "button", class: "menu-dots", "aria-label": `Select the frames of ${row.label}`, title: "Select these frames", onclick: () => choose(row.frames.map((frame) => frame.id)) }) : null;
     if (reads && row.kind === "role" && row.value !== null && method.grid.rows === "scene") return sceneHead(row, book, { menu });
     return h("div", { class: "scene-name" }, h("span", {}, row.label), menu);
   }

@@ -8,7 +8,7 @@ import { isRead } from "../campaign/state.js";
 import { causeList } from "../causes.js";
 import { byId, fill, h, leave, may } from "../dom.js";
 import { counted, day, stateWords } from "../format.js";
-import { groupBy } from "../groups.js";
+import { groupBy, inOrder } from "../groups.js";
 import { followJob } from "../live.js";
 import { labelOf, methodOf } from "../methods.js";
 import { act, empty, failed, load } from "../states.js";
@@ -84,7 +84,7 @@ async function choose(id) {
   chosen.frame = frame;
   const alike = chosen.frames.filter((each) => each.id !== id && SAME.every((name) => each[name] === frame[name]));
   averaged.parentElement.hidden = chosen.all || !alike.length || !methodOf(chosen.campaign.method).measurement_options.includes("frame_ids");
-  fill(averaged, (chosen.all ? [] : alike).map((each) => h("option", { value: each.id }, each.filename)));
+  fill(averaged, inOrder(chosen.all ? [] : alike, (each) => each.filename).map((each) => h("option", { value: each.id }, each.filename)));
   const roi = frame.roi_id && !chosen.all ? await get(`/v1/frames/${id}/roi`) : chosen.roi;
   if (chosen.frame === frame) region.show(chosen.all ? { ...frame, roi_id: null } : frame, roi?.polygon);
 }

@@ -111,7 +111,7 @@ function subject(entry) {
   const about = entry.about_id ?? entry.subject_id;
   const page = PAGES[about.slice(0, 3)];
   const name = entry.subject_name ?? words(entry.subject_type);
-  return [page ? h("a", { href: page + about }, name) : name, " ", small("only this", () => choose(entry.subject_id), { quiet: true, "aria-label": `Only the entries of ${name}` })];
+  return [page ? h("a", { href: page + about }, name) : name, " ", small(["only this", h("span", { class: "hidden" }, ` (${name})`)], () => choose(entry.subject_id), { quiet: true })];
 }
 
 /** The reason, and behind it each field that changed, from what to what. */
