@@ -339,7 +339,9 @@ def test_a_meter_has_a_certificate_that_holds(house, changes, taken_at, expected
     page = lay_out(certificate, "")
     assert ("relative only" in page["results"]["rows"][0]) is (scope == "relative_only")
     blocks = [block for section in page["sections"] for block in section["blocks"]]
-    (apertures,) = (block["rows"] for block in blocks if "from K of the ISO" in block.get("head", ()))
+    (further,) = (block["rows"] for block in blocks if "valid for" in block.get("head", ()))
+    apertures = [row for row in further if row[0] == "Luminance K"]
+    assert apertures
     assert all(("relative only" in row) is (scope == "relative_only") for row in apertures)
     assert certificate["traceability"].startswith("Relative only.") is (scope == "relative_only")
     (flag,) = [each for each in certificate["flags"] if each["flag"] == "meter_certificate_missing"] or [None]
