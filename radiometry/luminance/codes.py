@@ -52,8 +52,8 @@ OUTLIERS_DISCOUNTED = flag(
     "Look at these frames: a wrong scene, a shadow, a shutter that failed. Exclude them with the reason.",
 )
 TOLERANCE_EXCEEDED = flag(
-    "A point is further from the meter than the tolerance, or than the campaign's decision rule accepts.",
-    "Find it in `points`; do not exclude it without a reason. A guard band may need a smaller u(K).",
+    "A point is further from the meter than the tolerance, or K less certain than the decision rule accepts.",
+    "Find the point in `points`; do not exclude it without a reason. `guarded` needs a smaller u(K).",
 )
 METER_REPEATABILITY_ESTIMATED = flag(
     "The meter's repeatability was not given; it was estimated from the scatter between scenes.",

@@ -19,7 +19,7 @@ class CertificateText(Record):
     """Certificate text of one method.
 
     ``headlines`` : coefficients on the first page; all others have a table of their own
-    ``verdicts`` : ``(result) -> (largest error, passed)`` of each headline, in its order; empty without any
+    ``verdicts`` : ``(result) -> (largest residual, passed)`` of each headline in its order, or of none
     ``describe`` : ``(result) -> (label, text)``, what is to be said of the fit beside its coefficients
     ``columns`` : of the points; without `FRAME` they stand beside the frames, of which each is one point
     ``traceability`` : "" where it depends on the meters or panels used

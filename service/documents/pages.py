@@ -96,9 +96,12 @@ def _summarise(spec: MethodSpec, certificate: Node, rows: list[Node]) -> Node:
     """Return the table of the first page: value ± U, with the verdict where a method gives one."""
     result = certificate["result"]
     words = {True: "✓ passes", False: "✗ fails"}
+    against = f"tolerance {plain(100 * result['tolerance_rel'])} %" if "tolerance_rel" in result else ""
+    if rule := certificate["parameters"].get("acceptance"):
+        against += f"\n{rule.replace('_', ' ')}"
     stated = [
-        [percent(error), f"{words[passed]}\ntolerance {plain(100 * result['tolerance_rel'])} %"]
-        for error, passed in spec.certificate.verdicts(result)
+        [percent(residual), f"{words[passed]}\n{against}"]
+        for residual, passed in spec.certificate.verdicts(result)
     ]
     judged, between = bool(stated), "\n" if len(rows) <= _MOST_BIG else ", "
     printed = [
@@ -110,7 +113,7 @@ def _summarise(spec: MethodSpec, certificate: Node, rows: list[Node]) -> Node:
         ]
         for row, verdict in zip(rows, stated or [[]] * len(rows), strict=True)
     ]
-    head = ["", "value ± U", "U / value", "k", "dof", "unit", *(["largest error", "verdict"] * judged)]
+    head = ["", "value ± U", "U / value", "k", "dof", "unit", *(["largest residual", "verdict"] * judged)]
     widths = [2.4, 2.3, 1.2, 0.7, 0.9, 1.7, *([1.2, 1.5] * judged)]
     return table(head, printed, align="lrrrrl" + "rl" * judged, widths=widths)
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from radiometry.spectral.mismatch import compute_mismatch
+from service.documents.pages import lay_out
 from tests.support.campaigns import K_TRUE, ROI, calibrate, published_campaign
 from tests.support.frames import write_frame
 
@@ -136,6 +137,7 @@ def test_sodium_replaced_by_led_does_not_cancel_its_mismatch(house, version):
     }  # fmt: skip
     assert any("f1' = 65%" in each for each in certificate["statements"])
     assert any("guarded acceptance" in each for each in certificate["statements"])
+    assert lay_out(certificate, "")["results"]["rows"][0][-1] == "✗ fails\ntolerance 4 %\nguarded"
     sodium, led = (
         measure(house, named, 20.0, f"{light}.dng", light_source=light) for light in ("HP1", "LED-B3")
     )

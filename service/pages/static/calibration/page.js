@@ -92,7 +92,7 @@ function stillHolds({ state, valid_from: from, valid_to: to }) {
   return state === "superseded" && from && to && new Date(from) <= now && now < new Date(to);
 }
 
-const drawVerdict = (found) => [found.diagnostics.iso_fits ? [verdictOf(found.diagnostics), conditions(found.diagnostics, found.parameters, found.method)] : null, keyFigures(found)];
+const drawVerdict = (found) => [found.diagnostics.iso_fits ? [verdictOf(found.diagnostics, found.parameters), conditions(found.diagnostics, found.parameters, found.method)] : null, keyFigures(found)];
 
 /** The few figures that the method chooses, with U where it is known, else with u. */
 function keyFigures({ key_figures: rows = [], uncertainty_scope: scope }) {
@@ -113,12 +113,20 @@ function keyFigures({ key_figures: rows = [], uncertainty_scope: scope }) {
   );
 }
 
-function verdictOf({ iso_fits: fits, tolerance_rel: limit }) {
-  const tolerance = percent(limit, 3);
+/** Whether K passes, with the figures that its decision rule judges. */
+function verdictOf({ iso_fits: fits, tolerance_rel: limit }, { acceptance: rule }) {
   const failing = fits.filter((fit) => !fit.passed);
+  const largest = (name) => percent(Math.max(...fits.map((fit) => fit[name])));
+  const known = fits.every((fit) => fit.expanded_u_rel !== undefined);
+  const judged = [
+    rule === "guarded" ? "" : `the largest residual is ${largest("largest_residual_rel")} of L`,
+    (rule ?? "simple") === "simple" ? "" : known ? `U of K is up to ${largest("expanded_u_rel")}` : "U of K is unknown without a meter certificate",
+    `the tolerance is ${percent(limit, 3)}`,
+  ].filter(Boolean).join("; ");
+  const said = `${judged.charAt(0).toUpperCase()}${judged.slice(1)}.`;
   return failing.length
-    ? h("p", { class: "note bad" }, h("strong", {}, `${failing.length} of ${fits.length} ISO values exceed the tolerance of ${tolerance}. `), "Check the residuals. Do not exclude a point without a reason.")
-    : h("p", { class: "note good" }, h("strong", {}, `Passes${["", "", " at both ISO values"][fits.length] ?? ` at all ${fits.length} ISO values`}. `), `The largest residual is ${percent(Math.max(...fits.map((fit) => fit.largest_residual_rel)))} of L; the tolerance is ${tolerance}.`);
+    ? h("p", { class: "note bad" }, h("strong", {}, `Fails at ${failing.length} of ${fits.length} ISO values. `), said, " Do not exclude a point without a reason.")
+    : h("p", { class: "note good" }, h("strong", {}, `Passes${["", "", " at both ISO values"][fits.length] ?? ` at all ${fits.length} ISO values`}. `), said);
 }
 
 /** K of each ISO value, and at the f-numbers of the calibration; a version from before they were fitted has none. */
