@@ -9,7 +9,7 @@ import { readCard } from "../card/files.js";
 import { propose } from "../card/propose.js";
 import { cardView } from "../card/view.js";
 import { causeFold, small, smallLink } from "../causes.js";
-import { headlines, inForce, inForce as inForceOf } from "../coefficients.js";
+import { headlines, inForce } from "../coefficients.js";
 import { byId, fill, h, mark, may, table, toast } from "../dom.js";
 import { ago, number, span, stateWords } from "../format.js";
 import { groupBy } from "../groups.js";
@@ -77,7 +77,7 @@ function startCard(zone, place, rest) {
 
 async function readKnown() {
   const [cameras, campaigns, series] = await Promise.all([all("/v1/cameras"), all("/v1/campaigns"), get("/v1/series/coefficients")]);
-  return { cameras, campaigns, inForce: inForceOf(series.rows) };
+  return { cameras, campaigns, inForce: inForce(series.rows) };
 }
 
 /** Create what does not exist yet, then go on to the campaign's page, which sends. */
