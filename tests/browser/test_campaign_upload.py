@@ -51,6 +51,21 @@ def test_a_button_that_is_pressed_while_the_list_changes_is_clicked(page, files)
     expect(page.get_by_text(re.compile(r"^\d of \d received"))).to_be_visible()
 
 
+@pytest.mark.usefixtures("campaign")
+def test_a_long_list_draws_what_is_seen(page, files):
+    content = files[0].read_bytes()
+    choose(
+        page,
+        [{"name": f"DJI_{n:04}.DNG", "mimeType": "", "buffer": content + bytes([n])} for n in range(200)],
+    )
+    table = page.get_by_role("region", name="Upload list")
+    expect(page.get_by_role("button", name="Send 200 files")).to_be_visible()
+    assert table.locator("tbody tr").count() < 40
+    table.evaluate("it => it.scrollTo(0, it.scrollHeight)")
+    expect(table.get_by_text("DJI_0199.DNG")).to_be_visible()
+    assert table.locator("tbody tr").count() < 40
+
+
 # every pause before a file is sent again [ms], shortened
 NOTE_PAUSES = """() => {
     const set = window.setTimeout;

@@ -17,22 +17,65 @@ import { judge, patternsPart } from "./patterns.js";
 import { OPEN, UploadQueue } from "./queue.js";
 import { mendButtons } from "./refused.js";
 
+const MARGIN = 6;
+
 /**
- * A table whose rows are drawn again when markOf(item) changes; columns: [{head, class?}]; draw(item) gives the cells' contents, keyOf(item)
- * names it. Answers {element, show(items)}.
+ * columns: [{head, class?}]; draw(item) gives the cells' contents; keyOf(item) names it; markOf(item) changes when
+ * the row must be redrawn. Answers {element, show(items)}.
  */
-function keyedTable({ columns, caption, draw, keyOf, markOf }) {
-  const body = h("tbody", {});
-  const head = h("thead", {}, h("tr", {}, columns.map((c) => h("th", { scope: "col", class: c.class }, c.head))));
-  const element = h("div", { class: "table virtual", tabindex: "0", role: "region", "aria-label": caption }, h("table", {}, h("caption", { class: "hidden" }, caption), head, body));
+function virtualTable({ columns, rowHeight, caption, draw, keyOf, markOf }) {
+  const above = h("tr", { "aria-hidden": "true" }, h("td", { class: "gap" }));
+  const below = h("tr", { "aria-hidden": "true" }, h("td", { class: "gap" }));
+  const body = h("tbody", {}, above, below);
+  const grid = h(
+    "table",
+    {},
+    h("caption", { class: "hidden" }, caption),
+    h("thead", {}, h("tr", { "aria-rowindex": "1" }, columns.map((c) => h("th", { scope: "col", class: c.class }, c.head)))),
+    body,
+  );
+  const element = h("div", { class: "table virtual", tabindex: "0", role: "region", "aria-label": caption }, grid);
+  let items = [];
   let drawn = new Map();
+  let waiting = false;
   let walked;
 
-  // the controls of one row alone are in the order of Tab, up and down lead to the others
+  function update() {
+    waiting = false;
+    const seen = element.clientHeight || 600;
+    const from = Math.max(0, Math.floor(element.scrollTop / rowHeight) - MARGIN);
+    const to = Math.min(items.length, Math.ceil((element.scrollTop + seen) / rowHeight) + MARGIN);
+    const next = new Map();
+    for (let index = from; index < to; index += 1) next.set(keyOf(items[index]), rowOf(items[index], index));
+    let left;
+    for (const [key, row] of drawn) {
+      if (next.has(key)) continue;
+      if (row.element.contains(document.activeElement)) left = row.element.rowIndex;
+      row.element.remove();
+    }
+    let place = above;
+    for (const row of next.values()) {
+      // moved only where it must be: a row that stays keeps its focus
+      if (place.nextSibling !== row.element) place.after(row.element);
+      place = row.element;
+    }
+    drawn = next;
+    above.firstChild.style.height = `${from * rowHeight}px`;
+    below.firstChild.style.height = `${(items.length - to) * rowHeight}px`;
+    above.hidden = from === 0;
+    below.hidden = to === items.length;
+    setStops();
+    // the row that follows takes the focus of one that is gone
+    if (left) controlsOf(grid.rows[Math.min(left, next.size + 1)] ?? below).at(-1)?.focus({ preventScroll: true });
+  }
+
+  // ---- walking: the controls of one row alone are in the order of Tab, up and down lead to the others
+
   const controlsOf = (row) => [...row.querySelectorAll("button, input, select")];
   function setStops() {
-    const active = walked?.isConnected ? walked : body.firstChild;
-    for (const row of body.children) for (const control of controlsOf(row)) control.tabIndex = row === active ? 0 : -1;
+    const rows = [...drawn.values()].map((row) => row.element);
+    const active = rows.find((row) => row === walked) ?? rows[0];
+    for (const row of rows) for (const control of controlsOf(row)) control.tabIndex = row === active ? 0 : -1;
   }
   body.addEventListener("focusin", (event) => {
     walked = event.target.closest("tr");
@@ -42,37 +85,45 @@ function keyedTable({ columns, caption, draw, keyOf, markOf }) {
     const way = { ArrowDown: "nextElementSibling", ArrowUp: "previousElementSibling" }[event.key];
     if (!way || event.target.matches("select")) return;
     const at = controlsOf(walked).indexOf(event.target) - controlsOf(walked).length;
-    if (walked[way]) controlsOf(walked[way]).at(at)?.focus();
+    controlsOf(walked[way] ?? above).at(at)?.focus();
     event.preventDefault();
   });
 
-  function show(items) {
-    const next = new Map(items.map((item) => [keyOf(item), drawn.get(keyOf(item)) ?? { element: h("tr", {}) }]));
-    let left;
-    for (const [key, row] of drawn) {
-      if (next.has(key)) continue;
-      if (row.element.contains(document.activeElement)) left = row.element.sectionRowIndex;
-      row.element.remove();
-    }
-    for (const item of items) {
-      const [row, mark] = [next.get(keyOf(item)), markOf(item)];
-      // a row that stays keeps its focus
-      if (!row.element.isConnected) body.append(row.element);
-      if (row.mark === mark || typedIn(row.element)) continue;
+  function rowOf(item, index) {
+    const mark = markOf(item);
+    const row = drawn.get(keyOf(item)) ?? { element: h("tr", {}), mark: undefined };
+    row.element.setAttribute("aria-rowindex", index + 2);
+    if (row.mark !== mark && !typedIn(row.element)) {
       row.mark = mark;
       fill(row.element, draw(item).map((cell, at) => h("td", { class: columns[at].class }, cell)));
+      row.element.style.height = `${rowHeight}px`;
     }
-    drawn = next;
-    setStops();
-    // the row that follows takes the focus of one that is gone
-    if (left !== undefined) controlsOf(body.rows[Math.min(left, body.rows.length - 1)] ?? body).at(-1)?.focus({ preventScroll: true });
+    return row;
   }
-  return { element, show };
+
+  const soon = () => {
+    if (waiting) return;
+    waiting = true;
+    requestAnimationFrame(update);
+  };
+  body.addEventListener("focusout", soon);
+  element.addEventListener("scroll", soon, { passive: true });
+  new ResizeObserver(soon).observe(element);
+
+  return {
+    element,
+    show(some) {
+      items = some;
+      grid.setAttribute("aria-rowcount", items.length + 1);
+      update();
+    },
+  };
 }
 
 /** What somebody types is not taken from under their hands. */
 const typedIn = (row) => row.contains(document.activeElement) && document.activeElement.matches("select, input:not([type=checkbox])");
 
+const ROW_PX = 48;
 const MOST_NAMED = 5;
 const EDITABLE = ["hashing", "asking", "ready", "failed"];
 
@@ -287,7 +338,8 @@ function itemTable(state, queue) {
     Object.assign(item, values, { edited: true, upload: undefined, once: undefined });
     queue.changed();
   };
-  return keyedTable({
+  return virtualTable({
+    rowHeight: ROW_PX,
     columns: [{ head: "File", class: "name" }, { head: "Progress", class: "how-far" }, { head: "Role", class: "role" }, { head: "Scene", class: "scene" }, { head: "Size", class: "number size" }, { head: h("span", { class: "hidden" }, "Remove"), class: "remove" }],
     caption: "Upload list",
     keyOf: (item) => item.key,
