@@ -175,7 +175,7 @@ def _flags(
         (codes.OUTSIDE_SIGNALS, adjusted_dn, coefficient.signal_range_dn, " DN above dark"),
     ):
         if not low <= value <= high:
-            raised.append(flag.at("", f"{value:g}{unit}; calibrated: {low:g} to {high:g}{unit}."))
+            raised.append(flag.at("", f"{value:.5g}{unit}; calibrated: {low:.5g} to {high:.5g}{unit}."))
         elif (
             flag is codes.OUTSIDE_F_NUMBERS
             and coefficient.apertures

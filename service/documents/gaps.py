@@ -9,8 +9,6 @@ from radiometry.records import Record
 from service.documents.schemas import CertificateAnswer, UsedMeter
 from store.queries.organisations import UNNAMED_LABORATORY
 
-_MOST_NAMED = 3
-
 
 class Found(Record):
     """A missing item: its code, and a message that says what is missing and how to add it."""
@@ -151,14 +149,11 @@ def _of_checklist(certificate: CertificateAnswer) -> Iterator[Found]:
     items = certificate.checklist.items
     if not items:
         return  # only the luminance procedure has one
-    waiting = [item.text for item in items if item.done_by is None]
+    waiting = sum(item.done_by is None for item in items)
     if waiting:
-        named = "; ".join(waiting[:_MOST_NAMED])
-        more = f"; and {len(waiting) - _MOST_NAMED} more" if len(waiting) > _MOST_NAMED else ""
         yield Found(
             code=interface.CHECKLIST_INCOMPLETE,
-            message=f"{len(waiting)} of {len(items)} items of the procedure's checklist are not ticked: "
-            f"{named}{more}.",
+            message=f"{waiting} of {len(items)} items of the procedure's checklist are not ticked.",
         )
     if certificate.checklist.signature is None:
         yield Found(

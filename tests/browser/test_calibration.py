@@ -11,6 +11,7 @@ from radiometry.methods import METHODS, get_method
 from service.calibrations.methods import NewCalibration, read_request
 from store.codec import decode, drop_absent
 from tests.support.browser import (
+    ALL_DRAWN,
     DIALOG,
     PICTURES,
     WIDTHS,
@@ -67,6 +68,8 @@ def shown(night_page, night):
     open_folds(night_page)
     expect(night_page.locator("#signal-plot .chart")).to_be_visible()
     expect(night_page.locator(".plot:not(:has(.chart))")).to_have_count(0)
+    # where a plot has nothing to show, its neighbours are drawn again in its room
+    night_page.wait_for_function(ALL_DRAWN, arg=night_page.locator("main").element_handle())
     return night_page
 
 

@@ -2,6 +2,7 @@
 
 import hashlib
 import re
+from datetime import UTC, datetime
 
 import pytest
 from playwright.sync_api import expect
@@ -64,6 +65,18 @@ def test_a_long_list_draws_what_is_seen(page, files):
     table.evaluate("it => it.scrollTo(0, it.scrollHeight)")
     expect(table.get_by_text("DJI_0199.DNG")).to_be_visible()
     assert table.locator("tbody tr").count() < 40
+
+
+def test_frames_of_another_day_wait_to_be_included(team, campaign, page, files, tmp_path):
+    other = write_frame(tmp_path / "DJI_0009.DNG", seed=9, taken_at=datetime(2025, 1, 1, 9, tzinfo=UTC))
+    choose(page, [*files, other])
+    aside = page.get_by_role("listitem").filter(has_text="1 frame of another day. 2025-01-01 09:00")
+    expect(page.get_by_role("button", name="Send 3 files")).to_be_visible()
+    aside.get_by_role("button", name="Include").click()
+    page.get_by_role("button", name="Send 4 files").click()
+    expect(page.get_by_text(re.compile("^4 of 4 received"))).to_be_visible()
+    expect(aside).to_have_count(0)
+    assert len(names_of(team, campaign)) == 4
 
 
 # every pause before a file is sent again [ms], shortened

@@ -2,8 +2,9 @@
 
 import { get, patch, post } from "../api.js";
 import { readCard } from "../card/files.js";
-import { differs, nameOf, splitSkipped } from "../card/propose.js";
-import { small } from "../causes.js";
+import { differs, findAsides, nameOf, splitSkipped } from "../card/propose.js";
+import { sayCheck } from "../card/view.js";
+import { causeList, small } from "../causes.js";
 import { fill, h, isPressed, mark, may, toast } from "../dom.js";
 import { bytes, counted, span, tag } from "../format.js";
 import { groupBy } from "../groups.js";
@@ -148,14 +149,16 @@ export function uploadSection(state) {
     const campaign = state.campaign ?? (await get(state.path).catch(() => null));
     const camera = campaign && (await get(`/v1/cameras/${campaign.camera_id}`).catch(() => null));
     const others = camera ? wanted.filter((row) => row.header && differs(row.header, camera)) : [];
-    fill(trouble, closed.length ? notOpened(closed) : null, others.length ? otherCamera(campaign, camera, others, wanted.length, async (body) => {
+    const own = wanted.filter((row) => !others.includes(row));
+    const asides = findAsides(own.filter((row) => row.header), own).filter(({ frames }) => frames.every((row) => row.header));
+    fill(trouble, asides.length ? causeList(asides.map((check) => leftOut(check, () => queue.add(check.frames, judgeName)))) : null, closed.length ? notOpened(closed) : null, others.length ? otherCamera(campaign, camera, others, wanted.length, async (body) => {
       await patch(state.path, { camera_id: (await post("/v1/cameras", body)).id });
       fill(trouble);
       queue.add(others, judgeName);
       await state.touch();
     }) : null);
-    const count = queue.add(wanted.filter((row) => !others.includes(row)), judgeName);
-    if (!count && !others.length && wanted.length) toast("These files are already in the list.");
+    const count = queue.add(own.filter((row) => !asides.some(({ frames }) => frames.includes(row))), judgeName);
+    if (!count && !others.length && !asides.length && wanted.length) toast("These files are already in the list.");
     else if (twins.length + videos.length) toast(`Skipped: ${[twins.length && counted(twins.length, "JPEG twin"), videos.length && counted(videos.length, "video")].filter(Boolean).join(", ")}.`);
   };
   const list = itemTable(state, queue);
@@ -235,6 +238,12 @@ async function unpacked(row) {
   } catch (error) {
     return { ...row, fault: error.message };
   }
+}
+
+/** Of another day, place or aim, or cut short: one line, and a button that takes them in after all. */
+function leftOut(check, include) {
+  const [title, where] = sayCheck(check);
+  return { mark: check.mark, title, where, actions: [small(check.code === "cut" ? "Send anyway" : "Include", (event) => (include(), event.target.closest("li").remove()), { quiet: check.code === "cut" })] };
 }
 
 const notOpened = (rows) =>

@@ -113,7 +113,7 @@ function listOffers({ known, frames }, proposal, { methods, campaigns }) {
  * What lies on the card beside the frames that are meant, and is left out until a person keeps it: of another day or place (runs between
  * long pauses and jumps, of which the longest is meant), of another aim, or cut short. Dark frames go with those nearest in time.
  */
-function findAsides(frames, rows) {
+export function findAsides(frames, rows) {
   const ordered = [...frames].sort(byTime);
   const runs = [];
   let before;

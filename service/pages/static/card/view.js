@@ -170,6 +170,9 @@ const SAID = {
   darks_too_short: ({ dark_s: dark, light_s: light }) => [`Dark frames up to ${exposureTime(dark)} only`, `The other frames run to ${exposureTime(light)}. One more dark frame per ISO value at ${exposureTime(light)} would cover them.`],
 };
 
+/** [title, sentence] of a check. */
+export const sayCheck = (check) => SAID[check.code](check);
+
 function checks({ found, choice }, tell) {
   if (!found.checks.length) return null;
   const keep = (check) => small(["overexposed", "cut"].includes(check.code) ? "Send anyway" : "Keep", () => (choice.kept.add(check.key), tell.changed()), { quiet: true });
@@ -180,7 +183,7 @@ function checks({ found, choice }, tell) {
     misplaced: (check) => small(`Move to ${check.scene}`, () => (move(choice, check.frames, { scene: check.scene }), tell.changed())),
   };
   const lines = found.checks.map((check) => {
-    const [title, where] = SAID[check.code](check);
+    const [title, where] = sayCheck(check);
     return { mark: check.mark, title, where, actions: asides.includes(check.code) ? [include(check)] : [mend[check.code]?.(check), check.code === "cut" && !check.frames.some((frame) => frame.header) ? null : keep(check)].filter(Boolean) };
   });
   return h("section", { class: "tight", "aria-labelledby": "check" }, h("div", { class: "section-head" }, h("h2", { id: "check" }, "Check before sending"), h("p", {}, "You can send now and fix these later")), causeList(lines));

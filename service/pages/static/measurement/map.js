@@ -20,7 +20,7 @@ export function drawGrid(found) {
     found.grid_illuminance ? ["Mean illuminance", quantity(found.grid_illuminance)] : null,
   ].filter(Boolean);
   return [
-    cellTable(cells, (cell) => [swatch(scale.colour(cell.value)), withUncertainty(cell.value, cell.standard_uncertainty)], { rows: found.u_l ? ["Uₗ", (index) => number(found.u_l[index].value, 3)] : null, caption: "Luminance of each cell in cd/m²" }),
+    cellTable(cells, (cell) => [swatch(scale.colour(cell.value)), withUncertainty(cell.value, cell.standard_uncertainty)], { rows: found.u_l ? ["Uₗ", (index) => quantity(found.u_l[index])] : null, caption: "Luminance of each cell in cd/m²" }),
     h("dl", { class: "facts across ratios" }, ratios.map((each) => figure(...each))),
   ];
 }

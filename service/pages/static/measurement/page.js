@@ -133,14 +133,15 @@ function drawFigures(found) {
   ];
 }
 
+const range = (...ends) => h("span", { class: "nowrap" }, ends.map(({ value, standard_uncertainty: u }) => withUncertainty(value, u).split(" ± ")[0]).join(" – "));
 const above = (found) => (found.seen_from ? ", seen from above" : "");
 
 function figures(found) {
   const { mean, grid } = found;
   const rows = [[found.index ? titleOf(found) : "Mean", quantity(mean), found.index ? "of the region’s mean reflectances" : `u is ${relative(mean.value, mean.standard_uncertainty)}${found.uncertainty_scope === "relative_only" ? ", relative only: no meter certificate" : ""}${found.pixels ? `; ${number(found.pixels, 9)} pixels` : ""}`]];
   if (found.median) rows.push(["Median", quantity(found.median)]);
-  if (found.min) rows.push(["Range of pixels", h("span", { class: "nowrap" }, `${number(found.min.value, 3)} – ${number(found.max.value, 3)}`), mean.unit === "1" ? "" : unit(mean.unit)]);
-  if (grid) rows.push(["Overall uniformity U_o", quantity(found.u_o), `smallest / mean of the cells${above(found)}`], ["Range of cells", `${number(found.l_min_cd_m2.value, 3)} – ${number(found.l_max_cd_m2.value, 3)}`, "cd/m²"]);
+  if (found.min) rows.push(["Range of pixels", range(found.min, found.max), mean.unit === "1" ? "" : unit(mean.unit)]);
+  if (grid) rows.push(["Overall uniformity U_o", quantity(found.u_o), `smallest / mean of the cells${above(found)}`], ["Range of cells", range(found.l_min_cd_m2, found.l_max_cd_m2), "cd/m²"]);
   if (found.u_l) rows.push(["Longitudinal uniformity U_l, worst row", quantity(found.u_l.reduce((worst, each) => (each.value < worst.value ? each : worst)))]);
   if (found.illuminance) rows.push(["Illuminance π L / ρ", quantity(found.illuminance)]);
   if (found.saturated_share) rows.push(["Saturated", percent(found.saturated_share), "of the region’s samples"]);

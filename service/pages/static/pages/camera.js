@@ -66,7 +66,7 @@ async function drawDrift() {
     const [first] = said;
     const same = said.length > 1 && said.every((each) => !each.slope && each.why === first.why);
     const words = same ? h("p", { class: "small" }, first.why) : said.length ? h("ul", { class: "plain small" }, said.map(saidOf)) : null;
-    return [words, verdicts(parameters, method)];
+    return [words, parameters.some((each) => each.change || each.verdict !== "cannot_tell") ? verdicts(parameters, method) : null];
   });
 }
 
@@ -80,7 +80,7 @@ function verdicts(parameters, method) {
     { head: "Repeats", class: "number", cell: (row) => String(row.determinations.length) },
     { head: "Explanation", class: "words", cell: (row) => row.said.replace(/^[a-z0-9_]+(?: at [^:]+)?: /, "") },
   ];
-  return parameters.length ? shorten(parameters, (rows) => table(columns, rows, { caption: "Stability of every coefficient", stack: true }), 6) : null;
+  return shorten(parameters, (rows) => table(columns, rows, { caption: "Stability of every coefficient", stack: true }), 6);
 }
 
 function saidOf(parameter) {
