@@ -43,9 +43,19 @@ HORIZONTAL_IRRADIANCE_LEFT_OUT = flag_both(
     "Update the camera's firmware.",
 )
 TILT_NOT_CORRECTABLE = flag_both(
-    "The reading of the sunshine sensor was not converted to a level surface: the file lacks position, time, "
-    "its zone or attitude, or the sun is under 10 degrees. The tilt is in the uncertainty.",
-    "Wait for the GPS fix, fly when the sun is higher, and state the campaign's time zone.",
+    "The reading of the sunshine sensor was not converted to a level surface: the file lacks position, time "
+    "or attitude, or the sun is under 10 degrees. The tilt is in the uncertainty.",
+    "Wait for the GPS fix, and fly when the sun is higher.",
+)
+ZONE_UNKNOWN = flag_both(
+    "The camera's clock states no time zone: the tilt of the sunshine sensor was corrected for the mean of "
+    "the zones that its longitude allows, and their spread is in the uncertainty.",
+    "State the campaign's time zone.",
+)
+SUNSHINE_STALE = flag_both(
+    "The reading of the light sensor repeats that of an earlier capture although the sensor leans otherwise: "
+    "it is not this frame's. A fit leaves the frame out; a measurement levels it as at the panel.",
+    "Take the capture again, or wait a second between captures.",
 )
 SUNSHINE_TILTED = flag_both(
     "The sunshine sensor was more than 3 degrees off level, and its reading was not converted. "
@@ -115,6 +125,11 @@ IMPLAUSIBLE_REFLECTANCE_K = flag(
     "K is more than 1.5 times off pi: radiance and irradiance in absolute units give R = pi L / E. The panel "
     "was shaded, its reflectance or a unit is wrong, or the sunshine sensor saw another light.",
     "Check the panel's values and its picture; take it again in the light that the sensor sees.",
+)
+LIGHT_ROUTES_DIFFER = flag(
+    "The light sensor and the panel disagree by more than 10 % on the light in this band: radiance of the "
+    "panel over its reflectance, in absolute units, is not the sensor's reading.",
+    "Where one band differs, check its panel value; where all do, what shaded sensor or panel.",
 )
 PANEL_ONCE = flag(
     "The panel was taken at one time only: drift during the flight is not known. An assumed one is in the "

@@ -17,6 +17,7 @@ LARGEST_DRIFT_REL = 0.03
 _NEWER_SCALE = 1e7
 _BLACK_TOLERANCE_REL = 0.01
 _PLAUSIBLE = 1.5
+_ROUTES_AGREE_REL = 0.1
 
 
 def review_frame(header: FrameHeader, *, exposure: Exposure | None) -> list[Raised]:
@@ -67,6 +68,8 @@ def check_candidates(candidates: Sequence[points.Candidate]) -> list[Raised]:
         if features is not None and features.statistics.saturated_share > points.MOST_SATURATED_SHARE:
             detail = f"{features.statistics.saturated_share:.1%} of the region. Shorten the exposure."
             raised.append(codes.PANEL_SATURATED.at(where, detail))
+        if each.left_out_code == codes.SUNSHINE_STALE:
+            raised.append(codes.SUNSHINE_STALE.at(where, each.left_out))
         if not each.left_out:
             raised += check_frame(each.row.header, where=where)
             if not each.row.header.serial:
@@ -112,6 +115,9 @@ def check_fit(fit: BandFit, used: Sequence[points.Candidate]) -> list[Raised]:
     k = fit.coefficient.reflectance_k
     if fit.coefficient.reflectance_k_unit == "sr" and not 1.0 / _PLAUSIBLE < k / math.pi < _PLAUSIBLE:
         raised.append(codes.IMPLAUSIBLE_REFLECTANCE_K.at(where, f"K is {k:.3g} sr, pi is expected."))
+    elif fit.coefficient.reflectance_k_unit == "sr" and abs(k / math.pi - 1.0) > _ROUTES_AGREE_REL:
+        detail = f"The light sensor reads {k / math.pi - 1.0:+.1%} against the panel; K is {k:.3g} sr."
+        raised.append(codes.LIGHT_ROUTES_DIFFER.at(where, detail))
     if fit.drift_rel is None:
         raised.append(codes.PANEL_ONCE.at(where, _foresee(fit)))
     elif abs(fit.drift_rel) > LARGEST_DRIFT_REL:

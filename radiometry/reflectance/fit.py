@@ -16,8 +16,8 @@ from radiometry.records import Record
 from radiometry.reflectance import codes, results
 from radiometry.reflectance.points import Candidate
 from radiometry.reflectance.results import BandFit, Coefficient, Knot, Normalisation, Params, Point
-from radiometry.reflectance.sun import locate_sun_of, read_clock
-from radiometry.reflectance.sunshine import SINGLE_READING_U_REL, compare_channels
+from radiometry.reflectance.sun import locate_suns_of, read_clock
+from radiometry.reflectance.sunshine import SINGLE_READING_U_REL, compare_channels, see_light
 
 # An assumed standard deviation counts as one from so many values: it is known to 35 % (JCGM 100, G.4.2).
 _ASSUMED_DOF = 4.0
@@ -61,7 +61,6 @@ class Visit(Record, kw_only=False):
     knot: Knot
     noise: float
     sunshine: float
-    level: float
     repeat: float
     restless: float
 
@@ -145,6 +144,10 @@ def judge_visit(visit: Sequence[PanelFrame], reading: Estimate) -> Visit:
     if repeat > 0.0:
         restless += scatter**2 / (n - 1.0)
     level = statistics.fmean(frame.level_u_rel for frame in visit) ** 2
+    effects = results.add_effects(
+        [each.candidate.sunshine.level_effects if each.candidate.sunshine else () for each in visit],
+        [1.0 / n] * n,
+    )
     times = [frame.candidate.at_s for frame in visit if frame.candidate.at_s is not None]
     return Visit(
         number=visit[0].candidate.visit,
@@ -153,10 +156,11 @@ def judge_visit(visit: Sequence[PanelFrame], reading: Estimate) -> Visit:
             reflectance_k=statistics.fmean(frame.k for frame in visit),
             u_rel=math.sqrt(noise + sunshine + repeat + level),
             half_span_s=max(abs(at_s - statistics.fmean(times)) for at_s in times) if times else None,
+            level_u_rel=math.sqrt(level),
+            level_effects=effects,
         ),
         noise=noise,
         sunshine=sunshine,
-        level=level,
         repeat=repeat,
         restless=restless + single**2 / reading.dof,
     )
@@ -177,7 +181,9 @@ def pool_drift(bands: Sequence[Sequence[Visit]], *, assumed_rel: float) -> Estim
         for before, after in itertools.pairwise(band):
             a, b = before.knot, after.knot
             if a.at_s is not None and b.at_s is not None:
-                excess = math.log(b.reflectance_k / a.reflectance_k) ** 2 - a.u_rel**2 - b.u_rel**2
+                shared = results.add_effects((a.level_effects or (), b.level_effects or ()), (1.0, -1.0))
+                known = math.hypot(a.own_u_rel, a.own_level_u_rel, b.own_u_rel, b.own_level_u_rel, *shared)
+                excess = math.log(b.reflectance_k / a.reflectance_k) ** 2 - known**2
                 found.setdefault((before.number, after.number), []).append(
                     excess / results.change_variance(b.at_s - a.at_s)
                 )
@@ -256,7 +262,7 @@ def _fit_band(
         "drift": ("B", math.hypot(midway.drift_u_rel, constant_u_rel)),
         "pixel noise": ("A", math.sqrt(sum(visit.noise for visit in visits) / count)),
         "sunshine readings": ("A", math.sqrt(sum(visit.sunshine for visit in visits) / count)),
-        "sunshine tilt": ("B", math.sqrt(sum(visit.level for visit in visits) / count)),
+        "sunshine tilt": ("B", math.hypot(midway.level_u_rel, *midway.level_effects)),
         "repeat of the panel": ("A", math.sqrt(sum(visit.repeat for visit in visits) / count)),
     }
     # Welch and Satterthwaite: what was not estimated has no end of freedom
@@ -311,8 +317,10 @@ def _measure(candidate: Candidate, params: Params) -> PanelFrame:
 
 
 def _angle_u_rel(used: Sequence[Candidate], params: Params) -> float:
-    suns = [sun for each in used if (sun := locate_sun_of(each.row.header)) is not None]
-    angle_deg = params.incidence_angle_deg or max((90.0 - sun.elevation_deg for sun in suns), default=0.0)
+    suns = [suns for each in used if (suns := locate_suns_of(each.row.header))]
+    angle_deg = params.incidence_angle_deg or max(
+        (90.0 - statistics.fmean(sun.elevation_deg for sun in each) for each in suns), default=0.0
+    )
     u, theta = math.radians(params.incidence_angle_u_deg), math.radians(min(angle_deg, _STEEPEST_DEG))
     return math.hypot(math.tan(theta) * u, u**2 / 2.0)
 
@@ -356,6 +364,8 @@ def _build(
         shared_u_rel=math.hypot(
             *(sources[name] for name in ("panel reflectance", "panel angle", "panel evenness"))
         ),
+        angle_u_rel=sources["panel angle"],
+        panel_light=tuple(light for each in used if (light := see_light(each.band))) or None,
         gain_u_rel=sources["sunshine gain"],
         drift_u_rel=drift[0],
         drift_half_hour_rel=drift[1],

@@ -22,8 +22,9 @@ _MAD_TO_SIGMA = 1.4826
 PANEL, ALIGNMENT = "panel", "alignment"
 _K: Final = "K"
 _NOISE: Final = "pixel noise"
-_COMMON: Final = ("sunshine tilt",)
-"""One tilt of one sensor: the same sign in every band."""
+_ANGLE: Final = "panel angle"
+_COMMON: Final = ("sunshine tilt", _ANGLE)
+"""One tilt of one sensor, and of one panel: the same sign and size in every band."""
 
 _UNKNOWN: Final = (PANEL, "drift", "sunshine gain")
 """The same panel, light and sensor, but nothing states how their errors correlate from band to band."""
@@ -237,12 +238,18 @@ class MeasuredIndex(Record):
 def list_effects(
     applied: AppliedReflectance, coefficients: Sequence[Coefficient], *, displaced: float = 0.0
 ) -> dict[str, float]:
-    """List the effects on a band's reflectance with the panel's part of K apart."""
+    """List the effects on a band's reflectance with the panel's part of K apart, and its angle's of that."""
     effects = {each.source: abs(each.effect) for each in applied.effects}
-    shared_u_rel = method.choose_coefficient(coefficients, band=applied.band).shared_u_rel
-    whole = effects.get(_K, 0.0)
-    panel = min(whole, shared_u_rel * abs(applied.reflectance.value))
-    return effects | {_K: math.sqrt(whole**2 - panel**2), PANEL: panel, ALIGNMENT: displaced}
+    coefficient = method.choose_coefficient(coefficients, band=applied.band)
+    whole, value = effects.get(_K, 0.0), abs(applied.reflectance.value)
+    panel = min(whole, coefficient.shared_u_rel * value)
+    angle = min(panel, (coefficient.angle_u_rel or 0.0) * value)
+    return effects | {
+        _K: math.sqrt(whole**2 - panel**2),
+        PANEL: math.sqrt(panel**2 - angle**2),
+        _ANGLE: angle,
+        ALIGNMENT: displaced,
+    }
 
 
 def combine(
@@ -256,10 +263,10 @@ def combine(
         common              V_1 = (sum c_i u_i)^2
         correlation r       V_r = (1 - r) V_0 + r V_1
 
-    K's scatter between captures, light readings, noise and alignment are a band's own; the tilt of the light
-    sensor is common. Panel, drift of K and sensor gains have an unknown r, equal for all pairs: V_r is linear
-    in it, so the larger of V_0 and V_1 bounds it for every r from 0 to 1. For a ratio that is V_0, for a sum
-    V_1.
+    K's scatter between captures, light readings, noise and alignment are a band's own; the tilts of light
+    sensor and panel are common. Panel, drift of K and sensor gains have an unknown r, equal for all pairs:
+    V_r is linear in it, so the larger of V_0 and V_1 bounds it for every r from 0 to 1. For a ratio that is
+    V_0, for a sum V_1.
     """
     sources = dict.fromkeys(source for of_band in effects.values() for source in of_band)
     found: dict[str, NDArray[np.floating]] = {}

@@ -42,9 +42,16 @@ from radiometry.reflectance.results import (
     KAtTime,
     Params,
     Reading,
+    add_effects,
     evaluate_k,
 )
-from radiometry.reflectance.sunshine import SINGLE_READING_U_REL, Gain, Sunshine, measure_light
+from radiometry.reflectance.sunshine import (
+    SINGLE_READING_U_REL,
+    Gain,
+    Sunshine,
+    measure_light,
+    recall_attitude,
+)
 
 _SAME_SCALE_REL = 0.01
 _CHANGED = 0.7
@@ -70,7 +77,8 @@ def find_scale_of_frame(
 ) -> Scale:
     """Compute the factor from a frame's signal to reflectance.
 
-    With K at the frame's time; I_ss is left out with a panel-only K::
+    With K at the frame's time; I_ss is left out with a panel-only K. What panel and frame share of the tilt
+    counts by its difference::
 
         R = K I_sq / (I_ss cos(theta))        u_rel^2 = u_K^2 + drift^2 + sunshine^2 + tilt^2 + gain^2
 
@@ -87,11 +95,15 @@ def find_scale_of_frame(
         flags.append(codes.INCIDENCE_ANGLE_DIFFERS.at("", detail))
     sunshine = None
     if coefficient.normalisation == "sunshine":
+        header, stale = recall_attitude(header, coefficient.panel_light or ())
+        flags += [codes.SUNSHINE_STALE.at("", stale)] if stale else []
         value, u_rel = coefficient.channel_ratio, coefficient.channel_ratio_u_rel or 0.0
+        # the light of the panel of an older version was not levelled without a zone
+        older = all(knot.level_effects is None for knot in coefficient.knots)
         sunshine = measure_light(
             header,
             choice=coefficient.sunshine_choice,
-            params=coefficient.tilt,
+            params=None if older and len(sun.locate_suns_of(header)) > 1 else coefficient.tilt,
             ratio=None if value is None else Gain(value=value, u_rel=u_rel),
         )
         flags += sunshine.flags
@@ -148,18 +160,21 @@ def choose_coefficient(coefficients: Sequence[Coefficient], *, band: str) -> Coe
 def _list_sources(
     coefficient: Coefficient, k: KAtTime, sunshine: Sunshine | None
 ) -> tuple[tuple[str, float], ...]:
-    sources = (("K", k.u_rel), ("drift", k.drift_u_rel))
     if sunshine is None:
-        return sources
+        return ("K", k.u_rel), ("drift", k.drift_u_rel)
+    own = sun.take_away(k.u_rel, (k.level_u_rel, *k.level_effects))
+    own_tilt = sun.take_away(sunshine.level_u_rel, sunshine.level_effects)
+    shared_tilt = add_effects((k.level_effects, sunshine.level_effects), (1.0, -1.0))
     same_gain = len(coefficient.gain_indices) <= 1 and coefficient.gain_indices == sunshine.gain_indices
     gain = 0.0 if same_gain else math.hypot(coefficient.gain_u_rel, sunshine.gain_u_rel)
     readings = sunshine.standard_uncertainty / sunshine.i_ss
     if sunshine.is_single and coefficient.reading_u_rel is not None:
         readings = math.sqrt(readings**2 - SINGLE_READING_U_REL**2 + coefficient.reading_u_rel**2)
     return (
-        *sources,
+        ("K", own),
+        ("drift", k.drift_u_rel),
         ("sunshine readings", readings),
-        ("sunshine tilt", sunshine.level_u_rel),
+        ("sunshine tilt", math.hypot(k.level_u_rel, own_tilt, *shared_tilt)),
         ("sunshine gain", gain),
     )
 

@@ -14,7 +14,15 @@ from radiometry.frame import has_set_clock, multispectral
 from radiometry.records import Record
 from radiometry.reflectance import codes, imaging, sun
 from radiometry.reflectance.results import FrameRow, Params, Reading
-from radiometry.reflectance.sunshine import Gain, Sunshine, compare_channels, measure_light
+from radiometry.reflectance.sunshine import (
+    Gain,
+    Light,
+    Sunshine,
+    compare_channels,
+    find_repeated,
+    measure_light,
+    see_light,
+)
 
 OLD_DAYS: Final = 730.5
 _FEWEST_DAYS: Final = 365.25
@@ -249,13 +257,36 @@ def collect_candidates(
     visits = _count_visits(panels)
     bands = [row.header.multispectral for row in panels if row.header.multispectral is not None]
     ratios = {name: compare_channels(b for b in bands if b.band == name) for name in {b.band for b in bands}}
+    stale = _find_stale(rows) if params.normalisation == "sunshine" else {}
     found = [
         _judge(
-            row, readings, params, visit=visits[row.frame], excluded=reasons.get(row.frame, ""), ratios=ratios
+            row,
+            readings,
+            params,
+            visit=visits[row.frame],
+            excluded=reasons.get(row.frame, ""),
+            stale=stale.get(row.frame, ""),
+            ratios=ratios,
         )
         for row in panels
     ]
     return tuple(sorted(found, key=lambda each: (each.band.band, each.at_s or 0.0, each.row.frame)))
+
+
+def _find_stale(rows: Sequence[FrameRow]) -> dict[str, str]:
+    """Compare each reading of a light sensor with the one before in its band."""
+    found: dict[str, str] = {}
+    before: dict[str, Light] = {}
+    for row in sorted(rows, key=lambda row: (sun.read_clock_s(row.header) or 0.0, row.frame)):
+        band = row.header.multispectral
+        if band is None or (light := see_light(band)) is None:
+            continue
+        last = before.setdefault(band.band, light)
+        if repeated := find_repeated(band, [last]):
+            found[row.frame] = repeated[1]
+        else:
+            before[band.band] = light
+    return found
 
 
 def _count_visits(panels: Sequence[FrameRow]) -> dict[str, int]:
@@ -276,6 +307,7 @@ def _judge(
     *,
     visit: int,
     excluded: str,
+    stale: str,
     ratios: Mapping[str, Gain | None],
 ) -> Candidate:
     band = row.header.multispectral
@@ -283,6 +315,8 @@ def _judge(
     panel = find_value(band, readings, params, at=sun.read_clock(row.header))
     sunshine = None
     left_out, code = (excluded, None) if excluded else _inspect(row)
+    if not left_out and stale:
+        left_out, code = f"its light reading is an earlier capture's. {stale}", codes.SUNSHINE_STALE
     if not left_out and panel is None:
         left_out = NO_REFLECTANCE
     if not left_out and not visit:

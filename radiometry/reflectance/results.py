@@ -1,6 +1,7 @@
 """Inputs and results of a reflectance fit, and K at the time of a frame; what does not exist is None."""
 
 import bisect
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -148,6 +149,18 @@ class Knot(Record):
     reflectance_k: float
     u_rel: float = about("Relative standard uncertainty of its own: noise, sunshine scatter and tilt.")
     half_span_s: float | None = later("From the mean time to the frame furthest from it.")
+    level_u_rel: float | None = later("Part of `u_rel` from levelling the sunshine, alike in all bands.")
+    level_effects: tuple[float, ...] | None = later(
+        "Parts of `level_u_rel` that all captures share, each with its sign."
+    )
+
+    @property
+    def own_u_rel(self) -> float:
+        return sun.take_away(self.u_rel, (self.level_u_rel or 0.0,))
+
+    @property
+    def own_level_u_rel(self) -> float:
+        return sun.take_away(self.level_u_rel or 0.0, self.level_effects or ())
 
 
 class Coefficient(Record):
@@ -197,6 +210,10 @@ class Coefficient(Record):
         "CH0 / CH1 of a Sequoia's sunshine sensor under the panel's light, for a saturated CH0."
     )
     channel_ratio_u_rel: float | None = later()
+    angle_u_rel: float | None = later("Part of `shared_u_rel` from the panel's angle, alike in all bands.")
+    panel_light: tuple[sunshine.Light, ...] | None = later(
+        "Readings of a light sensor at the panel with their attitude, by which a stale one is known."
+    )
 
 
 class Point(Record):
@@ -268,6 +285,8 @@ class KAtTime(Record):
 
     value: float
     u_rel: float  # from all sources but the sunshine gain and drift
+    level_effects: tuple[float, ...]  # parts of `u_rel`: what captures share in levelling
+    level_u_rel: float  # part of `u_rel`: of levelling beside those
     drift_u_rel: float  # from K's change between the panel visits and the frame
     # to the nearest panel visit, negative before the first; 0 between or during visits, None if not known
     outside_s: float | None
@@ -291,7 +310,7 @@ def interpolate(knots: Sequence[Knot], *, at_s: float | None, follow: bool, drif
     K(t) is the sum of w_i K_i over the visits: lines weigh the two around t by time, and before the first and
     after the last visit take the nearest. With the growth v(t) of `change_variance` [1]::
 
-        u^2 = sum (w_i u_i)^2
+        u^2 = sum (w_i own_i)^2 + sum (w_i tilt_i)^2 + sum_j (sum_i w_i level_ij)^2
         drift^2 = d^2 (sum w_i v(t - t_i) - sum w_i w_j v(t_i - t_j) / 2)
 
     Without the time of the frame or of the visits K is the mean, and the drift d and the whole difference
@@ -307,20 +326,37 @@ def interpolate(knots: Sequence[Knot], *, at_s: float | None, follow: bool, drif
     if known_s is not None and follow:
         weights = _weigh(times, known_s)
     value = math.fsum(w * k for w, k in zip(weights, ks, strict=True))
-    u_rel = math.hypot(*(w * k * knot.u_rel for w, k, knot in zip(weights, ks, knots, strict=True))) / value
+    shares = [w * k / value for w, k in zip(weights, ks, strict=True)]
+    effects = add_effects([knot.level_effects or () for knot in knots], shares)
+    own_u_rel = math.hypot(*(w * knot.own_u_rel for w, knot in zip(shares, knots, strict=True)))
+    level_u_rel = math.hypot(*(w * knot.own_level_u_rel for w, knot in zip(shares, knots, strict=True)))
+    found = KAtTime(
+        value=value,
+        u_rel=math.hypot(own_u_rel, level_u_rel, *effects),
+        level_effects=effects,
+        level_u_rel=level_u_rel,
+        drift_u_rel=math.hypot(drift_rel, (max(ks) - min(ks)) / value),
+        outside_s=None,
+    )
     if known_s is None:
-        drift_u_rel = math.hypot(drift_rel, (max(ks) - min(ks)) / value)
-        return KAtTime(value=value, u_rel=u_rel, drift_u_rel=drift_u_rel, outside_s=None)
+        return found
     weighed = list(zip(weights, times, strict=True))
     variance = math.fsum(w * change_variance(known_s - t) for w, t in weighed) - 0.5 * math.fsum(
         w * v * change_variance(t - s) for w, t in weighed for v, s in weighed
     )
     first, last = (knots[end].half_span_s or 0.0 for end in (0, -1))
-    return KAtTime(
-        value=value,
-        u_rel=u_rel,
+    return replace(
+        found,
         drift_u_rel=drift_rel * math.sqrt(max(0.0, variance)),
         outside_s=min(0.0, known_s - times[0] + first) + max(0.0, known_s - times[-1] - last),
+    )
+
+
+def add_effects(effects: Sequence[Sequence[float]], weights: Sequence[float]) -> tuple[float, ...]:
+    """Return the weighted sum, part by part, of effects that are shared; those of one without are zeros."""
+    return tuple(
+        math.fsum(w * part for w, part in zip(weights, parts, strict=True))
+        for parts in itertools.zip_longest(*effects, fillvalue=0.0)
     )
 
 

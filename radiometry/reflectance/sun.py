@@ -1,8 +1,10 @@
 """Position of the sun over a frame, irradiance on a level surface, and the place of a frame on the ground."""
 
 import math
+import statistics
+from collections.abc import Sequence
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -17,6 +19,11 @@ from radiometry.tools.motion import Attitude, rotate
 
 LOWEST_SUN_DEG = 10.0
 FURTHEST_FROM_SUN_DEG = 80.0
+# A clock's zone may be ahead of its meridian's solar time by so much [h]: borders of zones, and summer time.
+_ZONES_H: Final = (-1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0, 2.5)
+# The part of the attitude's uncertainty that differs between captures; the rest is the sensor's own mount.
+# The correlation of two captures is not known: the variance expected for any from 0 to 1 is that of a half.
+UNSHARED: Final = math.sqrt(0.5)
 
 
 class SunPosition(Record):
@@ -90,11 +97,19 @@ class TiltParams(Record):
         check_parameters(self)
 
 
+Angles = tuple[float, float, float]  # yaw, pitch and roll of a sensor [deg]
+
+
 class Tilt(Record):
     """Position of the sun at the time of a capture, and the assumptions of the correction."""
 
     sun: SunPosition
     params: TiltParams
+    by_zone: tuple[SunPosition, ...] = ()  # with every zone that the clock may have, if it states none
+
+    @property
+    def suns(self) -> tuple[SunPosition, ...]:
+        return self.by_zone or (self.sun,)
 
 
 def require_high_sun(sun: SunPosition) -> None:
@@ -126,19 +141,31 @@ def sun_angle_deg(sun: SunPosition, *, yaw_deg: float, pitch_deg: float, roll_de
 
     The attitude rotates the body (x forward, y right, z down) from north-east-down: yaw, pitch, then roll.
     """
-    yaw, pitch, roll = (math.radians(angle) for angle in (yaw_deg, pitch_deg, roll_deg))
-    normal = (
-        -(math.cos(yaw) * math.sin(pitch) * math.cos(roll) + math.sin(yaw) * math.sin(roll)),
-        -(math.sin(yaw) * math.sin(pitch) * math.cos(roll) - math.cos(yaw) * math.sin(roll)),
-        -math.cos(pitch) * math.cos(roll),
-    )
     elevation, azimuth = math.radians(sun.elevation_deg), math.radians(sun.azimuth_deg)
     towards = (
         math.cos(azimuth) * math.cos(elevation),
         math.sin(azimuth) * math.cos(elevation),
         -math.sin(elevation),
     )
-    cosine = sum(a * b for a, b in zip(normal, towards, strict=True))
+    return _angle_between(_point_up((yaw_deg, pitch_deg, roll_deg)), towards)
+
+
+def turned_deg(a: Angles, b: Angles) -> float:
+    """Compute the angle between the upward normals of two attitudes."""
+    return _angle_between(_point_up(a), _point_up(b))
+
+
+def _point_up(angles: Angles) -> Angles:
+    yaw, pitch, roll = map(math.radians, angles)
+    return (
+        -(math.cos(yaw) * math.sin(pitch) * math.cos(roll) + math.sin(yaw) * math.sin(roll)),
+        -(math.sin(yaw) * math.sin(pitch) * math.cos(roll) - math.cos(yaw) * math.sin(roll)),
+        -math.cos(pitch) * math.cos(roll),
+    )
+
+
+def _angle_between(a: Angles, b: Angles) -> float:
+    cosine = sum(x * y for x, y in zip(a, b, strict=True))
     return math.degrees(math.acos(max(-1.0, min(1.0, cosine))))
 
 
@@ -161,6 +188,63 @@ def level_factor(angle_deg: float, tilt: Tilt) -> float:
     return 1.0 / _respond(angle_deg, zenith_deg, tilt.params, tilt.params.diffuse_share)
 
 
+def level_attitudes(attitudes: Sequence[Angles], tilt: Tilt) -> list[float]:
+    """Compute the mean logarithm of the factor over a sensor's attitudes, for each sun that may be."""
+    return [
+        statistics.fmean(
+            -math.log(
+                _respond(
+                    min(90.0, sun_angle_deg(sun, yaw_deg=yaw, pitch_deg=pitch, roll_deg=roll)),
+                    90.0 - sun.elevation_deg,
+                    tilt.params,
+                    tilt.params.diffuse_share,
+                )
+            )
+            for yaw, pitch, roll in attitudes
+        )
+        for sun in tilt.suns
+    ]
+
+
+def list_level_effects(attitudes: Sequence[Angles], tilt: Tilt) -> tuple[float, ...]:
+    """List the relative effects of what other captures of a flight share, with their signs.
+
+    By zone, by diffuse fraction, and by pitch and roll of the sensor's mount::
+
+        u(ln R)^2 = sum (panel_i - frame_i)^2
+
+    Each is an independent standard deviation: what two captures lean alike cancels between them.
+    """
+    found = level_attitudes(attitudes, tilt)
+    mean = statistics.fmean(found)
+    zones = (
+        [(each - mean) / math.sqrt(len(found)) for each in found] if tilt.by_zone else [0.0] * len(_ZONES_H)
+    )
+
+    def change(low: Sequence[Angles], high: Sequence[Angles]) -> float:
+        return 0.5 * (
+            statistics.fmean(level_attitudes(high, tilt)) - statistics.fmean(level_attitudes(low, tilt))
+        )
+
+    share, u_deg = tilt.params.diffuse_share, tilt.params.attitude_u_deg * math.sqrt(1.0 - UNSHARED**2)
+    ends = [min(1.0, max(0.0, share + step)) for step in (-0.01, 0.01)]
+    by_share = [
+        statistics.fmean(
+            level_attitudes(attitudes, replace(tilt, params=replace(tilt.params, diffuse_share=end)))
+        )
+        for end in ends
+    ]
+    diffuse = (by_share[1] - by_share[0]) / (ends[1] - ends[0]) * tilt.params.diffuse_share_u
+    pitch = change(*([(y, p + step, r) for y, p, r in attitudes] for step in (-u_deg, u_deg)))
+    roll = change(*([(y, p, r + step) for y, p, r in attitudes] for step in (-u_deg, u_deg)))
+    return (*zones, diffuse, pitch, roll)
+
+
+def take_away(u: float, parts: Sequence[float]) -> float:
+    """Return what a standard uncertainty is without parts of it."""
+    return math.sqrt(max(0.0, u**2 - math.hypot(*parts) ** 2))
+
+
 def attitude_u_rel(angle_deg: float, tilt: Tilt, *, u_deg: float) -> float:
     """Compute the relative standard uncertainty of a reading from that of its attitude."""
     zenith_deg, share = 90.0 - tilt.sun.elevation_deg, tilt.params.diffuse_share
@@ -169,13 +253,6 @@ def attitude_u_rel(angle_deg: float, tilt: Tilt, *, u_deg: float) -> float:
         for angle in (abs(angle_deg - u_deg), angle_deg, min(90.0, angle_deg + u_deg))
     )
     return math.hypot((high - low) / 2.0, (high + low) / 2.0 - middle) / middle
-
-
-def diffuse_u_rel(angle_deg: float, tilt: Tilt) -> float:
-    """Compute the relative standard uncertainty of a levelled reading from that of the diffuse fraction."""
-    # the response is a line in the fraction, from direct light alone to 1
-    direct = _respond(angle_deg, 90.0 - tilt.sun.elevation_deg, tilt.params, 0.0)
-    return abs(1.0 - direct) * tilt.params.diffuse_share_u * level_factor(angle_deg, tilt)
 
 
 def _respond(angle_deg: float, zenith_deg: float, params: TiltParams, share: float) -> float:
@@ -196,16 +273,31 @@ def read_clock_s(header: FrameHeader) -> float | None:
     return at.timestamp() if at is not None else None
 
 
-def locate_sun_of(header: FrameHeader) -> SunPosition | None:
-    at, band = read_clock(replace(header, taken_at=header.zoned_at)), header.multispectral
-    if at is not None and (not has_set_clock(at) or _lacks_zone(header)):
-        at = None
-    if at is not None and header.latitude_deg is not None and header.longitude_deg is not None:
-        return locate_sun(at, latitude_deg=header.latitude_deg, longitude_deg=header.longitude_deg)
-    light = band.irradiance if band is not None else None
-    if light is None or light.solar_elevation_deg is None or light.solar_azimuth_deg is None:
-        return None
-    return SunPosition(elevation_deg=light.solar_elevation_deg, azimuth_deg=light.solar_azimuth_deg)
+def locate_suns_of(header: FrameHeader) -> tuple[SunPosition, ...]:
+    """Return where the sun may have stood: without a zone of the clock, by each that its longitude allows."""
+    at, latitude_deg, longitude_deg = _read_moment(header), header.latitude_deg, header.longitude_deg
+    light = header.multispectral.irradiance if header.multispectral is not None else None
+    placed = at is not None and latitude_deg is not None and longitude_deg is not None
+    if (
+        not (placed and not _lacks_zone(header))
+        and light is not None
+        and light.solar_elevation_deg is not None
+        and light.solar_azimuth_deg is not None
+    ):
+        return (SunPosition(elevation_deg=light.solar_elevation_deg, azimuth_deg=light.solar_azimuth_deg),)
+    if at is None or latitude_deg is None or longitude_deg is None:
+        return ()
+    meridian_h = round(longitude_deg / 7.5) / 2.0
+    offsets_h = [meridian_h + zone for zone in _ZONES_H] if _lacks_zone(header) else [0.0]
+    return tuple(
+        locate_sun(at - timedelta(hours=each), latitude_deg=latitude_deg, longitude_deg=longitude_deg)
+        for each in offsets_h
+    )
+
+
+def _read_moment(header: FrameHeader) -> datetime | None:
+    at = read_clock(replace(header, taken_at=header.zoned_at))
+    return at if at is not None and has_set_clock(at) else None
 
 
 def _lacks_zone(header: FrameHeader) -> bool:
@@ -217,17 +309,15 @@ def find_tilt(header: FrameHeader, params: TiltParams | None) -> Tilt | None:
     """Return the tilt correction of a frame with the position of the sun."""
     if params is None:
         return None
-    sun = locate_sun_of(header)
-    if sun is None:
-        placed = header.latitude_deg is not None and header.longitude_deg is not None
-        cause = (
-            "The camera's clock states no time zone, and none is stated for its campaign or organisation"
-            if placed and header.taken_at and _lacks_zone(header)
-            else "The file does not state when and where it was taken (no GPS fix)"
+    suns = locate_suns_of(header)
+    if not suns:
+        raise codes.TILT_NOT_CORRECTABLE.reject(
+            "The file does not state when and where it was taken (no GPS fix): the sun is not located."
         )
-        raise codes.TILT_NOT_CORRECTABLE.reject(f"{cause}: the position of the sun is not known.")
+    sun = suns[len(suns) // 2]
     require_high_sun(sun)
-    return Tilt(sun=sun, params=params)
+    high = [replace(each, elevation_deg=max(each.elevation_deg, LOWEST_SUN_DEG)) for each in suns]
+    return Tilt(sun=sun, params=params, by_zone=tuple(high) if len(suns) > 1 else ())
 
 
 Plane = NDArray[np.float64]

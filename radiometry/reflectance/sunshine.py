@@ -22,15 +22,18 @@ from radiometry.reflectance import codes
 from radiometry.reflectance.sun import (
     FURTHEST_FROM_SUN_DEG,
     LOWEST_SUN_DEG,
+    UNSHARED,
+    Angles,
     SunPosition,
     Tilt,
     TiltParams,
     attitude_u_rel,
-    diffuse_u_rel,
     find_tilt,
-    level_factor,
-    locate_sun_of,
+    level_attitudes,
+    list_level_effects,
+    locate_suns_of,
     sun_angle_deg,
+    turned_deg,
 )
 
 Channel = Literal["ch0", "ch1"]
@@ -58,6 +61,8 @@ _BASES: dict[str, LightBasis] = {
 }
 _GENERATIONS = {"dls1": "W/m2/nm", "dls2": "uW/cm2/nm"}
 LARGEST_TILT_DEG = 3.0
+# A P4 repeats its readings within 0.12 %, one of five bands bit for bit.
+_REPEATS_REL = 0.002
 # Of a sensor that states no attitude, as a drone leans in flight; and of a sun that nobody can locate.
 ASSUMED_TILT_DEG = 5.0
 ASSUMED_SUN = SunPosition(elevation_deg=45.0, azimuth_deg=0.0)
@@ -203,11 +208,9 @@ def _read(
     elif index not in scales:
         left_out = "unknown gain"
     elif tilt is not None:
-        angle_deg = angle_to_sun(record, tilt)
-        if angle_deg > FURTHEST_FROM_SUN_DEG:
+        factor = _find_factor(record, tilt)
+        if not factor:
             left_out = "turned away from the sun"
-        else:
-            factor = level_factor(angle_deg, tilt)
     oriented = 0.0 if left_out else count / (scales[index].value * time_s)
     return SunshineReading(
         time_us=record.time_us,
@@ -219,13 +222,64 @@ def _read(
     )
 
 
-def angle_to_sun(record: SunshineRecord | SunshineIrradiance, tilt: Tilt) -> float:
-    """Return the angle between a sensor's normal and the sun [deg]."""
-    if record.yaw_deg is None or record.pitch_deg is None or record.roll_deg is None:
+def _find_factor(record: SunshineRecord | SunshineIrradiance, tilt: Tilt) -> float:
+    """Return the factor of a sensor's attitude; 0 if it was turned away from the sun."""
+    attitude = _read_attitude(record)
+    if attitude is None:
         raise codes.TILT_NOT_CORRECTABLE.reject("The sunshine readings do not state how the sensor hung.")
-    return sun_angle_deg(
-        tilt.sun, yaw_deg=record.yaw_deg, pitch_deg=record.pitch_deg, roll_deg=record.roll_deg
-    )
+    if _angle_to_sun(attitude, tilt.sun) > FURTHEST_FROM_SUN_DEG:
+        return 0.0
+    return math.exp(statistics.fmean(level_attitudes([attitude], tilt)))
+
+
+def _angle_to_sun(attitude: Angles, sun: SunPosition) -> float:
+    yaw, pitch, roll = attitude
+    return sun_angle_deg(sun, yaw_deg=yaw, pitch_deg=pitch, roll_deg=roll)
+
+
+class Light(Record):
+    """Reading of a light sensor as it was oriented."""
+
+    value: float
+    yaw_deg: float
+    pitch_deg: float
+    roll_deg: float
+
+    @property
+    def angles_deg(self) -> Angles:
+        return self.yaw_deg, self.pitch_deg, self.roll_deg
+
+
+def see_light(band: Multispectral) -> Light | None:
+    """Return the one reading of a light sensor that hangs as the file states."""
+    reading = band.irradiance
+    if reading is None or reading.quantity != "spectral" or (angles := _read_attitude(reading)) is None:
+        return None
+    return Light(value=reading.value, yaw_deg=angles[0], pitch_deg=angles[1], roll_deg=angles[2])
+
+
+def find_repeated(band: Multispectral, earlier: Iterable[Light]) -> tuple[Light, str] | None:
+    """Return the earlier reading that a frame's repeats although its sensor leans otherwise, and how much."""
+    now = see_light(band)
+    if now is None:
+        return None
+    for light in earlier:
+        turned = turned_deg(now.angles_deg, light.angles_deg)
+        change_rel = now.value / light.value - 1.0 if light.value else 1.0
+        if turned > LARGEST_TILT_DEG and abs(change_rel) < _REPEATS_REL:
+            return light, f"Changed by {change_rel:+.2%} while the sensor turned by {turned:.1f} degrees."
+    return None
+
+
+def recall_attitude(header: FrameHeader, panel: Sequence[Light]) -> tuple[FrameHeader, str]:
+    """Return a frame's header with the attitude that its reading belongs to, and why if it is the panel's."""
+    band = header.multispectral
+    repeated = find_repeated(band, panel) if band is not None else None
+    if band is None or band.irradiance is None or repeated is None:
+        return header, ""
+    light, detail = repeated
+    then = replace(band.irradiance, yaw_deg=light.yaw_deg, pitch_deg=light.pitch_deg, roll_deg=light.roll_deg)
+    return replace(header, multispectral=replace(band, irradiance=then)), detail
 
 
 class Sunshine(Record):
@@ -244,6 +298,7 @@ class Sunshine(Record):
     oriented: float  # as the sensor was oriented
     basis: LightBasis = "oriented"  # surface for which `i_ss` holds
     level_u_rel: float = 0.0  # from the sensor's attitude and the diffuse fraction
+    level_effects: tuple[float, ...] = ()  # those of its parts that captures share (`list_level_effects`)
 
     @property
     def is_single(self) -> bool:
@@ -367,10 +422,9 @@ def _take_irradiance(
     """Use a light sensor's one reading; one that the camera levelled is not levelled again."""
     factor, basis = 1.0, _BASES[reading.quantity]
     if tilt is not None and basis == "oriented":
-        angle_deg = angle_to_sun(reading, tilt)
-        if angle_deg > FURTHEST_FROM_SUN_DEG:
+        factor, basis = _find_factor(reading, tilt), "levelled"
+        if not factor:
             raise codes.SUNSHINE_MISSING.reject(_advise("The only reading was turned away from the sun."))
-        factor, basis = level_factor(angle_deg, tilt), "levelled"
     flags = [codes.SUNSHINE_SINGLE_READING.at(where, "Readings: 1.")]
     if reading.unit_origin in _GENERATIONS:
         detail = f"Taken for {_GENERATIONS[reading.unit_origin]} by its generation, {reading.unit_origin}."
@@ -420,7 +474,8 @@ def measure_light(
     band = header.multispectral
     if band is None:
         raise codes.SUNSHINE_MISSING.reject("The file is not a multispectral camera's.")
-    assumed, sun = params or TiltParams(), locate_sun_of(header)
+    assumed, suns = params or TiltParams(), locate_suns_of(header)
+    sun = suns[len(suns) // 2] if suns else None
     if sun is not None:
         assumed = replace(assumed, diffuse_share=_find_share(band, sun, assumed))
     levelled, reason = None, ""
@@ -459,19 +514,17 @@ def _add_level(
     )
     attitudes = [each for each in map(_read_attitude, readings) if each is not None]
     level_deg = 90.0 - tilt.sun.elevation_deg
-    angles = [
-        angle
-        for yaw, pitch, roll in attitudes
-        if (angle := sun_angle_deg(tilt.sun, yaw_deg=yaw, pitch_deg=pitch, roll_deg=roll))
-        <= FURTHEST_FROM_SUN_DEG
-    ]
     own_deg, flags = tilt.params.attitude_u_deg, list(found.flags)
     if reason:
         flags.append(codes.TILT_NOT_CORRECTABLE.at(where, reason))
     if levelled:
-        angle_deg = statistics.fmean(angles)
-        u_rel = math.hypot(attitude_u_rel(angle_deg, tilt, u_deg=own_deg), diffuse_u_rel(angle_deg, tilt))
-        return replace(found, level_u_rel=u_rel, flags=tuple(flags))
+        lit = [each for each in attitudes if _angle_to_sun(each, tilt.sun) <= FURTHEST_FROM_SUN_DEG]
+        angle_deg = statistics.fmean(_angle_to_sun(each, tilt.sun) for each in lit)
+        effects = list_level_effects(lit, tilt)
+        u_rel = math.hypot(attitude_u_rel(angle_deg, tilt, u_deg=UNSHARED * own_deg), *effects)
+        if tilt.by_zone:
+            flags.append(codes.ZONE_UNKNOWN.at(where, f"{math.hypot(*effects[:-3]):.1%} of the irradiance."))
+        return replace(found, level_u_rel=u_rel, level_effects=effects, flags=tuple(flags))
     remaining_deg = 0.0
     if band.irradiance is None or band.irradiance.quantity == "spectral":
         tilts_deg = [
@@ -485,7 +538,7 @@ def _add_level(
     return replace(found, level_u_rel=u_rel, flags=tuple(flags))
 
 
-def _read_attitude(reading: SunshineRecord | SunshineIrradiance) -> tuple[float, float, float] | None:
+def _read_attitude(reading: SunshineRecord | SunshineIrradiance) -> Angles | None:
     if reading.yaw_deg is None or reading.pitch_deg is None or reading.roll_deg is None:
         return None
     return reading.yaw_deg, reading.pitch_deg, reading.roll_deg

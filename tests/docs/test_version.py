@@ -27,6 +27,6 @@ def test_installed_client_states_the_version_of_its_package(monkeypatch, tmp_pat
 
 def test_content_hashes_are_those_of_the_stored_versions():
     """A release keeps the fit code version as long as it fits as before."""
-    assert software.FIT_CODE_VERSION == "0.1.8"
-    expected = "8d47557dddf5736429bef4482061548e45628a3bc8dd0e5e6979ebd4dcfc6b69"
+    assert software.FIT_CODE_VERSION == "0.1.9"
+    expected = "5c307880298f9ccd94525b58921021acf0cfd9038f1a15b5ab22c2f5e4d19ef5"
     assert hash_content({"frames": []}, {"model": "proportional"}) == expected

@@ -102,6 +102,8 @@ def test_k_is_the_light_over_the_panel_s_radiance(version, band):
     assert point["i_ss"] == pytest.approx(0.870 * DLS[band], rel=2e-3)  # it leaned 11 degrees towards the sun
     assert row["value"] == pytest.approx(ALBEDO[band] * point["i_ss"] / RADIANCE[band], rel=1e-3)
     assert {"sunshine_scale_assumed", "sunshine_single_reading"} <= set(row["flags"])
+    # by the light sensor +18 and -23 %, elsewhere at most 9 %
+    assert ("light_routes_differ" in row["flags"]) is (band in {"blue", "nir"})
     # I_ss / E of the published irradiance on the panel, E = pi L / albedo
     assert row["value"] == pytest.approx(math.pi * point["i_ss"] / IRRADIANCE[band], rel=1e-3)
 
@@ -153,7 +155,9 @@ def test_an_index_of_bands_without_relatives_is_aligned_by_their_edges(sqlite_ho
     assert known.mean() > 0.9
     expected = 1.16 * (nir - red) / (nir + red + 0.16)
     np.testing.assert_allclose(index[known], expected[known], rtol=2e-3, atol=2e-3)
-    assert float(np.nanmedian(u)) == pytest.approx(found["mean"]["standard_uncertainty"], rel=0.6)
+    # a pixel has its noise and its edge beside what the whole frame shares
+    of_mean = found["mean"]["standard_uncertainty"]
+    assert of_mean < float(np.nanmedian(u)) < 2.5 * of_mean
     # an edge that is displaced by a third of a pixel is less certain than a field's middle
     assert np.nanpercentile(u, 99) > 1.2 * np.nanmedian(u)
 

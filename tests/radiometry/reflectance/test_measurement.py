@@ -32,12 +32,10 @@ def applied(band, value, u, *flags, source="pixel noise"):
     )
 
 
-def coefficients(shared_u_rel=0.0):
-    return [SimpleNamespace(band=band, shared_u_rel=shared_u_rel) for band in ("nir", "red")]
-
-
-def measure(text, *bands, shared_u_rel=0.0, **more):
-    return measure_index(read_formula(text), bands, coefficients=coefficients(shared_u_rel), **more)
+def measure(text, *bands, shared_u_rel=0.0, angle_u_rel=None, **more):
+    shares = {"shared_u_rel": shared_u_rel, "angle_u_rel": angle_u_rel}
+    known = [SimpleNamespace(band=band, **shares) for band in ("nir", "red")]
+    return measure_index(read_formula(text), bands, coefficients=known, **more)
 
 
 def test_an_index_by_hand():
@@ -65,6 +63,8 @@ def test_a_tilt_cancels_in_a_ratio_and_a_panel_is_taken_at_its_worse():
     # both of 2 %: independent in the ratio, the same in the sum
     assert ratio.value.standard_uncertainty == pytest.approx(math.hypot(0.006, 0.006) / 0.64)
     assert total.value.standard_uncertainty == pytest.approx(0.016)
+    angled = measure("ndvi", *panel, shared_u_rel=0.02, angle_u_rel=0.02)
+    assert angled.value.standard_uncertainty == pytest.approx(0.0, abs=1e-9)
     assert measure("nir + red", *panel).value.standard_uncertainty == pytest.approx(math.hypot(0.01, 0.006))
 
 
