@@ -32,6 +32,12 @@ def write_quantity(value: float, uncertainty: float, unit: str = "1") -> str:
     return f"{' ± '.join(in_step(value, uncertainty))}{said}"
 
 
+def raise_ten(number: str) -> str:
+    """Return a number as print sets it, with a raised power of ten for "e"."""
+    mantissa, _, power = number.partition("e")
+    return f"{mantissa} \N{MULTIPLICATION SIGN} 10{str(int(power)).translate(_RAISED)}" if power else number
+
+
 def write_tick(value: float, *, step: float = 0.0) -> str:
     """Return a number beside an axis: 0.25, 20 000, a power of ten beyond 10⁷."""
     if value == 0.0:
@@ -41,7 +47,7 @@ def write_tick(value: float, *, step: float = 0.0) -> str:
         digits = max(digits, math.floor(math.log10(abs(value))) - math.floor(math.log10(step)) + 1)
     if not _PLAIN[0] <= abs(value) < _PLAIN[1]:
         mantissa, power = f"{value:.{min(digits, 15) - 1}e}".split("e")
-        return f"{float(mantissa):.15g} \N{MULTIPLICATION SIGN} 10{str(int(power)).translate(_RAISED)}"
+        return raise_ten(f"{float(mantissa):.15g}e{power}")
     decimals = max(0, min(digits, 15) - 1 - math.floor(math.log10(abs(value))))
     whole, _, part = f"{value:.{decimals}f}".partition(".")
     if len(whole.lstrip("-")) > 4:

@@ -171,10 +171,18 @@ def plan(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) 
         Cause(f"no dark frames at ISO {iso:g}", shared.DARK_FROM_BLACK_LEVEL, (f"iso {iso:g}",))
         for iso in sorted(light - darks)
     ]
+    advice: dict[str, list[float]] = {}
     for one in series.values():
-        found += (
-            _plan_darks(one) + _plan_levels(one, awaited) + _plan_settings(one) + _plan_times(one, params)
-        )
+        for said in (
+            *_plan_darks(one),
+            *_plan_levels(one, awaited),
+            *_plan_settings(one),
+            *_plan_times(one, params),
+        ):
+            advice.setdefault(said, []).append(one.iso)
+    found += [
+        said.replace("{iso}", "ISO " + ", ".join(f"{iso:g}" for iso in isos)) for said, isos in advice.items()
+    ]
     found += list_doubted(rows, readings, params, gravely=False)
     if params.camera_response is not None and params.lamp is None and params.lamp_kind is None:
         found.append("the lamp is not stated: without it no spectral mismatch can be corrected")
@@ -182,16 +190,16 @@ def plan(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) 
 
 
 def _plan_darks(series: points.IsoSeries) -> list[str]:
-    """Convert the flags of the fit to advice."""
+    """Convert the flags of the fit to advice; of this and what follows, "{iso}" is left to be named."""
     if not series.dark_times_s or not series.used:
         return []
     advice: dict[str, str] = {
         codes.DARK_FROM_FEW_FRAMES: "fewer than three dark frames at {iso}: add some at other apertures",
         codes.DARK_VARIES: "the dark frames at {iso} differ too much for its weakest signal: repeat them",
-        shared.DARK_EXPOSURE_DIFFERS: "no dark frames at {iso} with a like exposure time: {detail}",
     }
     return [
-        advice[found.flag].format(iso=f"ISO {series.iso:g}", detail=found.detail.rstrip("."))
+        advice.get(found.flag)
+        or f"no dark frames at {{iso}} with a like exposure time: {found.detail.rstrip('.')}"
         for found in points.check_dark(series)
     ]
 
@@ -201,18 +209,17 @@ def _plan_levels(series: points.IsoSeries, awaited: Collection[str]) -> list[str
     levels = sorted({c.luminance_cd_m2 for c in series.used if c.luminance_cd_m2 is not None})
     scenes = len(_count_on(series, awaited))
     short = GOOD_SCENES - scenes
-    where = f"ISO {series.iso:g}"
     if scenes > len({candidate.scene for candidate in series.used}) and (short <= 0 or not levels):
         return []  # where they lie is known once they are read
     if not levels:
-        return [f"{where} has no usable level: add {short}"]
+        return [f"{{iso}}: no usable level, add {short}"]
     narrow = levels[-1] / levels[0] < GOOD_SPAN
     if short > 0:
         noun = "level" if scenes == 1 else "levels"
-        return [f"{where} has {scenes} usable {noun}: add {short} more {place_levels(levels)}"]
+        return [f"{{iso}}: {scenes} usable {noun}, add {short} more {place_levels(levels)}"]
     if narrow:
         span = f"{levels[0]:.3g} to {levels[-1]:.3g} cd/m2"
-        return [f"add a darker level at {where}, {levels[-1] / GOOD_SPAN:.3g} cd/m2 or less: it has {span}"]
+        return [f"add a darker level at {{iso}}, {levels[-1] / GOOD_SPAN:.3g} cd/m2 or less: it has {span}"]
     return []
 
 
@@ -227,13 +234,13 @@ def place_levels(levels: Sequence[float]) -> str:
 
 def _plan_settings(series: points.IsoSeries) -> list[str]:
     found = []
-    where, count = f"ISO {series.iso:g}", len(series.used)
+    count = len(series.used)
     apertures = sorted({candidate.settings.f_number for candidate in series.used})
     if len(apertures) == 1:
-        error = f"one aperture only at {where} (f/{apertures[0]:g}): its f-number error cannot average out"
+        error = f"one aperture only at {{iso}} (f/{apertures[0]:g}): its f-number error cannot average out"
         found.append(error)
     if 0 < count < points.FEW_POINTS:
-        found.append(f"{where} has {count} usable frames: add {points.FEW_POINTS - count} more")
+        found.append(f"{{iso}}: {count} usable frames, add {points.FEW_POINTS - count} more")
     return found
 
 
@@ -247,7 +254,7 @@ def _plan_times(series: points.IsoSeries, params: Params) -> list[str]:
         error = depth * corrections.compute_flicker(time_s, mains_frequency_hz=mains)
         if error > _FLICKER:
             found.append(
-                f"{write_exposure(time_s)} at ISO {series.iso:g} is no whole number of half periods of "
+                f"{write_exposure(time_s)} at {{iso}} is no whole number of half periods of "
                 f"{mains:g} Hz mains: flicker errs by up to {error:.1%}, use multiples of "
                 f"1/{2 * mains:g} s"
             )

@@ -7,7 +7,7 @@ from typing import Final
 from radiometry.methods import get_method
 from radiometry.specification.exports import FORBIDDEN_IN_XML
 from service.documents.pages import STAMPS
-from service.documents.sheets import Node
+from service.documents.sheets import Node, name_device
 
 _VERSION: Final = "3.1.2"
 _UNKNOWN: Final = "not recorded"
@@ -97,13 +97,7 @@ def _add_item(items: ET.Element, certificate: Node) -> None:
     item = _add(items, "item")
     _say(item, "name", "camera")
     if "lens" in said:
-        lens = said["lens"]
-        words = [
-            lens["make"],
-            lens["model"],
-            *([f"serial number {lens['serial']}"] if "serial" in lens else []),
-        ]
-        _say(item, "description", f"Lens: {' '.join(words)}")
+        _say(item, "description", f"Lens: {name_device(said['lens'])}")
     _say(_add(item, "manufacturer"), "name", said["make"])
     _add(item, "model", said["model"])
     _identify(_add(item, "identifications"), "manufacturer", said["serial"], "serial number")

@@ -14,6 +14,7 @@ from service.documents.sheets import (
     facts,
     figure,
     flow,
+    name_device,
     optional,
     percent,
     plain,
@@ -164,16 +165,11 @@ def _holds_for(row: Node) -> str:
 def _item(certificate: Node) -> list[list[str]]:
     item, work = certificate["item"], certificate["work"]
     lens = item.get("lens")
-    rows = [["Camera", _name_device(item)], ["Lens", _name_device(lens) if lens else "not recorded"]]
+    rows = [["Camera", name_device(item)], ["Lens", name_device(lens) if lens else "not recorded"]]
     if "pixel_pitch_um" in item:
         rows.append(["Pixel pitch", f"{plain(item['pixel_pitch_um'])} µm"])
     named = [["Customer", work.get("customer")], ["Project", work.get("project_number")]]
     return rows + [[label, value or "not recorded"] for label, value in named]
-
-
-def _name_device(device: Node) -> str:
-    serial = f", serial {device['serial']}" if "serial" in device else ""
-    return f"{device['make']} {device['model']}{serial}"
 
 
 def _list_work(certificate: Node) -> list[list[str]]:
@@ -207,7 +203,7 @@ def _tabulate_meters(meters: list[Node]) -> Node:
             u = f"{percent(stated['expanded_uncertainty_rel'])}\nk = {plain(stated['coverage_factor'])}"
         rows.append(
             [
-                f"{meter['kind'].capitalize()} meter {_name_device(meter)}",
+                f"{meter['kind'].capitalize()} meter {name_device(meter)}",
                 f"{stated['number']}, {_date(stated['issued_on'])}" if stated else "none",
                 stated.get("laboratory", "-"),
                 u,

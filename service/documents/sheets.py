@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from datetime import datetime
 from typing import Any, Final
 
+from radiometry.drawing.text import raise_ten
+
 Node = dict[str, Any]
 
 MOST_ROWS: Final = 200
@@ -55,7 +57,14 @@ def figure(svg: str, caption: str, *, width: float) -> Node:
 
 def plain(value: float, digits: int = 5) -> str:
     """A number to so many significant digits, without zeros that say nothing."""
-    return f"{value:.{digits}g}"
+    return raise_ten(f"{value:.{digits}g}")
+
+
+def name_device(device: Node) -> str:
+    """Make, model and serial number; a model that begins with its make names it once."""
+    make = "" if device["model"].startswith(device["make"]) else f"{device['make']} "
+    serial = f", serial {device['serial']}" if "serial" in device else ""
+    return f"{make}{device['model']}{serial}"
 
 
 def percent(share: float) -> str:

@@ -85,21 +85,29 @@ def test_dark_frames_that_differ():
 def test_levels_are_to_be_added_in_the_widest_gap():
     kept = (*lights("a", "b", "e"), *DARKS)
     assert advice(kept, readings_of("a", "b", "e")) == (
-        "ISO 3200 has 3 usable levels: add 2 more between 0.5 and 20 cd/m2",
+        "ISO 3200: 3 usable levels, add 2 more between 0.5 and 20 cd/m2",
+    )
+
+
+def test_what_two_iso_values_lack_is_said_once():
+    kept = [*lights("a", "b", "e"), *DARKS]
+    kept += [dataclasses.replace(row, exposure=dataclasses.replace(row.exposure, iso=1600.0)) for row in kept]
+    assert advice(kept, readings_of("a", "b", "e")) == (
+        "ISO 1600, 3200: 3 usable levels, add 2 more between 0.5 and 20 cd/m2",
     )
 
 
 def test_levels_that_lie_close_are_to_be_spread():
     kept = (*lights("b", "c", f_numbers=(4.0, 5.6, 8.0)), *DARKS)
     assert advice(kept, readings_of("b", "c")) == (
-        "ISO 3200 has 2 usable levels: add 3 more down to 2 cd/m2 or up to 50 cd/m2",
+        "ISO 3200: 2 usable levels, add 3 more down to 2 cd/m2 or up to 50 cd/m2",
     )
 
 
 def test_one_level_and_none():
     kept = (*lights("c", f_numbers=(4.0, 5.0, 5.6, 6.3, 8.0, 10.0)), *DARKS)
     assert advice(kept, readings_of("c")) == (
-        "ISO 3200 has 1 usable level: add 4 more down to 0.5 cd/m2 or up to 50 cd/m2",
+        "ISO 3200: 1 usable level, add 4 more down to 0.5 cd/m2 or up to 50 cd/m2",
     )
     assert not any("level" in sentence for sentence in advice(kept, []))
 
@@ -117,7 +125,7 @@ def test_one_aperture_only():
     kept = (*lights(*LEVELS, f_numbers=(8.0,)), *DARKS)
     assert advice(kept) == (
         "one aperture only at ISO 3200 (f/8): its f-number error cannot average out",
-        "ISO 3200 has 5 usable frames: add 1 more",
+        "ISO 3200: 5 usable frames, add 1 more",
     )
 
 
@@ -128,7 +136,7 @@ def test_six_frames_are_enough():
     params = dataclasses.replace(
         Params(), exclude=(*exclude, Exclusion(frame=GOOD[4].frame, reason="", by=""))
     )
-    assert "ISO 3200 has 5 usable frames: add 1 more" in advice(params=params)
+    assert "ISO 3200: 5 usable frames, add 1 more" in advice(params=params)
 
 
 def test_a_reading_in_foot_lamberts():

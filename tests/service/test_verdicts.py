@@ -207,7 +207,7 @@ def test_a_campaign_says_what_a_good_fit_lacks(house, campaign):
     assert found["missing"] == ["scene level-4 has no luminance reading"]
     assert found["advice"] == [
         "no dark frames at ISO 3200",
-        "ISO 3200 has 4 usable levels: add 1 more down to 4 cd/m2 or up to 80 cd/m2",
+        "ISO 3200: 4 usable levels, add 1 more down to 4 cd/m2 or up to 80 cd/m2",
         "one aperture only at ISO 3200 (f/2.8): its f-number error cannot average out",
         "no scene has two illuminance readings: a drifting lamp cannot be seen",
         "some luminance readings name no meter: its calibration uncertainty is not in that of K",

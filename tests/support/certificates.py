@@ -83,6 +83,7 @@ def certificate_of(house: House, version: dict) -> dict:
 
 
 # with a point, and no part of a name, a version or a date
+_LOWERED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+\.\d+(?:e[-+]?\d+)?(?![\w]|\.\d)")
 
 
@@ -113,6 +114,12 @@ def is_printed(token: str, numbers: list[float]) -> bool:
     return any(abs(float(f"{n:.{digits}{kind}}") - float(token)) <= 1e-12 * abs(n) for n in numbers)
 
 
+def _find_numbers(text: str) -> list[str]:
+    """Find what is printed as 2.4 x 10 with a raised -8 as 2.4e-8."""
+    power = re.compile("\\s*\u00d7\\s*10\\s*([\u207b\u2070\u00b9\u00b2\u00b3\u2074-\u2079]+)")
+    return _NUMBER.findall(power.sub(lambda found: f"e{found[1].translate(_LOWERED)}", text))
+
+
 def find_misprints(certificate: dict, plot: str, pages: list[str]) -> tuple[int, list[str]]:
     """How many numbers stand on the pages, and those that are neither the certificate's nor the plot's."""
     texts = [
@@ -120,9 +127,9 @@ def find_misprints(certificate: dict, plot: str, pages: list[str]) -> tuple[int,
         *re.findall(r">([^<]*)<", plot),
     ]
     # the clause of the standard stands over the gaps
-    quoted = {"7.8"} | set(_NUMBER.findall(" ".join(texts)))
+    quoted = {"7.8"} | set(_find_numbers(" ".join(texts)))
     numbers = numbers_of(certificate)
-    tokens = [token for page in pages for token in _NUMBER.findall(page)]
+    tokens = [token for page in pages for token in _find_numbers(page)]
     return len(tokens), [token for token in tokens if token not in quoted and not is_printed(token, numbers)]
 
 

@@ -148,8 +148,9 @@ export const may = (scope) =>
  * `stack`: on a phone each row becomes a card, for tables that are read row by row; others are moved sideways.
  */
 export function table(columns, rows, { caption, row = () => ({}), stack = false } = {}) {
-  const cell = (column, each) =>
-    h(
+  const cell = (column, each) => {
+    const content = column.cell(each);
+    return h(
       column.header ? "th" : "td",
       {
         // said again, as a row that is laid out as a card would be no row any more
@@ -158,8 +159,10 @@ export function table(columns, rows, { caption, row = () => ({}), stack = false 
         class: column.class,
         "data-head": column.head || null,
       },
-      column.cell(each),
+      // in a card, one part beside its head
+      stack && Array.isArray(content) ? h("div", {}, content) : content,
     );
+  };
   return h(
     "div",
     { class: "table", tabindex: "0", role: "group", "aria-label": caption ?? "Table" },
