@@ -354,26 +354,18 @@ def _ordinary_variance(linear: LinearModel) -> float:
     return max(float(residual @ residual) / float(len(residual) - p), smallest)
 
 
-_LEVEL, _LEVEL_OF_TWO = 0.60, 0.35
-_COVERAGE = 0.975
-_KNOWN_DOF = 1e9
+# Degrees of freedom of what is expected of a scatter before a value is seen
+EXPECTED_DOF = 4.0
 
 
-def shows_scatter(observed: float, expected: float, count: int, *, dof: float = math.inf) -> bool:
-    """Return True if the variance of repeated values is not taken for that of their noise."""
-    level = _LEVEL_OF_TWO if count == 2 else _LEVEL
-    return observed > expected * float(scipy.special.fdtri(count - 1, min(dof, _KNOWN_DOF), level))
+def estimate_variance(squares: float, dof: float, *, expected: float) -> tuple[float, float]:
+    """Return the variance of few values and its degrees of freedom, by the size that is expected of it.
 
+    With a scaled inverse chi-square prior of nu_0 = 4 degrees of freedom and the size s_0^2 [1]::
 
-def merge_variances(observed: float, predicted: float, count: int, *, dof: float) -> tuple[float, float]:
-    """Compute the standard uncertainty of a mean, and degrees of freedom that give it its expanded one."""
-    u = math.sqrt(max(observed, predicted) / count)
-    if u == 0.0 or not shows_scatter(observed, predicted, count, dof=dof):
-        return u, dof
-    by_noise, by_scatter = (
-        float(scipy.special.stdtrit(min(freedom, _KNOWN_DOF), _COVERAGE)) * math.sqrt(variance / count)
-        for freedom, variance in ((dof, predicted), (count - 1.0, observed))
-    )
-    if by_noise >= by_scatter:
-        return u, dof
-    return u, float(scipy.special.stdtridf(_COVERAGE, by_scatter / u))
+        s^2 = (nu_0 s_0^2 + sum of squares) / (nu_0 + dof)        with nu_0 + dof degrees of freedom
+
+    [1] A. Gelman et al., Bayesian Data Analysis, 3rd ed., Chapman & Hall 2013, section 2.6
+    """
+    freedom = EXPECTED_DOF + dof
+    return (EXPECTED_DOF * expected + squares) / freedom, freedom

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from radiometry.findings import Raised, shared
+from radiometry.fitting.curve import coverage_factor
 from radiometry.fitting.evidence import FieldCorrection, Quantity
 from radiometry.frame import Frame, statistics
 from radiometry.frame.exposure import Exposure
@@ -25,7 +26,6 @@ from radiometry.luminance.corrections import (
 from radiometry.luminance.maps import average_map, find_map_scale, sum_signal
 from radiometry.luminance.pixels import (
     PERCENTILES,
-    SCATTER,
     PixelSignal,
     add_signal,
     flag_scatter,
@@ -101,6 +101,9 @@ class Measured(Record):
     flags: tuple[Raised, ...]
     lens_share: Quantity | None = None
     corrections: tuple[FieldCorrection, ...] = ()  # that all luminances contain, maps included
+    effective_dof: float | None = None  # of the mean's variance; None if infinite, and of older measurements
+    coverage_factor: float | None = None  # for a coverage probability of 95 %
+    expanded_uncertainty_cd_m2: float | None = None
 
 
 class Request(Record):
@@ -176,7 +179,7 @@ def measure(
     corrections of the field (see `corrections`), found in the first frame.
 
     Repeated frames are averaged pixel by pixel. Their noise averages; every shared error remains; what they
-    scatter beyond noise is a source of its own (see `pixels.evaluate_scatter`). In a grid the part that
+    scatter beyond noise is a source of its own (see `CalibratedCamera.average`). In a grid the part that
     all cells have in common is shared by them, the rest is each cell's own.
     """
     coefficient = choose_coefficient(coefficients, iso=exposure.iso)
@@ -195,10 +198,11 @@ def measure(
         )
         summed = add_signal(summed, sum_signal(each, channel=coefficient.channel))
     corrections, raised = _find_corrections(frame, whole, request, camera, frames=len(signals))
-    camera = replace(camera, corrections=corrections, coefficient=coefficient.average(len(signals)))
+    one = replace(camera, corrections=corrections)
+    camera = one.average([signal for signal, _ in signals])
     region = camera.apply_to_region(signals)
+    dof = camera.find_dof(region)
     disagreement = flag_scatter([signal for signal, _ in signals], dark_signal_dn=coefficient.dark_signal_dn)
-    scatter_rel = add_up(region.effects, source=SCATTER) / (abs(region.luminance_cd_m2.value) or 1.0)
     pixels = order_pixels(
         frame,
         request.polygon,
@@ -208,7 +212,7 @@ def measure(
         signal=summed,
     )
     surface, cell_flags = (
-        measure_surface(of_cells, camera, request.grid, reflectance=request.reflectance)
+        measure_surface(of_cells, one, request.grid, reflectance=request.reflectance)
         if request.grid
         else (None, ())
     )
@@ -233,9 +237,7 @@ def measure(
             black_level_dn=0.0,
             white_level_dn=0.0,
         )
-        found = camera.convert_signal(signal, pixel.share).luminance_cd_m2
-        u = math.hypot(found.standard_uncertainty, found.value * scatter_rel)
-        return replace(found, standard_uncertainty=u)
+        return camera.convert_signal(signal, pixel.share).luminance_cd_m2
 
     return Measured(
         pixels=pixels.pixels,
@@ -261,7 +263,10 @@ def measure(
         vignetting=correction.name if correction else "none",
         flags=(*region.flags, *raised, *cell_flags, *shown, *disagreement, *own),
         lens_share=region.lens_share,
-        corrections=corrections,
+        corrections=camera.corrections,
+        effective_dof=dof if math.isfinite(dof) else None,
+        coverage_factor=coverage_factor(dof),
+        expanded_uncertainty_cd_m2=coverage_factor(dof) * region.luminance_cd_m2.standard_uncertainty,
     )
 
 
@@ -420,6 +425,7 @@ def _beyond_px(point: tuple[float, float], polygon: Polygon) -> float:
 
 
 _OF_REGION = ("pixels", "mean", "median", "saturated_share", "shared_u_cd_m2", "noise_u_cd_m2")
+_EXPANDED = ("effective_dof", "coverage_factor", "expanded_uncertainty_cd_m2")
 _OF_CELLS = ("l_av_cd_m2", "l_min_cd_m2", "l_max_cd_m2", "u_o", "average_to_min", "max_to_min")
 
 
@@ -433,6 +439,7 @@ def summarise(result: Mapping[str, Any]) -> Summary:
         vignetting=result["vignetting"],
         figures={
             **{name: result[name] for name in _OF_REGION},
+            **{name: result.get(name) for name in _EXPANDED},
             "min": result["smallest"],
             "max": result["largest"],
             "illuminance": result["illuminance_lx"],

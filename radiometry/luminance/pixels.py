@@ -9,7 +9,7 @@ import scipy
 from numpy.typing import NDArray
 
 from radiometry.findings import Raised, shared
-from radiometry.fitting.sources import shows_scatter
+from radiometry.fitting.sources import estimate_variance
 from radiometry.frame import Frame, roi, statistics
 from radiometry.luminance import codes, maps
 from radiometry.records import Record
@@ -26,7 +26,6 @@ _ROUNDING_VARIANCE = 1 / 12
 _OUTLIER_SIGMAS = 5.0
 _MAD_TO_SIGMA = 1.4826
 SCATTER = "scatter between repeats"
-_COVERAGE = 0.95
 _FLAG_LEVEL = 0.99
 _WORTH_NAMING_REL = 0.01
 
@@ -198,13 +197,14 @@ def _variance(squares: NDArray[np.float64]) -> float:
     return max(float(kept.mean()) / 6 if kept.size else 0.0, _ROUNDING_VARIANCE)
 
 
-def average_signals(
-    signals: Sequence[statistics.Signal],
-    *,
-    dark_signal_dn: float,
-    expected_rel: float = 0.0,
-    drift_rel: Values | None = None,
-) -> tuple[statistics.Signal, float]:
+class Scatter(Record):
+    """Relative scatter of repeated frames beyond their noise, and its degrees of freedom."""
+
+    rel: float  # of one frame
+    dof: float
+
+
+def average_signals(signals: Sequence[statistics.Signal]) -> statistics.Signal:
     """Average the signals of one region in repeated frames.
 
     Noise averages, the error of rounding does not: it is the same in frames that are alike. With u_i the
@@ -212,24 +212,21 @@ def average_signals(
 
         u^2 = sum(u_i^2) / n^2 + mean(r_i^2)
 
-    For the scatter beyond `expected_rel`, which another source has, see `evaluate_scatter`.
+    For what the frames scatter beyond noise see `evaluate_scatter`.
     """
-    count = len(signals)
-    if count == 1:
-        return signals[0], 0.0
-    rounding = np.array([signal.rounding_dn**2 for signal in signals])
-    noise = np.array([signal.standard_uncertainty_dn**2 for signal in signals]) - rounding
-    values = np.array([signal.value_dn for signal in signals])
-    steady = values - dark_signal_dn
-    if drift_rel is not None:
-        steady /= 1.0 + drift_rel
-    mean = replace(
+    rounding = float(np.mean([signal.rounding_dn**2 for signal in signals]))
+    noise = float(_list_noise(signals).sum()) / len(signals) ** 2
+    return replace(
         signals[0],
-        value_dn=float(values.mean()),
-        standard_uncertainty_dn=math.sqrt(float(noise.sum()) / count**2 + float(rounding.mean())),
+        value_dn=float(np.mean([signal.value_dn for signal in signals])),
+        standard_uncertainty_dn=math.sqrt(noise + rounding),
         saturated_share=max(signal.saturated_share for signal in signals),
     )
-    return mean, evaluate_scatter(steady, noise + (expected_rel * steady.mean()) ** 2)
+
+
+def _list_noise(signals: Sequence[statistics.Signal]) -> Values:
+    """Return the variance of each signal's noise."""
+    return np.array([signal.standard_uncertainty_dn**2 - signal.rounding_dn**2 for signal in signals])
 
 
 def add_signal(summed: tuple[maps.Sums, int] | None, signal: tuple[maps.Sums, int]) -> tuple[maps.Sums, int]:
@@ -239,40 +236,37 @@ def add_signal(summed: tuple[maps.Sums, int] | None, signal: tuple[maps.Sums, in
     return summed[0].astype(np.uint32, copy=False) + signal[0], summed[1] + signal[1]
 
 
-def evaluate_scatter(values: Values, noise_variances: Values) -> float:
-    """Evaluate the uncertainty of a mean by what its values scatter beyond their noise.
+def evaluate_scatter(
+    signals: Sequence[statistics.Signal],
+    *,
+    dark_signal_dn: float,
+    expected_rel: float,
+    drift_rel: Values | float = 0.0,
+) -> Scatter:
+    """Evaluate what repeated frames scatter beyond their noise, by what is expected of one.
 
-    With s^2 the variance of the values and w the mean variance of their noise, the whole variance of the mean
-    is [1]::
-
-        max(w, s^2) / n          if (n - 1) s^2 / w is within a quantile of chi^2
-        (s t / 1.96)^2 / n       otherwise, with Student's t for n - 1 degrees of freedom
-
-    The excess is this less w / n. The second form gives an interval of 1.96 standard uncertainties the
-    coverage of Student's interval: the scatter of few frames is itself hardly known. For the quantile see
-    `repeats.shows_scatter`.
-
-    [1] JCGM 100:2008, 4.2 and G.3, doi:10.59161/JCGM100-2008E
+    With w the mean variance of the noise, s_0^2 = expected^2 + w and s^2 by `estimate_variance`, the scatter
+    has the variance s^2 - w.
     """
-    count = values.size
-    observed, expected = float(values.var(ddof=1)), float(noise_variances.mean())
-    if shows_scatter(observed, expected, count):
-        observed *= (float(scipy.special.stdtrit(count - 1, (1 + _COVERAGE) / 2)) / 1.96) ** 2
-    return math.sqrt(max(0.0, observed - expected) / count)
+    steady = (np.array([signal.value_dn for signal in signals]) - dark_signal_dn) / (1.0 + drift_rel)
+    level = abs(float(steady.mean())) or 1.0
+    noise = float(_list_noise(signals).mean()) / level**2
+    squares = float(np.sum((steady - steady.mean()) ** 2)) / level**2
+    variance, dof = estimate_variance(squares, len(signals) - 1.0, expected=expected_rel**2 + noise)
+    return Scatter(rel=math.sqrt(max(0.0, variance - noise)), dof=dof)
 
 
-def find_drift(
-    cells: Sequence[Sequence[statistics.Signal]], *, dark_signal_dn: float, expected_rel: float = 0.0
-) -> tuple[Values, float]:
-    """Find how the light of all cells together differs between repeated frames."""
-    values = np.array([[signal.value_dn for signal in cell] for cell in cells]) - dark_signal_dn
-    own = [[signal.standard_uncertainty_dn**2 - signal.rounding_dn**2 for signal in cell] for cell in cells]
-    mean = float(values.mean())
-    if mean <= 0.0:
-        return np.zeros(values.shape[1]), 0.0
-    totals = values.mean(axis=0) / mean
-    noise = np.array(own).sum(axis=0) / (len(cells) * mean) ** 2
-    return totals - 1.0, evaluate_scatter(totals, noise + expected_rel**2)
+def add_cells(cells: Sequence[Sequence[statistics.Signal]]) -> list[statistics.Signal]:
+    """Return the mean signal of all cells in each of the repeated frames, without rounding."""
+    return [
+        replace(
+            frame[0],
+            value_dn=float(np.mean([signal.value_dn for signal in frame])),
+            standard_uncertainty_dn=math.sqrt(float(_list_noise(frame).sum())) / len(frame),
+            rounding_dn=0.0,
+        )
+        for frame in zip(*cells, strict=True)
+    ]
 
 
 def flag_scatter(signals: Sequence[statistics.Signal], *, dark_signal_dn: float) -> tuple[Raised, ...]:

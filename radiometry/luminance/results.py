@@ -81,11 +81,6 @@ class Coefficient(Record):
     )
     apertures: tuple[Aperture, ...] | None = later("K at each f-number used, rising; None where `errors` is.")
 
-    def average(self, frames: int) -> "Coefficient":
-        """Return the coefficient for the mean of repeated frames: what each scatters by itself averages."""
-        scatter_rel = self.frame_scatter_rel
-        return replace(self, frame_scatter_rel=scatter_rel and scatter_rel / math.sqrt(frames))
-
     def at(self, time_s: float) -> "Coefficient":
         """Return the coefficient with the dark signal of an exposure time, on the calibration's basis."""
         if self.dark_time_s is None:

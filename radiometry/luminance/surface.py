@@ -16,7 +16,7 @@ from radiometry.frame.exposure import Exposure
 from radiometry.frame.grid import MAX_CELLS_A_SIDE, Grid, find_homography
 from radiometry.frame.statistics import ChannelStatistics, Signal, measure_signal
 from radiometry.luminance import codes, maps, method, pixels, results
-from radiometry.luminance.application import NOISE, AppliedLuminance, Effect, apply_to_signal
+from radiometry.luminance.application import AppliedLuminance, Effect, apply_to_signal, find_aperture
 from radiometry.luminance.corrections import apply_corrections
 from radiometry.records import Record
 from radiometry.vignetting.lens import Lens, LensShare
@@ -30,6 +30,10 @@ _OF_CELLS = {
     shared.BELOW_DETECTION: "Below detection",
     codes.OUTSIDE_SIGNALS: "Outside the calibrated signals",
 }
+LEAST_SCATTER_REL: Final = 0.01
+"""What repeated frames are expected to scatter at least, until more of them show that they do not."""
+
+_OF_REPEATS: Final = (FLICKER, pixels.SCATTER)
 _LOCAL: Final = frozenset({FLICKER})
 """Sources that may err in each cell on its own (see `judge_uniformity`)."""
 
@@ -367,13 +371,53 @@ class CalibratedCamera(Record, kw_only=False):
     lens: Lens | None
     corrections: tuple[FieldCorrection, ...]
 
+    frames: pixels.Scatter | None = None  # of those whose mean it converts, beyond flicker
+
     def convert_signal(self, signal: Signal, share: LensShare | None) -> AppliedLuminance:
         applied = apply_to_signal(signal, exposure=self.exposure, coefficient=self.coefficient, share=share)
-        return apply_corrections(applied, self.corrections)
+        applied = apply_corrections(applied, self.corrections)
+        return applied if self.frames is None else _add_scatter(applied, self.frames.rel, shared=True)
 
-    def scatter_of_one(self, frames: int) -> float:
-        """Return the relative scatter of a frame, of which the coefficient has that of the frames' mean."""
-        return (self.coefficient.frame_scatter_rel or 0.0) * math.sqrt(frames)
+    def average(self, frames: Sequence[Signal]) -> "CalibratedCamera":
+        """Return the camera for the mean of repeated frames, by what the signals of one region scatter.
+
+        Expected are flicker, the scatter that the fit of K found, and what hardly any shutter and lamp fall
+        short of; what is found is shared out to them as it was expected.
+        """
+        if len(frames) == 1:
+            return self
+        coefficient, root = self.coefficient, math.sqrt(len(frames))
+        own = math.hypot(coefficient.frame_scatter_rel or 0.0, LEAST_SCATTER_REL)
+        flicker = math.hypot(*(each.u_rel for each in self.corrections if each.source == FLICKER)) * root
+        expected_rel = math.hypot(own, flicker)
+        found = pixels.evaluate_scatter(
+            frames, dark_signal_dn=coefficient.dark_signal_dn, expected_rel=expected_rel
+        )
+        factor = found.rel / expected_rel
+        return replace(
+            self,
+            coefficient=replace(coefficient, frame_scatter_rel=None),
+            corrections=tuple(
+                replace(each, u_rel=factor * each.u_rel) if each.source == FLICKER else each
+                for each in self.corrections
+            ),
+            frames=replace(found, rel=factor * own / root),
+        )
+
+    def find_dof(self, applied: AppliedLuminance) -> float:
+        """Return the degrees of freedom of a luminance's variance, by those of K and of repeated frames [1].
+
+        [1] JCGM 100:2008, G.4.1 (Welch and Satterthwaite), doi:10.59161/JCGM100-2008E
+        """
+        settings = self.exposure.on_basis(self.coefficient.exposure_basis)
+        k = find_aperture(self.coefficient, settings) or self.coefficient
+        total = math.fsum(each.effect_cd_m2**2 for each in applied.effects)
+        of_k = (applied.luminance_cd_m2.value * k.luminance_k_standard_uncertainty / k.luminance_k) ** 2
+        doubt = min(of_k, total) ** 2 / (k.effective_dof or math.inf)
+        if self.frames is not None:
+            of_frames = math.hypot(*(add_up(applied.effects, source=each) for each in _OF_REPEATS))
+            doubt += of_frames**4 / self.frames.dof
+        return total**2 / doubt if doubt else math.inf
 
     def read_signal(self, frame: Frame, polygon: roi.Polygon, *, of_grid: bool = False) -> Read:
         """Return the signal of a region, and V if vignetting is corrected."""
@@ -392,33 +436,33 @@ class CalibratedCamera(Record, kw_only=False):
             dark_signal_dn=self.coefficient.dark_signal_dn,
         )
 
-    def apply_to_region(
-        self, read: Sequence[Read], *, drift: tuple[pixels.Values, float] | None = None
-    ) -> AppliedLuminance:
+    def apply_to_region(self, read: Sequence[Read], *, drift_rel: Array | None = None) -> AppliedLuminance:
         """Apply the coefficient to the mean of a region's signals.
 
-        ``drift`` is that of the whole grid (see `pixels.find_drift`): the shared part of the scatter.
+        ``drift_rel`` is that of the whole grid; what a cell scatters beyond it is the cell's own.
         """
-        signal, scatter_dn = pixels.average_signals(
-            [signal for signal, _ in read],
-            dark_signal_dn=self.coefficient.dark_signal_dn,
-            expected_rel=0.0 if drift else self.scatter_of_one(len(read)),
-            drift_rel=drift[0] if drift else None,
-        )
-        # V depends on the place alone
-        applied = self.convert_signal(signal, read[0][1])
+        signals = [signal for signal, _ in read]
         if len(read) == 1:
+            return self.convert_signal(*read[0])
+        # V depends on the place alone
+        applied = self.convert_signal(pixels.average_signals(signals), read[0][1])
+        if drift_rel is None:
             return applied
-        per_dn = add_up(applied.effects, source=NOISE) / signal.standard_uncertainty_dn
-        own = Effect(source=pixels.SCATTER, shared=drift is None, effect_cd_m2=scatter_dn * per_dn)
-        more = [own]
-        if drift is not None:
-            shared = drift[1] * applied.luminance_cd_m2.value
-            more.append(Effect(source=pixels.SCATTER, shared=True, effect_cd_m2=shared))
-        effects = (*applied.effects, *more)
-        u = math.hypot(*(effect.effect_cd_m2 for effect in effects))
-        luminance = replace(applied.luminance_cd_m2, standard_uncertainty=u)
-        return replace(applied, luminance_cd_m2=luminance, effects=effects)
+        dark_dn = self.coefficient.dark_signal_dn
+        own = pixels.evaluate_scatter(signals, dark_signal_dn=dark_dn, expected_rel=0.0, drift_rel=drift_rel)
+        return _add_scatter(applied, own.rel / math.sqrt(len(read)), shared=False)
+
+
+def _add_scatter(applied: AppliedLuminance, rel: float, *, shared: bool) -> AppliedLuminance:
+    """Add what repeated frames scatter to a luminance's effects."""
+    luminance = applied.luminance_cd_m2
+    effect = Effect(source=pixels.SCATTER, shared=shared, effect_cd_m2=rel * luminance.value)
+    u = math.hypot(luminance.standard_uncertainty, effect.effect_cd_m2)
+    return replace(
+        applied,
+        luminance_cd_m2=replace(luminance, standard_uncertainty=u),
+        effects=(*applied.effects, effect),
+    )
 
 
 def _require_green(statistics: tuple[ChannelStatistics, ...], frame: Frame) -> None:
@@ -444,15 +488,13 @@ def measure_surface(
 ) -> tuple[Surface, tuple[Raised, ...]]:
     """Apply the calibration to every cell as it was read in each frame, and judge them together."""
     cells = [list(zip(*lines, strict=True)) for lines in zip(*frames, strict=True)]
-    drift = None
+    drift_rel = None
     if len(frames) > 1:
-        signals = [[signal for signal, _ in cell] for line in cells for cell in line]
-        drift = pixels.find_drift(
-            signals,
-            dark_signal_dn=camera.coefficient.dark_signal_dn,
-            expected_rel=camera.scatter_of_one(len(frames)),
-        )
-    applied = [[camera.apply_to_region(cell, drift=drift) for cell in line] for line in cells]
+        totals = pixels.add_cells([[signal for signal, _ in cell] for line in cells for cell in line])
+        light = np.array([total.value_dn for total in totals]) - camera.coefficient.dark_signal_dn
+        drift_rel = light / light.mean() - 1.0 if light.mean() > 0.0 else np.zeros(light.size)
+        camera = camera.average(totals)
+    applied = [[camera.apply_to_region(cell, drift_rel=drift_rel) for cell in line] for line in cells]
     values = np.array([[one.luminance_cd_m2.value for one in line] for line in applied])
     displaced = displace_cells(grid, values)
     shown = tuple(

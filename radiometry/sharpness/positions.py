@@ -5,9 +5,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy
 
 from radiometry.findings import grouping, shared
-from radiometry.fitting import evidence, sources
+from radiometry.fitting import evidence
 from radiometry.records import Record
 from radiometry.sharpness import profile, results
 from radiometry.sharpness.edges import JACKKNIFE_DOF
@@ -228,15 +229,40 @@ def merge_estimates(
     """Compute mean, its standard uncertainty, the standard deviation s of one frame, and degrees of freedom.
 
     u^2 = max(s^2, mean u_i^2) / n: the larger of the observed scatter and the one that noise predicts, the
-    latter with n times the degrees of freedom of one frame. See `repeats.merge_variances`.
+    latter with n times the degrees of freedom of one frame.
     """
     values = np.array([each.value for each in estimates])
     predicted = float(np.mean([each.standard_uncertainty**2 for each in estimates]))
     if values.size == 1:
         return float(values[0]), math.sqrt(predicted), None, dof
     seen = float(values.var(ddof=1))
-    u, freedom = sources.merge_variances(seen, predicted, values.size, dof=values.size * dof)
+    u, freedom = _merge_variances(seen, predicted, values.size, dof=values.size * dof)
     return float(values.mean()), u, math.sqrt(seen), freedom
+
+
+_LEVEL, _LEVEL_OF_TWO = 0.60, 0.35
+_COVERAGE = 0.975
+_KNOWN_DOF = 1e9
+
+
+def _merge_variances(observed: float, predicted: float, count: int, *, dof: float) -> tuple[float, float]:
+    """Compute the standard uncertainty of a mean, and degrees of freedom that give it its expanded one.
+
+    How much sharpness scatters is not expected by anything but noise: the observed variance counts where it
+    exceeds a quantile of that of noise.
+    """
+    u = math.sqrt(max(observed, predicted) / count)
+    level = _LEVEL_OF_TWO if count == 2 else _LEVEL
+    known = min(dof, _KNOWN_DOF)
+    if u == 0.0 or observed <= predicted * float(scipy.special.fdtri(count - 1, known, level)):
+        return u, dof
+    by_noise, by_scatter = (
+        float(scipy.special.stdtrit(freedom, _COVERAGE)) * math.sqrt(variance / count)
+        for freedom, variance in ((known, predicted), (count - 1.0, observed))
+    )
+    if by_noise >= by_scatter:
+        return u, dof
+    return u, float(scipy.special.stdtridf(_COVERAGE, by_scatter / u))
 
 
 def _coefficient(

@@ -216,6 +216,15 @@ class MeasurementAnswer(Answer):
     noise_u_cd_m2: float | None = Field(
         default=None, description="The part that is the mean's own noise [cd/m2]."
     )
+    effective_dof: float | None = Field(
+        default=None, description="Of the mean's standard uncertainty; absent if they are without limit."
+    )
+    coverage_factor: float | None = Field(
+        default=None, description="Of the mean, for a coverage probability of 95 %."
+    )
+    expanded_uncertainty_cd_m2: float | None = Field(
+        default=None, description="`coverage_factor` times the mean's standard uncertainty."
+    )
     min: Quantity | None = None
     max: Quantity | None = None
     median: Quantity | None = None
