@@ -14,7 +14,7 @@ It is not the version of the product: a release that fits as before keeps it, an
 MEASURER = "measure-8"
 """Of a measurement and its map. Part of a measurement's content hash."""
 
-EXTRACTOR = "extract-3"
+EXTRACTOR = "extract-4"
 """Of the decoder and the statistics. Part of an extraction's key."""
 
 

@@ -16,10 +16,10 @@ MIRROR_NOT_EXCLUDED = flag(
     "Use pictures as the camera wrote them, a ChArUco board, or a checkerboard with two odd and "
     "different numbers of inner corners.",
 )
-CORNER_WINDOW_WIDE = flag(
+CORNER_WINDOW_WIDE = flag(  # of versions up to 0.3.0
     "Squares are so small that the fixed window reaches the edges of the next corner, which displace this "
     "one.",
-    "Fit with `corner_window: fitted`, or come closer.",
+    "Fit again: the window now follows from the spacing of the corners.",
 )
 FEW_VIEWS = flag("Fewer than ten views of the board were used.", "Add views.")
 COVERAGE_POOR = flag(

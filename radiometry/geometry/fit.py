@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from radiometry.findings import Raised, shared
 from radiometry.fitting.evidence import CoefficientValue, Quantity, require_complete
 from radiometry.frame import opencv, verdicts
-from radiometry.geometry import codes, results, target
+from radiometry.geometry import codes, results
 from radiometry.geometry.camera import (
     MODEL,
     PARAMETERS,
@@ -194,7 +194,7 @@ LARGEST_ASPECT_DIFFERENCE: Final = 0.01
 _OUTLIER_FLOOR_PX: Final = 0.3
 
 
-def check_views(fitted: FittedViews, points: Sequence[results.Point], params: results.Params) -> list[Raised]:
+def check_views(fitted: FittedViews, points: Sequence[results.Point]) -> list[Raised]:
     used = fitted.used
     errors = {point.frame: point.rms_px for point in points if point.used and point.rms_px is not None}
     usual = statistics.median(errors.values())
@@ -210,17 +210,6 @@ def check_views(fitted: FittedViews, points: Sequence[results.Point], params: re
         for each in fitted.rejected
         if each.finding
     ]
-    wide = [
-        each.features
-        for each in used
-        if each.features
-        and each.features.target.kind == "checkerboard"
-        and each.features.fitted_window_px < target.FIXED_WINDOW_PX
-    ]
-    if wide and params.corner_window == "fixed":
-        closest = min(features.spacing_px for features in wide)
-        detail = f"Views: {len(wide)} of {len(used)}; the closest corners are {closest:.1f} px apart."
-        flags.append(codes.CORNER_WINDOW_WIDE.at("", detail))
     flags += verdicts.flag_rendered([each.row.header.rendered for each in used])
     flags += _check_mirror(fitted)
     if len(used) < GOOD_VIEWS:
@@ -315,13 +304,13 @@ def fit_geometry(rows: Sequence[results.FrameRow], params: results.Params) -> re
     )
     fitted = fit_views(candidates, params, free)
     require_determined(fitted.solution)
-    points = _describe_points(candidates, fitted, params)
+    points = _describe_points(candidates, fitted)
     return _build(fitted, points, params)
 
 
 def list_coefficients(fit: results.Fit) -> tuple[CoefficientValue, ...]:
     listed: list[tuple[str, results.Coefficient | Quantity, str | None, int | None]] = [
-        (each.name, each, None, fit.degrees_of_freedom if each.standard_uncertainty else None)
+        (each.name, each, None, _find_dof(fit, each) if each.standard_uncertainty else None)
         for each in fit.coefficients
     ]
     listed += [
@@ -341,9 +330,13 @@ def list_coefficients(fit: results.Fit) -> tuple[CoefficientValue, ...]:
     )
 
 
+def _find_dof(fit: results.Fit, of: results.Coefficient) -> int:
+    return fit.degrees_of_freedom if of.name == "rms_px" else fit.effective_dof or fit.degrees_of_freedom
+
+
 def _build(fitted: FittedViews, points: tuple[results.Point, ...], params: results.Params) -> results.Fit:
     solution, camera = fitted.solution, fitted.solution.camera
-    seen = [make_view(_features(each), params).seen_px for each in fitted.used]
+    seen = [make_view(_features(each)).seen_px for each in fitted.used]
     coverage = measure_coverage(camera, seen)
     errors = dict(zip(PARAMETERS, np.sqrt(np.diag(solution.covariance)).tolist(), strict=True))
     middle_row, middle_col = camera.centre_px
@@ -353,7 +346,6 @@ def _build(fitted: FittedViews, points: tuple[results.Point, ...], params: resul
     return results.Fit(
         model=MODEL,
         target=_features(fitted.used[0]).target,
-        corner_window=params.corner_window,
         pixel_pitch_um=params.pixel_pitch_um,
         camera=camera,
         coefficients=_list_coefficients(solution, errors),
@@ -376,11 +368,13 @@ def _build(fitted: FittedViews, points: tuple[results.Point, ...], params: resul
         coverage=coverage,
         points=points,
         flags=(
-            *check_views(fitted, points, params),
+            *check_views(fitted, points),
             *check_solution(solution, coverage),
             *check_colours(colours),
         ),
         lateral_colour=colours or None,
+        birge_ratio=fitted.birge_ratio,
+        effective_dof=fitted.effective_dof,
     )
 
 
@@ -442,9 +436,7 @@ def _scale(offset: Quantity, pixel_pitch_um: float | None) -> Quantity | None:
     return Quantity(offset.value * pixel_pitch_um, offset.standard_uncertainty * pixel_pitch_um, "um")
 
 
-def _describe_points(
-    candidates: Sequence[Candidate], fitted: FittedViews, params: results.Params
-) -> tuple[results.Point, ...]:
+def _describe_points(candidates: Sequence[Candidate], fitted: FittedViews) -> tuple[results.Point, ...]:
     solution = fitted.solution
     used = {
         candidate.row.frame: (pose, residual)
@@ -455,7 +447,7 @@ def _describe_points(
     for each in candidates:
         name, features = each.row.frame, each.features
         if features is not None and name in rejected:
-            view = make_view(features, params)
+            view = make_view(features)
             pose = find_pose(solution.camera, view)
             residual = view.seen_px - project(solution.camera, view.points_mm, pose.rotation, pose.shift)
             points.append(_describe(each, features, rejected[name], pose, residual))

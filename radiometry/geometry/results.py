@@ -13,7 +13,7 @@ from radiometry.frame import Frame, FrameHeader, roi
 from radiometry.frame.opencv import cv2
 from radiometry.frame.statistics import compute_statistics
 from radiometry.geometry.camera import BINOMIAL, CameraModel, make_grey
-from radiometry.geometry.target import FITTED_STOP, FirstSquare, Found, Target, find_corners, refine
+from radiometry.geometry.target import FirstSquare, Found, Target, find_corners, refine
 from radiometry.records import Record, about, later
 from radiometry.specification.certificate import KeyFigure, of_quantity
 from radiometry.specification.parameters import check_parameters, parameter
@@ -72,9 +72,7 @@ def find_colours(frame: Frame, found: Found) -> tuple[ColourCorners, ...] | None
     if frame.cfa == "grey":
         return None
     placed = {
-        letter: refine(
-            _read_colour(frame, letter), found.fitted[:, ::-1], found.fitted_window_px, FITTED_STOP
-        )
+        letter: refine(_read_colour(frame, letter), found.fitted[:, ::-1], found.fitted_window_px)
         for letter in _LETTERS
     }
     return tuple(
@@ -171,11 +169,9 @@ class Features(Record):
     height_px: int  # Size of the whole frame [px]
     width_px: int
     indices: tuple[int, ...] = ()  # Indices of the corners on the board, row by row
-    # (row, col) of each corner [px], from the centre of the frame's first pixel, as placed in OpenCV's fixed
-    # window and in one fitted to the squares
-    fixed_px: tuple[tuple[float, float], ...] = ()
+    # (row, col) of each corner [px], from the centre of the frame's first pixel
     fitted_px: tuple[tuple[float, float], ...] = ()
-    fitted_window_px: int = 0  # Half side of that window [px]
+    fitted_window_px: int = 0  # Half side of the window in which they were placed [px]
     spacing_px: float = 0.0  # Shortest distance between neighbours [px]
     # 10 to 90 % rise of the squares' edges [px]; None where the board is not seen whole
     edge_rise_px: float | None = None
@@ -209,7 +205,6 @@ def _describe(frame: Frame, found: Found, target: Target) -> Features:
         height_px=frame.height_px,
         width_px=frame.width_px,
         indices=tuple(int(index) for index in found.indices),
-        fixed_px=tuple((float(row), float(col)) for row, col in found.fixed + corner),
         fitted_px=tuple((float(row), float(col)) for row, col in found.fitted + corner),
         fitted_window_px=found.fitted_window_px,
         spacing_px=found.spacing_px,
@@ -221,7 +216,6 @@ def _describe(frame: Frame, found: Found, target: Target) -> Features:
 
 
 CHART: Final = "chart"
-Window = Literal["fixed", "fitted"]
 RadialTerms = Literal[0, 1, 2, 3]
 
 FrameRow = FrameEvidence[Features]
@@ -239,13 +233,6 @@ class Params(Record):
         default_text="the camera's, where it is registered",
         example=3.28,
         bounds="[0.1, 100]",
-    )
-    corner_window: Window = parameter(
-        "fixed",
-        label="Window of the corner search",
-        description="For a checkerboard: fixed as OpenCV's own sample places corners, or fitted to keep "
-        "clear of neighbours where they are closer than 28 pixels.",
-        labels={"fixed": "Fixed", "fitted": "Fitted to the spacing"},
     )
     fix_aspect_ratio: bool = parameter(
         default=True, label="Square pixels", description="fx = fy; if free, the two differ by their noise."
@@ -335,7 +322,6 @@ class Fit(Record):
 
     model: str
     target: Target = about("Board that was photographed.")
-    corner_window: Window = about("Window in which corners were placed.")
     pixel_pitch_um: float | None = about("Distance of neighbouring pixels [um]; None if unknown.")
     camera: CameraModel
     coefficients: tuple[Coefficient, ...] = about(
@@ -358,6 +344,10 @@ class Fit(Record):
     lateral_colour: tuple[LateralColour, ...] | None = later(
         "Displacement of red and blue against green; None where the pictures have no colours."
     )
+    birge_ratio: float | None = later(
+        "Factor of all uncertainties, 1 or more: how far views disagree over what their corners explain."
+    )
+    effective_dof: int | None = later("Degrees of freedom of the uncertainties.")
 
 
 def list_key_figures(result: dict[str, Any]) -> tuple[KeyFigure, ...]:

@@ -132,28 +132,25 @@ def measure_spacing_px(target: Target, indices: NDArray[np.int64], corners: NDAr
 
 FirstSquare = Literal["black", "white"]
 
-# Half the side of the square in which a corner is placed, as OpenCV's own calibration sample has it
-FIXED_WINDOW_PX: Final = 11
-# Of the distance to the next corner: a window of this half side sees no other corner's edges cross
-FITTED_SHARE: Final = 0.4
 FEWEST_CORNERS: Final = 6
-_SMALLEST_WINDOW_PX: Final = 2
+# Half the side of the square in which a corner is placed, of the shortest distance to the next corner: it
+# sees no edge of another, nor the outer one of a board whose outer squares are halves
+_WINDOW_SHARE: Final = 1.0 / 3.0
+_LARGEST_WINDOW_PX: Final = 11
+_SMALLEST_WINDOW_PX: Final = 3  # In a smaller one the edges of a blurred picture leave no slope
 _BLUR_PX: Final = 1.0  # that a marker's edge reaches beyond itself
 # Beyond it a board is looked for in a smaller copy, and placed in the picture itself.
 _LONGEST_SIDE_PX: Final = 1600
-_SMALLEST_SIDE_PX: Final = 2 * FIXED_WINDOW_PX + 5
-# OpenCV's sample: thirty steps, or until a corner moves by less than a tenth of a pixel.
-_SAMPLE_STOP: Final = (30, 0.1)
-FITTED_STOP: Final = (100, 1e-3)
+_SMALLEST_SIDE_PX: Final = 2 * _LARGEST_WINDOW_PX + 5
+# Steps, and the motion at which they end; a corner that moves on is drawn to the edges of something else
+_STOP: Final = (5, 1e-3)
 
 
 class Found(Record, kw_only=False):
     """Corners of a board in a picture."""
 
     indices: NDArray[np.int64]  # Indices of the corners on the board
-    # Places of the corners in the fixed and in the fitted window [px], (corner, 2), row before col
-    fixed: NDArray[np.float64]
-    fitted: NDArray[np.float64]
+    fitted: NDArray[np.float64]  # Places of the corners [px], (corner, 2), row before col
     spacing_px: float  # Shortest distance between neighbouring corners [px]
     fitted_window_px: int  # Half side of the fitted window [px]
     edge_rise_px: float | None  # 10 to 90 % rise of the squares' edges [px]
@@ -168,9 +165,9 @@ def find_corners(grey: Grey, target: Target) -> Found:
 
     A board is searched in a copy of at most 1600 pixels a side: a checkerboard by its squares, then by its
     edges' directions [2], a ChArUco board by its markers. Each corner is then placed in the picture
-    itself, where every edge nearby points at it [1]: in a window of 11 pixels' half side, as OpenCV's
-    sample does, and in one that is no larger than 0.4 of the distance to the next corner. On a ChArUco
-    board both are kept clear of the markers, whose edges point elsewhere.
+    itself, where every edge nearby points at it [1], in a window whose half side is a third of the view's
+    shortest distance between corners, 3 to 11 pixels. On a ChArUco board it is kept clear of the markers,
+    whose edges point elsewhere.
 
     [1] W. Foerstner, E. Guelch, A fast operator for detection and precise location of distinct points,
         1987
@@ -195,7 +192,7 @@ def find_corners(grey: Grey, target: Target) -> Found:
 
 def _nothing(reason: str) -> Found:
     none = np.empty((0, 2))
-    return Found(np.empty(0, np.int64), none, none, 0.0, 0, None, not_found=reason)
+    return Found(np.empty(0, np.int64), none, 0.0, 0, None, not_found=reason)
 
 
 def _shrink(coarse: NDArray[np.uint8], scale: int) -> NDArray[np.uint8]:
@@ -235,12 +232,9 @@ def _place(grey: Grey, target: Target, indices: NDArray[np.int64], rough: NDArra
         return _nothing(f"the corners of the {target.name} lie on one line")
     spacing = measure_spacing_px(target, indices, rough)
     window = _choose_window_px(target, spacing)
-    fixed_window = window if target.kind == "charuco" else FIXED_WINDOW_PX
-    fixed = refine(grey.fine, rough, fixed_window, _SAMPLE_STOP)
-    fitted = refine(grey.fine, rough, window, FITTED_STOP)
+    fitted = refine(grey.fine, rough, window)
     return Found(
         indices=indices,
-        fixed=fixed[:, ::-1],
         fitted=fitted[:, ::-1],
         spacing_px=spacing,
         fitted_window_px=window,
@@ -262,22 +256,19 @@ def _read_first_square(
 
 
 def _choose_window_px(target: Target, spacing_px: float) -> int:
-    room = FITTED_SHARE * spacing_px
+    room = _WINDOW_SHARE * spacing_px
     if target.marker_size_mm is not None:
         beside = (1.0 - target.marker_size_mm / target.square_size_mm) / 2.0
         room = min(room, beside * spacing_px - _BLUR_PX)
-    return max(_SMALLEST_WINDOW_PX, min(FIXED_WINDOW_PX, int(room)))
+    return max(_SMALLEST_WINDOW_PX, min(_LARGEST_WINDOW_PX, int(room)))
 
 
 def refine(
-    fine: NDArray[np.uint8] | NDArray[np.float32],
-    rough: NDArray[np.float64],
-    window_px: int,
-    stop: tuple[int, float],
+    fine: NDArray[np.uint8] | NDArray[np.float32], rough: NDArray[np.float64], window_px: int
 ) -> NDArray[np.float64]:
     """Place corners where the edges around them point."""
     start = rough.astype(np.float32).reshape(-1, 1, 2)
-    criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, *stop)
+    criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, *_STOP)
     placed = cv2.cornerSubPix(fine, start, (window_px, window_px), (-1, -1), criteria)
     return np.asarray(placed, np.float64).reshape(-1, 2)
 

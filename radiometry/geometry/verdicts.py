@@ -55,7 +55,6 @@ def _inspect(features: results.Features) -> list[Reason]:
 _ADVICE: Final[dict[str, str]] = {
     codes.TILT_POOR: "tilt the board by 20 to 45 degrees, to the left, to the right, up and down",
     codes.VIEW_OUTLIER: "take {where} again, or leave it out: {detail}",
-    codes.CORNER_WINDOW_WIDE: "come closer, take larger squares, or fit with corner_window fitted: {detail}",
     codes.DISTORTION_FOLDS: "bring the board into the frame's corners: it is not determined there",
     codes.REPROJECTION_LARGE: "the board does not fit the model: is it flat, and are the pictures sharp?",
 }
@@ -68,7 +67,7 @@ def plan_views(rows: Sequence[results.FrameRow], params: results.Params) -> tupl
     found = []
     if 0 < len(usable) < GOOD_VIEWS:
         found.append(f"{len(usable)} usable views: add {GOOD_VIEWS - len(usable)} more")
-    return (*found, *_plan_coverage(usable, params), *_plan_by_flags(rows, params))
+    return (*found, *_plan_coverage(usable), *_plan_by_flags(rows, params))
 
 
 def find_gaps(rows: Sequence[results.FrameRow], params: results.Params) -> tuple[Gap, ...]:
@@ -76,13 +75,13 @@ def find_gaps(rows: Sequence[results.FrameRow], params: results.Params) -> tuple
     return tuple(Gap(role="chart", text="View of the board") for _ in range(GOOD_VIEWS - usable))
 
 
-def _plan_coverage(usable: Sequence[views.Candidate], params: results.Params) -> list[str]:
+def _plan_coverage(usable: Sequence[views.Candidate]) -> list[str]:
     """Name the ninths of the frame in which most cells hold no corner."""
     features = [each.features for each in usable if each.features]
     if not features:
         return []
     counts = count_cells(
-        [views.make_view(each, params).seen_px for each in features],
+        [views.make_view(each).seen_px for each in features],
         height_px=features[0].height_px,
         width_px=features[0].width_px,
     )

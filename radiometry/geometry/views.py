@@ -116,16 +116,37 @@ def _sum_squares(solution: Solution) -> float:
 
 def _measure_discord(views: Sequence[View], solution: Solution) -> float:
     """Return the squared Birge ratio of the camera's parameters between views, 1 at least."""
-    gained, count = 0.0, -_FREE.directions.shape[1]
+    gained, count = _compare_views(views, solution, _FREE)
+    left = solution.degrees_of_freedom - count
+    return max(1.0, gained / count / ((_sum_squares(solution) - gained) / left)) if left > 0 else 1.0
+
+
+def widen(views: Sequence[View], solution: Solution, free: FreeParameters) -> tuple[Solution, float, int]:
+    """Return a solution with the scatter of its views in its covariance, its Birge ratio, and its dof.
+
+    Corners of one view share errors of detection, of light and of a board that is not flat. With A_v the
+    information of a view and b_v its right-hand side, of q parameters::
+
+        C = max(S / (2 n - p), sum(b_v' A_v^-1 b_v) / (sum(q_v) - q)) A^-1
+    """
+    gained, count = _compare_views(views, solution, free)
+    squared = gained / count / (_sum_squares(solution) / solution.degrees_of_freedom)
+    if squared <= 1.0:
+        return solution, 1.0, solution.degrees_of_freedom
+    return replace(solution, covariance=solution.covariance * squared), math.sqrt(squared), count
+
+
+def _compare_views(views: Sequence[View], solution: Solution, free: FreeParameters) -> tuple[float, int]:
+    """Return the fall of the sum of squares if each view has its own camera, and the parameters more."""
+    gained, count = 0.0, -free.directions.shape[1]
     for view, pose in zip(views, solution.poses, strict=True):
-        information, right, _ = reduce(linearise_view(solution.camera, view, pose.vector, _FREE))
+        information, right, _ = reduce(linearise_view(solution.camera, view, pose.vector, free))
         scale = np.sqrt(np.diag(information))
         values, axes = np.linalg.eigh(information / np.outer(scale, scale))
         known = values > _KNOWN_REL * values[-1]
         gained += float((((axes.T @ (right / scale)) ** 2)[known] / values[known]).sum())
         count += int(known.sum())
-    within = (_sum_squares(solution) - gained) / (solution.degrees_of_freedom - count)
-    return float(max(1.0, gained / count / within))
+    return gained, count
 
 
 def turn(view: View, words: str, *, height_px: int, width_px: int) -> View:
@@ -216,11 +237,14 @@ class Rejected(Record, kw_only=False):
 class FittedViews(Record, kw_only=False):
     """Views that were used, with their solution, and those that were rejected.
 
+    ``solution`` : its covariance with the squared Birge ratio of the views; ``effective_dof`` : of that
     ``hidden`` : what a rendered picture that is turned, and is not found, would do
     """
 
     used: tuple[Candidate, ...]
     solution: Solution
+    birge_ratio: float
+    effective_dof: int
     rejected: tuple[Rejected, ...]
     hidden: Hidden | None
 
@@ -279,10 +303,10 @@ def _inspect(row: FrameRow, usual: _Form | None) -> str:
     return "it was searched for another board than most" if _form(features) != usual else ""
 
 
-def make_view(features: Features, params: Params) -> View:
+def make_view(features: Features) -> View:
     """Return a picture's corners in the form that the solver needs."""
-    seen = features.fixed_px if params.corner_window == "fixed" else features.fitted_px
-    return View(target.locate_corners_mm(features.target, np.array(features.indices)), np.array(seen))
+    places = target.locate_corners_mm(features.target, np.array(features.indices))
+    return View(points_mm=places, seen_px=np.array(features.fitted_px))
 
 
 def _compare_colours(kept: list[Candidate]) -> tuple[list[Candidate], list[Rejected], tuple[str, ...]]:
@@ -322,7 +346,7 @@ def fit_views(candidates: Sequence[Candidate], params: Params, free: FreeParamet
     kept, rejected, turns = _compare_colours([each for each in candidates if not each.left_out])
     limit = params.reject_above_px
     while True:
-        views = [make_view(each.features, params) for each in kept if each.features]
+        views = [make_view(each.features) for each in kept if each.features]
         first = kept[0].features
         assert first is not None  # noqa: S101  a candidate that counts has features
         solution = solve(views, free, height_px=first.height_px, width_px=first.width_px)
@@ -340,7 +364,7 @@ def fit_views(candidates: Sequence[Candidate], params: Params, free: FreeParamet
             # a viewer turns rendered pictures and no raw file
             numbers = [number for number, each in enumerate(kept) if each.row.header.rendered]
             hidden = measure_hidden(views, solution, free, numbers=numbers, turns=turns)
-            return FittedViews(tuple(kept), solution, tuple(rejected), hidden)
+            return FittedViews(tuple(kept), *widen(views, solution, free), tuple(rejected), hidden)
 
 
 def measure_rms_px(residual_px: NDArray[np.float64]) -> float:

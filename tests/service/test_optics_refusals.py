@@ -123,7 +123,7 @@ def test_a_charuco_board_of_which_parts_are_hidden(house):
         shares[:, : 30 * number] = 1.0
         frame = STUDIO.photograph(Picture(shares), random)
         house.upload(campaign, raw_bytes(house, frame.samples_dn), role="chart", filename=f"{number}.DNG")
-    version = fit(house, campaign, corner_window="fitted", radial_terms=1, tangential=False)
+    version = fit(house, campaign, radial_terms=1, tangential=False)
     rows = {row["name"]: row for row in publish(house, version)}
     for name in ("fx_px", "cx_px", "cy_px", "k1"):
         found = rows[name]

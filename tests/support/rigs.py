@@ -11,7 +11,7 @@ LENS = CameraModel(height_px=180, width_px=240, fx_px=230, fy_px=230, cx_px=123.
 BOARD = Target(kind="checkerboard", columns=5, rows=4, square_size_mm=40.0)
 TARGET = {name: getattr(BOARD, name) for name in ("kind", "columns", "rows", "square_size_mm")}
 RIG = (Mounted(LENS, np.zeros(6)), Mounted(LENS, np.array([0.02, 0.1, 0.0, -80.0, 0.0, 10.0])))
-PARAMS = {"radial_terms": 1, "tangential": False, "corner_window": "fitted"}
+PARAMS = {"radial_terms": 1, "tangential": False}
 
 
 def photograph(house, camera, number, poses, *, scenes, publish=True):

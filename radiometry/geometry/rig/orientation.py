@@ -351,7 +351,7 @@ def list_pictures(member: RigMember, number: int) -> list[BoardPicture]:
             scene=row.scene,
             header=row.header,
             target=row.features.target,
-            view=make_view(row.features, member.params),
+            view=make_view(row.features),
         )
         for row in member.rows
         if row.frame in used and row.features
@@ -370,5 +370,5 @@ def _read_camera(member: RigMember) -> RigCamera:
         model=fit.camera,
         covariance=np.array(fit.covariance),
         noise_px=fit.rms_px * math.sqrt(fit.corners / fit.degrees_of_freedom),
-        dof=float(fit.degrees_of_freedom),
+        dof=float(fit.effective_dof or fit.degrees_of_freedom),
     )

@@ -62,7 +62,6 @@ def make_row(name, camera, target, indices, seen_px):
         height_px=camera.height_px,
         width_px=camera.width_px,
         indices=tuple(int(index) for index in indices),
-        fixed_px=places,
         fitted_px=places,
         fitted_window_px=11,
         spacing_px=measure_spacing_px(target, indices, seen_px),
@@ -137,7 +136,6 @@ def transpose(row):
             features,
             height_px=features.width_px,
             width_px=features.height_px,
-            fixed_px=tuple((col, row) for row, col in features.fixed_px),
             fitted_px=tuple((col, row) for row, col in features.fitted_px),
         ),
     )

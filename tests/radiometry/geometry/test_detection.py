@@ -10,7 +10,6 @@ from radiometry.geometry.camera import CameraModel, make_grey, project
 from radiometry.geometry.target import Target, locate_corners_mm
 from simulation.boards import View, draw_poses, set_up
 from tests.radiometry.geometry.boards import BOARD, CHARUCO, extract, make_frame
-from tests.support.data import data_file
 
 # half of the usual camera in every direction
 SMALL = CameraModel(
@@ -97,8 +96,6 @@ def test_corners_in_a_window_are_told_in_the_whole_frame(picture):
     there = extract(cut, target=BIG_BOARD).features
     assert max(top, left) > 0
     np.testing.assert_allclose(there.fitted_px, places, atol=2e-3)
-    # stopped after a step below a tenth of a pixel, wherever it began
-    np.testing.assert_allclose(there.fixed_px, whole.fixed_px, atol=0.2)
     assert (there.height_px, there.width_px) == (240, 320)
 
 
@@ -122,7 +119,7 @@ def test_a_large_frame_is_searched_small_and_placed_large(picture):
     drawn, pose = picture
     enlarged = cv2.resize(drawn, None, fx=6, fy=6, interpolation=cv2.INTER_CUBIC)
     found = extract(make_frame(np.clip(enlarged, 0, 255), bits=8), target=BIG_BOARD).features
-    seen = (np.array(found.fixed_px) + 0.5) / 6 - 0.5
+    seen = (np.array(found.fitted_px) + 0.5) / 6 - 0.5
     there = truth(BIG_BOARD, pose, found.indices)
     # eleven pixels are two of the picture that was enlarged: a fifth of the edges as before
     assert min(np.abs(seen - there).max(), np.abs(seen[::-1] - there).max()) < 0.2
@@ -159,15 +156,16 @@ def test_a_noise_is_no_board():
 def test_windows_keep_clear_of_neighbours(opencv_rows):
     left02 = opencv_rows[1].features
     assert left02.spacing_px == pytest.approx(21.8, abs=0.1)
-    assert left02.fitted_window_px == 8
-    assert [row.features.fitted_window_px for row in opencv_rows].count(11) == 9
+    assert left02.fitted_window_px == 7
+    assert [row.features.fitted_window_px for row in opencv_rows].count(11) == 2
 
 
-def test_opencv_s_own_way_of_placing_corners(opencv_rows):
-    """findChessboardCorners and cornerSubPix with the parameters of its calibration sample."""
-    picture = cv2.imread(str(data_file("checkerboard/left01.jpg")), cv2.IMREAD_GRAYSCALE)
-    _, start = cv2.findChessboardCorners(
-        picture, (9, 6), flags=cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
-    )
-    expected = cv2.cornerSubPix(picture, start, (11, 11), (-1, -1), (3, 30, 0.1)).reshape(-1, 2)
-    np.testing.assert_array_equal(np.array(opencv_rows[0].features.fixed_px)[:, ::-1], expected)
+def test_corners_in_a_blurred_board_do_not_follow_its_markers():
+    """2 px are clear of markers: so small a window finds no slope in a blurred picture, 3 px do."""
+    board = dataclasses.replace(CHARUCO, marker_size_mm=24.0)
+    drawn, pose = render(board, 4)
+    blurred = cv2.GaussianBlur(drawn, (0, 0), 1.2)
+    found = extract(make_frame(blurred, bits=8), target=board).features
+    assert found.fitted_window_px == 3
+    off = np.array(found.fitted_px) - truth(board, pose, found.indices)
+    assert np.sqrt((off**2).sum(axis=1).mean()) < 0.15

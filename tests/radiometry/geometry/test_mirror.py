@@ -41,9 +41,9 @@ PARAMS = Params()
 def turn(row, words):
     """The corners as they lie in the turned picture."""
     size = np.array([row.features.height_px - 1, row.features.width_px - 1])
-    seen = np.array(row.features.fixed_px)
+    seen = np.array(row.features.fitted_px)
     turned = tuple(map(tuple, np.where(TURNS[words], size - seen, seen).tolist()))
-    return with_features(row, fixed_px=turned, fitted_px=turned)
+    return with_features(row, fitted_px=turned)
 
 
 @pytest.mark.parametrize("words", TURNS)
@@ -296,7 +296,7 @@ def test_a_good_set_needs_nothing():
 
 
 def test_advice_names_the_parts_of_the_frame(simulated):
-    left = [row for row in simulated if max(col for _, col in row.features.fixed_px) < 480][:4]
+    left = [row for row in simulated if max(col for _, col in row.features.fitted_px) < 480][:4]
     (coverage,) = [each for each in plan_views(left, FREE) if "parts of the frame" in each]
     assert "top right" in coverage
     assert "middle left" not in coverage
@@ -310,9 +310,9 @@ def test_advice_for_flat_and_for_bad_views(simulated):
         rows, FREE
     )
     moved = tuple(
-        (row + (number % 2) * 1.5, col) for number, (row, col) in enumerate(simulated[2].features.fixed_px)
+        (row + (number % 2) * 1.5, col) for number, (row, col) in enumerate(simulated[2].features.fitted_px)
     )
-    rows = [*simulated[:2], with_features(simulated[2], fixed_px=moved), *simulated[3:]]
+    rows = [*simulated[:2], with_features(simulated[2], fitted_px=moved), *simulated[3:]]
     assert any(
         each.startswith("take frame view-002 again, or leave it out: It fits to")
         for each in plan_views(rows, FREE)
