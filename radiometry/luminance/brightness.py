@@ -67,6 +67,7 @@ class Doubted(Record):
     frames_cd_m2: float  # what they say, by the K of the other scenes
     frames: tuple[str, ...]
     fits: str  # scene beside it whose frames agree, where a list was typed a row off
+    reason: str  # of who kept it
 
     @property
     def is_grave(self) -> bool:
@@ -75,13 +76,15 @@ class Doubted(Record):
     def describe(self) -> str:
         said = f"{self.reading_cd_m2:.3g} cd/m2, its frames say {self.frames_cd_m2:.2g}"
         fits = f", and it fits {name_few('scene', [self.fits])}" if self.fits else ""
-        return f"{name_few('scene', [self.scene])}: {said}{fits}"
+        kept = f". It was kept: {self.reason.rstrip('.')}" if self.reason else ""
+        return f"{name_few('scene', [self.scene])}: {said}{fits}{kept}"
 
 
 def find_doubted(series: Sequence[IsoSeries], readings: Sequence[Reading]) -> list[Doubted]:
     """Find the readings that disagree with the ratio of signal and reading that most scenes have."""
     light = measure_light(series)
     read: dict[str, list[float]] = {}
+    reasons = {(each.scene, each.value): each.reason or "" for each in readings}
     for each in readings:
         if each.quantity == "luminance" and each.scene in light:
             read.setdefault(each.scene, []).append(each.value)
@@ -101,6 +104,7 @@ def find_doubted(series: Sequence[IsoSeries], readings: Sequence[Reading]) -> li
             frames_cd_m2=light[scene] / usual,
             frames=tuple(sorted(frames[scene])),
             fits=misplaced.get(scene, ""),
+            reason=reasons[scene, value],
         )
         for scene in sort_naturally(read)
         for value in sorted(set(read[scene]))

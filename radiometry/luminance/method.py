@@ -21,6 +21,7 @@ from radiometry.fitting.sources import IMPLAUSIBLE_SCATTER_REL
 from radiometry.frame import Frame, roi, statistics
 from radiometry.frame.verdicts import flag_not_dark, flag_rendered
 from radiometry.luminance import codes, suggestions
+from radiometry.luminance.brightness import find_doubted
 from radiometry.luminance.fit import fit_series
 from radiometry.luminance.points import DETECTION_ERRORS, FEW_POINTS, IsoSeries, check_dark, collect_series
 from radiometry.luminance.results import Aperture, Coefficient, Fit, IsoFit, ModelFit, SpectralQuality
@@ -98,6 +99,8 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
     iso_fits = tuple(iso_fit for iso_fit, _ in fitted)
     points = tuple(itertools.chain.from_iterable(points for _, points in fitted))
     flags = check_scenes(scenes) + check_reading_times(rows, readings)
+    kept = [each for each in find_doubted(series, readings) if each.reason]
+    flags += [codes.READING_OFF.at(f"scene {each.scene}", f"{each.describe()}.") for each in kept]
     for one, iso_fit in zip(series, iso_fits, strict=True):
         flags += check_series(one, rows, params) + check_iso_fit(one, iso_fit, params)
     for one in series:

@@ -446,3 +446,4 @@ class Reading(Record):
     expanded_uncertainty_rel: float | None = None  # from the meter's certificate; None if there is none
     coverage_factor: float | None = None  # from the same certificate
     taken_at: str | None = later()  # RFC 3339 with its offset
+    reason: str | None = later()  # why it is right although its frames speak against it

@@ -119,7 +119,7 @@ def list_doubted(
             {"reading_cd_m2": each.reading_cd_m2, "frames_cd_m2": each.frames_cd_m2},
         )
         for each in brightness.find_doubted(points.collect_series(rows, readings, params), readings)
-        if gravely == (each.is_grave and curved.isdisjoint(each.frames))
+        if not each.reason and gravely == (each.is_grave and curved.isdisjoint(each.frames))
     ]
 
 

@@ -176,6 +176,7 @@ def _columns(form: NewReading) -> dict[str, Any]:
         "entered_value": form.value,
         "entered_unit": form.unit,
         "taken_at": form.taken_at,
+        "reason": form.reason,
         **({"meter_id": form.meter_id} if form.meter_id else {}),
     }
 

@@ -297,6 +297,11 @@ class NewReading(models.Form):
         default=None,
         description="When it was read, in UTC: shows whether the lamp drifted between reading and frames.",
     )
+    reason: models.Text | None = Field(
+        default=None,
+        description="Why the reading is right although its frames say half or less of it, or double or more: "
+        "with a reason it is used, and the certificate says so.",
+    )
     replaces: Annotated[
         str | None,
         Field(
@@ -317,7 +322,8 @@ class NewReading(models.Form):
 class ReadingAnswer(
     models.Answer,
     restates=Reading,
-    fields="id scene quantity value entered_value entered_unit meter_id taken_at created_at withdrawn_at",
+    fields="id scene quantity value entered_value entered_unit meter_id taken_at reason created_at "
+    "withdrawn_at",
 ):
     unit: str
 

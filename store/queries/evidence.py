@@ -149,6 +149,7 @@ def _read_meters(session: Session, campaign: Campaign, spec: MethodSpec) -> list
             expanded_uncertainty_rel=meter.certificate_expanded_uncertainty_rel if meter else None,
             coverage_factor=meter.certificate_coverage_factor if meter else None,
             taken_at=reading.taken_at.isoformat().replace("+00:00", "Z") if reading.taken_at else None,
+            reason=reading.reason,
         )
         for reading, meter in rows
     ]

@@ -113,6 +113,8 @@ class Reading(Audited, Base):
     entered_unit: Mapped[str]
     meter_id: Mapped[str | None] = mapped_column(ForeignKey("meter.id"))
     taken_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    reason: Mapped[str | None]
+    """Why it is right although its frames speak against it."""
     created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
     withdrawn_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
     """A mistyped reading is withdrawn, not deleted."""

@@ -159,10 +159,17 @@ def test_a_reading_that_its_frames_speak_against_is_needed_before_the_fit(page, 
     said = head(page, "Scene 5").get_by_role("alert")
     expect(said).to_contain_text("10 times less")
     said.get_by_role("button", name="Move point: 1.28").click()
-    put(page, "Luminance of Scene 4 ", "2.94")
+    head(page, "Scene 4").get_by_role("button", name="Keep 29.4…").click()
+    page.get_by_label("Why is the reading right?").fill("ND 1.0 filter on the lens")
+    page.get_by_role("button", name="Keep it").click()
     expect(line).to_have_count(0)
-    meant = {scene: [value] for scene, value in MEANT.items()}
+    expect(page.locator(".cell.warn")).to_have_count(2)
+    meant = {scene: [value] for scene, value in ({**MEANT, "Scene 4": 29.4}).items()}
     wait_until(lambda: stored(team, campaign) == meant)
+    found = team.client.calibrate(campaign.id).raw["findings"]
+    assert [each["detail"] for each in found if each["code"] == "reading_off"] == [
+        "Scene 4: 29.4 cd/m2, its frames say 2.9. It was kept: ND 1.0 filter on the lens."
+    ]
     page.context.complaints.clear()
 
 

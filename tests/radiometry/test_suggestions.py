@@ -152,6 +152,20 @@ def test_a_reading_in_foot_lamberts():
     assert off.values == pytest.approx({"reading_cd_m2": 5.0 / 3.4263, "frames_cd_m2": 5.0}, rel=0.02)
 
 
+def test_a_reading_that_was_kept_is_named_by_the_fit():
+    wrong = [reading(scene, LEVELS[scene] * (10.0 if scene == "c" else 1.0)) for scene in LEVELS]
+    assert [cause.finding for cause in luminance.missing(GOOD, wrong, Params())] == [codes.READING_OFF]
+    kept = [dataclasses.replace(r, reason="ND filter") if r.scene == "c" else r for r in wrong]
+    assert luminance.missing(GOOD, kept, Params()) == ()
+    assert not any("frames say" in sentence for sentence in advice(readings=kept))
+    found = [
+        raised for raised in luminance.fit(GOOD, kept, Params()).flags if raised.flag == codes.READING_OFF
+    ]
+    assert [raised.detail for raised in found] == [
+        "scene c: 50 cd/m2, its frames say 5. It was kept: ND filter."
+    ]
+
+
 @pytest.mark.parametrize(
     ("typed", "off"),
     [

@@ -63,19 +63,19 @@ export class ReadingBook extends EventTarget {
 
   /**
    * What was typed takes the place of the reading that was `seen` in its field: null where there was none, undefined for a repeat.
-   * Answers what was recorded; of a value that another user has changed meanwhile both are shown.
+   * Answers what was recorded; of a value that another user has changed meanwhile both are shown. With a `reason` it is kept against its frames.
    */
-  async put(scene, typed, seen) {
+  async put(scene, typed, seen, reason) {
     const text = typed.trim();
     if (text === "") return null;
     const read = readReading(text, seen?.entered_unit ?? this.unit);
-    if (seen && read.value === seen.entered_value && read.unit === seen.entered_unit) {
+    if (!reason && seen && read.value === seen.entered_value && read.unit === seen.entered_unit) {
       if (!this.told.get(scene)?.undo) this.tell(scene, { same: text });
       return null;
     }
     this.told.delete(scene);
     // a corrected figure was read with the same meter at the same time
-    const reading = this.withMeter({ scene, ...read, ...(seen ? { meter_id: seen.meter_id, taken_at: seen.taken_at } : {}) });
+    const reading = this.withMeter({ scene, ...read, ...(seen ? { meter_id: seen.meter_id, taken_at: seen.taken_at } : {}), reason });
     try {
       const [made] = await this.record([{ ...reading, ...(seen === undefined ? {} : { replaces: seen?.id ?? "" }) }]);
       const undo = () => (seen ? this.putBack(seen, made) : this.withdraw(made));
@@ -91,13 +91,13 @@ export class ReadingBook extends EventTarget {
   }
 
   /** An earlier reading takes the place of the one that had taken its own. */
-  async putBack({ scene, entered_value: value, entered_unit: unit, meter_id, taken_at, ...old }, made = this.of(scene).find((each) => each.created_at === old.withdrawn_at)) {
-    await this.record([{ ...this.withMeter({ scene, value, unit, meter_id, taken_at }), replaces: made.id }]);
+  async putBack({ scene, entered_value: value, entered_unit: unit, meter_id, taken_at, reason, ...old }, made = this.of(scene).find((each) => each.created_at === old.withdrawn_at)) {
+    await this.record([{ ...this.withMeter({ scene, value, unit, meter_id, taken_at, reason }), replaces: made.id }]);
   }
 
-  withMeter({ scene, value, unit, meter_id: meter = this.meter_id, taken_at: taken = this.now ? new Date().toISOString() : "" }) {
+  withMeter({ scene, value, unit, reason, meter_id: meter = this.meter_id, taken_at: taken = this.now ? new Date().toISOString() : "" }) {
     const fits = this.meters.find((each) => each.id === meter)?.kind === UNITS[unit];
-    return { scene, quantity: UNITS[unit], value, unit, ...(meter && fits ? { meter_id: meter } : {}), ...(taken ? { taken_at: taken } : {}) };
+    return { scene, quantity: UNITS[unit], value, unit, ...(meter && fits ? { meter_id: meter } : {}), ...(taken ? { taken_at: taken } : {}), ...(reason ? { reason } : {}) };
   }
 
   async record(readings) {

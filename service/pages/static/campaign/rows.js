@@ -1,5 +1,6 @@
 // The rows of the grid and its heads, drawn where they differ from what is there.
 
+import { ask } from "../ask.js";
 import { small } from "../causes.js";
 import { OUTCOMES, done, fill, h, mark, may, openDialog, svg, table, take, toast } from "../dom.js";
 import { counted, exposureTime, number, percent, stateWords, time, typeset } from "../format.js";
@@ -92,8 +93,9 @@ function doubted(book, { reading, frames }, items) {
   const wrong = items.find((each) => Math.abs(each.value / reading - 1) < 1e-9);
   const moved = wrong && wrong.entered_value * 10 ** Math.round(Math.log10(frames / reading));
   const fits = wrong && moved !== wrong.entered_value && Math.abs(Math.log2((moved / wrong.entered_value) * (reading / frames))) < 1;
-  const text = number(moved, 6);
-  return note("bad", [h("strong", {}, `Its frames say ${number(frames, 2)} cd/m²: ${number(Math.max(frames / reading, reading / frames), 2)} times ${frames > reading ? "more" : "less"}.`), " ", h("span", { class: "tag warn" }, "needed")], fits && may("calibrate") ? button(`Move point: ${text}`, () => book.put(wrong.scene, text, wrong)) : null);
+  const [text, entered] = [number(moved, 6), number(wrong?.entered_value, DIGITS)];
+  const keep = () => ask({ title: `Keep ${entered} ${written(wrong.entered_unit)}`, fields: [{ name: "reason", label: "Why is the reading right?", type: "textarea", of: "NewReading" }], submit: "Keep it", action: ({ reason }) => book.put(wrong.scene, String(wrong.entered_value), wrong, reason) });
+  return note("bad", [h("strong", {}, `Its frames say ${number(frames, 2)} cd/m²: ${number(Math.max(frames / reading, reading / frames), 2)} times ${frames > reading ? "more" : "less"}.`), " ", h("span", { class: "tag warn" }, "needed")], fits && may("calibrate") ? button(`Move point: ${text}`, () => book.put(wrong.scene, text, wrong)) : null, wrong && may("calibrate") ? button(`Keep ${entered}…`, keep) : null);
 }
 
 function dots(values) {
@@ -124,9 +126,10 @@ function rowsOf(book, readings) {
     done(`Reading of ${each.scene} withdrawn.`, () => book.restore(each));
   };
   const entered = (each) => `${number(each.entered_value, DIGITS)} ${written(each.entered_unit)}`;
+  const below = (each) => [each.entered_unit === each.unit ? null : `${number(each.value, 5)} ${written(each.unit)}`, each.reason && `Kept: ${each.reason}`].filter(Boolean).map((text) => h("span", { class: "sub" }, text));
   const isReplaced = (each) => each.withdrawn_at && readings.some((other) => other.created_at === each.withdrawn_at);
   const columns = [
-    { head: "Reading", header: true, cell: (each) => [entered(each), each.entered_unit === each.unit ? null : h("span", { class: "sub" }, `${number(each.value, 5)} ${written(each.unit)}`)] },
+    { head: "Reading", header: true, cell: (each) => [entered(each), ...below(each)] },
     { head: "Meter", class: "wide-only", cell: (each) => nameOfMeter(book.meters.find((meter) => meter.id === each.meter_id)) ?? "–" },
     { head: "Taken", class: "wide-only", cell: (each) => (each.taken_at ? time(each.taken_at) : "–") },
     { head: "Recorded", class: "wide-only", cell: (each) => [time(each.created_at), each.withdrawn_at ? h("span", { class: "sub" }, isReplaced(each) ? "replaced" : "withdrawn") : null] },
