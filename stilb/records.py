@@ -388,12 +388,14 @@ class MeasureDetails(TypedDict, total=False):
     polygon: Polygon
     grid: Grid
     reflectance: float
+    reflectance_u_rel: float
     incidence_angle_deg: float
     index: str  # of reflectance: ndvi | ndre | gndvi | evi2 | savi, or a formula: (nir - red) / (nir + red)
     quantity: str  # of a band: reflectance | radiance
     light_source: str  # a name of the library, or a table: wavelength in nm and value
     spectral_mismatch_u_rel: float
     distance_m: float
+    lens_focus: str  # surface | unchanged
     lamp_kind: str
     mains_frequency_hz: float
     lamp_modulation: float

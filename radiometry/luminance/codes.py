@@ -167,10 +167,9 @@ CELLS_SMALL = flag_measurement(
     "Take fewer rows or columns, fly lower, or use a longer lens.",
 )
 DIFFUSE_ASSUMED = flag_measurement(
-    "The illuminance takes the surface as matt and its reflectance as exact: its uncertainty is that of the "
-    "luminance alone.",
-    "Measure the reflectance of this dry surface, and add its relative uncertainty; of a wet or "
-    "polished surface, measure the illuminance with a meter.",
+    "The illuminance takes the surface as matt.",
+    "Measure the reflectance of this dry surface, and state its uncertainty as `reflectance_u_rel`; of a wet "
+    "or polished surface, measure the illuminance with a meter.",
 )
 ISO_NOT_CALIBRATED = error(
     "The frame was taken at an ISO value for which this calibration has no K; K is not interpolated.",

@@ -152,10 +152,13 @@ def correct_focus(field: FieldConditions, coefficient: Coefficient) -> FieldCorr
 
     A quarter of the correction is its standard uncertainty: the pupil's magnification is not known. An
     unknown distance may be anything from 1 m on, an unknown focal length is taken as 15 mm; the largest
-    effect over sqrt(3) is then the uncertainty, and nothing is corrected.
+    effect over sqrt(3) is then the uncertainty, and nothing is corrected. Nothing is lost by a focus that is
+    left as it was.
 
     [1] S. F. Ray, Applied Photographic Optics, 3rd edition, Focal Press 2002, chapter 7
     """
+    if field.lens_focus == "unchanged":
+        return FieldCorrection(source=FOCUS, basis="focus as in the calibration")
     known = coefficient.conditions or CalibrationConditions()
     here, there, focal_mm = field.distance_m, known.focus_distance_m, known.focal_length_mm
     focal = _USUAL_FOCAL_LENGTH_MM if focal_mm is None else focal_mm

@@ -48,6 +48,7 @@ from radiometry.vignetting.lens import Lens
 
 Corners = Sequence[tuple[float, float]]
 
+_USUAL_REFLECTANCE_U_REL = 0.1
 # A flicker over whole periods is not exactly 0.
 _ROUNDING = 1e-9
 # The extremes of fifty cells then lie within 3 % of each other, half of what a known camera is flagged for.
@@ -114,6 +115,14 @@ class Request(Record):
     reflectance: float | None = None  # rho of the surface, (0, 1]; None if no illuminance is requested
     conditions: FieldConditions | None = None  # None for those of the calibration, as in a laboratory
 
+    def state_reflectance(self) -> Quantity | None:
+        """Return rho with its uncertainty, 10 % where none is stated."""
+        if self.reflectance is None:
+            return None
+        stated = self.conditions.reflectance_u_rel if self.conditions else None
+        u_rel = _USUAL_REFLECTANCE_U_REL if stated is None else stated
+        return Quantity(self.reflectance, u_rel * self.reflectance, "1")
+
 
 class Vignetting(Record):
     """Version that a frame's vignetting is corrected with."""
@@ -174,7 +183,7 @@ def measure(
     """Measure the luminance of a frame.
 
     The mean of the region and of each cell is `application.apply_to_signal` of its statistics: measured as
-    it was calibrated. E = pi L / rho holds for a diffuse surface; rho is taken as exact. With a correction
+    it was calibrated. E = pi L / rho holds for a diffuse surface. With a correction
     every signal above dark is divided by V (see `maps.correct_signal`). All luminances take the same
     corrections of the field (see `corrections`), found in the first frame.
 
@@ -200,7 +209,7 @@ def measure(
     corrections, raised = _find_corrections(frame, whole, request, camera, frames=len(signals))
     one = replace(camera, corrections=corrections)
     camera = one.average([signal for signal, _ in signals])
-    region = camera.apply_to_region(signals)
+    region, reflectance = camera.apply_to_region(signals), request.state_reflectance()
     dof = camera.find_dof(region)
     disagreement = flag_scatter([signal for signal, _ in signals], dark_signal_dn=coefficient.dark_signal_dn)
     pixels = order_pixels(
@@ -212,9 +221,7 @@ def measure(
         signal=summed,
     )
     surface, cell_flags = (
-        measure_surface(of_cells, one, request.grid, reflectance=request.reflectance)
-        if request.grid
-        else (None, ())
+        measure_surface(of_cells, one, request.grid, reflectance=reflectance) if request.grid else (None, ())
     )
     measured = [request.polygon.points, *([request.grid.corners] if request.grid else [])]
     own = find_flags(frame, measured, calibrated, rendered=rendered, corrected=lens is not None)
@@ -225,8 +232,8 @@ def measure(
     )
     if request.grid:
         shown += check_grid(request.grid, height_px=frame.height_px, width_px=frame.width_px)
-    if request.reflectance is not None:
-        detail = "An error of 10 % of the reflectance is one of 10 % of the illuminance."
+    if reflectance is not None:
+        detail = f"The reflectance has a standard uncertainty of {reflectance.standard_uncertainty:.2g}."
         shown += (codes.DIFFUSE_ASSUMED.at("illuminance", detail),)
 
     def luminance(pixel: PixelSignal) -> Quantity:
@@ -258,7 +265,7 @@ def measure(
         ),
         budget=_share_out(region),
         surface=surface,
-        illuminance_lx=illuminate(region.luminance_cd_m2, request.reflectance),
+        illuminance_lx=illuminate(region.luminance_cd_m2, reflectance),
         saturated_share=max(signal.saturated_share for signal, _ in signals),
         vignetting=correction.name if correction else "none",
         flags=(*region.flags, *raised, *cell_flags, *shown, *disagreement, *own),

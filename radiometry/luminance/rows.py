@@ -95,6 +95,9 @@ class CalibrationConditions(Record):
     lamp_kind: LampKind | None = later("All that is known of the lamp's spectrum if `lamp` is None.")
 
 
+LensFocus = Literal["surface", "unchanged"]
+
+
 class FieldConditions(Record):
     """Light and surroundings of a measurement, as it states them; None for what is not known."""
 
@@ -166,6 +169,24 @@ class FieldConditions(Record):
         default_text="unknown",
         example=0.02,
         bounds="[0, 0.5]",
+    )
+
+    lens_focus: LensFocus | None = parameter(
+        None,
+        label="Focus",
+        description="Where the lens is focused. Unchanged: as in the calibration, so that it loses no other "
+        "light than there.",
+        labels={"surface": "On the measured surface", "unchanged": "As in the calibration"},
+        default_text="surface",
+        example="unchanged",
+    )
+    reflectance_u_rel: float | None = parameter(
+        None,
+        label="Uncertainty of the reflectance",
+        description="Relative standard uncertainty of the surface's reflectance, for its illuminance.",
+        default_text="10 %",
+        example=0.03,
+        bounds="[0, 1)",
     )
 
     def __post_init__(self) -> None:

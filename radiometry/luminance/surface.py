@@ -258,7 +258,7 @@ def displace_cells(grid: Grid, values: Array) -> Array:
 
 
 def judge_uniformity(
-    cells: Cells, *, shown: tuple[tuple[Quantity, ...], ...] = (), reflectance: float | None = None
+    cells: Cells, *, shown: tuple[tuple[Quantity, ...], ...] = (), reflectance: Quantity | None = None
 ) -> Surface:
     """Compute average, extremes and their ratios, each with its uncertainty.
 
@@ -484,7 +484,7 @@ def measure_surface(
     camera: CalibratedCamera,
     grid: Grid,
     *,
-    reflectance: float | None,
+    reflectance: Quantity | None,
 ) -> tuple[Surface, tuple[Raised, ...]]:
     """Apply the calibration to every cell as it was read in each frame, and judge them together."""
     cells = [list(zip(*lines, strict=True)) for lines in zip(*frames, strict=True)]
@@ -544,9 +544,10 @@ def _list_shared(applied: AppliedLuminance, *, is_local: bool) -> list[float]:
     ]
 
 
-def illuminate(luminance: Quantity, reflectance: float | None) -> Quantity | None:
+def illuminate(luminance: Quantity, reflectance: Quantity | None) -> Quantity | None:
     """Compute E = pi L / rho [lx]."""
     if reflectance is None:
         return None
-    factor = math.pi / reflectance
-    return Quantity(luminance.value * factor, luminance.standard_uncertainty * factor, "lx")
+    factor = math.pi / reflectance.value
+    value, u_rel = luminance.value * factor, reflectance.standard_uncertainty / reflectance.value
+    return Quantity(value, math.hypot(luminance.standard_uncertainty * factor, value * u_rel), "lx")

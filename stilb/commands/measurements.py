@@ -45,10 +45,12 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
         None, help='Lanes of EN 13201-3: "2x3.5x30 x,y x,y x,y x,y", lanes x width x spacing in m.'
     ),
     reflectance: float | None = typer.Option(None, help="Reflectance of the surface, for its illuminance."),
+    reflectance_u: float | None = typer.Option(None, help="Its relative standard uncertainty; default: 0.1."),
     light: str | None = typer.Option(
         None, metavar="NAME|FILE.csv", help="Light source: a lamp of the library, or its spectrum."
     ),
     distance: float | None = typer.Option(None, help="To the surface, in m."),
+    focus: str | None = typer.Option(None, help="surface (default), or unchanged since the calibration."),
     lamp: str | None = typer.Option(
         None, metavar="KIND", help=f"{template.LAMP_HELP} Default: the campaign's."
     ),
@@ -108,8 +110,10 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
         "polygon": _read_region(region, regions),
         "grid": _read_lanes(lanes) if lanes is not None else None if grid is None else _read_grid(grid),
         "reflectance": reflectance,
+        "reflectance_u_rel": reflectance_u,
         "light_source": light,
         "distance_m": distance,
+        "lens_focus": focus,
         "mains_frequency_hz": mains,
         "lamp_kind": lamp,
         "lamp_modulation": modulation,

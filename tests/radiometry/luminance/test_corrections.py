@@ -85,6 +85,8 @@ def test_focus_by_hand():
     assert line.factor == pytest.approx(1.01517 / 1.03069, rel=1e-5)
     assert line.u_rel == pytest.approx(0.25 * (1 - line.factor))
     assert correct_focus(FieldConditions(distance_m=1.0), KNOWN).factor == 1.0
+    left = correct_focus(FieldConditions(distance_m=2.0, lens_focus="unchanged"), KNOWN)
+    assert (left.factor, left.u_rel, left.assumed) == (1.0, 0.0, None)
     # of unknown distances the largest effect, from the calibration's 1 m to far away
     for coefficient in (KNOWN, COEFFICIENT):
         line = correct_focus(FieldConditions(), coefficient)

@@ -275,6 +275,19 @@ def test_the_procedures_road_comes_back_cell_by_cell():
     assert (surface.cell_model, surface.u_o.unit, surface.l_av_cd_m2.unit) == ("projective", "1", "cd/m2")
     assert surface.illuminance_lx.value == pytest.approx(math.pi * surface.l_av_cd_m2.value / 0.1)
     assert found.illuminance_lx.unit == "lx"
+    for part, light in (
+        (found.illuminance_lx, found.mean),
+        (surface.illuminance_lx, surface.l_av_cd_m2),
+    ):
+        u_rel = math.hypot(0.1, light.standard_uncertainty / light.value)
+        assert part.standard_uncertainty / part.value == pytest.approx(u_rel)
+    stated = measured(
+        road_frame(),
+        reflectance=0.1,
+        conditions=FieldConditions(reflectance_u_rel=0.0, mains_frequency_hz=0.0),
+    )
+    alone = stated.mean.standard_uncertainty / stated.mean.value
+    assert stated.illuminance_lx.standard_uncertainty / stated.illuminance_lx.value == pytest.approx(alone)
 
 
 def test_k_cancels_in_the_uniformity_of_a_frame():
