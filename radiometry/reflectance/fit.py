@@ -21,6 +21,8 @@ from radiometry.reflectance.sunshine import SINGLE_READING_U_REL, compare_channe
 
 # An assumed standard deviation counts as one from so many values: it is known to 35 % (JCGM 100, G.4.2).
 _ASSUMED_DOF = 4.0
+# That of a single sunshine reading, 0.2 to 4.7 % by sensor, is known to 50 %.
+_READING_DOF = 2.0
 _CLOCK_JUMP_S = 60.0
 _FLIGHT_DAY_S = 12 * 3600.0
 # Beyond this zenith angle the light of a panel is mostly the sky's.
@@ -54,13 +56,15 @@ class Estimate(Record, kw_only=False):
 class Visit(Record, kw_only=False):
     """A visit to the panel in one band: its errors of its own as relative variances of K.
 
-    ``restless``: the squares of those that were estimated, each over its degrees of freedom.
+    ``single``: the part of ``sunshine`` by single readings. ``restless``: the squares of the others that were
+    estimated, each over its degrees of freedom.
     """
 
     number: int
     knot: Knot
     noise: float
     sunshine: float
+    single: float
     repeat: float
     restless: float
 
@@ -100,10 +104,10 @@ def _find_jump(used: Sequence[Candidate]) -> str:
 def pool_readings(visits: Sequence[Sequence[PanelFrame]]) -> Estimate:
     """Estimate the noise of a single sunshine reading.
 
-    An assumed s_0 with 4 degrees of freedom and the scatter of ln K within the n frames of each visit and
+    An assumed s_0 with 2 degrees of freedom and the scatter of ln K within the n frames of each visit and
     band [1]::
 
-        s^2 = (4 s_0^2 + sum (ln K - mean)^2) / (4 + sum (n - 1))
+        s^2 = (2 s_0^2 + sum (ln K - mean)^2) / (2 + sum (n - 1))
 
     The bands of a capture may share errors: the degrees of freedom are those of one.
 
@@ -119,8 +123,8 @@ def pool_readings(visits: Sequence[Sequence[PanelFrame]]) -> Estimate:
             band = visit[0].candidate.band.band
             bands[band] = bands.get(band, 0) + len(logs) - 1
             most = max(most, bands[band])
-    variance = (_ASSUMED_DOF * SINGLE_READING_U_REL**2 + squares) / (_ASSUMED_DOF + free)
-    return Estimate(math.sqrt(variance), _ASSUMED_DOF + most)
+    variance = (_READING_DOF * SINGLE_READING_U_REL**2 + squares) / (_READING_DOF + free)
+    return Estimate(math.sqrt(variance), _READING_DOF + most)
 
 
 def judge_visit(visit: Sequence[PanelFrame], reading: Estimate) -> Visit:
@@ -161,8 +165,9 @@ def judge_visit(visit: Sequence[PanelFrame], reading: Estimate) -> Visit:
         ),
         noise=noise,
         sunshine=sunshine,
+        single=single,
         repeat=repeat,
-        restless=restless + single**2 / reading.dof,
+        restless=restless,
     )
 
 
@@ -265,19 +270,25 @@ def _fit_band(
         "sunshine tilt": ("B", math.hypot(midway.level_u_rel, *midway.level_effects)),
         "repeat of the panel": ("A", math.sqrt(sum(visit.repeat for visit in visits) / count)),
     }
-    # Welch and Satterthwaite: what was not estimated has no end of freedom
+    total = math.fsum(u**2 for _, u in sources.values())
+    single = math.fsum(visit.single for visit in visits) / count
+    # Welch and Satterthwaite: what was not estimated has no end of freedom. A single reading may be twice as
+    # noisy as assumed, which they would average away: its expanded uncertainty adds in squares.
     restless = math.fsum(visit.restless for visit in visits) / count**2 + midway.drift_u_rel**4 / drift.dof
+    others = coverage_factor((total - single) ** 2 / restless if restless > 0.0 else math.inf)
+    expanded_rel = math.hypot(
+        others * math.sqrt(total - single), coverage_factor(reading.dof) * math.sqrt(single)
+    )
     coefficient = _build(
         used,
         params,
         knots,
         k=k,
         sources={name: u for name, (_, u) in sources.items()},
-        restless=restless,
+        expanded_rel=expanded_rel,
         drift=(constant_u_rel, drift.rel),
         reading_u_rel=reading.rel if any(c.sunshine and c.sunshine.is_single for c in used) else None,
     )
-    total = math.fsum(u**2 for _, u in sources.values())
     return BandFit(
         coefficient=coefficient,
         budget=tuple(
@@ -321,7 +332,7 @@ def _angle_u_rel(used: Sequence[Candidate], params: Params) -> float:
     angle_deg = params.incidence_angle_deg or max(
         (90.0 - statistics.fmean(sun.elevation_deg for sun in each) for each in suns), default=0.0
     )
-    u, theta = math.radians(params.incidence_angle_u_deg), math.radians(min(angle_deg, _STEEPEST_DEG))
+    u, theta = math.radians(params.level_u_deg), math.radians(min(angle_deg, _STEEPEST_DEG))
     return math.hypot(math.tan(theta) * u, u**2 / 2.0)
 
 
@@ -332,14 +343,13 @@ def _build(
     *,
     k: float,
     sources: dict[str, float],
-    restless: float,
+    expanded_rel: float,
     drift: tuple[float, float],
     reading_u_rel: float | None,
 ) -> Coefficient:
     first, panels = used[0], [each.panel for each in used if each.panel]
     panel = panels[0]  # frames without one are left out
     u_rel = math.hypot(*sources.values())
-    factor = coverage_factor(u_rel**4 / restless if restless > 0.0 else math.inf)
     sunshine = [candidate.sunshine for candidate in used if candidate.sunshine]
     ratio = compare_channels(candidate.band for candidate in used) if sunshine else None
     return Coefficient(
@@ -347,8 +357,8 @@ def _build(
         reflectance_k=k,
         reflectance_k_standard_uncertainty=k * u_rel,
         reflectance_k_unit=unit_of_k(first.band, params.normalisation),
-        expanded_uncertainty=factor * k * u_rel,
-        coverage_factor=factor,
+        expanded_uncertainty=k * expanded_rel,
+        coverage_factor=expanded_rel / u_rel if u_rel else coverage_factor(math.inf),
         normalisation=params.normalisation,
         sunshine_choice=params.sunshine_choice,
         interpolation=params.interpolation,

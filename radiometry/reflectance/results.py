@@ -17,7 +17,11 @@ from radiometry.specification.parameters import check_parameters, parameter
 
 Normalisation = Literal["sunshine", "panel_only"]
 Surface = Literal["level", "oriented"]
+Level = Literal["eye", "measured"]
 Interpolation = Literal["constant", "linear"]
+
+
+_MEASURED_LEVEL_U_DEG = 0.3
 
 
 class Params(Record):
@@ -70,6 +74,13 @@ class Params(Record):
         unit="deg",
         bounds="[0, 90)",
     )
+    panel_level: Level = parameter(
+        "eye",
+        label="Level of the panel",
+        description="By a bubble or an inclinometer the incidence angle is known to 0.3 degrees.",
+        labels={"eye": "By eye", "measured": "By a bubble or an inclinometer"},
+        later=True,
+    )
     sunshine_surface: Surface = parameter(
         "level",
         label="Surface of the sunshine reading",
@@ -96,6 +107,12 @@ class Params(Record):
 
     def __post_init__(self) -> None:
         check_parameters(self)
+
+    @property
+    def level_u_deg(self) -> float:
+        """Standard uncertainty of the panel's angle to the sun."""
+        measured = _MEASURED_LEVEL_U_DEG if self.panel_level == "measured" else math.inf
+        return min(self.incidence_angle_u_deg, measured)
 
     @property
     def levelling(self) -> sun.TiltParams | None:

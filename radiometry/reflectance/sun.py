@@ -19,6 +19,7 @@ from radiometry.tools.motion import Attitude, rotate
 
 LOWEST_SUN_DEG = 10.0
 FURTHEST_FROM_SUN_DEG = 80.0
+_SHARE_NM: Final = 650.0  # the middle of the cameras' bands
 # A clock's zone may be ahead of its meridian's solar time by so much [h]: borders of zones, and summer time.
 _ZONES_H: Final = (-1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0, 2.5)
 # The part of the attitude's uncertainty that differs between captures; the rest is the sensor's own mount.
@@ -70,7 +71,8 @@ class TiltParams(Record):
     diffuse_share: float = parameter(
         1.0 / 6.0,
         label="Diffuse fraction",
-        description="Diffuse fraction of the horizontal irradiance, 1/6 under a clear sky.",
+        description="Diffuse fraction of the horizontal irradiance at 650 nm, 1/6 under a clear sky. That of "
+        "a band follows by its wavelength.",
         bounds="[0, 1]",
     )
     refractive_index: float = parameter(
@@ -95,6 +97,22 @@ class TiltParams(Record):
 
     def __post_init__(self) -> None:
         check_parameters(self)
+
+
+def share_at(share: float, wavelength_nm: float | None) -> float:
+    """Compute the diffuse fraction at a wavelength from that at 650 nm.
+
+    Diffuse over direct light follows what scatters, a quarter molecules and three quarters haze [1]::
+
+        d / (1 - d) = d0 / (1 - d0) (r^-4 + 3 r^-1.3) / 4        r = wavelength / 650 nm
+
+    At 1/6 that is 0.29 at 475 nm and 0.11 at 840; under a cloud it is white.
+
+    [1] R. E. Bird, C. Riordan, J. Climate Appl. Meteor. 25, 87 (1986)
+    """
+    r = min(2.0, max(0.5, (wavelength_nm or _SHARE_NM) / _SHARE_NM))
+    scattered = share * (math.pow(r, -4.0) + 3.0 * math.pow(r, -1.3)) / 4.0
+    return scattered / (scattered + 1.0 - share)
 
 
 Angles = tuple[float, float, float]  # yaw, pitch and roll of a sensor [deg]

@@ -32,6 +32,7 @@ from radiometry.reflectance.sun import (
     level_attitudes,
     list_level_effects,
     locate_suns_of,
+    share_at,
     sun_angle_deg,
     turned_deg,
 )
@@ -496,13 +497,13 @@ def measure_light(
 
 
 def _find_share(band: Multispectral, sun: SunPosition, params: TiltParams) -> float:
-    stated = band.irradiance
+    stated, assumed = band.irradiance, share_at(params.diffuse_share, band.wavelength_nm)
     if stated is None or stated.direct_w_m2_nm is None or stated.scattered_w_m2_nm is None:
-        return params.diffuse_share
+        return assumed
     direct = stated.direct_w_m2_nm * math.sin(math.radians(max(0.0, sun.elevation_deg)))
     total = direct + stated.scattered_w_m2_nm
     if min(direct, stated.scattered_w_m2_nm) < 0.0 or not total > 0.0:
-        return params.diffuse_share
+        return assumed
     return stated.scattered_w_m2_nm / total
 
 
