@@ -16,8 +16,7 @@ from bench.harness import KEY, Scale, Service
 from radiometry.frame import exposure, roi
 from simulation.camera import Camera
 from simulation.dng import Compression, write_dng
-from store.tables import Base, Blob, CampaignReview, ChannelRow, Extraction, FrameRow, Job
-from store.tables.base import new_id, utc_now
+from store.tables import Base, Blob, CampaignReview, ChannelRow, Extraction, FrameRow, Job, new_id, utc_now
 from worker import context, runner
 
 CAMERA = Camera()

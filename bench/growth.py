@@ -19,8 +19,7 @@ from store.jobs import begin, take_back
 from store.jobs.queues import choose_messages, touch
 from store.queries.evidence import gather
 from store.settings import Settings
-from store.tables import Camera, Campaign, Job
-from store.tables.base import new_id, utc_now
+from store.tables import Camera, Campaign, Job, new_id, utc_now
 from worker.context import Context, build_context
 from worker.decode.pool import DecoderPool
 

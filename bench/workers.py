@@ -18,8 +18,7 @@ from service.launch.valkey import valkey_binary, valkey_command
 from store import database, settings
 from store.jobs.queues import LANES, QUEUES, Post, make_celery, touch
 from store.migrate import migrate
-from store.tables import Job, Organisation
-from store.tables.base import new_id
+from store.tables import Job, Organisation, new_id
 from tests.support.postgres import PostgresServer
 from tests.support.processes import family
 from tests.support.waiting import wait_for

@@ -10,8 +10,7 @@ from pydantic import TypeAdapter
 
 from radiometry.frame import FrameHeader, exposure
 from radiometry.methods import get_method
-from store.tables import Calibration
-from store.tables.base import Json
+from store.tables import Calibration, Json
 
 decode_header: Callable[[Json], FrameHeader] = TypeAdapter(FrameHeader).validate_python
 decode_exposure: Callable[[Json], exposure.Exposure] = TypeAdapter(exposure.Exposure).validate_python

@@ -18,8 +18,7 @@ from store.audit import record_act
 from store.blobs import BlobDamaged, BlobMissing, Blobs, Damage, StorageUnavailable, StoredBlob, StoredFile
 from store.database import Database
 from store.queries.usage import add_jobs
-from store.tables import Blob, Job, SmallPreview
-from store.tables.base import insert_or_not, utc_now
+from store.tables import Blob, Job, SmallPreview, insert_or_not, utc_now
 
 log = logging.getLogger(__name__)
 

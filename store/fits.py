@@ -19,8 +19,7 @@ from store.queries.calibrations import next_version
 from store.queries.evidence import Evidence
 from store.queries.frames import extractor_of, is_told
 from store.software import FIT_CODE_VERSION, read_version
-from store.tables import Calibration, Camera, Campaign, CoefficientRow, Roi
-from store.tables.base import new_id
+from store.tables import Calibration, Camera, Campaign, CoefficientRow, Roi, new_id
 
 _UNTOLD = grouping.Cause(
     "nobody has said what is photographed: describe the board in the campaign's target", shared.TARGET_MISSING

@@ -13,8 +13,7 @@ from store.blobs import StoredBlob
 from store.database import Conflict
 from store.files import keep_blobs
 from store.ready.rows import close_ready, describe_validity, write_ready
-from store.tables import Calibration, IssuedCertificate, Publication, Revocation, Slot
-from store.tables.base import Json, utc_now
+from store.tables import Calibration, IssuedCertificate, Json, Publication, Revocation, Slot, utc_now
 
 
 class InForce(Record):

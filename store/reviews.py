@@ -38,8 +38,7 @@ from store.queries.frames import (
     region_ids,
     whole_frame,
 )
-from store.tables import Campaign, CampaignReview, FrameRow, FrameVerdict, Roi
-from store.tables.base import utc_now
+from store.tables import Campaign, CampaignReview, FrameRow, FrameVerdict, Roi, utc_now
 
 
 class Assessment(records.Record):

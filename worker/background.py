@@ -14,8 +14,7 @@ from store.database import Database
 from store.files import SCRUB_DAYS, Files
 from store.jobs.processes import repeat
 from store.queries import campaigns, usage
-from store.tables import Blob, Campaign, Extraction, FrameRow, Job
-from store.tables.base import utc_now
+from store.tables import Blob, Campaign, Extraction, FrameRow, Job, utc_now
 
 _RENEWED_AT_ONCE: Final = 500
 _IN_ONE_COMMIT: Final = 20

@@ -21,8 +21,7 @@ from sqlalchemy.orm import Session
 from store import pulse, reviews
 from store.database import SchemaDiffers, require_own_schema, summarise
 from store.jobs import Dependency, processes, queues, resume, take_back
-from store.tables import CampaignReview, Job
-from store.tables.base import UtcDateTime, utc_now
+from store.tables import CampaignReview, Job, UtcDateTime, utc_now
 from worker.context import Context
 from worker.runner import serves
 

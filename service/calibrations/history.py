@@ -21,8 +21,7 @@ from store.measuring.comparison import Reference
 from store.publications import InForce
 from store.queries.calibrations import Decision, VersionState, VersionStatus, list_decisions, list_lifetimes
 from store.queries.organisations import name_people
-from store.tables import Calibration, Camera, CoefficientRow, Meter, Recall
-from store.tables.base import utc_now
+from store.tables import Calibration, Camera, CoefficientRow, Meter, Recall, utc_now
 
 
 class VersionNamed(Answer):

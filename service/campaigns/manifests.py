@@ -18,9 +18,7 @@ from service.http.models import WHOLE, Answer, Form, Instant, Sha256, Text
 from service.http.problems import Problem, not_found
 from store.queries.campaigns import find_manifest, read_stored, write_canonical
 from store.software import read_version
-from store.tables import Campaign, Manifest, SigningKey
-from store.tables.base import utc_now
-from store.tables.campaign import FrameState
+from store.tables import Campaign, FrameState, Manifest, SigningKey, utc_now
 
 MOST_FILES = 20_000
 

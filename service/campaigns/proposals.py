@@ -23,9 +23,7 @@ from service.http.auth import Caller, Uploader
 from service.http.context import UsesContext
 from service.http.models import Answer, Form, FrameRole, Method, Number, Positive, Text
 from store.publications import in_force
-from store.tables import Blob, Camera, Campaign, FrameRow
-from store.tables.base import utc_now
-from store.tables.campaign import CampaignKind
+from store.tables import Blob, Camera, Campaign, CampaignKind, FrameRow, utc_now
 
 _PAUSE_S: Final = 60.0
 """A pause this long starts a scene, if it is also _PAUSES times the median pause."""

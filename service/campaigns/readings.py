@@ -15,8 +15,7 @@ from service.http.context import UsesContext
 from service.http.paging import Page, UsesPaging
 from service.http.problems import Problem, invalid, not_found
 from store.queries import audit, campaigns
-from store.tables import Campaign, Meter, Reading
-from store.tables.base import utc_now
+from store.tables import Campaign, Meter, Reading, utc_now
 
 _COLUMNS = ("scene", "quantity", "value", "unit", "meter_id", "taken_at")
 _NEEDED = frozenset(_COLUMNS[:4])

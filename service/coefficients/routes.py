@@ -28,8 +28,7 @@ from service.http.problems import Problem
 from store.queries.organisations import hash_secret
 from store.ready import lookups, rows
 from store.ready.series import CoefficientSeries
-from store.tables import Camera
-from store.tables.base import utc_now
+from store.tables import Camera, utc_now
 
 _SAME_F_NUMBER_REL = 1e-3
 _BEARER = "Bearer "

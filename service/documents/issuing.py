@@ -23,8 +23,7 @@ from store import database, publications
 from store.blobs import BlobDamaged, StorageUnavailable, StoredBlob
 from store.files import Files
 from store.queries.calibration_record import CalibrationRecord, read_calibration_record
-from store.tables import Calibration, IssuedCertificate
-from store.tables.base import utc_now
+from store.tables import Calibration, IssuedCertificate, utc_now
 
 log = logging.getLogger(__name__)
 

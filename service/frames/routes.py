@@ -26,8 +26,7 @@ from service.uploads.frames import admit, answer_frames, answer_write, keep_fram
 from store.queries.campaigns import find_or_add_roi, renew_extraction
 from store.queries.frames import current_roi, describe_anew, require_role
 from store.reviews import judge_alone
-from store.tables import Campaign, FrameRow, Job
-from store.tables.base import utc_now
+from store.tables import Campaign, FrameRow, Job, utc_now
 
 router = Router(prefix="/v1", tags=["frames"])
 

@@ -14,8 +14,7 @@ from radiometry.findings import interface
 from service.http import counts, models, problems, signatures
 from service.http.context import Context
 from store.queries import organisations
-from store.tables import ApiKey, Organisation
-from store.tables.base import utc_now
+from store.tables import ApiKey, Organisation, utc_now
 
 Scope = Literal["read", "upload", "calibrate", "publish", "admin"]
 SCOPE_WORDS: dict[Scope, str] = {

@@ -18,8 +18,7 @@ from radiometry.findings import interface
 from service.http.problems import Problem
 from store.database import Database
 from store.queries.organisations import note_use
-from store.tables import ApiKey, WebSession
-from store.tables.base import utc_now
+from store.tables import ApiKey, WebSession, utc_now
 
 STEP: Final = timedelta(minutes=10)
 _MOST_KEPT: Final = 10_000

@@ -22,8 +22,7 @@ from store import audit, jobs
 from store.jobs import FINAL_STATES
 from store.queries.jobs import frames_of, list_causes, select_given_up, select_makers, summarise_queue
 from store.queries.usage import add_jobs
-from store.tables import Calibration, Campaign, FrameRow, Job, Measurement, Organisation
-from store.tables.job import JobKind, JobState
+from store.tables import Calibration, Campaign, FrameRow, Job, JobKind, JobState, Measurement, Organisation
 
 router = operations.Router(prefix="/v1/jobs", tags=["jobs"])
 

@@ -22,8 +22,7 @@ from store.queries.audit import name_entries, read_entries, select_entries
 from store.queries.organisations import Person, create_key, end_sessions, has_other_admin, is_open, new_secret
 from store.queries.usage import Used, read_usage
 from store.settings import Settings
-from store.tables import ApiKey, AuditEntry, Organisation, WebSession
-from store.tables.base import utc_now
+from store.tables import ApiKey, AuditEntry, Organisation, WebSession, utc_now
 
 
 class OrganisationChange(Form):

@@ -25,8 +25,7 @@ from service.http.context import UsesContext
 from service.pages.rendering import SignedInPage
 from store.queries import calibrations, fleet
 from store.queries.calibrations import Lifetime
-from store.tables import Calibration, Camera, CoefficientRow, Publication
-from store.tables.base import utc_now
+from store.tables import Calibration, Camera, CoefficientRow, Publication, utc_now
 
 Share = Annotated[float, Query(ge=-1, le=2)]
 

@@ -13,8 +13,7 @@ from service.http import auth, counts, problems, signatures
 from service.http.context import Context, UsesContext
 from service.pages.rendering import render
 from store.queries.organisations import find_ended_key, find_key
-from store.tables import ApiKey, WebSession
-from store.tables.base import utc_now
+from store.tables import ApiKey, WebSession, utc_now
 
 router = APIRouter(include_in_schema=False)
 

@@ -14,8 +14,7 @@ from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
 from store.jobs.queues import IS_QUEUED, LANES, is_held_back, touch
-from store.tables import FrameRow, Job
-from store.tables.base import new_id, utc_now
+from store.tables import FrameRow, Job, new_id, utc_now
 
 RETRIED_FOR = timedelta(days=1)
 SHORTEST_PAUSE = timedelta(seconds=2)

@@ -20,9 +20,7 @@ from sqlalchemy.orm import Session
 from store.blobs import Blobs, StorageUnavailable
 from store.blobs.partials import Partials
 from store.database import Database, SchemaDiffers, summarise
-from store.tables import PartRow
-from store.tables.base import utc_now
-from store.tables.job import JobKind
+from store.tables import JobKind, PartRow, utc_now
 
 BOUNDS_S: Final = (0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0, 60.0, 300.0, 1800.0)
 

@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple, TypeVar
 from sqlalchemy import ColumnElement, func, literal_column, select, update
 from sqlalchemy.orm import Session
 
-from store.tables import Job, Turn
-from store.tables.base import utc_now
+from store.tables import Job, Turn, utc_now
 
 if TYPE_CHECKING:
     from celery import Celery

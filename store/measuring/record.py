@@ -15,8 +15,7 @@ from store.blobs import StoredBlob
 from store.files import keep_blobs
 from store.ready.rows import make_measured
 from store.software import MEASURER, read_version
-from store.tables import Blob, Calibration, Camera, Campaign, FrameRow, MeasuredRow, Measurement
-from store.tables.base import new_id
+from store.tables import Blob, Calibration, Camera, Campaign, FrameRow, MeasuredRow, Measurement, new_id
 
 RESULT_SCHEMA = 1
 

@@ -20,8 +20,7 @@ from store.publications import InForce, in_force, overlaps
 from store.queries import frame_times
 from store.queries.evidence import Evidence
 from store.ready.rows import write_instant
-from store.tables import Calibration, Campaign, FrameRow, Publication, Revocation, Roi
-from store.tables.base import utc_now
+from store.tables import Calibration, Campaign, FrameRow, Publication, Revocation, Roi, utc_now
 
 
 def choose_version(

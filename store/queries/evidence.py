@@ -28,8 +28,7 @@ from store.queries.frames import (
     read_frames,
     region_ids,
 )
-from store.tables import Campaign, Meter, Panel, Reading
-from store.tables.base import utc_now
+from store.tables import Campaign, Meter, Panel, Reading, utc_now
 
 _ENGRAVED = ("kind", "make", "model", "serial")
 _CERTIFICATE = ("number", "laboratory", "issued_on", "due_on", "expanded_uncertainty_rel", "coverage_factor")

@@ -24,8 +24,7 @@ from store.blobs import StoredBlob
 from store.blobs.proof import digest_piece
 from store.database import Conflict, read_plainly
 from store.files import keep_blobs
-from store.tables import Campaign, ChannelRow, Extraction, FrameRow, Roi
-from store.tables.base import Json, new_id
+from store.tables import Campaign, ChannelRow, Extraction, FrameRow, Json, Roi, new_id
 
 
 class _Turns(dict[Any, Any]):

@@ -9,8 +9,7 @@ from sqlalchemy.orm import InstrumentedAttribute, Session, aliased
 from radiometry.records import Record
 from store.files import count_damaged, find_proof_age_s
 from store.jobs import GIVEN_UP, PREVIEW_LANE, processes, queues
-from store.tables import Calibration, FrameRow, Job, Measurement, Publication, Usage
-from store.tables.base import utc_now
+from store.tables import Calibration, FrameRow, Job, Measurement, Publication, Usage, utc_now
 
 MOST_COUNTED = 2000
 """Jobs of a state are counted up to here: a summary of 100,000 jobs costs what one of a few thousand does."""

@@ -13,8 +13,7 @@ from sqlalchemy.orm import Session
 
 from radiometry.records import Record
 from store.database import Database
-from store.tables import ApiKey, Base, Camera, Meter, Organisation, Panel, WebSession
-from store.tables.base import UtcDateTime, utc_now
+from store.tables import ApiKey, Base, Camera, Meter, Organisation, Panel, UtcDateTime, WebSession, utc_now
 
 UNNAMED: Final = "an unnamed person"
 """Whoever acted with a key that states no person, as documents name them."""

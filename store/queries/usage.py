@@ -18,8 +18,7 @@ from sqlalchemy.orm import Session
 from radiometry.records import Record
 from store.blobs.partials import Facts, Partials
 from store.settings import Settings
-from store.tables import Blob, Campaign, FrameRow, Job, Organisation, Usage
-from store.tables.base import utc_now
+from store.tables import Blob, Campaign, FrameRow, Job, Organisation, Usage, utc_now
 
 Quota = Literal["stored_bytes", "frames", "jobs_waiting"]
 

@@ -10,8 +10,7 @@ from sqlalchemy.orm import aliased
 
 from store.database import Database
 from store.queries.organisations import IS_HOLDERS
-from store.tables import ApiKey, ReadyAnswer, ReadyRow, Slot
-from store.tables.base import UtcDateTime
+from store.tables import ApiKey, ReadyAnswer, ReadyRow, Slot, UtcDateTime
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
-"""Every table, under its name."""
+"""Every table under its name, and what all of them are made of."""
 
 from store.tables.audit import AuditChain, AuditEntry, AuditHead
-from store.tables.base import Audited, Base
+from store.tables.base import Audited, Base, Json, UtcDateTime, insert_or_not, new_id, utc_now
 from store.tables.calibration import (
     Calibration,
     CoefficientRow,
@@ -18,6 +18,7 @@ from store.tables.calibration import (
 from store.tables.campaign import (
     Blob,
     Campaign,
+    CampaignKind,
     CampaignReview,
     ChannelRow,
     ChecklistSignature,
@@ -26,6 +27,7 @@ from store.tables.campaign import (
     Extraction,
     FrameChange,
     FrameRow,
+    FrameState,
     FrameVerdict,
     Manifest,
     Reading,
@@ -35,7 +37,7 @@ from store.tables.campaign import (
     SigningKey,
     SmallPreview,
 )
-from store.tables.job import Job, PartRow, Turn
+from store.tables.job import Job, JobKind, JobState, PartRow, Turn
 from store.tables.organisation import (
     ApiKey,
     Camera,

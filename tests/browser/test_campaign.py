@@ -8,8 +8,7 @@ import pytest
 from playwright.sync_api import expect
 from sqlalchemy import select
 
-from store.tables import Blob, FrameRow
-from store.tables.base import new_id
+from store.tables import Blob, FrameRow, new_id
 from tests.service.test_found_panels import state_panel
 from tests.support.browser import DIALOG, Held, check_access, look, settle, sign_in, visit
 from tests.support.data import data_file

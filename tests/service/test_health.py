@@ -25,8 +25,7 @@ from store.database import OTHER_SCHEMA_EXIT, Database
 from store.jobs.processes import Presence
 from store.migrate import alembic_config
 from store.software import own_schema
-from store.tables import PartRow
-from store.tables.base import utc_now
+from store.tables import PartRow, utc_now
 from tests.support.alone import alone
 from tests.support.processes import wait_until
 from tests.support.proxy import Proxy

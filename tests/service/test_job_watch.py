@@ -13,8 +13,7 @@ from service.http.problems import Problem
 from service.jobs.watch import MOST_STREAMS, JobWatch
 from store.database import Database
 from store.queries.organisations import Who
-from store.tables import Job
-from store.tables.base import utc_now
+from store.tables import Job, utc_now
 from tests.support.house import House
 from tests.support.proxy import Proxy
 

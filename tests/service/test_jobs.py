@@ -3,8 +3,7 @@
 import pytest
 from sqlalchemy import select, update
 
-from store.tables import Job
-from store.tables.base import new_id
+from store.tables import Job, new_id
 from tests.support.campaigns import published_campaign
 from tests.support.measuring import field_frame, measure
 from tests.support.resumable import PIECE, describe

@@ -7,8 +7,7 @@ from sqlalchemy import select
 from sqlalchemy.exc import OperationalError
 
 from store.queries.organisations import find_key
-from store.tables import ApiKey, IdempotentAnswer
-from store.tables.base import utc_now
+from store.tables import ApiKey, IdempotentAnswer, utc_now
 from tests.support.everything import make_one_of_each
 
 pytestmark = pytest.mark.either_database

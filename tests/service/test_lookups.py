@@ -4,8 +4,7 @@ import pytest
 
 from service.coefficients import routes
 from store.queries.organisations import create_key
-from store.tables import ApiKey, Organisation
-from store.tables.base import utc_now
+from store.tables import ApiKey, Organisation, utc_now
 from tests.support.campaigns import published_campaign
 
 QUERIES = (

@@ -15,8 +15,7 @@ from store import jobs
 from store.jobs import Dependency
 from store.jobs.processes import Presence
 from store.software import read_version
-from store.tables import Job
-from store.tables.base import utc_now
+from store.tables import Job, utc_now
 from tests.support.compose import ROOT
 from worker.upkeep import mend_times
 

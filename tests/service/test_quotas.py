@@ -16,8 +16,7 @@ from store.blobs.partials import Partial
 from store.database import is_full
 from store.queries.usage import recount_all
 from store.settings import Settings
-from store.tables import Usage
-from store.tables.base import utc_now
+from store.tables import Usage, utc_now
 from tests.support.house import CAMERA, KEY
 from tests.support.live import serving
 from tests.support.resumable import PIECE, TUS, begin_upload, describe

@@ -9,8 +9,7 @@ import pytest
 from sqlalchemy import event, func, select, update
 
 from store.audit_check import check_audit
-from store.tables import Blob, FrameRow, Job, Usage
-from store.tables.base import utc_now
+from store.tables import Blob, FrameRow, Job, Usage, utc_now
 from tests.support.blobs import files
 from tests.support.waiting import wait_for
 

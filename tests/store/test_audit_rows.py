@@ -4,8 +4,7 @@ import pytest
 from sqlalchemy import text
 
 from store.audit_check import check_rows, main
-from store.tables import AuditEntry, Camera, ChecklistTick, Organisation
-from store.tables.base import utc_now
+from store.tables import AuditEntry, Camera, ChecklistTick, Organisation, utc_now
 from tests.support.campaigns import published_campaign
 from tests.support.everything import make_one_of_each
 

@@ -4,8 +4,7 @@ import pytest
 
 from store.queries.checklist import BY_ITSELF, read_checklist, read_signature, set_tick, sign
 from store.reviews import assess
-from store.tables import Campaign
-from store.tables.base import utc_now
+from store.tables import Campaign, utc_now
 from tests.support.campaigns import calibrate, upload_campaign
 
 pytestmark = pytest.mark.either_database

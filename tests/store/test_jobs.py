@@ -13,8 +13,7 @@ from store.database import Database
 from store.jobs import Dependency
 from store.queries import campaigns
 from store.queries.jobs import count_queue, oldest_wait_s
-from store.tables import Campaign, Job, Organisation
-from store.tables.base import utc_now
+from store.tables import Campaign, Job, Organisation, utc_now
 
 
 @pytest.fixture

@@ -6,8 +6,7 @@ import pytest
 from sqlalchemy import func, select, update
 
 from store.jobs.processes import BEAT_EVERY_S, Presence, list_parts
-from store.tables import AuditEntry, PartRow
-from store.tables.base import utc_now
+from store.tables import AuditEntry, PartRow, utc_now
 
 
 def parts(database):

@@ -10,8 +10,7 @@ from sqlalchemy.exc import DBAPIError, IntegrityError
 from store.database import Conflict
 from store.publications import in_force, publish, revoke
 from store.queries.calibrations import read_version_statuses
-from store.tables import Calibration, Publication
-from store.tables.base import utc_now
+from store.tables import Calibration, Publication, utc_now
 from tests.support.versions import add_versions, find_held
 
 JAN, MAR, JUN, SEP = (datetime(2026, month, 1, tzinfo=UTC) for month in (1, 3, 6, 9))

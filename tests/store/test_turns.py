@@ -11,8 +11,7 @@ from sqlalchemy import insert, update
 from store import jobs
 from store.jobs import Dependency
 from store.jobs.queues import LANES, QUEUES, WINDOW, touch, unsend_lost
-from store.tables import Job, Organisation, Turn
-from store.tables.base import utc_now
+from store.tables import Job, Organisation, Turn, utc_now
 
 CARD = 300
 _NUMBERS = count()

@@ -6,8 +6,7 @@ import pytest
 from sqlalchemy import update
 
 from store import jobs
-from store.tables import Job, Organisation
-from store.tables.base import utc_now
+from store.tables import Job, Organisation, utc_now
 from worker.upkeep import ClockWatch, mend_times
 
 LEASE_S = 30.0

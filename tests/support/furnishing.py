@@ -6,8 +6,7 @@ from sqlalchemy import select
 
 from store import jobs, publications
 from store.queries.organisations import find_key
-from store.tables import Camera, Campaign, CoefficientRow, Job, Meter
-from store.tables.base import utc_now
+from store.tables import Camera, Campaign, CoefficientRow, Job, Meter, utc_now
 from tests.support.versions import fitted_version
 
 ISOS = (100, 400, 1600, 6400)

@@ -21,8 +21,7 @@ from store.blobs import LocalBlobs
 from store.database import Database
 from store.queries.organisations import ensure_operator
 from store.settings import Settings
-from store.tables import Job
-from store.tables.base import utc_now
+from store.tables import Job, utc_now
 from tests.support.frames import write_frame
 from worker.context import Context as WorkerContext
 from worker.decode.pool import DecoderPool

@@ -14,8 +14,7 @@ from store.blobs import StorageUnavailable
 from store.jobs import begin
 from store.jobs.processes import Presence, list_parts
 from store.jobs.queues import WINDOW
-from store.tables import Job
-from store.tables.base import utc_now
+from store.tables import Job, utc_now
 from tests.support.campaigns import ROI
 from tests.support.processes import wait_until
 from worker import runner

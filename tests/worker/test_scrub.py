@@ -7,8 +7,7 @@ from sqlalchemy import select
 
 from store.audit_check import main as check_audit
 from store.files import Files, count_damaged, find_proof_age_s
-from store.tables import Blob, FrameRow, Job
-from store.tables.base import utc_now
+from store.tables import Blob, FrameRow, Job, utc_now
 from tests.support.blobs import spoil, zero
 from worker.background import Scrub
 

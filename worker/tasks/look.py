@@ -14,8 +14,7 @@ from radiometry.frame import Frame, roi, statistics
 from store.codec import decode_header
 from store.jobs import Claim
 from store.queries.campaigns import keep_crop, say_asked
-from store.tables import Crop, FrameRow
-from store.tables.base import new_id
+from store.tables import Crop, FrameRow, new_id
 from worker.context import Context, Outcome
 from worker.decode.pool import DecoderCrashed
 
