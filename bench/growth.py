@@ -15,8 +15,7 @@ import stilb
 from bench import harness
 from bench.frames import CAMERA, copy_frame, review_all, send_frame, write_rows
 from bench.harness import Scale, Seconds, Service, judge, say
-from store.jobs import begin, take_back
-from store.jobs.queues import choose_messages, touch
+from store.jobs import begin, queues, take_back
 from store.queries.evidence import gather
 from store.settings import Settings
 from store.tables import Camera, Campaign, Job, new_id, utc_now
@@ -139,8 +138,8 @@ def _add_jobs(scale: Scale, service: Service, worker: Context, http: httpx.Clien
 
 def _begin_next(worker: Context) -> None:
     with worker.database.writing("bench") as session:
-        touch(session, "fits")
-        message, *others = choose_messages(session)
+        queues.touch(session, "fits")
+        message, *others = queues.choose_messages(session)
         session.execute(update(Job).where(Job.id.in_([each.task_id for each in others])).values(sent_at=None))
         begin(session, str(message.task_id), lease_s=30.0)
 

@@ -24,8 +24,7 @@ from fastapi import FastAPI
 from fastapi.responses import JSONResponse
 from sqlalchemy import text
 
-from bench import harness
-from bench.frames import CAMERA, write_rows
+from bench import frames, harness
 from bench.harness import Scale, Seconds, Service, judge, say
 from store import tables
 from store.database import Database
@@ -222,14 +221,14 @@ def _fill(database: Database, *, coefficients: int, first: int) -> list[str]:
             rows: dict[type[tables.Base], list[Row]] = {}
             for table, row in page:
                 rows.setdefault(table, []).append(row)
-            write_rows(session, rows)
+            frames.write_rows(session, rows)
         if not database.is_sqlite:
             session.execute(text("ANALYZE"))  # a service's own server does this by itself
     return [f"cam_{camera}" for camera in cameras]
 
 
 def _make_camera(organisation: str, camera: int) -> Iterator[tuple[type[tables.Base], Row]]:
-    body, of = CAMERA.body, {"camera_id": f"cam_{camera}", "method": _METHOD}
+    body, of = frames.CAMERA.body, {"camera_id": f"cam_{camera}", "method": _METHOD}
     named = {"make": body.make, "model": body.model, "serial": f"{camera:08}"}
     yield tables.Camera, {"id": f"cam_{camera}", "organisation_id": organisation, **named}
     yield tables.Campaign, {"id": f"cmp_{camera}", "organisation_id": organisation, **of}

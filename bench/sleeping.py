@@ -3,16 +3,15 @@
 import time
 
 from store.jobs import Claim
-from worker import runner
+from worker import runner, tasks
 from worker.context import Context
-from worker.tasks import Outcome
 
 
-def _sleep(context: Context, claim: Claim) -> Outcome:
+def _sleep(context: Context, claim: Claim) -> tasks.Outcome:
     if claim.kind == "extract":
         context.blobs.check()
     time.sleep(claim.parameters["lasts_s"])
-    return Outcome(store=lambda _session: {})
+    return tasks.Outcome(store=lambda _session: {})
 
 
 runner.work = _sleep

@@ -15,9 +15,8 @@ from sqlalchemy import ColumnElement, delete, func, select
 from bench import frames, harness
 from bench.harness import Scale, Seconds, judge, say
 from service.launch.valkey import valkey_binary, valkey_command
-from store import database, settings
+from store import database, migrate, settings
 from store.jobs.queues import LANES, QUEUES, Post, make_celery, touch
-from store.migrate import migrate
 from store.tables import Job, Organisation, new_id
 from tests.support.postgres import PostgresServer
 from tests.support.processes import family
@@ -42,7 +41,7 @@ class _Queue:
         post = Post(self._settings.effective_broker_url)
         self._database = database.Database(self._settings.effective_database_url, post=post)
         stack.callback(self._database.dispose)
-        migrate(self._database)
+        migrate.migrate(self._database)
         with self._database.writing("bench") as session:
             session.add_all([Organisation(id=each, name=each) for each in ("org_bench", _NEWCOMER)])
 

@@ -19,8 +19,7 @@ from pathlib import Path
 from rich.console import Console
 
 import stilb
-from demo.child import NotServing, serving
-from demo.journey import Display, Stage
+from demo import child, journey
 from radiometry.methods import METHODS
 
 
@@ -48,8 +47,8 @@ def main() -> int:
     prefix = time.strftime("demo-%Y%m%d-%H%M%S-")
     data = Path(given).absolute() if given else Path(tempfile.mkdtemp(prefix=prefix, dir=parent))
     try:
-        code = _run(asked, camera, data, Display(console), keep=keep)
-    except (stilb.Problem, NotServing) as error:
+        code = _run(asked, camera, data, journey.Display(console), keep=keep)
+    except (stilb.Problem, child.NotServing) as error:
         console.print(f"demo: {error}", markup=False, highlight=False, soft_wrap=True)
         code = 1
     except KeyboardInterrupt:
@@ -61,12 +60,12 @@ def main() -> int:
     return code
 
 
-def _run(method: str, camera: str, data: Path, display: Display, *, keep: bool) -> int:
+def _run(method: str, camera: str, data: Path, display: journey.Display, *, keep: bool) -> int:
     began = time.monotonic()
-    with serving(data) as service:
+    with child.serving(data) as service:
         with stilb.Client(service.url, service.key) as client:
             folder = data / "demo" / method / camera
-            agrees = play(method, Stage(client=client, folder=folder, display=display, camera=camera))
+            agrees = play(method, journey.Stage(client=client, folder=folder, display=display, camera=camera))
             for each in client.cameras():
                 for version in client.history(each.id, method=method, state="published"):
                     display.say(f"in a browser: {service.url}/calibrations/{version.id}")
@@ -79,7 +78,7 @@ def _run(method: str, camera: str, data: Path, display: Display, *, keep: bool) 
     return 0 if agrees else 1
 
 
-def play(method: str, stage: Stage) -> bool:
+def play(method: str, stage: journey.Stage) -> bool:
     """Run the demo of a method, in the module of its name; return True if all agrees with the truth."""
     return bool(importlib.import_module(f"demo.{method}").run(stage))
 

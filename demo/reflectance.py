@@ -23,8 +23,6 @@ from radiometry.records import Record
 from simulation import rigs, sequoia
 from simulation.camera import Plane, Sensor, Taken, change
 from simulation.multispectral_files import name_file, name_rig_file, write_rig, write_sequoia
-from simulation.rigs import RIGS, Rig
-from simulation.sequoia import SEQUOIA, Sequoia
 
 _SEED = 20180413
 _START = datetime(2018, 4, 13, 8, 0, tzinfo=UTC)
@@ -69,15 +67,15 @@ _NOON = 4300.0
 class _Kit(Record):
     """A camera, and how its files are named and written; ``aligned``: they say how the bands lie together."""
 
-    whole: Sequoia | Rig
+    whole: sequoia.Sequoia | rigs.Rig
     name: Callable[[int, FrameHeader], str]
     write: Callable[[Path, Taken], None]
     aligned: bool = True
 
 
-_KITS = {"sequoia": _Kit(whole=SEQUOIA, name=name_file, write=write_sequoia)} | {
+_KITS = {"sequoia": _Kit(whole=sequoia.SEQUOIA, name=name_file, write=write_sequoia)} | {
     name: _Kit(whole=rig, name=name_rig_file, write=write_rig, aligned=rig.system != "micasense")
-    for name, rig in RIGS.items()
+    for name, rig in rigs.RIGS.items()
 }
 CAMERAS = tuple(_KITS)
 
@@ -105,7 +103,7 @@ def run(stage: Stage) -> bool:
     return conclude(stage, calibration, findings)
 
 
-def _list_visits(whole: Sequoia | Rig, calibration: stilb.Calibration) -> Iterator[Finding]:
+def _list_visits(whole: sequoia.Sequoia | rigs.Rig, calibration: stilb.Calibration) -> Iterator[Finding]:
     """List K of the panel before and after the flight, between which the version interpolates."""
     for fit in calibration.raw["diagnostics"]["band_fits"]:
         k = fit["coefficient"]
@@ -119,12 +117,12 @@ def _list_visits(whole: Sequoia | Rig, calibration: stilb.Calibration) -> Iterat
             )
 
 
-def _find_k(whole: Sequoia | Rig, band: str, time_share: float) -> float:
+def _find_k(whole: sequoia.Sequoia | rigs.Rig, band: str, time_share: float) -> float:
     """Return the true K after a share of the flight."""
     return whole.bands[band].reflectance_k * (1.0 + _DRIFT_REL * time_share)
 
 
-def _simulate(whole: Sequoia | Rig) -> list[Taken]:
+def _simulate(whole: sequoia.Sequoia | rigs.Rig) -> list[Taken]:
     random = np.random.default_rng(_SEED)
     panel = {band: _PANEL_CERTIFIED[band] + _PANEL_U * random.standard_normal() for band in whole.bands}
     # towards the sun, or away from it, a panel is brighter or darker than a level one
@@ -141,7 +139,7 @@ def _simulate(whole: Sequoia | Rig) -> list[Taken]:
 
 
 def _expose(
-    whole: Sequoia | Rig,
+    whole: sequoia.Sequoia | rigs.Rig,
     ks: Mapping[str, float],
     each: _Capture,
     random: np.random.Generator,
@@ -150,7 +148,7 @@ def _expose(
     capture_id: str,
 ) -> dict[str, Taken]:
     taken_at = _START + each.after
-    if isinstance(whole, Rig):
+    if isinstance(whole, rigs.Rig):
         channels = {name: replace(band, reflectance_k=ks[name]) for name, band in whole.bands.items()}
         rig, light = replace(whole, bands=channels), each.i_ss / _NOON
         return rigs.capture(

@@ -11,8 +11,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from radiometry.methods import METHODS
-from radiometry.specification.method import MethodSpec
-from radiometry.specification.parameters import Parameter
+from radiometry.specification import method, parameters
 from service.calibrations.methods import describe_methods
 
 DOCS = Path(__file__).resolve().parent
@@ -35,7 +34,7 @@ def render() -> dict[Path, str]:
     return {**pages, CLIENT: f"{answer}\n"}
 
 
-def list_parameters(spec: MethodSpec) -> Iterable[str]:
+def list_parameters(spec: method.MethodSpec) -> Iterable[str]:
     """Return the lines of the table of a method's parameters."""
     yield "| name | default | range | meaning |"
     yield "|---|---|---|---|"
@@ -45,7 +44,7 @@ def list_parameters(spec: MethodSpec) -> Iterable[str]:
     yield "| `exclude` | no frame | | Frames that the fit leaves out, each with the reason. |"
 
 
-def list_coefficients(spec: MethodSpec) -> Iterable[str]:
+def list_coefficients(spec: method.MethodSpec) -> Iterable[str]:
     """Return the lines of the table of a method's coefficients."""
     yield "| name | unit | coefficient |"
     yield "|---|---|---|"
@@ -53,7 +52,7 @@ def list_coefficients(spec: MethodSpec) -> Iterable[str]:
         yield f"| `{each.name}` | {' or '.join(each.units)} | {each.label} |"
 
 
-def _format_row(parameter: Parameter, *, within: str) -> str:
+def _format_row(parameter: parameters.Parameter, *, within: str) -> str:
     allowed = ", ".join(f"`{choice.value}`" for choice in parameter.choices) or parameter.range_text
     if parameter.none_allowed:
         allowed += ", or `none`"

@@ -9,9 +9,8 @@ from pathlib import Path
 from xml.sax.saxutils import escape
 
 from radiometry.frame import FrameHeader, multispectral
-from simulation import dng
+from simulation import dng, sequoia
 from simulation.camera import Taken
-from simulation.sequoia import PIXELS_PER_MM
 
 _RECORD = struct.Struct("<QHHHHfff")
 _W_PER_UW = 0.01
@@ -46,8 +45,8 @@ def write_sequoia(path: Path, shot: Taken) -> None:
     exif: dng.Entries = {
         36868: (dng.ASCII, f"{clock:%Y:%m:%d %H:%M:%S}"),  # DateTimeDigitized
         37522: (dng.ASCII, f"{clock:%f}"),  # SubSecTimeDigitized
-        41486: (dng.RATIONAL, dng.approximate(PIXELS_PER_MM)),  # FocalPlaneXResolution
-        41487: (dng.RATIONAL, dng.approximate(PIXELS_PER_MM)),  # FocalPlaneYResolution
+        41486: (dng.RATIONAL, dng.approximate(sequoia.PIXELS_PER_MM)),  # FocalPlaneXResolution
+        41487: (dng.RATIONAL, dng.approximate(sequoia.PIXELS_PER_MM)),  # FocalPlaneYResolution
         41488: (dng.SHORT, 4),  # FocalPlaneResolutionUnit: millimetres
     }
     write_band(path, shot, packet=_packet(_describe_sequoia(band), _SEQUOIA_ADDRESSES), exif=exif, tags=tags)
@@ -167,7 +166,7 @@ def _rig(geometry: multispectral.RigGeometry | None) -> Values:
     x_px, y_px = geometry.principal_point_px
     return {
         "Camera:ModelType": geometry.model,
-        "Camera:PrincipalPoint": f"{x_px / PIXELS_PER_MM!r},{y_px / PIXELS_PER_MM!r}",
+        "Camera:PrincipalPoint": f"{x_px / sequoia.PIXELS_PER_MM!r},{y_px / sequoia.PIXELS_PER_MM!r}",
         "Camera:FisheyeAffineMatrix": ",".join(map(repr, geometry.fisheye_affine)) or None,
         "Camera:FisheyePolynomial": ",".join(map(repr, geometry.fisheye_polynomial)) or None,
         "Camera:RigRelatives": ",".join(map(repr, geometry.rotation_deg)) if geometry.rotation_deg else None,

@@ -10,14 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from stilb.problem import Unclear
-from stilb.transport import hash_file
+from stilb import problem, transport
 
 _TYPE = "stilb receipt 1"
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
 
 
-class ReceiptInvalid(Unclear):
+class ReceiptInvalid(problem.Unclear):
     """The receipt, or the card beside it, is not what was signed."""
 
 
@@ -52,7 +51,7 @@ def read_keys(text: str) -> list[str]:
     try:
         return [str(item["public_key"]) for item in json.loads(text)["items"]]
     except (ValueError, KeyError, TypeError) as error:
-        raise Unclear("A public key is PEM, or the answer of /v1/signing-keys.") from error
+        raise problem.Unclear("A public key is PEM, or the answer of /v1/signing-keys.") from error
 
 
 def verify_receipt(signed: Mapping[str, Any], public_keys: list[str]) -> dict[str, Any]:
@@ -74,9 +73,9 @@ def verify_receipt(signed: Mapping[str, Any], public_keys: list[str]) -> dict[st
         try:
             key = load_pem_public_key(pem.encode())
         except (ValueError, UnsupportedAlgorithm) as error:
-            raise Unclear(f"The public key cannot be read: {error}") from error
+            raise problem.Unclear(f"The public key cannot be read: {error}") from error
         if not isinstance(key, Ed25519PublicKey):
-            raise Unclear("The public key is not an Ed25519 key.")
+            raise problem.Unclear("The public key is not an Ed25519 key.")
         try:
             key.verify(signature, text.encode("utf-8", "replace"))
         except InvalidSignature:
@@ -97,7 +96,7 @@ def compare_card(receipt: Mapping[str, Any], folder: Path) -> list[str]:
         hashes = listed.get(unicodedata.normalize("NFC", name))
         if hashes is None:
             found.append(f"{name}: not in the receipt")
-        elif hash_file(path) not in hashes:
+        elif transport.hash_file(path) not in hashes:
             found.append(f"{name}: not the file of the receipt")
     return found
 

@@ -22,10 +22,9 @@ from sqlalchemy import ColumnElement, Date, collate, func, inspect, select, text
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
+from store import files, settings
 from store.audit import digest, digest_row, digest_value, name_part
 from store.database import OTHER_SCHEMA_EXIT, Database, SchemaDiffers, require_own_schema
-from store.files import count_damaged
-from store.settings import read_settings
 from store.tables import AuditChain, AuditEntry, AuditHead, Organisation
 from store.tables.base import Audited, AuditedTogether, Base, UtcDateTime, utc_now
 
@@ -448,7 +447,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="stilb-server audit", description=__doc__)
     parser.add_argument("head", nargs="?", type=_read_head, help="a head noted before, seq:hash")
     noted = parser.parse_args(arguments).head
-    database = Database(read_settings().effective_database_url, answer_within_s=None)
+    database = Database(settings.read_settings().effective_database_url, answer_within_s=None)
     try:
         if database.is_sqlite and not Path(database.url.database or "").is_file():
             return _fail(f"there is no database {database.url.database}; STILB_DATA names its folder")
@@ -458,7 +457,7 @@ def main(arguments: list[str] | None = None) -> int:
         last, fault = check_audit(database, noted)
         rows = check_rows(database) if fault is None else RowsReport()
         with database.reading() as session:
-            damaged = count_damaged(session)
+            damaged = files.count_damaged(session)
     except SQLAlchemyError as error:
         code = OTHER_SCHEMA_EXIT if isinstance(error, SchemaDiffers) else 1
         return _fail(f"the audit trail cannot be read: {error}", code)

@@ -18,10 +18,9 @@ from sqlalchemy import or_, select
 from sqlalchemy.exc import SQLAlchemyError
 
 from radiometry.records import Record
-from store.audit_check import check_audit, check_rows
+from store import audit_check, migrate
 from store.blobs import BlobDamaged, Blobs, StorageUnavailable, blobs_from_url
 from store.database import Database, require_own_schema
-from store.migrate import NewerSchema, migrate
 from store.tables import Blob, IssuedCertificate
 
 _DATABASE: Final = "stilb.sqlite"
@@ -50,15 +49,15 @@ def check_backup(folder: Path, *, database_url: str = "", blobs_url: str = "") -
             database = Database(database_url, answer_within_s=None)
             stack.callback(database.dispose)
             if database.is_sqlite:
-                migrate(database)
+                migrate.migrate(database)
             with database.reading() as session:
                 require_own_schema(session)
-            _, fault = check_audit(database)
+            _, fault = audit_check.check_audit(database)
             if fault is not None:
                 rows = [f"the audit trail is broken at entry {fault.seq}: {fault.what}"]
             else:
-                rows = check_rows(database).faults
-        except (_Unusable, NewerSchema) as found:
+                rows = audit_check.check_rows(database).faults
+        except (_Unusable, migrate.NewerSchema) as found:
             return Proven(faults=(f"the database: {found}",))
         except (SQLAlchemyError, sqlite3.Error) as error:
             return Proven(faults=(f"the database cannot be read: {str(error).partition(chr(10))[0]}",))

@@ -13,8 +13,7 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
-from store import jobs
-from store.audit import record_act
+from store import audit, jobs
 from store.blobs import BlobDamaged, BlobMissing, Blobs, Damage, StorageUnavailable, StoredBlob, StoredFile
 from store.database import Database
 from store.queries.usage import add_jobs
@@ -167,7 +166,7 @@ def _keep_whole(session: Session, row: Blob, blob: StoredBlob) -> None:
 
 def _change_damage(session: Session, row: Blob, damage: Damage | None) -> None:
     before, row.damage = row.damage, damage
-    record_act(session, "damage" if damage else "heal", row, {"damage": before}, {"damage": damage})
+    audit.record_act(session, "damage" if damage else "heal", row, {"damage": before}, {"damage": damage})
 
 
 SIDE_PX: Final = 160

@@ -14,8 +14,7 @@ from radiometry.fitting.evidence import Quantity
 from radiometry.methods import METHODS, get_method
 from radiometry.records import Record
 from radiometry.specification.application import BandApplication, SurfaceApplication
-from store.codec import decode_exposure, read_applied
-from store.database import Conflict
+from store import codec, database
 from store.measuring.comparison import Reference, compare_meters, compare_panels, touch_band
 from store.measuring.version import list_corrected
 from store.publications import InForce, list_held, revoke
@@ -133,9 +132,9 @@ def _touch(measurement: Measurement, frame: FrameRow, old: Calibration, new: Cal
         return Touched(measurement=measurement, frame=frame, successor=new, change=None, why=why)
     lens_share = application.summarise(measurement.result).figures["lens_share"]
     change = application.change(
-        read_applied(old),
-        read_applied(new),
-        exposure=decode_exposure(frame.exposure),
+        codec.read_applied(old),
+        codec.read_applied(new),
+        exposure=codec.decode_exposure(frame.exposure),
         signal_dn=measurement.result.get("signal_dn"),
         lens_share=lens_share["value"] if lens_share else 1.0,
         common_u_rel=compare_meters(old, new)[1],
@@ -267,7 +266,7 @@ def confirm(session: Session, recall: Recall, *, by: str) -> None:
     found = find_versions(session, recall.organisation_id, recall.cause)
     if found != recall.calibration_ids:
         more, fewer = set(found) - set(recall.calibration_ids), set(recall.calibration_ids) - set(found)
-        raise Conflict(
+        raise database.Conflict(
             interface.RECALL_OUTDATED,
             f"The cause now finds other versions than at the review: {len(more)} more, {len(fewer)} fewer. "
             "Propose the recall again and review it.",

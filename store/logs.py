@@ -8,8 +8,7 @@ from typing import Any
 from sqlalchemy.exc import InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as NoConnectionFree
 
-from store.database import is_about_missing_parts, summarise
-from store.tracing import present_fields
+from store import database, tracing
 
 _EXPECTED = (OperationalError, InterfaceError, NoConnectionFree, ConnectionError, TimeoutError)
 # by name: few processes load what talks to the broker
@@ -30,7 +29,7 @@ def configure_logging(form: str) -> None:
 
 
 def add_fields(record: logging.LogRecord) -> bool:
-    record.fields = {**present_fields(), **getattr(record, "fields", {})}
+    record.fields = {**tracing.present_fields(), **getattr(record, "fields", {})}
     return True
 
 
@@ -70,14 +69,14 @@ def shorten(record: logging.LogRecord) -> bool:
     """Put the words of an error that will pass in the place of its traceback, which says nothing."""
     error = record.exc_info[1] if record.exc_info else None
     if isinstance(error, Exception) and _is_expected(error):
-        record.msg = f"{record.getMessage().strip()}: {summarise(error)}"
+        record.msg = f"{record.getMessage().strip()}: {database.summarise(error)}"
         record.args = ()
         record.exc_info = record.exc_text = None
     return True
 
 
 def _is_expected(error: Exception) -> bool:
-    if isinstance(error, OperationalError) and is_about_missing_parts(error):
+    if isinstance(error, OperationalError) and database.is_about_missing_parts(error):
         return False
     names = {f"{each.__module__}.{each.__qualname__}" for each in type(error).__mro__}
     return isinstance(error, _EXPECTED) or not names.isdisjoint(_BROKER_AWAY)

@@ -9,9 +9,7 @@ from sqlalchemy.orm import Session
 
 from radiometry.findings import interface, shared
 from radiometry.records import Record
-from store.blobs import StoredBlob
-from store.database import Conflict
-from store.files import keep_blobs
+from store import blobs, database, files
 from store.ready.rows import close_ready, describe_validity, write_ready
 from store.tables import Calibration, IssuedCertificate, Json, Publication, Revocation, Slot, utc_now
 
@@ -69,7 +67,7 @@ def publish(
 def require_not_revoked(session: Session, calibration: Calibration) -> None:
     """Raise Conflict for a version that can never be published again."""
     if session.get(Revocation, calibration.id):
-        raise Conflict(
+        raise database.Conflict(
             shared.CALIBRATION_REVOKED, "This version was revoked; a revoked version stays revoked."
         )
 
@@ -211,8 +209,8 @@ class PrintedCertificate(Record):
 
     amendment: int
     number: str
-    json: StoredBlob
-    pdf: StoredBlob
+    json: blobs.StoredBlob
+    pdf: blobs.StoredBlob
     fitted_by: Json | None
     approved_by: Json | None
     at_upgrade: bool
@@ -233,11 +231,11 @@ def is_published(session: Session, calibration_id: str) -> bool:
 def keep_issued(session: Session, publication: Publication, printed: PrintedCertificate) -> None:
     """Issue a printed certificate with its publication; whoever publishes holds the lock of its slot."""
     if len(list_issued(session, publication.calibration_id)) != printed.amendment:
-        raise Conflict(
+        raise database.Conflict(
             interface.CONFLICT,
             "Another request has just published this version. Look at it, and publish again.",
         )
-    keep_blobs(session, [printed.json, printed.pdf])
+    files.keep_blobs(session, [printed.json, printed.pdf])
     session.add(
         IssuedCertificate(
             calibration_id=publication.calibration_id,

@@ -11,8 +11,7 @@ import sys
 from rich.console import Console
 
 import stilb
-from verify.checks import check
-from verify.compare import Row
+from verify import checks, compare, recompute
 from verify.data import (
     Node,
     Unusable,
@@ -24,7 +23,6 @@ from verify.data import (
     split_address,
 )
 from verify.measurement import verify_measurement
-from verify.recompute import recompute
 from verify.report import conclude, name_libraries, name_unseen, tabulate
 from worker.decode.pool import DecoderKilled, DecoderPool, DecoderUnavailable
 
@@ -57,11 +55,11 @@ def _verify(place: str, data_place: str, key: str, console: Console) -> int:
 
         with open_export(data_place, key, certificate["calibration_id"]) as folder:
             data = read_folder(folder)
-            rows = check(certificate, data, recompute(certificate, data, decoders, tell))
+            rows = checks.check(certificate, data, recompute.recompute(certificate, data, decoders, tell))
     return _report(certificate, rows, console)
 
 
-def _report(certificate: Node, rows: list[Row], console: Console) -> int:
+def _report(certificate: Node, rows: list[compare.Row], console: Console) -> int:
     console.print(tabulate(certificate, rows))
     console.print(f"{conclude(rows)}{name_unseen(certificate)} {name_libraries()}", markup=False)
     return 1 if any(row.agreement == "different" for row in rows) else 0

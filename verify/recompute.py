@@ -4,8 +4,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import asdict, fields, replace
 from typing import Any
 
-from radiometry import methods, records
-from radiometry.findings import InputRejected
+from radiometry import findings, methods, records
 from radiometry.fitting.evidence import Extracted, FrameEvidence, Region
 from radiometry.frame import FrameHeader, roi
 from radiometry.frame.exposure import Camera, Exposure, SuppliedExposure, accept_frame
@@ -57,7 +56,7 @@ def recompute(certificate: Node, data: Data, decoders: DecoderPool, on_frame: On
     readings = _readings(spec, data)
     try:
         fit = spec.fit([frame.row for frame in frames if frame.row], readings, params)
-    except InputRejected as refusal:
+    except findings.InputRejected as refusal:
         return Recomputed(params=params, frames=frames, readings=readings, fit=None, trouble=refusal.message)
     return Recomputed(params=params, frames=frames, readings=readings, fit=fit, trouble="")
 
@@ -108,7 +107,7 @@ def _read(
             target=decode(spec.target, target) if spec.target and target else None,
         )
         row = _make_row(stated, certificate, header, exposure, extracted, around)
-    except (InputRejected, DecoderCrashed) as refusal:
+    except (findings.InputRejected, DecoderCrashed) as refusal:
         return FoundFrame(stated=stated, sha256=sha256, trouble=refusal.message, signal={})
     signal = _signal(extracted.statistics, certificate)
     return FoundFrame(stated=stated, sha256=sha256, trouble="", exposure=exposure, row=row, signal=signal)

@@ -8,8 +8,7 @@ from typing import Final
 from sqlalchemy import Select, or_, select, true
 from sqlalchemy.orm import Session, aliased
 
-from store import jobs, software
-from store.blobs import BlobDamaged
+from store import blobs, jobs, software
 from store.database import Database
 from store.files import SCRUB_DAYS, Files
 from store.jobs.processes import repeat
@@ -128,7 +127,7 @@ class Scrub:
     def _prove(self, sha256: str) -> None:
         try:
             self._files.prove(sha256, lambda size: self._wait(size / _BYTES_PER_S))
-        except BlobDamaged:
+        except blobs.BlobDamaged:
             # noted with the file; the next one is none the worse
             return
 

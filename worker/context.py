@@ -13,8 +13,7 @@ from store import jobs
 from store.blobs import Blobs, blobs_from_url
 from store.database import Database
 from store.files import Files
-from store.jobs.processes import Durations
-from store.jobs.queues import Post
+from store.jobs import processes, queues
 from store.reviews import Reviews
 from store.settings import Settings
 from worker.decode.pool import DecoderPool
@@ -63,8 +62,8 @@ class Context:
     leases: Leases = field(default_factory=Leases)
 
     @cached_property
-    def durations(self) -> Durations:
-        return Durations()
+    def durations(self) -> processes.Durations:
+        return processes.Durations()
 
     @cached_property
     def reviews(self) -> Reviews:
@@ -79,7 +78,7 @@ def open_database(settings: Settings) -> Database:
     return Database(
         settings.effective_database_url,
         answer_within_s=settings.database_timeout_s,
-        post=Post(settings.effective_broker_url),
+        post=queues.Post(settings.effective_broker_url),
     )
 
 

@@ -12,12 +12,11 @@ from sqlalchemy.exc import TimeoutError as PoolTimeout
 from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected, files, interface
-from store import jobs
+from store import jobs, tracing
 from store.blobs import BlobDamaged, Blobs, StorageFull, StorageUnavailable
 from store.database import SchemaDiffers, summarise
 from store.files import describe_damage
 from store.jobs import Claim, Dependency, LeaseLost
-from store.tracing import fields, span
 from worker.context import Context
 from worker.decode.pool import DecoderKilled, DecoderUnavailable
 from worker.tasks import Outcome, work
@@ -58,8 +57,8 @@ def _run(context: Context, claim: Claim) -> Mapping[str, Any]:
     if claim.request_id:
         told["request_id"] = claim.request_id
     known = {"job_id": claim.job_id, **told}
-    traced = span(f"job {claim.kind}", kind="CONSUMER", parent=claim.traceparent, known=known)
-    with context.leases.hold(claim), fields(**known), traced as note:
+    traced = tracing.span(f"job {claim.kind}", kind="CONSUMER", parent=claim.traceparent, known=known)
+    with context.leases.hold(claim), tracing.fields(**known), traced as note:
         ending = _work(context, claim)
         try:
             try:

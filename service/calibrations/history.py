@@ -10,8 +10,7 @@ from sqlalchemy.orm import Session
 from radiometry.fitting.comparison import Comparison
 from service.calibrations import schemas
 from service.documents.issuing import build_issued, gather
-from service.http import auth, changes, lookup, operations
-from service.http.answers import problems
+from service.http import answers, auth, changes, lookup, operations
 from service.http.context import UsesContext
 from service.http.models import Answer, Form, Instant, LongText, Method, Quantity, Text
 from service.http.paging import Page, UsesPaging
@@ -304,7 +303,7 @@ def get_camera_validity(
 recalls_router = operations.Router(prefix="/v1/recalls", tags=["recalls"])
 
 
-@recalls_router.post("", status_code=201, response_model=PurgeAnswer, responses=problems(404))
+@recalls_router.post("", status_code=201, response_model=PurgeAnswer, responses=answers.problems(404))
 def propose_recall(body: NewPurge, caller: auth.Publisher, writing: changes.Writes) -> Response:
     """Find every version made with a cause, for review. Nothing is revoked yet."""
 
@@ -337,7 +336,7 @@ def get_recall(recall_id: lookup.Id, caller: auth.Reader, context: UsesContext) 
         return _whole(session, lookup.owned(session, Recall, recall_id, caller)).respond()
 
 
-@recalls_router.post("/{recall_id}/confirm", response_model=PurgeAnswer, responses=problems(409))
+@recalls_router.post("/{recall_id}/confirm", response_model=PurgeAnswer, responses=answers.problems(409))
 def confirm_recall(recall_id: lookup.Id, caller: auth.Publisher, writing: changes.Writes) -> Response:
     """Revoke all versions of a recall in one step. Answers 409 if the cause now finds other versions."""
 

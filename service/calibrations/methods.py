@@ -20,12 +20,9 @@ from pydantic import (
 from pydantic.json_schema import models_json_schema
 from pydantic_core import PydanticCustomError
 
-from radiometry import methods
-from radiometry.findings import Finding
-from radiometry.methods import METHODS
+from radiometry import findings, methods
 from radiometry.methods.findings import FINDINGS
 from radiometry.specification import application, certificate, method
-from radiometry.specification.method import MethodSpec
 from radiometry.specification.parameters import Choice, Kind, Parameter
 from radiometry.specification.roles import Grid, Role
 from service.http import answers, auth, models, operations
@@ -51,7 +48,7 @@ class FitRequest(Form):
         list[Exclusion] | None, Field(max_length=10_000, description="Frames that the fit leaves out.")
     ] = None
 
-    def read_parameters(self, spec: MethodSpec) -> dict[str, Any]:
+    def read_parameters(self, spec: method.MethodSpec) -> dict[str, Any]:
         """Return the parameters that were sent, by the names of their fields in the method's `Params`."""
         sent = self.model_dump(exclude_unset=True)
         return {
@@ -68,7 +65,7 @@ class NewCalibration(RootModel[dict[str, Any]]):
     """
 
 
-def read_request(body: NewCalibration, spec: MethodSpec) -> FitRequest:
+def read_request(body: NewCalibration, spec: method.MethodSpec) -> FitRequest:
     """Read a request by the form of the campaign's method; name each parameter that is not one of it."""
     try:
         return FORMS[spec.name].model_validate(body.root)
@@ -80,7 +77,7 @@ def read_request(body: NewCalibration, spec: MethodSpec) -> FitRequest:
     raise invalid(found)
 
 
-def _make_form(spec: MethodSpec) -> type[FitRequest]:
+def _make_form(spec: method.MethodSpec) -> type[FitRequest]:
     extra: dict[str, Any] = {
         "method": (
             Literal[spec.name] | None,
@@ -271,14 +268,14 @@ class MethodsAnswer(models.Answer):
 
 
 def describe_methods() -> MethodsAnswer:
-    return MethodsAnswer(items=[MethodAnswer.of(spec) for spec in METHODS])
+    return MethodsAnswer(items=[MethodAnswer.of(spec) for spec in methods.METHODS])
 
 
 def describe_versions() -> tuple[dict[str, Node], dict[str, Node]]:
     """Return the schemas of what versions hold, by name, and those of their properties of each method."""
     schemas: dict[str, Node] = {}
     properties: dict[str, list[Node]] = {"parameters": [], "diagnostics": [], "points": []}
-    for spec in METHODS:
+    for spec in methods.METHODS:
         stem = spec.name.capitalize()
         for name, kind in (("parameters", spec.params), ("diagnostics", spec.result)):
             schema = _describe(kind, stem, schemas)
@@ -340,7 +337,7 @@ def list_methods(_caller: auth.Reader) -> Response:
     return describe_methods().respond()
 
 
-class FindingAnswer(models.Answer, restates=Finding):
+class FindingAnswer(models.Answer, restates=findings.Finding):
     """A finding that can occur in a frame, a fit or a measurement."""
 
 

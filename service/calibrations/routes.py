@@ -19,16 +19,9 @@ from radiometry.findings import interface
 from radiometry.fitting.evidence import Exclusion
 from radiometry.methods import METHODS, get_method
 from radiometry.specification.exports import Export, ExportOption, ExportSubject, Picture
+from service.calibrations import schemas
 from service.calibrations.history import RevocationAnswer
 from service.calibrations.methods import FitRequest, NewCalibration, read_request
-from service.calibrations.schemas import (
-    IN_FORCE,
-    CalibrationAnswer,
-    IssuedAnswer,
-    NewPublication,
-    NewRevocation,
-    SuggestedValidity,
-)
 from service.documents import issuing, rendered
 from service.http import answers, auth, lookup, operations, tables
 from service.http.answers import immutable_headers, not_modified, problems, sends_file, standing_headers
@@ -41,10 +34,8 @@ from service.http.paging import Page, Paging, UsesPaging
 from service.http.problems import Problem, invalid, located
 from service.jobs.routes import reply_queued
 from service.jobs.schemas import JobAnswer
-from store import codec, impact, jobs, publications
-from store.fits import leave_out_doubtful, list_missing, make_params, read_result
+from store import codec, fits, impact, jobs, publications
 from store.measuring.version import choose_falloff
-from store.publications import keep_issued, list_issued
 from store.queries import calibrations, campaigns, usage
 from store.queries.evidence import Evidence, gather
 from store.tables import Calibration, Camera, Campaign, Panel, Publication
@@ -79,8 +70,8 @@ def start_calibration(campaign_id: Id, body: NewCalibration, caller: Calibrator,
             campaign.panel_id = owned(session, Panel, panel_id, caller).id
         evidence = gather(session, campaign)
         params = _read_params(session, request, campaign, evidence, caller)
-        params = leave_out_doubtful(params, evidence)
-        missing = list_missing(campaign, evidence, params)
+        params = fits.leave_out_doubtful(params, evidence)
+        missing = fits.list_missing(campaign, evidence, params)
         outdated[:] = evidence.outdated
         if missing:
             detail = "; ".join(missing[:5]) + (f"; and {len(missing) - 5} more" if len(missing) > 5 else "")
@@ -111,7 +102,7 @@ def _hasten(context: Context, caller: Caller, campaign_id: str, outdated: Sequen
         usage.add_jobs(session, len(queued), organisation_id=caller.organisation_id)
 
 
-@router.get("/campaigns/{campaign_id}/calibrations", response_model=Page[CalibrationAnswer])
+@router.get("/campaigns/{campaign_id}/calibrations", response_model=Page[schemas.CalibrationAnswer])
 def list_campaign_calibrations(
     campaign_id: Id, paging: UsesPaging, caller: Reader, context: UsesContext
 ) -> Response:
@@ -122,7 +113,7 @@ def list_campaign_calibrations(
         return _page(session, paging, rows)
 
 
-@router.get("/cameras/{camera_id}/calibrations", response_model=Page[CalibrationAnswer])
+@router.get("/cameras/{camera_id}/calibrations", response_model=Page[schemas.CalibrationAnswer])
 def list_camera_calibrations(
     camera_id: Id,
     paging: UsesPaging,
@@ -138,7 +129,7 @@ def list_camera_calibrations(
         return _page(session, paging, rows)
 
 
-@router.get("/calibrations/{calibration_id}", response_model=CalibrationAnswer)
+@router.get("/calibrations/{calibration_id}", response_model=schemas.CalibrationAnswer)
 def get_calibration(calibration_id: Id, caller: Reader, context: UsesContext) -> Response:
     """One version, whole: coefficients, points, diagnostics, inputs."""
     with context.database.reading() as session:
@@ -197,10 +188,12 @@ async def get_plot_svg(
 
 
 @router.post(
-    "/calibrations/{calibration_id}/publish", response_model=CalibrationAnswer, responses=problems(409)
+    "/calibrations/{calibration_id}/publish",
+    response_model=schemas.CalibrationAnswer,
+    responses=problems(409),
 )
 async def publish_calibration(
-    calibration_id: Id, body: NewPublication, caller: Publisher, context: UsesContext, writing: Writes
+    calibration_id: Id, body: schemas.NewPublication, caller: Publisher, context: UsesContext, writing: Writes
 ) -> Response:
     """Put a version in force in [valid_from, valid_to). It replaces what was in force there.
 
@@ -214,7 +207,7 @@ async def publish_calibration(
         publication = publications.publish(
             session, calibration, valid_from=body.valid_from, valid_to=body.valid_to, reason=body.reason
         )
-        keep_issued(session, publication, prepared.printed)
+        publications.keep_issued(session, publication, prepared.printed)
         answer = _answer(session, calibration)
         return Reply(status=200, body=answer.model_copy(update={"warnings": prepared.gaps}))
 
@@ -228,7 +221,7 @@ async def publish_calibration(
 
 @router.post("/calibrations/{calibration_id}/revoke", response_model=RevocationAnswer)
 def revoke_calibration(
-    calibration_id: Id, body: NewRevocation, caller: Publisher, writing: Writes
+    calibration_id: Id, body: schemas.NewRevocation, caller: Publisher, writing: Writes
 ) -> Response:
     """Revoke a version permanently. It stays readable; nothing takes its place automatically.
 
@@ -261,39 +254,42 @@ def _read_params(
     corrector = methods.get_method(campaign.method).corrected_by
     asked = said.pop(corrector, None) if corrector else None
     try:
-        params = make_params(session, campaign, **said)
+        params = fits.make_params(session, campaign, **said)
     except ValidationError as error:
         raise invalid(located(error, "body")) from error
     if corrector is None or asked is None:
         return params
-    named = None if asked == IN_FORCE else owned(session, Calibration, asked, caller)
+    named = None if asked == schemas.IN_FORCE else owned(session, Calibration, asked, caller)
     chosen = choose_falloff(session, campaign, evidence, params, named)
     return replace(params, **{corrector: chosen.content_sha256})
 
 
 def _page(session: Session, paging: Paging, rows: Select[Any]) -> Response:
-    def shape(found: list[Calibration]) -> list[CalibrationAnswer]:
+    def shape(found: list[Calibration]) -> list[schemas.CalibrationAnswer]:
         ids = [row.id for row in found]
         status, coefficients = (
             calibrations.read_version_statuses(session, ids),
             calibrations.coefficients_of(session, ids),
         )
-        return [CalibrationAnswer.of(row, status[row.id], coefficients[row.id], whole=False) for row in found]
+        return [
+            schemas.CalibrationAnswer.of(row, status[row.id], coefficients[row.id], whole=False)
+            for row in found
+        ]
 
     return paging.send(session, rows, shape, newest_first=True)
 
 
-def _answer(session: Session, calibration: Calibration) -> CalibrationAnswer:
+def _answer(session: Session, calibration: Calibration) -> schemas.CalibrationAnswer:
     status = calibrations.read_version_statuses(session, [calibration.id])[calibration.id]
     coefficients = calibrations.coefficients_of(session, [calibration.id])[calibration.id]
-    answer = CalibrationAnswer.of(calibration, status, coefficients, whole=True)
+    answer = schemas.CalibrationAnswer.of(calibration, status, coefficients, whole=True)
     answer.certificates = [
-        IssuedAnswer.restate(each, reason=session.get_one(Publication, each.publication_id).reason)
-        for each in list_issued(session, calibration.id)
+        schemas.IssuedAnswer.restate(each, reason=session.get_one(Publication, each.publication_id).reason)
+        for each in publications.list_issued(session, calibration.id)
     ]
     if status.state == "draft":
         start, end = calibrations.suggest_validity(session, calibration)
-        answer.suggested_validity = SuggestedValidity(valid_from=start, valid_to=end)
+        answer.suggested_validity = schemas.SuggestedValidity(valid_from=start, valid_to=end)
     return answer
 
 
@@ -346,7 +342,7 @@ def _add(method: str, export: Export) -> None:
             lens_model=camera.lens_model,
             pixel_pitch_um=camera.pixel_pitch_um,
         )
-        written = export.write(read_result(calibration), subject, query.model_dump())
+        written = export.write(fits.read_result(calibration), subject, query.model_dump())
         content = _write_tiff(written) if isinstance(written, Picture) else written
         return Response(content, headers=answers.immutable_headers(tag), media_type=export.media_type)
 

@@ -11,11 +11,9 @@ from sqlalchemy import Row, select
 from sqlalchemy.exc import IntegrityError
 
 from radiometry.findings import interface
-from service.http import auth, changes, lookup, operations, signatures
-from service.http.answers import problems
+from service.http import answers, auth, changes, lookup, operations, problems, signatures
 from service.http.context import Context, UsesContext
 from service.http.models import WHOLE, Answer, Form, Instant, Sha256, Text
-from service.http.problems import Problem, not_found
 from store.queries.campaigns import find_manifest, read_stored, write_canonical
 from store.software import read_version
 from store.tables import Campaign, FrameState, Manifest, SigningKey, utc_now
@@ -184,7 +182,7 @@ def send_manifest(
     return answer.respond()
 
 
-@router.get("/campaigns/{campaign_id}/receipt", response_model=ReceiptAnswer, responses=problems(409))
+@router.get("/campaigns/{campaign_id}/receipt", response_model=ReceiptAnswer, responses=answers.problems(409))
 def get_receipt(
     campaign_id: lookup.Id,
     caller: Annotated[auth.Caller, Depends(auth.get_caller)],
@@ -203,13 +201,13 @@ def get_receipt(
         campaign = lookup.owned(session, Campaign, campaign_id, caller)
         manifest = find_manifest(session, campaign, manifest_id)
     if manifest is None and manifest_id is not None:
-        raise not_found("manifest")
+        raise problems.not_found("manifest")
     if manifest is None:
         detail = "No manifest was sent to this campaign: POST what the card holds to its /manifest first."
-        raise Problem(interface.MANIFEST_INCOMPLETE, detail, missing=[])
+        raise problems.Problem(interface.MANIFEST_INCOMPLETE, detail, missing=[])
     missing, stored = _compare(context, manifest)
     if missing:
-        raise Problem(
+        raise problems.Problem(
             interface.MANIFEST_INCOMPLETE,
             f"{len(missing)} of {len(manifest.files)} files are not stored whole. Keep the card.",
             missing=[each.dump() for each in missing[:_MOST_NAMED]],
@@ -245,7 +243,7 @@ def get_receipt(
     return answer.respond({"Content-Disposition": f'attachment; filename="receipt-{manifest.id}.json"'})
 
 
-@keys_router.get("/signing-keys", response_model=SigningKeys, responses=problems(503))
+@keys_router.get("/signing-keys", response_model=SigningKeys, responses=answers.problems(503))
 def list_signing_keys(context: UsesContext) -> Response:
     """The public keys that receipts were ever signed with, newest first. No key is needed."""
     context.signer.enrol()

@@ -13,8 +13,7 @@ from sqlalchemy.orm import Session
 
 from radiometry.findings import interface, shared
 from radiometry.methods import get_method
-from service.http import answers, auth, changes, lookup, models, operations, tables
-from service.http.problems import Problem, invalid
+from service.http import answers, auth, changes, lookup, models, operations, problems, tables
 from service.tools.routes import ExposureTime, FNumber, Iso
 from service.uploads.frames import admit
 from store.jobs import enqueue_extraction
@@ -160,10 +159,10 @@ def _refuse_rows(points: list[NewPoint], told: PointsTable) -> None:
             message = f"is above white_level_dn {told.white_level_dn:g}"
             errors.append({"type": "csv", "loc": (f"line {line}", "max_dn"), "msg": message})
     if errors:
-        raise invalid(errors)
+        raise problems.invalid(errors)
     if told.black_level_dn is not None and told.black_level_dn >= told.white_level_dn:
         message = "is not below white_level_dn"
-        raise invalid([{"type": "value", "loc": ("query", "black_level_dn"), "msg": message}])
+        raise problems.invalid([{"type": "value", "loc": ("query", "black_level_dn"), "msg": message}])
 
 
 router = operations.Router(prefix="/v1", tags=["frames"])
@@ -205,7 +204,7 @@ def add_points(
     with writing.context.database.reading() as session:
         lookup.owned(session, Campaign, campaign_id, caller)
     if not tables.is_table(request) and request.headers.get("content-type") != _BYTES:
-        raise Problem(interface.BAD_REQUEST, "Send the table with Content-Type: text/csv.")
+        raise problems.Problem(interface.BAD_REQUEST, "Send the table with Content-Type: text/csv.")
     points, ignored = read_points(data, told)
     context, rows = writing.context, [_write_row(point, told) for point in points]
     hashes = {
@@ -275,4 +274,4 @@ def _refuse(campaign: Campaign, session: Session, hashes: Mapping[str, str]) -> 
         if hashes[name] != sha256
     ]
     if errors:
-        raise invalid(errors)
+        raise problems.invalid(errors)

@@ -11,15 +11,7 @@ from radiometry import methods
 from radiometry.findings import interface, shared
 from radiometry.frame.multispectral import name_panel
 from radiometry.specification.roles import FIELD
-from service.campaigns.schemas import (
-    STATED,
-    CampaignAnswer,
-    CampaignChange,
-    CampaignDetails,
-    NewCampaign,
-    NewRoi,
-    RoiAnswer,
-)
+from service.campaigns import schemas
 from service.equipment.schemas import PanelOffered
 from service.http import answers, operations, paging
 from service.http.auth import Calibrator, Reader
@@ -114,8 +106,8 @@ def explain_missing_checklist(campaign: Campaign) -> str:
 router = operations.Router(prefix="/v1/campaigns", tags=["campaigns"])
 
 
-@router.post("", status_code=201, response_model=CampaignAnswer, responses=answers.problems(404))
-def create_campaign(body: NewCampaign, caller: Calibrator, writing: Writes) -> Response:
+@router.post("", status_code=201, response_model=schemas.CampaignAnswer, responses=answers.problems(404))
+def create_campaign(body: schemas.NewCampaign, caller: Calibrator, writing: Writes) -> Response:
     """Begin a campaign: one camera, one method, and a set of readings or a night of measurements."""
 
     def change(session: Session) -> Reply:
@@ -133,7 +125,7 @@ def create_campaign(body: NewCampaign, caller: Calibrator, writing: Writes) -> R
         _choose_panel(session, campaign, body.panel_serial, offer=None)
         session.add(campaign)
         session.flush()
-        return Reply(status=201, body=CampaignAnswer.restate(campaign))
+        return Reply(status=201, body=schemas.CampaignAnswer.restate(campaign))
 
     return writing.run(caller, change)
 
@@ -146,7 +138,7 @@ class CampaignListing(paging.Listing):
     kind: CampaignKind | None = None
 
 
-@router.get("", response_model=paging.Page[CampaignAnswer])
+@router.get("", response_model=paging.Page[schemas.CampaignAnswer])
 def list_campaigns(
     request: Request, caller: Reader, context: UsesContext, listing: Annotated[CampaignListing, Query()]
 ) -> Response:
@@ -154,10 +146,12 @@ def list_campaigns(
     away = Campaign.archived_at.is_not(None)
     where = true() if listing.archived is None else away if listing.archived else ~away
     rest = listing.model_copy(update={"archived": None})
-    return paging.page_own(request, context, caller, Campaign, rest, CampaignAnswer.restate, where=where)
+    return paging.page_own(
+        request, context, caller, Campaign, rest, schemas.CampaignAnswer.restate, where=where
+    )
 
 
-@router.get("/{campaign_id}", response_model=CampaignAnswer)
+@router.get("/{campaign_id}", response_model=schemas.CampaignAnswer)
 def get_campaign(campaign_id: Id, caller: Reader, context: UsesContext) -> Response:
     """One campaign, with what has arrived and what a fit, and a good one, still needs."""
     with context.database.reading() as session:
@@ -165,8 +159,10 @@ def get_campaign(campaign_id: Id, caller: Reader, context: UsesContext) -> Respo
         return _whole(session, campaign, context.reviews.find(session, campaign_id)).respond()
 
 
-@router.patch("/{campaign_id}", response_model=CampaignAnswer, responses=answers.problems(409))
-def change_campaign(campaign_id: Id, body: CampaignChange, caller: Calibrator, writing: Writes) -> Response:
+@router.patch("/{campaign_id}", response_model=schemas.CampaignAnswer, responses=answers.problems(409))
+def change_campaign(
+    campaign_id: Id, body: schemas.CampaignChange, caller: Calibrator, writing: Writes
+) -> Response:
     """Correct what is written on a campaign."""
 
     def change(session: Session) -> Reply:
@@ -198,8 +194,8 @@ def change_campaign(campaign_id: Id, body: CampaignChange, caller: Calibrator, w
     return writing.run(caller, change)
 
 
-@router.put("/{campaign_id}/roi", response_model=RoiAnswer)
-def set_campaign_roi(campaign_id: Id, body: NewRoi, caller: Calibrator, writing: Writes) -> Response:
+@router.put("/{campaign_id}/roi", response_model=schemas.RoiAnswer)
+def set_campaign_roi(campaign_id: Id, body: schemas.NewRoi, caller: Calibrator, writing: Writes) -> Response:
     """Set the region of every frame that has none of its own; older statistics stay."""
     drawing = read_roi(body)
 
@@ -207,19 +203,19 @@ def set_campaign_roi(campaign_id: Id, body: NewRoi, caller: Calibrator, writing:
         campaign = owned(session, Campaign, campaign_id, caller)
         roi = campaigns.find_or_add_roi(session, caller.organisation_id, drawing)
         jobs = campaigns.set_roi(session, campaign, roi, by=caller.key_id)
-        return Reply(status=200, body=RoiAnswer.of(roi), jobs=jobs)
+        return Reply(status=200, body=schemas.RoiAnswer.of(roi), jobs=jobs)
 
     return writing.run(caller, change)
 
 
-@router.get("/{campaign_id}/roi", response_model=RoiAnswer)
+@router.get("/{campaign_id}/roi", response_model=schemas.RoiAnswer)
 def get_campaign_roi(campaign_id: Id, caller: Reader, context: UsesContext) -> Response:
     """The region in use."""
     with context.database.reading() as session:
         campaign = owned(session, Campaign, campaign_id, caller)
         if campaign.roi_id is None:
             raise Problem(interface.NOT_FOUND, "This campaign has no region yet: PUT one here.")
-        return RoiAnswer.of(session.get_one(Roi, campaign.roi_id)).respond()
+        return schemas.RoiAnswer.of(session.get_one(Roi, campaign.roi_id)).respond()
 
 
 def _choose_panel(session: Session, campaign: Campaign, serial: str | None, *, offer: Offer | None) -> None:
@@ -236,10 +232,10 @@ def _choose_panel(session: Session, campaign: Campaign, serial: str | None, *, o
     campaign.panel_id = panel.id
 
 
-def _check_stated(method: str, body: CampaignDetails) -> None:
+def _check_stated(method: str, body: schemas.CampaignDetails) -> None:
     """Refuse what belongs to the fit of another method, and a lamp or response that cannot be read."""
     spec = methods.get_method(method)
-    stated = body.model_dump(include=set(STATED), exclude_unset=True)
+    stated = body.model_dump(include=set(schemas.STATED), exclude_unset=True)
     fields = {each.name: each.field for each in spec.parameters if each.given_by == "campaign"}
     foreign = [
         {"type": "parameter", "loc": ("body", name), "msg": f"is not a part of a {method} campaign"}
@@ -294,11 +290,11 @@ def _read_target(method: str, said: dict[str, Any] | None) -> dict[str, Any] | N
         raise invalid(located(error, "body", "target")) from error
 
 
-def _whole(session: Session, campaign: Campaign, readiness: reviews.Assessment) -> CampaignAnswer:
+def _whole(session: Session, campaign: Campaign, readiness: reviews.Assessment) -> schemas.CampaignAnswer:
     counts = campaigns.count(session, campaign)
     offer = find_offer(session, campaign)
     lone = [each for each in readiness.findings if each.code == shared.READING_WITHOUT_FRAMES]
-    return CampaignAnswer.restate(
+    return schemas.CampaignAnswer.restate(
         campaign,
         frames=counts,
         missing=[sentence for each in readiness.missing for sentence in each.sentences],

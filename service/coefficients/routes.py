@@ -20,11 +20,10 @@ from radiometry.specification.application import SurfaceApplication
 from service.calibrations.schemas import CoefficientsAnswer
 from service.coefficients import series
 from service.coefficients.series import SeriesAnswer, SeriesQuery, SeriesRow, answer_series, sends_series
-from service.http import answers, counts, lookup, models, operations
+from service.http import answers, counts, lookup, models, operations, problems
 from service.http.auth import Caller, Reader
 from service.http.context import Context, UsesContext
 from service.http.models import Instant
-from service.http.problems import Problem
 from store.queries.organisations import hash_secret
 from store.ready import lookups, rows
 from store.ready.series import CoefficientSeries
@@ -210,7 +209,7 @@ async def get_coefficients(
     answer = answer_held(request, wanted, held)
     if answer is None:
         await run_in_threadpool(_require_camera, context, caller, camera_id)
-        raise Problem(interface.NO_CALIBRATION_IN_FORCE, _explain_none(wanted, at, held))
+        raise problems.Problem(interface.NO_CALIBRATION_IN_FORCE, _explain_none(wanted, at, held))
     return answer
 
 

@@ -17,10 +17,8 @@ from fastapi.responses import StreamingResponse
 from isal import isal_zlib
 from pydantic import Field, create_model
 
-from service.http import answers, auth, connections, lookup, models, paging
+from service.http import answers, auth, connections, lookup, models, paging, tables
 from service.http.context import Context
-from service.http.models import Answer
-from service.http.tables import keep_texts, spell_instant, spell_text
 from store.database import Database
 from store.ready.rows import COLUMNS, KINDS, is_plain, split_records
 from store.ready.series import Asked, Page, Series
@@ -94,7 +92,7 @@ class Column:
     """What JSON has where the cell is empty."""
 
 
-def describe_columns(row: type[Answer]) -> tuple[Column, ...]:
+def describe_columns(row: type[models.Answer]) -> tuple[Column, ...]:
     """Return the columns of a series, as the schema of its rows states them."""
     columns = []
     for name, field in row.model_fields.items():
@@ -178,7 +176,7 @@ def _keep(page: Page, columns: Sequence[Column]) -> Page:
         return page
     out = io.StringIO(newline="")
     cells = [
-        keep_texts(found) if column.kind == "text" else found
+        tables.keep_texts(found) if column.kind == "text" else found
         for column, found in zip(columns, split_records(page), strict=True)
     ]
     csv.writer(out, lineterminator="\r\n").writerows(zip(*cells, strict=True))
@@ -198,9 +196,9 @@ def write_excel(
         for column, cells in zip(columns, split_records(page), strict=True):
             match column.kind:
                 case "text":
-                    spelt.append([spell_text(cell, decimal) for cell in cells])
+                    spelt.append([tables.spell_text(cell, decimal) for cell in cells])
                 case "instant":
-                    spelt.append([spell_instant(cell, decimal) for cell in cells])
+                    spelt.append([tables.spell_instant(cell, decimal) for cell in cells])
                 case _:
                     spelt.append([cell.replace(".", decimal) for cell in cells])
         writer.writerows(zip(*spelt, strict=True))

@@ -11,30 +11,8 @@ from radiometry.methods import get_method
 from radiometry.methods.findings import FINDINGS
 from radiometry.specification.method import MethodSpec, Scope
 from service.calibrations.schemas import Gap, PersonAnswer
+from service.documents import schemas
 from service.documents.gaps import list_gaps
-from service.documents.schemas import (
-    Amended,
-    Budget,
-    CertificateAnswer,
-    CertifiedCoefficient,
-    CheckedItem,
-    Checklist,
-    DaysFrom,
-    FlagInWords,
-    Issued,
-    Item,
-    Laboratory,
-    PublishedBy,
-    Region,
-    Revoked,
-    Signature,
-    UsedFrame,
-    UsedMeter,
-    UsedPanel,
-    UsedReading,
-    Validity,
-    Work,
-)
 from service.equipment.schemas import CameraAnswer
 from service.http.models import rfc3339
 from store.codec import drop_absent
@@ -68,7 +46,7 @@ _RELATIVE = (
 _WHOLE = "This certificate may be reproduced only in full."
 
 
-def amend(amends: Amended, reason: str) -> str:
+def amend(amends: schemas.Amended, reason: str) -> str:
     """Return the statement that identifies an amendment, as ISO/IEC 17025, 7.8.8, asks."""
     return (
         f"Amendment {amends.amendment} to certificate {amends.number}, issued {rfc3339(amends.issued_at)}, "
@@ -93,7 +71,10 @@ def list_statements(
 
 
 def format_traceability(
-    spec: MethodSpec, meters: Sequence[UsedMeter], panels: Sequence[UsedPanel], scope: Scope | None
+    spec: MethodSpec,
+    meters: Sequence[schemas.UsedMeter],
+    panels: Sequence[schemas.UsedPanel],
+    scope: Scope | None,
 ) -> str:
     """Return the sentence on the certificates that link the coefficients to their units."""
     if scope == "relative_only":
@@ -113,7 +94,7 @@ def format_vignetting(spec: MethodSpec, content_sha256: str | None) -> str:
     return f"the camera's vignetting version with content SHA-256 {content_sha256}"
 
 
-def _through_meters(meters: Sequence[UsedMeter]) -> str:
+def _through_meters(meters: Sequence[schemas.UsedMeter]) -> str:
     luminance = [meter for meter in meters if meter.kind == "luminance"]
     named = [
         f"{meter.make} {meter.model}, serial number {meter.serial}: "
@@ -124,7 +105,7 @@ def _through_meters(meters: Sequence[UsedMeter]) -> str:
     return f"Luminance is traceable through {'; '.join(named)}."
 
 
-def _through_panels(panels: Sequence[UsedPanel]) -> str:
+def _through_panels(panels: Sequence[schemas.UsedPanel]) -> str:
     if not panels:
         return "Not demonstrated: the panel is not registered. Its reflectance was taken from the files."
     ways = {True: "stated by files of", False: "measured on"}
@@ -138,11 +119,11 @@ def _through_panels(panels: Sequence[UsedPanel]) -> str:
     )
 
 
-def describe_work(record: CalibrationRecord) -> Work:
+def describe_work(record: CalibrationRecord) -> schemas.Work:
     """The campaign's own words, and the days on which it was done."""
     campaign = record.campaign
     days, days_from = _days(record)
-    return Work.restate(
+    return schemas.Work.restate(
         campaign,
         campaign_id=campaign.id,
         first_day=min(days, default=None),
@@ -151,7 +132,7 @@ def describe_work(record: CalibrationRecord) -> Work:
     )
 
 
-def describe_meters(record: CalibrationRecord) -> list[UsedMeter]:
+def describe_meters(record: CalibrationRecord) -> list[schemas.UsedMeter]:
     """Each meter with its certificate of then and the days on which it was read."""
     campaign_days, _ = _days(record)
     meters = []
@@ -159,7 +140,7 @@ def describe_meters(record: CalibrationRecord) -> list[UsedMeter]:
         readings = [reading for reading in record.readings if reading and reading.meter_id == meter.row.id]
         days = [reading.taken_at.date() for reading in readings if reading.taken_at] or campaign_days
         meters.append(
-            UsedMeter.restate(
+            schemas.UsedMeter.restate(
                 meter.row,
                 certificate=meter.certificate or None,
                 readings=len(readings),
@@ -170,7 +151,7 @@ def describe_meters(record: CalibrationRecord) -> list[UsedMeter]:
     return meters
 
 
-def _days(record: CalibrationRecord) -> tuple[list[date], DaysFrom]:
+def _days(record: CalibrationRecord) -> tuple[list[date], schemas.DaysFrom]:
     """The days of the readings; else those of the campaign; else those of the frames' own clock."""
     taken = [reading.taken_at.date() for reading in record.readings if reading and reading.taken_at]
     if taken:
@@ -197,10 +178,10 @@ _SI = {"luminance": "cd/m2", "illuminance": "lx"}
 def build_certificate(
     record: CalibrationRecord,
     *,
-    issued: Issued | None = None,
+    issued: schemas.Issued | None = None,
     approved_by: Person | None = None,
-    published: Sequence[PublishedBy] = (),
-) -> CertificateAnswer:
+    published: Sequence[schemas.PublishedBy] = (),
+) -> schemas.CertificateAnswer:
     """Build the whole document, with the items that it lacks; a draft unless it is being issued."""
     row = record.calibration
     meters, panels = describe_meters(record), _panels(record)
@@ -209,7 +190,7 @@ def build_certificate(
     vignetting = format_vignetting(spec, row.parameters.get("vignetting"))
     coefficients = _coefficients(record)
     scope = next((each.uncertainty_scope for each in coefficients if each.uncertainty_scope), None)
-    certificate = CertificateAnswer(
+    certificate = schemas.CertificateAnswer(
         schema_version=SCHEMA_VERSION,
         title="Certificate of calibration",
         number=f"{_number(record, row)}-amendment-{issued.amends.amendment}"
@@ -222,7 +203,7 @@ def build_certificate(
         procedure=text.procedure,
         equation=text.equation,
         configuration=row.configuration,
-        laboratory=Laboratory.restate(record.organisation, name=name_laboratory(record.organisation)),
+        laboratory=schemas.Laboratory.restate(record.organisation, name=name_laboratory(record.organisation)),
         item=_item(record),
         work=describe_work(record),
         meters=meters,
@@ -236,10 +217,12 @@ def build_certificate(
         parameters=drop_absent(row.parameters),
         result=result,
         coefficients=coefficients,
-        budgets=[Budget(**budget) for budget in state_budgets(row.method, row.result)],
+        budgets=[schemas.Budget(**budget) for budget in state_budgets(row.method, row.result)],
         vignetting=vignetting,
         falloff=row.inputs.get("vignetting"),
-        flags=[FlagInWords(**flag, meaning=FINDINGS[flag["flag"]].sentence) for flag in result["flags"]],
+        flags=[
+            schemas.FlagInWords(**flag, meaning=FINDINGS[flag["flag"]].sentence) for flag in result["flags"]
+        ],
         flight=record.flight or None,
         checklist=_checklist(record),
         software={**row.software, "extractor": row.inputs["extractor"]},
@@ -249,7 +232,7 @@ def build_certificate(
         created_at=row.created_at,
         issued=issued,
         published=list(published),
-        validity=Validity.restate(published[-1], state="published") if issued else _validity(record),
+        validity=schemas.Validity.restate(published[-1], state="published") if issued else _validity(record),
         statements=[
             *([amend(issued.amends, published[-1].reason)] if issued and issued.amends else []),
             *list_statements(spec, vignetting, row.parameters, result),
@@ -259,19 +242,19 @@ def build_certificate(
     return certificate.model_copy(update={"gaps": gaps})
 
 
-def list_published(record: CalibrationRecord) -> list[PublishedBy]:
+def list_published(record: CalibrationRecord) -> list[schemas.PublishedBy]:
     """Return every publication of a version, oldest first."""
     return [
-        PublishedBy.restate(act.publication, by=_name(record, act.by), at=act.publication.known_from)
+        schemas.PublishedBy.restate(act.publication, by=_name(record, act.by), at=act.publication.known_from)
         for act in record.acts
     ]
 
 
-def _item(record: CalibrationRecord) -> Item:
+def _item(record: CalibrationRecord) -> schemas.Item:
     """Return the camera with the lens that the version holds for; one named since, where it names none."""
     camera = CameraAnswer.of(record.camera)
     lens = record.calibration.configuration.get("lens") or record.campaign.lens or camera.lens
-    return Item.restate(camera, lens=lens)
+    return schemas.Item.restate(camera, lens=lens)
 
 
 def _number(record: CalibrationRecord, version: Calibration) -> str:
@@ -283,37 +266,40 @@ def _name(record: CalibrationRecord, key_id: str) -> str:
     return record.names.get(key_id, key_id)
 
 
-def _panels(record: CalibrationRecord) -> list[UsedPanel]:
-    return [UsedPanel.model_validate(panel) for panel in record.calibration.inputs.get("panels", [])]
+def _panels(record: CalibrationRecord) -> list[schemas.UsedPanel]:
+    return [schemas.UsedPanel.model_validate(panel) for panel in record.calibration.inputs.get("panels", [])]
 
 
-def _regions(record: CalibrationRecord) -> list[Region]:
+def _regions(record: CalibrationRecord) -> list[schemas.Region]:
     inputs = record.calibration.inputs
     parts = inputs.get("roi_parts", {})
-    return [Region(sha256=key, points=points, parts=parts.get(key)) for key, points in inputs["rois"].items()]
+    return [
+        schemas.Region(sha256=key, points=points, parts=parts.get(key))
+        for key, points in inputs["rois"].items()
+    ]
 
 
-def _coefficients(record: CalibrationRecord) -> list[CertifiedCoefficient]:
+def _coefficients(record: CalibrationRecord) -> list[schemas.CertifiedCoefficient]:
     version = record.calibration
     figures = [
         {name: getattr(row, name, None) for name in CoefficientValue.__dataclass_fields__}
         for row in record.coefficients
     ]
     stated = state_coefficients(version.method, version.result, figures)
-    return [CertifiedCoefficient(**figure) for figure in stated]
+    return [schemas.CertifiedCoefficient(**figure) for figure in stated]
 
 
-def _readings(record: CalibrationRecord) -> list[UsedReading]:
+def _readings(record: CalibrationRecord) -> list[schemas.UsedReading]:
     """List the readings of meters; a panel's reflectances are listed with the panel."""
     if get_method(record.calibration.method).reference != "meter":
         return []
     found = zip(record.calibration.inputs["readings"], record.readings, strict=True)
-    return [UsedReading.restate(row, used, unit=_SI[used["quantity"]]) for used, row in found]
+    return [schemas.UsedReading.restate(row, used, unit=_SI[used["quantity"]]) for used, row in found]
 
 
-def _frame(record: CalibrationRecord, used: dict[str, Any]) -> UsedFrame:
+def _frame(record: CalibrationRecord, used: dict[str, Any]) -> schemas.UsedFrame:
     found = record.frames[used["sha256"]]
-    return UsedFrame(
+    return schemas.UsedFrame(
         id=found.id,
         frame=used["frame"],
         sha256=used["sha256"],
@@ -346,24 +332,24 @@ def _measured(record: CalibrationRecord, statistics: list[ChannelStatistics]) ->
     }
 
 
-def _checklist(record: CalibrationRecord) -> Checklist:
+def _checklist(record: CalibrationRecord) -> schemas.Checklist:
     signature = record.signature
-    return Checklist(
+    return schemas.Checklist(
         items=[
-            CheckedItem.restate(item, done_by=_name(record, item.done_by) if item.done_by else None)
+            schemas.CheckedItem.restate(item, done_by=_name(record, item.done_by) if item.done_by else None)
             for item in record.checklist
         ],
-        signature=Signature.restate(signature, signed_by=_name(record, signature.signed_by))
+        signature=schemas.Signature.restate(signature, signed_by=_name(record, signature.signed_by))
         if signature
         else None,
     )
 
 
-def _validity(record: CalibrationRecord) -> Validity:
+def _validity(record: CalibrationRecord) -> schemas.Validity:
     status, revocation = record.status, record.revocation
     revoked = None
     if revocation is not None:
-        revoked = Revoked(
+        revoked = schemas.Revoked(
             by=_name(record, revocation.revoked_by), at=revocation.revoked_at, reason=revocation.reason
         )
-    return Validity.restate(status, revoked=revoked)
+    return schemas.Validity.restate(status, revoked=revoked)

@@ -6,8 +6,7 @@ from typing import Final
 
 from radiometry.methods import get_method
 from radiometry.specification.exports import FORBIDDEN_IN_XML
-from service.documents.pages import STAMPS
-from service.documents.sheets import Node, name_device
+from service.documents import pages, sheets
 
 _VERSION: Final = "3.1.2"
 _UNKNOWN: Final = "not recorded"
@@ -26,7 +25,7 @@ _UNITS: Final = {
 """What is counted, such as DN, pixels and stops, is of unit one."""
 
 
-def write_dcc(certificate: Node, *, country: str, state: str, document: bytes) -> bytes:
+def write_dcc(certificate: sheets.Node, *, country: str, state: str, document: bytes) -> bytes:
     """Write a certificate that has a customer and days, with its JSON as the document.
 
     ``country`` : of the laboratory, two letters of ISO 3166. ``state`` : which it is marked with
@@ -46,7 +45,7 @@ def write_dcc(certificate: Node, *, country: str, state: str, document: bytes) -
     _add(person, "mainSigner", "true" if "approved_by" in certificate else "false")
     _add_contact(_add(administrative, "customer"), certificate["work"]["customer"], None, None)
     statements = _add(administrative, "statements")
-    stamp = STAMPS[state]
+    stamp = pages.STAMPS[state]
     for words in [*([f"{stamp}."] if stamp else []), certificate["traceability"], *certificate["statements"]]:
         _say(_add(statements, "statement"), "declaration", words)
     _add_result(_add(_add(root, "measurementResults"), "measurementResult"), certificate)
@@ -71,7 +70,7 @@ def write_unit(unit: str) -> str:
     return written or r"\one"
 
 
-def _add_software(parent: ET.Element, certificate: Node) -> None:
+def _add_software(parent: ET.Element, certificate: sheets.Node) -> None:
     software = _add(parent, "software")
     _say(software, "name", "stilb")
     release = certificate["software"].get("release", certificate["software"]["stilb"])
@@ -79,7 +78,7 @@ def _add_software(parent: ET.Element, certificate: Node) -> None:
     _add(software, "release", "v" + release.partition(".dev")[0])
 
 
-def _add_core(core: ET.Element, certificate: Node, country: str) -> None:
+def _add_core(core: ET.Element, certificate: sheets.Node, country: str) -> None:
     work = certificate["work"]
     _add(core, "countryCodeISO3166_1", country)
     _add(core, "usedLangCodeISO639_1", "en")
@@ -92,18 +91,18 @@ def _add_core(core: ET.Element, certificate: Node, country: str) -> None:
     _add(core, "performanceLocation", "other")
 
 
-def _add_item(items: ET.Element, certificate: Node) -> None:
+def _add_item(items: ET.Element, certificate: sheets.Node) -> None:
     said = certificate["item"]
     item = _add(items, "item")
     _say(item, "name", "camera")
     if "lens" in said:
-        _say(item, "description", f"Lens: {name_device(said['lens'])}")
+        _say(item, "description", f"Lens: {sheets.name_device(said['lens'])}")
     _say(_add(item, "manufacturer"), "name", said["make"])
     _add(item, "model", said["model"])
     _identify(_add(item, "identifications"), "manufacturer", said["serial"], "serial number")
 
 
-def _add_result(result: ET.Element, certificate: Node) -> None:
+def _add_result(result: ET.Element, certificate: sheets.Node) -> None:
     _say(result, "name", certificate["title"])
     method = _add(_add(result, "usedMethods"), "usedMethod")
     _say(method, "name", certificate["procedure"])
@@ -136,7 +135,7 @@ def _add_result(result: ET.Element, certificate: Node) -> None:
         _add_quantity(_add(_add(one, "data"), "quantity"), row)
 
 
-def _add_quantity(quantity: ET.Element, row: Node) -> None:
+def _add_quantity(quantity: ET.Element, row: sheets.Node) -> None:
     if "expanded_uncertainty" not in row:
         words = (
             f"Standard uncertainty {row['standard_uncertainty']!r}, of ratios: the scale is not traceable."
@@ -152,7 +151,7 @@ def _add_quantity(quantity: ET.Element, row: Node) -> None:
         ET.SubElement(expanded, "si:coverageProbability").text = _PROBABILITY
 
 
-def _find_person(certificate: Node) -> str:
+def _find_person(certificate: sheets.Node) -> str:
     return str(certificate["approved_by"]["name"] if "approved_by" in certificate else certificate["author"])
 
 

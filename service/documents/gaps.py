@@ -3,8 +3,7 @@
 from collections.abc import Iterator
 
 from radiometry.findings import Finding, interface
-from radiometry.methods import get_method
-from radiometry.methods.findings import FINDINGS
+from radiometry.methods import findings, get_method
 from radiometry.records import Record
 from service.documents.schemas import CertificateAnswer, UsedMeter
 from store.queries.organisations import UNNAMED_LABORATORY
@@ -95,7 +94,7 @@ def _of_meter(meter: UsedMeter) -> Iterator[Found]:
     certificate = meter.certificate
     if certificate is None:
         yield Found(
-            code=FINDINGS["meter_certificate_missing"],
+            code=findings.FINDINGS["meter_certificate_missing"],
             message=f"{name} has no certificate. Register the meter with its certificate, then refit.",
         )
         return
@@ -129,7 +128,7 @@ def _of_panels(certificate: CertificateAnswer) -> Iterator[Found]:
         return
     if not certificate.panels:
         yield Found(
-            code=FINDINGS["panel_unknown"],
+            code=findings.FINDINGS["panel_unknown"],
             message="The panel is not registered, and its reflectance was taken from the files. Choose "
             "or register it on the page of the campaign, then refit.",
         )
@@ -138,7 +137,7 @@ def _of_panels(certificate: CertificateAnswer) -> Iterator[Found]:
         bands = [each.band for each in panel.bands if each.band in fitted and not each.standard_uncertainty]
         if bands:
             yield Found(
-                code=FINDINGS["panel_uncertainty_missing"],
+                code=findings.FINDINGS["panel_uncertainty_missing"],
                 message=f"The reflectance of panel {panel.serial} has no standard uncertainty in "
                 f"{', '.join(bands)}. Send the panel as measured, with its standard_uncertainty, then refit.",
             )

@@ -13,14 +13,12 @@ from sqlalchemy.orm import Session
 from radiometry.findings import interface
 from radiometry.records import Record
 from service.calibrations.schemas import Gap, NewPublication
-from service.documents import rendered, sheets
+from service.documents import rendered, schemas, sheets
 from service.documents.certificate import build_certificate, list_published
-from service.documents.schemas import Amended, CertificateAnswer, Issued, PublishedBy
 from service.http import lookup, problems
 from service.http.auth import Caller
 from service.http.context import Context
-from store import database, publications
-from store.blobs import BlobDamaged, StorageUnavailable, StoredBlob
+from store import blobs, database, publications
 from store.files import Files
 from store.queries.calibration_record import CalibrationRecord, read_calibration_record
 from store.tables import Calibration, IssuedCertificate, utc_now
@@ -62,12 +60,12 @@ def prepare(context: Context, calibration_id: str, caller: Caller, publication: 
 
 def build_issued(
     session: Session, record: CalibrationRecord, caller: Caller, publication: NewPublication
-) -> CertificateAnswer:
+) -> schemas.CertificateAnswer:
     """Build the certificate that a publication by this caller would issue now."""
     now, earlier = utc_now(), publications.list_issued(session, record.calibration.id)
-    amends = Amended.restate(earlier[0], amendment=earlier[-1].amendment + 1) if earlier else None
-    act = PublishedBy.restate(publication, by=caller.named, at=now)
-    issued = Issued(at=now, at_upgrade=False, amends=amends)
+    amends = schemas.Amended.restate(earlier[0], amendment=earlier[-1].amendment + 1) if earlier else None
+    act = schemas.PublishedBy.restate(publication, by=caller.named, at=now)
+    issued = schemas.Issued(at=now, at_upgrade=False, amends=amends)
     return build_certificate(record, issued=issued, approved_by=caller.person, published=[act])
 
 
@@ -101,7 +99,7 @@ class Backlog:
             return _LOOK_AGAIN_S
         try:
             _issue_late(self._context, calibration_id)
-        except (SQLAlchemyError, StorageUnavailable):
+        except (SQLAlchemyError, blobs.StorageUnavailable):
             raise
         except Exception:  # of one version, whose record may be damaged: the others go on
             log.exception("the certificate of %s is not issued yet", calibration_id)
@@ -130,7 +128,7 @@ def draw_preview(record: CalibrationRecord, files: Files) -> str:
     (width_px, height_px), sha256, key = max(shown, key=lambda one: one[0][0] * one[0][1])
     try:
         png = b"".join(files.open(sha256)[1])
-    except BlobDamaged as damage:
+    except blobs.BlobDamaged as damage:
         log.warning("a certificate is printed without its picture: %s", damage)
         return ""
     parts = inputs.get("roi_parts", {}).get(key) or [{"points": inputs["rois"][key]}]
@@ -140,7 +138,7 @@ def draw_preview(record: CalibrationRecord, files: Files) -> str:
 def _issue_late(context: Context, calibration_id: str) -> None:
     with context.database.reading(snapshot=True) as session:
         record = gather(context, session, session.get_one(Calibration, calibration_id))
-    issued = Issued(at=utc_now(), at_upgrade=True)
+    issued = schemas.Issued(at=utc_now(), at_upgrade=True)
     certificate = build_certificate(record, issued=issued, published=list_published(record))
     printed = _print(context, record, certificate, first=False)
     try:
@@ -151,7 +149,7 @@ def _issue_late(context: Context, calibration_id: str) -> None:
 
 
 def _print(
-    context: Context, record: CalibrationRecord, certificate: CertificateAnswer, *, first: bool
+    context: Context, record: CalibrationRecord, certificate: schemas.CertificateAnswer, *, first: bool
 ) -> publications.PrintedCertificate:
     content, issued = certificate.dump(), certificate.issued
     assert issued is not None  # noqa: S101  narrows the type
@@ -170,7 +168,7 @@ def _print(
     )
 
 
-def _store(context: Context, content: bytes) -> StoredBlob:
+def _store(context: Context, content: bytes) -> blobs.StoredBlob:
     with context.blobs.writer() as writer:
         writer.write(content)
         return writer.commit()

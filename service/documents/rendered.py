@@ -11,8 +11,7 @@ from typing import Any, Final
 from sqlalchemy.exc import SQLAlchemyError
 
 from service.http.context import Context
-from store import files, software
-from store.blobs import BlobDamaged, StorageFull, StorageUnavailable
+from store import blobs, files, software
 from store.sandbox import build_command, build_environment
 from store.tables import Rendering
 
@@ -68,7 +67,7 @@ def find_rendered(context: Context, source: str) -> bytes | None:
         return None
     try:
         return b"".join(context.files.open(kept.sha256)[1])
-    except (BlobDamaged, StorageUnavailable) as fault:
+    except (blobs.BlobDamaged, blobs.StorageUnavailable) as fault:
         log.warning("a file is rendered again: %s", fault)
         return None
 
@@ -83,7 +82,7 @@ def render_and_keep(context: Context, source: str, order: bytes) -> bytes:
         with context.database.writing("rendering") as session:
             files.keep_blobs(session, [blob])
             session.merge(Rendering(source_sha256=source, sha256=blob.sha256))
-    except (SQLAlchemyError, StorageFull, StorageUnavailable) as error:
+    except (SQLAlchemyError, blobs.StorageFull, blobs.StorageUnavailable) as error:
         log.warning("a rendered file is not kept: %s", error)
     return rendered
 

@@ -11,8 +11,7 @@ import typst
 import zxingcpp  # noqa: TID253  this process alone draws codes; shut in, it could not import it later
 
 from radiometry.methods import get_method
-from service.documents.pages import lay_out
-from service.documents.rendered import Order
+from service.documents import pages, rendered
 
 _FOLDER: Final = Path(__file__).parent
 _TEMPLATES: Final = {path.name: path.read_bytes() for path in _FOLDER.glob("*.typ")}
@@ -63,8 +62,8 @@ def _set(sheets: dict[str, Any], standard: Literal["a-3b"] | None) -> bytes:
     return pdf
 
 
-_RENDERERS: Final[dict[str, Callable[[Order], bytes]]] = {
-    "certificate": lambda order: typeset(lay_out(order["certificate"], order["preview"])),
+_RENDERERS: Final[dict[str, Callable[[rendered.Order], bytes]]] = {
+    "certificate": lambda order: typeset(pages.lay_out(order["certificate"], order["preview"])),
     "sheets": lambda order: typeset(order["sheets"]),
     "plot": lambda order: get_method(order["method"]).draw(order["result"]).encode(),
 }

@@ -17,8 +17,7 @@ from service.documents.routes import send_pdf
 from service.documents.sheets import Node, draw_region, percent, plain, stamp, table
 from service.http import answers, auth, lookup, operations, problems
 from service.http.context import UsesContext
-from service.measurements.lists import list_outlines
-from service.measurements.routes import answer_measurements
+from service.measurements import lists, routes
 from store.files import Files
 from store.queries import calibrations, organisations
 from store.tables import Calibration, Camera, Campaign, FrameRow, Measurement, Organisation
@@ -283,7 +282,7 @@ async def get_measurement_report(
                 has_map=row.map_png_sha256 is not None,
             )
             return row.id, order_sheets(
-                lay_out_report(answer_measurements(session, [row])[0].dump(), reported)
+                lay_out_report(routes.answer_measurements(session, [row])[0].dump(), reported)
             )
 
     return await send_pdf(request, context, order)
@@ -299,5 +298,5 @@ def _draw(row: Measurement, frame: FrameRow, files: Files) -> str:
     if row.map_png_sha256:
         step = find_step(width_px)
         width_px, height_px = (step * side for side in struct.unpack(">II", png[16:24]))
-    cells = list(list_outlines(row, "pixel")) if row.parameters.get("grid") else []
+    cells = list(lists.list_outlines(row, "pixel")) if row.parameters.get("grid") else []
     return draw_region(png, width_px, height_px, [row.parameters["polygon"]], thin=cells, style=_LINES)

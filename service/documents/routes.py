@@ -16,11 +16,9 @@ from service.documents import pages, rendered, schemas, sheets
 from service.documents.certificate import build_certificate
 from service.documents.dcc import write_dcc
 from service.documents.issuing import draw_preview, find_issued, gather
-from service.http import answers, auth, lookup, models, operations
+from service.http import answers, auth, lookup, models, operations, problems
 from service.http.context import Context, UsesContext
-from service.http.problems import COUNTRY, Problem, not_found
-from store.blobs import BlobDamaged
-from store.publications import is_published, list_issued
+from store import blobs, publications
 from store.queries.calibration_record import CalibrationRecord
 from store.queries.calibrations import read_version_statuses
 from store.tables import Calibration, IssuedCertificate
@@ -40,7 +38,7 @@ class DccOptions(Chosen):
     """Entries of a DCC that the certificate lacks."""
 
     country: str = Field(
-        pattern=COUNTRY, description="Of the laboratory: two letters of ISO 3166.", examples=["DE"]
+        pattern=problems.COUNTRY, description="Of the laboratory: two letters of ISO 3166.", examples=["DE"]
     )
 
 
@@ -125,7 +123,7 @@ async def get_certificate_dcc(
         lacking = [name for member, name in missing.items() if member not in certificate["work"]]
         if lacking:
             detail = f"A DCC needs more details of the campaign: enter its {' and '.join(lacking)}."
-            raise Problem(interface.VALIDATION_FAILED, detail)
+            raise problems.Problem(interface.VALIDATION_FAILED, detail)
         state = pages.find_state(certificate | {"validity": validity})
         dcc = write_dcc(certificate, country=query.country, state=state, document=document)
         return _answer(request, dcc, "application/xml")
@@ -156,14 +154,14 @@ async def _find(
     def find() -> list[IssuedCertificate] | None:
         with context.database.reading() as session:
             lookup.owned(session, Calibration, calibration_id, caller)
-            found = list_issued(session, calibration_id)
-            return None if not found and is_published(session, calibration_id) else found
+            found = publications.list_issued(session, calibration_id)
+            return None if not found and publications.is_published(session, calibration_id) else found
 
     found = await run_in_threadpool(find)
     if found is None:
         found = await to_thread.run_sync(find_issued, context, calibration_id, limiter=context.presses)
     if amendment and amendment >= len(found):
-        raise not_found("amendment")
+        raise problems.not_found("amendment")
     return found[amendment] if found else None
 
 
@@ -206,8 +204,8 @@ def _naming(issued: IssuedCertificate) -> Iterator[None]:
     """Name the certificate if its file is damaged: no upload brings it back."""
     try:
         yield
-    except BlobDamaged as damage:
-        raise Problem(
+    except blobs.BlobDamaged as damage:
+        raise problems.Problem(
             interface.STORED_FILE_DAMAGED,
             f"The stored file {damage.sha256} of certificate {issued.number} is {damage.damage}, and nothing "
             "is handed out in its place. The operator of the service restores it from a backup or an export.",

@@ -13,9 +13,8 @@ from radiometry.fleet import determinations, drift
 from radiometry.specification.exports import RigExport
 from service.calibrations.schemas import VersionLeftOut
 from service.equipment import schemas
-from service.http import answers, auth, changes, lookup, models, operations, paging
+from service.http import answers, auth, changes, lookup, models, operations, paging, problems
 from service.http.context import UsesContext
-from service.http.problems import Problem, invalid
 from store.codec import encode
 from store.queries import fleet
 from store.queries.campaigns import check_again
@@ -81,7 +80,7 @@ def change_camera(
             with session.no_autoflush:
                 if session.scalar(own.where(Camera.id != camera.id)):
                     message = "is that of another camera of yours: move the campaign to it"
-                    raise invalid([{"type": "camera", "loc": ("body", "serial"), "msg": message}])
+                    raise problems.invalid([{"type": "camera", "loc": ("body", "serial"), "msg": message}])
             mine = select(Campaign).where(Campaign.camera_id == camera.id, Campaign.archived_at.is_(None))
             campaigns = session.scalars(mine.order_by(Campaign.id)).all()
             jobs = [job for each in campaigns for job in check_again(session, each, by=caller.key_id)]
@@ -161,7 +160,7 @@ def create_panel(body: schemas.NewPanel, caller: auth.Calibrator, writing: chang
         values = body.columns()
         panel, new = find_or_add_panel(session, caller.organisation_id, values)
         if panel.bands != values["bands"]:
-            raise Problem(
+            raise problems.Problem(
                 interface.PANEL_DIFFERS,
                 f"Panel {panel.serial} as measured on {panel.measured_on} is registered with other values: "
                 "a measurement does not change. Send the day of the new measurement with the new figures.",
@@ -308,10 +307,10 @@ def create_rig(body: NewRig, caller: auth.Calibrator, writing: changes.Writes) -
         serials = [camera.serial for camera in cameras]
         if len(set(serials)) < len(serials):
             message = "two cameras have one serial number, so that an answer could not tell them apart"
-            raise invalid([{"type": "rig", "loc": ("body", "camera_ids"), "msg": message}])
+            raise problems.invalid([{"type": "rig", "loc": ("body", "camera_ids"), "msg": message}])
         rig, new = find_or_add(session, Rig, caller.organisation_id, body.model_dump(), by=("name",))
         if rig.camera_ids != body.camera_ids:
-            raise Problem(
+            raise problems.Problem(
                 interface.RIG_DIFFERS,
                 f"Rig {rig.name} is registered with other cameras, or in another order: send another name.",
             )
@@ -366,7 +365,7 @@ _Oriented = Sequence[tuple[tuple[drift.RigVersion, ...], Any]]
 
 def _newest(found: _Oriented) -> tuple[tuple[drift.RigVersion, ...], Any]:
     if not found:
-        raise Problem(interface.NOT_FOUND, "No set of published versions orients this rig yet.")
+        raise problems.Problem(interface.NOT_FOUND, "No set of published versions orients this rig yet.")
     return found[-1]
 
 
@@ -404,7 +403,7 @@ def _find_sets(
             by_camera = {row.camera_id: row for row in rows if row.method == fleet.METHOD}
             if len(rows) != len(cameras) or by_camera.keys() != set(rig.camera_ids):
                 message = f"must name one {fleet.METHOD} version of each of the rig's {len(cameras)} cameras"
-                raise invalid([{"type": "rig", "loc": ("query", "calibration_id"), "msg": message}])
+                raise problems.invalid([{"type": "rig", "loc": ("query", "calibration_id"), "msg": message}])
             members = tuple(
                 drift.RigVersion(
                     version=by_camera[camera.id].id,

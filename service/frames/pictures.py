@@ -28,11 +28,9 @@ from service.http.context import Context, UsesContext
 from service.http.lookup import Id, owned
 from service.jobs.routes import reply_queued
 from service.jobs.schemas import JobAnswer
-from service.measurements.requests import NewGrid, read_grid
-from service.measurements.schemas import FlagAnswer
+from service.measurements import requests, schemas
 from service.tools.routes import stateless
-from store import codec, database, files, jobs
-from store.blobs import BlobDamaged
+from store import blobs, codec, database, files, jobs
 from store.queries.campaigns import find_crop_job, say_asked
 from store.queries.frames import current_roi, region_ids
 from store.tables import Campaign, Crop, FrameRow, Roi
@@ -128,7 +126,7 @@ class GridLook(models.Answer):
     point_u_m: float | None = Field(
         default=None, description="Of lanes: largest standard uncertainty of a point's place on the road."
     )
-    flags: list[FlagAnswer]
+    flags: list[schemas.FlagAnswer]
     findings: list[models.FindingGroupAnswer] = Field(description="The flags, equal ones as one.")
 
 
@@ -165,14 +163,14 @@ def look_at_region(frame_id: Id, body: NewLook, caller: Reader, writing: changes
 
 
 @router.post("/frames/{frame_id}/grid", response_model=GridLook, dependencies=stateless)
-def look_at_grid(frame_id: Id, body: NewGrid, caller: Reader, context: UsesContext) -> Response:
+def look_at_grid(frame_id: Id, body: requests.NewGrid, caller: Reader, context: UsesContext) -> Response:
     """Preview a grid without measuring it, with the flags that its corners would raise."""
     with context.database.reading() as session:
         frame = owned(session, FrameRow, frame_id, caller)
         application = get_method(session.get_one(Campaign, frame.campaign_id).method).application
     if not isinstance(application, SurfaceApplication):
         raise InputRejected(shared.OPTION_NOT_OF_METHOD, "Frames of this method are measured without a grid.")
-    grid, lanes = read_grid(body)
+    grid, lanes = requests.read_grid(body)
     header = require_header(frame)
     size = {"height_px": header["height_px"], "width_px": header["width_px"]}
     bounding_window(application.outline(grid), **size)
@@ -182,7 +180,7 @@ def look_at_grid(frame_id: Id, body: NewGrid, caller: Reader, context: UsesConte
         rows=grid.rows,
         columns=grid.columns,
         point_u_m=describe_lanes(lanes)["point_u_m"] if lanes else None,
-        flags=[FlagAnswer.model_validate(flag) for flag in flags],
+        flags=[schemas.FlagAnswer.model_validate(flag) for flag in flags],
         findings=models.group_flags(flags),
     ).respond()
 
@@ -369,7 +367,7 @@ def _find_small(context: Context, hashes: set[str]) -> dict[str, bytes]:
         found = files.find_small_previews(session, hashes)
     made = {}
     for sha256 in sorted(hashes - found.keys()):
-        with suppress(BlobDamaged):
+        with suppress(blobs.BlobDamaged):
             made[sha256] = files.reduce_preview(b"".join(context.files.open(sha256)[1]))
     if made:
         try:

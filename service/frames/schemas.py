@@ -12,8 +12,7 @@ from radiometry.methods import METHODS, findings
 from radiometry.specification.application import FoundBy
 from service.campaigns.schemas import REGION_PATTERN, Role
 from service.http.models import Answer, Clearable, Flag, Form, Instant, LongText, Positive, PositiveText, Text
-from store.blobs import Damage
-from store.codec import decode_header
+from store import blobs, codec
 from store.queries.evidence import list_panels
 from store.queries.frames import FrameColumns
 from store.tables import Blob, Extraction, FrameRow, campaign
@@ -153,7 +152,7 @@ class FrameAnswer(Answer):
     campaign_id: str
     sha256: str
     size_bytes: int | None = None
-    stored_file: Damage | None = Field(
+    stored_file: blobs.Damage | None = Field(
         default=None, description="What the disk did to the file: upload it again, which heals it."
     )
     filename: str
@@ -266,7 +265,7 @@ def _from_header(header: dict[str, Any] | None) -> dict[str, Any]:
 
 
 def _from_band(header: dict[str, Any] | None) -> dict[str, Any]:
-    band = decode_header(header).multispectral if header and header.get("multispectral") else None
+    band = codec.decode_header(header).multispectral if header and header.get("multispectral") else None
     if band is None:
         return {}
     said: dict[str, Any] = {"band": band.band, "capture_id": band.capture_id}

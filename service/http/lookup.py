@@ -7,8 +7,7 @@ from fastapi import Path
 from sqlalchemy.orm import Session
 from sqlalchemy.orm.interfaces import ORMOption
 
-from service.http.auth import Caller
-from service.http.problems import not_found
+from service.http import auth, problems
 from store.tables import (
     ApiKey,
     Base,
@@ -55,7 +54,7 @@ def owned(
     session: Session,
     table: type[Row],
     row_id: str,
-    caller: Caller,
+    caller: auth.Caller,
     *,
     for_update: bool = False,
     options: Sequence[ORMOption] = (),
@@ -66,16 +65,16 @@ def owned(
     """
     row = _find(session, table, row_id, caller, for_update=for_update, options=options)
     if row is None:
-        raise not_found(_WORDS[table])
+        raise problems.not_found(_WORDS[table])
     return row
 
 
-def find_owned(session: Session, tables: Sequence[type[Base]], row_id: str, caller: Caller) -> Base:
+def find_owned(session: Session, tables: Sequence[type[Base]], row_id: str, caller: auth.Caller) -> Base:
     """Return the caller's row of one of these tables with this id; 404 otherwise."""
     for table in tables:
         if (row := _find(session, table, row_id, caller)) is not None:
             return row
-    raise not_found(" or ".join(_WORDS[table] for table in tables))
+    raise problems.not_found(" or ".join(_WORDS[table] for table in tables))
 
 
 def is_id(text: str) -> bool:
@@ -87,7 +86,7 @@ def _find(
     session: Session,
     table: type[Row],
     row_id: str,
-    caller: Caller,
+    caller: auth.Caller,
     *,
     for_update: bool = False,
     options: Sequence[ORMOption] = (),

@@ -18,7 +18,6 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from radiometry.findings import interface
 from service.coefficients.series import MEDIA_TYPES
 from service.http import auth, counts, problems
-from service.http.problems import Problem
 
 MAX_BODY_BYTES: Final = 4 << 20
 STRANGER_BYTES: Final = 64_000
@@ -286,7 +285,7 @@ class _Compared:
             if running.digest() != digest:
                 found = base64.b64encode(running.digest()).decode()
                 detail = f"The body is not the one of {name.title()}: it arrived as {running.name} {found}."
-                raise Problem(interface.DIGEST_MISMATCH, f"{detail} Send it again.")
+                raise problems.Problem(interface.DIGEST_MISMATCH, f"{detail} Send it again.")
 
 
 def _read_digests(name: str, text: str) -> list[tuple[str, bytes]]:
@@ -300,7 +299,7 @@ def _read_digests(name: str, text: str) -> list[tuple[str, bytes]]:
             digest = b""
         if (value[:1], value[-1:]) != (":", ":") or len(digest) != hashlib.new(algorithm).digest_size:
             detail = f"{name.title()} cannot be read: it takes {match[1].lower()}=:base64 of the digest:"
-            raise Problem(interface.BAD_REQUEST, detail)
+            raise problems.Problem(interface.BAD_REQUEST, detail)
         found.append((algorithm, digest))
     return found
 

@@ -30,7 +30,6 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from radiometry.findings import interface
 from service.http import problems
 from service.http.counts import Attempts, Rates, name_address
-from service.http.problems import Problem
 from service.jobs.watch import JobWatch
 from service.launch.folder import Exit, report
 from service.launch.supervisor import GaveUp, Part, Patience, Signals, Supervisor, die_with_parent
@@ -196,9 +195,9 @@ _OURS = 500
 _METHODS = frozenset(HTTPMethod)
 
 
-def stopping() -> Problem:
+def stopping() -> problems.Problem:
     """Return the problem of requests that arrive while the service stops."""
-    return Problem(
+    return problems.Problem(
         interface.SERVICE_STOPPING,
         "The service is being stopped or restarted. Try again.",
         headers={"Retry-After": str(COME_BACK_S), "Connection": "close"},

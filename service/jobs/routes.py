@@ -19,7 +19,6 @@ from service.http.paging import Page, UsesPaging
 from service.http.problems import Problem
 from service.jobs import schemas, watch
 from store import audit, jobs
-from store.jobs import FINAL_STATES
 from store.queries.jobs import frames_of, list_causes, select_given_up, select_makers, summarise_queue
 from store.queries.usage import add_jobs
 from store.tables import Calibration, Campaign, FrameRow, Job, JobKind, JobState, Measurement, Organisation
@@ -109,7 +108,7 @@ async def get_job(
     headers = {}
     if wanted is not None:
         headers["Preference-Applied"] = f"wait={min(int(wanted[1]), _LONGEST_WAIT_S)}"
-        if answer.state not in FINAL_STATES:
+        if answer.state not in jobs.FINAL_STATES:
             await context.watch.wait(job_id, min(int(wanted[1]), _LONGEST_WAIT_S))
             answer = await run_in_threadpool(_read, context, caller, job_id)
     return answer.respond(headers)

@@ -25,16 +25,8 @@ from service.http import auth, lookup, models, operations
 from service.http.answers import UNCHANGED, immutable_headers, not_modified, problems
 from service.http.context import UsesContext
 from service.http.problems import Problem, invalid
+from service.measurements import maps
 from service.measurements.lists import GeoJson
-from service.measurements.maps import (
-    MOST_SQUARES,
-    Area,
-    OpenMap,
-    Values,
-    frame_window,
-    open_map,
-    read_squares,
-)
 
 Coordinates = Literal["pixel", "road_m", "wgs84"]
 
@@ -74,7 +66,7 @@ class LevelsOfMap(models.Form):
             json_schema_extra=_LEVELS,
         ),
     ] = None
-    area: Annotated[Area, Field(description=_AREA)] = "frame"
+    area: Annotated[maps.Area, Field(description=_AREA)] = "frame"
     step: Annotated[
         int | None,
         Field(
@@ -132,7 +124,7 @@ class IsolinesAnswer(models.Answer):
 
     type: Literal["FeatureCollection"]
     coordinates_in: Coordinates
-    area: Area
+    area: maps.Area
     step_px: int = Field(description="Side of the squares [px] that are averaged: finer detail is not drawn.")
     tolerance_px: float = Field(description="How far lines are moved where points are left out of them.")
     vertices: int = Field(description=f"Of all lines; at most {MOST_VERTICES}.")
@@ -152,22 +144,24 @@ _FEWEST_SQUARES = 16  # along a side of the area, for the sake of noise
 _LEVEL_ENDS = (1.0, 99.0)
 
 
-def answer_isolines(found: OpenMap, asked: LevelsOfMap) -> IsolinesAnswer:
+def answer_isolines(found: maps.OpenMap, asked: LevelsOfMap) -> IsolinesAnswer:
     coordinates = _choose_coordinates(found, asked)
     area = "grid" if coordinates == "road_m" else asked.area
     polygon = found.find_polygon(area)
-    window = frame_window(found.layout, polygon)
+    window = maps.frame_window(found.layout, polygon)
     pixels = (window.bottom - window.top) * (window.right - window.left)
     levels = asked.read_levels()
-    coarse = choose_step((), pixels=pixels, most=MOST_SQUARES, uncertainty=None)
+    coarse = choose_step((), pixels=pixels, most=maps.MOST_SQUARES, uncertainty=None)
     if not levels:
-        levels = _find_levels(found, read_squares(found, window, polygon, step=max(coarse, 4))[0])
-    step = asked.step or choose_step(levels, pixels=pixels, most=MOST_SQUARES, uncertainty=found.uncertainty)
-    if asked.step is not None and pixels / step**2 > MOST_SQUARES:
+        levels = _find_levels(found, maps.read_squares(found, window, polygon, step=max(coarse, 4))[0])
+    step = asked.step or choose_step(
+        levels, pixels=pixels, most=maps.MOST_SQUARES, uncertainty=found.uncertainty
+    )
+    if asked.step is not None and pixels / step**2 > maps.MOST_SQUARES:
         message = f"{pixels // step**2} squares are too many: take a step of {coarse} or more"
         raise invalid([{"type": "step", "loc": ("query", "step"), "msg": message}])
     while True:
-        plane, squares = read_squares(found, window, polygon, step=step)
+        plane, squares = maps.read_squares(found, window, polygon, step=step)
         if min(plane.shape) < 2:
             message = f"the area holds fewer than 2 x 2 squares of {step} pixels: take a smaller step"
             raise invalid([{"type": "step", "loc": ("query", "step"), "msg": message}])
@@ -196,7 +190,7 @@ def answer_isolines(found: OpenMap, asked: LevelsOfMap) -> IsolinesAnswer:
     )
 
 
-def _choose_coordinates(found: OpenMap, asked: LevelsOfMap) -> Coordinates:
+def _choose_coordinates(found: maps.OpenMap, asked: LevelsOfMap) -> Coordinates:
     is_placed = bool(found.row.result.get("place", {}).get("transform"))
     chosen = asked.coordinates or ("wgs84" if is_placed else "pixel")
     if chosen == "wgs84" and not is_placed:
@@ -206,7 +200,7 @@ def _choose_coordinates(found: OpenMap, asked: LevelsOfMap) -> Coordinates:
     return chosen
 
 
-def _find_levels(found: OpenMap, plane: Values) -> list[float]:
+def _find_levels(found: maps.OpenMap, plane: maps.Values) -> list[float]:
     """Return round levels between the percentiles of what is distinguished from zero."""
     known = plane[np.isfinite(plane)]
     if found.is_light:
@@ -218,7 +212,9 @@ def _find_levels(found: OpenMap, plane: Values) -> list[float]:
     return list(choose_levels(float(low), float(high), logarithmic=found.is_light))
 
 
-def _make_feature(found: OpenMap, isoline: Isoline, step: int, coordinates: Coordinates) -> IsolineFeature:
+def _make_feature(
+    found: maps.OpenMap, isoline: Isoline, step: int, coordinates: Coordinates
+) -> IsolineFeature:
     known = found.uncertainty
     properties = IsolineProperties(
         level=isoline.level,
@@ -244,7 +240,7 @@ def _make_feature(found: OpenMap, isoline: Isoline, step: int, coordinates: Coor
     )
 
 
-def _place(found: OpenMap, line: Array, coordinates: Coordinates) -> Array | None:
+def _place(found: maps.OpenMap, line: Array, coordinates: Coordinates) -> Array | None:
     if coordinates == "wgs84":
         # 1e-8 degrees are a millimetre
         return np.round(place_on_earth(found.row.result["place"]["transform"], line), 8)
@@ -274,7 +270,7 @@ def get_measurement_isolines(
 
     Rings around a single square are left out and counted. No line crosses a square with a saturated pixel.
     """
-    with open_map(context, measurement_id, caller) as found:
+    with maps.open_map(context, measurement_id, caller) as found:
         tag = found.tag(f"{request.url.path}?{request.url.query}")
         unchanged = not_modified(request, tag)
         return unchanged or GeoJson(answer_isolines(found, asked).dump(), headers=immutable_headers(tag))

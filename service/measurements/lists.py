@@ -11,17 +11,7 @@ from pydantic import Field
 
 from radiometry.findings import interface
 from radiometry.frame.grid import find_homography
-from service.coefficients.series import (
-    MEDIA_TYPES,
-    CellsAnswer,
-    FeaturesAnswer,
-    MeasurementSeriesAnswer,
-    MeasurementSeriesRow,
-    SeriesQuery,
-    answer_series,
-    describe_columns,
-    sends_series,
-)
+from service.coefficients import series
 from service.http import answers, lookup, operations, tables
 from service.http.auth import Caller, Reader
 from service.http.context import Context, UsesContext
@@ -88,7 +78,7 @@ def _project(row: Measurement, across: Any, along: Any) -> Any:  # noqa: ANN401 
 router = operations.Router(prefix="/v1", tags=["measurements"])
 
 
-class MeasurementSeriesQuery(SeriesQuery):
+class MeasurementSeriesQuery(series.SeriesQuery):
     campaign_id: Text | None = None
     calibration_id: OfCalibration = None
     start: Instant | None = Field(
@@ -99,7 +89,7 @@ class MeasurementSeriesQuery(SeriesQuery):
     end: Instant | None = Field(default=None, alias="to", description="Of frames taken before this time.")
 
 
-_COLUMNS = describe_columns(MeasurementSeriesRow)  # type: ignore[arg-type]
+_COLUMNS = series.describe_columns(series.MeasurementSeriesRow)  # type: ignore[arg-type]
 
 
 class GeoJson(JSONResponse):
@@ -109,7 +99,9 @@ class GeoJson(JSONResponse):
 
 
 @router.get(
-    "/campaigns/{campaign_id}/measurements.geojson", response_model=FeaturesAnswer, response_class=GeoJson
+    "/campaigns/{campaign_id}/measurements.geojson",
+    response_model=series.FeaturesAnswer,
+    response_class=GeoJson,
 )
 def get_campaign_measurements_geojson(
     campaign_id: lookup.Id, caller: Reader, context: UsesContext, calibration_id: OfCalibration = None
@@ -127,8 +119,8 @@ def get_campaign_measurements_geojson(
 
 @router.get(
     "/series/measurements",
-    response_model=MeasurementSeriesAnswer,
-    responses={**sends_series(), **answers.problems(404)},
+    response_model=series.MeasurementSeriesAnswer,
+    responses={**series.sends_series(), **answers.problems(404)},
 )
 def get_measurement_series(
     query: Annotated[MeasurementSeriesQuery, Query()], request: Request, caller: Reader, context: UsesContext
@@ -139,7 +131,7 @@ def get_measurement_series(
     measurement was computed, and is left out by `from` and `to`. An answer has at most `limit` rows, 200,000
     without it; if more follow, `next` and the header `Link` (`rel="next"`) are their address.
     """
-    return answer_series(request, context, caller, MeasurementSeries, query, _COLUMNS)
+    return series.answer_series(request, context, caller, MeasurementSeries, query, _COLUMNS)
 
 
 @router.get(
@@ -150,11 +142,11 @@ def get_measurement_series(
 def get_measurement_cells_csv(measurement_id: lookup.Id, caller: Reader, context: UsesContext) -> Response:
     """The cells of a measurement's grid, a line each, with their place in the frame and on the road."""
     cells = list(list_cells(_require_grid(context, measurement_id, caller)))
-    return Response(tables.write_csv(cells), media_type=MEDIA_TYPES["csv"])
+    return Response(tables.write_csv(cells), media_type=series.MEDIA_TYPES["csv"])
 
 
 @router.get(
-    "/measurements/{measurement_id}/cells.geojson", response_model=CellsAnswer, response_class=GeoJson
+    "/measurements/{measurement_id}/cells.geojson", response_model=series.CellsAnswer, response_class=GeoJson
 )
 def get_measurement_cells_geojson(
     measurement_id: lookup.Id,

@@ -24,8 +24,7 @@ from radiometry.specification.application import PictureApplication, SurfaceAppl
 from service.http import auth, lookup, models
 from service.http.context import Context
 from service.http.problems import Problem
-from store.blobs import prove_file
-from store.codec import decode_exposure
+from store import blobs, codec
 from store.measuring.version import read_lens
 from store.tables import Calibration, FrameRow, Measurement
 
@@ -351,7 +350,7 @@ def open_map(context: Context, measurement_id: str, caller: auth.Caller) -> Iter
         frame = session.get_one(FrameRow, row.frame_id)
         calibration = session.get_one(Calibration, row.calibration_id)
     with context.files.local(row.map_tif_sha256) as file:
-        prove_file(file)
+        blobs.prove_file(file)
         layout = read_layout(file.path)
         likeness = maps.find_likeness((frame.header or {}).get("cfa", ""), row.result.get("channel", ""))
         yield OpenMap(
@@ -399,7 +398,7 @@ def map_uncertainty(found: OpenMap, window: Window, values: Values, *, step: int
 def _open_lens(found: OpenMap) -> Callable[[NDArray[np.float64]], NDArray[np.float64]] | None:
     """Return the shared relative uncertainty at places, with that of the vignetting correction there."""
     known, application = found.uncertainty, get_method(found.row.method).application
-    lens = read_lens(found.calibration, decode_exposure(found.frame.exposure or {})) if known else None
+    lens = read_lens(found.calibration, codec.decode_exposure(found.frame.exposure or {})) if known else None
     if known is None or lens is None or not isinstance(application, SurfaceApplication):
         return None
     channels = application.name_channels(

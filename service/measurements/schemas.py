@@ -4,8 +4,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from radiometry.findings import shared
-from radiometry.findings.grouping import advise
+from radiometry.findings import grouping, shared
 from radiometry.fitting.evidence import FieldCorrection
 from radiometry.frame.multispectral import Alignment, LightBasis
 from radiometry.frame.place import Place, PlaceShare
@@ -321,7 +320,7 @@ class MeasurementAnswer(Answer):
             flags=flags,
             findings=group_flags(each.model_dump() for each in flags),
             to_do_better=list(
-                advise([FINDINGS[raised.flag] for raised in flags], budget=budget, assumed=assumed)
+                grouping.advise([FINDINGS[raised.flag] for raised in flags], budget=budget, assumed=assumed)
             ),
             links=_links(row),
         )

@@ -11,9 +11,8 @@ from xml.sax.saxutils import unescape
 from fastapi import Query, Request, Response
 
 from radiometry.findings import interface
-from service.http import answers, auth, connections, lookup, operations
+from service.http import answers, auth, connections, lookup, operations, problems
 from service.http.context import Context, UsesContext
-from service.http.problems import Problem, invalid
 from service.measurements import lists, maps
 from store.blobs import prove_file
 from store.queries.frame_times import Zones, read_frame_time
@@ -202,7 +201,7 @@ def _require_map(context: Context, measurement_id: str, caller: auth.Caller) -> 
         row = lookup.owned(session, Measurement, measurement_id, caller)
     if row.map_tif_sha256 is None:
         detail = 'This measurement was made without a map: ask for one with "products": ["map"].'
-        raise Problem(interface.NOT_FOUND, detail)
+        raise problems.Problem(interface.NOT_FOUND, detail)
     return row, row.map_tif_sha256
 
 
@@ -213,8 +212,8 @@ def _cut(layout: maps.Layout, asked: maps.MapWindow) -> maps.Window:
     if rows < 1 or cols < 1:
         size = f"{layout.height_px} rows and {layout.width_px} columns"
         message = f"the map has {size}: the window holds no whole square of it"
-        raise invalid([{"type": "window", "loc": ("query", "top"), "msg": message}])
+        raise problems.invalid([{"type": "window", "loc": ("query", "top"), "msg": message}])
     if rows * cols > maps.MOST_VALUES:
         message = f"{rows * cols} values at once are too many: take a larger step, or a smaller window"
-        raise invalid([{"type": "window", "loc": ("query", "step"), "msg": message}])
+        raise problems.invalid([{"type": "window", "loc": ("query", "step"), "msg": message}])
     return maps.Window(top=asked.top, left=asked.left, bottom=bottom, right=right)

@@ -11,12 +11,10 @@ from sqlalchemy import Select, select
 from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
-from service.http import answers, auth, changes, connections, lookup, operations, paging, tables
-from service.http.answers import problems
+from service.http import answers, auth, changes, connections, lookup, operations, paging, problems, tables
 from service.http.context import Context, UsesContext
 from service.http.models import Answer, Clearable, ClearableLong, ClearableZone, Form, Instant, Text
 from service.http.paging import Page, UsesPaging
-from service.http.problems import Problem, invalid, not_found
 from store.audit_check import check_chain
 from store.queries.audit import name_entries, read_entries, select_entries
 from store.queries.organisations import Person, create_key, end_sessions, has_other_admin, is_open, new_secret
@@ -45,7 +43,7 @@ class OrganisationChange(Form):
 def require_free_name(session: Session, name: str, *, but: str = "") -> None:
     taken = select(Organisation.id).where(Organisation.name == name, Organisation.id != but)
     if session.scalar(taken) is not None:
-        raise Problem(interface.CONFLICT, f"The organisation {name!r} exists already.")
+        raise problems.Problem(interface.CONFLICT, f"The organisation {name!r} exists already.")
 
 
 class UsageAnswer(Answer):
@@ -318,12 +316,12 @@ keys_router = operations.Router(prefix="/v1", tags=["keys"])
 
 
 @keys_router.post(
-    "/organisations", status_code=201, response_model=OrganisationAnswer, responses=problems(409)
+    "/organisations", status_code=201, response_model=OrganisationAnswer, responses=answers.problems(409)
 )
 def create_organisation(body: NewOrganisation, caller: auth.Admin, writing: changes.Writes) -> Response:
     """Found an organisation; its first key is shown once. Only the operator's admins may."""
     if not caller.operator:
-        raise Problem(
+        raise problems.Problem(
             interface.SCOPE_MISSING, "Only an administrator of the operator can create organisations."
         )
 
@@ -381,7 +379,7 @@ def change_key(key_id: lookup.Id, body: KeyChange, caller: auth.Admin, writing: 
     return writing.run(caller, change)
 
 
-@keys_router.delete("/keys/{key_id}", response_model=KeyAnswer, responses=problems(409))
+@keys_router.delete("/keys/{key_id}", response_model=KeyAnswer, responses=answers.problems(409))
 def revoke_key(key_id: lookup.Id, caller: auth.Admin, writing: changes.Writes) -> Response:
     """Revoke a key at once, and end the sessions opened with it. It stays in the record.
 
@@ -391,7 +389,7 @@ def revoke_key(key_id: lookup.Id, caller: auth.Admin, writing: changes.Writes) -
     def change(session: Session) -> changes.Reply:
         key = lookup.owned(session, ApiKey, key_id, caller)
         if key.revoked_at is None and not has_other_admin(session, key):
-            raise Problem(
+            raise problems.Problem(
                 interface.CONFLICT, "This is the last key that can manage keys. Make another first."
             )
         end_sessions(session, key)
@@ -406,7 +404,7 @@ def _create(session: Session, organisation_id: str, new: NewKey) -> KeyAnswer:
     secret = new_secret()
     if new.expires_at is not None and new.expires_at <= utc_now():
         message = "lies in the past: such a key would open nothing"
-        raise invalid([{"type": "expiry", "loc": ("body", "expires_at"), "msg": message}])
+        raise problems.invalid([{"type": "expiry", "loc": ("body", "expires_at"), "msg": message}])
     _require_both(new.person, new.role)
     key = create_key(
         session,
@@ -424,7 +422,7 @@ def _require_both(person: str | None, role: str | None) -> None:
     if bool(person) != bool(role):
         lacking = "role" if person else "person"
         message = "is missing: a certificate names a person with name and role"
-        raise invalid([{"type": "person", "loc": ("body", lacking), "msg": message}])
+        raise problems.invalid([{"type": "person", "loc": ("body", lacking), "msg": message}])
 
 
 sessions_router = operations.Router(prefix="/v1/sessions", tags=["keys"])
@@ -463,7 +461,7 @@ def end_session(session_id: lookup.Id, caller: AnyCaller, writing: changes.Write
     def change(session: Session) -> changes.Reply:
         row = lookup.owned(session, WebSession, session_id, caller)
         if row.key_id != caller.key_id and not _is_admin(caller):
-            raise not_found("session")
+            raise problems.not_found("session")
         row.ended_at = row.ended_at or utc_now()
         session.flush()
         return changes.Reply(status=200, body=_answer(session, row, caller))

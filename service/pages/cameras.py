@@ -13,7 +13,6 @@ from fastapi import Depends, Query, Response
 from sqlalchemy import select
 
 from radiometry.drawing import chart
-from radiometry.drawing.chart import document
 from radiometry.drawing.figure import Axis, Cell, Figure, Mark, Series
 from radiometry.drawing.text import label_axis, sort_naturally, write_quantity
 from radiometry.findings import interface
@@ -63,7 +62,7 @@ def draw_figure(
     panel = chart.place_figure(figure, (left, _TOP_PX, view.width - _RIGHT_PX, _TOP_PX + height))
     panel = replace(panel, x=panel.x.part(view.x0, view.x1), y=panel.y.part(view.y0, view.y1))
     drawn, bottom = chart.draw_figure(figure, panel, in_print=False)
-    picture = document(
+    picture = chart.document(
         drawn, width_px=view.width, height_px=math.ceil(bottom), label=label, style=chart.STYLE
     )
     ends = f'data-low="{panel.x.low:.12g}" data-high="{panel.x.high:.12g}"'

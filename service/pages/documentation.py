@@ -17,11 +17,10 @@ from markupsafe import Markup
 
 from radiometry.findings import interface
 from radiometry.methods.findings import FINDINGS
-from service.http.answers import not_modified
+from service.http import answers, problems
 from service.http.auth import find_session
 from service.http.context import UsesContext
 from service.http.document import ALSO_ACCEPTS, Document, resolve
-from service.http.problems import Problem
 from service.pages.rendering import render
 
 PLACES = {
@@ -195,7 +194,7 @@ def get_document(request: Request) -> Response:
     document: Document = request.app.state.document
     headers = {"ETag": f'"{document.tag}"', "Cache-Control": "no-cache", "Vary": "Accept-Encoding"}
     packed = "gzip" in request.headers.get("accept-encoding", "")
-    return not_modified(request, document.tag, headers) or Response(
+    return answers.not_modified(request, document.tag, headers) or Response(
         document.packed if packed else document.text,
         headers=headers | ({"Content-Encoding": "gzip"} if packed else {}),
         media_type="application/json",
@@ -235,7 +234,7 @@ def _title(text: str) -> str:
 def _file(name: str) -> Path:
     found = _MANUAL / name
     if not found.is_file():
-        raise Problem(interface.NOT_FOUND, "The manual has no such page.")
+        raise problems.Problem(interface.NOT_FOUND, "The manual has no such page.")
     return found
 
 

@@ -20,8 +20,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from radiometry.findings import interface
 from service.calibrations.methods import describe_methods
 from service.calibrations.schemas import NewPublication, NewRevocation
-from service.campaigns.routes import ItemChange, NewSignature
-from service.campaigns.schemas import NewCampaign, NewReading, NewRoi
+from service.campaigns import routes, schemas
 from service.equipment.routes import NewRig
 from service.equipment.schemas import Certificate, Lens, NewCamera, NewMeter, NewPanel
 from service.frames.schemas import FrameChange
@@ -36,21 +35,21 @@ from service.tools.routes import describe_tools
 SHOWN: Final[tuple[type[models.Form], ...]] = (
     Certificate,
     FrameChange,
-    ItemChange,
+    routes.ItemChange,
     Lens,
     MeasurementOptions,
     NewCamera,
-    NewCampaign,
+    schemas.NewCampaign,
     NewGrid,
     NewKey,
     NewMeter,
     NewPanel,
     NewPublication,
-    NewReading,
+    schemas.NewReading,
     NewRevocation,
     NewRig,
-    NewRoi,
-    NewSignature,
+    schemas.NewRoi,
+    routes.NewSignature,
     OrganisationChange,
 )
 """Forms that a page asks a person to fill in."""

@@ -9,9 +9,8 @@ from pydantic import Field
 from sqlalchemy import func, select
 
 from radiometry.findings import interface
-from service.http import answers, auth, models, operations
+from service.http import answers, auth, models, operations, problems
 from service.http.context import UsesContext
-from service.http.problems import Problem
 from service.http.processes import stopping
 from store.files import SCRUB_DAYS, count_damaged, find_proof_age_s
 from store.jobs.processes import Part
@@ -70,7 +69,7 @@ async def require_operator(request: Request, context: UsesContext) -> None:
         await auth.identify(request)
         caller: auth.Caller = request.state.caller
         if not caller.operator:
-            raise Problem(interface.SCOPE_MISSING, "Only the operator can see this.")
+            raise problems.Problem(interface.SCOPE_MISSING, "Only the operator can see this.")
 
 
 @probes.get("/livez", response_model=Life)
@@ -95,7 +94,7 @@ async def get_readyz(request: Request, context: UsesContext) -> Response:
         found = {finding.name: finding.detail or "ok" for finding in report.findings}
         detail = f"Not ready ({unfit.name}): {unfit.detail}"
         extra: dict[str, Any] = {"checks": found} if is_told else {}
-        raise Problem(unfit.code, detail, headers={"Retry-After": "2"}, **extra)
+        raise problems.Problem(unfit.code, detail, headers={"Retry-After": "2"}, **extra)
     status: Literal["ok", "degraded"] = "degraded" if report.warnings else "ok"
     if not is_told:
         return Readiness(status=status).respond()
@@ -124,7 +123,7 @@ class OperatorHealth(models.Answer):
 def get_operator_health(caller: auth.Admin, context: UsesContext) -> Response:
     """Workers, queue, disk and verified files of the whole service. Only the operator's admins may ask."""
     if not caller.operator:
-        raise Problem(interface.SCOPE_MISSING, "Only an administrator of the operator can see this.")
+        raise problems.Problem(interface.SCOPE_MISSING, "Only an administrator of the operator can see this.")
     disk = shutil.disk_usage(context.settings.data)
     with context.database.reading() as session:
         queue = count_queue(session)

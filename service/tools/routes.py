@@ -12,9 +12,8 @@ from radiometry.tools.coverage import MOST_TILT_DEG, Coverage, View
 from radiometry.tools.exponents import ExponentFit, LeftOut, SeriesRow
 from radiometry.tools.motion import USUAL_LIMIT_PX, Motion, MotionCase
 from service.calibrations.schemas import FlagRaised
-from service.http import auth, changes, models, operations
+from service.http import auth, changes, models, operations, problems
 from service.http.models import Answer, Form, Number, Quantity, Text
-from service.http.problems import Problem, invalid
 from service.http.tables import UNREAD, Kind, is_table, read_sheet, read_sheet_or_document, refuse_columns
 
 MOST_CASES = 1000
@@ -291,8 +290,8 @@ def _find_signal(columns: list[str], wanted: str | None) -> str:
     return found[0]
 
 
-def _wrong(name: str, message: str) -> Problem:
-    return invalid([{"type": "table", "loc": ("query", name), "msg": message}])
+def _wrong(name: str, message: str) -> problems.Problem:
+    return problems.invalid([{"type": "table", "loc": ("query", name), "msg": message}])
 
 
 F = TypeVar("F", bound=models.Form)

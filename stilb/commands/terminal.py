@@ -20,10 +20,9 @@ from rich.progress import (
 from rich.table import Table
 from rich.text import Text
 
+from stilb import records, upload
 from stilb.field.push import Listener, Report
 from stilb.problem import Problem
-from stilb.records import Coefficient, Quantity
-from stilb.upload import Progress as Sent
 
 _MOST_DECIMALS = 7
 _HOLDS_FOR = {"iso": "ISO", "f_number": "f", "band": "band", "channel": "channel"}
@@ -41,7 +40,7 @@ def table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> Table:
     return made
 
 
-def figure(quantity: Quantity | Coefficient) -> str:
+def figure(quantity: records.Quantity | records.Coefficient) -> str:
     """A value with its standard uncertainty, to two digits of the latter."""
     value, uncertainty = quantity.value, quantity.standard_uncertainty
     if not 0.0 < uncertainty < math.inf:
@@ -58,7 +57,7 @@ def show_scope(scope: str | None) -> str:
     return " (relative only)" if scope == "relative_only" else ""
 
 
-def of_coefficients(rows: Iterable[Coefficient]) -> Table:
+def of_coefficients(rows: Iterable[records.Coefficient]) -> Table:
     """The coefficients of one or several versions, with what each holds for."""
     found = list(rows)
     held = {name: head for name, head in _HOLDS_FOR.items() if any(getattr(row, name) for row in found)}
@@ -138,7 +137,7 @@ class _Screen:
             self._bar(what), completed=done, total=total, description=f"{what} {done} of {total}"
         )
 
-    def sent(self, sent: Sent) -> None:
+    def sent(self, sent: upload.Progress) -> None:
         if not self._console.is_terminal:
             if sent.files_done == sent.files_total:
                 self._console.print(f"sent: {sent.files_done} files, {sent.bytes_sent / 1e6:.1f} MB")

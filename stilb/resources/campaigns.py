@@ -6,7 +6,6 @@ from typing import Any, Unpack
 
 from stilb import records
 from stilb.problem import Problem, Unclear, missing
-from stilb.records import DEFAULT_METHOD
 from stilb.transport import Call, Connection, address
 
 _POLL_S = 0.5
@@ -19,7 +18,7 @@ class Campaigns(Connection):
         self,
         camera_id: str,
         *,
-        method: str = DEFAULT_METHOD,
+        method: str = records.DEFAULT_METHOD,
         idempotency_key: str | None = None,
         **details: Unpack[records.CampaignDetails],
     ) -> records.Campaign:

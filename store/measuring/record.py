@@ -11,10 +11,9 @@ from sqlalchemy.orm import Session
 
 from radiometry.frame.roi import Polygon
 from radiometry.records import Record
+from store import files, software
 from store.blobs import StoredBlob
-from store.files import keep_blobs
 from store.ready.rows import make_measured
-from store.software import MEASURER, read_version
 from store.tables import Blob, Calibration, Camera, Campaign, FrameRow, MeasuredRow, Measurement, new_id
 
 RESULT_SCHEMA = 1
@@ -45,7 +44,7 @@ def find_measurement(
 def hash_content(frame: FrameRow, calibration: Calibration, parameters: dict[str, Any]) -> str:
     """Over the frame's bytes and exposure, the version, what was asked for and the code that answers."""
     asked = {name: value for name, value in parameters.items() if name != "why"}
-    content = [frame.sha256, frame.exposure, calibration.content_sha256, asked, MEASURER]
+    content = [frame.sha256, frame.exposure, calibration.content_sha256, asked, software.MEASURER]
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
@@ -67,7 +66,7 @@ def write_measurement(
 ) -> Measurement:
     """Write it once; the same content again is the measurement that exists."""
     if products:
-        keep_blobs(session, [products.tif, products.png])
+        files.keep_blobs(session, [products.tif, products.png])
     found = find_measurement(session, frame, calibration, parameters)
     if found is not None:
         return found
@@ -98,6 +97,6 @@ def write_measurement(
 @cache
 def _software() -> dict[str, Any]:
     packages = ("numpy", "rawpy", "imagecodecs", "isal", "tifffile", "pillow")
-    return {"stilb": read_version(), "measurer": MEASURER} | {
+    return {"stilb": software.read_version(), "measurer": software.MEASURER} | {
         name: package_version(name) for name in packages
     }

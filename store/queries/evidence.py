@@ -10,13 +10,12 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from radiometry import methods
+from radiometry import methods, records
 from radiometry.findings import shared
 from radiometry.fitting.evidence import Exclusion, FrameEvidence
 from radiometry.frame import FrameHeader
 from radiometry.frame.multispectral import name_panel
 from radiometry.methods import get_method
-from radiometry.records import Record
 from radiometry.specification.method import MethodSpec
 from store.queries.frame_times import Zones, find_offset, read_zones
 from store.queries.frames import (
@@ -74,7 +73,7 @@ def list_panels(frame: FrameColumns) -> list[str]:
     return [serial for serial in stated if serial]
 
 
-class Offer(Record):
+class Offer(records.Record):
     """The panel that a campaign's frames name, where it is not the campaign's."""
 
     serial: str
@@ -174,7 +173,7 @@ def _describe_meter(meter: Meter) -> dict[str, Any]:
     return {**engraved, **({"certificate": certificate} if certificate else {})}
 
 
-class Evidence(Record):
+class Evidence(records.Record):
     """Rows for the fit. ``names``: frame id to the fit's name of it; the others: by that name."""
 
     frames: list[Any]

@@ -11,9 +11,8 @@ from radiometry.fleet.determinations import Determination, Key, LeftOut, Source,
 from radiometry.fleet.drift import RigVersion
 from radiometry.methods import METHODS, get_method
 from radiometry.specification.exports import RigMember
-from store import tables
+from store import fits, tables
 from store.codec import decode, decode_header
-from store.fits import read_result
 from store.queries.calibrations import coefficients_of
 
 
@@ -146,7 +145,7 @@ def read_member(session: Session, calibration: tables.Calibration, camera: table
     }
     return RigMember(
         serial=camera.serial,
-        fitted=read_result(calibration),
+        fitted=fits.read_result(calibration),
         params=decode(spec.params, calibration.parameters),
         rows=tuple(frames[name] for name in sorted(frames)),
     )

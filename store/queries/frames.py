@@ -19,8 +19,7 @@ from radiometry.frame.proof import Proof
 from radiometry.frame.roi import Polygon
 from radiometry.frame.statistics import ChannelStatistics
 from radiometry.specification.roles import FIELD
-from store import codec, jobs, software
-from store.blobs import StoredBlob
+from store import blobs, codec, jobs, software
 from store.blobs.proof import digest_piece
 from store.database import Conflict, read_plainly
 from store.files import keep_blobs
@@ -73,7 +72,7 @@ class Sized(Protocol):
 class NewFrame(records.Record):
     """A frame as it was uploaded: what the field team says of it."""
 
-    blob: StoredBlob
+    blob: blobs.StoredBlob
     filename: str
     role: str
     scene: str | None

@@ -11,11 +11,10 @@ from typing import Annotated, Any, Final, TypeVar
 import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError
 
-from radiometry.findings import InputRejected
+from radiometry import findings, records
 from radiometry.frame import Frame, FrameHeader, multispectral
 from radiometry.frame.proof import Proof
 from radiometry.methods.findings import FINDINGS
-from radiometry.records import Record
 from worker.decode import limits, messages
 
 _T = TypeVar("_T")
@@ -24,7 +23,7 @@ _Side = Annotated[int, Field(strict=True, gt=0, le=limits.MAX_SIDE_PX)]
 _Level = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 
 
-class _Told(Record):
+class _Told(records.Record):
     """A frame without its samples."""
 
     row0: _Place
@@ -43,14 +42,14 @@ _SITES: Final = {"RGGB": 4, "GBRG": 4, "BGGR": 4, "GRBG": 4, "grey": 1, "rgb": 3
 _MAX_MESSAGE: Final = 1000
 
 
-def check_refusal(answer: dict[str, Any]) -> InputRejected:
+def check_refusal(answer: dict[str, Any]) -> findings.InputRejected:
     refused = answer["refused"]
     if not isinstance(refused, dict) or not isinstance(refused.get("message"), str):
         raise messages.BrokenMessageError("a refusal without a reason")
     found = FINDINGS.get(str(refused.get("code")))
     if found is None or found.severity != "error":
         raise messages.BrokenMessageError("a refusal with an unknown code")
-    return InputRejected(found, refused["message"][:_MAX_MESSAGE])
+    return findings.InputRejected(found, refused["message"][:_MAX_MESSAGE])
 
 
 def check_header(answer: dict[str, Any]) -> FrameHeader:

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from radiometry.findings import files
 from radiometry.frame import FrameHeader
 from worker.decode import layout, limits, tiff
-from worker.decode.limits import Allow
 
 # Before 0.28.0 rawpy carried a LibRaw with known heap overflows in DNG decoding.
 _OLDEST_RAWPY = (0, 28)
@@ -41,7 +40,7 @@ class LibRawFile:
     ``area`` : what will be read of it; LibRaw's visible area where nothing else is said
     """
 
-    def __init__(self, source: tiff.Source, allow: Allow, area: layout.Area | None = None) -> None:
+    def __init__(self, source: tiff.Source, allow: limits.Allow, area: layout.Area | None = None) -> None:
         content = source[:]
         self._raw: Any = _open(content)
         sizes = self._raw.sizes

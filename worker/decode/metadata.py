@@ -9,8 +9,7 @@ from xml.parsers import expat
 
 from radiometry.findings import InputRejected
 from radiometry.frame import PositionFix, StatedAngle
-from worker.decode import limits, tags
-from worker.decode.tiff import Directory
+from worker.decode import limits, tags, tiff
 
 MAX_BYTES: Final = 256 << 10
 MAX_DEPTH: Final = 16
@@ -88,7 +87,7 @@ def _key(name: str) -> str | None:
     return next((f"{family}:{local}" for part, family in _FAMILIES if part in address), None)
 
 
-def read_xmp(main: Directory) -> Properties:
+def read_xmp(main: tiff.Directory) -> Properties:
     """The packet's properties of the known families; empty where there is no packet to read."""
     try:
         packet = main.raw(tags.XMP, at_most=MAX_BYTES)
@@ -202,7 +201,7 @@ _FIXES: Final = (
 )
 
 
-def read_position(main: Directory) -> dict[str, float | None]:
+def read_position(main: tiff.Directory) -> dict[str, float | None]:
     """Read latitude and longitude, and the altitude with them, unless the file does not know them.
 
     Not known: no hemisphere, a zero denominator, an interrupted fix (status V), and zero degrees both ways,
@@ -232,7 +231,7 @@ def read_fix(xmp: Xmp) -> PositionFix | None:
     return PositionFix(kind=kind, u_latitude_m=latitude, u_longitude_m=longitude, u_height_m=height)
 
 
-def _angle(gps: Directory, tag: int, ref: int, letters: str, largest_deg: float) -> float | None:
+def _angle(gps: tiff.Directory, tag: int, ref: int, letters: str, largest_deg: float) -> float | None:
     """Degrees, minutes and seconds; writers that need no seconds put them into the fraction before."""
     parts = gps.numbers(tag, at_most=3)
     letter = _letter(gps, ref)
@@ -245,7 +244,7 @@ def _angle(gps: Directory, tag: int, ref: int, letters: str, largest_deg: float)
     return degrees if letter == letters[0] else -degrees
 
 
-def _altitude(gps: Directory) -> float | None:
+def _altitude(gps: tiff.Directory) -> float | None:
     try:
         stated = gps.numbers(tags.GPS_ALTITUDE, at_most=1)
         below = gps.numbers(tags.GPS_ALTITUDE_REF, at_most=1) == [_BELOW_SEA_LEVEL]
@@ -256,7 +255,7 @@ def _altitude(gps: Directory) -> float | None:
     return -stated[0] if below else stated[0]
 
 
-def _letter(gps: Directory, tag: int) -> str:
+def _letter(gps: tiff.Directory, tag: int) -> str:
     return gps.raw(tag, at_most=8).split(b"\0", 1)[0].decode("latin-1").strip().upper()
 
 
@@ -286,7 +285,7 @@ _ISO_TAGS: Final = (
 class _Tags:
     """Tags looked up in EXIF first and then beside the image, where TIFF/EP puts the same ones."""
 
-    def __init__(self, main: Directory) -> None:
+    def __init__(self, main: tiff.Directory) -> None:
         self._directories = [main]
         try:
             exif = main.directory(tags.EXIF)
@@ -327,7 +326,7 @@ class _Tags:
         return None
 
 
-def read_metadata(main: Directory) -> dict[str, Any]:
+def read_metadata(main: tiff.Directory) -> dict[str, Any]:
     """Return the fields of FrameHeader that the tags and the packet state.
 
     There is no sensor temperature: neither EXIF nor DNG has a tag for it (AmbientTemperature is the air's),

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from radiometry.findings import files
 from radiometry.frame import FrameHeader, proof
-from worker.decode import limits, ljpeg, metadata, segments, tags, tiff
-from worker.decode.dialects import read_multispectral
+from worker.decode import dialects, limits, ljpeg, metadata, segments, tags, tiff
 from worker.decode.layout import (
     Area,
     BlackLevels,
@@ -154,7 +153,7 @@ def _describe(
     table = read_linearization(image) if dng else None
     white, white_origin = read_white_levels(image, samples=layout.samples, bits=layout.bits, table=table)
     cell = 1 if cfa in ("grey", "rgb") else 2
-    band = read_multispectral(main, bits=layout.bits) if cfa == "grey" else None
+    band = dialects.read_multispectral(main, bits=layout.bits) if cfa == "grey" else None
     if band is not None and band.full_scale_dn is not None and white_origin == "default":
         white, white_origin = (band.full_scale_dn,), "camera"
     if band is not None and band.black_dn is not None and black.origin == "default":

@@ -17,8 +17,7 @@ from pathlib import Path
 from typing import Any, Final, Self, TypeVar
 
 from radiometry.findings import files
-from radiometry.frame import Frame, FrameHeader
-from radiometry.frame.proof import Proof
+from radiometry.frame import Frame, FrameHeader, proof
 from store.blobs import BlobDamaged, StoredFile
 from store.sandbox import Sandbox, build_command, build_environment
 from worker.decode import answers, messages
@@ -339,7 +338,7 @@ class DecoderPool:
         """``window`` : (row0, col0, height, width) in the visible area."""
         return self._read(file, lambda decoder: decoder.read_window(window))
 
-    def inspect(self, file: Readable, longest_side_px: int = _PREVIEW_SIDE_PX) -> tuple[bytes, Proof]:
+    def inspect(self, file: Readable, longest_side_px: int = _PREVIEW_SIDE_PX) -> tuple[bytes, proof.Proof]:
         """Every row is read: a PNG, and what vouches for the pixels."""
         return self._read(file, lambda decoder: decoder.inspect(longest_side_px))
 
@@ -402,7 +401,7 @@ class _Decoder:
         answer, body = self._ask({"do": "read_window", "window": list(window)}, most)
         return self._checked("read_window", lambda: answers.check_frame(answer, body, window))
 
-    def inspect(self, longest_side_px: int) -> tuple[bytes, Proof]:
+    def inspect(self, longest_side_px: int) -> tuple[bytes, proof.Proof]:
         request = {"do": "inspect", "longest_side_px": longest_side_px}
         answer, body = self._ask(request, _PREVIEW_BYTES)
         return self._checked("inspect", lambda: (answers.check_preview(body), answers.check_proof(answer)))

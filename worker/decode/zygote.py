@@ -28,13 +28,8 @@ import numpy as np
 
 from radiometry.findings import InputRejected
 from store.sandbox import OPEN_FILES, Restrictions, Sandbox
-from worker.decode import ljpeg, messages
-from worker.decode.libraw import check_version
-from worker.decode.limits import NOT_SHUT_IN, Budget, DecoderLimits, allow_all, read_address_space
-from worker.decode.messages import BrokenMessageError
-from worker.decode.pieces import keep_memory, start_second_thread
+from worker.decode import libraw, limits, ljpeg, messages, pieces, tiff
 from worker.decode.reader import Reader, Window
-from worker.decode.tiff import Source, SourceDamagedError
 
 _SIDE_PX: Final = 16
 # A region of 5 % of 50 million pixels, and a MiB for its decoder. What is larger comes from the kernel, and
@@ -73,13 +68,13 @@ def make_smallest_stream() -> bytes:
 
 def own_memory() -> None:
     """Write to as much memory as a region needs, and let the C library keep it for that."""
-    keep_memory(2 * _OWNED_BYTES)
+    pieces.keep_memory(2 * _OWNED_BYTES)
     np.empty(_OWNED_BYTES, np.uint8)[::_PAGE_BYTES] = 0
 
 
 def warm_up(content: bytes, stream: bytes) -> None:
     """Read a file and a compressed piece as a cell does, for the sake of what that touches."""
-    reader = Reader(Source(content), allow_all)
+    reader = Reader(tiff.Source(content), limits.allow_all)
     messages.decode(messages.encode(asdict(reader.read_header())))
     reader.read_window(Window(0, 0, _SIDE_PX, _SIDE_PX))
     ljpeg.decode(stream, samples=_SIDE_PX**2)
@@ -96,7 +91,7 @@ class Prepared:
     """
 
     restrictions: Restrictions
-    bounds: DecoderLimits
+    bounds: limits.DecoderLimits
     address_space: int
     first_file: bytes
     first_stream: bytes
@@ -110,20 +105,20 @@ def live(prepared: Prepared, expected: Sandbox) -> int:
     others.
     """
     talk = socket.socket(fileno=os.dup(TALK))
-    if prepared.restrictions.shut_in(start_second_thread) != expected:
-        return NOT_SHUT_IN
+    if prepared.restrictions.shut_in(pieces.start_second_thread) != expected:
+        return limits.NOT_SHUT_IN
     own_memory()
     warm_up(prepared.first_file, prepared.first_stream)
     descriptor = _receive_file(talk)
     if descriptor is None:
         return 0
     content = _map(descriptor)
-    budget = Budget(prepared.bounds, before=prepared.address_space, file_bytes=len(content))
+    budget = limits.Budget(prepared.bounds, before=prepared.address_space, file_bytes=len(content))
     request, _ = messages.receive(TALK)
     digests = None if request["digests"] is None else bytes.fromhex(request["digests"])
     try:
-        reader = Reader(Source(content, digests), budget.allow)
-    except SourceDamagedError:
+        reader = Reader(tiff.Source(content, digests), budget.allow)
+    except tiff.SourceDamagedError:
         messages.send(TALK, {"damaged": True})
         return 0
     while True:
@@ -170,7 +165,7 @@ def _answer(reader: Reader, request: dict[str, Any]) -> tuple[dict[str, Any], by
         return _read(reader, request)
     except InputRejected as refusal:
         return {"refused": {"code": str(refusal.code), "message": refusal.message}}, b""
-    except SourceDamagedError:
+    except tiff.SourceDamagedError:
         return {"damaged": True}, b""
     except Exception as error:  # noqa: BLE001  the last line before a hostile file becomes our failure
         if isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.ENOMEM:
@@ -197,14 +192,14 @@ _CODECS: Final = (
 def main() -> None:
     arguments = _parse_arguments()
     control = socket.socket(fileno=os.dup(0))
-    rawpy = check_version()
+    rawpy = libraw.check_version()
     load_late_imports()
     restrictions = Restrictions()
     sandbox = _try_sandbox(restrictions)
     prepared = Prepared(
         restrictions=restrictions,
-        bounds=DecoderLimits(memory_bytes=arguments.memory_bytes, cpu_seconds=arguments.cpu_seconds),
-        address_space=read_address_space(),
+        bounds=limits.DecoderLimits(memory_bytes=arguments.memory_bytes, cpu_seconds=arguments.cpu_seconds),
+        address_space=limits.read_address_space(),
         first_file=make_smallest_dng(),
         first_stream=make_smallest_stream(),
     )
@@ -319,7 +314,7 @@ class _Zygote:
                 os.dup2(talk, TALK)
                 os.closerange(3, _MOST_DESCRIPTORS)
                 code = live(self._prepared, self._sandbox)
-        except (BrokenMessageError, BrokenPipeError, ConnectionResetError):
+        except (messages.BrokenMessageError, BrokenPipeError, ConnectionResetError):
             code = 0
         except BaseException:  # noqa: BLE001
             traceback.print_exc()

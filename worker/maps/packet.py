@@ -13,8 +13,7 @@ from collections.abc import Sequence
 from typing import Final
 from xml.sax.saxutils import escape, quoteattr
 
-from radiometry.frame import FrameHeader, PositionFix
-from radiometry.frame.multispectral import Multispectral, RigGeometry
+from radiometry.frame import FrameHeader, PositionFix, multispectral
 from worker.decode.dialects import BY_SYSTEM
 
 Value = str | float | tuple[float, ...] | list[str] | None
@@ -31,7 +30,7 @@ _ELEMENTS: Final = ("micasense", "dls")
 _RTK_FLAGS: Final = {"none": 0, "single": 16, "float": 34, "fixed": 50}
 
 
-def write_packet(header: FrameHeader, bands: Sequence[Multispectral] = ()) -> bytes:
+def write_packet(header: FrameHeader, bands: Sequence[multispectral.Multispectral] = ()) -> bytes:
     """Return the packet of a map, in the words of the camera's own files.
 
     ``bands`` : of a map that shows them, all as the first one's lens draws it. Empty where nothing is known.
@@ -74,7 +73,7 @@ def _describe_fix(fix: PositionFix) -> dict[str, Value]:
     }
 
 
-def _describe_bands(bands: Sequence[Multispectral]) -> dict[str, Value]:
+def _describe_bands(bands: Sequence[multispectral.Multispectral]) -> dict[str, Value]:
     first, *others = bands
     capture, flight = BY_SYSTEM[first.system].IDENTITIES
     lens = _describe_lens(first.geometry, turned=not others) if first.geometry is not None else {}
@@ -95,7 +94,7 @@ def _describe_bands(bands: Sequence[Multispectral]) -> dict[str, Value]:
     }
 
 
-def _describe_lens(lens: RigGeometry, *, turned: bool) -> dict[str, Value]:
+def _describe_lens(lens: multispectral.RigGeometry, *, turned: bool) -> dict[str, Value]:
     found: dict[str, Value] = {
         "camera:ModelType": lens.model,
         "camera:FisheyeAffineMatrix": lens.fisheye_affine,

@@ -14,9 +14,8 @@ import numpy as np
 from isal import isal_zlib
 from numpy.typing import NDArray
 
-from radiometry.frame import FrameHeader
+from radiometry.frame import FrameHeader, opencv
 from radiometry.frame.exposure import Exposure
-from radiometry.frame.opencv import cv2
 from radiometry.frame.place import Place
 from store.software import read_version
 from worker.decode import tags
@@ -341,7 +340,7 @@ def encode_band(band: Plane) -> list[bytes]:
         bits[:rows, cols:] = bits[:rows, cols - 1 : cols]
         bits[rows:] = bits[rows - 1]
         np.bitwise_and(bits, _MASK, out=bits)
-        cv2.split(pixels, planes)
+        opencv.cv2.split(pixels, planes)
         np.subtract(after, before, out=differences)
         stored[:, 0] = laid[:, 0]
         tiles.append(isal_zlib.compress(stored, LEVEL, _WINDOW_BITS))

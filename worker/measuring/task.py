@@ -10,11 +10,10 @@ from typing import Any
 
 from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
+from store import codec, software
 from store.blobs import Blobs, StoredBlob
-from store.codec import decode_exposure
 from store.measuring.record import Products
 from store.queries.frame_times import read_header
-from store.software import MEASURER, read_version
 from store.tables import Calibration, FrameRow
 from worker.decode.pool import DecoderPool, Readable
 from worker.maps.making import Made
@@ -42,7 +41,7 @@ class Task:
 
     @property
     def exposure(self) -> Exposure:
-        return decode_exposure(self.frame.exposure or {})
+        return codec.decode_exposure(self.frame.exposure or {})
 
     @property
     def wants_map(self) -> bool:
@@ -91,5 +90,5 @@ class Task:
             "exposure": {
                 name: exposure[name] for name in ("exposure_time_s", "f_number", "iso") if name in exposure
             },
-            "software": {"stilb": read_version(), "measurer": MEASURER},
+            "software": {"stilb": software.read_version(), "measurer": software.MEASURER},
         }

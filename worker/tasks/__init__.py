@@ -2,10 +2,8 @@
 
 from store.jobs import Claim
 from worker.context import Context, Outcome
+from worker.tasks import fit, look, measure
 from worker.tasks.extract import extract
-from worker.tasks.fit import fit
-from worker.tasks.look import crop, look
-from worker.tasks.measure import measure
 
 __all__ = ["Outcome", "work"]
 
@@ -14,14 +12,14 @@ def work(context: Context, claim: Claim) -> Outcome:
     """Compute what a job asks for, without storing it."""
     match claim.kind:
         case "extract" if "polygon" in claim.parameters:
-            return look(context, claim)
+            return look.look(context, claim)
         case "extract" if "window" in claim.parameters:
-            return crop(context, claim)
+            return look.crop(context, claim)
         case "extract":
             return extract(context, claim)
         case "fit":
-            return fit(context, claim)
+            return fit.fit(context, claim)
         case "measure":
-            return measure(context, claim)
+            return measure.measure(context, claim)
         case kind:
             raise AssertionError(f"no such kind of job: {kind}")

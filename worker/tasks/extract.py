@@ -15,12 +15,10 @@ from radiometry.frame.exposure import Acceptance, Camera, Exposure, SuppliedExpo
 from radiometry.frame.proof import Proof
 from radiometry.frame.roi import Polygon, bounding_window
 from radiometry.specification.application import FoundBy, FoundRegion
-from store import tables
-from store.blobs import StoredBlob, StoredFile
+from store import blobs, jobs, tables
 from store.blobs.proof import BlobDamaged
 from store.codec import decode, decode_header, encode
 from store.files import keep_blobs, keep_small_previews, reduce_preview
-from store.jobs import Claim, enqueue_extraction
 from store.queries import campaigns, frames, usage
 from store.tables import Blob, Campaign, Extraction, FrameRow, Roi
 from worker.context import Context, Outcome
@@ -28,7 +26,7 @@ from worker.decode.pool import DecoderCrashed
 
 _CAPTURE = ("multispectral", "capture_id")
 _ACTOR = "sweeper"
-_Preview = tuple[StoredBlob, bytes]
+_Preview = tuple[blobs.StoredBlob, bytes]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,7 +105,7 @@ def ask_siblings(
         later = len(list_siblings(session, campaign, frame.id, header, found=True)) > considered
         waiting = [frame] if later else []
     for each in waiting:
-        enqueue_extraction(session, each, campaign.organisation_id, by=_ACTOR)
+        jobs.enqueue_extraction(session, each, campaign.organisation_id, by=_ACTOR)
     if waiting:
         usage.add_jobs(session, len(waiting), organisation_id=campaign.organisation_id)
 
@@ -150,7 +148,7 @@ class _Found:
     """Bands of the capture that were asked where the panel is."""
 
 
-def extract(context: Context, claim: Claim) -> Outcome:
+def extract(context: Context, claim: jobs.Claim) -> Outcome:
     """Read a frame and compute what its region lacks; a refusal is stored with the frame and ends the job."""
     with context.database.reading() as session:
         subject = _load(session, claim.subject_id)
@@ -190,7 +188,7 @@ def _copy(session: Session, extraction: Extraction) -> _Extracted:
     return _Extracted(rows=[asdict(row) for row in statistics], features=extraction.features)
 
 
-def _read(context: Context, claim: Claim, subject: _Subject, file: StoredFile) -> _Found:
+def _read(context: Context, claim: jobs.Claim, subject: _Subject, file: blobs.StoredFile) -> _Found:
     frame, room = subject.frame, methods.get_method(subject.campaign.method)
     header = decode_header(frame.header) if frame.header else None
     if header is None or (header.container == "tiff" and header.cfa == "grey"):
@@ -243,7 +241,7 @@ def _read(context: Context, claim: Claim, subject: _Subject, file: StoredFile) -
 
 
 def _find_panel(
-    context: Context, subject: _Subject, header: FrameHeader, file: StoredFile
+    context: Context, subject: _Subject, header: FrameHeader, file: blobs.StoredFile
 ) -> tuple[FoundRegion | None, int]:
     """Find it in the frame, else where other bands of the capture show it; return how many those are too."""
     frame, campaign = subject.frame, subject.campaign
@@ -265,7 +263,7 @@ def _measure(
     regions: list[Region],
     header: FrameHeader,
     exposure: Exposure | None,
-    file: StoredFile,
+    file: blobs.StoredFile,
 ) -> _Extracted:
     room = methods.get_method(subject.campaign.method)
     around = Polygon.from_points(subject.roi.points) if subject.roi else regions[0].polygon
@@ -295,7 +293,7 @@ def _regions(roi: Roi | None, panel: FoundRegion | None, header: FrameHeader) ->
     return [Region(name=part["name"], polygon=Polygon.from_points(part["points"])) for part in roi.parts]
 
 
-def _inspect(context: Context, subject: _Subject, file: StoredFile) -> tuple[_Preview | None, Proof]:
+def _inspect(context: Context, subject: _Subject, file: blobs.StoredFile) -> tuple[_Preview | None, Proof]:
     """Read all of the frame once: what is found then holds for every later reading of a part."""
     if subject.has_preview and subject.frame.proof:
         return None, decode(Proof, subject.frame.proof)

@@ -11,19 +11,18 @@ from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected, files
 from radiometry.frame import Frame, roi, statistics
-from store.codec import decode_header
-from store.jobs import Claim
+from store import codec, jobs
 from store.queries.campaigns import keep_crop, say_asked
 from store.tables import Crop, FrameRow, new_id
 from worker.context import Context, Outcome
 from worker.decode.pool import DecoderCrashed
 
 
-def look(context: Context, claim: Claim) -> Outcome:
+def look(context: Context, claim: jobs.Claim) -> Outcome:
     """Read the region's window and describe it; no extraction is stored, for nobody has set this region."""
     with context.database.reading() as session:
         frame = session.get_one(FrameRow, claim.subject_id)
-    header = decode_header(frame.header or {})
+    header = codec.decode_header(frame.header or {})
     polygon = roi.Polygon.from_points(claim.parameters["polygon"])
     window = roi.bounding_window(polygon, height_px=header.height_px, width_px=header.width_px)
     pixels = read_pixels(context, frame, (window.row0, window.col0, window.height, window.width))
@@ -55,7 +54,7 @@ _GREYS: Final = 255
 _CLIPPED: Final = (230, 30, 45)
 
 
-def crop(context: Context, claim: Claim) -> Outcome:
+def crop(context: Context, claim: jobs.Claim) -> Outcome:
     """Draw the window that a job names, and keep the picture while it is among the newest."""
     with context.database.reading() as session:
         frame = session.get_one(FrameRow, claim.subject_id)

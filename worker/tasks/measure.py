@@ -9,9 +9,7 @@ from sqlalchemy.orm import Session
 from radiometry.findings import InputRejected, files, shared
 from radiometry.methods import get_method
 from radiometry.specification.application import BandApplication, PictureApplication, SurfaceApplication
-from store.blobs import StoredFile
-from store.codec import decode_header, encode
-from store.jobs import Claim
+from store import blobs, codec, jobs
 from store.measuring import plan, record
 from store.tables import Calibration, FrameRow, Measurement
 from worker.context import Context, Outcome
@@ -20,7 +18,7 @@ from worker.measuring import band, surface
 from worker.measuring.task import Task
 
 
-def measure(context: Context, claim: Claim) -> Outcome:
+def measure(context: Context, claim: jobs.Claim) -> Outcome:
     """Measure as the plan says; what was measured before is computed again only where its map was lost."""
     with context.database.reading() as session:
         frame = session.get_one(FrameRow, claim.subject_id)
@@ -84,13 +82,13 @@ def _find_doubt(task: Task, row: FrameRow, file: Readable) -> Iterator[dict[str,
     proof = plan.read_proof(row) or task.decoders.inspect(file)[1]
     plan.require_whole(row, proof, task.parameters.get("allow", []))
     if proof.wholeness.empty:
-        doubt = proof.describe_doubt(decode_header(row.header or {}))
+        doubt = proof.describe_doubt(codec.decode_header(row.header or {}))
         where, detail = f"frame {row.filename}", f"In frame {row.filename} {doubt}."
-        yield encode(shared.IMAGE_PART_EMPTY.at(where, detail))
+        yield codec.encode(shared.IMAGE_PART_EMPTY.at(where, detail))
 
 
 def _make_task(
-    context: Context, claim: Claim, frame: FrameRow, calibration: Calibration, file: StoredFile
+    context: Context, claim: jobs.Claim, frame: FrameRow, calibration: Calibration, file: blobs.StoredFile
 ) -> Task:
     @contextmanager
     def lend(frame_id: str) -> Iterator[tuple[FrameRow, Readable]]:
