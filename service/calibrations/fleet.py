@@ -14,7 +14,7 @@ from service.http import auth, lookup, operations
 from service.http.answers import problems
 from service.http.context import UsesContext
 from service.http.models import Answer, Instant, Method, PositiveText
-from service.http.problems import Problem, invalid
+from service.http.problems import wrong
 from service.tools.routes import stateless
 from store.queries.fleet import list_determinations
 from store.tables import Camera
@@ -103,7 +103,7 @@ def get_drift(
 def _refuse_other_models(cameras: Sequence[Camera]) -> None:
     models = sorted({f"{camera.make} {camera.model}" for camera in cameras})
     if len(models) > 1:
-        raise _wrong(
+        raise wrong(
             "body.camera_ids",
             f"these are cameras of different models ({', '.join(models)}), whose coefficients cannot be "
             "compared; ask for each model separately",
@@ -114,7 +114,7 @@ def _refuse_unknown_versions(lenses: dict[str, str], found: list[Determination])
     known = {row.source.version for row in found}
     for calibration_id in lenses:
         if calibration_id not in known:
-            raise _wrong(
+            raise wrong(
                 "body.lenses",
                 f"{calibration_id} is not a published version of these cameras and this method; leave it out",
             )
@@ -130,15 +130,11 @@ def _refuse_tolerance(body: NewFleetVerdict, found: list[Determination]) -> None
     for name, tolerance in body.tolerance.items():
         if name not in keys:
             known = ", ".join(sorted(keys)) or "none: nothing is published"
-            raise _wrong(f"body.tolerance.{name}", f"there is no such parameter; there are {known}")
+            raise wrong(f"body.tolerance.{name}", f"there is no such parameter; there are {known}")
         if results.find_sensitivity(body.method, keys[name], {}, mean=1.0).kind == "relative":
             _refuse_no_share(f"body.tolerance.{name}", tolerance)
 
 
 def _refuse_no_share(field: str, tolerance: float) -> None:
     if tolerance >= 1.0:
-        raise _wrong(field, "must be a share less than 1, such as 0.04 for 4 %")
-
-
-def _wrong(field: str, message: str) -> Problem:
-    return invalid([{"type": "fleet", "loc": tuple(field.split(".")), "msg": message}])
+        raise wrong(field, "must be a share less than 1, such as 0.04 for 4 %")

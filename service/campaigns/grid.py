@@ -20,7 +20,7 @@ from service.http.answers import UNCHANGED, not_modified, problems, standing_hea
 from service.http.changes import Reply, Writes
 from service.http.context import Context, UsesContext
 from service.http.lookup import Id, owned
-from service.http.problems import Problem, invalid
+from service.http.problems import Problem, wrong
 from store.queries import audit, campaigns
 from store.reviews import hash_code
 from store.tables import Campaign, CampaignReview, FrameRow
@@ -160,8 +160,7 @@ def change_frames(campaign_id: Id, body: FramesChange, caller: auth.Calibrator, 
         chosen = select(FrameRow).where(FrameRow.campaign_id == campaign_id, FrameRow.id.in_(ids))
         frames = session.scalars(chosen.order_by(FrameRow.id).with_for_update()).all()
         if unknown := set(ids) - {frame.id for frame in frames}:
-            message = f"{min(unknown)} is not a frame of this campaign"
-            raise invalid([{"type": "unknown_frame", "loc": ("body", "frame_ids"), "msg": message}])
+            raise wrong("body.frame_ids", f"{min(unknown)} is not a frame of this campaign")
         if body.expected:
             _require_unchanged(session, frames, body.expected)
         jobs = [job for frame in frames for job in routes.apply_change(session, frame, body, caller)]

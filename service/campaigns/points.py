@@ -161,8 +161,7 @@ def _refuse_rows(points: list[NewPoint], told: PointsTable) -> None:
     if errors:
         raise problems.invalid(errors)
     if told.black_level_dn is not None and told.black_level_dn >= told.white_level_dn:
-        message = "is not below white_level_dn"
-        raise problems.invalid([{"type": "value", "loc": ("query", "black_level_dn"), "msg": message}])
+        raise problems.wrong("query.black_level_dn", "is not below white_level_dn")
 
 
 router = operations.Router(prefix="/v1", tags=["frames"])

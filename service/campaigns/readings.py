@@ -13,7 +13,7 @@ from service.http import auth, changes, lookup, models, operations, tables
 from service.http.answers import problems
 from service.http.context import UsesContext
 from service.http.paging import Page, UsesPaging
-from service.http.problems import Problem, invalid, not_found
+from service.http.problems import Problem, not_found, wrong
 from store.queries import audit, campaigns
 from store.tables import Campaign, Meter, Reading, utc_now
 
@@ -184,6 +184,5 @@ def _by_quantity(meters: list[Meter]) -> dict[str, str]:
     """A meter's kind is the quantity that it reads; which of two was read could not be known."""
     usual = {meter.kind: meter.id for meter in meters}
     if len(usual) < len(meters):
-        message = "names two meters of one kind; name the meter in each reading"
-        raise invalid([{"type": "meters", "loc": ("query", "meter_id"), "msg": message}])
+        raise wrong("query.meter_id", "names two meters of one kind; name the meter in each reading")
     return usual

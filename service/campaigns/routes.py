@@ -19,7 +19,7 @@ from service.http.changes import Reply, Writes
 from service.http.context import UsesContext
 from service.http.lookup import Id, owned
 from service.http.models import Answer, Form, LongText, Text, rfc3339
-from service.http.problems import Problem, invalid, located
+from service.http.problems import Problem, invalid, located, wrong
 from service.measurements.requests import read_roi
 from store import codec, reviews
 from store.queries import campaigns, checklist, organisations
@@ -228,7 +228,7 @@ def _choose_panel(session: Session, campaign: Campaign, serial: str | None, *, o
         panel, _ = organisations.find_or_add_panel(session, campaign.organisation_id, values)
     if panel is None:
         message = "is not registered, and no frame of this campaign states what it reflects: register it"
-        raise invalid([{"type": "panel", "loc": ("body", "panel_serial"), "msg": message}])
+        raise wrong("body.panel_serial", message)
     campaign.panel_id = panel.id
 
 
@@ -250,14 +250,13 @@ def _check_stated(method: str, body: schemas.CampaignDetails) -> None:
 def _require_order(campaign: Campaign) -> None:
     if campaign.started_at and campaign.ended_at and campaign.ended_at < campaign.started_at:
         message = f"is before the beginning of the campaign, {rfc3339(campaign.started_at)}"
-        raise invalid([{"type": "order", "loc": ("body", "ended_at"), "msg": message}])
+        raise wrong("body.ended_at", message)
 
 
 def _require_measurable(method: str) -> None:
     if methods.get_method(method).application is None:
         able = ", ".join(spec.name for spec in methods.METHODS if spec.application)
-        message = f"nothing is measured with a {method} calibration: name one of {able}"
-        raise invalid([{"type": "kind", "loc": ("body", "method"), "msg": message}])
+        raise wrong("body.method", f"nothing is measured with a {method} calibration: name one of {able}")
 
 
 def _require_no_calibration(session: Session, campaign: Campaign) -> None:
@@ -281,7 +280,7 @@ def _read_target(method: str, said: dict[str, Any] | None) -> dict[str, Any] | N
         return None
     if kind is None:
         message = f"a {method} campaign photographs nothing that must be described: leave it out"
-        raise invalid([{"type": "target", "loc": ("body", "target"), "msg": message}])
+        raise wrong("body.target", message)
     try:
         return codec.read_strictly(kind, said or {})
     except ValidationError as error:

@@ -80,7 +80,7 @@ def change_camera(
             with session.no_autoflush:
                 if session.scalar(own.where(Camera.id != camera.id)):
                     message = "is that of another camera of yours: move the campaign to it"
-                    raise problems.invalid([{"type": "camera", "loc": ("body", "serial"), "msg": message}])
+                    raise problems.wrong("body.serial", message)
             mine = select(Campaign).where(Campaign.camera_id == camera.id, Campaign.archived_at.is_(None))
             campaigns = session.scalars(mine.order_by(Campaign.id)).all()
             jobs = [job for each in campaigns for job in check_again(session, each, by=caller.key_id)]
@@ -307,7 +307,7 @@ def create_rig(body: NewRig, caller: auth.Calibrator, writing: changes.Writes) -
         serials = [camera.serial for camera in cameras]
         if len(set(serials)) < len(serials):
             message = "two cameras have one serial number, so that an answer could not tell them apart"
-            raise problems.invalid([{"type": "rig", "loc": ("body", "camera_ids"), "msg": message}])
+            raise problems.wrong("body.camera_ids", message)
         rig, new = find_or_add(session, Rig, caller.organisation_id, body.model_dump(), by=("name",))
         if rig.camera_ids != body.camera_ids:
             raise problems.Problem(
@@ -403,7 +403,7 @@ def _find_sets(
             by_camera = {row.camera_id: row for row in rows if row.method == fleet.METHOD}
             if len(rows) != len(cameras) or by_camera.keys() != set(rig.camera_ids):
                 message = f"must name one {fleet.METHOD} version of each of the rig's {len(cameras)} cameras"
-                raise problems.invalid([{"type": "rig", "loc": ("query", "calibration_id"), "msg": message}])
+                raise problems.wrong("query.calibration_id", message)
             members = tuple(
                 drift.RigVersion(
                     version=by_camera[camera.id].id,

@@ -27,7 +27,7 @@ from service.http import lookup, operations, tables
 from service.http.auth import Reader
 from service.http.context import UsesContext
 from service.http.models import Answer, Form
-from service.http.problems import invalid
+from service.http.problems import wrong
 from service.tools.routes import KM_H_PER_M_S
 from store.codec import decode_exposure, decode_header
 from store.tables import Camera, Campaign, FrameRow
@@ -266,8 +266,7 @@ def _find_pitch(session: Session, campaign: Campaign, optics: FrameOptics) -> fl
     """As it is asked for, else as the camera's record says it."""
     pitch_um = optics.pixel_pitch_um or session.get_one(Camera, campaign.camera_id).pixel_pitch_um
     if pitch_um is None:
-        message = "is missing, and the camera's record does not say it either"
-        raise invalid([{"type": "missing_pitch", "loc": ("query", "pixel_pitch_um"), "msg": message}])
+        raise wrong("query.pixel_pitch_um", "is missing, and the camera's record does not say it either")
     return pitch_um
 
 

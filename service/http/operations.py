@@ -117,18 +117,20 @@ def read_document(body: bytes, validate: Callable[[Any], T]) -> T:
 def refuse_load(body: bytes, *marks: str) -> None:
     """Refuse a body of more parts than a document has, by the marks between them."""
     if sum(body.count(mark.encode()) for mark in marks) > _MOST_PARTS:
-        raise _wrong(f"has more than {_MOST_PARTS} names, values, cells, lines and lists; send it in parts")
+        raise problems.wrong(
+            "body", f"has more than {_MOST_PARTS} names, values, cells, lines and lists; send it in parts"
+        )
 
 
 def _collect(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """Readers differ in which of two they take, so that what one has checked another does not see."""
     if len(pairs) > _MOST_NAMES:
-        raise _wrong(f"has an object with more than {_MOST_NAMES} names")
+        raise problems.wrong("body", f"has an object with more than {_MOST_NAMES} names")
     members = dict(pairs)
     if len(members) < len(pairs):
         counts = Counter(name for name, _ in pairs)
         twice = next(name for name, count in counts.items() if count > 1)
-        raise _wrong(f"names {json.dumps(twice)[:200]} twice in one object; send it once")
+        raise problems.wrong("body", f"names {json.dumps(twice)[:200]} twice in one object; send it once")
     return members
 
 
@@ -141,10 +143,6 @@ def _read_whole(text: str) -> int:
 def _read_real(text: str) -> float:
     # in Python: between two of them the reader's thread gives way to the loop
     return float(text)
-
-
-def _wrong(message: str) -> problems.Problem:
-    return problems.invalid([{"type": "value", "loc": ("body",), "msg": message}])
 
 
 def _encoded() -> problems.Problem:

@@ -38,8 +38,7 @@ def read_cursor(text: str, is_place: Callable[[list[Any]], bool]) -> list[Any]:
             return place
     except (binascii.Error, ValueError):
         pass
-    message = "is no cursor of this list: take it from `next`, or leave it out"
-    raise problems.invalid([{"type": "cursor", "loc": ("query", "cursor"), "msg": message}])
+    raise problems.wrong("query.cursor", "is no cursor of this list: take it from `next`, or leave it out")
 
 
 def read_key(cursor: str, table: str) -> Any:  # noqa: ANN401  a text, or the number of an entry

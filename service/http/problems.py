@@ -221,6 +221,10 @@ def invalid(errors: Iterable[Mapping[str, Any]]) -> Problem:
     return Problem(interface.VALIDATION_FAILED, f"{detail}{more}", errors=named[:_MOST_LISTED])
 
 
+def wrong(field: str, message: str) -> Problem:
+    return invalid([{"type": "value", "loc": field.split("."), "msg": message}])
+
+
 def located(error: ValidationError, *place: str) -> list[dict[str, Any]]:
     """Return what pydantic found, and where in the request; beyond the first hundred only how many there are.
 

@@ -16,7 +16,7 @@ from radiometry.findings import interface
 from radiometry.records import Record
 from service.http.models import Form
 from service.http.operations import NUMBER, read_apart, read_document, refuse_load
-from service.http.problems import Problem, invalid, located
+from service.http.problems import Problem, invalid, located, wrong
 
 _STARTS: Final = "=+-@\t\r\n\uff1d\uff0b\uff0d\uff20"
 """What a formula begins with; the last four in East Asian spreadsheets."""
@@ -150,7 +150,7 @@ def is_table(request: Request) -> bool:
 
 def refuse_columns(message: str, columns: list[str]) -> Problem:
     named = f"it names {', '.join(map(repr, columns))[:200] or 'nothing'}"
-    return invalid([{"type": "csv", "loc": ("line 1",), "msg": f"{message}; {named}"}])
+    return wrong("line 1", f"{message}; {named}")
 
 
 def _read_rows(reader: "csv.DictReader[str]", separator: str, form: type[F], kind: Kind) -> list[F]:

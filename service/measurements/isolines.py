@@ -24,7 +24,7 @@ from radiometry.maps import (
 from service.http import auth, lookup, models, operations
 from service.http.answers import UNCHANGED, immutable_headers, not_modified, problems
 from service.http.context import UsesContext
-from service.http.problems import Problem, invalid
+from service.http.problems import Problem, wrong
 from service.measurements import maps
 from service.measurements.lists import GeoJson
 
@@ -159,12 +159,12 @@ def answer_isolines(found: maps.OpenMap, asked: LevelsOfMap) -> IsolinesAnswer:
     )
     if asked.step is not None and pixels / step**2 > maps.MOST_SQUARES:
         message = f"{pixels // step**2} squares are too many: take a step of {coarse} or more"
-        raise invalid([{"type": "step", "loc": ("query", "step"), "msg": message}])
+        raise wrong("query.step", message)
     while True:
         plane, squares = maps.read_squares(found, window, polygon, step=step)
         if min(plane.shape) < 2:
             message = f"the area holds fewer than 2 x 2 squares of {step} pixels: take a smaller step"
-            raise invalid([{"type": "step", "loc": ("query", "step"), "msg": message}])
+            raise wrong("query.step", message)
         lines = trace_isolines(plane, levels, step=step, left_px=window.left, top_px=window.top)
         vertices = sum(len(line) for each in lines for line in each.lines)
         if vertices <= MOST_VERTICES and (asked.step or not is_ragged(lines, found.uncertainty, step=step)):
@@ -173,7 +173,7 @@ def answer_isolines(found: maps.OpenMap, asked: LevelsOfMap) -> IsolinesAnswer:
             break
         if asked.step is not None:
             message = f"the lines have {vertices} points: take a larger step, or fewer levels"
-            raise invalid([{"type": "step", "loc": ("query", "step"), "msg": message}])
+            raise wrong("query.step", message)
         step *= 2
     place = found.row.result.get("place", {})
     return IsolinesAnswer(

@@ -13,7 +13,7 @@ from radiometry.methods import METHODS
 from service.calibrations.methods import make_fields
 from service.campaigns.schemas import NewRoi, Point, Reflectance
 from service.http.models import WHOLE, Answer, Form, Number, Text
-from service.http.problems import invalid, located
+from service.http.problems import invalid, located, wrong
 from service.jobs.schemas import JobAnswer
 from store.queries.campaigns import Drawing
 
@@ -188,8 +188,7 @@ def read_region(text: str) -> NewRoi:
     except ValidationError as error:
         raise invalid(located(error, "query", "roi")) from error
     except (ValueError, RecursionError) as error:
-        message = "must be [[x,y],...] or makePolygon(...)"
-        raise invalid([{"type": "region", "loc": ("query", "roi"), "msg": message}]) from error
+        raise wrong("query.roi", "must be [[x,y],...] or makePolygon(...)") from error
 
 
 def read_roi(body: NewRoi) -> Drawing:

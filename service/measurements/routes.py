@@ -18,7 +18,7 @@ from service.http import answers, auth, changes, lookup, models, operations
 from service.http.answers import problems
 from service.http.context import Context, UsesContext
 from service.http.paging import Page, UsesPaging
-from service.http.problems import Problem, invalid
+from service.http.problems import Problem, wrong
 from service.jobs.routes import reply_queued
 from service.jobs.schemas import JobAnswer
 from service.measurements import requests
@@ -420,8 +420,7 @@ def contrast_measurements(
         before, after = _side(session, old, caller), _side(session, measurement_id, caller)
         was, is_now = before.summary.measured, after.summary.measured
         if was != is_now:
-            message = f"is of {was}, the other of {is_now}: compare like with like"
-            raise invalid([{"type": "quantity", "loc": ("query", "old"), "msg": message}])
+            raise wrong("query.old", f"is of {was}, the other of {is_now}: compare like with like")
         found = compare_measurements(before, after, other_region=other_region, same_light=same_light)
         return ContrastAnswer.between(before, after, found).respond()
 
@@ -430,8 +429,7 @@ def _side(session: Session, measurement_id: str, caller: auth.Caller) -> Side:
     row = lookup.owned(session, Measurement, measurement_id, caller)
     application = get_method(row.method).application
     if isinstance(application, PictureApplication):
-        message = f"is an {application.quantity} and has no value to compare"
-        raise invalid([{"type": "quantity", "loc": ("query", "old"), "msg": message}])
+        raise wrong("query.old", f"is an {application.quantity} and has no value to compare")
     return Side(
         measurement=row,
         frame=session.get_one(FrameRow, row.frame_id),

@@ -211,9 +211,8 @@ def _cut(layout: maps.Layout, asked: maps.MapWindow) -> maps.Window:
     rows, cols = (bottom - asked.top) // asked.step, (right - asked.left) // asked.step
     if rows < 1 or cols < 1:
         size = f"{layout.height_px} rows and {layout.width_px} columns"
-        message = f"the map has {size}: the window holds no whole square of it"
-        raise problems.invalid([{"type": "window", "loc": ("query", "top"), "msg": message}])
+        raise problems.wrong("query.top", f"the map has {size}: the window holds no whole square of it")
     if rows * cols > maps.MOST_VALUES:
         message = f"{rows * cols} values at once are too many: take a larger step, or a smaller window"
-        raise problems.invalid([{"type": "window", "loc": ("query", "step"), "msg": message}])
+        raise problems.wrong("query.step", message)
     return maps.Window(top=asked.top, left=asked.left, bottom=bottom, right=right)

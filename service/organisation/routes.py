@@ -403,8 +403,7 @@ def revoke_key(key_id: lookup.Id, caller: auth.Admin, writing: changes.Writes) -
 def _create(session: Session, organisation_id: str, new: NewKey) -> KeyAnswer:
     secret = new_secret()
     if new.expires_at is not None and new.expires_at <= utc_now():
-        message = "lies in the past: such a key would open nothing"
-        raise problems.invalid([{"type": "expiry", "loc": ("body", "expires_at"), "msg": message}])
+        raise problems.wrong("body.expires_at", "lies in the past: such a key would open nothing")
     _require_both(new.person, new.role)
     key = create_key(
         session,
@@ -421,8 +420,7 @@ def _create(session: Session, organisation_id: str, new: NewKey) -> KeyAnswer:
 def _require_both(person: str | None, role: str | None) -> None:
     if bool(person) != bool(role):
         lacking = "role" if person else "person"
-        message = "is missing: a certificate names a person with name and role"
-        raise problems.invalid([{"type": "person", "loc": ("body", lacking), "msg": message}])
+        raise problems.wrong(f"body.{lacking}", "is missing: a certificate names a person with name and role")
 
 
 sessions_router = operations.Router(prefix="/v1/sessions", tags=["keys"])

@@ -12,8 +12,9 @@ from radiometry.tools.coverage import MOST_TILT_DEG, Coverage, View
 from radiometry.tools.exponents import ExponentFit, LeftOut, SeriesRow
 from radiometry.tools.motion import USUAL_LIMIT_PX, Motion, MotionCase
 from service.calibrations.schemas import FlagRaised
-from service.http import auth, changes, models, operations, problems
+from service.http import auth, changes, models, operations
 from service.http.models import Answer, Form, Number, Quantity, Text
+from service.http.problems import wrong
 from service.http.tables import UNREAD, Kind, is_table, read_sheet, read_sheet_or_document, refuse_columns
 
 MOST_CASES = 1000
@@ -237,7 +238,7 @@ _FIELDS = frozenset(ExposureRow.model_fields)
 def read_series(data: bytes, told: ExposureTable) -> NewExposureSeries:
     """The rows of a table; ``told`` : what the request says of all of them."""
     if told.white_level_dn is None:
-        raise _wrong("white_level_dn", "is missing: a table does not say it, so say it in the query")
+        raise wrong("query.white_level_dn", "is missing: a table does not say it, so say it in the query")
     usual = told.model_dump(include=set(_SETTINGS), exclude_none=True)
 
     def name_fields(columns: list[str]) -> list[str]:
@@ -253,7 +254,9 @@ def refuse_query(told: ExposureTable) -> None:
     """Beside JSON, which says all of it in its body: two values of one thing are one too many."""
     if told.model_fields_set:
         name = next(each for each in ExposureTable.model_fields if each in told.model_fields_set)
-        raise _wrong(name, "goes with a table (Content-Type: text/csv); in JSON it stands in the body")
+        raise wrong(
+            f"query.{name}", "goes with a table (Content-Type: text/csv); in JSON it stands in the body"
+        )
 
 
 def _name_fields(columns: list[str], wanted: str | None, usual: Collection[str]) -> list[str]:
@@ -277,7 +280,7 @@ def _find_signal(columns: list[str], wanted: str | None) -> str:
     """The column that holds the signal: the one that is named, else the only one that can."""
     if wanted is not None:
         if wanted.strip().lower() not in columns:
-            raise _wrong("signal", f"there is no such column; there are {', '.join(columns)[:200]}")
+            raise wrong("query.signal", f"there is no such column; there are {', '.join(columns)[:200]}")
         return wanted.strip().lower()
     if _SIGNAL in columns:
         return _SIGNAL
@@ -288,10 +291,6 @@ def _find_signal(columns: list[str], wanted: str | None) -> str:
         message = f"holds the signals of {', '.join(found)}; name one in the query, as signal={found[0]}"
         raise refuse_columns(message, columns)
     return found[0]
-
-
-def _wrong(name: str, message: str) -> problems.Problem:
-    return problems.invalid([{"type": "table", "loc": ("query", name), "msg": message}])
 
 
 F = TypeVar("F", bound=models.Form)

@@ -18,7 +18,7 @@ from service.frames.schemas import Upload
 from service.http import answers, changes, lookup, models, operations
 from service.http.auth import Caller, Uploader
 from service.http.context import Context, UsesContext
-from service.http.problems import Problem, invalid, not_found
+from service.http.problems import Problem, not_found, wrong
 from service.measurements.requests import read_region
 from service.uploads.frames import MAX_FILE_BYTES, admit, keep_frame
 from service.uploads.tus import (
@@ -250,8 +250,7 @@ def _keep_facts(partials: Partials, token: str, facts: Facts) -> None:
     try:
         partials.begin(token, facts)
     except FactsTooLong:
-        message = "is too long"
-        raise invalid([{"type": "upload", "loc": ("header", "Upload-Metadata"), "msg": message}]) from None
+        raise wrong("header.Upload-Metadata", "is too long") from None
 
 
 def _end_writer(partial: Partial) -> None:

@@ -18,7 +18,7 @@ from radiometry.findings import interface
 from radiometry.records import Record
 from service.frames.schemas import Upload
 from service.http.models import Sha256, Text
-from service.http.problems import Problem, invalid, located, not_found
+from service.http.problems import Problem, invalid, located, not_found, wrong
 from service.measurements.requests import read_region
 from service.uploads.frames import require_size
 from store.blobs.partials import Claim, Facts, OtherOffset, Partial, Superseded
@@ -95,7 +95,7 @@ def check_protocol(headers: UploadHeaders) -> None:
 
 def read_count(text: str | None, name: str) -> int:
     if text is None or re.fullmatch(_COUNT, text) is None:
-        raise invalid([{"type": "upload", "loc": ("header", name), "msg": "must be a count of bytes"}])
+        raise wrong(f"header.{name}", "must be a count of bytes")
     return int(text)
 
 
@@ -112,7 +112,7 @@ def read_metadata(text: str | None) -> dict[str, str]:
         said = {name: base64.b64decode("".join(value), validate=True).decode() for name, *value in pairs}
     except ValueError:
         message = "must be names with their values in Base64, separated by commas"
-        raise invalid([{"type": "upload", "loc": ("header", "Upload-Metadata"), "msg": message}]) from None
+        raise wrong("header.Upload-Metadata", message) from None
     if "filename" not in said and "name" in said:
         said["filename"] = said["name"]
     return {name: value for name, value in said.items() if name not in _OF_BROWSERS}
