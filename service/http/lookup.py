@@ -1,53 +1,21 @@
 """Look-up of a row by an id in an address: rows of other organisations do not exist for the caller."""
 
 from collections.abc import Sequence
-from typing import Annotated, TypeVar
+from typing import Annotated, Any, Final, TypeVar
 
 from fastapi import Path
 from sqlalchemy.orm import Session
 from sqlalchemy.orm.interfaces import ORMOption
 
 from service.http import auth, problems
-from store.tables import (
-    ApiKey,
-    Base,
-    Calibration,
-    Camera,
-    Campaign,
-    Crop,
-    FrameRow,
-    Job,
-    Manifest,
-    Measurement,
-    Meter,
-    Panel,
-    Reading,
-    Recall,
-    Rig,
-    WebSession,
-)
+from store.tables import Base, Campaign, FrameRow, Reading
 
 Row = TypeVar("Row", bound=Base)
 
 Id = Annotated[str, Path(description="An opaque id, as another answer gave it.", examples=["abc_1"])]
 
-_WORDS: dict[type[Base], str] = {
-    ApiKey: "key",
-    Calibration: "calibration",
-    Camera: "camera",
-    Campaign: "campaign",
-    Crop: "crop",
-    FrameRow: "frame",
-    Job: "job",
-    Manifest: "manifest",
-    Measurement: "measurement",
-    Meter: "meter",
-    Panel: "panel",
-    Recall: "recall",
-    Reading: "reading",
-    Rig: "rig",
-    WebSession: "session",
-}
+_WORDS: Final = {"api_key": "key", "purge": "recall", "web_session": "session"}
+"""What answers call a row where that is not the name of its table."""
 
 
 def owned(
@@ -63,9 +31,9 @@ def owned(
 
     ``options`` : columns that are read, where the row is large
     """
-    row = _find(session, table, row_id, caller, for_update=for_update, options=options)
+    row = _find(session, table, row_id, caller, with_for_update=for_update or None, options=options)
     if row is None:
-        raise problems.not_found(_WORDS[table])
+        raise problems.not_found(_name(table))
     return row
 
 
@@ -74,7 +42,7 @@ def find_owned(session: Session, tables: Sequence[type[Base]], row_id: str, call
     for table in tables:
         if (row := _find(session, table, row_id, caller)) is not None:
             return row
-    raise problems.not_found(" or ".join(_WORDS[table] for table in tables))
+    raise problems.not_found(" or ".join(_name(table) for table in tables))
 
 
 def is_id(text: str) -> bool:
@@ -82,18 +50,19 @@ def is_id(text: str) -> bool:
     return text.isascii() and text.isprintable()
 
 
+def _name(table: type[Base]) -> str:
+    name: str = table.__tablename__
+    return _WORDS.get(name, name)
+
+
 def _find(
     session: Session,
     table: type[Row],
     row_id: str,
     caller: auth.Caller,
-    *,
-    for_update: bool = False,
-    options: Sequence[ORMOption] = (),
+    **how: Any,  # noqa: ANN401  SQLAlchemy's
 ) -> Row | None:
-    row = None
-    if is_id(row_id):
-        row = session.get(table, row_id, options=options, with_for_update=for_update or None)
+    row = session.get(table, row_id, **how) if is_id(row_id) else None
     if row is None or _organisation_of(session, row) != caller.organisation_id:
         return None
     return row
