@@ -22,7 +22,7 @@ from service.documents import routes as certificates
 from service.equipment import routes as equipment
 from service.frames import motion, pictures
 from service.frames import routes as frames
-from service.http import connections, document, middleware, problems, processes
+from service.http import document, middleware, problems
 from service.http.context import Context
 from service.http.problems import Problem
 from service.jobs import routes as jobs
@@ -72,10 +72,10 @@ def build_app(context: Context) -> FastAPI:
     _let_dashboards_read(app, context.settings.cors_origins)
     app.add_middleware(middleware.Heads)
     app.add_middleware(middleware.OverriddenMethods)
-    app.add_middleware(connections.KnownHosts)
+    app.add_middleware(middleware.KnownHosts)
     app.add_middleware(middleware.SecurityHeaders)
     # the outermost: it answers in the place of all others
-    app.add_middleware(processes.CarriesTraffic)
+    app.add_middleware(middleware.CarriesTraffic)
     app.state.context = context
     app.state.operations = {}
     app.state.assets = Assets()

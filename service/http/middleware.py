@@ -1,4 +1,4 @@
-"""Middleware: limits of bodies, digests, compression, HEAD, overridden methods, security headers."""
+"""Middleware: limits of bodies, digests, compression, HEAD, overridden methods, headers, host names."""
 
 import asyncio
 import base64
@@ -8,6 +8,7 @@ import time
 from collections import Counter
 from dataclasses import dataclass
 from typing import Any, Final
+from urllib.parse import urlsplit
 
 from fastapi import FastAPI
 from fastapi.routing import iter_route_contexts
@@ -17,7 +18,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from radiometry.findings import interface
 from service.coefficients.series import MEDIA_TYPES
-from service.http import auth, counts, problems
+from service.http import auth, connections, counts, problems
 
 MAX_BODY_BYTES: Final = 4 << 20
 STRANGER_BYTES: Final = 64_000
@@ -36,18 +37,31 @@ def is_upload(scope: Scope) -> bool:
     return _UPLOADS.fullmatch(f"{scope['method']} {scope['path']}") is not None
 
 
-class BodyLimit:
+class _Layer:
+    """What is no request of HTTP passes it."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        await (self._serve if scope["type"] == "http" else self._app)(scope, receive, send)
+
+    async def _serve(self, scope: Scope, receive: Receive, send: Send) -> None:
+        raise NotImplementedError
+
+
+class BodyLimit(_Layer):
     """Refuses a body that is too large or too slow as soon as that is known.
 
     How much is too large depends on who asks, which an operation knows before it takes the first byte.
     """
 
     def __init__(self, app: ASGIApp) -> None:
-        self._app = app
+        super().__init__(app)
         self._open: Counter[str] = Counter()
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        headers = Headers(scope=scope) if scope["type"] == "http" else {}
+    async def _serve(self, scope: Scope, receive: Receive, send: Send) -> None:
+        headers = Headers(scope=scope)
         if headers.get("content-length", "0") == "0" and "transfer-encoding" not in headers:
             await self._app(scope, receive, send)
             return
@@ -193,7 +207,7 @@ _MARK: Final = ".gz"
 _UNCHANGED: Final = 304
 
 
-class Compression:
+class Compression(_Layer):
     """Packs answers of more than a kilobyte; never pictures, PDFs, stored files or event streams.
 
     The entity tag of a packed answer ends in a mark, because the same tag would promise the same bytes. A
@@ -206,10 +220,7 @@ class Compression:
             app, _SMALLEST_BYTES, _LEVEL, exclude_content_types=(*_LEFT, "text/html")
         )
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http":
-            await self._packing(scope, receive, send)
-            return
+    async def _serve(self, scope: Scope, receive: Receive, send: Send) -> None:
         headers = MutableHeaders(scope=scope)
         if "gzip" in (accepted := headers.get("accept-encoding", "")):
             headers["accept-encoding"] = _REFUSED.sub("identity", accepted)
@@ -236,20 +247,14 @@ _ALGORITHMS: Final = {"sha-256": "sha256", "sha-512": "sha512"}
 _MEMBER: Final = re.compile(r"(?:^|,)\s*(sha-256|sha-512)\s*=([^,]*)", re.IGNORECASE)
 
 
-class ContentDigests:
+class ContentDigests(_Layer):
     """Refuses a body that is not the announced one, when its last byte is there.
 
     Of an upload only `Content-Digest` is looked at here: `Repr-Digest` is the file's, also in a form, and
     `service/uploads/frames.py` hashes the file anyway.
     """
 
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http":
-            await self._app(scope, receive, send)
-            return
+    async def _serve(self, scope: Scope, receive: Receive, send: Send) -> None:
         headers = Headers(scope=scope)
         names = ("content-digest",) if is_upload(scope) else ("content-digest", "repr-digest")
         announced = {name: ", ".join(headers.getlist(name)) for name in names if name in headers}
@@ -304,13 +309,10 @@ def _read_digests(name: str, text: str) -> list[tuple[str, bytes]]:
     return found
 
 
-class Heads:
+class Heads(_Layer):
     """Serve a HEAD as the GET of its address, if it has one."""
 
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+    async def _serve(self, scope: Scope, receive: Receive, send: Send) -> None:
         if not _is_of_a_get(scope):
             await self._app(scope, receive, send)
             return
@@ -328,22 +330,18 @@ class Heads:
 
 
 def _is_of_a_get(scope: Scope) -> bool:
-    is_head = scope["type"] == "http" and scope["method"] == "HEAD"
-    return is_head and "GET" in scope["app"].state.addresses.methods_of(scope["path"])
+    return scope["method"] == "HEAD" and "GET" in scope["app"].state.addresses.methods_of(scope["path"])
 
 
 _UPLOAD: Final = "/v1/uploads/"
 _METHODS: Final = frozenset({"HEAD", "PATCH", "DELETE"})
 
 
-class OverriddenMethods:
+class OverriddenMethods(_Layer):
     """Serve a POST to an upload as the method that its header names."""
 
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] == "http" and scope["method"] == "POST" and scope["path"].startswith(_UPLOAD):
+    async def _serve(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["method"] == "POST" and scope["path"].startswith(_UPLOAD):
             method = Headers(scope=scope).get("x-http-method-override", "").upper()
             if method in _METHODS:
                 scope["method"] = method
@@ -367,13 +365,10 @@ CONTENT_POLICY: Final = (
 )
 
 
-class SecurityHeaders:
+class SecurityHeaders(_Layer):
     """Adds what an answer does not say for itself."""
 
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+    async def _serve(self, scope: Scope, receive: Receive, send: Send) -> None:
         async def guarded(message: Message) -> None:
             if message["type"] == "http.response.start":
                 own = message["headers"]
@@ -384,4 +379,51 @@ class SecurityHeaders:
                 message["headers"] = [*own, *(each for each in wanted.items() if each[0] not in named)]
             await send(message)
 
-        await self._app(scope, receive, guarded if scope["type"] == "http" else send)
+        await self._app(scope, receive, guarded)
+
+
+_FOR_MACHINES: Final = frozenset({"/livez", "/readyz", "/metrics"})
+
+
+class KnownHosts(_Layer):
+    """Refuses names that are not listed, where any are; and never sends anybody to a host of a stranger's.
+
+    Behind a proxy whose name nobody has listed, addresses in answers are paths: they hold under any name.
+    """
+
+    async def _serve(self, scope: Scope, receive: Receive, send: Send) -> None:
+        hosts: connections.Hosts = scope["app"].state.context.hosts
+        named = Headers(scope=scope).getlist("host")
+        if len(named) != 1 and scope["path"] not in _FOR_MACHINES:
+            detail = f"The request has {len(named)} Host headers. Send one."
+            await problems.answer(problems.Problem(interface.BAD_REQUEST, detail))(scope, receive, send)
+            return
+        host = "".join(named)
+        reached_at = (scope.get("server") or ("",))[0] or ""
+        listed = hosts.is_listed(host)
+        known = listed or hosts.is_own(host, reached_at)
+        if hosts.are_listed and not known and scope["path"] not in _FOR_MACHINES:
+            detail = "This service does not answer under this host name. The operator lists its names in "
+            refusal = problems.Problem(interface.HOST_NOT_ALLOWED, f"{detail}STILB_ALLOWED_HOSTS.")
+            await problems.answer(refusal)(scope, receive, send)
+            return
+        if listed:
+            scope["scheme"] = hosts.scheme_of(host) or scope["scheme"]
+        scope.setdefault("state", {})["base"] = f"{scope['scheme']}://{host}" if known else ""
+
+        async def guarded(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                target = urlsplit(dict(message["headers"]).get(b"location", b"").decode("latin-1"))
+                # the framework's own, to the address without its last slash, is the only absolute one
+                if target.netloc:
+                    MutableHeaders(scope=message)["location"] = target._replace(scheme="", netloc="").geturl()
+            await send(message)
+
+        await self._app(scope, receive, guarded)
+
+
+class CarriesTraffic(_Layer):
+    """Lets every request pass through the traffic of the context."""
+
+    async def _serve(self, scope: Scope, receive: Receive, send: Send) -> None:
+        await scope["app"].state.context.traffic.carry(self._app, scope, receive, send)

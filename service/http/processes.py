@@ -324,20 +324,6 @@ class _Exchange:
         await self._send({"type": "http.response.body", "body": b"", "more_body": False})
 
 
-class CarriesTraffic:
-    """Lets every request pass through the traffic of the context."""
-
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http":
-            await self._app(scope, receive, send)
-            return
-        traffic: Traffic = scope["app"].state.context.traffic
-        await traffic.carry(self._app, scope, receive, send)
-
-
 class Server(uvicorn.Server):
     """Stops in order: /readyz says so, waits for jobs end, open requests end or are cut, the port closes.
 
