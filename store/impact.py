@@ -81,7 +81,10 @@ def assess(session: Session, calibration: Calibration, against: InForce) -> Impa
     shared, common = _compare_references(old, calibration)
     rows = coefficients_of(session, [old.id, calibration.id])
     isos = {key: {row.iso for row in rows[key] if row.iso is not None} for key in (old.id, calibration.id)}
-    flags = {version.id: _flags(version) for version in (old, calibration)}
+    flags = {
+        version.id: {(flag["flag"], flag["where"]) for flag in version.result.get("flags", [])}
+        for version in (old, calibration)
+    }
     return Impact(
         against=against,
         meter_calibration=shared,
@@ -207,10 +210,6 @@ def _key(row: CoefficientRow) -> tuple[Any, ...]:
 
 def _quantity(row: CoefficientRow) -> Quantity:
     return Quantity(value=row.value, standard_uncertainty=row.standard_uncertainty, unit=row.unit)
-
-
-def _flags(calibration: Calibration) -> set[tuple[str, str]]:
-    return {(flag["flag"], flag["where"]) for flag in calibration.result.get("flags", [])}
 
 
 _ENGRAVED = ("kind", "make", "model", "serial")

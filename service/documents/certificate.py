@@ -184,7 +184,8 @@ def build_certificate(
 ) -> schemas.CertificateAnswer:
     """Build the whole document, with the items that it lacks; a draft unless it is being issued."""
     row = record.calibration
-    meters, panels = describe_meters(record), _panels(record)
+    meters = describe_meters(record)
+    panels = [schemas.UsedPanel.model_validate(each) for each in record.calibration.inputs.get("panels", [])]
     spec = get_method(row.method)
     result, text = drop_absent(row.result), spec.certificate
     vignetting = format_vignetting(spec, row.parameters.get("vignetting"))
@@ -264,10 +265,6 @@ def _number(record: CalibrationRecord, version: Calibration) -> str:
 def _name(record: CalibrationRecord, key_id: str) -> str:
     """Return the person whose key acted; a process that acted without a key is named as it is."""
     return record.names.get(key_id, key_id)
-
-
-def _panels(record: CalibrationRecord) -> list[schemas.UsedPanel]:
-    return [schemas.UsedPanel.model_validate(panel) for panel in record.calibration.inputs.get("panels", [])]
 
 
 def _regions(record: CalibrationRecord) -> list[schemas.Region]:

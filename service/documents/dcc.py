@@ -41,8 +41,9 @@ def write_dcc(certificate: sheets.Node, *, country: str, state: str, document: b
     contact = _add(_add(administrative, "calibrationLaboratory"), "contact")
     _add_contact(contact, laboratory["name"], laboratory.get("address"), country)
     person = _add(_add(administrative, "respPersons"), "respPerson")
-    _say(_add(person, "person"), "name", _find_person(certificate))
-    _add(person, "mainSigner", "true" if "approved_by" in certificate else "false")
+    approved = certificate.get("approved_by")
+    _say(_add(person, "person"), "name", str(approved["name"] if approved else certificate["author"]))
+    _add(person, "mainSigner", "true" if approved else "false")
     _add_contact(_add(administrative, "customer"), certificate["work"]["customer"], None, None)
     statements = _add(administrative, "statements")
     stamp = pages.STAMPS[state]
@@ -149,10 +150,6 @@ def _add_quantity(quantity: ET.Element, row: sheets.Node) -> None:
         ET.SubElement(expanded, "si:uncertainty").text = repr(row["expanded_uncertainty"])
         ET.SubElement(expanded, "si:coverageFactor").text = repr(row["coverage_factor"])
         ET.SubElement(expanded, "si:coverageProbability").text = _PROBABILITY
-
-
-def _find_person(certificate: sheets.Node) -> str:
-    return str(certificate["approved_by"]["name"] if "approved_by" in certificate else certificate["author"])
 
 
 def _add_contact(contact: ET.Element, name: str, address: str | None, country: str | None) -> None:

@@ -84,7 +84,7 @@ def lay_out_report(measurement: Node, reported: Reported) -> Node:
             ["Exposure", _write_exposure(reported.exposure)],
         ],
         "work": [
-            ["Taken", _write_time(measurement.get("taken_at"))],
+            ["Taken", (measurement.get("taken_at") or "not in the file").replace("T", " ")],
             ["Position", _write_position(measurement)],
             ["Place", _cut(reported.place) if reported.place else "not recorded"],
             ["Measured", stamp(measurement["created_at"])],
@@ -113,10 +113,6 @@ def _list_frames(frame_ids: Sequence[str]) -> str:
 def _cut(text: str) -> str:
     line = " ".join(text.split())
     return line if len(line) <= _LONGEST else f"{line[:_LONGEST]}…"
-
-
-def _write_time(taken_at: str | None) -> str:
-    return taken_at.replace("T", " ") if taken_at else "not in the file"
 
 
 def _write_position(measurement: Node) -> str:

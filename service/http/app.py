@@ -6,7 +6,6 @@ from typing import Any, Final
 
 from fastapi import FastAPI, Request, Response
 from fastapi.middleware.cors import CORSMiddleware
-from fastapi.routing import APIRoute
 from sqlalchemy.exc import InterfaceError, OperationalError, ProgrammingError, SQLAlchemyError
 from sqlalchemy.exc import TimeoutError as NoConnectionFree
 from starlette.concurrency import run_in_threadpool
@@ -60,7 +59,7 @@ def build_app(context: Context) -> FastAPI:
         title="stilb",
         version=read_version(),
         summary="Raw frames and meter readings in, camera coefficients with their uncertainty out.",
-        generate_unique_id_function=_operation_id,
+        generate_unique_id_function=lambda route: route.name,
         # FastAPI's own pages load their scripts from elsewhere: service/pages/documentation.py has ours
         docs_url=None,
         redoc_url=None,
@@ -136,10 +135,6 @@ def _let_dashboards_read(app: FastAPI, origins: str) -> None:
             expose_headers=_SHOWN,
             max_age=3600,
         )
-
-
-def _operation_id(route: APIRoute) -> str:
-    return route.name
 
 
 def _install_database_problem(app: FastAPI) -> None:

@@ -313,7 +313,8 @@ class Heads(_Layer):
     """Serve a HEAD as the GET of its address, if it has one."""
 
     async def _serve(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if not _is_of_a_get(scope):
+        addresses: Addresses = scope["app"].state.addresses
+        if scope["method"] != "HEAD" or "GET" not in addresses.methods_of(scope["path"]):
             await self._app(scope, receive, send)
             return
         scope["method"] = "GET"
@@ -327,10 +328,6 @@ class Heads(_Layer):
                 await send({"type": "http.response.body", "body": b""})
 
         await self._app(scope, receive, send_head)
-
-
-def _is_of_a_get(scope: Scope) -> bool:
-    return scope["method"] == "HEAD" and "GET" in scope["app"].state.addresses.methods_of(scope["path"])
 
 
 _UPLOAD: Final = "/v1/uploads/"

@@ -46,13 +46,10 @@ def read_key(cursor: str, table: str) -> Any:  # noqa: ANN401  a text, or the nu
 
     def is_place(place: list[Any]) -> bool:
         named, *keys = place or [""]
-        return named == table and len(keys) == 1 and _is_key(keys[0])
+        known = all(is_text(key) or (type(key) is int and 0 <= key <= _LARGEST_KEY) for key in keys)
+        return named == table and len(keys) == 1 and known
 
     return read_cursor(cursor, is_place)[1]
-
-
-def _is_key(key: object) -> bool:
-    return is_text(key) or (type(key) is int and 0 <= key <= _LARGEST_KEY)
 
 
 class Listing(BaseModel):

@@ -225,7 +225,8 @@ class _Piece:
         next_message = asyncio.ensure_future(self._request.receive())
         try:
             while True:
-                idle_s = _IDLE_S if self._piecewise and self._has_more_than_is_kept() else None
+                kept = not self._waiting and self._claim.written_bytes <= self._claim.durable_bytes
+                idle_s = None if kept or not self._piecewise else _IDLE_S
                 arrived, _ = await asyncio.wait({next_message}, timeout=idle_s)
                 if not arrived:
                     await run_in_threadpool(self._store, keep=True)
@@ -247,9 +248,6 @@ class _Piece:
                 next_message = asyncio.ensure_future(self._request.receive())
         finally:
             next_message.cancel()
-
-    def _has_more_than_is_kept(self) -> bool:
-        return bool(self._waiting) or self._claim.written_bytes > self._claim.durable_bytes
 
     def _store(self, *, keep: bool) -> None:
         waiting, self._waiting = self._waiting, []

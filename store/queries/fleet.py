@@ -28,7 +28,10 @@ def list_determinations(
     rows = coefficients_of(session, [source.version for source in sources])
     return [
         Determination(
-            key=_key(row), value=row.value, standard_uncertainty=row.standard_uncertainty, source=source
+            key=Key(**{each.name: getattr(row, each.name) for each in fields(Key)}),
+            value=row.value,
+            standard_uncertainty=row.standard_uncertainty,
+            source=source,
         )
         for source in sources
         for row in rows[source.version]
@@ -90,10 +93,6 @@ def _read_lenses(session: Session, campaign_ids: set[str]) -> dict[str, str]:
     return {
         campaign_id: header["lens_serial"] for campaign_id, header in headers if header.get("lens_serial")
     }
-
-
-def _key(row: tables.CoefficientRow) -> Key:
-    return Key(**{each.name: getattr(row, each.name) for each in fields(Key)})
 
 
 METHOD, SPEC = next((each.name, each.rig) for each in METHODS if each.rig)

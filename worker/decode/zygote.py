@@ -206,7 +206,8 @@ def main() -> None:
     # what the interpreter and the loader note down when code is first run is then shared by all cells
     for _ in range(_TIMES):
         warm_up(prepared.first_file, prepared.first_stream)
-    ready = {"ready": True, "rawpy": rawpy, "sandbox": vars(sandbox), "threads": _count_threads()}
+    threads = len(list(Path("/proc/self/task").iterdir()))
+    ready = {"ready": True, "rawpy": rawpy, "sandbox": vars(sandbox), "threads": threads}
     zygote = _Zygote(control, arguments.parent, prepared, sandbox)
     # Objects that nobody looks at again are not copied by the cells' collections.
     gc.collect()
@@ -220,10 +221,6 @@ def load_late_imports() -> None:
         importlib.import_module(name)
     for name in _CODECS:
         getattr(imagecodecs, name)
-
-
-def _count_threads() -> int:
-    return sum(1 for _ in Path("/proc/self/task").iterdir())
 
 
 def _parse_arguments() -> argparse.Namespace:
