@@ -1,7 +1,7 @@
 """Publishing a version with its certificate, taking it back, and what was in force when, as known when."""
 
 import json
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from datetime import datetime, timedelta
 
 from sqlalchemy import ColumnElement, func, select
@@ -11,7 +11,7 @@ from radiometry.findings import interface, shared
 from radiometry.records import Record
 from store import blobs, database, files
 from store.ready.rows import close_ready, describe_validity, write_ready
-from store.tables import Calibration, IssuedCertificate, Json, Publication, Revocation, Slot, utc_now
+from store.tables import Calibration, IssuedCertificate, Publication, Revocation, Slot, utc_now
 
 
 class InForce(Record):
@@ -204,19 +204,6 @@ def _give_way(session: Session, older: Publication, newer: Publication) -> list[
     return rows
 
 
-class PrintedCertificate(Record):
-    """A certificate whose files are stored, and of which no row says so yet."""
-
-    amendment: int
-    number: str
-    json: blobs.StoredBlob
-    pdf: blobs.StoredBlob
-    fitted_by: Json | None
-    approved_by: Json | None
-    at_upgrade: bool
-    issued_at: datetime
-
-
 def list_issued(session: Session, calibration_id: str) -> list[IssuedCertificate]:
     """Return the original of a version and its amendments in their order; a draft has none."""
     mine = select(IssuedCertificate).where(IssuedCertificate.calibration_id == calibration_id)
@@ -228,28 +215,23 @@ def is_published(session: Session, calibration_id: str) -> bool:
     return session.scalar(mine.limit(1)) is not None
 
 
+class PrintedCertificate(Record):
+    """A certificate whose files are stored; its row still lacks the publication that issues it."""
+
+    row: IssuedCertificate
+    files: Sequence[blobs.StoredBlob]
+
+
 def keep_issued(session: Session, publication: Publication, printed: PrintedCertificate) -> None:
     """Issue a printed certificate with its publication; whoever publishes holds the lock of its slot."""
-    if len(list_issued(session, publication.calibration_id)) != printed.amendment:
+    if len(list_issued(session, publication.calibration_id)) != printed.row.amendment:
         raise database.Conflict(
             interface.CONFLICT,
             "Another request has just published this version. Look at it, and publish again.",
         )
-    files.keep_blobs(session, [printed.json, printed.pdf])
-    session.add(
-        IssuedCertificate(
-            calibration_id=publication.calibration_id,
-            amendment=printed.amendment,
-            number=printed.number,
-            publication_id=publication.id,
-            json_sha256=printed.json.sha256,
-            pdf_sha256=printed.pdf.sha256,
-            fitted_by=printed.fitted_by,
-            approved_by=printed.approved_by,
-            at_upgrade=printed.at_upgrade,
-            issued_at=printed.issued_at,
-        )
-    )
+    files.keep_blobs(session, printed.files)
+    printed.row.calibration_id, printed.row.publication_id = publication.calibration_id, publication.id
+    session.add(printed.row)
     session.flush()
 
 

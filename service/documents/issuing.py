@@ -156,16 +156,18 @@ def _print(
     order = rendered.order_certificate(content, draw_preview(record, context.files))
     require = context.settings.decoder_sandbox == "require"
     pdf = rendered.render_apart(rendered.write_order(order), require=require, first=first)
-    return publications.PrintedCertificate(
+    kept = [_store(context, each) for each in (sheets.write_json(content).encode(), pdf)]
+    row = IssuedCertificate(
         amendment=issued.amends.amendment if issued.amends else 0,
         number=certificate.number,
-        json=_store(context, sheets.write_json(content).encode()),
-        pdf=_store(context, pdf),
-        fitted_by=certificate.fitted_by.dump() if certificate.fitted_by else None,
-        approved_by=certificate.approved_by.dump() if certificate.approved_by else None,
+        json_sha256=kept[0].sha256,
+        pdf_sha256=kept[1].sha256,
+        fitted_by=content.get("fitted_by"),
+        approved_by=content.get("approved_by"),
         at_upgrade=issued.at_upgrade,
         issued_at=issued.at,
     )
+    return publications.PrintedCertificate(row=row, files=kept)
 
 
 def _store(context: Context, content: bytes) -> blobs.StoredBlob:
