@@ -266,7 +266,11 @@ class Fault(Exception):  # noqa: N818  it says what was found
 
 def check_audit(database: Database, noted: Head | None = None) -> tuple[Head, Fault | None]:
     """Walk the chains of one snapshot: the last links that hold, and the first fault; ``noted``: a head."""
-    settled = _find_settled(database)
+    # the number up to which all entries are there: numbers are drawn before the commit
+    with database.reading(snapshot=True) as session:
+        if not database.is_sqlite:
+            session.execute(text("LOCK TABLE audit_chain IN EXCLUSIVE MODE"))
+        settled = session.scalar(select(func.max(AuditEntry.seq))) or 0
     with database.reading(snapshot=True) as session:
         trail = _Trail(session.scalars(select(AuditHead)).one_or_none())
         head = None
@@ -314,14 +318,6 @@ def check_chain(
     except Fault as fault:
         return last, fault, True
     return last, None, True
-
-
-def _find_settled(database: Database) -> int:
-    """Return the number up to which all entries are there: numbers are drawn before the commit."""
-    with database.reading(snapshot=True) as session:
-        if not database.is_sqlite:
-            session.execute(text("LOCK TABLE audit_chain IN EXCLUSIVE MODE"))
-        return session.scalar(select(func.max(AuditEntry.seq))) or 0
 
 
 class _Trail:

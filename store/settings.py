@@ -140,7 +140,11 @@ def _read_all() -> Settings:
     for field in Settings.model_fields:
         name = field.upper()
         if path := given.get(f"{name}{_IN_FILE}"):
-            read[field] = _read(name, path, given)
+            if given.get(name):
+                raise SettingsWrong(
+                    f"{_PREFIX}{name}: also given as {_PREFIX}{name}{_IN_FILE}; remove one of them"
+                )
+            read[field] = read_secret(f"{_PREFIX}{name}{_IN_FILE}", path)
         elif name in given:
             read[field] = given[name]
     try:
@@ -172,12 +176,6 @@ def _misspelt(environment: Mapping[str, str]) -> Iterator[str]:
             alike = get_close_matches(meant, known, n=1, cutoff=_ALIKE)
             nearest = f"did you mean {alike[0]}?" if alike else "docs/settings.md lists them."
             yield f"{name}: there is no such setting; {nearest}"
-
-
-def _read(name: str, path: str, given: Mapping[str, str]) -> str:
-    if given.get(name):
-        raise SettingsWrong(f"{_PREFIX}{name}: also given as {_PREFIX}{name}{_IN_FILE}; remove one of them")
-    return read_secret(f"{_PREFIX}{name}{_IN_FILE}", path)
 
 
 def read_secret(name: str, path: str) -> str:

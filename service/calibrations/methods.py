@@ -347,10 +347,6 @@ class FindingsAnswer(models.Answer):
     items: list[FindingAnswer]
 
 
-def describe_findings() -> FindingsAnswer:
-    return FindingsAnswer(items=[FindingAnswer.model_validate(asdict(each)) for each in FINDINGS.values()])
-
-
 findings_router = operations.Router(prefix="/v1/findings", tags=["calibrations"])
 
 
@@ -360,7 +356,7 @@ def list_findings(request: Request, _caller: auth.Reader) -> Response:
 
     Flags, reasons of verdicts and refusals name a `code` of this list. It changes only with the release.
     """
-    answer = describe_findings()
+    answer = FindingsAnswer(items=[FindingAnswer.model_validate(asdict(each)) for each in FINDINGS.values()])
     tag = hashlib.sha256(answer.model_dump_json().encode()).hexdigest()
     headers = answers.standing_headers(tag)
     return answers.not_modified(request, tag, headers) or answer.respond(headers)

@@ -216,10 +216,6 @@ ASSUMED = (
 )
 
 
-def _form_of_tolerance(value: Any) -> str:  # noqa: ANN401
-    return problems.BY_NAME if isinstance(value, dict) else problems.AS_NUMBER
-
-
 Tolerance = Annotated[
     Annotated[models.Positive, Tag(problems.AS_NUMBER)]
     | Annotated[
@@ -227,7 +223,7 @@ Tolerance = Annotated[
         Field(min_length=1, max_length=100, json_schema_extra={"additionalProperties": False}),
         Tag(problems.BY_NAME),
     ],
-    Discriminator(_form_of_tolerance),
+    Discriminator(lambda value: problems.BY_NAME if isinstance(value, dict) else problems.AS_NUMBER),
 ]
 
 

@@ -19,7 +19,7 @@ from radiometry.specification.application import PictureApplication
 from radiometry.specification.method import MethodSpec
 from radiometry.specification.roles import CHART, DARK, FIELD, Role
 from service.http import answers, changes, lookup, operations
-from service.http.auth import Caller, Uploader
+from service.http.auth import Uploader
 from service.http.context import UsesContext
 from service.http.models import Answer, Form, FrameRole, Method, Number, Positive, Text
 from store.publications import in_force
@@ -265,8 +265,11 @@ def propose_frames(
             campaign = lookup.owned(session, Campaign, body.campaign_id, caller)
             method, kind = campaign.method, campaign.kind
             there = _list_scenes(session, campaign)
-        held = _list_held(session, body.camera_id, caller)
-        holders = _find_holders(session, body, caller)
+        camera = lookup.owned(session, Camera, body.camera_id, caller) if body.camera_id is not None else None
+        held, now = [], utc_now()
+        if camera is not None:
+            held = [x.name for x in METHODS if in_force(session, camera_id=camera.id, method=x.name, at=now)]
+        holders = _find_holders(session, camera) if camera is not None else {}
     frames = [CardFrame(**each.model_dump()) for each in body.frames]
     best, night, looks_like_night = choose_methods(frames, held)
     if method is None:
@@ -311,11 +314,8 @@ def _list_scenes(session: Session, campaign: Campaign) -> list[CardFrame]:
     ]
 
 
-def _find_holders(session: Session, body: CardAsked, caller: Caller) -> dict[_Key, str]:
+def _find_holders(session: Session, camera: Camera) -> dict[_Key, str]:
     """Find the campaigns, newest first, that hold frames of the camera that this card has too."""
-    if body.camera_id is None:
-        return {}
-    camera = lookup.owned(session, Camera, body.camera_id, caller)
     recent = select(Campaign.id).where(Campaign.camera_id == camera.id, Campaign.archived_at.is_(None))
     rows = session.execute(
         select(
@@ -342,11 +342,3 @@ def _key(frame: CardFrame) -> _Key:
 def _read_s(taken_at: str) -> float:
     instant = datetime.fromisoformat(taken_at)
     return (instant if instant.tzinfo else instant.replace(tzinfo=UTC)).timestamp()
-
-
-def _list_held(session: Session, camera_id: str | None, caller: Caller) -> set[str]:
-    """List the methods of which a camera has a version in force."""
-    if camera_id is None:
-        return set()
-    camera, now = lookup.owned(session, Camera, camera_id, caller), utc_now()
-    return {spec.name for spec in METHODS if in_force(session, camera_id=camera.id, method=spec.name, at=now)}

@@ -85,7 +85,11 @@ def add_campaign_readings(
         campaign = lookup.owned(session, Campaign, campaign_id, caller)
         for named in {form.meter_id for form in forms if form.meter_id}:
             lookup.owned(session, Meter, named, caller)
-        usual = _by_quantity([lookup.owned(session, Meter, each, caller) for each in meter_id or ()])
+        meters = [lookup.owned(session, Meter, each, caller) for each in meter_id or ()]
+        # a meter's kind is the quantity that it reads; which of two was read could not be known
+        usual = {meter.kind: meter.id for meter in meters}
+        if len(usual) < len(meters):
+            raise wrong("query.meter_id", "names two meters of one kind; name the meter in each reading")
         now = utc_now()
         replaced = _find_replaced(session, campaign, forms, caller)
         columns = [{"meter_id": usual.get(form.quantity)} | _columns(form) for form in forms]
@@ -178,11 +182,3 @@ def _columns(form: NewReading) -> dict[str, Any]:
         "reason": form.reason,
         **({"meter_id": form.meter_id} if form.meter_id else {}),
     }
-
-
-def _by_quantity(meters: list[Meter]) -> dict[str, str]:
-    """A meter's kind is the quantity that it reads; which of two was read could not be known."""
-    usual = {meter.kind: meter.id for meter in meters}
-    if len(usual) < len(meters):
-        raise wrong("query.meter_id", "names two meters of one kind; name the meter in each reading")
-    return usual

@@ -338,7 +338,9 @@ def change_checklist(
                 "it then stands for the list as changed.",
             )
         for item in body.items or []:
-            _refuse_undone(record, item)
+            finding = record.findings.get(item.key) if record else None
+            if item.done and finding is not None and not finding.done:
+                raise Problem(interface.STEP_NOT_DONE, f"{item.key}: {finding.sentence}")
             checklist.set_tick(session, campaign, item.key, done=item.done, note=item.note, by=caller.key_id)
         if body.signature is not None:
             checklist.sign(session, campaign, name=body.signature.name, by=caller.key_id)
@@ -350,12 +352,6 @@ def change_checklist(
         owned(reading, Campaign, campaign_id, caller)
         record = context.reviews.find(reading, campaign_id).record
     return writing.run(caller, change)
-
-
-def _refuse_undone(record: checklist.RecordState | None, item: ItemChange) -> None:
-    finding = record.findings.get(item.key) if record else None
-    if item.done and finding is not None and not finding.done:
-        raise Problem(interface.STEP_NOT_DONE, f"{item.key}: {finding.sentence}")
 
 
 def _refuse_unknown(body: ChecklistChange) -> None:

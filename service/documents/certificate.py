@@ -191,6 +191,8 @@ def build_certificate(
     vignetting = format_vignetting(spec, row.parameters.get("vignetting"))
     coefficients = _coefficients(record)
     scope = next((each.uncertainty_scope for each in coefficients if each.uncertainty_scope), None)
+    camera = CameraAnswer.of(record.camera)
+    lens = record.calibration.configuration.get("lens") or record.campaign.lens or camera.lens
     certificate = schemas.CertificateAnswer(
         schema_version=SCHEMA_VERSION,
         title="Certificate of calibration",
@@ -205,7 +207,7 @@ def build_certificate(
         equation=text.equation,
         configuration=row.configuration,
         laboratory=schemas.Laboratory.restate(record.organisation, name=name_laboratory(record.organisation)),
-        item=_item(record),
+        item=schemas.Item.restate(camera, lens=lens),
         work=describe_work(record),
         meters=meters,
         panels=panels,
@@ -249,13 +251,6 @@ def list_published(record: CalibrationRecord) -> list[schemas.PublishedBy]:
         schemas.PublishedBy.restate(act.publication, by=_name(record, act.by), at=act.publication.known_from)
         for act in record.acts
     ]
-
-
-def _item(record: CalibrationRecord) -> schemas.Item:
-    """Return the camera with the lens that the version holds for; one named since, where it names none."""
-    camera = CameraAnswer.of(record.camera)
-    lens = record.calibration.configuration.get("lens") or record.campaign.lens or camera.lens
-    return schemas.Item.restate(camera, lens=lens)
 
 
 def _number(record: CalibrationRecord, version: Calibration) -> str:

@@ -50,7 +50,10 @@ def find_state(certificate: Node) -> str:
 def lay_out(certificate: Node, preview: str) -> Node:
     """Return everything that the template sets. ``preview`` : an SVG of a frame with the region, or ""."""
     spec = get_method(certificate["method"])
-    headlines, others = _split(spec, certificate["coefficients"])
+    rows = certificate["coefficients"]
+    named = [row for row in rows if row["name"] in spec.certificate.headlines]
+    whole = [row for row in named if "f_number" not in row] or named
+    headlines, others = (whole, [row for row in rows if row not in whole])
     return {
         **{name: certificate[name] for name in ("title", "number", "created_at", "laboratory")},
         "attached": write_json(certificate),
@@ -84,13 +87,6 @@ def lay_out(certificate: Node, preview: str) -> Node:
             *_list_points(spec.certificate.columns, certificate),
         ],
     }
-
-
-def _split(spec: MethodSpec, rows: list[Node]) -> tuple[list[Node], list[Node]]:
-    """Return the coefficients of the first page, and the others: also one at an f-number of the first's."""
-    named = [row for row in rows if row["name"] in spec.certificate.headlines]
-    whole = [row for row in named if "f_number" not in row] or named
-    return whole, [row for row in rows if row not in whole]
 
 
 def _summarise(spec: MethodSpec, certificate: Node, rows: list[Node]) -> Node:

@@ -355,25 +355,15 @@ def get_rig_orientation(
             }
             for members, orientation in found
         ],
-        stability=_compare(found, judging),
+        stability=drift.compare_sets(
+            [(members[0].at, fleet.SPEC.list_quantities(orientation)) for members, orientation in found],
+            limits=judging.limits,
+        ),
         left_out=why,
     ).respond()
 
 
 _Oriented = Sequence[tuple[tuple[drift.RigVersion, ...], Any]]
-
-
-def _newest(found: _Oriented) -> tuple[tuple[drift.RigVersion, ...], Any]:
-    if not found:
-        raise problems.Problem(interface.NOT_FOUND, "No set of published versions orients this rig yet.")
-    return found[-1]
-
-
-def _compare(found: _Oriented, judging: _Judged) -> tuple[drift.RigStability, ...]:
-    return drift.compare_sets(
-        [(members[0].at, fleet.SPEC.list_quantities(orientation)) for members, orientation in found],
-        limits=judging.limits,
-    )
 
 
 def _orient_sets(
@@ -421,7 +411,9 @@ def _find_sets(
 def _add_export(export: RigExport) -> None:
     def send(rig_id: lookup.Id, caller: auth.Reader, context: UsesContext, chosen: Versions) -> Response:
         rig, found, _ = _orient_sets(rig_id, caller, context, chosen.calibration_id)
-        members, orientation = _newest(found)
+        if not found:
+            raise problems.Problem(interface.NOT_FOUND, "No set of published versions orients this rig yet.")
+        members, orientation = found[-1]
         written = export.write(orientation, [each.member for each in members], rig.name)
         return Response(written, media_type=export.media_type)
 

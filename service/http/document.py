@@ -93,8 +93,11 @@ def build_document(app: FastAPI) -> Node:
             for method in path.keys() & {each.lower() for each in CHANGING}:
                 path[method]["responses"].setdefault("412", answers.problems(412)[412])
         for operation in operations(document):
-            _summarise(operation)
-            _add_body_problems(operation)
+            # the first sentence of what a route says of itself
+            operation["summary"] = operation["description"].partition("\n")[0].partition(". ")[0].rstrip(".")
+            if "requestBody" in operation:
+                for status in (400, 413, 415):
+                    operation["responses"].setdefault(str(status), answers.problems(status)[status])
             _show_problems(operation)
             _register_forms(document, operation.get("requestBody", {}))
             _show_examples(document, operation, recorded)
@@ -137,17 +140,6 @@ def resolve(document: Node, node: Node) -> Node:
         *_, kind, name = node["$ref"].split("/")
         node = document["components"][kind][name]
     return node
-
-
-def _summarise(operation: Node) -> None:
-    """The first sentence of what a route says of itself."""
-    operation["summary"] = operation["description"].partition("\n")[0].partition(". ")[0].rstrip(".")
-
-
-def _add_body_problems(operation: Node) -> None:
-    if "requestBody" in operation:
-        for status in (400, 413, 415):
-            operation["responses"].setdefault(str(status), answers.problems(status)[status])
 
 
 def _show_problems(operation: Node) -> None:

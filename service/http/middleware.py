@@ -116,7 +116,10 @@ class _Body:
             async with asyncio.timeout(min(PAUSE_S, most_s - self._waited_s)):
                 return await self._receive()
         except TimeoutError:
-            raise _too_slow() from None
+            detail = "The body was not there in time: it paused or came too slowly. Send it again."
+            raise problems.Problem(
+                interface.UPLOAD_INCOMPLETE, detail, headers={"Connection": "close"}
+            ) from None
         finally:
             self._waited_s += time.monotonic() - began
 
@@ -126,7 +129,9 @@ class _Body:
         if self.held > most:
             raise _too_large(most)
         if self._open[self.whose] > OPEN_BYTES:
-            raise _too_many()
+            detail = f"Requests under way hold {OPEN_BYTES} bytes already. Wait until some are answered."
+            headers = {"Retry-After": "1", "Connection": "close"}
+            raise problems.Problem(interface.TOO_MANY_REQUESTS, detail, headers=headers)
 
     def _begin(self, caller: auth.Caller | None, most: int) -> None:
         self._is_begun = True
@@ -141,17 +146,6 @@ class _Body:
 def _too_large(most: int) -> problems.Problem:
     detail = f"The body may have at most {most} bytes here. Send it in parts."
     return problems.Problem(interface.UPLOAD_TOO_LARGE, detail)
-
-
-def _too_many() -> problems.Problem:
-    detail = f"Requests under way hold {OPEN_BYTES} bytes already. Wait until some are answered."
-    headers = {"Retry-After": "1", "Connection": "close"}
-    return problems.Problem(interface.TOO_MANY_REQUESTS, detail, headers=headers)
-
-
-def _too_slow() -> problems.Problem:
-    detail = "The body was not there in time: it paused or came too slowly. Send it again."
-    return problems.Problem(interface.UPLOAD_INCOMPLETE, detail, headers={"Connection": "close"})
 
 
 @dataclass(frozen=True)

@@ -63,7 +63,10 @@ class Operation(APIRoute):
             for scope in scopes:
                 auth.require(request.state.caller, scope)
             if request.headers.get("content-encoding", "identity").strip().lower() != "identity":
-                raise _encoded()
+                detail = "The body is compressed. Send it as it is, without Content-Encoding."
+                raise problems.Problem(
+                    interface.CONTENT_ENCODED, detail, headers={"Accept-Encoding": "identity"}
+                )
             return await handle(_StrictRequest(request.scope, request.receive, form))
 
         return operate
@@ -143,11 +146,6 @@ def _read_whole(text: str) -> int:
 def _read_real(text: str) -> float:
     # in Python: between two of them the reader's thread gives way to the loop
     return float(text)
-
-
-def _encoded() -> problems.Problem:
-    detail = "The body is compressed. Send it as it is, without Content-Encoding."
-    return problems.Problem(interface.CONTENT_ENCODED, detail, headers={"Accept-Encoding": "identity"})
 
 
 def _check(request: Request) -> None:

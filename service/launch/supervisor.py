@@ -47,7 +47,7 @@ def follow_make() -> None:
 
 def _tie(parent: int, sig: signal.Signals) -> Callable[[], None]:
     if sys.platform != "linux":
-        return _nothing
+        return lambda: None
     prctl = ctypes.CDLL(None, use_errno=True).prctl
 
     def tie() -> None:
@@ -57,10 +57,6 @@ def _tie(parent: int, sig: signal.Signals) -> Callable[[], None]:
             os._exit(1)
 
     return tie
-
-
-def _nothing() -> None:
-    pass
 
 
 _STOP = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -79,7 +75,7 @@ class Signals:
         self._mouth.setblocking(False)
         self._before_fd = signal.set_wakeup_fd(self._mouth.fileno(), warn_on_full_buffer=False)
         self._before = {number: signal.signal(number, self._count) for number in _STOP if _wanted(number)}
-        self._before[signal.SIGCHLD] = signal.signal(signal.SIGCHLD, _only_wake)
+        self._before[signal.SIGCHLD] = signal.signal(signal.SIGCHLD, lambda *_: None)
         return self
 
     def wait(self, timeout_s: float) -> None:
@@ -104,10 +100,6 @@ class Signals:
 def _wanted(number: signal.Signals) -> bool:
     # Whoever runs this under nohup wants it to outlive the terminal.
     return not (number == signal.SIGHUP and signal.getsignal(number) == signal.SIG_IGN)
-
-
-def _only_wake(_number: int, _frame: FrameType | None) -> None:
-    pass
 
 
 DEATHS_ALLOWED = 5

@@ -85,9 +85,6 @@ class LevelsOfMap(models.Form):
         ),
     ] = None
 
-    def read_levels(self) -> list[float]:
-        return sorted({float(level) for level in (self.levels or "").replace(",", " ").split()})
-
 
 class IsolineGeometry(models.Answer):
     type: Literal["MultiLineString"]
@@ -150,7 +147,7 @@ def answer_isolines(found: maps.OpenMap, asked: LevelsOfMap) -> IsolinesAnswer:
     polygon = found.find_polygon(area)
     window = maps.frame_window(found.layout, polygon)
     pixels = (window.bottom - window.top) * (window.right - window.left)
-    levels = asked.read_levels()
+    levels = sorted({float(level) for level in (asked.levels or "").replace(",", " ").split()})
     coarse = choose_step((), pixels=pixels, most=maps.MOST_SQUARES, uncertainty=None)
     if not levels:
         levels = _find_levels(found, maps.read_squares(found, window, polygon, step=max(coarse, 4))[0])

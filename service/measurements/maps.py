@@ -430,7 +430,10 @@ def read_squares(found: OpenMap, window: Window, polygon: Polygon | None, *, ste
     if polygon is None:
         return values, values.size
     rows, cols = (np.arange(size) * step + step // 2 for size in values.shape)
-    inside = _mask(polygon, window)[np.ix_(rows, cols)]
+    part = roi.Window(
+        row0=window.top, col0=window.left, height=window.bottom - window.top, width=window.right - window.left
+    )
+    inside = roi.mask(polygon, part)[np.ix_(rows, cols)]
     values[~inside] = np.nan
     return values, int(inside.sum())
 
@@ -440,10 +443,3 @@ def frame_window(layout: Layout, polygon: Polygon | None) -> Window:
         return Window(top=0, left=0, bottom=layout.height_px, right=layout.width_px)
     part = roi.bounding_window(polygon, height_px=layout.height_px, width_px=layout.width_px)
     return Window(top=part.row0, left=part.col0, bottom=part.row0 + part.height, right=part.col0 + part.width)
-
-
-def _mask(polygon: Polygon, window: Window) -> NDArray[np.bool_]:
-    part = roi.Window(
-        row0=window.top, col0=window.left, height=window.bottom - window.top, width=window.right - window.left
-    )
-    return roi.mask(polygon, part)

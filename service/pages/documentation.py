@@ -43,11 +43,6 @@ def expand_entries(text: str, page: str) -> str:
     return _HEADING.sub(lambda found: f"{found[0]}{_describe(found[1], page)}", text)
 
 
-def find_page(code: str) -> str | None:
-    """Return the first page that explains a code."""
-    return next((page for page in PLACES if _belongs(code, page)), None)
-
-
 def _belongs(code: str, page: str) -> bool:
     return code in FINDINGS and bool({*PLACES.get(page, ())} & {*FINDINGS[code].where})
 
@@ -78,7 +73,11 @@ def render_markdown(text: str) -> str:
         if token.type == "heading_open":
             places.add(place := re.sub(r"[^\w -]", "", inline.content.lower()).replace(" ", "-"))
             token.attrSet("id", place)
-    _keep_one_title(tokens)
+    # put all headings after the first title one level lower, where there are further titles
+    titles = [place for place, token in enumerate(tokens) if token.tag == "h1"]
+    for token in tokens[titles[1] + 1 :] if len(titles) > 2 else ():
+        if token.type.startswith("heading"):
+            token.tag = f"h{int(token.tag[1]) + 1}"
     for opened, inline, closed in zip(tokens, tokens[1:], tokens[2:], strict=False):
         if opened.type == "th_open" and not inline.content:
             opened.tag = closed.tag = "td"  # heads nothing
@@ -98,7 +97,7 @@ def _link(tokens: list[Token], places: set[str]) -> None:
             if name and token.type == "td_open" and name not in places:
                 places.add(name)
                 part.attrSet("id", name)
-            elif page := find_page(name):
+            elif page := next((page for page in PLACES if _belongs(name, page)), None):
                 part.type = "html_inline"
                 part.content = f'<a href="/docs/{page}#{name}"><code>{name}</code></a>'
             elif part.type == "link_open" and (other := _PAGE.match(str(part.attrGet("href")))):
@@ -107,20 +106,7 @@ def _link(tokens: list[Token], places: set[str]) -> None:
                 part.attrSet("src", f"/docs/{part.attrGet('src')}")
 
 
-def _keep_one_title(tokens: list[Token]) -> None:
-    """Put all headings after the first title one level lower, where there are further titles."""
-    titles = [place for place, token in enumerate(tokens) if token.tag == "h1"]
-    for token in tokens[titles[1] + 1 :] if len(titles) > 2 else ():
-        if token.type.startswith("heading"):
-            token.tag = f"h{int(token.tag[1]) + 1}"
-
-
 Node = dict[str, Any]
-
-
-def render_reference(document: Node) -> str:
-    """Every route under its resource: what it does, what it takes, and an example of each answer."""
-    return "".join(_lines(document))
 
 
 def _lines(document: Node) -> Iterator[str]:
@@ -203,7 +189,7 @@ def get_document(request: Request) -> Response:
 
 @router.get("/docs")
 def get_reference(request: Request, context: UsesContext) -> Response:
-    return _page(request, context, "API", render_reference(request.app.openapi()))
+    return _page(request, context, "API", "".join(_lines(request.app.openapi())))
 
 
 @router.get("/docs/manual")

@@ -56,12 +56,14 @@ def sign_in(
         return _refuse(request, context, next, address, unfit)
     context.attempts.trust(key)
     opened, organisation = found
+    browser = "".join(c for c in request.headers.get("user-agent", "") if c.isprintable())
     expires_at = utc_now() + timedelta(seconds=signatures.SESSION_S)
     with context.database.writing(opened.id, organisation.id) as session:
         row = WebSession(
             organisation_id=organisation.id,
             key_id=opened.id,
-            browser=_plain(request.headers.get("user-agent", "")),
+            browser="".join(c for c in request.headers.get("user-agent", "") if c.isprintable())[:200]
+            or None,
             expires_at=min(expires_at, opened.expires_at or expires_at),
         )
         session.add(row)
@@ -116,11 +118,6 @@ def _too_many(request: Request, next_address: str, wait_s: float) -> Response:
     answer = _form(request, next_address, detail, status=429)
     answer.headers.update(headers)
     return answer
-
-
-def _plain(text: str) -> str | None:
-    """Return the browser's name of itself, as a row can hold it."""
-    return "".join(c for c in text if c.isprintable())[:200] or None
 
 
 def _form(

@@ -111,7 +111,8 @@ async def receive(request: Request, blobs: Blobs, *, admit: Admit) -> Received:
     require_size(announced)
     admitted = await run_in_threadpool(admit, expected, announced)
     with blobs.writer() as writer:
-        form = _find_form(request, writer)
+        kind, options = parse_options_header(request.headers.get("content-type", ""))
+        form = _FilePart(writer, options.get(b"boundary", b"")) if kind == b"multipart/form-data" else None
         take = writer.write if form is None else form.feed
         rest = await _drain(request.stream(), take)
 
@@ -129,11 +130,6 @@ async def receive(request: Request, blobs: Blobs, *, admit: Admit) -> Received:
             return Received(blob=writer.commit(), filename=filename)
 
         return await run_in_threadpool(finish)
-
-
-def _find_form(request: Request, writer: BlobWriter) -> "_FilePart | None":
-    kind, options = parse_options_header(request.headers.get("content-type", ""))
-    return _FilePart(writer, options.get(b"boundary", b"")) if kind == b"multipart/form-data" else None
 
 
 async def _drain(chunks: AsyncIterator[bytes], take: Callable[[bytes], object]) -> bytes:

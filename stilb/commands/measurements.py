@@ -105,9 +105,11 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
         raise typer.BadParameter("--average needs two frames or more")
     if light is not None and light.lower().endswith(".csv"):
         light = plan.read_spreadsheet(Path(light))
+    if region is not None and regions is not None:
+        raise typer.BadParameter("give either --region for all, or --regions for each")
     given = {
         "calibration_id": calibration,
-        "polygon": _read_region(region, regions),
+        "polygon": (None if region is None else read_polygon(region, option="--region")),
         "grid": _read_lanes(lanes) if lanes is not None else None if grid is None else _read_grid(grid),
         "reflectance": reflectance,
         "reflectance_u_rel": reflectance_u,
@@ -222,12 +224,6 @@ def compare(
         found = client.compare(old, new, other_region=other_region, same_light=same_light)
     change = f" ({terminal.figure(found.change)})" if found.change else ""
     output.answer(found.raw, found.said, f"new - old: {terminal.figure(found.difference)}{change}")
-
-
-def _read_region(region: str | None, regions: Path | None) -> list[tuple[float, float]] | None:
-    if region is not None and regions is not None:
-        raise typer.BadParameter("give either --region for all, or --regions for each")
-    return None if region is None else read_polygon(region, option="--region")
 
 
 def _read_grid(text: str) -> Grid:

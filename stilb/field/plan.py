@@ -261,7 +261,8 @@ def find_planned(client: Client, plan: Plan) -> Campaign | None:
 
 def ensure_campaign(client: Client, plan: Plan) -> Campaign:
     """The plan's campaign, made where there is none, with what the plan says of it now, and its region."""
-    details = _details(client, plan)
+    measured = [client.create_panel(**panel).id for panel in plan.panels if "bands" in panel]
+    details = {**plan.campaign, "panel_id": measured[-1]} if measured else plan.campaign
     campaign = find_planned(client, plan)
     campaign = _correct(client, campaign, details) if campaign else _create(client, plan, details)
     if plan.parts is not None:
@@ -295,11 +296,6 @@ def ensure_readings(client: Client, plan: Plan, campaign_id: str) -> tuple[int, 
             own |= _send_once(client, campaign_id, readings, meters)
     others = [each["id"] for each in _in_use(client, campaign_id) if each["id"] not in own]
     return len(own), others
-
-
-def _details(client: Client, plan: Plan) -> dict[str, Any]:
-    measured = [client.create_panel(**panel).id for panel in plan.panels if "bands" in panel]
-    return {**plan.campaign, "panel_id": measured[-1]} if measured else plan.campaign
 
 
 def _correct(client: Client, campaign: Campaign, details: dict[str, Any]) -> Campaign:

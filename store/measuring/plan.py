@@ -164,6 +164,8 @@ def plan_measurement(
             raise shared.FRAMES_DIFFER.refuse(
                 f"{repeat.filename} and {frame.filename} have different regions or calibration versions."
             )
+    # another zone may be stated later
+    taken = read_frame_time(frame, read_zones(session, campaign))
     plan = {
         "calibration_id": calibration.id,
         "calibration_chosen": chosen,
@@ -171,7 +173,7 @@ def plan_measurement(
         "polygon": _list_points(polygon),
         "region_origin": origin,
         "products": list(asked.products),
-        **_name_zone(session, frame, campaign),
+        **({"time_zone": taken.zone} if taken and taken.zone else {}),
         **({"allow": list(asked.allow)} if asked.allow else {}),
         **({"repeats": [{"frame_id": r.id, "sha256": r.sha256} for r in repeats]} if repeats else {}),
     }
@@ -340,12 +342,6 @@ def _plan_band(
             application.find_scale_of_frame(each, coefficients=coefficients, incidence_angle_deg=angle_deg)
     application.find_place(header, decode(application.conditions, dict(asked.conditions)))
     return plan | ({"quantity": asked.quantity} if radiance else {})
-
-
-def _name_zone(session: Session, frame: FrameRow, campaign: Campaign) -> dict[str, str]:
-    """Return the stated time zone by which the frame's time is read: another may be stated later."""
-    taken = read_frame_time(frame, read_zones(session, campaign))
-    return {"time_zone": taken.zone} if taken and taken.zone else {}
 
 
 def _list_points(polygon: Polygon) -> list[list[float]]:

@@ -150,7 +150,9 @@ class CoefficientSeries:
         rows = more.with_only_columns(*self._KEY, ReadyRow.coefficients)
         with closing(session.execute(rows, execution_options={"yield_per": 1000})) as found:
             for *key, count in found:
-                done = self._done(after, key)
+                done = (
+                    after[4] + 1 if after and after[4] is not None and self._parse(after)[3] == key[3] else 0
+                )
                 if total + count - done > limit:
                     return [key[0], write_instant(key[1]), *key[2:], done + limit - total - 1]
                 total += count - done
@@ -209,10 +211,6 @@ class CoefficientSeries:
 
     def _parse(self, key: Key) -> tuple[Any, ...]:
         return key[0], read_instant(key[1]), key[2], key[3]
-
-    def _done(self, after: Key | None, key: Sequence[Any]) -> int:
-        """Return how many rows of a version lie before the place to begin at."""
-        return after[4] + 1 if after and after[4] is not None and self._parse(after)[3] == key[3] else 0
 
     def _read_cells(self, publications: list[Any], after: Key | None, until: Key | None) -> Iterator[Page]:
         ids = [each[0] for each in publications]

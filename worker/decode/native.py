@@ -247,7 +247,9 @@ class NativeFile:
         while top < area.bottom:
             bottom = min(area.bottom, (top // step + 1) * step)
             try:
-                samples = self._read_band(area, top, bottom)
+                samples = segments.read_samples(
+                    self._source, self._image.layout, top, area.left, bottom - top, area.width, self._consumed
+                )
             except ljpeg.NotDecodedHereError as error:
                 if self._consumed:
                     # no writer changes its way from piece to piece
@@ -294,11 +296,6 @@ class NativeFile:
             if len(runs) == _MOST_RUNS:
                 break
         return ("digest" if self._image.digest else segments.VOUCHERS[layout.compression]), tuple(runs)
-
-    def _read_band(self, area: Area, top: int, bottom: int) -> NDArray[np.uint16]:
-        return segments.read_samples(
-            self._source, self._image.layout, top, area.left, bottom - top, area.width, self._consumed
-        )
 
     def _linearise(self, samples: NDArray[np.uint16]) -> NDArray[np.uint16]:
         linear = samples if self._image.table is None else np.take(self._image.table, samples)

@@ -46,7 +46,9 @@ class PreviewMaker:
 
     def finish(self) -> bytes:
         self._grey /= self._cell**2
-        return bytes(imagecodecs.png_encode(_stretch(self._grey, self._black), level=1))
+        bright = max(float(np.percentile(self._grey, _BRIGHT_PERCENTILE)), self._black + 1.0)
+        share = np.clip((self._grey - self._black) / (bright - self._black), 0.0, 1.0)
+        return bytes(imagecodecs.png_encode(np.asarray(np.round(255 * share**_GAMMA), np.uint8), level=1))
 
 
 def _sampled(size: int, scale: float, cell: int) -> NDArray[np.int64]:
@@ -55,12 +57,6 @@ def _sampled(size: int, scale: float, cell: int) -> NDArray[np.int64]:
     middles = ((np.arange(count) + 0.5) * size / count).astype(np.int64)
     first = np.minimum(middles, size - cell)
     return np.asarray(first // cell * cell if scale >= cell else first, np.int64)
-
-
-def _stretch(grey: NDArray[np.float32], black: float) -> NDArray[np.uint8]:
-    bright = max(float(np.percentile(grey, _BRIGHT_PERCENTILE)), black + 1.0)
-    share = np.clip((grey - black) / (bright - black), 0.0, 1.0)
-    return np.asarray(np.round(255 * share**_GAMMA), np.uint8)
 
 
 MAGIC: Final = b'{"stilb_row": 1,'

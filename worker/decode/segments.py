@@ -138,7 +138,10 @@ def read_samples(
     parts = list(_cut_window(layout, row0, col0, height, width))
     if layout.compression == tags.UNCOMPRESSED:
         for part in parts:
-            out[part.target] = _read_stored(source, layout, part)
+            index, _, rows, cols = part
+            offset, count = int(layout.offsets[index]), rows.stop - rows.start
+            stored = source.array(offset + rows.start * layout.row_bytes, count * layout.row_bytes)
+            out[part.target] = _cut(stored, layout, count, slice(None), cols)
         return out
 
     def decode(part: _Part) -> None:
@@ -172,13 +175,6 @@ def _cut_window(layout: Layout, row0: int, col0: int, height: int, width: int) -
                 rows=slice(first_row - top, last_row - top),
                 cols=slice(first_col - left, last_col - left),
             )
-
-
-def _read_stored(source: tiff.Source, layout: Layout, part: _Part) -> NDArray[np.uint16]:
-    index, _, rows, cols = part
-    offset, count = int(layout.offsets[index]), rows.stop - rows.start
-    stored = source.array(offset + rows.start * layout.row_bytes, count * layout.row_bytes)
-    return _cut(stored, layout, count, slice(None), cols)
 
 
 def _read_compressed(source: tiff.Source, layout: Layout, part: _Part) -> tuple[NDArray[np.uint16], int]:

@@ -89,7 +89,10 @@ def _is_list(raw: bytes, layout: struct.Struct) -> bool:
 def _record(row: tuple[float, ...], *, with_gain: bool) -> multispectral.SunshineRecord:
     time_us, ch0, ch1, *rest = row
     gain, integration_ms = (rest.pop(0), rest.pop(0)) if with_gain else (None, None)
-    yaw, pitch, roll = (_angle(angle) for angle in (*rest, None)[:3])
+    # degrees, or nothing: NaN and what no attitude is
+    yaw, pitch, roll = (
+        (angle if angle is not None and abs(angle) <= 360 else None) for angle in (*rest, None)[:3]
+    )
     return multispectral.SunshineRecord(
         time_us=int(time_us),
         ch0=int(ch0),
@@ -100,11 +103,6 @@ def _record(row: tuple[float, ...], *, with_gain: bool) -> multispectral.Sunshin
         pitch_deg=pitch,
         roll_deg=roll,
     )
-
-
-def _angle(value: float | None) -> float | None:
-    """Degrees, or nothing: NaN and what no attitude is."""
-    return value if value is not None and abs(value) <= 360 else None
 
 
 IDENTITIES = ("camera:CaptureUUID", "camera:FlightUUID")
