@@ -96,7 +96,8 @@ class Attempts:
     def fail(self, who: str) -> None:
         """Count a failure of an address, or of a key that may not sign in."""
         with self._lock:
-            count = self._count(who) + 1
+            found = self._failures.get(who)
+            count = (0 if found is None or self._is_forgotten(found) else found.count) + 1
             self._failures[who] = _Failures(count, self._clock())
             _keep_newest(self._failures, who)
 
@@ -138,10 +139,6 @@ class Attempts:
         """Return whether this very key was right lately."""
         with self._lock:
             return _hash(secret) in self._right
-
-    def _count(self, who: str) -> int:
-        found = self._failures.get(who)
-        return 0 if found is None or self._is_forgotten(found) else found.count
 
     def _is_forgotten(self, failures: _Failures) -> bool:
         return self._clock() > failures.last_at + failures.wait_s(self._free) + FORGOTTEN_AFTER_S

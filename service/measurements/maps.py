@@ -228,7 +228,8 @@ class MapValuesAnswer(models.Answer):
             top=window.top,
             left=window.left,
             step=asked.step,
-            values=_plain(values),
+            # the shortest decimals that are the same float32: as doubles they would be twice as long
+            values=[[None if np.isnan(value) else float(str(value)) for value in line] for line in values],
             uncertainty=uncertainty_of(row.result) if is_value else None,
             notes=notes,
         )
@@ -272,11 +273,6 @@ def uncertainty_of(result: dict[str, Any]) -> ValueUncertainty | None:
     known = math.hypot(relative * smallest["value"], constant)
     noise = math.sqrt(max(0.0, smallest["standard_uncertainty"] ** 2 - known**2))
     return ValueUncertainty(u_rel=relative, u_constant=constant, u_pixel=noise)
-
-
-def _plain(values: Values) -> list[list[float | None]]:
-    """The shortest decimals that are the same float32: as doubles they would be twice as long."""
-    return [[None if np.isnan(value) else float(str(value)) for value in line] for line in values]
 
 
 Area = Literal["region", "grid", "frame"]

@@ -62,8 +62,7 @@ def sign_in(
         row = WebSession(
             organisation_id=organisation.id,
             key_id=opened.id,
-            browser="".join(c for c in request.headers.get("user-agent", "") if c.isprintable())[:200]
-            or None,
+            browser=browser[:200] or None,
             expires_at=min(expires_at, opened.expires_at or expires_at),
         )
         session.add(row)
