@@ -209,6 +209,7 @@ class Compression(_Layer):
     """
 
     def __init__(self, app: ASGIApp) -> None:
+        super().__init__(app)
         self._packing = GZipMiddleware(app, _SMALLEST_BYTES, _LEVEL, exclude_content_types=_LEFT)
         self._signed_in = GZipMiddleware(
             app, _SMALLEST_BYTES, _LEVEL, exclude_content_types=(*_LEFT, "text/html")
