@@ -71,10 +71,7 @@ def describe(root: Path) -> str:
         },
         "[project.authors]": project["authors"][0],
         "project.optional-dependencies": {"otel": groups["otel"]},
-        "project.scripts": {
-            "stilb-server": "service.command:main",
-            "stilb-verify": "verify.__main__:main",
-        },
+        "project.scripts": {"stilb-server": "service.command:main", "stilb-verify": "verify.__main__:main"},
         "tool.uv.build-backend": {"module-name": list(ROOMS), "module-root": "", "namespace": True},
     }
     # a JSON string, number, boolean or list of strings is one of TOML too

@@ -193,10 +193,7 @@ def _serving_bare(service: Service, address: str, data: Path) -> Iterator[str]:
     words = ["-m", "uvicorn", "--factory", "bench.lookups:make_bare", "--port", str(port), "--no-access-log"]
     log = data / "bare.log"
     environment = harness.make_environment(data) | {"BARE": str(answer), "PYTHONWARNINGS": "ignore"}
-    with (
-        log.open("wb") as file,
-        harness.running([*words, "--log-level", "error"], environment, file),
-    ):
+    with log.open("wb") as file, harness.running([*words, "--log-level", "error"], environment, file):
         harness.await_answer(f"http://127.0.0.1:{port}{address}", log)
         yield f"http://127.0.0.1:{port}"
 

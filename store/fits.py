@@ -66,10 +66,7 @@ def list_missing(campaign: Campaign, evidence: Evidence, params: Any) -> list[st
     return [
         *untold,
         *methods.get_method(campaign.method).missing(
-            evidence.frames,
-            evidence.readings,
-            leave_out_doubtful(params, evidence),
-            unread=evidence.unread,
+            evidence.frames, evidence.readings, leave_out_doubtful(params, evidence), unread=evidence.unread
         ),
     ]
 

@@ -180,9 +180,7 @@ def _compare_references(
 
 
 def _compare(
-    old: list[CoefficientRow],
-    new: list[CoefficientRow],
-    common: dict[tuple[str, str | None], float],
+    old: list[CoefficientRow], new: list[CoefficientRow], common: dict[tuple[str, str | None], float]
 ) -> list[CoefficientChange]:
     found = {_key(row): row for row in new}
     pairs = [(row, found[_key(row)]) for row in old if _key(row) in found]
@@ -191,9 +189,7 @@ def _compare(
             old=before,
             new=after,
             comparison=compare_quantities(
-                _quantity(before),
-                _quantity(after),
-                common_u_rel=common.get((before.name, before.band), 0.0),
+                _quantity(before), _quantity(after), common_u_rel=common.get((before.name, before.band), 0.0)
             )
             if before.unit == after.unit
             else None,

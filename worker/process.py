@@ -124,10 +124,7 @@ def begin(**_: object) -> None:
     tracing.configure_tracing("worker")
     context = build_context(settings, decoders, _mine["database"])
     presence = processes.Presence(
-        context.database,
-        "worker",
-        decoder_sandbox=_mine["sandbox"],
-        job_seconds=context.durations.found,
+        context.database, "worker", decoder_sandbox=_mine["sandbox"], job_seconds=context.durations.found
     )
 
     def lead() -> None:

@@ -305,11 +305,7 @@ def admit(
             require_role(campaign, role)
             try:
                 check_room(
-                    session,
-                    caller.organisation_id,
-                    context.settings,
-                    size_bytes=size_bytes,
-                    keep=keeps,
+                    session, caller.organisation_id, context.settings, size_bytes=size_bytes, keep=keeps
                 )
             except QuotaExceeded:
                 if sha256 is None and begin is None:

@@ -139,12 +139,7 @@ class Campaigns(Connection):
         return list(answer["items"]) if "items" in answer else [answer]
 
     def add_points(
-        self,
-        campaign_id: str,
-        table: str,
-        *,
-        idempotency_key: str | None = None,
-        **settings: float | None,
+        self, campaign_id: str, table: str, *, idempotency_key: str | None = None, **settings: float | None
     ) -> dict[str, Any]:
         """Add frames of which only a CSV text of statistics exists, such as ImageJ's Results.
 

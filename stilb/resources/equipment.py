@@ -42,13 +42,7 @@ class Equipment(Connection):
         return found[0]
 
     def create_meter(
-        self,
-        kind: str,
-        make: str,
-        model: str,
-        serial: str,
-        *,
-        certificate: dict[str, Any] | None = None,
+        self, kind: str, make: str, model: str, serial: str, *, certificate: dict[str, Any] | None = None
     ) -> Meter:
         """``kind``: luminance, illuminance or sunshine; ``certificate``: as its answer has it."""
         body = {"kind": kind, "make": make, "model": model, "serial": serial, "certificate": certificate}

@@ -172,11 +172,7 @@ class Receipts(transport.Connection):
     """Manifests and receipts."""
 
     def send_manifest(
-        self,
-        campaign_id: str,
-        files: Iterable[dict[str, Any]],
-        *,
-        others: Iterable[dict[str, Any]] = (),
+        self, campaign_id: str, files: Iterable[dict[str, Any]], *, others: Iterable[dict[str, Any]] = ()
     ) -> dict[str, Any]:
         """State what a card holds; the answer lists what is ``missing``, each with its reason.
 

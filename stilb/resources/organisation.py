@@ -98,12 +98,7 @@ class Organisation(Connection):
         return map(records.Key.of, self._items(address("keys")))
 
     def create_key(
-        self,
-        name: str,
-        scopes: Sequence[str],
-        *,
-        expires_at: records.Moment | None = None,
-        **person: str,
+        self, name: str, scopes: Sequence[str], *, expires_at: records.Moment | None = None, **person: str
     ) -> records.Key:
         """Make a key, for a `person` and `role`; its ``secret`` is in this answer only."""
         end = {"expires_at": records.as_text(expires_at)} if expires_at else {}

@@ -36,11 +36,7 @@ NAMES: dict[str, tuple[Any, Callable[[Any], str | None], str | None]] = {
 
 
 def select_entries(
-    organisation_id: str,
-    *,
-    start: datetime | None = None,
-    end: datetime | None = None,
-    **equal: str | None,
+    organisation_id: str, *, start: datetime | None = None, end: datetime | None = None, **equal: str | None
 ) -> Select[tables.AuditEntry]:
     """Return the query of an organisation's entries from `start` until before `end`, with these values."""
     chosen = {name: value for name, value in equal.items() if value is not None}

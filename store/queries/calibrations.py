@@ -104,9 +104,7 @@ def history(camera_id: str, *, method: str | None, state: str | None) -> Select[
             return rows.where(Calibration.id.in_(in_force), Calibration.id.not_in(revoked))
         case "superseded":
             return rows.where(
-                Calibration.id.in_(published),
-                Calibration.id.not_in(in_force),
-                Calibration.id.not_in(revoked),
+                Calibration.id.in_(published), Calibration.id.not_in(in_force), Calibration.id.not_in(revoked)
             )
         case _:
             return rows

@@ -101,12 +101,7 @@ class Drawing(Record):
     @classmethod
     def of_parts(cls, parts: Sequence[Region]) -> "Drawing":
         xs, ys = zip(*(point for part in parts for point in part.polygon.points), strict=True)
-        corners = [
-            [min(xs), min(ys)],
-            [max(xs), min(ys)],
-            [max(xs), max(ys)],
-            [min(xs), max(ys)],
-        ]
+        corners = [[min(xs), min(ys)], [max(xs), min(ys)], [max(xs), max(ys)], [min(xs), max(ys)]]
         return cls(polygon=Polygon.from_points(corners), corners=corners, parts=parts)
 
     @property

@@ -117,9 +117,7 @@ def write_ready(session: Session, publications: list[Publication]) -> None:
 
 
 def make_ready(
-    publication: Publication,
-    calibration: Calibration,
-    coefficients: list[CoefficientRow],
+    publication: Publication, calibration: Calibration, coefficients: list[CoefficientRow]
 ) -> dict[type[Base], dict[str, Any]]:
     """Return the columns of a publication's ready row, of its answer and of its cells, by table."""
     ready = {

@@ -339,7 +339,7 @@ def _places(
         byte_counts = np.zeros_like(offsets)
     if len(offsets) < expected or len(byte_counts) < expected:
         raise files.TRUNCATED.refuse(
-            f"The image has {expected} pieces, the file knows of {min(len(offsets), len(byte_counts))}.",
+            f"The image has {expected} pieces, the file knows of {min(len(offsets), len(byte_counts))}."
         )
     if len(offsets) > expected or len(byte_counts) > expected:
         raise files.SIZE_MISMATCH.refuse(f"The file holds more image data than its {expected} pieces.")

@@ -26,7 +26,7 @@ def check_frame_size(rows: int, cols: int) -> None:
     if max(rows, cols) > MAX_SIDE_PX or rows * cols > MAX_FRAME_PX:
         limit = MAX_FRAME_PX // 1_000_000
         raise files.FRAME_TOO_LARGE.refuse(
-            f"The file claims {cols} x {rows} pixels, above the limit of {limit} megapixels.",
+            f"The file claims {cols} x {rows} pixels, above the limit of {limit} megapixels."
         )
 
 

@@ -131,7 +131,7 @@ def describe_tiff(image: tiff.Directory, file_size: int) -> ImageDescription:
     rgb = image.integer(tags.PHOTOMETRIC, -1) == tags.PHOTOMETRIC_RGB
     if layout.bits not in (8, 16) or layout.samples != (3 if rgb else 1):
         raise files.UNSUPPORTED_LAYOUT.refuse(
-            f"The TIFF has {layout.samples} samples of {layout.bits} bits per pixel: neither grey nor RGB.",
+            f"The TIFF has {layout.samples} samples of {layout.bits} bits per pixel: neither grey nor RGB."
         )
     return _describe(image, image, layout, cfa="rgb" if rgb else "grey", container="tiff")
 

@@ -99,7 +99,7 @@ def _read_jpeg_frame(body: bytes) -> tuple[int, int, int]:
     bits, height, width, samples = struct.unpack(">BHHB", body[:6])
     if bits != 8 or samples not in (1, 3):
         raise files.UNSUPPORTED_LAYOUT.refuse(
-            f"The JPEG has {samples} samples of {bits} bits per pixel; grey or RGB of 8 bits is read.",
+            f"The JPEG has {samples} samples of {bits} bits per pixel; grey or RGB of 8 bits is read."
         )
     return height, width, samples
 
@@ -145,7 +145,7 @@ def _read_png_head(buffer: bytes) -> tuple[int, int, int, int]:
         raise files.SIZE_MISMATCH.refuse("The PNG does not begin with its header.")
     if colour not in _SAMPLES or bits not in (8, 16):
         raise files.UNSUPPORTED_LAYOUT.refuse(
-            "The PNG has a palette, transparency or fewer than 8 bits; grey or RGB of 8 or 16 bits is read.",
+            "The PNG has a palette, transparency or fewer than 8 bits; grey or RGB of 8 or 16 bits is read."
         )
     return width, height, bits, _SAMPLES[colour]
 
@@ -208,7 +208,7 @@ def _describe(container: str, claims: Claims) -> FrameHeader:
     if height_px * width_px > MAX_PICTURE_PX:
         raise files.FRAME_TOO_LARGE.refuse(
             f"The picture claims {width_px} x {height_px} pixels, above the limit of "
-            f"{MAX_PICTURE_PX // 1_000_000} megapixels.",
+            f"{MAX_PICTURE_PX // 1_000_000} megapixels."
         )
     return FrameHeader(
         container=container,

@@ -121,11 +121,11 @@ class Directory:
             return b""
         if entry.size > at_most:
             raise files.FRAME_TOO_LARGE.refuse(
-                f"The file's tag {tag} claims {entry.size} bytes, far more than is sane.",
+                f"The file's tag {tag} claims {entry.size} bytes, far more than is sane."
             )
         if entry.offset + entry.size > len(self._buffer):
             raise files.TRUNCATED.refuse(
-                f"The file ends before the data that its tag {tag} points to: it was cut short.",
+                f"The file ends before the data that its tag {tag} points to: it was cut short."
             )
         return self._buffer[entry.offset : entry.offset + entry.size]
 

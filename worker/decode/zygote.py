@@ -180,13 +180,7 @@ _MOST_DESCRIPTORS: Final = 4096
 _TIMES: Final = 20
 # What libraries import when it is first used, which a cell no longer can.
 _LATE_IMPORTS: Final = ("_strptime", "multiprocessing.context", "numpy.ma", "xml.parsers.expat")
-_CODECS: Final = (
-    "jpeg8_decode",
-    "lzw_decode",
-    "packbits_decode",
-    "png_decode",
-    "png_encode",
-)
+_CODECS: Final = ("jpeg8_decode", "lzw_decode", "packbits_decode", "png_decode", "png_encode")
 
 
 def main() -> None:
@@ -249,13 +243,7 @@ def _try_sandbox(restrictions: Restrictions) -> Sandbox:
 
 
 class _Zygote:
-    def __init__(
-        self,
-        control: socket.socket,
-        parent: int,
-        prepared: Prepared,
-        sandbox: Sandbox,
-    ) -> None:
+    def __init__(self, control: socket.socket, parent: int, prepared: Prepared, sandbox: Sandbox) -> None:
         self._control = control
         self._parent = parent
         self._prepared = prepared

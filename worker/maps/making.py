@@ -24,9 +24,7 @@ def cut_strips(header: FrameHeader) -> list[tuple[int, int]]:
     """First row and height of each strip: whole bands of the file's tiles, so that none is decoded twice."""
     bands = max(1, round(_STRIP_PX / (header.width_px * header.band_rows)))
     ends = range(
-        header.first_band_rows + (bands - 1) * header.band_rows,
-        header.height_px,
-        bands * header.band_rows,
+        header.first_band_rows + (bands - 1) * header.band_rows, header.height_px, bands * header.band_rows
     )
     edges = [0, *ends, header.height_px]
     return [(top, bottom - top) for top, bottom in itertools.pairwise(edges)]
