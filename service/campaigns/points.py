@@ -100,21 +100,15 @@ class PointsAnswer(models.Answer):
 
 _FIELDS: Final = frozenset(NewPoint.model_fields)
 _ALSO: Final = {
-    "label": "filename",
-    "file": "filename",
-    "exposure_time": "exposure_time_s",
-    "exposure_s": "exposure_time_s",
-    "shutter_speed_s": "exposure_time_s",
-    "aperture": "f_number",
-    "fnumber": "f_number",
+    **dict.fromkeys(("label", "file"), "filename"),
+    **dict.fromkeys(("exposure_time", "exposure_s", "shutter_speed_s"), "exposure_time_s"),
+    **dict.fromkeys(("aperture", "fnumber"), "f_number"),
     "iso_value": "iso",
     "mean": "mean_dn",
     "min": "min_dn",
     "max": "max_dn",
-    "stddev": "std_dn",
-    "std": "std_dn",
-    "area": "pixels",
-    "n": "pixels",
+    **dict.fromkeys(("stddev", "std"), "std_dn"),
+    **dict.fromkeys(("area", "n"), "pixels"),
 }
 _NUMBERS: Final = _FIELDS - {"filename", "scene", "dark"}
 _USUAL: Final = ("exposure_time_s", "f_number", "iso")
@@ -172,7 +166,6 @@ _TABLE: Final = {
     "text/csv": {"schema": {"type": "string"}},
     _BYTES: {"schema": {"type": "string", "format": "binary"}},
 }
-_SETTINGS: Final = ("exposure_time_s", "f_number", "iso")
 
 
 async def _body(request: Request, _caller: auth.Uploader) -> bytes:
@@ -230,7 +223,7 @@ def add_points(
                 role=point.role,
                 scene=point.scene,
                 roi_id=roi.id,
-                supplied={name: getattr(point, name) for name in _SETTINGS},
+                supplied={name: getattr(point, name) for name in _USUAL},
             )
             for point, blob in zip(points, blobs, strict=True)
         ]

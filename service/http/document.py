@@ -23,21 +23,11 @@ _EXAMPLES = Path(__file__).with_name("examples.json")
 _EXAMPLES_OF = {
     code.status: code
     for code in (
-        interface.BAD_REQUEST,
-        interface.UNAUTHENTICATED,
-        interface.SCOPE_MISSING,
-        interface.NOT_FOUND,
-        shared.CALIBRATION_REVOKED,
-        interface.PRECONDITION_FAILED,
-        interface.UPLOAD_TOO_LARGE,
-        interface.UPLOAD_TYPE,
-        interface.RANGE_OUTSIDE,
-        interface.UPLOAD_CHECKSUM_DIFFERS,
-        interface.VALIDATION_FAILED,
-        interface.STORED_FILE_DAMAGED,
-        interface.TOO_MANY_REQUESTS,
-        interface.DATABASE_UNAVAILABLE,
-        interface.STORAGE_FULL,
+        *(interface.BAD_REQUEST, interface.UNAUTHENTICATED, interface.SCOPE_MISSING, interface.NOT_FOUND),
+        *(shared.CALIBRATION_REVOKED, interface.PRECONDITION_FAILED, interface.UPLOAD_TOO_LARGE),
+        *(interface.UPLOAD_TYPE, interface.RANGE_OUTSIDE, interface.UPLOAD_CHECKSUM_DIFFERS),
+        *(interface.VALIDATION_FAILED, interface.STORED_FILE_DAMAGED, interface.TOO_MANY_REQUESTS),
+        *(interface.DATABASE_UNAVAILABLE, interface.STORAGE_FULL),
     )
 }
 _PROBLEM = "application/problem+json"

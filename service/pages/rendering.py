@@ -33,24 +33,9 @@ from service.organisation.routes import NewKey, OrganisationChange
 from service.tools.routes import describe_tools
 
 SHOWN: Final[tuple[type[models.Form], ...]] = (
-    Certificate,
-    FrameChange,
-    routes.ItemChange,
-    Lens,
-    MeasurementOptions,
-    NewCamera,
-    schemas.NewCampaign,
-    NewGrid,
-    NewKey,
-    NewMeter,
-    NewPanel,
-    NewPublication,
-    schemas.NewReading,
-    NewRevocation,
-    NewRig,
-    schemas.NewRoi,
-    routes.NewSignature,
-    OrganisationChange,
+    *(Certificate, FrameChange, routes.ItemChange, Lens, MeasurementOptions, NewCamera, schemas.NewCampaign),
+    *(NewGrid, NewKey, NewMeter, NewPanel, NewPublication, schemas.NewReading, NewRevocation, NewRig),
+    *(schemas.NewRoi, routes.NewSignature, OrganisationChange),
 )
 """Forms that a page asks a person to fill in."""
 

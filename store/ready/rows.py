@@ -216,22 +216,9 @@ def _foresee(calibration: Calibration, coefficients: list[CoefficientRow]) -> st
     return json.dumps({place: spec.application.foresee(applied, iso=row.iso) for place, row in general})
 
 
-_FIGURES = {
-    "mean": "cd_m2",
-    "min": "cd_m2",
-    "max": "cd_m2",
-    "median": "cd_m2",
-    "illuminance": "lx",
-    "l_av_cd_m2": "",
-    "l_min_cd_m2": "",
-    "l_max_cd_m2": "",
-    "u_o": "",
-    "average_to_min": "",
-    "max_to_min": "",
-    "grid_illuminance": "lx",
-}
-_PLACE = ("taken_at", "latitude_deg", "longitude_deg", "altitude_m")
 _PIXELS = ("mean", "min", "max", "median")
+_RATIOS = ("l_av_cd_m2", "l_min_cd_m2", "l_max_cd_m2", "u_o", "average_to_min", "max_to_min")
+_PLACE = ("taken_at", "latitude_deg", "longitude_deg", "altitude_m")
 _SHARES = ("below_zero_share", "above_one_share")
 _LIGHT = ("i_ss", "i_ss_oriented", "i_ss_basis")
 _PERCENTS = (5, 10, 90, 95)
@@ -242,7 +229,12 @@ def _with_u(*names: str) -> Iterator[str]:
     return (f"{name}{suffix}" for name in names for suffix in ("", "_standard_uncertainty"))
 
 
-_NAMES = {figure: f"{figure}_{unit}" if unit else figure for figure, unit in _FIGURES.items()}
+_NAMES = {
+    **{figure: f"{figure}_cd_m2" for figure in _PIXELS},
+    "illuminance": "illuminance_lx",
+    **{figure: figure for figure in _RATIOS},
+    "grid_illuminance": "grid_illuminance_lx",
+}
 _COLUMNS_OF: Final[dict[str, dict[str, str]]] = {
     "cd_m2": _NAMES,
     "reflectance": {figure: f"{figure}_reflectance" for figure in _PIXELS},

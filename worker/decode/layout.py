@@ -166,22 +166,12 @@ def read_linearization(directory: Directory) -> NDArray[np.uint16] | None:
     return table
 
 
-_NAMES: Final = {
-    1: "WarpRectilinear",
-    2: "WarpFisheye",
-    3: "FixVignetteRadial",
-    4: "FixBadPixelsConstant",
-    5: "FixBadPixelsList",
-    6: "TrimBounds",
-    7: "MapTable",
-    8: "MapPolynomial",
-    9: "GainMap",
-    10: "DeltaPerRow",
-    11: "DeltaPerColumn",
-    12: "ScalePerRow",
-    13: "ScalePerColumn",
-    14: "WarpRectilinear2",
-}
+_NAMES: Final = (
+    *("WarpRectilinear", "WarpFisheye", "FixVignetteRadial", "FixBadPixelsConstant", "FixBadPixelsList"),
+    *("TrimBounds", "MapTable", "MapPolynomial", "GainMap", "DeltaPerRow", "DeltaPerColumn"),
+    *("ScalePerRow", "ScalePerColumn", "WarpRectilinear2"),
+)
+"""Of the opcodes from 1 on."""
 _MAX_LIST_BYTES: Final = 64 << 20
 _HEAD: Final = struct.Struct(">IIII")  # big endian whatever the file's order
 
@@ -204,7 +194,7 @@ def _parse(data: bytes, stage: int) -> list[Opcode]:
         start = position + _HEAD.size
         if start + size > len(data):
             break
-        name = _NAMES.get(number, f"opcode-{number}")
+        name = _NAMES[number - 1] if 1 <= number <= len(_NAMES) else f"opcode-{number}"
         found.append(
             Opcode(stage=stage, name=name, sha256=hashlib.sha256(data[start : start + size]).hexdigest())
         )
