@@ -10,7 +10,7 @@ from sqlalchemy import func, select
 from store.queries import campaigns as crops
 from store.tables import Crop, Extraction
 from tests.support.blobs import zero
-from worker.decode.reader import read_window
+from tests.support.reader import read_window
 
 pytestmark = pytest.mark.either_database
 

@@ -13,7 +13,7 @@ from radiometry.reflectance import method as reflectance
 from simulation.camera import change
 from simulation.multispectral_files import write_rig
 from simulation.rigs import RIGS, capture
-from worker.decode import reader
+from tests.support import reader
 
 CORNER = Polygon.from_points([(4, 4), (44, 4), (44, 30), (4, 30)])
 

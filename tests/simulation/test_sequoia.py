@@ -10,7 +10,7 @@ import pytest
 from simulation.camera import change
 from simulation.multispectral_files import name_file, write_sequoia
 from simulation.sequoia import SEQUOIA, capture
-from worker.decode import reader
+from tests.support import reader
 
 SURFACE = {"green": 0.18, "red": 0.1, "red_edge": 0.3, "nir": 0.5}
 CAMERA = change(SEQUOIA, height_px=72, width_px=101)

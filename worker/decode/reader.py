@@ -3,8 +3,7 @@
 import json
 import operator
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Any, Final, NamedTuple, Self, TypeVar
+from typing import Any, Final, NamedTuple, TypeVar
 
 import imagecodecs
 import numpy as np
@@ -240,32 +239,6 @@ def _refuse_cut_mosaics(directories: list[tiff.Directory], file_size: int) -> No
 _PICTURES: Final = frozenset({"jpeg", "png", "table"})
 
 
-def inspect(opened: OpenedFile, longest_side_px: int) -> tuple[bytes, Proof]:
-    """Read every row of a frame once: its preview as a PNG, and its proof."""
-    header = opened.header
-    preview = PreviewMaker(header, longest_side_px)
-    check = WholenessCheck(
-        height_px=header.height_px,
-        width_px=header.width_px,
-        channels=3 if header.cfa == "rgb" else 1,
-        black_dn=min(header.black_level_dn),
-        lowest_dn=opened.lowest_dn,
-        doubts_black=header.container not in _PICTURES,
-        rendered=header.rendered,
-    )
-    highest_dn = 0
-    for row0, samples in opened.bands():
-        check.add(row0, samples)
-        highest_dn = max(highest_dn, int(samples.max()))
-        preview.add(row0, samples)
-    vouched_by, pieces = opened.vouch()
-    proof = Proof(vouched_by=vouched_by, pieces=pieces, wholeness=check.conclude(), highest_dn=highest_dn)
-    return preview.finish(), proof
-
-
-PREVIEW_SIDE_PX = 1600
-
-
 class Window(NamedTuple):
     """Rows and columns of the visible area."""
 
@@ -282,12 +255,6 @@ class Reader:
         self._source = source
         self._allow = allow
         self._opened: OpenedFile | None = None
-
-    @classmethod
-    def of(cls, path: Path) -> Self:
-        """Read a file in this process: for files that one trusts."""
-        with path.open("rb") as file:
-            return cls(tiff.Source.map(file.fileno()))
 
     def read_header(self) -> FrameHeader:
         return self._open().header
@@ -308,9 +275,28 @@ class Reader:
             white_level_dn=header.white_level_dn,
         )
 
-    def inspect(self, longest_side_px: int = PREVIEW_SIDE_PX) -> tuple[bytes, Proof]:
-        """The frame's preview, and the proof of its pixels: every row is read."""
-        return inspect(self._open(), longest_side_px)
+    def inspect(self, longest_side_px: int) -> tuple[bytes, Proof]:
+        """Read every row of a frame once: its preview as a PNG, and its proof."""
+        opened = self._open()
+        header = opened.header
+        preview = PreviewMaker(header, longest_side_px)
+        check = WholenessCheck(
+            height_px=header.height_px,
+            width_px=header.width_px,
+            channels=3 if header.cfa == "rgb" else 1,
+            black_dn=min(header.black_level_dn),
+            lowest_dn=opened.lowest_dn,
+            doubts_black=header.container not in _PICTURES,
+            rendered=header.rendered,
+        )
+        highest_dn = 0
+        for row0, samples in opened.bands():
+            check.add(row0, samples)
+            highest_dn = max(highest_dn, int(samples.max()))
+            preview.add(row0, samples)
+        vouched_by, pieces = opened.vouch()
+        proof = Proof(vouched_by=vouched_by, pieces=pieces, wholeness=check.conclude(), highest_dn=highest_dn)
+        return preview.finish(), proof
 
     def _open(self) -> OpenedFile:
         if self._opened is None:
@@ -327,19 +313,3 @@ def _check_inside(window: Window, header: FrameHeader) -> None:
             f"The region reaches beyond the image's {header.width_px} x {header.height_px} pixels. "
             "Draw it inside the image.",
         )
-
-
-def read_header(path: Path) -> FrameHeader:
-    return Reader.of(path).read_header()
-
-
-def read_window(path: Path, row0: int, col0: int, height: int, width: int) -> Frame:
-    return Reader.of(path).read_window(Window(row0, col0, height, width))
-
-
-def render_preview(path: Path, longest_side_px: int = PREVIEW_SIDE_PX) -> bytes:
-    return Reader.of(path).inspect(longest_side_px)[0]
-
-
-def prove(path: Path) -> Proof:
-    return Reader.of(path).inspect()[1]

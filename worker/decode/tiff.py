@@ -2,10 +2,9 @@
 
 import math
 import mmap
-import os
 import struct
 from dataclasses import dataclass
-from typing import Final, Self, overload
+from typing import Final, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +12,6 @@ from numpy.typing import NDArray
 from radiometry.findings import files
 from store.blobs.proof import DIGEST_BYTES, PIECE_BYTES, count_pieces, digest_piece
 from worker.decode import limits
-
-_READ_ONLY: Final = mmap.ACCESS_READ
 
 
 class SourceDamagedError(Exception):
@@ -30,13 +27,6 @@ class Source:
         self._proven = bytearray(count_pieces(len(self._content)))
         if digests is not None and len(digests) != DIGEST_BYTES * len(self._proven):
             raise SourceDamagedError("the stored file has another size than its upload")
-
-    @classmethod
-    def map(cls, descriptor: int, digests: bytes | None = None) -> Self:
-        """Map an open file, which may be closed afterwards."""
-        size = os.fstat(descriptor).st_size
-        # a mapping of nothing is refused by the system
-        return cls(mmap.mmap(descriptor, size, access=_READ_ONLY) if size else b"", digests)
 
     def __len__(self) -> int:
         return len(self._content)
@@ -61,10 +51,6 @@ class Source:
         """Return bytes [offset, offset + size) as a read-only array that shares the file's memory."""
         self._prove(offset, offset + size)
         return np.frombuffer(self._content, np.uint8, count=size, offset=offset)
-
-    def prove_all(self) -> None:
-        """Prove the whole file, before something reads it that does not read it through here."""
-        self._prove(0, len(self))
 
     def _prove(self, first: int, last: int) -> None:
         if self._digests is None or first >= last:

@@ -14,8 +14,8 @@ from radiometry.frame import PositionFix, StatedAngle
 from radiometry.frame.multispectral import RigGeometry
 from radiometry.frame.place import Place
 from radiometry.reflectance.sun import GroundHeight, find_place, locate_sun
+from tests.support import reader
 from tests.support.data import data_file
-from worker.decode import reader
 from worker.maps.tiff import MapFacts, encode_band, write_tiff
 
 LATITUDE_DEG, LONGITUDE_DEG = 40.0, -87.0

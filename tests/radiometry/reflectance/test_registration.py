@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from radiometry.reflectance.alignment import register
+from tests.support import reader
 from tests.support.data import data_file
-from worker.decode import reader
 
 
 def make_ground(seed, shape=(480, 640)):

@@ -9,8 +9,9 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
+from tests.support import reader
 from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
-from worker.decode import answers, messages, reader
+from worker.decode import answers, messages
 from worker.decode.messages import BrokenMessageError
 
 

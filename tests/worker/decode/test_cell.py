@@ -16,8 +16,9 @@ import pytest
 from radiometry.findings import InputRejected, files
 from simulation.dng import LONG
 from store.sandbox import Restrictions, Sandbox, build_filter
+from tests.support import reader
 from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
-from worker.decode import reader, zygote
+from worker.decode import zygote
 from worker.decode.pool import DecoderCrashed, DecoderKilled, DecoderLimits, DecoderPool
 
 SAMPLES = make_samples(64, 96, 14)
@@ -170,7 +171,8 @@ def test_nothing_is_imported_after_the_fork(good, real_files):
     code = """
 import sys
 from pathlib import Path
-from worker.decode import reader, zygote
+from worker.decode import zygote
+from tests.support import reader
 from radiometry.findings import InputRejected
 zygote.load_late_imports()
 class Spy:
@@ -178,10 +180,10 @@ class Spy:
         print("late:", name)
 sys.meta_path.insert(0, Spy())
 for path in map(Path, sys.argv[1:]):
-    file = reader.Reader.of(path)
+    file = reader.open_reader(path)
     header = file.read_header()
     file.read_window(reader.Window(0, 0, header.height_px, header.width_px))
-    file.inspect()
+    file.inspect(1600)
 """
     paths = [good, real_files / "dng" / "blackmagic_bigendian_ljpeg_tiled.dng"]
     paths += [real_files / "checkerboard" / "left01.jpg"]

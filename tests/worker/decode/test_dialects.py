@@ -11,9 +11,9 @@ from radiometry.reflectance import findings
 from radiometry.reflectance.fit import unit_of_k
 from radiometry.reflectance.imaging import FrameSize, compute_signal, evaluate_band, extract_features
 from radiometry.reflectance.sunshine import measure_sunshine
+from tests.support import reader
 from tests.support.data import data_file
 from tests.worker.decode.spectral_tiff import make_tiff, write_dji_xmp, write_micasense_xmp, write_sequoia_xmp
-from worker.decode import reader
 from worker.decode.dialects import BY_SYSTEM
 
 # By DJI's guide, means over rows 500 to 799 and columns 650 to 949; the exposures in microseconds.

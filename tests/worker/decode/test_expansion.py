@@ -9,8 +9,8 @@ import tifffile
 
 from radiometry.findings import InputRejected, files
 from simulation.dng import LONG, SHORT, TiffWriter
+from tests.support import reader
 from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
-from worker.decode import reader
 
 ROWS, COLS, STRIP = 40, 50, 16
 IMAGE = np.random.default_rng(3).integers(0, 1 << 16, (ROWS, COLS)).astype(np.uint16)

@@ -7,9 +7,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from radiometry.findings import InputRejected
+from tests.support import reader
 from tests.support.data import data_file
 from tests.worker.decode.dng_variants import Variant, black_level, make_dng, make_samples, opcode_list
-from worker.decode import reader
 
 VARIANTS = {
     "packed": Variant(bits=12, active_area=(2, 4, 38, 44), extra=black_level([4, 5, 6, 7], (2, 2))),
@@ -29,7 +29,7 @@ FLIPS = st.lists(st.tuples(st.floats(0, 1, exclude_max=True), st.integers(0, 255
 
 
 def _read_all(path):
-    file = reader.Reader.of(path)
+    file = reader.open_reader(path)
     with contextlib.suppress(InputRejected):
         header = file.read_header()
         file.read_window(reader.Window(0, 0, header.height_px, header.width_px))

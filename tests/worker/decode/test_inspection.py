@@ -8,8 +8,8 @@ import pytest
 from radiometry.findings import InputRejected, files
 from radiometry.frame.proof import PieceRun
 from simulation.dng import BYTE
+from tests.support import reader
 from tests.worker.decode.dng_variants import Variant, black_level, make_dng, make_samples
-from worker.decode import reader
 
 ROWS, COLS = 300, 520
 NEW, OLD = 51111, 50972

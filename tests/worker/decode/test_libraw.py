@@ -6,8 +6,9 @@ import rawpy
 
 from radiometry.findings import InputRejected, files
 from simulation.dng import LONG, RATIONAL
+from tests.support import reader
 from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
-from worker.decode import libraw, reader
+from worker.decode import libraw
 
 SAMPLES = make_samples(64, 96, 16)
 

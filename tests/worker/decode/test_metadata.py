@@ -11,9 +11,9 @@ import tifffile
 
 from radiometry.frame import Opcode
 from simulation.dng import ASCII, BYTE, LONG, RATIONAL, SHORT, SRATIONAL
+from tests.support import reader
 from tests.support.data import data_file
 from tests.worker.decode.dng_variants import Variant, black_level, make_dng, make_samples, opcode_list
-from worker.decode import reader
 from worker.decode.metadata import read_metadata
 from worker.decode.tiff import read_directories
 

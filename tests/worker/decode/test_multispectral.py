@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radiometry.frame.multispectral import GainMeasurement
+from tests.support import reader
 from tests.worker.decode.spectral_tiff import (
     CALIBRATION,
     make_tiff,
@@ -19,7 +20,6 @@ from tests.worker.decode.spectral_tiff import (
     write_micasense_xmp,
     write_sequoia_xmp,
 )
-from worker.decode import reader
 from worker.decode.dialects.sequoia import read_counts, read_gains
 from worker.decode.metadata import MAX_BYTES, MAX_DEPTH, MAX_PROPERTIES, MAX_TEXT_BYTES, parse_xmp
 from worker.decode.pool import DecoderPool

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from radiometry.findings import InputRejected, files
 from simulation.dng import ASCII, LONG, RATIONAL, SHORT, TiffWriter
-from worker.decode import pictures, reader
+from tests.support import reader
+from worker.decode import pictures
 
 GREY = np.random.default_rng(3).integers(0, 256, (48, 80), np.uint8)
 RGB = np.random.default_rng(4).integers(0, 256, (48, 80, 3), np.uint8)

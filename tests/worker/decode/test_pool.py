@@ -16,8 +16,8 @@ import pytest
 
 from radiometry.findings import InputRejected, files, shared
 from simulation.dng import LONG
+from tests.support import reader
 from tests.worker.decode.dng_variants import Variant, expected_samples, make_dng, make_samples
-from worker.decode import reader
 from worker.decode.pool import DecoderCrashed, DecoderLimits, DecoderPool, DecoderUnavailable
 
 SAMPLES = make_samples(64, 96, 14)

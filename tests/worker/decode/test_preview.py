@@ -4,8 +4,9 @@ import imagecodecs
 import numpy as np
 import pytest
 
+from tests.support import reader
 from tests.worker.decode.dng_variants import Variant, make_dng
-from worker.decode import ljpeg, reader
+from worker.decode import ljpeg
 
 ROWS, COLS = 240, 400
 

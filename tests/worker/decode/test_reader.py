@@ -5,8 +5,8 @@ import pytest
 import rawpy
 
 from simulation.dng import LONG, SHORT, TiffWriter
+from tests.support import reader
 from tests.worker.decode.dng_variants import Variant, expected_samples, make_dng, make_samples
-from worker.decode import reader
 
 ROWS, COLS = 70, 96
 AREA = (6, 8, 68, 92)
@@ -83,7 +83,7 @@ def test_windows_are_parts_of_the_frame(name, save):
     samples = make_samples(ROWS, COLS, variant.bits)
     whole = expected_samples(samples, variant)
     path = save(make_dng(samples, variant))
-    file = reader.Reader.of(path)
+    file = reader.open_reader(path)
     for window in WINDOWS:
         row0, col0, height, width = window
         frame = file.read_window(reader.Window(*window))
@@ -119,7 +119,7 @@ def test_feature_that_is_not_read_natively_goes_to_libraw(save):
     jpeg = restarting + content[start + 2 :]
     variant = Variant(compression="ljpeg", bits=12, extra={273: (LONG, moved), 279: (LONG, len(jpeg))})
     path = save(make_dng(samples, variant).ljust(moved, b"\0") + jpeg)
-    file = reader.Reader.of(path)
+    file = reader.open_reader(path)
     frame = file.read_window(reader.Window(3, 5, 20, 30))
     with rawpy.imread(str(path)) as raw:
         np.testing.assert_array_equal(frame.samples_dn, raw.raw_image_visible[3:23, 5:35])

@@ -13,7 +13,7 @@ from radiometry.reflectance.alignment import align
 from radiometry.reflectance.findings import check_frame
 from radiometry.reflectance.imaging import FrameSize, evaluate_polynomial
 from radiometry.reflectance.sunshine import measure_sunshine
-from worker.decode import reader
+from tests.support import reader
 
 # Rows 440 to 519, columns 600 to 679.
 CENTRE = Polygon.from_points([(600, 440), (680, 440), (680, 520), (600, 520)])

@@ -7,8 +7,8 @@ import pytest
 
 from radiometry.findings import InputRejected, files, shared
 from simulation.dng import BYTE, DOUBLE, LONG, SHORT, TiffWriter
+from tests.support import reader
 from tests.worker.decode.dng_variants import Variant, black_level, make_dng, make_samples
-from worker.decode import reader
 
 SAMPLES = make_samples(64, 64, 16)
 

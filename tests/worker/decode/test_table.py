@@ -5,7 +5,7 @@ import json
 import pytest
 
 from radiometry.findings import InputRejected
-from worker.decode.reader import read_header, render_preview
+from tests.support.reader import read_header, render_preview
 
 ROW = {"mean_dn": 500.5, "min_dn": 400.0, "max_dn": 600.0, "pixels": 900, "white_level_dn": 4095.0}
 

@@ -8,8 +8,8 @@ import pytest
 
 from radiometry.frame import StatedAngle
 from radiometry.frame.multispectral import Multispectral
+from tests.support import reader
 from tests.support.data import data_file
-from worker.decode import reader
 from worker.decode.dialects import read_multispectral
 from worker.decode.metadata import parse_xmp, read_metadata
 from worker.decode.packet import _pixels_per_mm
