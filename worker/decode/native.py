@@ -213,11 +213,6 @@ class NativeFile:
         self._consumed: dict[int, int] = {}
         self.header = description.header
 
-    @property
-    def band_rows(self) -> int:
-        """Rows that are read together most cheaply: those of a compressed strip or tile."""
-        return self._image.layout.band_rows
-
     def read(self, row0: int, col0: int, height: int, width: int) -> NDArray[np.uint16]:
         image = self._image
         top, left = image.visible.top + row0, image.visible.left + col0

@@ -159,10 +159,24 @@ def is_picture(head: bytes) -> bool:
     return head.startswith((_JPEG_MAGIC, PNG_MAGIC))
 
 
-class PictureFile:
-    """An opened JPEG or PNG. It is decoded whenever samples are asked for, and never kept."""
+class WholeFile:
+    """A file whose samples are all there at once, and mean what they are."""
 
-    band_rows = 1 << 16
+    header: FrameHeader
+    lowest_dn = 0.0
+
+    def read(self, row0: int, col0: int, height: int, width: int) -> NDArray[np.uint16]:
+        raise NotImplementedError
+
+    def bands(self) -> Iterator[tuple[int, NDArray[np.uint16]]]:
+        yield 0, self.read(0, 0, self.header.height_px, self.header.width_px)
+
+    def black_level(self, *_window: int) -> tuple[float, ...]:
+        return self.header.black_level_dn
+
+
+class PictureFile(WholeFile):
+    """An opened JPEG or PNG. It is decoded whenever samples are asked for, and never kept."""
 
     def __init__(self, source: tiff.Source) -> None:
         self._source = source
@@ -175,18 +189,9 @@ class PictureFile:
         window = self._decode()[row0 : row0 + height, col0 : col0 + width]
         return window.astype(np.uint16)
 
-    lowest_dn = 0.0
-
-    def bands(self) -> Iterator[tuple[int, NDArray[np.uint16]]]:
-        """The picture's rows, which are decoded in one go."""
-        yield 0, self._decode().astype(np.uint16)
-
     def vouch(self) -> tuple[proof.Voucher, tuple[proof.PieceRun, ...]]:
         """Return what proves the samples whole: a PNG has checksums, a JPEG only an end."""
         return "end" if self._jpeg else "checksum", ()
-
-    def black_level(self, *_window: int) -> tuple[float, ...]:
-        return self.header.black_level_dn
 
     def _decode(self) -> NDArray[np.uint8 | np.uint16]:
         header = self.header

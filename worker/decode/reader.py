@@ -2,7 +2,6 @@
 
 import json
 import operator
-from collections.abc import Iterator
 from typing import Any, Final, NamedTuple, TypeVar
 
 import imagecodecs
@@ -64,11 +63,8 @@ _STATED: Final = ("mean_dn", "min_dn", "max_dn", "white_level_dn")
 _IF_KNOWN: Final = ("std_dn", "black_level_dn")
 
 
-class TableFile:
+class TableFile(pictures.WholeFile):
     """A row, with one pixel of its mean for a preview to show."""
-
-    band_rows = 1
-    lowest_dn = 0.0
 
     def __init__(self, source: tiff.Source) -> None:
         try:
@@ -100,14 +96,8 @@ class TableFile:
     def read(self, row0: int, col0: int, height: int, width: int) -> NDArray[np.uint16]:
         return self._pixel[row0 : row0 + height, col0 : col0 + width]
 
-    def bands(self) -> Iterator[tuple[int, NDArray[np.uint16]]]:
-        yield 0, self._pixel
-
     def vouch(self) -> tuple[Voucher, tuple[PieceRun, ...]]:
         return "length", ()  # no pixel is there to be proved
-
-    def black_level(self, *_window: int) -> tuple[float, ...]:
-        return self.header.black_level_dn
 
 
 _KNOWN_OTHERS: Final = (
@@ -121,10 +111,8 @@ _KNOWN_OTHERS: Final = (
 _RAW_MAGIC: Final = (b"FUJIFILM", b"\0MRM", b"IIRO", b"IIRS", b"MMOR", b"IIU\0", b"II\x1a\0", b"FOVb")
 
 
-class OtherRawFile:
+class OtherRawFile(pictures.WholeFile):
     """A file that only LibRaw reads."""
-
-    band_rows = 1 << 16
 
     def __init__(self, libraw: LibRawFile, metadata: dict[str, Any] | None) -> None:
         self._libraw = libraw
@@ -134,18 +122,9 @@ class OtherRawFile:
         top, left = self._libraw.visible.top + row0, self._libraw.visible.left + col0
         return self._libraw.mosaic[top : top + height, left : left + width]
 
-    lowest_dn = 0.0
-
-    def bands(self) -> Iterator[tuple[int, NDArray[np.uint16]]]:
-        """The visible rows, which LibRaw has decoded in one go."""
-        yield 0, self.read(0, 0, self.header.height_px, self.header.width_px)
-
     def vouch(self) -> tuple[Voucher, tuple[PieceRun, ...]]:
         """LibRaw does not say how it read what it read."""
         return "libraw", ()
-
-    def black_level(self, *_window: int) -> tuple[float, ...]:
-        return self.header.black_level_dn
 
 
 OpenedFile = native.NativeFile | OtherRawFile | pictures.PictureFile | TableFile
