@@ -54,6 +54,16 @@ def read_beat(path: Path) -> int | None:
         return None
 
 
+def is_running(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True
+
+
 def find_silence_s() -> float:
     """Return for how long the pulse of this process has not beaten; 0 where nobody watches it."""
     beat_ns = read_beat(Path(pulse)) if (pulse := os.environ.get(_PULSE)) else None

@@ -11,6 +11,8 @@ from contextlib import contextmanager, suppress
 from enum import IntEnum
 from pathlib import Path
 
+from store.pulse import is_running
+
 
 class Exit(IntEnum):
     STOPPED = 0
@@ -109,7 +111,8 @@ def _take(lock: int, data: Path) -> None:
         except BlockingIOError:
             holder = os.pread(lock, 20, 0).decode("ascii", "replace").strip()
             # A holder that is gone was killed, and its children are just going.
-            if _lives(holder) or time.monotonic() > deadline:
+            # no number yet: the holder is about to write it
+            if (holder.isdecimal() and is_running(int(holder))) or time.monotonic() > deadline:
                 message = f"stilb already runs on {data}, as process {holder or 'unknown'}"
                 raise Refusal(message, Exit.ALREADY_RUNS) from None
             time.sleep(0.05)
@@ -123,16 +126,3 @@ def _write_pid(lock: int, data: Path) -> None:
         os.pwrite(lock, f"{os.getpid()}\n".encode(), 0)
     except OSError as error:
         raise Refusal(f"the data folder {data} cannot be written: {error.strerror}") from error
-
-
-def _lives(pid: str) -> bool:
-    if not pid.isdecimal():
-        # The holder is about to write its number.
-        return False
-    try:
-        os.kill(int(pid), 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        return True
-    return True

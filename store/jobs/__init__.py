@@ -14,6 +14,7 @@ from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
 from store.jobs.queues import IS_QUEUED, LANES, is_held_back, touch
+from store.pulse import is_running
 from store.tables import FrameRow, Job, new_id, utc_now
 
 RETRIED_FOR = timedelta(days=1)
@@ -153,15 +154,7 @@ def name_holder(pid: int) -> str:
 def _is_dead(holder: str | None) -> bool:
     """Return True if a process of this machine is gone; of another's nothing is known but the lease."""
     host, _, pid = (holder or "").rpartition(":")
-    if host != socket.gethostname():
-        return False
-    try:
-        os.kill(int(pid), 0)
-    except ProcessLookupError:
-        return True
-    except PermissionError:
-        return False
-    return False
+    return host == socket.gethostname() and not is_running(int(pid))
 
 
 def renew(session: Session, held: Claim, *, lease_s: float, progress: float) -> None:

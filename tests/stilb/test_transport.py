@@ -2,6 +2,7 @@
 
 import socket
 import time
+from contextlib import closing
 from datetime import UTC, datetime, timedelta
 from email.utils import format_datetime
 
@@ -68,7 +69,7 @@ def test_two_posts_have_two_idempotency_keys(service, client):
 def test_a_patch_sent_again_keeps_its_idempotency_key(service):
     service.will_refuse(503, "starting", retryable=True)
     service.will_answer({})
-    with Transport(service.url, "k", timeout_s=5, retries=3, backoff_s=0.001) as transport:
+    with closing(Transport(service.url, "k", timeout_s=5, retries=3, backoff_s=0.001)) as transport:
         transport.json(Call(method="PATCH", path="/v1/campaigns/c", json={}))
     keys = {asked.headers["idempotency-key"] for asked in service.asked}
     assert (len(service.asked), len(keys)) == (2, 1)
