@@ -4,7 +4,7 @@ import hashlib
 import io
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Annotated, Any, Final
 
 from anyio import to_thread
@@ -333,15 +333,8 @@ def _add(method: str, export: Export) -> None:
         unchanged = answers.not_modified(request, tag)
         if unchanged is not None:
             return unchanged
-        subject = ExportSubject(
-            calibration_id=calibration.id,
-            make=camera.make,
-            model=camera.model,
-            serial=camera.serial,
-            lens_make=camera.lens_make,
-            lens_model=camera.lens_model,
-            pixel_pitch_um=camera.pixel_pitch_um,
-        )
+        of_camera = {each.name: getattr(camera, each.name) for each in fields(ExportSubject)[1:]}
+        subject = ExportSubject(calibration_id=calibration.id, **of_camera)
         written = export.write(fits.read_result(calibration), subject, query.model_dump())
         content = _write_tiff(written) if isinstance(written, Picture) else written
         return Response(content, headers=answers.immutable_headers(tag), media_type=export.media_type)

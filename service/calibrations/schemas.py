@@ -181,19 +181,15 @@ class LifetimeAnswer(models.Answer):
     @classmethod
     def of(cls, row: Lifetime, names: dict[str, str]) -> "LifetimeAnswer":
         last, end = row.published[-1], row.revocation
-        return cls(
+        return cls.restate(
+            row,
+            row.calibration,
+            last.publication,
+            end,
             calibration_id=row.calibration.id,
-            version=row.calibration.version,
-            created_at=row.calibration.created_at,
-            coefficients=[Coefficient.model_validate(each) for each in row.coefficients],
-            in_force=[Period.model_validate(each) for each in row.in_force],
-            revoked_from=[Period.model_validate(each) for each in row.revoked_from],
             published_at=[act.publication.known_from for act in row.published],
             published_by=last.by,
             published_by_name=names.get(last.by),
-            reason=last.publication.reason,
-            revoked_at=end.revoked_at if end else None,
-            revoked_by=end.revoked_by if end else None,
             revoked_by_name=names.get(end.revoked_by) if end else None,
             revoked_reason=end.reason if end else None,
         )

@@ -286,7 +286,6 @@ class MeasurementAnswer(Answer):
     ) -> "MeasurementAnswer":
         result, header = row.result, frame.header or {}
         repeats = row.parameters.get("repeats", [])
-        place: dict[str, Any] = {name: header.get(name) for name in _FROM_HEADER}
         flags = [FlagAnswer.model_validate(raised) for raised in result["flags"]]
         flags += [FlagAnswer.model_validate(raised) for raised in list_passed(calibration, frame)]
         flags += _flags_of(status) + _flags_of_vignetting(of_vignetting)
@@ -296,10 +295,10 @@ class MeasurementAnswer(Answer):
         scopes = [spec.find_scope(name, told) for name in sorted(spec.certificate.headlines)]
         budget = [(share["source"], share["variance_share"]) for share in result.get("budget", [])]
         assumed = {each["source"] for each in result.get("corrections", []) if each.get("assumed")}
-        return cls(
-            **{name: getattr(row, name) for name in _FROM_ROW},
-            **place,
-            **summary.figures,
+        return cls.restate(
+            row,
+            summary.figures,
+            {name: header.get(name) for name in ("taken_at", "latitude_deg", "longitude_deg", "altitude_m")},
             signal=summary.signal,
             vignetting=summary.vignetting,
             grid=_describe_grid(row),
@@ -324,13 +323,6 @@ class MeasurementAnswer(Answer):
             ),
             links=_links(row),
         )
-
-
-_FROM_ROW = (
-    *("id", "frame_id", "campaign_id", "method", "parameters", "software", "content_sha256"),
-    *("created_at", "created_by"),
-)
-_FROM_HEADER = ("taken_at", "latitude_deg", "longitude_deg", "altitude_m")
 
 
 def _describe_grid(row: Measurement) -> GridAnswer | None:
