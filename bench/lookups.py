@@ -233,68 +233,35 @@ def _make_camera(organisation: str, camera: int) -> Iterator[tuple[type[tables.B
     document = _sha(f"certificate {camera}")
     yield tables.Blob, {"sha256": document, "size_bytes": 1}
     for version in range(1, _VERSIONS + 1):
-        calibration = _calibration(organisation, camera, version)
-        publication = {
-            "id": f"pub_{camera}_{version}",
-            "slot_id": camera + 1,
-            "calibration_id": calibration["id"],
-            "valid_from": _begin(version),
-            "valid_to": None if version == _VERSIONS else _begin(version + 1),
-            "known_from": _begin(version) + timedelta(hours=1),
-            "reason": "annual calibration",
-        }
-        coefficients = [
-            {
-                "calibration_id": calibration["id"],
-                "position": place,
-                "name": "dark_signal_dn",
-                "value": 64.0 + (7 * camera + 3 * version + place) / 977.0,
-                "standard_uncertainty": 0.43 + place / 991.0,
-                "unit": "DN",
-                "iso": 100.0 * 2**place,
-                "model": "mean",
-                "flags": [],
-            }
+        begin, calibration_id = _begin(version), f"cal_{camera}_{version}"
+        mine: Row = {"calibration_id": calibration_id}
+        calibration: Row = of | {"id": calibration_id, "organisation_id": organisation, "version": version}
+        calibration |= {"campaign_id": f"cmp_{camera}", "result": {"flags": []}, "result_schema": 1}
+        calibration |= {"content_sha256": _sha(f"{camera} {version}"), "created_at": begin}
+        calibration |= {name: {} for name in ("configuration", "parameters", "inputs", "software")}
+        calibration["created_by"] = "bench"
+        publication = mine | {"id": f"pub_{camera}_{version}", "slot_id": camera + 1, "valid_from": begin}
+        publication |= {"known_from": begin + timedelta(hours=1), "reason": "annual calibration"}
+        publication |= {"valid_to": None if version == _VERSIONS else _begin(version + 1)}
+        issued = mine | {"amendment": 0, "number": calibration_id, "publication_id": publication["id"]}
+        issued |= {"json_sha256": document, "pdf_sha256": document, "at_upgrade": False}
+        issued |= {"issued_at": publication["known_from"]}
+        mean = mine | {"name": "dark_signal_dn", "unit": "DN", "model": "mean", "flags": []}
+        coefficients: list[Row] = [
+            mean
+            | {"position": place, "iso": 100.0 * 2**place, "standard_uncertainty": 0.43 + place / 991.0}
+            | {"value": 64.0 + (7 * camera + 3 * version + place) / 977.0}
             for place in range(10)
         ]
         yield tables.Calibration, calibration
         yield tables.Publication, publication
         # or the service would issue them, beside what is measured
-        yield (
-            tables.IssuedCertificate,
-            {
-                "calibration_id": calibration["id"],
-                "amendment": 0,
-                "number": calibration["id"],
-                "publication_id": publication["id"],
-                "json_sha256": document,
-                "pdf_sha256": document,
-                "at_upgrade": False,
-                "issued_at": publication["known_from"],
-            },
-        )
+        yield tables.IssuedCertificate, issued
         yield from ((tables.CoefficientRow, each) for each in coefficients)
         rows = [tables.CoefficientRow(**each) for each in coefficients]
         yield from make_ready(
             tables.Publication(**publication), tables.Calibration(**calibration), rows
         ).items()
-
-
-def _calibration(organisation: str, camera: int, version: int) -> Row:
-    nothing: dict[str, Row] = {name: {} for name in ("configuration", "parameters", "inputs", "software")}
-    return nothing | {
-        "id": f"cal_{camera}_{version}",
-        "organisation_id": organisation,
-        "camera_id": f"cam_{camera}",
-        "campaign_id": f"cmp_{camera}",
-        "method": _METHOD,
-        "version": version,
-        "result": {"flags": []},
-        "result_schema": 1,
-        "content_sha256": _sha(f"{camera} {version}"),
-        "created_by": "bench",
-        "created_at": _begin(version),
-    }
 
 
 def _begin(version: int) -> datetime:
