@@ -7,8 +7,6 @@ from radiometry.frame.proof import Proof
 from worker.decode.reader import Reader, Window
 from worker.decode.tiff import Source
 
-__all__ = ["Window", "open_reader", "prove", "read_header", "read_window", "render_preview"]
-
 
 def open_reader(path: Path) -> Reader:
     return Reader(Source(path.read_bytes()))
