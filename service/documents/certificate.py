@@ -84,16 +84,6 @@ def format_traceability(
     return _through_panels(panels) if spec.reference == "panel" else spec.certificate.traceability
 
 
-def format_vignetting(spec: MethodSpec, content_sha256: str | None) -> str:
-    """Return the vignetting correction of the signals.
-
-    ``content_sha256`` : of the vignetting version that the coefficients are valid with
-    """
-    if content_sha256 is None:
-        return spec.certificate.vignetting
-    return f"the camera's vignetting version with content SHA-256 {content_sha256}"
-
-
 def _through_meters(meters: Sequence[schemas.UsedMeter]) -> str:
     luminance = [meter for meter in meters if meter.kind == "luminance"]
     named = [
@@ -188,7 +178,9 @@ def build_certificate(
     panels = [schemas.UsedPanel.model_validate(each) for each in record.calibration.inputs.get("panels", [])]
     spec = get_method(row.method)
     result, text = drop_absent(row.result), spec.certificate
-    vignetting = format_vignetting(spec, row.parameters.get("vignetting"))
+    vignetting = spec.certificate.vignetting
+    if content_sha256 := row.parameters.get("vignetting"):
+        vignetting = f"the camera's vignetting version with content SHA-256 {content_sha256}"
     coefficients = _coefficients(record)
     scope = next((each.uncertainty_scope for each in coefficients if each.uncertainty_scope), None)
     camera = CameraAnswer.of(record.camera)

@@ -62,7 +62,9 @@ def list_jobs(
         rows = rows.where(Job.dismissed_at.is_not(None) == dismissed)
     with context.database.reading() as session:
         if subject is not None:
-            rows = rows.where(_select_subject(session, caller, subject))
+            row = lookup.find_owned(session, (FrameRow, Campaign, Calibration, Measurement), subject, caller)
+            mine = Job.subject_id == subject
+            rows = rows.where(select_makers(row) if isinstance(row, Calibration | Measurement) else mine)
         return paging.send(session, rows, lambda found: _answers(session, found), newest_first=True)
 
 
@@ -181,14 +183,6 @@ def _choose(session: Session, caller: auth.Caller, body: schemas.RetriedJobs) ->
     for kind in session.scalars(select(Job.kind).where(chosen).distinct().order_by(Job.kind)):
         auth.require(caller, _SCOPES[kind])
     return chosen
-
-
-def _select_subject(session: Session, caller: auth.Caller, subject: str) -> ColumnElement[bool]:
-    """Return which jobs work on a frame or campaign, or made a version or measurement."""
-    row = lookup.find_owned(session, (FrameRow, Campaign, Calibration, Measurement), subject, caller)
-    if isinstance(row, Calibration | Measurement):
-        return select_makers(row)
-    return Job.subject_id == subject
 
 
 def _read(context: Context, caller: auth.Caller, job_id: str) -> schemas.JobAnswer:

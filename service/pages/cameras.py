@@ -186,7 +186,10 @@ def build_drift(found: Sequence[Determination], versions: Mapping[str, int], *, 
 
     ``found`` : of one coefficient, named ``quantity``; ``versions`` : the number of each version
     """
-    shared = _shared([row.key for row in found])
+    keys = [row.key for row in found]
+    # nothing is left out of the name of a single one
+    single = len(set(keys)) == 1
+    shared = frozenset() if single else frozenset.intersection(*(frozenset(_parts(key)) for key in keys))
     rows: dict[str, list[Determination]] = defaultdict(list)
     for row in found:
         rows[_where(row.key, without=shared).replace("channel ", "")].append(row)
@@ -279,13 +282,6 @@ def _parts(key: Key) -> list[str]:
     said = str(key).removeprefix(key.name).removeprefix(" at ").split(", ")
     # of sharpness the model ends with the place in the frame
     return [part for part in (*said, key.model.partition(":")[2]) if part]
-
-
-def _shared(keys: Sequence[Key]) -> frozenset[str]:
-    """Return what all series hold for: nothing for a single one, as it must have a name."""
-    if len(set(keys)) == 1:
-        return frozenset()
-    return frozenset.intersection(*(frozenset(_parts(key)) for key in keys))
 
 
 router = operations.Router(include_in_schema=False)

@@ -52,6 +52,8 @@ def read_band(packet: Packet, problems: tuple[str, ...], **lens: Any) -> Multisp
     irradiance = _read_irradiance(packet)
     reference = xmp.index("camera:RigRelativesReferenceRigCameraIndex")
     (capture, flight), started_s = IDENTITIES, xmp.number("micasense:BootTimestamp")
+    # x and y of the panel's four corners
+    numbers = xmp.numbers("camera:ReflectArea") or xmp.numbers("micasense:ReflectArea")
     return Multispectral(
         **describe_band(packet, sensor_bits=_SENSOR_BITS),
         **lens,
@@ -65,19 +67,13 @@ def read_band(packet: Packet, problems: tuple[str, ...], **lens: Any) -> Multisp
         exposed_at_us=round(started_s * 1e6) if started_s and 0.0 < started_s < _LONGEST_RUN_S else None,
         panel_serial=xmp.text("micasense:PanelSerial") or xmp.text("camera:PanelSerial"),
         panel_albedo=xmp.first_number("micasense:Albedo", "camera:Albedo"),
-        panel_region=_read_corners(xmp),
+        panel_region=tuple(zip(numbers[::2], numbers[1::2], strict=True))
+        if len(numbers) == 2 * _CORNERS
+        else None,
         geometry=read_geometry(
             packet, reference=reference is not None and reference == xmp.index("camera:RigCameraIndex")
         ),
     )
-
-
-def _read_corners(xmp: Xmp) -> tuple[tuple[float, float], ...] | None:
-    """ReflectArea: x and y of the panel's four corners."""
-    numbers = xmp.numbers("camera:ReflectArea") or xmp.numbers("micasense:ReflectArea")
-    if len(numbers) != 2 * _CORNERS:
-        return None
-    return tuple(zip(numbers[::2], numbers[1::2], strict=True))
 
 
 def _read_irradiance(packet: Packet) -> SunshineIrradiance | str:
