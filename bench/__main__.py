@@ -7,17 +7,16 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from functools import cache
 
-from bench import growth, lookups, reading, uploads, workers
-from bench.harness import Scale, describe_machine, say, summarise
+from bench import growth, harness, lookups, reading, uploads, workers
 from tests.support.postgres import PostgresServer
 
-_FULL = Scale(coefficients=(10_000, 100_000, 1_000_000))
+_FULL = harness.Scale(coefficients=(10_000, 100_000, 1_000_000))
 
 
-def main(scale: Scale, *names: str) -> int:
+def main(scale: harness.Scale, *names: str) -> int:
     began = time.monotonic()
-    say(describe_machine())
-    say("medians of turns (the middle half in brackets); ratios are formed turn by turn")
+    harness.say(harness.describe_machine())
+    harness.say("medians of turns (the middle half in brackets); ratios are formed turn by turn")
     verdicts: list[bool] = []
     spent: list[str] = []
     with ExitStack() as stack:
@@ -37,16 +36,16 @@ def main(scale: Scale, *names: str) -> int:
             "cuts": uploads.run_cuts,
         }
         if strange := set(names) - parts.keys():
-            say(f"no benchmark is called {', '.join(sorted(strange))}; there are {', '.join(parts)}")
+            harness.say(f"no benchmark is called {', '.join(sorted(strange))}; there are {', '.join(parts)}")
             return 2
         for name in names or [each for each in parts if each != "cuts"]:
             part_began = time.monotonic()
             verdicts += parts[name]()
             spent.append(f"{name} {time.monotonic() - part_began:.0f}")
-    say(f"\nseconds: {', '.join(spent)}")
-    say(f"{summarise(verdicts)}; in {time.monotonic() - began:.0f} s")
+    harness.say(f"\nseconds: {', '.join(spent)}")
+    harness.say(f"{harness.summarise(verdicts)}; in {time.monotonic() - began:.0f} s")
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main(_FULL if os.environ.get("SCALE") == "full" else Scale(), *sys.argv[1:]))
+    sys.exit(main(_FULL if os.environ.get("SCALE") == "full" else harness.Scale(), *sys.argv[1:]))

@@ -20,8 +20,7 @@ import stilb
 from demo.journey import Finding, Stage, begin, calibrate, conclude, send, write_files
 from radiometry.frame import FrameHeader
 from radiometry.records import Record
-from simulation import rigs, sequoia
-from simulation.camera import Plane, Sensor, Taken, change
+from simulation import camera, rigs, sequoia
 from simulation.multispectral_files import name_file, name_rig_file, write_rig, write_sequoia
 
 _SEED = 20180413
@@ -69,7 +68,7 @@ class _Kit(Record):
 
     whole: sequoia.Sequoia | rigs.Rig
     name: Callable[[int, FrameHeader], str]
-    write: Callable[[Path, Taken], None]
+    write: Callable[[Path, camera.Taken], None]
     aligned: bool = True
 
 
@@ -84,7 +83,7 @@ def run(stage: Stage) -> bool:
     """Calibrate K of every band, measure the field; return True if all agrees with the truth."""
     kit = _KITS[stage.camera or CAMERAS[0]]
     if stage.quick:
-        kit = replace(kit, whole=change(kit.whole, height_px=120, width_px=160))
+        kit = replace(kit, whole=camera.change(kit.whole, height_px=120, width_px=160))
     body, sensor, bands = kit.whole.camera.body, kit.whole.camera.sensor, tuple(kit.whole.bands)
     taken = _simulate(kit.whole)
     files = write_files(
@@ -122,7 +121,7 @@ def _find_k(whole: sequoia.Sequoia | rigs.Rig, band: str, time_share: float) -> 
     return whole.bands[band].reflectance_k * (1.0 + _DRIFT_REL * time_share)
 
 
-def _simulate(whole: sequoia.Sequoia | rigs.Rig) -> list[Taken]:
+def _simulate(whole: sequoia.Sequoia | rigs.Rig) -> list[camera.Taken]:
     random = np.random.default_rng(_SEED)
     panel = {band: _PANEL_CERTIFIED[band] + _PANEL_U * random.standard_normal() for band in whole.bands}
     # towards the sun, or away from it, a panel is brighter or darker than a level one
@@ -130,10 +129,10 @@ def _simulate(whole: sequoia.Sequoia | rigs.Rig) -> list[Taken]:
     level = math.cos(math.radians(_ZENITH_DEG - tilt_deg)) / math.cos(math.radians(_ZENITH_DEG))
     panel = {band: level * reflectance for band, reflectance in panel.items()}
     field = {band: _lay_out(whole.camera.sensor, band) for band in whole.bands}
-    taken: list[Taken] = []
+    taken: list[camera.Taken] = []
     for number, each in enumerate(_CAPTURES):
         ks = {name: _find_k(whole, name, each.after / _FLIGHT) for name in whole.bands}
-        surface: Mapping[str, float | Plane] = panel if each.role == "panel" else field
+        surface: Mapping[str, float | camera.Plane] = panel if each.role == "panel" else field
         taken += _expose(whole, ks, each, random, surface, capture_id=f"demo-{number}").values()
     return taken
 
@@ -143,10 +142,10 @@ def _expose(
     ks: Mapping[str, float],
     each: _Capture,
     random: np.random.Generator,
-    surface: Mapping[str, float | Plane],
+    surface: Mapping[str, float | camera.Plane],
     *,
     capture_id: str,
-) -> dict[str, Taken]:
+) -> dict[str, camera.Taken]:
     taken_at = _START + each.after
     if isinstance(whole, rigs.Rig):
         channels = {name: replace(band, reflectance_k=ks[name]) for name, band in whole.bands.items()}
@@ -166,14 +165,14 @@ def _expose(
     )
 
 
-def _lay_out(sensor: Sensor, band: str) -> Plane:
+def _lay_out(sensor: camera.Sensor, band: str) -> camera.Plane:
     """Return the field's true reflectance, (row, col): the surfaces as stripes from left to right."""
     which = np.arange(sensor.width_px) * len(_SURFACES) // sensor.width_px
     stripes = np.array([surface[band] for surface in _SURFACES.values()])[which]
     return np.broadcast_to(stripes, (sensor.height_px, sensor.width_px))
 
 
-def _bound(sensor: Sensor, surface: str) -> Corners:
+def _bound(sensor: camera.Sensor, surface: str) -> Corners:
     """Return a rectangle well inside the stripe of a surface."""
     stripe = sensor.width_px // len(_SURFACES)
     left = list(_SURFACES).index(surface) * stripe
@@ -184,13 +183,13 @@ def _draw(x0: float, y0: float, x1: float, y1: float) -> Corners:
     return [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
 
 
-def _write(folder: Path, kit: _Kit, one: Taken, number: int) -> Path:
+def _write(folder: Path, kit: _Kit, one: camera.Taken, number: int) -> Path:
     path = folder / kit.name(number, one.header)
     kit.write(path, one)
     return path
 
 
-def _calibrate(stage: Stage, camera_id: str, sensor: Sensor, files: list[Path]) -> stilb.Calibration:
+def _calibrate(stage: Stage, camera_id: str, sensor: camera.Sensor, files: list[Path]) -> stilb.Calibration:
     panel = stage.client.create_panel(
         "P-18",
         measured_on="2018-03-01",
@@ -243,7 +242,7 @@ def _mean_of(found: stilb.Measurement) -> stilb.Quantity:
     return found.mean
 
 
-def _check_map(stage: Stage, sensor: Sensor, frame: stilb.Frame) -> Finding:
+def _check_map(stage: Stage, sensor: camera.Sensor, frame: stilb.Frame) -> Finding:
     """Average a surface on a frame's map: its pixels share the uncertainty of the frame's K and light."""
     corners = _bound(sensor, "soil")
     with stage.display.stage("a map"):

@@ -9,10 +9,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.frame import Frame, FrameHeader
+from radiometry.frame import Frame, FrameHeader, roi
 from radiometry.frame.exposure import Exposure, Settings
 from radiometry.frame.multispectral import VignettingPolynomial
-from radiometry.frame.roi import Window
 from radiometry.geometry.camera import CameraModel
 from radiometry.records import Record
 from radiometry.reflectance.imaging import FrameSize, evaluate_polynomial
@@ -171,7 +170,7 @@ class Sensor(Record):
         """Return the system gain at an ISO value [DN/e]."""
         return self.gain_dn_per_e * iso / self.base_iso
 
-    def filter_light(self, window: Window, *, temperature_k: float = ILLUMINANT_A_K) -> Plane:
+    def filter_light(self, window: roi.Window, *, temperature_k: float = ILLUMINANT_A_K) -> Plane:
         """Return the relative sensitivity of each pixel, (row, col) or (row, col, plane)."""
         if self.cfa == "grey":
             return np.ones((window.height, window.width))
@@ -187,14 +186,14 @@ class Sensor(Record):
         cols = np.arange(window.col0, window.col0 + window.width) % 2
         return strengths.reshape(2, 2)[rows[:, None], cols[None, :]]
 
-    def pick(self, light: Plane, window: Window) -> Plane:
+    def pick(self, light: Plane, window: roi.Window) -> Plane:
         """Return the light of each site's own colour, (row, col), from that of all three, (row, col, 3)."""
         rows = np.arange(window.row0, window.row0 + window.height) % 2
         cols = np.arange(window.col0, window.col0 + window.width) % 2
         wanted = np.array(["RGB".index(one) for one in self.cfa]).reshape(2, 2)[rows[:, None], cols[None, :]]
         return np.take_along_axis(light, wanted[:, :, None], axis=2)[:, :, 0]
 
-    def pattern(self, window: Window, *, dark: bool = False) -> Plane | float:
+    def pattern(self, window: roi.Window, *, dark: bool = False) -> Plane | float:
         """Return a relative sensitivity of each pixel, or its dark offset [e]; (row, col)."""
         size = self.dsnu_e if dark else self.prnu_rel
         if not size:
@@ -208,7 +207,7 @@ class Sensor(Record):
         return pattern[:, :, None] if self.cfa == "rgb" else pattern
 
     def read_out(
-        self, mean_e: Plane, random: np.random.Generator, *, window: Window, dark_e: float, iso: float
+        self, mean_e: Plane, random: np.random.Generator, *, window: roi.Window, dark_e: float, iso: float
     ) -> NDArray[np.uint16]:
         """Draw the digital numbers of pixels that collect a mean number of electrons.
 
@@ -273,15 +272,15 @@ class Camera(Record):
     sensor: Sensor = field(default_factory=Sensor)
 
     @property
-    def window(self) -> Window:
-        return Window(row0=0, col0=0, height=self.sensor.height_px, width=self.sensor.width_px)
+    def window(self) -> roi.Window:
+        return roi.Window(row0=0, col0=0, height=self.sensor.height_px, width=self.sensor.width_px)
 
     @property
     def centre_px(self) -> tuple[float, float]:
         """Row and column of the falloff's centre [px]."""
         return self.lens.centre_px or Grid.over(self.sensor.height_px, self.sensor.width_px).middle_px
 
-    def share(self, f_number: float, window: Window | None = None) -> Plane:
+    def share(self, f_number: float, window: roi.Window | None = None) -> Plane:
         """Return the share V of the light that the lens passes to each pixel, (row, col)."""
         window, sensor, lens = window or self.window, self.sensor, self.lens
         if lens.polynomial is not None:
@@ -340,7 +339,7 @@ class Camera(Record):
 class Target(Protocol):
     """Anything that can be photographed."""
 
-    def draw(self, camera: Camera, window: Window) -> Plane:
+    def draw(self, camera: Camera, window: roi.Window) -> Plane:
         """Return the share of the lamp's luminance that each pixel sees, (row, col) or one for all.
 
         A lens whose colours differ gives (row, col, colour), red first.
@@ -354,7 +353,7 @@ def expose(
     settings: Settings,
     random: np.random.Generator,
     *,
-    window: Window | None = None,
+    window: roi.Window | None = None,
     after_s: float = 0.0,
 ) -> Frame:
     """Photograph a target at nominal settings, ``after_s`` after the lamp had its luminance [s].
@@ -402,7 +401,7 @@ class Shot(Record):
     lamp: Lamp
     target: Target
     scene: str | None = None
-    window: Window | None = None  # Part of the frame to read out; the whole frame if None
+    window: roi.Window | None = None  # Part of the frame to read out; the whole frame if None
     # Rows that are exposed together, for even surfaces of many megapixels; all if None
     rows_at_once: int | None = None
     after_s: float = 0.0  # Time since the lamp had its luminance [s]

@@ -11,22 +11,21 @@ from rich.table import Table
 
 from radiometry.findings import shared
 from radiometry.methods import get_method
-from verify.compare import Agreement, Row
-from verify.data import Node, is_measurement
+from verify import compare, data
 
 _HELD_FOR = {"iso": "ISO {:g}", "f_number": "f/{:g}", "band": "{}", "channel": "{}"}
 _MOST_IN_GROUP = 12
 _OF_MEASUREMENT = tuple(
     f"{name}.{part}" for name in ("mean", "value") for part in ("value", "standard_uncertainty")
 )
-_WORDS: Final[dict[Agreement, str]] = {
+_WORDS: Final[dict[compare.Agreement, str]] = {
     "same": "the same",
     "rounding": "to rounding",
     "different": "different",
 }
 
 
-def tabulate(certificate: Node, rows: list[Row]) -> Table:
+def tabulate(certificate: data.Node, rows: list[compare.Row]) -> Table:
     """Return the table: quantity, certificate, recomputed, same or not."""
     table = Table(title=_name(certificate), title_justify="left")
     for name in ("quantity", "certificate", "recomputed", "same?"):
@@ -53,11 +52,11 @@ def tabulate(certificate: Node, rows: list[Row]) -> Table:
     return table
 
 
-def _list_headlines(certificate: Node, rows: list[Row]) -> Iterator[tuple[str, Row]]:
+def _list_headlines(certificate: data.Node, rows: list[compare.Row]) -> Iterator[tuple[str, compare.Row]]:
     """The results by name: every coefficient with u."""
     # the whole certificate is compared with the data's copy too, under the same names
     figures = {row.quantity: row for row in rows if row.group in ("iso_fits", "coefficients")}
-    if is_measurement(certificate):
+    if data.is_measurement(certificate):
         means = {row.quantity: row for row in rows if row.group == "result"}
         yield from ((name, means[name]) for name in _OF_MEASUREMENT if name in means)
         return
@@ -71,8 +70,8 @@ def _list_headlines(certificate: Node, rows: list[Row]) -> Iterator[tuple[str, R
                 yield symbol, row
 
 
-def _name(certificate: Node) -> str:
-    named = f"Measurement {certificate['id']}" if is_measurement(certificate) else ""
+def _name(certificate: data.Node) -> str:
+    named = f"Measurement {certificate['id']}" if data.is_measurement(certificate) else ""
     return named or f"Certificate {certificate['number']}"
 
 
@@ -81,7 +80,7 @@ def name_libraries() -> str:
     return f"Recomputed with numpy {np.__version__} and scipy {scipy.__version__} on {platform.machine()}."
 
 
-def name_unseen(certificate: Node) -> str:
+def name_unseen(certificate: data.Node) -> str:
     """Return how many frames were rows of a table, whose pixels nobody can recompute; "" if none was."""
     frames = certificate.get("frames", [])
     unseen = sum(shared.STATISTICS_FROM_TABLE.sentence in frame.get("warnings", []) for frame in frames)
@@ -92,7 +91,7 @@ def name_unseen(certificate: Node) -> str:
     )
 
 
-def conclude(rows: list[Row]) -> str:
+def conclude(rows: list[compare.Row]) -> str:
     """Return the answer: the same to the last bit, the same to rounding, or different."""
     counts = Counter(row.agreement for row in rows)
     if counts["different"]:
@@ -107,7 +106,7 @@ def conclude(rows: list[Row]) -> str:
     )
 
 
-def _verdict(row: Row) -> str:
+def _verdict(row: compare.Row) -> str:
     word = {"same": "yes", "rounding": "rounding", "different": "NO"}[row.agreement]
     return f"{word} {row.difference}".strip()
 

@@ -17,8 +17,7 @@ from store import jobs, logs, pulse, tracing
 from store.blobs.partials import Partials
 from store.database import OTHER_SCHEMA_EXIT, Database, SchemaDiffers, require_own_schema, summarise
 from store.jobs import processes, queues
-from worker import background, runner
-from worker.app import app, settings
+from worker import app, background, runner
 from worker.context import build_context, open_database
 from worker.decode.pieces import keep_memory, share_one_arena
 from worker.decode.pool import DecoderPool, DecoderUnavailable
@@ -51,15 +50,15 @@ def do_job(task: Task, _subject_id: str) -> Mapping[str, Any]:
 
 
 for name in {lane.task for lane in queues.LANES.values()}:
-    app.task(name=name, bind=True, throws=(JobFailed,))(do_job)
+    app.app.task(name=name, bind=True, throws=(JobFailed,))(do_job)
 
 
-@app.task(name=queues.REVIEW.task)  # type: ignore[untyped-decorator]
+@app.app.task(name=queues.REVIEW.task)  # type: ignore[untyped-decorator]
 def review(campaign_id: str) -> None:
     _mine["context"].reviews.renew(campaign_id)
 
 
-@app.task(name=queues.CANCEL.task)  # type: ignore[untyped-decorator]
+@app.app.task(name=queues.CANCEL.task)  # type: ignore[untyped-decorator]
 def cancel(job_id: str) -> None:
     with _mine["context"].database.writing("worker") as session:
         jobs.cancel(session, job_id)
@@ -85,7 +84,7 @@ def start_decoders(pool: DecoderPool, *, require: bool) -> dict[str, Any]:
 
 @signals.setup_logging.connect  # type: ignore[untyped-decorator]
 def log_our_way(**_: object) -> None:
-    logs.configure_logging(settings.log)
+    logs.configure_logging(app.settings.log)
     logging.getLogger("celery").setLevel(logging.WARNING)
 
 
@@ -94,13 +93,13 @@ def prepare(**_: object) -> None:
     """Load and check in the parent what its forks share."""
     log_our_way()  # which Celery asks for later
     # forks share what it has compiled by then, and none of its connections
-    _mine["database"] = database = open_database(settings)
+    _mine["database"] = database = open_database(app.settings)
     try:
         database.guard_schema()
         with database.reading() as session:  # prepares the tables once for all forks
-            look(session, lease_s=settings.lease_s)
+            look(session, lease_s=app.settings.lease_s)
             processes.list_parts(session)
-        _mine["sandbox"] = start_decoders(decoders, require=settings.decoder_sandbox == "require")
+        _mine["sandbox"] = start_decoders(decoders, require=app.settings.decoder_sandbox == "require")
     except SchemaDiffers as error:
         log.error("%s: no job is done", error)  # noqa: TRY400  expected: no traceback
         sys.exit(OTHER_SCHEMA_EXIT)
@@ -122,13 +121,13 @@ def begin(**_: object) -> None:
     keep_memory()
     decoders.share()
     tracing.configure_tracing("worker")
-    context = build_context(settings, decoders, _mine["database"])
+    context = build_context(app.settings, decoders, _mine["database"])
     presence = processes.Presence(
         context.database, "worker", decoder_sandbox=_mine["sandbox"], job_seconds=context.durations.found
     )
 
     def lead() -> None:
-        processes.sweep_floor(context.blobs, Partials.of(settings))
+        processes.sweep_floor(context.blobs, Partials.of(app.settings))
         background.Renewal(context.database, leads=presence.leads).start()
         background.Scrub(context.database, context.files, leads=presence.leads).start()
 
@@ -148,7 +147,7 @@ def watch_for_stop(instance: Any, **_: object) -> None:  # noqa: ANN401  Celery'
     """End a stop within the grace: whoever still works then is killed, and its jobs are given back."""
     pids: set[int] = set()
     # each line of the log is one of JSON, or Celery greets
-    instance.quiet = settings.log == "json"
+    instance.quiet = app.settings.log == "json"
 
     def kill(*_: object) -> None:
         # which has words for each that it loses
@@ -160,13 +159,13 @@ def watch_for_stop(instance: Any, **_: object) -> None:  # noqa: ANN401  Celery'
     def count_down(**_: object) -> None:
         pids.update(instance.pool.info["processes"])
         signal.signal(signal.SIGALRM, kill)
-        signal.setitimer(signal.ITIMER_REAL, max(settings.stop_grace_s, 0.001))
+        signal.setitimer(signal.ITIMER_REAL, max(app.settings.stop_grace_s, 0.001))
 
     @signals.worker_shutdown.connect(weak=False)  # type: ignore[untyped-decorator]
     def give_back(**_: object) -> None:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
-        post = queues.Post(settings.effective_broker_url)
-        database = Database(settings.effective_database_url, answer_within_s=_FAREWELL_S, post=post)
+        post = queues.Post(app.settings.effective_broker_url)
+        database = Database(app.settings.effective_database_url, answer_within_s=_FAREWELL_S, post=post)
         try:
             with database.writing("worker") as session:
                 require_own_schema(session)
@@ -182,4 +181,4 @@ def watch_for_stop(instance: Any, **_: object) -> None:  # noqa: ANN401  Celery'
 def pass_on(request: Any, **_: object) -> None:  # noqa: ANN401  Celery's
     """End a revoked job's row; by a task, since the parent waits for no database."""
     if request.task in {lane.task for lane in queues.LANES.values()}:
-        queues.Post(settings.effective_broker_url).send([queues.Message(queues.CANCEL, None, request.id)])
+        queues.Post(app.settings.effective_broker_url).send([queues.Message(queues.CANCEL, None, request.id)])

@@ -26,7 +26,6 @@ from radiometry.specification import application, certificate, method
 from radiometry.specification.parameters import Choice, Kind, Parameter
 from radiometry.specification.roles import Grid, Role
 from service.http import answers, auth, models, operations
-from service.http.models import WHOLE, CurveText, Form, LongText, Text
 from service.http.problems import AS_NUMBER, BY_NAME, invalid, located
 from store.codec import drop_absent
 
@@ -34,14 +33,14 @@ NONE = "none"
 """Switches off a parameter that has a default."""
 
 
-class Exclusion(Form):
+class Exclusion(models.Form):
     """A frame that the fit leaves out, and why."""
 
-    frame_id: Text
-    reason: LongText
+    frame_id: models.Text
+    reason: models.LongText
 
 
-class FitRequest(Form):
+class FitRequest(models.Form):
     """Fields that every method takes."""
 
     exclude: Annotated[
@@ -86,7 +85,7 @@ def _make_form(spec: method.MethodSpec) -> type[FitRequest]:
     }
     if spec.reference == "panel":
         extra["panel_id"] = (
-            Text | None,
+            models.Text | None,
             Field(default=None, description="The campaign's panel from now on."),
         )
     extra |= make_fields(each for each in spec.parameters if each.given_by == "request")
@@ -114,7 +113,7 @@ def make_fields(parameters: Iterable[Parameter]) -> dict[str, tuple[Any, Any]]:
 
 
 def read_kind(parameter: Parameter) -> Any:  # noqa: ANN401  a type, or a form of one
-    kind: Any = Text
+    kind: Any = models.Text
     if parameter.kind == "choice":
         kind = _annotate(
             Literal[tuple(choice.value for choice in parameter.choices)], BeforeValidator(_refuse_truth)
@@ -124,7 +123,7 @@ def read_kind(parameter: Parameter) -> Any:  # noqa: ANN401  a type, or a form o
     elif parameter.kind == "group":
         members: dict[str, Any] = make_fields(parameter.members)
         name = "".join(word.capitalize() for word in parameter.label.split())
-        kind = create_model(name, __base__=Form, __doc__=parameter.description, **members)
+        kind = create_model(name, __base__=models.Form, __doc__=parameter.description, **members)
     elif parameter.kind == "interval":
         kind = _annotate(list[_bound(parameter)], Field(min_length=2, max_length=2))  # type: ignore[misc]
     elif parameter.none_allowed:
@@ -135,7 +134,7 @@ def read_kind(parameter: Parameter) -> Any:  # noqa: ANN401  a type, or a form o
     elif parameter.kind in ("number", "integer"):
         kind = _bound(parameter)
     elif parameter.kind == "text":
-        kind = CurveText
+        kind = models.CurveText
     return kind
 
 
@@ -147,7 +146,7 @@ def _bound(parameter: Parameter) -> Any:  # noqa: ANN401  a type
     }
     given = {name: limit for name, limit in limits.items() if limit is not None}
     if parameter.kind == "integer":
-        return _annotate(int, Strict(), Field(**given), WHOLE)
+        return _annotate(int, Strict(), Field(**given), models.WHOLE)
     return _annotate(float, Strict(), Field(**given))
 
 

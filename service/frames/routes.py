@@ -13,12 +13,11 @@ from radiometry.frame.roi import bounding_window
 from radiometry.frame.verdicts import Verdict
 from service.campaigns.schemas import NewRoi, RoiAnswer
 from service.frames.schemas import FrameAnswer, FrameChange, Upload
+from service.http import changes, operations
 from service.http.answers import had_already, problems, send_blob, sends_stored_file
 from service.http.auth import Calibrator, Caller, Reader, Uploader
-from service.http.changes import Reply, StreamWrites, Writes
 from service.http.context import Context, UsesContext
 from service.http.lookup import Id, owned
-from service.http.operations import Router
 from service.http.paging import Page, UsesPaging
 from service.http.problems import Problem
 from service.measurements.requests import read_region, read_roi
@@ -28,7 +27,7 @@ from store.queries.frames import current_roi, describe_anew, require_role
 from store.reviews import judge_alone
 from store.tables import Campaign, FrameRow, Job, utc_now
 
-router = Router(prefix="/v1", tags=["frames"])
+router = operations.Router(prefix="/v1", tags=["frames"])
 
 _BINARY = {"schema": {"type": "string", "format": "binary"}}
 _UPLOAD = {
@@ -62,7 +61,7 @@ async def upload_frame(
     upload: Annotated[Upload, Query()],
     caller: Uploader,
     context: UsesContext,
-    writing: StreamWrites,
+    writing: changes.StreamWrites,
 ) -> Response:
     """Upload one file. It is durable when this answers; a worker then reads it.
 
@@ -115,16 +114,16 @@ def get_frame(frame_id: Id, caller: Reader, context: UsesContext) -> Response:
 
 
 @router.patch("/frames/{frame_id}", response_model=FrameAnswer, responses=problems(409))
-def change_frame(frame_id: Id, body: FrameChange, caller: Calibrator, writing: Writes) -> Response:
+def change_frame(frame_id: Id, body: FrameChange, caller: Calibrator, writing: changes.Writes) -> Response:
     """Correct what was said of a frame; it is then read again."""
 
-    def change(session: Session) -> Reply:
+    def change(session: Session) -> changes.Reply:
         # what two who come at once supply is kept together
         frame = owned(session, FrameRow, frame_id, caller, for_update=True)
         jobs = apply_change(session, frame, body, caller)
         session.flush()
         campaign = session.get_one(Campaign, frame.campaign_id)
-        return Reply(status=200, body=answer_write(session, frame, campaign, jobs), jobs=jobs)
+        return changes.Reply(status=200, body=answer_write(session, frame, campaign, jobs), jobs=jobs)
 
     return writing.run(caller, change)
 
@@ -152,11 +151,11 @@ def apply_change(session: Session, frame: FrameRow, body: FrameChange, caller: C
 
 
 @router.put("/frames/{frame_id}/roi", response_model=FrameAnswer)
-def set_frame_roi(frame_id: Id, body: NewRoi, caller: Calibrator, writing: Writes) -> Response:
+def set_frame_roi(frame_id: Id, body: NewRoi, caller: Calibrator, writing: changes.Writes) -> Response:
     """Set a region for one frame, where the camera has moved."""
     drawing = read_roi(body)
 
-    def change(session: Session) -> Reply:
+    def change(session: Session) -> changes.Reply:
         frame = owned(session, FrameRow, frame_id, caller)
         if header := frame.header:
             bounding_window(drawing.polygon, height_px=header["height_px"], width_px=header["width_px"])
@@ -225,11 +224,11 @@ def require_header(frame: FrameRow) -> dict[str, Any]:
     return frame.header
 
 
-def _read_again(session: Session, frame: FrameRow, caller: Caller, *, changed: bool) -> Reply:
+def _read_again(session: Session, frame: FrameRow, caller: Caller, *, changed: bool) -> changes.Reply:
     jobs = [renew_extraction(session, frame, caller.organisation_id, by=caller.key_id)] if changed else []
     session.flush()
     campaign = session.get_one(Campaign, frame.campaign_id)
-    return Reply(status=200, body=answer_write(session, frame, campaign, jobs), jobs=jobs)
+    return changes.Reply(status=200, body=answer_write(session, frame, campaign, jobs), jobs=jobs)
 
 
 def _find_verdicts(context: Context, session: Session, frames: list[FrameRow]) -> Mapping[str, Verdict]:

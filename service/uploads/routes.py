@@ -15,10 +15,9 @@ from starlette.concurrency import run_in_threadpool
 from radiometry.findings import interface
 from service.campaigns.schemas import Role
 from service.frames.schemas import Upload
-from service.http import answers, changes, lookup, models, operations
+from service.http import answers, changes, lookup, models, operations, problems
 from service.http.auth import Caller, Uploader
 from service.http.context import Context, UsesContext
-from service.http.problems import Problem, not_found, wrong
 from service.measurements.requests import read_region
 from service.uploads.frames import MAX_FILE_BYTES, admit, keep_frame
 from service.uploads.tus import (
@@ -185,7 +184,7 @@ async def append_to_upload(
     partial = await run_in_threadpool(_find, context, request, upload_id)
     check_protocol(headers)
     if not headers.is_piece:
-        raise Problem(interface.UPLOAD_TYPE, f"Send a piece with Content-Type: {PIECE}.")
+        raise problems.Problem(interface.UPLOAD_TYPE, f"Send a piece with Content-Type: {PIECE}.")
     begins = read_count(headers.offset, "Upload-Offset")
     await append(request, partial, begins, headers.checksum)
     facts = await _finish_if_whole(context, partial)
@@ -227,10 +226,10 @@ def _begin(
         admit(context, *file, role=frame.role, begin=lambda: _keep_facts(partials, token, facts))
     partial = partials.find(token, organisation_id)
     if partial is None:
-        raise not_found("upload")
+        raise problems.not_found("upload")
     kept = partial.read_facts()
     if any(getattr(kept, name) != getattr(facts, name) for name in _OF_THE_FILE):
-        raise Problem(
+        raise problems.Problem(
             interface.IDEMPOTENCY_KEY_REUSED,
             "This Idempotency-Key was used for another request. Use a new one for each new request.",
         )
@@ -239,7 +238,7 @@ def _begin(
 
 def _refuse_too_many(under_way: int) -> None:
     if under_way >= _MOST_UNDER_WAY:
-        raise Problem(
+        raise problems.Problem(
             interface.TOO_MANY_UPLOADS,
             f"Your organisation has {under_way} unfinished uploads. Finish or end some.",
             headers={"Retry-After": "60"},
@@ -250,7 +249,7 @@ def _keep_facts(partials: Partials, token: str, facts: Facts) -> None:
     try:
         partials.begin(token, facts)
     except FactsTooLong:
-        raise wrong("header.Upload-Metadata", "is too long") from None
+        raise problems.wrong("header.Upload-Metadata", "is too long") from None
 
 
 def _end_writer(partial: Partial) -> None:
@@ -264,14 +263,14 @@ def _find(context: Context, request: Request, upload_id: str) -> Partial:
     partial = context.partials.find(match[2], f"org_{match[1]}") if match else None
     if partial is None:
         detail = "There is no such upload: it was ended, or it has expired. Begin it again."
-        raise Problem(interface.NOT_FOUND, detail)
+        raise problems.Problem(interface.NOT_FOUND, detail)
     caller = _find_caller(context, partial.read_facts())
     scheme, _, secret = request.headers.get("authorization", "").partition(" ")
     if scheme.lower() == "bearer":
         with context.database.reading() as session:
             sent = find_key(session, secret.strip())
         if sent is None or sent[1].id != caller.organisation_id:
-            raise not_found("upload")
+            raise problems.not_found("upload")
     return partial
 
 
@@ -280,7 +279,7 @@ def _find_caller(context: Context, facts: Facts) -> Caller:
     with context.database.reading() as session:
         found = find_key_by_id(session, facts.key_id)
     if found is None:
-        raise not_found("upload")
+        raise problems.not_found("upload")
     return Caller.holding(*found)
 
 
@@ -292,7 +291,7 @@ async def _finish_if_whole(context: Context, partial: Partial) -> Facts:
             await _make_frame(context, partial, facts, blob)
             return await run_in_threadpool(partial.read_facts)
     except FileNotFoundError:
-        raise not_found("upload") from None
+        raise problems.not_found("upload") from None
     return facts
 
 
@@ -308,7 +307,7 @@ def _store_if_whole(context: Context, partial: Partial) -> tuple[Facts, StoredBl
             if facts.sha256 in {None, writer.sha256}:
                 return facts, writer.commit()
         partial.restart()
-    raise Problem(
+    raise problems.Problem(
         interface.DIGEST_MISMATCH,
         f"The file arrived as SHA-256 {writer.sha256}, not the announced {facts.sha256}. "
         "Send it again from the start.",

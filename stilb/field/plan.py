@@ -10,11 +10,10 @@ from datetime import date, datetime, time
 from pathlib import Path
 from typing import Any, cast
 
+from stilb import records, upload
 from stilb.client import Client
 from stilb.field.files import NIGHT_RULES, ROLES, Rule, quote
 from stilb.problem import Unclear
-from stilb.records import Campaign, CampaignDetails, MeasureDetails, Polygon, Reading
-from stilb.upload import FrameDetails
 
 FILENAME = "campaign.toml"
 
@@ -33,7 +32,7 @@ _TABLES: dict[str, tuple[set[str], set[str]]] = {
         {"make", "model", "serial"},
     ),
     "campaign": (
-        {"method", *CampaignDetails.__annotations__} - {"panel_id", "panel_serial", "target"},
+        {"method", *records.CampaignDetails.__annotations__} - {"panel_id", "panel_serial", "target"},
         {"method", "project_number"},
     ),
     "panel": ({"serial", "measured_on", "bands"}, {"serial"}),
@@ -44,7 +43,7 @@ _TABLES: dict[str, tuple[set[str], set[str]]] = {
     "reading": ({"scene", "quantity", "value", "unit", "taken_at"}, {"scene", "quantity", "value", "unit"}),
     "region": ({"polygon", "imagej", "file", "parts"}, set()),
     "fit": (set(), set()),
-    "measure": ({*MeasureDetails.__annotations__} - {"polygon"}, set()),
+    "measure": ({*records.MeasureDetails.__annotations__} - {"polygon"}, set()),
 }
 _LISTS = frozenset({"meter", "frames", "reading"})
 # A table, or several: a panel that was measured more than once.
@@ -71,11 +70,11 @@ class Plan:
     panels: tuple[dict[str, Any], ...] = ()
     meters: tuple[dict[str, Any], ...] = ()
     rules: tuple[Rule, ...] = ()
-    readings: tuple[Reading, ...] = ()
+    readings: tuple[records.Reading, ...] = ()
     readings_csv: str | None = None
-    polygon: Polygon | None = None
+    polygon: records.Polygon | None = None
     imagej: str | None = None
-    parts: dict[str, Polygon] | None = None
+    parts: dict[str, records.Polygon] | None = None
     fit: dict[str, Any] = field(default_factory=dict)
     measure: dict[str, Any] = field(default_factory=dict)
 
@@ -184,7 +183,7 @@ def _rule(row: dict[str, Any]) -> Rule:
     if not {"pattern", "first", "last"} & set(row):
         raise Unclear(f"frames with the role {row['role']} need a pattern, or first and last")
     exposure = {name: row.pop(name) for name in _EXPOSURE & set(row)}
-    return Rule(**row, details=cast("FrameDetails", exposure))
+    return Rule(**row, details=cast("upload.FrameDetails", exposure))
 
 
 def _region(said: dict[str, Any], folder: Path) -> dict[str, Any]:
@@ -203,7 +202,7 @@ def _region(said: dict[str, Any], folder: Path) -> dict[str, Any]:
     return {"imagej": said.get("imagej")}
 
 
-def _corners(what: str, said: Any) -> Polygon:  # noqa: ANN401  whatever TOML holds
+def _corners(what: str, said: Any) -> records.Polygon:  # noqa: ANN401  whatever TOML holds
     try:
         corners = tuple((float(x), float(y)) for x, y in said)
     except (ValueError, TypeError):
@@ -250,7 +249,7 @@ def _plain(value: Any) -> Any:  # noqa: ANN401  whatever TOML holds
             return value
 
 
-def find_planned(client: Client, plan: Plan) -> Campaign | None:
+def find_planned(client: Client, plan: Plan) -> records.Campaign | None:
     """The campaign that the plan has made before: of its camera, with its project number and kind."""
     for camera in client.cameras(make=plan.make, model=plan.model, serial=plan.serial):
         for known in client.campaigns(camera_id=camera.id, project_number=plan.project_number):
@@ -259,7 +258,7 @@ def find_planned(client: Client, plan: Plan) -> Campaign | None:
     return None
 
 
-def ensure_campaign(client: Client, plan: Plan) -> Campaign:
+def ensure_campaign(client: Client, plan: Plan) -> records.Campaign:
     """The plan's campaign, made where there is none, with what the plan says of it now, and its region."""
     measured = [client.create_panel(**panel).id for panel in plan.panels if "bands" in panel]
     details = {**plan.campaign, "panel_id": measured[-1]} if measured else plan.campaign
@@ -298,7 +297,7 @@ def ensure_readings(client: Client, plan: Plan, campaign_id: str) -> tuple[int, 
     return len(own), others
 
 
-def _correct(client: Client, campaign: Campaign, details: dict[str, Any]) -> Campaign:
+def _correct(client: Client, campaign: records.Campaign, details: dict[str, Any]) -> records.Campaign:
     """Correct the details that differ; a time may be written in several ways, so it stays."""
     said = {name: value for name, value in details.items() if name not in {"started_at", "ended_at"}}
     changed = {name: value for name, value in said.items() if not _holds(campaign.raw.get(name), value)}
@@ -312,7 +311,7 @@ def _holds(stored: object, said: object) -> bool:
     return stored == said
 
 
-def _create(client: Client, plan: Plan, details: dict[str, Any]) -> Campaign:
+def _create(client: Client, plan: Plan, details: dict[str, Any]) -> records.Campaign:
     camera = client.create_camera(plan.make, plan.model, plan.serial, **plan.camera)
     # Two runs that begin at once, or one that is killed before its answer, make one campaign.
     key = _digest("campaign", camera.id, plan.method, details)
@@ -320,7 +319,7 @@ def _create(client: Client, plan: Plan, details: dict[str, Any]) -> Campaign:
 
 
 def _send_once(
-    client: Client, campaign_id: str, readings: str | Sequence[Reading], meters: list[str]
+    client: Client, campaign_id: str, readings: str | Sequence[records.Reading], meters: list[str]
 ) -> set[str]:
     """The same readings again are those that are there, unless all of them have been withdrawn since."""
     for attempt in itertools.count():

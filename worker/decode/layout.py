@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from radiometry.findings import files
 from radiometry.frame import Opcode
-from worker.decode import limits, tags
-from worker.decode.tiff import Directory
+from worker.decode import limits, tags, tiff
 
 _LETTERS: Final = {0: "R", 1: "G", 2: "B"}
 BAYER: Final = ("RGGB", "GBRG", "BGGR", "GRBG")
@@ -34,7 +33,7 @@ class Area(NamedTuple):
         return self.right - self.left
 
 
-def read_visible_area(raw: Directory, rows: int, cols: int) -> Area:
+def read_visible_area(raw: tiff.Directory, rows: int, cols: int) -> Area:
     stated = raw.integers(tags.ACTIVE_AREA, at_most=4)
     if not stated:
         return Area(0, 0, rows, cols)
@@ -47,7 +46,7 @@ def read_visible_area(raw: Directory, rows: int, cols: int) -> Area:
     return area
 
 
-def read_cfa(raw: Directory) -> str:
+def read_cfa(raw: tiff.Directory) -> str:
     """The pattern at the visible area's corner, which is where DNG anchors it."""
     if raw.integer(tags.PHOTOMETRIC, -1) != tags.PHOTOMETRIC_CFA:
         return "grey"
@@ -103,7 +102,7 @@ def _matching(start: int, count: int, phase: int, cell: int) -> NDArray[np.int64
     return np.array([nearest - cell if nearest > start >= cell else nearest])
 
 
-def read_black_levels(directory: Directory, *, height: int, width: int, samples: int) -> BlackLevels:
+def read_black_levels(directory: tiff.Directory, *, height: int, width: int, samples: int) -> BlackLevels:
     repeat = directory.integers(tags.BLACK_LEVEL_REPEAT, at_most=2) or [1, 1]
     if len(repeat) != 2 or not all(1 <= side <= _MAX_REPEAT for side in repeat):
         raise files.UNSUPPORTED_LAYOUT.refuse("The file's black level pattern cannot be read.")
@@ -124,7 +123,7 @@ def read_black_levels(directory: Directory, *, height: int, width: int, samples:
     )
 
 
-def _deltas(directory: Directory, tag: int, expected: int) -> NDArray[np.float64]:
+def _deltas(directory: tiff.Directory, tag: int, expected: int) -> NDArray[np.float64]:
     values = np.array(_levels(directory, tag, at_most=expected))
     if len(values) not in (0, expected):
         raise files.SIZE_MISMATCH.refuse(
@@ -133,7 +132,7 @@ def _deltas(directory: Directory, tag: int, expected: int) -> NDArray[np.float64
     return values
 
 
-def _levels(directory: Directory, tag: int, *, at_most: int) -> list[float]:
+def _levels(directory: tiff.Directory, tag: int, *, at_most: int) -> list[float]:
     values = directory.numbers(tag, at_most=at_most)
     stated = [float(value) for value in values if value is not None]
     if len(stated) != len(values):
@@ -142,7 +141,7 @@ def _levels(directory: Directory, tag: int, *, at_most: int) -> list[float]:
 
 
 def read_white_levels(
-    directory: Directory, *, samples: int, bits: int, table: NDArray[np.uint16] | None
+    directory: tiff.Directory, *, samples: int, bits: int, table: NDArray[np.uint16] | None
 ) -> tuple[tuple[float, ...], str]:
     """Per sample. Not stated: the largest value that can occur, which a linearisation table decides."""
     values = _levels(directory, tags.WHITE_LEVEL, at_most=16)
@@ -154,7 +153,7 @@ def read_white_levels(
     return (largest,) * samples, "default"
 
 
-def read_linearization(directory: Directory) -> NDArray[np.uint16] | None:
+def read_linearization(directory: tiff.Directory) -> NDArray[np.uint16] | None:
     """A table with a value for every possible sample: the last entry stands for all beyond it."""
     entries = directory.integers(tags.LINEARIZATION_TABLE, at_most=1 << 16)
     if not entries:
@@ -176,7 +175,7 @@ _MAX_LIST_BYTES: Final = 64 << 20
 _HEAD: Final = struct.Struct(">IIII")  # big endian whatever the file's order
 
 
-def read_opcodes(directory: Directory) -> tuple[Opcode, ...]:
+def read_opcodes(directory: tiff.Directory) -> tuple[Opcode, ...]:
     found: list[Opcode] = []
     for stage, tag in enumerate(tags.OPCODE_LISTS, start=1):
         found.extend(_parse(directory.raw(tag, at_most=_MAX_LIST_BYTES), stage))
@@ -257,7 +256,7 @@ class Layout:
         return min(self.segment_rows, self.rows - segment_row * self.segment_rows)
 
 
-def read_layout(directory: Directory, file_size: int) -> Layout:
+def read_layout(directory: tiff.Directory, file_size: int) -> Layout:
     rows = directory.integer(tags.IMAGE_LENGTH, 0)
     cols = directory.integer(tags.IMAGE_WIDTH, 0)
     limits.check_frame_size(rows, cols)
@@ -285,7 +284,7 @@ def read_layout(directory: Directory, file_size: int) -> Layout:
     return _merge_strips(_checked(layout, file_size))
 
 
-def _read_bits(directory: Directory, samples: int) -> int:
+def _read_bits(directory: tiff.Directory, samples: int) -> int:
     bits = directory.integers(tags.BITS_PER_SAMPLE, at_most=64) or [1]
     if len(set(bits)) != 1 or len(bits) not in (1, samples) or bits[0] not in _PACKABLE_BITS:
         raise files.UNSUPPORTED_LAYOUT.refuse(f"The image has {bits[0]} bits per sample; 8 to 16 are read.")
@@ -296,7 +295,7 @@ def _read_bits(directory: Directory, samples: int) -> int:
     return bits[0]
 
 
-def _segment_shape(directory: Directory, rows: int, cols: int) -> tuple[bool, int, int]:
+def _segment_shape(directory: tiff.Directory, rows: int, cols: int) -> tuple[bool, int, int]:
     if tags.TILE_WIDTH not in directory:
         strip_rows = directory.integer(tags.ROWS_PER_STRIP, rows)
         if strip_rows < 1:
@@ -313,7 +312,7 @@ def _segment_shape(directory: Directory, rows: int, cols: int) -> tuple[bool, in
 
 
 def _places(
-    directory: Directory, *, tiled: bool, expected: int
+    directory: tiff.Directory, *, tiled: bool, expected: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     names = (
         (tags.TILE_OFFSETS, tags.TILE_BYTE_COUNTS) if tiled else (tags.STRIP_OFFSETS, tags.STRIP_BYTE_COUNTS)

@@ -7,8 +7,7 @@ from datetime import datetime
 from typing import Any, Final
 from xml.parsers import expat
 
-from radiometry.findings import InputRejected
-from radiometry.frame import PositionFix, StatedAngle
+from radiometry import findings, frame
 from worker.decode import limits, tags, tiff
 
 MAX_BYTES: Final = 256 << 10
@@ -91,7 +90,7 @@ def read_xmp(main: tiff.Directory) -> Properties:
     """The packet's properties of the known families; empty where there is no packet to read."""
     try:
         packet = main.raw(tags.XMP, at_most=MAX_BYTES)
-    except InputRejected:
+    except findings.InputRejected:
         return {}
     return parse_xmp(packet)
 
@@ -181,11 +180,11 @@ _NAMES: Final = (
 _WHOLE_TURN: Final = 360.0
 
 
-def read_attitude(xmp: Xmp) -> tuple[StatedAngle, ...]:
+def read_attitude(xmp: Xmp) -> tuple[frame.StatedAngle, ...]:
     """The angles that the file states, under its own names; what is none is left out."""
     found = ((name, xmp.number(name)) for name in _NAMES)
     return tuple(
-        StatedAngle(name=name, value=value)
+        frame.StatedAngle(name=name, value=value)
         for name, value in found
         if value is not None and abs(value) <= _WHOLE_TURN
     )
@@ -213,14 +212,14 @@ def read_position(main: tiff.Directory) -> dict[str, float | None]:
             return {}
         latitude = _angle(gps, tags.GPS_LATITUDE, tags.GPS_LATITUDE_REF, "NS", 90.0)
         longitude = _angle(gps, tags.GPS_LONGITUDE, tags.GPS_LONGITUDE_REF, "EW", 180.0)
-    except InputRejected:
+    except findings.InputRejected:
         return {}
     if latitude is None or longitude is None or latitude == longitude == 0.0:
         return {}
     return {"latitude_deg": latitude, "longitude_deg": longitude, "altitude_m": _altitude(gps)}
 
 
-def read_fix(xmp: Xmp) -> PositionFix | None:
+def read_fix(xmp: Xmp) -> frame.PositionFix | None:
     """How good a DJI aircraft says that its position is, by RtkFlag and its deviations."""
     state = xmp.index("drone-dji:RtkFlag")
     if state is None:
@@ -228,7 +227,7 @@ def read_fix(xmp: Xmp) -> PositionFix | None:
     deviations = [xmp.number(f"drone-dji:RtkStd{axis}") for axis in ("Lat", "Lon", "Hgt")]
     latitude, longitude, height = (each if each and 0.0 < each < _HIGHEST_M else None for each in deviations)
     kind = next((kind for states, kind in _FIXES if state in states), "other")
-    return PositionFix(kind=kind, u_latitude_m=latitude, u_longitude_m=longitude, u_height_m=height)
+    return frame.PositionFix(kind=kind, u_latitude_m=latitude, u_longitude_m=longitude, u_height_m=height)
 
 
 def _angle(gps: tiff.Directory, tag: int, ref: int, letters: str, largest_deg: float) -> float | None:
@@ -248,7 +247,7 @@ def _altitude(gps: tiff.Directory) -> float | None:
     try:
         stated = gps.numbers(tags.GPS_ALTITUDE, at_most=1)
         below = gps.numbers(tags.GPS_ALTITUDE_REF, at_most=1) == [_BELOW_SEA_LEVEL]
-    except InputRejected:
+    except findings.InputRejected:
         return None
     if not stated or stated[0] is None or abs(stated[0]) > _HIGHEST_M:
         return None
@@ -289,7 +288,7 @@ class _Tags:
         self._directories = [main]
         try:
             exif = main.directory(tags.EXIF)
-        except InputRejected:
+        except findings.InputRejected:
             exif = None
         if exif is not None:
             self._directories.insert(0, exif)
@@ -298,7 +297,7 @@ class _Tags:
         for directory in self._directories:
             try:
                 values = directory.numbers(tag, at_most=64)
-            except InputRejected:
+            except findings.InputRejected:
                 continue
             stated = [float(value) for value in values if value is not None]
             if stated:
@@ -319,7 +318,7 @@ class _Tags:
             for directory in self._directories:
                 try:
                     text = _clean(directory.raw(tag, at_most=4096))
-                except InputRejected:
+                except findings.InputRejected:
                     continue
                 if text:
                     return text
