@@ -1,7 +1,7 @@
 """Pages of a certificate: one to sign, and an annex with the evidence; every number as text."""
 
 import math
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime, time
 
@@ -52,8 +52,9 @@ def lay_out(certificate: Node, preview: str) -> Node:
     spec = get_method(certificate["method"])
     rows = certificate["coefficients"]
     named = [row for row in rows if row["name"] in spec.certificate.headlines]
-    whole = [row for row in named if "f_number" not in row] or named
-    headlines, others = (whole, [row for row in rows if row not in whole])
+    # an annex has also those at an f-number of the first page's
+    headlines = [row for row in named if "f_number" not in row] or named
+    others = [row for row in rows if row not in headlines]
     return {
         **{name: certificate[name] for name in ("title", "number", "created_at", "laboratory")},
         "attached": write_json(certificate),
@@ -212,9 +213,7 @@ def _tabulate_meters(meters: list[Node]) -> Node:
 
 def _count_evidence(certificate: Node) -> str:
     """Return how many scenes, readings and frames there are, and how far the checklist is."""
-    roles: dict[str, int] = defaultdict(int)
-    for frame in certificate["frames"]:
-        roles[frame["role"]] += 1
+    roles = Counter(frame["role"] for frame in certificate["frames"])
     scenes = {frame["scene"] for frame in certificate["frames"] if "scene" in frame}
     counts = [
         *([f"{len(scenes)} scenes"] if scenes else []),
@@ -481,21 +480,16 @@ def _cell(point: Node, column: Column) -> str:
 
 def _checklist(checklist: Node) -> Iterator[Node]:
     """Yield how many items of each section are done; the items are in the JSON certificate."""
-    sections: dict[str, list[Node]] = defaultdict(list)
-    for item in checklist["items"]:
-        sections[item["section"]].append(item)
-    rows = [
-        [name, f"{sum('done_by' in item for item in items)} of {len(items)}"]
-        for name, items in sections.items()
-    ]
+    items = Counter(item["section"] for item in checklist["items"])
+    done = Counter(item["section"] for item in checklist["items"] if "done_by" in item)
+    rows = [[name, f"{done[name]} of {count}"] for name, count in items.items()]
     if rows:
-        done = table(["section", "done"], rows, align="lr", widths=[4, 1])
-        yield section("Checklist of the procedure", [done])
+        shown = table(["section", "done"], rows, align="lr", widths=[4, 1])
+        yield section("Checklist of the procedure", [shown])
 
 
 def _list_software(certificate: Node) -> Node:
     words = {"stilb": "fit code version", "release": "stilb"}
-    rows = [
-        [words.get(name, name), str(version)] for name, version in sorted(certificate["software"].items())
-    ]
+    software = sorted(certificate["software"].items())
+    rows = [[words.get(name, name), str(version)] for name, version in software]
     return section("Software", [facts([*rows, ["calibration", certificate["calibration_id"]]])])
