@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from email.utils import parsedate_to_datetime
 from typing import Any
@@ -16,6 +17,7 @@ _PASSING = frozenset({429, 502, 503, 504})
 UNREACHABLE = "unreachable"
 
 
+@dataclass(kw_only=True, eq=False, repr=False)
 class Problem(Exception):  # noqa: N818  the name of the media type
     """The service refused a request, or could not be reached.
 
@@ -23,25 +25,16 @@ class Problem(Exception):  # noqa: N818  the name of the media type
     "not_sent" (it will not). ``retryable`` says whether the same request may succeed later.
     """
 
-    def __init__(
-        self,
-        *,
-        status: int,
-        code: str,
-        detail: str,
-        retryable: bool,
-        title: str = "",
-        retry_after_s: float | None = None,
-        raw: dict[str, Any] | None = None,
-    ) -> None:
-        super().__init__(f"{code}: {detail}" if detail else code)
-        self.status = status
-        self.code = code
-        self.detail = detail
-        self.retryable = retryable
-        self.title = title
-        self.retry_after_s = retry_after_s
-        self.raw = raw or {}
+    status: int
+    code: str
+    detail: str
+    retryable: bool
+    title: str = ""
+    retry_after_s: float | None = None
+    raw: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        super().__init__(f"{self.code}: {self.detail}" if self.detail else self.code)
 
 
 class Unclear(ValueError):  # noqa: N818  what the caller asked, not an error of the program
