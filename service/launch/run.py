@@ -62,18 +62,13 @@ def read_apart() -> Wanted:
         from store.software import is_current  # noqa: PLC0415
 
         given = read_settings()
+        same = ("data", "host", "port", "broker_url", "database_timeout_s", "hang_s", "stop_grace_s")
         wanted = Wanted(
             key=given.key.get_secret_value(),
             database_url=given.effective_database_url,
             is_embedded=not given.database_url,
             is_current=is_current(given.effective_database_url),
-            data=given.data,
-            host=given.host,
-            port=given.port,
-            broker_url=given.broker_url,
-            database_timeout_s=given.database_timeout_s,
-            hang_s=given.hang_s,
-            stop_grace_s=given.stop_grace_s,
+            **{name: getattr(given, name) for name in same},
         )
         os.write(sink, pickle.dumps(wanted))
         os._exit(0)
