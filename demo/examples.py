@@ -332,8 +332,7 @@ def main() -> int:
                             return 1
                     _tour(replace(stage, folder=folder / "tour"), http, recorder)
     _FILE.write_text(json.dumps(recorder.examples, indent=1, sort_keys=True) + "\n", encoding="utf-8")
-    missing = sorted(recorder.list_needed() - recorder.examples.keys())
-    if missing:
+    if missing := sorted(recorder.list_needed() - recorder.examples.keys()):
         display.say(f"no example of {', '.join(missing)}")
     return 1 if missing else 0
 

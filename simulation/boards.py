@@ -55,8 +55,7 @@ class View(Record):
     pose: Pose
 
     def draw(self, camera: Camera, window: Window) -> Plane:
-        lens = camera.lens.projection
-        if lens is None:
+        if (lens := camera.lens.projection) is None:
             raise ValueError("a view of a board needs a lens with a projection")
         if camera.lens.projections and camera.sensor.cfa != "grey":
             own = [camera.lens.projections.get(colour, lens) for colour in "RGB"]

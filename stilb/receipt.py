@@ -93,8 +93,7 @@ def compare_card(receipt: Mapping[str, Any], folder: Path) -> list[str]:
     found = []
     for path in list_files(folder):
         name = plain_name(path.relative_to(folder).as_posix())
-        hashes = listed.get(unicodedata.normalize("NFC", name))
-        if hashes is None:
+        if (hashes := listed.get(unicodedata.normalize("NFC", name))) is None:
             found.append(f"{name}: not in the receipt")
         elif transport.hash_file(path) not in hashes:
             found.append(f"{name}: not the file of the receipt")

@@ -53,8 +53,7 @@ def record_act(
 
 def append_entries(session: Session) -> None:
     """Chain and write what was noted; the last thing that a transaction does."""
-    entries = session.info.pop("audit_entries", [])
-    if not entries:
+    if not (entries := session.info.pop("audit_entries", [])):
         return
     mine = AuditChain.name == (session.info["organisation_id"] or "")
     sha256, *numbers = _lock_chain(session, mine, len(entries))

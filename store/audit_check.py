@@ -131,8 +131,7 @@ class _Comparison:
         self, subject_id: str, rows: list[Any], states: "dict[tuple[Any, ...], _State]"
     ) -> None:
         for row in rows:
-            state = states.pop(tuple(getattr(row, name) for name in self._rest), None)
-            if state is None:
+            if (state := states.pop(tuple(getattr(row, name) for name in self._rest), None)) is None:
                 self._miss(subject_id, row, has_entries=bool(states))
             else:
                 self._differ(subject_id, row, state)

@@ -50,8 +50,7 @@ def read_params(campaign: Campaign, stored: dict[str, Any]) -> Any:  # noqa: ANN
 def leave_out_doubtful(params: Any, evidence: Evidence) -> Any:  # noqa: ANN401 (the method's own)
     """The parameters, with the frames that no fit may use among those left out; what a person said stands."""
     said = {exclusion.frame for exclusion in params.exclude}
-    more = [exclusion for exclusion in evidence.doubtful if exclusion.frame not in said]
-    if not more:
+    if not (more := [exclusion for exclusion in evidence.doubtful if exclusion.frame not in said]):
         return params
     return replace(params, exclude=tuple(sorted((*params.exclude, *more), key=lambda each: each.frame)))
 
@@ -121,8 +120,7 @@ def make_version(
 def write_version(session: Session, new: NewVersion) -> Calibration:
     """Write the next version of the camera; the same content again is the version that exists."""
     same = {name: new.columns[name] for name in ("campaign_id", "content_sha256")}
-    found = session.scalar(select(Calibration).filter_by(**same))
-    if found is not None:
+    if (found := session.scalar(select(Calibration).filter_by(**same))) is not None:
         return found
     number = next_version(session, new.columns["camera_id"], new.columns["method"])
     calibration = Calibration(id=new_id("cal"), version=number, **new.columns)

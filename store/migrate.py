@@ -97,8 +97,7 @@ def main() -> int:
     parser.add_argument("--check", action="store_true", help="change nothing")
     asked, url = parser.parse_args(), read_settings().effective_database_url
     if asked.check:
-        difference = find_difference(url)
-        if difference is not None:
+        if (difference := find_difference(url)) is not None:
             print(f"stilb: {difference}", file=sys.stderr)  # noqa: T201
         return 1 if difference else 0
     database = Database(url, answer_within_s=None)

@@ -126,8 +126,7 @@ def _lock_slot(session: Session, calibration: Calibration) -> Slot:
         .limit(1)
         .with_for_update()
     )
-    slot = session.scalar(select(Slot).where(where).with_for_update())
-    if slot is None:
+    if (slot := session.scalar(select(Slot).where(where).with_for_update())) is None:
         slot = Slot(camera_id=calibration.camera_id, method=calibration.method, configuration=configuration)
         session.add(slot)
         session.flush()

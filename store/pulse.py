@@ -72,8 +72,7 @@ def find_silence_s() -> float:
 
 def end_hung(path: Path, *, hang_s: float, look_again_s: float = _LOOK_AGAIN_S) -> bool:
     """Kill the process behind a pulse that has not beaten for too long; whether it was so."""
-    before = read_beat(path)
-    if before is None or (time.monotonic_ns() - before) / 1e9 <= hang_s:
+    if (before := read_beat(path)) is None or (time.monotonic_ns() - before) / 1e9 <= hang_s:
         return False
     time.sleep(look_again_s)
     if read_beat(path) != before:

@@ -134,8 +134,7 @@ def _judge(
 ) -> dict[str, Verdict]:
     of_frame = region_ids(session, campaign, rows)
     regions = memory.regions
-    unknown = {roi_id for roi_id in set(of_frame.values()) - {None} if regions[roi_id] is None}
-    if unknown:
+    if unknown := {roi_id for roi_id in set(of_frame.values()) - {None} if regions[roi_id] is None}:
         for roi in session.scalars(select(Roi).where(Roi.id.in_(unknown))):
             regions[roi.id] = Polygon.from_points(roi.points)
     # what no fit sees needs no name, only one that no other frame has
@@ -217,8 +216,7 @@ class Reviews:
         self, session: Session, campaign_id: str, *, verdicts_of: Collection[str] | None = ()
     ) -> Assessment:
         """Return a campaign's review, with the verdicts on these frames; None asks for all of them."""
-        kept = _find_kept(session, campaign_id, verdicts_of)
-        if kept is not None:
+        if (kept := _find_kept(session, campaign_id, verdicts_of)) is not None:
             return kept
         with self._computing[campaign_id], self._database.reading() as own:
             return _find_kept(own, campaign_id, verdicts_of) or self._compute(own, campaign_id)
@@ -272,8 +270,7 @@ def is_stale(now: datetime | ColumnElement[datetime]) -> ColumnElement[bool]:
 
 
 def _find_kept(session: Session, campaign_id: str, verdicts_of: Collection[str] | None) -> Assessment | None:
-    ids = verdicts_of
-    if ids is None:
+    if (ids := verdicts_of) is None:
         mine = (FrameRow.campaign_id == campaign_id) & FrameRow.withdrawn_at.is_(None)
         ids = session.scalars(select(FrameRow.id).where(mine)).all()
     names = ("missing", "advice", "gaps", "findings", "checklist")

@@ -58,8 +58,7 @@ def note_changes(session: Session, _context: object) -> None:
     noted.whole |= {row.id for row in rows if isinstance(row, Campaign)}
     noted.own |= {_OWN[type(row)](row) for row in rows if type(row) in _OWN}
     noted.shared |= {(type(row), row) for row in rows if type(row) in _SHARED}
-    new = [{"campaign_id": row.id} for row in session.new if isinstance(row, Campaign)]
-    if new:
+    if new := [{"campaign_id": row.id} for row in session.new if isinstance(row, Campaign)]:
         session.execute(insert(CampaignReview), new)
 
 

@@ -238,8 +238,7 @@ class Restrictions:
         return done == 0
 
     def _restrict_files(self) -> bool:
-        version = self._landlock
-        if not version:
+        if not (version := self._landlock):
             return False
         rights = next(each for since, each in _FILE_RIGHTS if version >= since)
         wanted = _RulesetAttributes(

@@ -39,8 +39,7 @@ def tabulate(certificate: data.Node, rows: list[compare.Row]) -> Table:
         found = ", ".join(f"{counts[each]} {word}" for each, word in _WORDS.items() if counts[each])
         verdict = "NO" if counts["different"] else "rounding" if counts["rounding"] else "yes"
         table.add_row(f"{group.replace('_', ' ')} (all)", f"{len(mine)}", found, verdict)
-    different = [row for row in rows if row.agreement == "different"]
-    if different:
+    if different := [row for row in rows if row.agreement == "different"]:
         table.add_section()
     for group in dict.fromkeys(row.group for row in different):
         mine = [row for row in different if row.group == group]
@@ -65,8 +64,7 @@ def _list_headlines(certificate: data.Node, rows: list[compare.Row]) -> Iterator
         label = get_method(certificate["method"]).label_coefficient(coefficient["name"])
         named = ", ".join([label, *held])
         for name, symbol in (("value", named), ("standard_uncertainty", f"u({named})")):
-            row = figures.get(f"coefficients[{index}].{name}")
-            if row is not None:
+            if (row := figures.get(f"coefficients[{index}].{name}")) is not None:
                 yield symbol, row
 
 

@@ -141,8 +141,7 @@ def _fail(claim: Claim, error: dict[str, Any], trace: str | None = None) -> Endi
 
 def _retry_later(claim: Claim, dependency: Dependency, *, alone: bool = False) -> Ending:
     def end(session: Session) -> Mapping[str, Any]:
-        due_at = jobs.retry_later(session, claim, waits_for=dependency, alone=alone)
-        if due_at is None:
+        if (due_at := jobs.retry_later(session, claim, waits_for=dependency, alone=alone)) is None:
             return {"state": "failed", "code": str(interface.TEMPORARILY_UNAVAILABLE)}
         return {"state": "queued", "waits_for": str(dependency), "due_at": due_at.isoformat()}
 

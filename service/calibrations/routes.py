@@ -65,8 +65,7 @@ def start_calibration(campaign_id: Id, body: NewCalibration, caller: Calibrator,
             )
         spec = methods.get_method(campaign.method)
         request = read_request(body, spec)
-        panel_id = getattr(request, "panel_id", None)
-        if panel_id is not None:
+        if (panel_id := getattr(request, "panel_id", None)) is not None:
             campaign.panel_id = owned(session, Panel, panel_id, caller).id
         evidence = gather(session, campaign)
         params = _read_params(session, request, campaign, evidence, caller)
@@ -330,8 +329,7 @@ def _add(method: str, export: Export) -> None:
             camera = session.get_one(Camera, calibration.camera_id)
         _require(calibration, camera, method, export)
         tag = f"{calibration.content_sha256}-{export.filename}-{request.url.query}"
-        unchanged = answers.not_modified(request, tag)
-        if unchanged is not None:
+        if (unchanged := answers.not_modified(request, tag)) is not None:
             return unchanged
         of_camera = {each.name: getattr(camera, each.name) for each in fields(ExportSubject)[1:]}
         subject = ExportSubject(calibration_id=calibration.id, **of_camera)

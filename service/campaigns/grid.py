@@ -120,8 +120,7 @@ def get_campaign_grid(
         tagged = f"{session.scalar(revision)}-{hash_code()}-{cursor or ''}-{limit}"
         tag = hashlib.sha256(tagged.encode()).hexdigest()
         headers = standing_headers(tag) | {"Vary": "Authorization"}
-        unchanged = not_modified(request, tag, headers)
-        if unchanged is not None:
+        if (unchanged := not_modified(request, tag, headers)) is not None:
             return unchanged
         if since:
             # which verdicts have changed is known once they are kept
@@ -180,8 +179,7 @@ def _require_unchanged(session: Session, frames: Sequence[FrameRow], expected: E
             "left_out": frame.left_out is not None,
             "withdrawn": frame.withdrawn_at is not None,
         }
-        changed = {name: found[name] for name, value in said.items() if found[name] != value}
-        if changed:
+        if changed := {name: found[name] for name, value in said.items() if found[name] != value}:
             who = audit.name_last_actor(session, frame.id)
             now = ", ".join(_STATES[name](value) for name, value in changed.items())
             by = f" by {who}" if who else ""

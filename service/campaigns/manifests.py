@@ -258,8 +258,7 @@ def _compare(context: Context, manifest: Manifest) -> tuple[list[MissingFile], M
     absent = context.files.find_absent({sha256: row.size_bytes for sha256, row in stored.items()})
     missing = []
     for file in manifest.files:
-        row = stored.get(file["sha256"])
-        if row is None:
+        if (row := stored.get(file["sha256"])) is None:
             reason = "not_received"
         elif file["sha256"] in absent:
             reason = "damaged"

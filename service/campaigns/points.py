@@ -35,8 +35,7 @@ def _read_fraction(sent: Any) -> Any:  # noqa: ANN401  whatever was sent
 
 
 def _read_dark(sent: Any) -> Any:  # noqa: ANN401  whatever was sent
-    found = _DARK.get(str(sent).lower())
-    if found is None:
+    if (found := _DARK.get(str(sent).lower())) is None:
         raise ValueError("must be yes or no; a dark frame is a row of its own, with its own mean")
     return found
 

@@ -150,8 +150,7 @@ def _name_scenes(lit: Sequence[CardFrame], there: Sequence[CardFrame]) -> dict[s
     fresh = (name for number in range(1, len(lit) + len(used) + 1) if (name := f"Scene {number}") not in used)
     for some in split_scenes([*(frame for frame in lit if frame.name not in named), *there]):
         known = Counter(frame.scene for frame in some if frame.scene)
-        new = [frame for frame in some if frame.scene is None]
-        if new:
+        if new := [frame for frame in some if frame.scene is None]:
             scene = known.most_common(1)[0][0] if known else next(fresh)
             named |= {frame.name: scene or "" for frame in new}
     return named

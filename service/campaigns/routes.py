@@ -264,8 +264,7 @@ def _require_no_calibration(session: Session, campaign: Campaign) -> None:
     _require_measurable(campaign.method)
     others = select(FrameRow.filename).where(FrameRow.campaign_id == campaign.id, FrameRow.role != FIELD.name)
     fitted = select(Calibration.id).where(Calibration.campaign_id == campaign.id)
-    other = session.scalar(others.limit(1))
-    if other is not None or session.scalar(fitted.limit(1)) is not None:
+    if (other := session.scalar(others.limit(1))) is not None or session.scalar(fitted.limit(1)) is not None:
         has = (
             f"the frame {other}, which is not a field frame" if other else "a version that was fitted from it"
         )
@@ -275,8 +274,7 @@ def _require_no_calibration(session: Session, campaign: Campaign) -> None:
 
 def _read_target(method: str, said: dict[str, Any] | None) -> dict[str, Any] | None:
     """Read the target as the method requires it, defaults written out; None if it is stated later."""
-    kind = methods.get_method(method).target
-    if kind is None and said is None:
+    if (kind := methods.get_method(method).target) is None and said is None:
         return None
     if kind is None:
         message = f"a {method} campaign photographs nothing that must be described: leave it out"
@@ -330,8 +328,7 @@ def change_checklist(
         campaign = owned(session, Campaign, campaign_id, caller)
         if not checklist.has_checklist(campaign):
             raise Problem(interface.NO_CHECKLIST, explain_missing_checklist(campaign))
-        signature = checklist.read_signature(session, campaign)
-        if signature is not None and body.signature is None:
+        if (signature := checklist.read_signature(session, campaign)) is not None and body.signature is None:
             raise Problem(
                 interface.CHECKLIST_SIGNED,
                 f"{signature.name} has signed this checklist. Send a signature with the change: "

@@ -53,8 +53,7 @@ class Wanted(models.Form):
 
 def answer_held(request: Request, wanted: Wanted, held: Sequence[lookups.Held]) -> Response | None:
     """Answer with the coefficients that were asked for, or 304; None where no version has such a one."""
-    chosen = wanted.chosen
-    if not chosen and all(each.whole for each in held):
+    if not (chosen := wanted.chosen) and all(each.whole for each in held):
         content = b",".join(inner for each in held if (inner := each.items[1:-1]))
         body = b'{"items":[%b]}' % content if content else b""
     else:
@@ -85,8 +84,7 @@ def _choose(wanted: Wanted, chosen: dict[str, Any], held: lookups.Held) -> list[
         for place, item in enumerate(stored)
         if all(item.get(name) == value for name, value in asked.items())
     ]
-    at = wanted.f_number
-    if at is None:
+    if (at := wanted.f_number) is None:
         general = {rows.key_of(item) for _, item in items if "f_number" not in item}
         return [item for _, item in items if "f_number" not in item or rows.key_of(item) not in general]
     there = {rows.key_of(item) for _, item in items if _is_at(item, at)}
@@ -152,8 +150,7 @@ async def _answer_ready(request: Request) -> Response | None:
         now=now,
         used_after=now - counts.STEP,
     )
-    answer = answer_held(request, wanted, held)
-    if answer is not None:
+    if (answer := answer_held(request, wanted, held)) is not None:
         context.attempts.trust(secret)
         context.rates.take(held[0].organisation_id)
     return answer
@@ -206,8 +203,7 @@ async def get_coefficients(
             at=at,
             known_at=wanted.known_at,
         )
-    answer = answer_held(request, wanted, held)
-    if answer is None:
+    if (answer := answer_held(request, wanted, held)) is None:
         await run_in_threadpool(_require_camera, context, caller, camera_id)
         raise problems.Problem(interface.NO_CALIBRATION_IN_FORCE, _explain_none(wanted, at, held))
     return answer

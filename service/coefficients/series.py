@@ -72,8 +72,7 @@ class _Feed(io.RawIOBase):
 
     def readinto(self, buffer: Any) -> int:  # noqa: ANN401  a writable buffer
         while not self._left:
-            part = next(self._parts, None)
-            if part is None:
+            if (part := next(self._parts, None)) is None:
                 return 0
             self._left = part
         taken, self._left = self._left[: len(buffer)], self._left[len(buffer) :]
@@ -421,8 +420,7 @@ def answer_series(
         said = [read_version(), series.read_state(session), caller.organisation_id, str(request.url), shape]
         tag = hashlib.sha256(json.dumps(said).encode()).hexdigest()[:32] + (coding and f"-{coding}")
         headers = answers.standing_headers(tag) | {"Vary": "Accept, Accept-Encoding, Authorization"}
-        unchanged = answers.not_modified(request, tag, headers)
-        if unchanged is not None:
+        if (unchanged := answers.not_modified(request, tag, headers)) is not None:
             return unchanged
         until = series.find_end(session, after=after, limit=query.limit or ROW_LIMIT)
     following = None

@@ -30,8 +30,7 @@ def main() -> None:
 
 
 def _shut_in(*, require: bool) -> None:
-    lacks = Restrictions().shut_in(start_threads).lacks
-    if lacks and require:
+    if (lacks := Restrictions().shut_in(start_threads).lacks) and require:
         raise RuntimeError(f"STILB_DECODER_SANDBOX=require, and this kernel gives no {', no '.join(lacks)}.")
     # the first ends it by SIGXCPU, which says why
     resource.setrlimit(resource.RLIMIT_CPU, (_CPU_S, _CPU_S + 1))

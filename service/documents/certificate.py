@@ -143,8 +143,7 @@ def describe_meters(record: CalibrationRecord) -> list[schemas.UsedMeter]:
 
 def _days(record: CalibrationRecord) -> tuple[list[date], schemas.DaysFrom]:
     """The days of the readings; else those of the campaign; else those of the frames' own clock."""
-    taken = [reading.taken_at.date() for reading in record.readings if reading and reading.taken_at]
-    if taken:
+    if taken := [reading.taken_at.date() for reading in record.readings if reading and reading.taken_at]:
         return taken, "readings"
     stated = [record.campaign.started_at, record.campaign.ended_at]
     if any(stated):

@@ -91,8 +91,7 @@ def _unnamed(certificate: CertificateAnswer) -> Iterator[Found]:
 def _of_meter(meter: UsedMeter) -> Iterator[Found]:
     """Check 7.8.4.1 c: the meter had a valid certificate on the day of use."""
     name = f"The {meter.kind} meter {meter.make} {meter.model}, serial number {meter.serial},"
-    certificate = meter.certificate
-    if certificate is None:
+    if (certificate := meter.certificate) is None:
         yield Found(
             code=findings.FINDINGS["meter_certificate_missing"],
             message=f"{name} has no certificate. Register the meter with its certificate, then refit.",
@@ -113,8 +112,7 @@ def _of_meter(meter: UsedMeter) -> Iterator[Found]:
 
 
 def _of_readings(certificate: CertificateAnswer) -> Iterator[Found]:
-    unknown = [reading for reading in certificate.readings if reading.meter is None]
-    if unknown:
+    if unknown := [reading for reading in certificate.readings if reading.meter is None]:
         yield Found(
             code=interface.METER_UNKNOWN,
             message=f"{len(unknown)} of {len(certificate.readings)} readings have no meter. "
@@ -145,11 +143,9 @@ def _of_panels(certificate: CertificateAnswer) -> Iterator[Found]:
 
 def _of_checklist(certificate: CertificateAnswer) -> Iterator[Found]:
     """Check 7.8.2.1 n and o: open items of the checklist, and its signature."""
-    items = certificate.checklist.items
-    if not items:
+    if not (items := certificate.checklist.items):
         return  # only the luminance procedure has one
-    waiting = sum(item.done_by is None for item in items)
-    if waiting:
+    if waiting := sum(item.done_by is None for item in items):
         yield Found(
             code=interface.CHECKLIST_INCOMPLETE,
             message=f"{waiting} of {len(items)} items of the procedure's checklist are not ticked.",

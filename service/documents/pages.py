@@ -299,8 +299,7 @@ def _list_flags(flags: list[Node]) -> Iterator[Node]:
     for flag in flags:
         where = f"{flag['where'].replace('iso ', 'ISO ')}: " if flag["where"] else ""
         by_meaning[flag["meaning"]].append(f"{where}{flag['detail']}")
-    rows = [[meaning, " ".join(values)] for meaning, values in by_meaning.items()]
-    if rows:
+    if rows := [[meaning, " ".join(values)] for meaning, values in by_meaning.items()]:
         found = table(["meaning", "where, values"], rows, align="ll", widths=[1, 1])
         yield section("Flags", [found], wide=True)
 
@@ -482,8 +481,7 @@ def _checklist(checklist: Node) -> Iterator[Node]:
     """Yield how many items of each section are done; the items are in the JSON certificate."""
     items = Counter(item["section"] for item in checklist["items"])
     done = Counter(item["section"] for item in checklist["items"] if "done_by" in item)
-    rows = [[name, f"{done[name]} of {count}"] for name, count in items.items()]
-    if rows:
+    if rows := [[name, f"{done[name]} of {count}"] for name, count in items.items()]:
         shown = table(["section", "done"], rows, align="lr", widths=[4, 1])
         yield section("Checklist of the procedure", [shown])
 

@@ -120,8 +120,7 @@ async def get_certificate_dcc(
     def send() -> Response:
         certificate, document, validity = _read(context, calibration_id, issued)
         missing = {"customer": "customer", "first_day": "started_at"}
-        lacking = [name for member, name in missing.items() if member not in certificate["work"]]
-        if lacking:
+        if lacking := [name for member, name in missing.items() if member not in certificate["work"]]:
             detail = f"A DCC needs more details of the campaign: enter its {' and '.join(lacking)}."
             raise problems.Problem(interface.VALIDATION_FAILED, detail)
         state = pages.find_state(certificate | {"validity": validity})

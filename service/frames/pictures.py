@@ -198,8 +198,7 @@ def get_frame_thumbnail(frame_id: Id, request: Request, caller: Reader, context:
     preview_sha256 = require_preview(frame)
     tag = f"{tag_of(preview_sha256, roi.id if roi else None)}-{WIDEST_PX}"
     headers = answers.standing_headers(tag)
-    unchanged = answers.not_modified(request, tag, headers)
-    if unchanged is not None:
+    if (unchanged := answers.not_modified(request, tag, headers)) is not None:
         return unchanged
     _, pieces = context.files.open(preview_sha256)
     png = draw_thumbnail(b"".join(pieces), (frame.header or {})["width_px"], roi)
@@ -256,8 +255,7 @@ def draw_crop(frame_id: Id, body: NewCrop, caller: Reader, writing: changes.Writ
             raise shared.ROI_OUTSIDE_FRAME.refuse(
                 f"The crop leaves the {header['width_px']} x {header['height_px']} pixels of the image."
             )
-        kept = find_crop_job(session, frame, say_asked(window, body.low_dn, body.high_dn))
-        if kept is not None:
+        if (kept := find_crop_job(session, frame, say_asked(window, body.low_dn, body.high_dn))) is not None:
             return changes.Reply(status=200, body=JobAnswer.of(kept, frame))
         job = jobs.enqueue(
             session,
@@ -341,15 +339,13 @@ def list_thumbnails(
     tags = {each: tag_of(frame.preview_sha256, regions[each]) or "" for each, frame in frames.items()}
     tag = hashlib.sha256(repr(sorted(tags.items())).encode()).hexdigest()
     headers = answers.immutable_headers(tag) if tags == named else answers.standing_headers(tag)
-    unchanged = answers.not_modified(request, tag, headers)
-    if unchanged is not None:
+    if (unchanged := answers.not_modified(request, tag, headers)) is not None:
         return unchanged
     small = _find_small(context, {frame.preview_sha256 or "" for frame in frames.values()})
     items = []
     for frame_id in (each for each in named if each in frames):
         frame, roi = frames[frame_id], rois.get(regions[frame_id] or "")
-        preview = small.get(frame.preview_sha256 or "")
-        if preview is None:
+        if (preview := small.get(frame.preview_sha256 or "")) is None:
             # it is damaged, and will be drawn again by the worker: an answer without it is not kept
             headers = {"Cache-Control": "no-store"}
             continue

@@ -170,8 +170,7 @@ def get_frame_roi(frame_id: Id, caller: Reader, context: UsesContext) -> Respons
     """The region that holds for a frame: its own, drawn or found, else its campaign's."""
     with context.database.reading() as session:
         frame = owned(session, FrameRow, frame_id, caller)
-        roi = current_roi(session, frame, session.get_one(Campaign, frame.campaign_id))
-        if roi is None:
+        if (roi := current_roi(session, frame, session.get_one(Campaign, frame.campaign_id))) is None:
             raise Problem(interface.NOT_FOUND, "This frame has no region yet: PUT one here.")
         return RoiAnswer.of(roi).respond()
 

@@ -99,13 +99,11 @@ def send_blob(
     Damage within the first is a problem. Later it breaks the connection before the Content-Length is reached,
     so that no client takes what came for the file.
     """
-    unchanged = not_modified(request, sha256)
-    if unchanged is not None:
+    if (unchanged := not_modified(request, sha256)) is not None:
         return unchanged
     size_bytes, pieces = files.open(sha256)
     headers = {**immutable_headers(sha256), "Accept-Ranges": "bytes", **headers}
-    wanted = _read_range(request, sha256, size_bytes)
-    if wanted is None:
+    if (wanted := _read_range(request, sha256, size_bytes)) is None:
         headers["Content-Length"] = str(size_bytes)
         return StreamingResponse(pieces, headers=headers, media_type=media_type)
     headers["Content-Length"] = str(len(wanted))
@@ -137,8 +135,7 @@ def _cut(pieces: Iterator[bytes], wanted: range) -> Iterator[bytes]:
     """Yield the part of a file; what lies before it is read too, because each piece is proven."""
     at = 0
     for piece in pieces:
-        part = piece[max(0, wanted.start - at) : max(0, wanted.stop - at)]
-        if part:
+        if part := piece[max(0, wanted.start - at) : max(0, wanted.stop - at)]:
             yield part
         at += len(piece)
         if at >= wanted.stop:

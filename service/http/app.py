@@ -125,8 +125,7 @@ def _publish_document(app: FastAPI) -> None:
 
 def _let_dashboards_read(app: FastAPI, origins: str) -> None:
     """Pages of the listed origins may read with a key of their own; no cookie of ours goes with it."""
-    allowed = [origin.strip().rstrip("/") for origin in origins.split(",") if origin.strip()]
-    if allowed:
+    if allowed := [origin.strip().rstrip("/") for origin in origins.split(",") if origin.strip()]:
         app.add_middleware(
             CORSMiddleware,
             allow_origins=allowed,

@@ -45,8 +45,7 @@ class Together:
         """Return what ``act`` answers for this item, which it may get together with others of ``who``."""
         loop = asyncio.get_running_loop()
         told: asyncio.Future[Result] = loop.create_future()
-        waiting = self.waiting.get((loop, who))
-        if waiting is not None:
+        if (waiting := self.waiting.get((loop, who))) is not None:
             waiting.append((item, told))
         else:
             self.waiting[loop, who] = deque([(item, told)])

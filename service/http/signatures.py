@@ -76,8 +76,7 @@ _SEED_BYTES: Final = 32
 
 def read_seed(settings: Settings) -> bytes:
     """Return the given private key, else the one kept in the data folder, made at the first start."""
-    given = settings.signing_key.get_secret_value()
-    if not given:
+    if not (given := settings.signing_key.get_secret_value()):
         return keep_secret(settings.data / "signing-key")
     try:
         seed = base64.b64decode(given, validate=True)

@@ -126,8 +126,7 @@ def retry_jobs(body: schemas.RetriedJobs, caller: auth.Reader, writing: changes.
     def change(session: Session) -> changes.Reply:
         chosen = _choose(session, caller, body)
         first = list(session.scalars(select(Job).where(chosen).limit(_LOGGED)))
-        retried = jobs.retry(session, chosen)
-        if retried:
+        if retried := jobs.retry(session, chosen):
             asked = body.model_dump(exclude_none=True)
             organisation = session.get_one(Organisation, caller.organisation_id)
             add_jobs(session, retried, organisation_id=organisation.id)
@@ -145,8 +144,7 @@ def dismiss_jobs(body: schemas.DismissedJobs, caller: auth.Reader, writing: chan
     """
 
     def change(session: Session) -> changes.Reply:
-        count = jobs.dismiss(session, _choose(session, caller, body), dismissed=body.dismissed)
-        if count:
+        if count := jobs.dismiss(session, _choose(session, caller, body), dismissed=body.dismissed):
             asked = body.model_dump(exclude_none=True)
             organisation = session.get_one(Organisation, caller.organisation_id)
             audit.record_act(session, "dismiss_jobs", organisation, {}, asked | {"jobs": count})

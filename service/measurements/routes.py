@@ -209,8 +209,7 @@ def get_measurement_record(
     """
     with context.database.reading() as session:
         row = lookup.owned(session, Measurement, measurement_id, caller)
-        unchanged = answers.not_modified(request, tag := f"{row.content_sha256}-record")
-        if unchanged is not None:
+        if (unchanged := answers.not_modified(request, tag := f"{row.content_sha256}-record")) is not None:
             return unchanged
         calibration = session.get_one(Calibration, row.calibration_id)
         more = [*row.parameters.get("repeats", []), *list_others(row.parameters)]
@@ -299,8 +298,7 @@ def _enqueue(
 def _field_frames(session: Session, campaign: Campaign) -> list[FrameRow]:
     rows = select(FrameRow).where(FrameRow.campaign_id == campaign.id, FrameRow.role == "field")
     rows = rows.where(FrameRow.withdrawn_at.is_(None)).order_by(FrameRow.id)
-    found = [frame for frame in session.scalars(rows) if not frame.left_out]
-    if not found:
+    if not (found := [frame for frame in session.scalars(rows) if not frame.left_out]):
         detail = "This campaign has no field frame: upload frames with role=field first."
         raise Problem(interface.CAMPAIGN_INCOMPLETE, detail)
     return found

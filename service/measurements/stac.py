@@ -116,8 +116,7 @@ def _describe_colour(plane: dict[str, str]) -> dict[str, Any]:
 
 def _describe_time(row: Measurement, frame: FrameRow) -> dict[str, Any]:
     """Return when the frame was taken; of a local time without its zone, when that can have been."""
-    taken = read_frame_time(frame, Zones(campaign=row.parameters.get("time_zone")))
-    if taken is None:
+    if (taken := read_frame_time(frame, Zones(campaign=row.parameters.get("time_zone")))) is None:
         return {"datetime": None, "start_datetime": _FIRST_DAY, "end_datetime": _format(frame.created_at)}
     if taken.is_known:
         return {"datetime": _format(taken.earliest)}
@@ -153,8 +152,7 @@ def get_measurement_map_values(
     """
     with maps.open_map(context, measurement_id, caller) as found:
         tag = found.tag(asked.tag)
-        unchanged = answers.not_modified(request, tag)
-        if unchanged is not None:
+        if (unchanged := answers.not_modified(request, tag)) is not None:
             return unchanged
         layout = found.layout
         window = _cut(layout, asked)
@@ -182,8 +180,7 @@ def get_measurement_stac(
     row, sha256 = _require_map(context, measurement_id, caller)
     base = connections.absolute(request, "")
     tag = hashlib.sha256(f"{sha256}-{row.id}-{base}".encode()).hexdigest()
-    unchanged = answers.not_modified(request, tag)
-    if unchanged is not None:
+    if (unchanged := answers.not_modified(request, tag)) is not None:
         return unchanged
     with context.files.local(sha256) as file:
         prove_file(file)

@@ -338,8 +338,7 @@ def plot_drift(
             select(Calibration.id, Calibration.version).where(Calibration.camera_id == camera_id)
         )
         versions = {row[0]: row[1] for row in numbers}
-    named = [row for row in found if row.key.name == name]
-    if not named:
+    if not (named := [row for row in found if row.key.name == name]):
         raise problems.Problem(interface.NOT_FOUND, f"No published version of this camera has {name}.")
     quantity = get_method(method).label_coefficient(name)
     figure = build_drift(named, versions, quantity=quantity)

@@ -161,8 +161,7 @@ def _type(schema: Node) -> str:
 
 
 def _sample(media: Node) -> str:
-    example = media.get("example")
-    if example is None:
+    if (example := media.get("example")) is None:
         return ""
     text = example if isinstance(example, str) else json.dumps(example, indent=2)
     return f"<pre>{escape(text)}</pre>"

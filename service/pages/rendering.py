@@ -114,12 +114,10 @@ class Assets:
 @router.get("/static/{release}/{name:path}")
 def get_asset(request: Request, release: str, name: str) -> Response:
     assets: Assets = request.app.state.assets
-    content = assets.find(release, name)
-    if content is None:
+    if (content := assets.find(release, name)) is None:
         raise Problem(interface.NOT_FOUND, "There is no such file here. Reload the page that asks for it.")
     headers = {"ETag": f'"{release}-{name}"', "Cache-Control": _PUBLIC, "Vary": "Accept-Encoding"}
-    unchanged = answers.not_modified(request, f"{release}-{name}", headers)
-    if unchanged is not None:
+    if (unchanged := answers.not_modified(request, f"{release}-{name}", headers)) is not None:
         return unchanged
     suffix = posixpath.splitext(name)[1]
     media_type = _TEXT.get(suffix) or mimetypes.guess_type(name)[0]
@@ -187,8 +185,7 @@ class Page:
 
 
 def _signed_in(request: Request, context: UsesContext) -> Page:
-    caller = find_session(request, context)
-    if caller is None:
+    if (caller := find_session(request, context)) is None:
         query = f"?{request.url.query}" if request.url.query else ""
         raise SignInNeeded(f"{request.url.path}{query}" if request.method == "GET" else "/")
     context.rates.take(caller.organisation_id)

@@ -80,8 +80,7 @@ def sign_in(
 
 @router.post("/sign-out")
 def sign_out(request: Request, context: UsesContext, csrf_token: Annotated[str, Form()] = "") -> Response:
-    caller = auth.find_session(request, context)
-    if caller is not None:
+    if (caller := auth.find_session(request, context)) is not None:
         auth.require_csrf_token(request, context, csrf_token)
         with context.database.writing(caller.key_id, caller.organisation_id) as session:
             session.get_one(WebSession, caller.session_id).ended_at = utc_now()

@@ -164,8 +164,7 @@ class Health:
         self._pool = ThreadPoolExecutor(len(self._checks), thread_name_prefix="health")
 
     async def look(self) -> Report:
-        looks = [look for check in self._checks if (look := check.begin(self._pool)) is not None]
-        if looks:
+        if looks := [look for check in self._checks if (look := check.begin(self._pool)) is not None]:
             await asyncio.wait([asyncio.wrap_future(look) for look in looks], timeout=ANSWER_WITHIN_S)
         findings = [check.finding() for check in self._checks]
         parts, damaged_files = self._read.found or ([], 0)

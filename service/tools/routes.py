@@ -284,8 +284,7 @@ def _find_signal(columns: list[str], wanted: str | None) -> str:
         return wanted.strip().lower()
     if _SIGNAL in columns:
         return _SIGNAL
-    found = [name for name in columns if name in _CHANNELS]
-    if not found:
+    if not (found := [name for name in columns if name in _CHANNELS]):
         raise refuse_columns(f"lacks {_SIGNAL}", columns)
     if len(found) > 1:
         message = f"holds the signals of {', '.join(found)}; name one in the query, as signal={found[0]}"

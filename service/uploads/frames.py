@@ -237,8 +237,7 @@ class _FilePart:
 def _announced_sha256(request: Request) -> str | None:
     """The hash that the sender announces, in RFC 9530's form or in ours."""
     plain = request.headers.get("x-content-sha256")
-    digest = _REPR_DIGEST.search(request.headers.get("repr-digest", ""))
-    if digest is not None:
+    if (digest := _REPR_DIGEST.search(request.headers.get("repr-digest", ""))) is not None:
         try:
             plain = base64.b64decode(digest[1], validate=True).hex()
         except binascii.Error as error:

@@ -224,8 +224,7 @@ def _begin(
         _refuse_too_many(partials.count(organisation_id))
         file = (frame.campaign_id, caller, frame.sha256, size_bytes)
         admit(context, *file, role=frame.role, begin=lambda: _keep_facts(partials, token, facts))
-    partial = partials.find(token, organisation_id)
-    if partial is None:
+    if (partial := partials.find(token, organisation_id)) is None:
         raise problems.not_found("upload")
     kept = partial.read_facts()
     if any(getattr(kept, name) != getattr(facts, name) for name in _OF_THE_FILE):

@@ -228,8 +228,7 @@ def compare(
 
 def _read_grid(text: str) -> Grid:
     size, _, corners = text.partition(" ")
-    found = _GRID.fullmatch(size)
-    if found is None or len(corners.split()) != 4:
+    if (found := _GRID.fullmatch(size)) is None or len(corners.split()) != 4:
         raise typer.BadParameter('--grid needs rows x columns and four corners: "3x5 x,y x,y x,y x,y"')
     return Grid(corners=read_polygon(corners), rows=int(found[1]), columns=int(found[2]))
 

@@ -206,8 +206,7 @@ def follow(
     try:
         output.note(f"watching {folder}; stop with Ctrl-C")
         while True:
-            settled = watch.look()
-            if settled:
+            if settled := watch.look():
                 try:
                     if placed:
                         files = [*sent.values(), *settled]
@@ -291,8 +290,7 @@ def _find_campaign(output: Output, folder: Path, named: str | None) -> Campaign:
                 f"give --campaign, or create a {FILENAME}: stilb campaign init {quote(folder)}"
             )
         plan = read_plan(folder)
-        found = find_planned(client, plan)
-        if found is None:
+        if (found := find_planned(client, plan)) is None:
             raise missing(
                 f"Campaign {plan.project_number!r} of this camera does not exist yet. "
                 f"Create it and send all frames: stilb campaign run {quote(folder)}"

@@ -55,8 +55,7 @@ def verify(
     if key is not None:
         keys, origin = read_keys(key.read_text(encoding="utf-8")), str(key)
     else:
-        known = _known_keys().read().get(key_id)
-        if known is None:
+        if (known := _known_keys().read().get(key_id)) is None:
             raise Unclear(
                 f"The key {key_id} has not been seen by this user: give --key (stilb receipt keys)."
             )

@@ -86,8 +86,7 @@ def sort_files(
         name = path.relative_to(folder).as_posix()
         if raw_only and not is_raw(name):
             continue
-        file = _judge(path, name, rules)
-        if file is not None:
+        if (file := _judge(path, name, rules)) is not None:
             found.append(file)
         elif is_raw(name):
             left_out.append(name)
@@ -108,8 +107,7 @@ def _files(folder: Path) -> Iterator[Path]:
 
 def _judge(path: Path, name: str, rules: Sequence[Rule]) -> FieldFile | None:
     for rule in rules:
-        said = rule.match(name)
-        if said is not None:
+        if (said := rule.match(name)) is not None:
             scene = rule.scene or said.get("scene")
             return FieldFile(path=path, name=name, role=rule.role, scene=scene, details=rule.details)
     return None
@@ -214,8 +212,7 @@ def _read_time(tags: Mapping[str, Any]) -> float | None:
 
 def _read_packet(file: BinaryIO, tags: Mapping[str, Any]) -> dict[str, str]:
     """Return texts of the XMP packet, each as an attribute, an element or the first item of a list."""
-    packet = tags.get("Image ApplicationNotes")
-    if packet is None:
+    if (packet := tags.get("Image ApplicationNotes")) is None:
         return {}
     file.seek(packet.field_offset)
     text = file.read(min(packet.field_length, _MOST_XMP_BYTES))

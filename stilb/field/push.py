@@ -42,8 +42,7 @@ class Journal:
     def hash_of(self, path: Path) -> str:
         """The file's SHA-256. ``OSError`` where it cannot be read, or changes while it is."""
         before = _stamp(path)
-        known = self._known.get(str(path))
-        if known is not None and known[:2] == before:
+        if (known := self._known.get(str(path))) is not None and known[:2] == before:
             return known[2]
         sha256 = transport.hash_file(path)
         if _stamp(path) != before:

@@ -140,8 +140,7 @@ def _list_stated(method: Mapping[str, Any], *, night: bool) -> list[Mapping[str,
 
 
 def _format_target(method: Mapping[str, Any]) -> str:
-    example = method.get("target_example")
-    if example is None:
+    if (example := method.get("target_example")) is None:
         return ""
     lines = [f"# {name} = {json.dumps(value)}" for name, value in example.items()]
     return "\n".join(["# What is photographed.", "# [target]", *lines, ""])

@@ -51,8 +51,7 @@ class Campaigns(Connection):
         while True:
             found = self.campaign(campaign_id)
             left = int(found.raw["frames"]["being_read"])
-            most = max(most, left)
-            if most:
+            if most := max(most, left):
                 on_progress(most - left, most)
             if not left:
                 return found

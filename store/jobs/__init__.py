@@ -125,8 +125,7 @@ def is_live(session: Session, subject_id: str) -> bool:
 
 def begin(session: Session, job_id: str, *, lease_s: float) -> Claim | None:
     """Take the job that a message names; None if it is not to be begun, or others have begun it."""
-    job = session.get(Job, job_id, with_for_update=True, populate_existing=True)
-    if job is None:
+    if (job := session.get(Job, job_id, with_for_update=True, populate_existing=True)) is None:
         return None
     queue = LANES[job.lane].queue
     if job.waits_for != Dependency.BLOBS:  # until it knows whether the file store serves, no other is sent

@@ -214,7 +214,6 @@ def sweep_floor(blobs: Blobs, partials: Partials) -> None:
 
 
 def _sweep_floor(blobs: Blobs, partials: Partials) -> float:
-    removed = blobs.sweep_temporary(_ABANDONED_AFTER_S) + partials.sweep()
-    if removed:
+    if removed := blobs.sweep_temporary(_ABANDONED_AFTER_S) + partials.sweep():
         log.info("removed %d abandoned uploads", removed)
     return _FLOOR_EVERY_S

@@ -206,8 +206,7 @@ def _serve_next(session: Session, turn: Turn) -> Message | None:
     lanes = [
         (Job.state == "queued") & (Job.lane == name) for name in LANES if LANES[name].queue == turn.queue
     ]
-    chosen = _next_organisation(session, lanes, turn.organisation_id)
-    if chosen is None:
+    if (chosen := _next_organisation(session, lanes, turn.organisation_id)) is None:
         return None
     turn.organisation_id = chosen
     found = (_mark_first(session, lane & (Job.organisation_id == chosen)) for lane in lanes)

@@ -374,8 +374,7 @@ def _find_region(session: Session, frame: FrameRow, campaign: Campaign, asked: A
         return asked.polygon, "request"
     if asked.grid is not None and isinstance(application, SurfaceApplication):
         return application.outline(asked.grid), "grid"
-    roi = current_roi(session, frame, campaign)
-    if roi is not None:
+    if (roi := current_roi(session, frame, campaign)) is not None:
         return Polygon.from_points(roi.points), "frame" if frame.roi_id else "campaign"
     if isinstance(application, BandApplication):
         return whole_frame_of(frame), "whole_frame"

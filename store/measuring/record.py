@@ -67,8 +67,7 @@ def write_measurement(
     """Write it once; the same content again is the measurement that exists."""
     if products:
         files.keep_blobs(session, [products.tif, products.png])
-    found = find_measurement(session, frame, calibration, parameters)
-    if found is not None:
+    if (found := find_measurement(session, frame, calibration, parameters)) is not None:
         return found
     campaign = session.get_one(Campaign, frame.campaign_id)
     measurement = Measurement(

@@ -69,8 +69,7 @@ def _find_own(
 
 def _find_in_force(session: Session, frame: FrameRow, campaign: Campaign) -> tuple[InForce, str]:
     taken = frame_times.read_frame_time(frame, frame_times.read_zones(session, campaign))
-    own = _find_own(session, frame, campaign, taken)
-    if own is not None:
+    if (own := _find_own(session, frame, campaign, taken)) is not None:
         when = f"the frame was taken at {taken.describe()}" if taken else "the frame states no usable time"
         return (
             own,
@@ -223,8 +222,7 @@ def read_lens(calibration: Calibration, exposure: Exposure) -> Any:  # noqa: ANN
 
 def list_corrected(session: Session, version: Calibration) -> list[str]:
     """Return the ids of the versions that were corrected with this one, if its method corrects others."""
-    corrected = [spec.name for spec in METHODS if spec.corrected_by == version.method]
-    if not corrected:
+    if not (corrected := [spec.name for spec in METHODS if spec.corrected_by == version.method]):
         return []
     rows = session.execute(
         select(Calibration.id, Calibration.parameters)
@@ -243,8 +241,7 @@ def _find_corrector(method: str) -> tuple[str, SurfaceApplication]:
 
 
 def _read_correction(corrector: str) -> Correction:
-    correction = get_method(corrector).correction
-    if correction is None:
+    if (correction := get_method(corrector).correction) is None:
         raise TypeError(f"{corrector} corrects no other method")
     return correction
 
@@ -285,8 +282,7 @@ def _find_corrector_in_force(
 ) -> Calibration:
     zones, times = frame_times.read_zones(session, campaign), []
     for light in lights:
-        taken = frame_times.find_time(light.header.taken_at, zones)
-        if taken is None:
+        if (taken := frame_times.find_time(light.header.taken_at, zones)) is None:
             raise frame_times.refuse_timeless(light.row.frame, light.header.taken_at, wanted=corrector)
         times.append(taken)
     earliest = min((taken.earliest for taken in times), default=utc_now())

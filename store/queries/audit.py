@@ -114,8 +114,7 @@ def _about(row: Any) -> str | None:  # noqa: ANN401  of one of the tables above
 
 
 def _name(found: dict[str, Any], row_id: str) -> str | None:
-    row = found.get(row_id)
-    if row is None:
+    if (row := found.get(row_id)) is None:
         return None
     about = _about(row)
     return NAMES[row_id[:3]][1](row) or (_name(found, about) if about and about != row_id else None)

@@ -57,8 +57,7 @@ def read_version_statuses(session: Session, calibration_ids: list[str]) -> dict[
 
 
 def _name_successors(session: Session, found: dict[str, VersionStatus]) -> dict[str, VersionStatus]:
-    ids = {status.superseded_by for status in found.values()} - {None}
-    if not ids:
+    if not (ids := {status.superseded_by for status in found.values()} - {None}):
         return found
     rows = session.execute(select(Calibration.id, Calibration.version).where(Calibration.id.in_(ids)))
     numbers = {row[0]: row[1] for row in rows}
@@ -274,8 +273,7 @@ def suggest_validity(session: Session, calibration: Calibration) -> tuple[dateti
         .where(FrameRow.withdrawn_at.is_(None))
         .distinct()
     )
-    times = [taken for at, system in stated if (taken := find_time(at, zones, system=system))]
-    if not times:
+    if not (times := [taken for at, system in stated if (taken := find_time(at, zones, system=system))]):
         return campaign.started_at or calibration.created_at, None
     start = _begin_day(min(taken.earliest for taken in times))
     if get_method(calibration.method).of_one_flight:

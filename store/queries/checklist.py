@@ -86,8 +86,7 @@ def set_tick(
     session: Session, campaign: Campaign, key: str, *, done: bool, note: str | None, by: str
 ) -> None:
     """Tick or untick an item; a note stays until another takes its place."""
-    tick = session.get(ChecklistTick, (campaign.id, key))
-    if tick is None:
+    if (tick := session.get(ChecklistTick, (campaign.id, key))) is None:
         tick = ChecklistTick(campaign_id=campaign.id, key=key)
         session.add(tick)
     if done != (tick.done_by is not None):
@@ -98,8 +97,7 @@ def set_tick(
 
 def sign(session: Session, campaign: Campaign, *, name: str, by: str) -> None:
     """Sign the checklist as it stands; a new signature replaces the one before."""
-    signature = read_signature(session, campaign)
-    if signature is None:
+    if (signature := read_signature(session, campaign)) is None:
         signature = ChecklistSignature(campaign_id=campaign.id)
         session.add(signature)
     signature.name, signature.signed_by, signature.signed_at = name, by, utc_now()

@@ -30,8 +30,7 @@ def _list_names() -> dict[str, str]:
 
 def name_zone(text: str) -> str:
     """Return an IANA name as it is spelt, or an offset (-12:00 to +14:00); ValueError for anything else."""
-    offset = _OFFSET.fullmatch(text)
-    if offset:
+    if offset := _OFFSET.fullmatch(text):
         shift = _read_offset(offset)
         if -_LATEST <= shift <= -_EARLIEST:
             return text

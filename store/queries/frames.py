@@ -179,8 +179,7 @@ def region_ids(session: Session, campaign: Campaign, frames: Iterable["Sized"]) 
         return ids
     sizes = {frame.id: frame.size_px for frame in frames if frame.size_px is not None}
     hashes = {size: whole_frame(*size).sha256 for size in set(sizes.values())}
-    keys = {frame_id: hashes[size] for frame_id, size in sizes.items()}
-    if not keys:
+    if not (keys := {frame_id: hashes[size] for frame_id, size in sizes.items()}):
         return ids
     rois = session.execute(
         select(Roi.sha256, Roi.id).where(
@@ -410,8 +409,7 @@ def read_extractions(
         .where(Extraction.roi_id.in_({roi_id for roi_id in regions.values() if roi_id}))
     )
     found = read_plainly(session, mine)
-    fresh = [extraction_id for extraction_id, *_ in found if kept[extraction_id] is None]
-    if fresh:
+    if fresh := [extraction_id for extraction_id, *_ in found if kept[extraction_id] is None]:
         some = mine if len(fresh) > _MOST_NAMED else mine.where(Extraction.id.in_(fresh))
         statistics = statistics_of(session, some.with_only_columns(Extraction.id))
         columns = (Extraction.id, Extraction.roi_id, cast(Extraction.features, Text))

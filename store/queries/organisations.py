@@ -188,8 +188,7 @@ def note_use(
 
 def ensure_operator(session: Session, secret: str, scopes: list[str]) -> None:
     """Found the operator's organisation and give it the bootstrap key, unless both exist."""
-    operator = session.scalar(select(Organisation).where(Organisation.operator))
-    if operator is None:
+    if (operator := session.scalar(select(Organisation).where(Organisation.operator))) is None:
         operator = Organisation(name=_FOUNDING_NAME, operator=True)
         session.add(operator)
         session.flush()

@@ -46,8 +46,7 @@ def check_refusal(answer: dict[str, Any]) -> findings.InputRejected:
     refused = answer["refused"]
     if not isinstance(refused, dict) or not isinstance(refused.get("message"), str):
         raise messages.BrokenMessageError("a refusal without a reason")
-    found = FINDINGS.get(str(refused.get("code")))
-    if found is None or found.severity != "error":
+    if (found := FINDINGS.get(str(refused.get("code")))) is None or found.severity != "error":
         raise messages.BrokenMessageError("a refusal with an unknown code")
     return findings.InputRejected(found, refused["message"][:_MAX_MESSAGE])
 

@@ -34,8 +34,7 @@ class Area(NamedTuple):
 
 
 def read_visible_area(raw: tiff.Directory, rows: int, cols: int) -> Area:
-    stated = raw.integers(tags.ACTIVE_AREA, at_most=4)
-    if not stated:
+    if not (stated := raw.integers(tags.ACTIVE_AREA, at_most=4)):
         return Area(0, 0, rows, cols)
     if len(stated) != 4:
         raise files.SIZE_MISMATCH.refuse("The file's active area is incomplete.")
@@ -155,8 +154,7 @@ def read_white_levels(
 
 def read_linearization(directory: tiff.Directory) -> NDArray[np.uint16] | None:
     """A table with a value for every possible sample: the last entry stands for all beyond it."""
-    entries = directory.integers(tags.LINEARIZATION_TABLE, at_most=1 << 16)
-    if not entries:
+    if not (entries := directory.integers(tags.LINEARIZATION_TABLE, at_most=1 << 16)):
         return None
     if min(entries) < 0 or max(entries) > 65_535:
         raise files.UNSUPPORTED_LAYOUT.refuse("The file's linearization table leaves the 16 bit range.")

@@ -64,8 +64,7 @@ def _read(descriptor: int, size: int, deadline: float | None) -> memoryview:
     while rest:
         if deadline is not None and not poll.poll(max(0.0, deadline - time.monotonic()) * 1000):
             raise TimeoutError
-        count = os.readv(descriptor, [rest])
-        if not count:
+        if not (count := os.readv(descriptor, [rest])):
             raise BrokenMessageError("the socket was closed")
         rest = rest[count:]
     return content

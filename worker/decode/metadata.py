@@ -96,8 +96,7 @@ def read_xmp(main: tiff.Directory) -> Properties:
 
 
 def parse_xmp(packet: bytes) -> Properties:
-    packet = packet.strip(b"\0 \r\n\t")
-    if not packet or len(packet) > MAX_BYTES:
+    if not (packet := packet.strip(b"\0 \r\n\t")) or len(packet) > MAX_BYTES:
         return {}
     collector = _Collector()
     parser = expat.ParserCreate(namespace_separator=" ")
@@ -207,8 +206,7 @@ def read_position(main: tiff.Directory) -> dict[str, float | None]:
     which is what a receiver without a fix writes.
     """
     try:
-        gps = main.directory(tags.GPS)
-        if gps is None or _letter(gps, tags.GPS_STATUS) == "V":
+        if (gps := main.directory(tags.GPS)) is None or _letter(gps, tags.GPS_STATUS) == "V":
             return {}
         latitude = _angle(gps, tags.GPS_LATITUDE, tags.GPS_LATITUDE_REF, "NS", 90.0)
         longitude = _angle(gps, tags.GPS_LONGITUDE, tags.GPS_LONGITUDE_REF, "EW", 180.0)
@@ -221,8 +219,7 @@ def read_position(main: tiff.Directory) -> dict[str, float | None]:
 
 def read_fix(xmp: Xmp) -> frame.PositionFix | None:
     """How good a DJI aircraft says that its position is, by RtkFlag and its deviations."""
-    state = xmp.index("drone-dji:RtkFlag")
-    if state is None:
+    if (state := xmp.index("drone-dji:RtkFlag")) is None:
         return None
     deviations = [xmp.number(f"drone-dji:RtkStd{axis}") for axis in ("Lat", "Lon", "Hgt")]
     latitude, longitude, height = (each if each and 0.0 < each < _HIGHEST_M else None for each in deviations)
@@ -299,8 +296,7 @@ class _Tags:
                 values = directory.numbers(tag, at_most=64)
             except findings.InputRejected:
                 continue
-            stated = [float(value) for value in values if value is not None]
-            if stated:
+            if stated := [float(value) for value in values if value is not None]:
                 return stated
         return []
 

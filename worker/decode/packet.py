@@ -127,8 +127,7 @@ def read_geometry(packet: Packet, *, reference: bool) -> RigGeometry | None:
 
 def _pixels_per_mm(main: tiff.Directory) -> tuple[float, float] | None:
     try:
-        exif = main.directory(tags.EXIF)
-        if exif is None:
+        if (exif := main.directory(tags.EXIF)) is None:
             return None
         x = exif.numbers(tags.FOCAL_PLANE_X_RESOLUTION, at_most=1)
         y = exif.numbers(tags.FOCAL_PLANE_Y_RESOLUTION, at_most=1)

@@ -26,8 +26,7 @@ def keep_memory(block_bytes: int = _LARGEST_KEPT) -> None:
 
 
 def _set(option: int, value: int) -> None:
-    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
-    if mallopt is not None:
+    if (mallopt := getattr(ctypes.CDLL(None), "mallopt", None)) is not None:
         mallopt(option, value)
 
 
@@ -74,8 +73,7 @@ def start_second_thread() -> None:
 def decode_all(decode: Callable[[_T], None], pieces: Sequence[_T]) -> None:
     """Call ``decode`` with every piece; of several failures that of the earliest piece is raised."""
     if len(pieces) > 1 and _second:
-        failure = _second[0].decode_every_other(decode, pieces)
-        if failure is not None:
+        if (failure := _second[0].decode_every_other(decode, pieces)) is not None:
             raise failure[1]
     else:
         for piece in pieces:

@@ -233,8 +233,7 @@ class Nursery:
         if told:
             return "they do not keep to the protocol"
         assert self._process is not None  # noqa: S101  it has just been started
-        code = self._process.poll()
-        if code is None:
+        if (code := self._process.poll()) is None:
             return f"they are not ready after {_START_SECONDS:g} s"
         return f"ended by {signal.Signals(-code).name}" if code < 0 else f"ended with code {code}"
 
@@ -361,8 +360,7 @@ class DecoderPool:
     def _read(self, file: Readable, ask: "Callable[[_Decoder], _T]") -> _T:
         with self._lock:
             path = path_of(file)
-            decoder = self._held.get(path)
-            if decoder is not None and not decoder.has_open(file):
+            if (decoder := self._held.get(path)) is not None and not decoder.has_open(file):
                 decoder.close()
                 decoder = None
             self._reading = decoder = decoder or _Decoder(self._nursery, self._limits, file)

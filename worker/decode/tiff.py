@@ -102,8 +102,7 @@ class Directory:
 
     def raw(self, tag: int, *, at_most: int) -> bytes:
         """The value's bytes, or none when the tag is absent. A value outside the file means it was cut."""
-        entry = self._entries.get(tag)
-        if entry is None:
+        if (entry := self._entries.get(tag)) is None:
             return b""
         if entry.size > at_most:
             raise files.FRAME_TOO_LARGE.refuse(
@@ -117,8 +116,7 @@ class Directory:
 
     def numbers(self, tag: int, *, at_most: int) -> list[float | None]:
         """Numbers of any type. Zero over zero, division by zero, NaN and infinity are not stated: None."""
-        entry = self._entries.get(tag)
-        if entry is None:
+        if (entry := self._entries.get(tag)) is None:
             return []
         raw = self.raw(tag, at_most=at_most * TYPE_SIZES[entry.kind])
         values = np.frombuffer(raw, self.order + _DTYPES[entry.kind]).tolist()
@@ -145,8 +143,7 @@ class Directory:
 
     def directory(self, tag: int) -> "Directory | None":
         """A directory beside the image ones, such as EXIF; None where it is absent or outside the file."""
-        offsets = self.integers(tag, at_most=1)
-        if not offsets or not 8 <= offsets[0] <= len(self._buffer) - 2:
+        if not (offsets := self.integers(tag, at_most=1)) or not 8 <= offsets[0] <= len(self._buffer) - 2:
             return None
         return _read_directory(self._buffer, self.order, offsets[0])
 

@@ -109,8 +109,7 @@ def live(prepared: Prepared, expected: Sandbox) -> int:
         return limits.NOT_SHUT_IN
     own_memory()
     warm_up(prepared.first_file, prepared.first_stream)
-    descriptor = _receive_file(talk)
-    if descriptor is None:
+    if (descriptor := _receive_file(talk)) is None:
         return 0
     content = _map(descriptor)
     budget = limits.Budget(prepared.bounds, before=prepared.address_space, file_bytes=len(content))
@@ -230,8 +229,7 @@ def _parse_arguments() -> argparse.Namespace:
 def _try_sandbox(restrictions: Restrictions) -> Sandbox:
     """Shut a first cell in, which does nothing else: what held there is expected of every other."""
     ours, its = os.pipe()
-    pid = os.fork()
-    if not pid:
+    if not (pid := os.fork()):
         with contextlib.suppress(BaseException):
             os.write(its, json.dumps(vars(restrictions.shut_in())).encode())
         os._exit(0)
@@ -278,8 +276,7 @@ class _Zygote:
         if not order:
             return False
         talk, line = descriptors
-        pid = os.fork()
-        if not pid:
+        if not (pid := os.fork()):
             self._become_cell(talk)
         os.close(talk)
         self._pids[line] = pid

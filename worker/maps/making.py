@@ -70,8 +70,7 @@ class StripReader:
         return replace(self._held[0], samples_dn=samples, row0=first)
 
     def _fetch(self) -> None:
-        strip = next(self._left, None)
-        if strip is not None:
+        if (strip := next(self._left, None)) is not None:
             window = (strip[0], 0, strip[1], self._width)
             self._coming.append(self._ahead.submit(self._decoders.read_window, self._file, window))
 

@@ -132,8 +132,7 @@ def describe(task: Task, application: BandApplication, **more: Any) -> dict[str,
     band = task.header.multispectral
     assert band is not None  # noqa: S101  the plan refused files without one
     known = {"wavelength_nm": band.wavelength_nm, "width_nm": band.width_nm, "capture_id": band.capture_id}
-    angle_deg = read_angle(task)
-    if angle_deg is None:
+    if (angle_deg := read_angle(task)) is None:
         angle_deg = read_applied(task.calibration)[0].incidence_angle_deg
     place = tell_place(task, application)
     return task.describe(

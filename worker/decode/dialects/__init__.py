@@ -17,7 +17,6 @@ BY_SYSTEM: Final = dict(zip(CAMERAS, DIALECTS, strict=True))
 
 def read_multispectral(main: Directory, *, bits: int) -> Multispectral | None:
     """The band, by the first dialect that knows the camera; None for any other file."""
-    packet = open_packet(main, bits=bits)
-    if packet is None:
+    if (packet := open_packet(main, bits=bits)) is None:
         return None
     return next((dialect.read(packet) for dialect in DIALECTS if dialect.knows(packet)), None)

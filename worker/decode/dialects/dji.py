@@ -74,8 +74,7 @@ def _read_irradiance(xmp: metadata.Xmp) -> multispectral.SunshineIrradiance | No
     Its attitude is the aircraft's unless the file states another; the P4 writes its sensor's as zeros.
     `SunSensor` is the reading before DJI's compensation.
     """
-    value = xmp.first_number("drone-dji:Irradiance", "camera:Irradiance")
-    if value is None or not value > 0.0:
+    if (value := xmp.first_number("drone-dji:Irradiance", "camera:Irradiance")) is None or not value > 0.0:
         return None
     before = xmp.first_number("drone-dji:SunSensor", "camera:SunSensor")
     same = before is None or math.isclose(before, value, rel_tol=_SAME_REL)

@@ -86,8 +86,7 @@ def _read_irradiance(packet: Packet) -> SunshineIrradiance | str:
     horizontal, spectral = find("HorizontalIrradiance"), find("SpectralIrradiance")
     if spectral is None:
         spectral = xmp.number("camera:Irradiance")
-    scale = find("IrradianceScaleToSIUnits")
-    if scale is not None:
+    if (scale := find("IrradianceScaleToSIUnits")) is not None:
         origin = "tag"
     elif packet.model.startswith(_ONLY_DLS2):
         origin, scale = "model", _W_PER_UW

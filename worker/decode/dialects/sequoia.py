@@ -34,11 +34,9 @@ _LATEST_US: Final = 10**15  # thirty years since the camera was switched on
 
 def read_counts(encoded: str, measurement: Sequence[float]) -> multispectral.SunshineCounts | str:
     """The readings, or a sentence saying why there are none."""
-    raw = _decode(encoded)
-    if not raw:
+    if not (raw := _decode(encoded)):
         return "the file's IrradianceList is empty or not base64"
-    fitting = [layout for layout in _LAYOUTS if _is_list(raw, layout)]
-    if not fitting:
+    if not (fitting := [layout for layout in _LAYOUTS if _is_list(raw, layout)]):
         return "the records of the file's IrradianceList have none of the known lengths"
     # A list that its records fill exactly is more certain than one that was cut short.
     layout = min(fitting, key=lambda each: (len(raw) % each.size > 0, _LAYOUTS.index(each)))
@@ -143,8 +141,7 @@ def read(packet: Packet) -> multispectral.Multispectral:
 def _read_monotonic_time(main: tiff.Directory) -> int | None:
     """A Sequoia writes the clock of its sunshine records as the time of digitisation, counted from 1970."""
     try:
-        exif = main.directory(tags.EXIF)
-        if exif is None:
+        if (exif := main.directory(tags.EXIF)) is None:
             return None
         text = read_text(exif, tags.DATE_TIME_DIGITIZED)
         fraction = read_text(exif, tags.SUB_SEC_TIME_DIGITIZED)
