@@ -204,11 +204,7 @@ def add_points(
     admit(context, campaign_id, caller, None, sum(map(len, rows)), role=points[0].role)
     with context.database.reading() as session:
         _refuse(lookup.owned(session, Campaign, campaign_id, caller), session, hashes)
-    blobs = []
-    for row in rows:
-        with context.blobs.writer() as writer:
-            writer.write(row)
-            blobs.append(writer.commit())
+    blobs = [context.blobs.keep([row]) for row in rows]
 
     def change(session: Session) -> changes.Reply:
         campaign = lookup.owned(session, Campaign, campaign_id, caller)

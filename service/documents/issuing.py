@@ -156,7 +156,7 @@ def _print(
     order = rendered.order_certificate(content, draw_preview(record, context.files))
     require = context.settings.decoder_sandbox == "require"
     pdf = rendered.render_apart(rendered.write_order(order), require=require, first=first)
-    kept = [_store(context, each) for each in (sheets.write_json(content).encode(), pdf)]
+    kept = [context.blobs.keep([each]) for each in (sheets.write_json(content).encode(), pdf)]
     row = IssuedCertificate(
         amendment=issued.amends.amendment if issued.amends else 0,
         number=certificate.number,
@@ -168,9 +168,3 @@ def _print(
         issued_at=issued.at,
     )
     return publications.PrintedCertificate(row=row, files=kept)
-
-
-def _store(context: Context, content: bytes) -> blobs.StoredBlob:
-    with context.blobs.writer() as writer:
-        writer.write(content)
-        return writer.commit()

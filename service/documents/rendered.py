@@ -76,9 +76,7 @@ def render_and_keep(context: Context, source: str, order: bytes) -> bytes:
     """Return a new file, which is kept where there is room."""
     rendered = render_apart(order, require=context.settings.decoder_sandbox == "require")
     try:
-        with context.blobs.writer() as writer:
-            writer.write(rendered)
-            blob = writer.commit()
+        blob = context.blobs.keep([rendered])
         with context.database.writing("rendering") as session:
             files.keep_blobs(session, [blob])
             session.merge(Rendering(source_sha256=source, sha256=blob.sha256))

@@ -7,7 +7,7 @@ import re
 import tempfile
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
@@ -140,6 +140,13 @@ class Blobs(ABC):
     def writer(self) -> BlobWriter:
         """Start a blob: use as a context manager; leaving it without `commit` leaves nothing behind."""
         return BlobWriter(self._temporary, self._place)
+
+    def keep(self, pieces: Iterable[bytes]) -> proof.StoredBlob:
+        """Store pieces as one blob."""
+        with self.writer() as writer:
+            for piece in pieces:
+                writer.write(piece)
+            return writer.commit()
 
     def open(self, blob: proof.StoredBlob) -> Iterator[bytes]:
         """Yield the bytes MiB by MiB, each proven."""

@@ -9,10 +9,7 @@ from store.blobs import Blobs, LocalBlobs, StoredBlob
 
 def put(blobs: Blobs, *chunks: bytes) -> StoredBlob:
     """Store the chunks as one blob."""
-    with blobs.writer() as writer:
-        for chunk in chunks:
-            writer.write(chunk)
-        return writer.commit()
+    return blobs.keep(chunks)
 
 
 def spoil(blobs: Blobs, folder: Path, sha256: str, content: bytes | None) -> None:

@@ -1,7 +1,7 @@
 """Input of every method's measuring, and the products that it leaves."""
 
 import tempfile
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -11,7 +11,7 @@ from typing import Any
 from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
 from store import codec, software
-from store.blobs import Blobs, StoredBlob
+from store.blobs import Blobs
 from store.measuring.record import Products
 from store.queries.frame_times import read_header
 from store.tables import Calibration, FrameRow
@@ -66,14 +66,8 @@ class Task:
             target = Path(folder) / "map.tif"
             made = write(target)
             with target.open("rb") as file:
-                tif = self._keep(iter(partial(file.read, _COPY_BYTES), b""))
-            return made, Products(tif=tif, png=self._keep([made.picture]))
-
-    def _keep(self, pieces: Iterable[bytes]) -> StoredBlob:
-        with self.blobs.writer() as writer:
-            for piece in pieces:
-                writer.write(piece)
-            return writer.commit()
+                tif = self.blobs.keep(iter(partial(file.read, _COPY_BYTES), b""))
+            return made, Products(tif=tif, png=self.blobs.keep([made.picture]))
 
     def describe(self, **more: Any) -> dict[str, Any]:  # noqa: ANN401
         """Return ImageDescription, so that a map that has left its place still names what it is."""

@@ -298,9 +298,7 @@ def _inspect(context: Context, subject: _Subject, file: blobs.StoredFile) -> tup
     if subject.has_preview and subject.frame.proof:
         return None, decode(Proof, subject.frame.proof)
     preview, proof = context.decoders.inspect(file)
-    with context.blobs.writer() as writer:
-        writer.write(preview)
-        return (writer.commit(), reduce_preview(preview)), proof
+    return (context.blobs.keep([preview]), reduce_preview(preview)), proof
 
 
 def _store(session: Session, subject: _Subject, found: _Found) -> dict[str, Any]:
