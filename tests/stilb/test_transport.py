@@ -181,7 +181,7 @@ def test_a_halt_ends_uploads_and_pauses(service):
         transport.halt()
 
     transport = Transport(service.url, "k", timeout_s=5, retries=9, backoff_s=1000, on_retry=halt)
-    with transport:
+    with closing(transport):
         with pytest.raises(stilb.Problem, match="busy"):
             transport.send(Call(method="GET", path="/"))
         upload = Call(method="POST", path="/", stream=lambda: iter([b"x"]), headers={"Content-Length": "1"})
