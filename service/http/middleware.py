@@ -38,7 +38,7 @@ def is_upload(scope: Scope) -> bool:
 
 
 class _Layer:
-    """What is no request of HTTP passes it."""
+    """Passes on what is no request of HTTP."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
