@@ -267,12 +267,12 @@ def _plan_readings(rows: Sequence[FrameRow], readings: Sequence[Reading], params
     scenes = summarise_scenes(here, panel_rho=params.panel_rho)
     found: list[str] = []
     if scenes and max(scene.readings for scene in scenes) == 1:
-        once = "only one reading per scene: repeatability cannot be seen"
-        found.append(Cause(once, codes.METER_REPEATABILITY_ESTIMATED))
-    illuminances = [reading.scene for reading in here if reading.quantity == "illuminance"]
-    if scenes and len(illuminances) == len(set(illuminances)):
-        drift = "no scene has two illuminance readings: a drifting lamp cannot be seen"
-        found.append(Cause(drift, codes.LAMP_DRIFT))
+        single = "only one reading per scene: repeatability cannot be seen"
+        found.append(Cause(single, codes.METER_REPEATABILITY_ESTIMATED))
+    repeated = {scene for (scene, _), n in Counter((r.scene, r.quantity) for r in here).items() if n > 1}
+    if once := sort_naturally({each.scene for each in scenes} - repeated):
+        drift = f"one reading of {name_few('scene', once)}: a lamp that drifts is not seen, read again after "
+        found.append(Cause(f"{drift}the frames", codes.LAMP_DRIFT, tuple(f"scene {each}" for each in once)))
     advice = {
         codes.LAMP_DRIFT: "the lamp drifted in {where}: repeat its frames and readings",
         codes.RHO_CROSS_CHECK: "luminance and illuminance of {where} disagree: check both readings and rho",

@@ -209,7 +209,7 @@ def test_a_campaign_says_what_a_good_fit_lacks(house, campaign):
         "no dark frames at ISO 3200",
         "ISO 3200: 4 usable levels, add 1 more down to 4 cd/m2 or up to 80 cd/m2",
         "one aperture only at ISO 3200 (f/2.8): its f-number error cannot average out",
-        "no scene has two illuminance readings: a drifting lamp cannot be seen",
+        "one reading of scene level-3: a lamp that drifts is not seen, read again after the frames",
         "some luminance readings name no meter: its calibration uncertainty is not in that of K",
     ]
     changed = house.http.patch(path, json={"recorder": "A. Meier"}).json()
