@@ -115,7 +115,7 @@ def check_fit(fit: BandFit, used: Sequence[points.Candidate]) -> list[Raised]:
     k = fit.coefficient.reflectance_k
     if fit.coefficient.reflectance_k_unit == "sr" and not 1.0 / _PLAUSIBLE < k / math.pi < _PLAUSIBLE:
         raised.append(codes.IMPLAUSIBLE_REFLECTANCE_K.at(where, f"K is {k:.3g} sr, pi is expected."))
-    elif fit.coefficient.reflectance_k_unit == "sr" and abs(k / math.pi - 1.0) > _ROUTES_AGREE_REL:
+    if fit.coefficient.reflectance_k_unit == "sr" and abs(k / math.pi - 1.0) > _ROUTES_AGREE_REL:
         detail = f"The light sensor reads {k / math.pi - 1.0:+.1%} against the panel; K is {k:.3g} sr."
         raised.append(codes.LIGHT_ROUTES_DIFFER.at(where, detail))
     if fit.drift_rel is None:

@@ -101,30 +101,35 @@ def _find_jump(used: Sequence[Candidate]) -> str:
     return ""
 
 
-def pool_readings(visits: Sequence[Sequence[PanelFrame]]) -> Estimate:
+def pool_readings(bands: Sequence[Sequence[Sequence[PanelFrame]]]) -> Estimate:
     """Estimate the noise of a single sunshine reading.
 
-    An assumed s_0 with 2 degrees of freedom and the scatter of ln K within the n frames of each visit and
-    band [1]::
+    An assumed s_0 with 2 degrees of freedom, the scatter of x = ln K within the n frames of each visit and
+    band, and over the bands that of its change between two visits, x = D / sqrt(1/n_a + 1/n_b): what the
+    bands share is drift [1]::
 
-        s^2 = (2 s_0^2 + sum (ln K - mean)^2) / (2 + sum (n - 1))
+        s^2 = (2 s_0^2 + sum (x - mean)^2) / (2 + sum (n - 1))
 
-    The bands of a capture may share errors: the degrees of freedom are those of one.
+    The bands of a capture may share errors: within the visits the degrees of freedom are those of one.
 
     [1] A. Gelman et al., Bayesian Data Analysis, 3rd ed., section 2.6 (variance of a normal distribution)
     """
-    squares, free, most = 0.0, 0, 0
-    bands: dict[str, int] = {}
-    for visit in visits:
-        if len(visit) > 1 and all(frame.is_single for frame in visit):
-            logs = [math.log(frame.k) for frame in visit]
-            squares += statistics.variance(logs) * (len(logs) - 1)
-            free += len(logs) - 1
-            band = visit[0].candidate.band.band
-            bands[band] = bands.get(band, 0) + len(logs) - 1
-            most = max(most, bands[band])
-    variance = (_READING_DOF * SINGLE_READING_U_REL**2 + squares) / (_READING_DOF + free)
-    return Estimate(math.sqrt(variance), _READING_DOF + most)
+    within: list[list[list[float]]] = []  # ln K by band, visit and frame
+    changes: dict[tuple[int, int], list[float]] = {}
+    for visits in bands:
+        single = [visit for visit in visits if all(frame.is_single for frame in visit)]
+        within.append([[math.log(frame.k) for frame in visit] for visit in single])
+        for (a, before), (b, after) in itertools.pairwise(zip(single, within[-1], strict=True)):
+            change = (statistics.fmean(after) - statistics.fmean(before)) / math.sqrt(
+                1.0 / len(before) + 1.0 / len(after)
+            )
+            changes.setdefault((a[0].candidate.visit, b[0].candidate.visit), []).append(change)
+    groups = [logs for band in within for logs in band] + list(changes.values())
+    squares = math.fsum(statistics.variance(each) * (len(each) - 1) for each in groups if len(each) > 1)
+    between = sum(len(each) - 1 for each in changes.values())
+    free = [sum(len(logs) - 1 for logs in band) for band in within]
+    variance = (_READING_DOF * SINGLE_READING_U_REL**2 + squares) / (_READING_DOF + sum(free) + between)
+    return Estimate(math.sqrt(variance), _READING_DOF + max(free) + between)
 
 
 def judge_visit(visit: Sequence[PanelFrame], reading: Estimate) -> Visit:
@@ -238,7 +243,7 @@ def fit_bands(used: Sequence[Candidate], params: Params) -> dict[str, BandFit]:
         ]
         for band, found in bands.items()
     }
-    reading = pool_readings([visit for visits in frames.values() for visit in visits])
+    reading = pool_readings(list(frames.values()))
     visits = {band: [judge_visit(each, reading) for each in found] for band, found in frames.items()}
     drift = pool_drift(list(visits.values()), assumed_rel=params.drift_half_hour_rel)
     return {

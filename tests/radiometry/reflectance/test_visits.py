@@ -180,15 +180,28 @@ def test_a_constant_k_has_the_difference_as_a_rectangle():
 def test_several_single_readings_show_their_noise():
     rows = [row for n in range(6) for row in panel(n, minutes=0.3 * n, gain_indices=(1,))]
     steady = k_of(reflectance.fit(rows, READINGS, PARAMS)).coefficient
-    assert steady.reading_u_rel == pytest.approx(math.sqrt((4 * 0.025**2 + 20 * 0.01**2) / 24), rel=0.25)
+    assert steady.reading_u_rel == pytest.approx(math.sqrt((2 * 0.025**2 + 20 * 0.01**2) / 22), rel=0.25)
     random = seeded(4)
     noisy = [
         change_features([row], i_sq=row.features.i_sq * (1 + 0.05 * random.standard_normal()))[0]
         for row in rows
     ]
     found = k_of(reflectance.fit(noisy, READINGS, PARAMS)).coefficient
-    assert found.reading_u_rel == pytest.approx(math.sqrt((4 * 0.025**2 + 20 * 0.05**2) / 24), rel=0.3)
+    assert found.reading_u_rel == pytest.approx(math.sqrt((2 * 0.025**2 + 20 * 0.05**2) / 22), rel=0.3)
     assert k_of(reflectance.fit(panel(), READINGS, PARAMS)).coefficient.reading_u_rel is None
+
+
+def test_single_readings_of_two_visits_show_in_which_bands_they_differ():
+    """What all bands share is drift, and no noise of the readings."""
+    before, after = panel(1, gain_indices=(1,)), panel(2, minutes=20.0, gain_indices=(1,))
+    darker = [change_features([row], i_sq=row.features.i_sq / 1.1)[0] for row in after]
+    found = [
+        k_of(reflectance.fit([*before, *rows], READINGS, PARAMS)).coefficient for rows in ([], after, darker)
+    ]
+    once, same, less = (each.reading_u_rel for each in found)
+    assert once == pytest.approx(0.025)
+    assert same == pytest.approx(less) == pytest.approx(math.sqrt((2 * 0.025**2 + 3 * 0.01**2) / 5), rel=0.25)
+    assert found[1].coverage_factor < found[0].coverage_factor
 
 
 def retime(rows, taken_at, **band):
