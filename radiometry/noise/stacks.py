@@ -303,8 +303,8 @@ def _measure(setting: Setting, members: Sequence[tuple[str, ChannelBlock]]) -> S
         samples=average.size,
         mean_dn=float(means.mean()),
         temporal=temporal,
-        pattern=_spatial(average, temporal, len(kept), detrend=False) if temporal else None,
-        detrended=_spatial(average, temporal, len(kept), detrend=True) if temporal else None,
+        pattern=_spatial(average, temporal, len(kept), step_dn=step_dn, detrend=False) if temporal else None,
+        detrended=_spatial(average, temporal, len(kept), step_dn=step_dn, detrend=True) if temporal else None,
         drift_rel=float(np.ptp(means) / max(1.0, float(means.mean()) - black)),
         clipped_share=max(block.clipped_share for block in blocks),
         zero_share=max(block.zero_share for block in blocks),
@@ -339,13 +339,9 @@ def _temporal(images: Image, means: NDArray[np.float64], average: Image) -> Vari
     """Return the temporal variance, with what rows and columns share of it."""
     deviations = images - average - (means - means.mean())[:, None, None]
     count, rows, cols = deviations.shape
-    squares = np.array(
-        [cols * np.sum(deviations.mean(axis=2) ** 2), rows * np.sum(deviations.mean(axis=1) ** 2), 0.0]
-    )
-    total = float(np.sum(deviations**2))
-    squares[2] = max(0.0, total - squares.sum())
+    squares = _split(deviations)
     dofs = (count - 1) * np.array([rows - 1, cols - 1, (rows - 1) * (cols - 1)])
-    value = total / float(dofs.sum())
+    value = float(np.sum(deviations**2)) / float(dofs.sum())
     by_row, by_col, rest = (squares / dofs).tolist()
     return Variance(
         value_dn2=value,
@@ -354,10 +350,20 @@ def _temporal(images: Image, means: NDArray[np.float64], average: Image) -> Vari
     )
 
 
-def _spatial(average: Image, temporal: Variance, count: int, *, detrend: bool) -> Variance:
+def _split(deviations: Image) -> NDArray[np.float64]:
+    """Return the sums of squares of rows, of columns and of the rest, (frame, row, col)."""
+    _, rows, cols = deviations.shape
+    shared = [cols * np.sum(deviations.mean(axis=2) ** 2), rows * np.sum(deviations.mean(axis=1) ** 2)]
+    return np.array([*shared, max(0.0, float(np.sum(deviations**2)) - sum(shared))])
+
+
+def _spatial(average: Image, temporal: Variance, count: int, *, step_dn: float, detrend: bool) -> Variance:
     """Compute the spatial variance of the mean image without the rest of temporal noise: s^2 - temporal / L.
 
-    The slow part is a quadratic surface: six terms, as many degrees of freedom less.
+    The slow part is a quadratic surface: six terms, as many degrees of freedom less. As for temporal noise,
+    u(s^2) follows from rows, columns and the rest; that of the rest from its fourth moment, since few hot
+    pixels may make most of it. Rounding changes the slope from light to number by 2 exp(-2 pi^2 s^2) cos(...)
+    where noise and pattern s [steps] are small.
     """
     values = average - average.mean()
     terms = 1
@@ -368,7 +374,15 @@ def _spatial(average: Image, temporal: Variance, count: int, *, detrend: bool) -
     dof = average.size - terms
     measured = float(np.sum(values**2)) / dof
     left = temporal.value_dn2 / count
-    u = math.hypot(measured * math.sqrt(2.0 / dof), temporal.u_dn2 / count)
+    rows, cols = average.shape
+    squares = _split(values[None])
+    of_parts = 2.0 * squares**2 / [rows - 1, cols - 1, (rows - 1) * (cols - 1)]
+    single = values - values.mean(axis=0) - values.mean(axis=1, keepdims=True)
+    of_parts[2] = max(of_parts[2], float(np.sum(single**4)) - squares[2] ** 2 / average.size)
+    pattern = max(0.0, measured - left)
+    spread = max(0.0, temporal.value_dn2 / step_dn**2 - 1.0 / 12.0) + pattern / step_dn**2
+    rounded = 2.0 * math.sqrt(2.0) * math.exp(-2.0 * math.pi**2 * spread) * pattern
+    u = math.hypot(math.sqrt(float(of_parts.sum())) / dof, temporal.u_dn2 / count, rounded)
     return Variance(value_dn2=measured - left, u_dn2=u)
 
 

@@ -11,7 +11,7 @@ from radiometry.findings import Reason, shared
 from radiometry.fitting.evidence import MOST_DOF, Quantity
 from radiometry.frame.verdicts import TAKE_AGAIN, inspect_black
 from radiometry.noise.results import DARK, DarkCurrentFigures, Params, SaturationOrigin, TransferFigures
-from radiometry.noise.stacks import Stack, estimate_rounded_noise, estimate_rounding_error
+from radiometry.noise.stacks import Stack, Variance, estimate_rounded_noise, estimate_rounding_error
 from radiometry.records import Record
 
 
@@ -163,9 +163,11 @@ def find_saturation(
 
         E[s^2(m) v((end - m) / s(m))],    s^2(m) = variance at the maximum * m / signal at the maximum,
 
-    over the pixels' own levels m, with v(h) the variance of a standard normal number that is cut off at h. It
-    is taken if it lies between b and a, with the spread of noise and pixels as a rectangle; else the
-    greatest sampled variance, with (a - b) / 2.
+    over the pixels' own levels m, with v(h) the variance of a standard normal number that is cut off at h. If
+    it lies between b and a, it is taken at white, with the spread of noise and pixels as a rectangle. A full
+    well may end softly, at a lower maximum: it lies between that and b, or the brightest level on the line of
+    photon transfer, more likely near the former (a triangle). Else the greatest sampled variance is taken,
+    with (a - b) / 2.
 
     [1] EMVA Standard 1288, release 4.0
     """
@@ -192,10 +194,22 @@ def find_saturation(
     if falls and not ((plateau or clipped) and low_dn <= expected <= high_dn):
         u_dn = (high_dn - low_dn) / 2.0 / math.sqrt(3.0)
         return Saturation(signal_dn=top.signal_dn, u_dn=u_dn, origin="variance_maximum")
-    origin: SaturationOrigin = "variance_maximum" if plateau else "white_level_assumed"
-    return Saturation(
-        signal_dn=expected, u_dn=width / math.sqrt(3.0), origin="white_level" if clipped else origin
-    )
+    if not plateau or clipped:
+        origin: SaturationOrigin = "white_level" if clipped else "white_level_assumed"
+        return Saturation(signal_dn=expected, u_dn=width / math.sqrt(3.0), origin=origin)
+    room_dn = max(0.0, expected - max(low_dn, _find_end_of_line(seen[: last + 1])))
+    u_dn = max(width / math.sqrt(3.0), room_dn / math.sqrt(18.0))
+    return Saturation(signal_dn=expected - room_dn / 3.0, u_dn=u_dn, origin="variance_maximum")
+
+
+def _find_end_of_line(seen: Sequence[tuple[Level, Variance]]) -> float:
+    """Return the signal of the brightest level whose variance grew as that of the darker half [DN]."""
+    slopes = [each.value_dn2 / level.signal_dn for level, each in seen]
+    usual = float(np.median(slopes[: len(slopes) // 2 + 1]))
+    on_line = [
+        level.signal_dn for level, each in seen if each.value_dn2 + each.u_dn2 >= usual * level.signal_dn
+    ]
+    return max(on_line, default=0.0)
 
 
 def _expect_maximum(top: Level, variance_dn2: float, end_dn: float) -> tuple[float, float]:

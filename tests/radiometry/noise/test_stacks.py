@@ -67,7 +67,27 @@ def test_a_slope_and_a_bowl_are_no_pattern_once_detrended():
     slow = 80 * r - 40 * c - 60 * (r**2 + c**2) + 30 * r * c
     (stack,) = make_stacks([row(noisy(rng, pattern=slow), str(n)) for n in range(4)])
     assert abs(stack.detrended.value_dn2) < 3 * stack.detrended.u_dn2
-    assert stack.pattern.value_dn2 > 20 * stack.pattern.u_dn2
+    # of rows and columns, of which there are 32
+    assert stack.pattern.value_dn2 > 4 * stack.pattern.u_dn2
+
+
+@pytest.mark.parametrize("kind", ["columns", "hot", "rows"])
+def test_the_variance_of_a_pattern_scatters_as_it_says(kind):
+    """Columns of 20 beside pixels of 20, one bright pixel in 50, or rows that change from frame to frame."""
+    errors, claimed = [], []
+    for seed in range(40):
+        rng = np.random.default_rng(600 + seed)
+        pattern, truth = 20.0 * rng.standard_normal((32, 32)), 400.0
+        if kind == "columns":
+            pattern, truth = pattern + 20.0 * rng.standard_normal((1, 32)), 800.0
+        if kind == "hot":
+            pattern, truth = pattern + 100.0 * (rng.random((32, 32)) < 0.02), 400.0 + 1e4 * 0.02 * 0.98
+        swaying = [20.0 * rng.standard_normal((32, 1)) * (kind == "rows") for _ in range(4)]
+        frames = [row(noisy(rng, pattern=pattern + each), str(n)) for n, each in enumerate(swaying)]
+        found = make_stacks(frames)[0].pattern
+        errors.append(found.value_dn2 - truth)
+        claimed.append(found.u_dn2)
+    assert np.linalg.norm(errors) / np.linalg.norm(claimed) == pytest.approx(1.0, abs=3.5 / np.sqrt(80))
 
 
 def test_variances_scatter_as_they_say():

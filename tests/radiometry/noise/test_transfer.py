@@ -182,6 +182,28 @@ def test_a_full_well_below_white_is_where_the_variance_falls():
     assert noise_codes.FULL_WELL_NOT_REACHED not in flags_of(fit)
 
 
+@pytest.mark.parametrize("softness_dn", [200.0, 500.0])
+def test_a_full_well_that_ends_softly_has_its_maximum_below_the_end(softness_dn):
+    """A sharp end of 10 000 DN has it at 9 785; levels 1 500 DN apart do not show how soft it is."""
+    end_dn, light = 10_000.0, np.linspace(100.0, 12_000.0, 2000)
+    slope = 1.0 / (1.0 + np.exp((light - end_dn) / softness_dn))
+    soft = end_dn - softness_dn * np.logaddexp(0.0, (end_dn - light) / softness_dn)
+    truth = float(soft[np.argmax(slope**2 * light)])
+
+    def saturate(samples, block):
+        above = samples - block.black_level_dn
+        ended = end_dn - softness_dn * np.logaddexp(0.0, (end_dn - above) / softness_dn)
+        changed = np.rint(block.black_level_dn + ended)
+        return dataclasses.replace(block, samples_dn=pack(changed, dtype="<u2"))
+
+    sensor = change(SMALL, gain_dn_per_e=0.5)
+    rows = take(sensor, 7, times=tuple(0.1 * n for n in range(1, 11)))
+    found = only(noise.fit([repack(row, saturate) for row in rows], PARAMS)).transfer
+    agrees(found.saturation_dn, truth, errors=2.0)
+    assert found.saturation_origin == "variance_maximum"
+    assert found.saturation_dn.standard_uncertainty < 800.0
+
+
 def test_the_variance_of_the_worked_example_falls_before_white():
     """docs/noise.md prints it."""
     sensor = change(SMALL, gain_dn_per_e=0.5, read_noise_e=4.0, black_level_dn=256.0, white_level_dn=16383.0)
