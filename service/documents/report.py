@@ -146,6 +146,9 @@ def _tabulate_results(measurement: Node) -> Node:
 def _list_notes(measurement: Node) -> Any:  # noqa: ANN401  a generator
     pixels = f" ({measurement['pixels']:,} pixels)" if measurement.get("pixels") else ""
     yield f"Mean, median and pixels: of {REGIONS[measurement['region_origin']]}{pixels}."
+    if "coverage_factor" in measurement:
+        _, expanded = in_step(measurement["mean"]["value"], measurement["expanded_uncertainty_cd_m2"])
+        yield f"Mean: U = {expanded} cd/m² for 95 %, k = {measurement['coverage_factor']:.2f}."
     if measurement.get("uncertainty_scope") == "relative_only":
         yield (
             "Uncertainties are relative only: the calibration has no meter certificate, so that the error of "

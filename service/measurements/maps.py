@@ -160,7 +160,7 @@ class MapWindow(models.Form):
         Layer,
         Field(
             description="`value`: those of map.tif. `expanded_uncertainty_rel`: the expanded uncertainty "
-            "(k = 2) of each mean over that mean."
+            "(95 %, k as in `uncertainty`) of each mean over that mean."
         ),
     ] = "value"
     step: Annotated[int, Field(ge=1, le=4096, description="The side of the squares, in pixels.")] = 1
@@ -188,6 +188,10 @@ class ValueUncertainty(models.Answer):
         "of n x n pixels has 1/n of it, up to 1.5/n for `green` and 2.7/n for `grey` of a mosaic, whose "
         "pixels share raw values."
     )
+    coverage_factor: float | None = Field(
+        default=None, description="k for a coverage probability of 95 %, as of the region's mean; else 2."
+    )
+    effective_dof: float | None = Field(default=None, description="Absent if they are without limit.")
 
 
 class MapValuesAnswer(models.Answer):
@@ -272,7 +276,13 @@ def uncertainty_of(result: dict[str, Any]) -> ValueUncertainty | None:
     relative = math.hypot(*shared.values()) / abs(mean)
     known = math.hypot(relative * smallest["value"], constant)
     noise = math.sqrt(max(0.0, smallest["standard_uncertainty"] ** 2 - known**2))
-    return ValueUncertainty(u_rel=relative, u_constant=constant, u_pixel=noise)
+    return ValueUncertainty(
+        u_rel=relative,
+        u_constant=constant,
+        u_pixel=noise,
+        coverage_factor=result.get("coverage_factor"),
+        effective_dof=result.get("effective_dof"),
+    )
 
 
 Area = Literal["region", "grid", "frame"]
@@ -388,7 +398,8 @@ def map_uncertainty(found: OpenMap, window: Window, values: Values, *, step: int
         known = replace(known, relative=np.array([np.interp(rows, nodes[0], line) for line in along.T]).T)
     positive = np.where(values > 0.0, values, np.nan).astype(np.float64)
     u = np.hypot(known.common(positive), known.own(positive, float(step**2)))
-    return (maps.COVERAGE * u / positive).astype(np.float32)
+    k = found.row.result.get("coverage_factor") or maps.COVERAGE
+    return (k * u / positive).astype(np.float32)
 
 
 def _open_lens(found: OpenMap) -> Callable[[NDArray[np.float64]], NDArray[np.float64]] | None:

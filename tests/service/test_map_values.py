@@ -75,17 +75,18 @@ def test_a_value_has_the_uncertainty_that_a_single_pixel_was_given(house, measur
 
 
 def test_the_layer_of_the_uncertainty_is_that_of_the_values(house, measured):
-    """U = 2 u / v: noise alone shrinks with the square, and where nothing is known there is none."""
+    """U = k u / v: noise alone shrinks with the square, and where nothing is known there is none."""
     address = f"/v1/measurements/{measured['id']}/map.json"
     values, layer = house.get(address), house.get(address, layer="expanded_uncertainty_rel")
     assert (layer["layer"], layer["unit"], "uncertainty" in layer) == ("expanded_uncertainty_rel", "1", False)
     said, value = values["uncertainty"], values["values"][10][10]
     assert value < measured["mean"]["value"]
     u = np.hypot(np.hypot(said["u_rel"] * value, said["u_constant"]), said["u_pixel"])
-    assert layer["values"][10][10] == pytest.approx(2 * u / value, rel=1e-6)
+    assert layer["values"][10][10] == pytest.approx(said["coverage_factor"] * u / value, rel=1e-6)
     assert layer["values"][40][60] is None
     square = house.get(address, layer="expanded_uncertainty_rel", step=8)["values"][1][1]
-    assert 2 * said["u_rel"] < square < layer["values"][10][10]
+    assert said["coverage_factor"] == measured["coverage_factor"]
+    assert 1.96 * said["u_rel"] < square < layer["values"][10][10]
     assert any("Vignetting is not corrected" in note for note in layer["notes"])
 
 

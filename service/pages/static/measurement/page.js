@@ -138,7 +138,7 @@ const above = (found) => (found.seen_from ? ", seen from above" : "");
 
 function figures(found) {
   const { mean, grid } = found;
-  const rows = [[found.index ? titleOf(found) : "Mean", quantity(mean), found.index ? "of the region’s mean reflectances" : `u is ${relative(mean.value, mean.standard_uncertainty)}${found.uncertainty_scope === "relative_only" ? ", relative only: no meter certificate" : ""}${found.pixels ? `; ${number(found.pixels, 9)} pixels` : ""}`]];
+  const rows = [[found.index ? titleOf(found) : "Mean", quantity(mean), found.index ? "of the region’s mean reflectances" : `u is ${relative(mean.value, mean.standard_uncertainty)}${found.uncertainty_scope === "relative_only" ? ", relative only: no meter certificate" : ""}${found.coverage_factor ? `; U = k u with k = ${number(found.coverage_factor, 3)} for 95 %` : ""}${found.pixels ? `; ${number(found.pixels, 9)} pixels` : ""}`]];
   if (found.median) rows.push(["Median", quantity(found.median)]);
   if (found.min) rows.push(["Range of pixels", range(found.min, found.max), mean.unit === "1" ? "" : unit(mean.unit)]);
   if (grid) rows.push(["Overall uniformity U_o", quantity(found.u_o), `smallest / mean of the cells${above(found)}`], ["Range of cells", range(found.l_min_cd_m2, found.l_max_cd_m2), "cd/m²"]);
