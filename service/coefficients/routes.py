@@ -171,6 +171,7 @@ def _read_query(query: bytes) -> Wanted | None:
         return None
 
 
+Asked = Annotated[Wanted, Query()]
 router = operations.Router(prefix="/v1", tags=["coefficients"])
 ready_router = operations.Router(prefix="/v1", tags=["coefficients"], route_class=AnswersReady)
 
@@ -179,11 +180,7 @@ ready_router = operations.Router(prefix="/v1", tags=["coefficients"], route_clas
     "/cameras/{camera_id}/coefficients", response_model=CoefficientsAnswer, responses=answers.UNCHANGED
 )
 async def get_coefficients(
-    camera_id: lookup.Id,
-    wanted: Annotated[Wanted, Query()],
-    request: Request,
-    caller: Reader,
-    context: UsesContext,
+    camera_id: lookup.Id, wanted: Asked, request: Request, caller: Reader, context: UsesContext
 ) -> Response:
     """The coefficients in force at a time, as known at a time; both default to now. None is a 404.
 

@@ -34,6 +34,9 @@ class Chosen(models.Form):
     )
 
 
+WhichOne = Annotated[Chosen, Query()]
+
+
 class DccOptions(Chosen):
     """Entries of a DCC that the certificate lacks."""
 
@@ -48,11 +51,7 @@ class DccOptions(Chosen):
     responses={**answers.UNCHANGED, **answers.problems(404, 416, 500)},
 )
 async def get_certificate(
-    calibration_id: lookup.Id,
-    query: Annotated[Chosen, Query()],
-    request: Request,
-    caller: auth.Reader,
-    context: UsesContext,
+    calibration_id: lookup.Id, query: WhichOne, request: Request, caller: auth.Reader, context: UsesContext
 ) -> Response:
     """Everything that a laboratory hands out with a calibration, and what is needed to recompute it.
 
@@ -75,11 +74,7 @@ async def get_certificate(
     "/certificate.pdf", response_class=Response, responses=answers.sends_stored_file("application/pdf")
 )
 async def get_certificate_pdf(
-    calibration_id: lookup.Id,
-    query: Annotated[Chosen, Query()],
-    request: Request,
-    caller: auth.Reader,
-    context: UsesContext,
+    calibration_id: lookup.Id, query: WhichOne, request: Request, caller: auth.Reader, context: UsesContext
 ) -> Response:
     """The certificate on paper (PDF/A-3): the very numbers of certificate.json, with plots and the region.
 

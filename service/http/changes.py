@@ -16,7 +16,7 @@ from sqlalchemy.orm import Session
 from radiometry.findings import interface
 from radiometry.records import Record
 from service.http import auth, models, problems
-from service.http.context import Context, get_context
+from service.http.context import Context, UsesContext
 from store.queries.usage import charge
 from store.tables import IdempotentAnswer, Job
 from store.tracing import present_fields
@@ -153,9 +153,7 @@ IdempotencyKey = Annotated[
 
 
 async def stream_writing(
-    request: Request,
-    context: Annotated[Context, Depends(get_context)],
-    idempotency_key: IdempotencyKey = None,
+    request: Request, context: UsesContext, idempotency_key: IdempotencyKey = None
 ) -> Writing:
     return Writing(context, idempotency_key, f"{request.method} {request.url.path}?{request.url.query}\n")
 
