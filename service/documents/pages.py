@@ -24,6 +24,7 @@ from service.documents.sheets import (
     table,
     write_json,
 )
+from store.queries import group_by
 
 STAMPS = {
     "draft": "Draft: nobody has signed",
@@ -413,11 +414,8 @@ def _list_points(columns: Sequence[Column], certificate: Node) -> Iterator[Node]
     points, beside = certificate["result"]["points"], FRAME not in columns
     if not beside:
         yield section("Points of the fit", [_tabulate_points(columns, points)], wide=True)
-    by_role: dict[str, list[Node]] = defaultdict(list)
-    for frame in certificate["frames"]:
-        by_role[frame["role"]].append(frame)
     of_frame = {point["frame"]: point for point in points} if beside else {}
-    for role, frames in by_role.items():
+    for role, frames in group_by(certificate["frames"], lambda frame: frame["role"]).items():
         shown = columns if any(frame["frame"] in of_frame for frame in frames) else ()
         table_of_role = _tabulate_frames(frames, shown, of_frame)
         yield section(f"{role.capitalize()} frames", [table_of_role], wide=True)

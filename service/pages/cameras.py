@@ -2,7 +2,6 @@
 
 import json
 import math
-from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -22,7 +21,7 @@ from radiometry.methods import get_method
 from service.http import auth, lookup, models, operations, problems
 from service.http.context import UsesContext
 from service.pages.rendering import SignedInPage
-from store.queries import calibrations, fleet
+from store.queries import calibrations, fleet, group_by
 from store.queries.calibrations import Lifetime
 from store.tables import Calibration, Camera, CoefficientRow, Publication, utc_now
 
@@ -190,9 +189,7 @@ def build_drift(found: Sequence[Determination], versions: Mapping[str, int], *, 
     # nothing is left out of the name of a single one
     single = len(set(keys)) == 1
     shared = frozenset() if single else frozenset.intersection(*(frozenset(_parts(key)) for key in keys))
-    rows: dict[str, list[Determination]] = defaultdict(list)
-    for row in found:
-        rows[_where(row.key, without=shared).replace("channel ", "")].append(row)
+    rows = group_by(found, lambda row: _where(row.key, without=shared).replace("channel ", ""))
     times = [row.source.at.timestamp() for row in found]
     # at least months, as nothing drifts in hours
     middle, half = (
@@ -219,11 +216,8 @@ def build_fleet(found: Sequence[Determination], label: Callable[[str], str]) -> 
 
     Bars are twice the standard uncertainty. ``label`` : from the name of a coefficient
     """
-    keys: dict[Key, list[Determination]] = defaultdict(list)
-    for row in found:
-        keys[row.key].append(row)
     figures = []
-    for key, rows in keys.items():
+    for key, rows in group_by(found, lambda row: row.key).items():
         cameras = sort_naturally({row.source.camera for row in rows})
         versions = {camera: [row for row in rows if row.source.camera == camera] for camera in cameras}
         marks = tuple(

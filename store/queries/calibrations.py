@@ -1,6 +1,6 @@
 """Versions: how each stands, what was decided of it, and when it was and may be in force."""
 
-from collections import defaultdict
+from collections.abc import Mapping
 from dataclasses import field, replace
 from datetime import UTC, datetime, timedelta
 from typing import Literal
@@ -10,6 +10,7 @@ from sqlalchemy.orm import Session
 
 from radiometry.methods import get_method
 from radiometry.records import Record, about
+from store.queries import group_by
 from store.queries.frame_times import find_time, read_zones
 from store.tables import (
     AuditEntry,
@@ -43,14 +44,9 @@ def read_version_statuses(session: Session, calibration_ids: list[str]) -> dict[
         row.calibration_id: row
         for row in session.scalars(select(Revocation).where(Revocation.calibration_id.in_(calibration_ids)))
     }
-    published: dict[str, list[Publication]] = defaultdict(list)
-    rows = session.scalars(
-        select(Publication)
-        .where(Publication.calibration_id.in_(calibration_ids))
-        .order_by(Publication.known_from, Publication.valid_from)
-    )
-    for row in rows:
-        published[row.calibration_id].append(row)
+    mine = select(Publication).where(Publication.calibration_id.in_(calibration_ids))
+    rows = session.scalars(mine.order_by(Publication.known_from, Publication.valid_from))
+    published = group_by(rows, lambda row: row.calibration_id)
     return _name_successors(
         session, {key: _find_status(published[key], revoked.get(key)) for key in calibration_ids}
     )
@@ -109,16 +105,10 @@ def history(camera_id: str, *, method: str | None, state: str | None) -> Select[
             return rows
 
 
-def coefficients_of(session: Session, calibration_ids: list[str]) -> dict[str, list[CoefficientRow]]:
-    found: dict[str, list[CoefficientRow]] = defaultdict(list)
-    rows = session.scalars(
-        select(CoefficientRow)
-        .where(CoefficientRow.calibration_id.in_(calibration_ids))
-        .order_by(CoefficientRow.calibration_id, CoefficientRow.position)
-    )
-    for row in rows:
-        found[row.calibration_id].append(row)
-    return found
+def coefficients_of(session: Session, calibration_ids: list[str]) -> Mapping[str, list[CoefficientRow]]:
+    mine = select(CoefficientRow).where(CoefficientRow.calibration_id.in_(calibration_ids))
+    rows = session.scalars(mine.order_by(CoefficientRow.calibration_id, CoefficientRow.position))
+    return group_by(rows, lambda row: row.calibration_id)
 
 
 def next_version(session: Session, camera_id: str, method: str) -> int:
@@ -208,14 +198,11 @@ class Lifetime(Record):
 def list_lifetimes(session: Session, camera_id: str, method: str, known_at: datetime) -> list[Lifetime]:
     """List every version that had been published by ``known_at``, newest first."""
     slots = select(Slot.id).where(Slot.camera_id == camera_id, Slot.method == method)
-    acts: dict[str, list[Act]] = defaultdict(list)
-    for act in list_publishings(session, slots):
-        if act.publication.known_from <= known_at:
-            acts[act.publication.calibration_id].append(act)
-    rows: dict[str, list[Publication]] = defaultdict(list)
+    known = [act for act in list_publishings(session, slots) if act.publication.known_from <= known_at]
+    acts = group_by(known, lambda act: act.publication.calibration_id)
     of_slots = select(Publication).where(Publication.slot_id.in_(slots), Publication.known_from <= known_at)
-    for row in session.scalars(of_slots.order_by(Publication.valid_from)):
-        rows[row.calibration_id].append(row)
+    found = session.scalars(of_slots.order_by(Publication.valid_from))
+    rows = group_by(found, lambda row: row.calibration_id)
     ended = select(Revocation).where(Revocation.calibration_id.in_(acts), Revocation.revoked_at <= known_at)
     revoked = {row.calibration_id: row for row in session.scalars(ended)}
     versions = session.scalars(select(Calibration).where(Calibration.id.in_(acts)))

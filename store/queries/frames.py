@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections import defaultdict
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import lru_cache
 from typing import Any, Protocol
@@ -23,6 +23,7 @@ from store import blobs, codec, jobs, software
 from store.blobs.proof import digest_piece
 from store.database import Conflict, read_plainly
 from store.files import keep_blobs
+from store.queries import group_by
 from store.tables import Campaign, ChannelRow, Extraction, FrameRow, Json, Roi, new_id
 
 
@@ -255,15 +256,10 @@ def statistics_of(
     return found
 
 
-def extractions_of(session: Session, frame_ids: list[str]) -> dict[str, list[Extraction]]:
+def extractions_of(session: Session, frame_ids: list[str]) -> Mapping[str, list[Extraction]]:
     """Every extraction of each frame, oldest first."""
-    found: dict[str, list[Extraction]] = defaultdict(list)
-    rows = session.scalars(
-        select(Extraction).where(Extraction.frame_id.in_(frame_ids)).order_by(Extraction.id)
-    )
-    for row in rows:
-        found[row.frame_id].append(row)
-    return found
+    mine = select(Extraction).where(Extraction.frame_id.in_(frame_ids)).order_by(Extraction.id)
+    return group_by(session.scalars(mine), lambda row: row.frame_id)
 
 
 # the exposures of a campaign are few, however many its frames are
