@@ -276,12 +276,8 @@ def review(session: Session, recall: Recall) -> list[Condemned]:
     """Return every version of a recall with its status, and its measurements with their successors."""
     ids = recall.calibration_ids
     status = read_version_statuses(session, ids)
-    rows = session.execute(
-        select(Calibration, Camera)
-        .join(Camera, Camera.id == Calibration.camera_id)
-        .where(Calibration.id.in_(ids))
-        .order_by(Camera.id, Calibration.method, Calibration.version)
-    )
+    both = select(Calibration, Camera).join(Camera, Camera.id == Calibration.camera_id)
+    rows = both.where(Calibration.id.in_(ids)).order_by(Camera.id, Calibration.method, Calibration.version)
     return [
         Condemned(
             calibration=row[0],
@@ -289,7 +285,7 @@ def review(session: Session, recall: Recall) -> list[Condemned]:
             status=status[row[0].id],
             measurements=list_touched(session, row[0], without=ids),
         )
-        for row in rows
+        for row in session.execute(rows)
     ]
 
 

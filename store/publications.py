@@ -119,13 +119,8 @@ def _lock_slot(session: Session, calibration: Calibration) -> Slot:
         & (Slot.configuration == configuration)
     )
     # the version's own row is locked first: two first publications would otherwise both make the slot
-    session.execute(
-        select(Calibration.id)
-        .where(Calibration.camera_id == calibration.camera_id)
-        .order_by(Calibration.version)
-        .limit(1)
-        .with_for_update()
-    )
+    first = select(Calibration.id).filter_by(camera_id=calibration.camera_id).order_by(Calibration.version)
+    session.execute(first.limit(1).with_for_update())
     if (slot := session.scalar(select(Slot).where(where).with_for_update())) is None:
         slot = Slot(camera_id=calibration.camera_id, method=calibration.method, configuration=configuration)
         session.add(slot)
@@ -140,24 +135,15 @@ def _next_instant(session: Session, slot: Slot) -> datetime:
         for column in (Publication.known_from, Publication.known_to)
     ]
     # a version that held nothing was revoked without closing a row
-    last.append(
-        session.scalar(
-            select(func.max(Revocation.revoked_at))
-            .join(Calibration, Calibration.id == Revocation.calibration_id)
-            .where(Calibration.camera_id == slot.camera_id, Calibration.method == slot.method)
-        )
-    )
+    mine = (Calibration.camera_id == slot.camera_id) & (Calibration.method == slot.method)
+    ends = select(func.max(Revocation.revoked_at)).where(mine)
+    last.append(session.scalar(ends.join(Calibration, Calibration.id == Revocation.calibration_id)))
     return max([utc_now(), *(known + timedelta(microseconds=1) for known in last if known)])
 
 
 def _open_rows(session: Session, slot: Slot) -> list[Publication]:
-    return list(
-        session.scalars(
-            select(Publication)
-            .where(Publication.slot_id == slot.id, Publication.known_to.is_(None))
-            .order_by(Publication.valid_from)
-        )
-    )
+    rows = select(Publication).where(Publication.slot_id == slot.id, Publication.known_to.is_(None))
+    return list(session.scalars(rows.order_by(Publication.valid_from)))
 
 
 def _overlapping(
@@ -236,10 +222,6 @@ def keep_issued(session: Session, publication: Publication, printed: PrintedCert
 
 def find_unissued(session: Session, *, without: Collection[str] = ()) -> str | None:
     """Return a published version that has no certificate yet, any of them: several processes look."""
-    published = select(Publication.calibration_id)
-    rows = select(Calibration.id).where(
-        Calibration.id.in_(published),
-        Calibration.id.not_in(select(IssuedCertificate.calibration_id)),
-        Calibration.id.not_in(without),
-    )
-    return session.scalar(rows.order_by(func.random()).limit(1))
+    published, issued = select(Publication.calibration_id), select(IssuedCertificate.calibration_id)
+    rows = select(Calibration.id).where(Calibration.id.in_(published), Calibration.id.not_in(issued))
+    return session.scalar(rows.where(Calibration.id.not_in(without)).order_by(func.random()).limit(1))

@@ -33,12 +33,8 @@ def find_measurement(
     session: Session, frame: FrameRow, calibration: Calibration, parameters: dict[str, Any]
 ) -> Measurement | None:
     """The measurement with this content, if it was made before."""
-    return session.scalar(
-        select(Measurement).where(
-            Measurement.frame_id == frame.id,
-            Measurement.content_sha256 == hash_content(frame, calibration, parameters),
-        )
-    )
+    content = hash_content(frame, calibration, parameters)
+    return session.scalar(select(Measurement).filter_by(frame_id=frame.id, content_sha256=content))
 
 
 def hash_content(frame: FrameRow, calibration: Calibration, parameters: dict[str, Any]) -> str:

@@ -224,12 +224,9 @@ def list_corrected(session: Session, version: Calibration) -> list[str]:
     """Return the ids of the versions that were corrected with this one, if its method corrects others."""
     if not (corrected := [spec.name for spec in METHODS if spec.corrected_by == version.method]):
         return []
-    rows = session.execute(
-        select(Calibration.id, Calibration.parameters)
-        .where(Calibration.camera_id == version.camera_id, Calibration.method.in_(corrected))
-        .order_by(Calibration.version)
-    )
-    return [row[0] for row in rows if row[1].get(version.method) == version.content_sha256]
+    mine = (Calibration.camera_id == version.camera_id) & Calibration.method.in_(corrected)
+    rows = select(Calibration.id, Calibration.parameters).where(mine).order_by(Calibration.version)
+    return [row[0] for row in session.execute(rows) if row[1].get(version.method) == version.content_sha256]
 
 
 def _find_corrector(method: str) -> tuple[str, SurfaceApplication]:
@@ -248,13 +245,8 @@ def _read_correction(corrector: str) -> Correction:
 
 def _find(session: Session, camera_id: str, method: str, content_sha256: str) -> Calibration:
     """The camera's version with this content: of several, which then say the same, the first."""
-    rows = session.scalars(
-        select(Calibration)
-        .where(Calibration.camera_id == camera_id, Calibration.method == method)
-        .where(Calibration.content_sha256 == content_sha256)
-        .order_by(Calibration.version)
-    )
-    return next(iter(rows))
+    wanted = {"camera_id": camera_id, "method": method, "content_sha256": content_sha256}
+    return next(iter(session.scalars(select(Calibration).filter_by(**wanted).order_by(Calibration.version))))
 
 
 def _refuse_revoked(session: Session, version: Calibration) -> None:

@@ -88,11 +88,7 @@ def name_entries(session: Session, entries: Sequence[tables.AuditEntry]) -> list
 
 
 def name_last_actor(session: Session, subject_id: str) -> str | None:
-    rows = (
-        select(tables.AuditEntry)
-        .where(tables.AuditEntry.subject_id == subject_id)
-        .order_by(tables.AuditEntry.seq.desc())
-    )
+    rows = select(tables.AuditEntry).filter_by(subject_id=subject_id).order_by(tables.AuditEntry.seq.desc())
     named = name_entries(session, session.scalars(rows.limit(_RECENT)).all())
     return next((each["actor_name"] for each in named if "actor_name" in each), None)
 

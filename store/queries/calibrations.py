@@ -113,12 +113,8 @@ def coefficients_of(session: Session, calibration_ids: list[str]) -> Mapping[str
 
 def next_version(session: Session, camera_id: str, method: str) -> int:
     """The number after the last; two that ask at once collide on the unique key, and one asks again."""
-    last = session.scalar(
-        select(func.max(Calibration.version)).where(
-            Calibration.camera_id == camera_id, Calibration.method == method
-        )
-    )
-    return (last or 0) + 1
+    mine = (Calibration.camera_id == camera_id) & (Calibration.method == method)
+    return (session.scalar(select(func.max(Calibration.version)).where(mine)) or 0) + 1
 
 
 class Act(Record):
@@ -237,11 +233,8 @@ def list_flight(session: Session, calibration: Calibration) -> list[datetime]:
         spec.applied_role_names
     )
     to_measure &= FrameRow.withdrawn_at.is_(None)
-    stated = session.scalars(
-        select(FrameRow.header["taken_at"].as_string())
-        .where(or_(FrameRow.id.in_(measured), to_measure), FrameRow.header.is_not(None))
-        .distinct()
-    )
+    wanted = or_(FrameRow.id.in_(measured), to_measure) & FrameRow.header.is_not(None)
+    stated = session.scalars(select(FrameRow.header["taken_at"].as_string()).where(wanted).distinct())
     times = (datetime.fromisoformat(each) for each in stated if each is not None)
     return sorted(at if at.tzinfo else at.replace(tzinfo=UTC) for at in times)
 
@@ -254,12 +247,9 @@ def suggest_validity(session: Session, calibration: Calibration) -> tuple[dateti
     """
     campaign = session.get_one(Campaign, calibration.campaign_id)
     zones = read_zones(session, campaign)
-    stated = session.execute(
-        select(FrameRow.header["taken_at"].as_string(), _SYSTEM)
-        .where(FrameRow.campaign_id == campaign.id, FrameRow.header.is_not(None))
-        .where(FrameRow.withdrawn_at.is_(None))
-        .distinct()
-    )
+    read = (FrameRow.campaign_id == campaign.id) & FrameRow.header.is_not(None)
+    rows = select(FrameRow.header["taken_at"].as_string(), _SYSTEM).where(read)
+    stated = session.execute(rows.where(FrameRow.withdrawn_at.is_(None)).distinct())
     if not (times := [taken for at, system in stated if (taken := find_time(at, zones, system=system))]):
         return campaign.started_at or calibration.created_at, None
     start = _begin_day(min(taken.earliest for taken in times))

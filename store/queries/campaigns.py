@@ -51,12 +51,9 @@ class Counts(Record):
 
 def count(session: Session, campaign: Campaign) -> Counts:
     """Count what has arrived, and how far it has come."""
-    rows = session.execute(
-        select(FrameRow.state, func.count())
-        .where(FrameRow.campaign_id == campaign.id, FrameRow.withdrawn_at.is_(None))
-        .group_by(FrameRow.state)
-    )
-    states = {row[0]: row[1] for row in rows}
+    counted = select(FrameRow.state, func.count()).group_by(FrameRow.state)
+    rows = counted.where(FrameRow.campaign_id == campaign.id, FrameRow.withdrawn_at.is_(None))
+    states = {row[0]: row[1] for row in session.execute(rows)}
     readings = session.scalar(
         select(func.count()).where(Reading.campaign_id == campaign.id, Reading.withdrawn_at.is_(None))
     )
@@ -147,12 +144,9 @@ def set_roi(session: Session, campaign: Campaign, roi: Roi, *, by: str) -> list[
 def _refuse_outside(session: Session, campaign: Campaign, roi: Roi) -> None:
     """Refuse a region that fits in no frame that has been read and has none of its own."""
     width, height = (FrameRow.header[name].as_integer() for name in ("width_px", "height_px"))
-    read = select(width, height).where(
-        FrameRow.campaign_id == campaign.id,
-        FrameRow.state.in_(("read", "extracted")),
-        FrameRow.roi_id.is_(None),
-    )
-    sizes = sorted((row[0], row[1]) for row in session.execute(read.distinct()))
+    read = (FrameRow.campaign_id == campaign.id) & FrameRow.state.in_(("read", "extracted"))
+    rows = session.execute(select(width, height).where(read, FrameRow.roi_id.is_(None)).distinct())
+    sizes = sorted((row[0], row[1]) for row in rows)
     xs, ys = zip(*roi.points, strict=True)
     inside = min(*xs, *ys) >= 0
     if not sizes or (inside and any(max(xs) <= size[0] and max(ys) <= size[1] for size in sizes)):
@@ -254,12 +248,8 @@ def read_grid(
     if since is not None:
         newer = (FrameChange.campaign_id == campaign.id) & (FrameChange.revision > since)
         chosen &= FrameRow.id.in_(select(FrameChange.frame_id).where(newer))
-    rows = session.execute(
-        select(*(column.label(name) for name, column in COLUMNS.items()))
-        .where(chosen, FrameRow.id > after)
-        .order_by(FrameRow.id)
-        .limit(limit)
-    )
+    columns = select(*(column.label(name) for name, column in COLUMNS.items()))
+    rows = session.execute(columns.where(chosen, FrameRow.id > after).order_by(FrameRow.id).limit(limit))
     frames = [dict(row._mapping) for row in rows]  # noqa: SLF001  the public name of a row's mapping
     if not frames:
         return frames
@@ -322,12 +312,8 @@ def say_asked(window: Sequence[int], low_dn: float | None, high_dn: float | None
 
 def find_crop_job(session: Session, frame: FrameRow, asked: str) -> Job | None:
     """Return the job that drew what is asked for, while its picture is kept and its file is whole."""
-    kept = (
-        select(Job)
-        .join(Crop, Crop.job_id == Job.id)
-        .join(Blob, Blob.sha256 == frame.sha256)
-        .where(Crop.frame_id == frame.id, Crop.asked == asked, Blob.damage.is_(None))
-    )
+    drawn = select(Job).join(Crop, Crop.job_id == Job.id).join(Blob, Blob.sha256 == frame.sha256)
+    kept = drawn.where(Crop.frame_id == frame.id, Crop.asked == asked, Blob.damage.is_(None))
     return session.scalar(kept.order_by(Crop.id.desc()).limit(1))
 
 
@@ -350,13 +336,9 @@ def find_known(session: Session, campaign: Campaign, hashes: Sequence[str]) -> d
 
 def find_known_anywhere(session: Session, organisation_id: str, hashes: Sequence[str]) -> list[FrameRow]:
     """Every frame of an organisation with these bytes, in the order in which they came."""
-    rows = (
-        select(FrameRow)
-        .join(Campaign, Campaign.id == FrameRow.campaign_id)
-        .where(Campaign.organisation_id == organisation_id, FrameRow.sha256.in_(set(hashes)))
-        .order_by(FrameRow.id)
-    )
-    return list(session.scalars(rows))
+    frames = select(FrameRow).join(Campaign, Campaign.id == FrameRow.campaign_id).order_by(FrameRow.id)
+    mine = (Campaign.organisation_id == organisation_id) & FrameRow.sha256.in_(set(hashes))
+    return list(session.scalars(frames.where(mine)))
 
 
 def read_sizes(session: Session, hashes: Iterable[str]) -> dict[str, int]:

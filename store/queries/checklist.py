@@ -206,13 +206,9 @@ def _frame_facts(frame: Any, header: FrameHeader) -> FrameFacts:  # noqa: ANN401
 
 
 def _newest_version(session: Session, campaign: Campaign) -> Calibration | None:
-    return session.scalar(
-        select(Calibration)
-        .where(Calibration.campaign_id == campaign.id)
-        .where(Calibration.id.not_in(select(Revocation.calibration_id)))
-        .order_by(Calibration.version.desc())
-        .limit(1)
-    )
+    valid = Calibration.id.not_in(select(Revocation.calibration_id))
+    rows = select(Calibration).where(Calibration.campaign_id == campaign.id, valid)
+    return session.scalar(rows.order_by(Calibration.version.desc()).limit(1))
 
 
 def _version_facts(version: Calibration | None) -> VersionFacts | None:

@@ -51,11 +51,8 @@ def find_reference(
 
 def list_measurements(session: Session, campaign: Campaign, frames: Sequence[FrameColumns]) -> list[Panel]:
     """Every measurement of the campaign's panel, oldest first; none where it is not known."""
-    panels = session.scalars(
-        select(Panel)
-        .where(Panel.organisation_id == campaign.organisation_id)
-        .order_by(Panel.measured_on, Panel.id)
-    ).all()
+    mine = select(Panel).where(Panel.organisation_id == campaign.organisation_id)
+    panels = session.scalars(mine.order_by(Panel.measured_on, Panel.id)).all()
     if campaign.panel_id is not None:
         named = {session.get_one(Panel, campaign.panel_id).serial}
     else:
@@ -133,11 +130,8 @@ def _read_panel(panel: Panel, spec: MethodSpec) -> list[Any]:
 
 
 def _read_meters(session: Session, campaign: Campaign, spec: MethodSpec) -> list[Any]:
-    rows = session.execute(
-        select(Reading, Meter)
-        .outerjoin(Meter, Meter.id == Reading.meter_id)
-        .where(Reading.campaign_id == campaign.id, Reading.withdrawn_at.is_(None))
-    )
+    both = select(Reading, Meter).outerjoin(Meter, Meter.id == Reading.meter_id)
+    rows = session.execute(both.where(Reading.campaign_id == campaign.id, Reading.withdrawn_at.is_(None)))
     readings = [
         spec.reading(
             scene=reading.scene,

@@ -42,11 +42,8 @@ def list_sources(
     session: Session, cameras: Sequence[tables.Camera], method: str, lenses: Mapping[str, str]
 ) -> list[Source]:
     serials = {camera.id: camera.serial for camera in cameras}
-    published = (
-        select(tables.Publication.calibration_id, func.min(tables.Publication.valid_from).label("valid_from"))
-        .group_by(tables.Publication.calibration_id)
-        .subquery()
-    )
+    version, first = tables.Publication.calibration_id, func.min(tables.Publication.valid_from)
+    published = select(version, first.label("valid_from")).group_by(version).subquery()
     rows = session.execute(
         select(
             tables.Calibration.id,
@@ -79,16 +76,10 @@ def list_sources(
 
 def _read_lenses(session: Session, campaign_ids: set[str]) -> dict[str, str]:
     """The lens's serial number as each campaign's first frame states it; a lens stays on for a campaign."""
-    first = (
-        select(func.min(tables.FrameRow.id))
-        .where(
-            tables.FrameRow.campaign_id.in_(campaign_ids), tables.FrameRow.state.in_(("read", "extracted"))
-        )
-        .group_by(tables.FrameRow.campaign_id)
-    )
-    rows = session.execute(
-        select(tables.FrameRow.campaign_id, tables.FrameRow.header).where(tables.FrameRow.id.in_(first))
-    )
+    frame = tables.FrameRow
+    read = frame.campaign_id.in_(campaign_ids) & frame.state.in_(("read", "extracted"))
+    first = select(func.min(frame.id)).where(read).group_by(frame.campaign_id)
+    rows = session.execute(select(frame.campaign_id, frame.header).where(frame.id.in_(first)))
     headers = ((campaign_id, header or {}) for campaign_id, header in rows)
     return {
         campaign_id: header["lens_serial"] for campaign_id, header in headers if header.get("lens_serial")

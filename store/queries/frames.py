@@ -182,11 +182,8 @@ def region_ids(session: Session, campaign: Campaign, frames: Iterable["Sized"]) 
     hashes = {size: whole_frame(*size).sha256 for size in set(sizes.values())}
     if not (keys := {frame_id: hashes[size] for frame_id, size in sizes.items()}):
         return ids
-    rois = session.execute(
-        select(Roi.sha256, Roi.id).where(
-            Roi.organisation_id == campaign.organisation_id, Roi.sha256.in_(set(keys.values()))
-        )
-    )
+    mine = (Roi.organisation_id == campaign.organisation_id) & Roi.sha256.in_(set(keys.values()))
+    rois = session.execute(select(Roi.sha256, Roi.id).where(mine))
     found: dict[str, str] = {row[0]: row[1] for row in rois}
     return {frame_id: roi_id or found.get(keys.get(frame_id, "")) for frame_id, roi_id in ids.items()}
 
@@ -203,22 +200,15 @@ def whole_frame(width_px: int, height_px: int) -> Polygon:
 
 
 def find_extraction(session: Session, frame: FrameRow, roi: Roi, extractor: str) -> Extraction | None:
-    return session.scalar(
-        select(Extraction).where(
-            Extraction.frame_id == frame.id, Extraction.roi_id == roi.id, Extraction.extractor == extractor
-        )
-    )
+    wanted = {"frame_id": frame.id, "roi_id": roi.id, "extractor": extractor}
+    return session.scalar(select(Extraction).filter_by(**wanted))
 
 
 def find_equal_extraction(session: Session, frame: FrameRow, roi: Roi, extractor: str) -> Extraction | None:
     """Return what the same code has already computed from the same bytes in the same region."""
-    return session.scalar(
-        select(Extraction)
-        .join(FrameRow, FrameRow.id == Extraction.frame_id)
-        .where(FrameRow.sha256 == frame.sha256, Extraction.roi_id == roi.id)
-        .where(Extraction.extractor == extractor)
-        .limit(1)
-    )
+    same = (FrameRow.sha256 == frame.sha256) & (Extraction.roi_id == roi.id)
+    rows = select(Extraction).join(FrameRow, FrameRow.id == Extraction.frame_id)
+    return session.scalar(rows.where(same, Extraction.extractor == extractor).limit(1))
 
 
 def add_extraction(
@@ -383,11 +373,8 @@ def list_outdated(
     """Return the frames whose region was extracted, though not by what extracts it now."""
     if all(frame_id in current for frame_id, roi_id in regions.items() if roi_id):
         return []
-    made = (
-        select(Extraction.frame_id, Extraction.roi_id)
-        .join(FrameRow, FrameRow.id == Extraction.frame_id)
-        .where(FrameRow.campaign_id == campaign.id)
-    )
+    made = select(Extraction.frame_id, Extraction.roi_id).where(FrameRow.campaign_id == campaign.id)
+    made = made.join(FrameRow, FrameRow.id == Extraction.frame_id)
     found = {frame_id for frame_id, roi_id in read_plainly(session, made) if regions.get(frame_id) == roi_id}
     return sorted(found - set(current))
 

@@ -24,13 +24,8 @@ class Queue(Record):
 
 
 def summarise_queue(session: Session, organisation_id: str, states: Sequence[str]) -> Queue:
-    some = [
-        select(Job.id)
-        .where(Job.organisation_id == organisation_id, Job.state == state)
-        .limit(MOST_COUNTED + 1)
-        .subquery()
-        for state in states
-    ]
+    mine = select(Job.id).where(Job.organisation_id == organisation_id).limit(MOST_COUNTED + 1)
+    some = [mine.where(Job.state == state).subquery() for state in states]
     row = session.execute(
         select(*(select(func.count()).select_from(each).scalar_subquery() for each in some))
     ).one()
@@ -101,11 +96,8 @@ def select_makers(made: Calibration | Measurement) -> ColumnElement[bool]:
 
 def find_reading_jobs(session: Session, frame_ids: Collection[str]) -> dict[str, str]:
     """Return the newest job that reads each frame, by the frame's id; previews do not count."""
-    rows = (
-        select(Job.subject_id, func.max(Job.id))
-        .where(Job.subject_id.in_(frame_ids), Job.kind == "extract", Job.lane != PREVIEW_LANE)
-        .group_by(Job.subject_id)
-    )
+    newest = select(Job.subject_id, func.max(Job.id)).group_by(Job.subject_id)
+    rows = newest.where(Job.subject_id.in_(frame_ids), Job.kind == "extract", Job.lane != PREVIEW_LANE)
     return {row[0]: row[1] for row in session.execute(rows)}
 
 

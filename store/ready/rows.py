@@ -359,13 +359,8 @@ _PAGE = 500
 
 def write_missing(session: Session) -> None:
     """Write the rows that are missing, a page at a time; they are derived, so that none is lost."""
-    unready = (
-        select(Publication)
-        .outerjoin(ReadyRow, ReadyRow.publication_id == Publication.id)
-        .where(ReadyRow.publication_id.is_(None))
-        .order_by(Publication.id)
-        .limit(_PAGE)
-    )
+    both = select(Publication).outerjoin(ReadyRow, ReadyRow.publication_id == Publication.id)
+    unready = both.where(ReadyRow.publication_id.is_(None)).order_by(Publication.id).limit(_PAGE)
     last = ""
     while rows := list(session.scalars(unready.where(Publication.id > last))):
         last = rows[-1].id
